@@ -1,0 +1,39 @@
+RUN = scripts/in-env
+RESULTS = out
+ARGS =
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test lint format verify test-next bench clean
+
+help: ## list the targets
+	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' Makefile | expand -t 12
+
+demo: ## identify subject 3, from nothing
+	$(RUN) python -m legfem.identify --subject 3 $(ARGS)
+
+test: lint ## lint, types and the fast tests
+	$(RUN) python -m pytest -n 2 $(ARGS)
+
+lint: ## ruff and mypy
+	$(RUN) ruff check
+	$(RUN) ruff format --check
+	$(RUN) mypy
+
+format: ## put the code into ruff's format
+	$(RUN) ruff check --fix
+	$(RUN) ruff format
+
+verify: ## the slow tests and the convergence study
+	$(RUN) python -m pytest -m slow $(ARGS)
+	$(RUN) python -m legfem.study convergence
+
+test-next: ## make test on Debian unstable's DOLFINx
+	LEGFEM_SUITE=sid $(MAKE) test
+
+bench: ## time the solver
+	$(RUN) python -m legfem.bench $(ARGS)
+
+clean: ## remove what the commands and tools wrote here
+	rm -rf $(RESULTS) build dist .mypy_cache .pytest_cache .ruff_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+	rm -rf ./*.egg-info

@@ -1,0 +1,1 @@
+"""legfem: the stiffness of leg soft tissue from indentation tests, on FEniCSx."""

@@ -1,0 +1,35 @@
+"""What differs between DOLFINx 0.9, 0.10 and 0.11, detected by feature."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from dolfinx import io as dolfinx_io
+from dolfinx import mesh as dolfinx_mesh
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+gmsh_io = dolfinx_io.gmsh if hasattr(dolfinx_io, "gmsh") else dolfinx_io.gmshio
+
+
+def mesh_from_gmsh(model: Any, comm: MPI.Intracomm, gdim: int) -> tuple[Any, Any, Any]:
+    """Return mesh, cell tags and facet tags of a meshed gmsh model that rank 0 holds."""
+    mesh, cell_tags, facet_tags = gmsh_io.model_to_mesh(model, comm, 0, gdim=gdim)[:3]
+    return mesh, cell_tags, facet_tags
+
+
+def surface_mesh(mesh: Any, facets: NDArray[np.int32]) -> Any:
+    """Return the mesh of some facets."""
+    return dolfinx_mesh.create_submesh(mesh, mesh.topology.dim - 1, facets)[0]
+
+
+def interpolation_points(element: Any) -> NDArray[np.float64]:
+    """Return an element's interpolation points, a method once and now a property."""
+    points = element.interpolation_points
+    return points() if callable(points) else points
+
+
+def evaluate(expression: Any, mesh: Any, cells: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Return a `dolfinx.fem.Expression` at its points in some cells, flat by cell and point."""
+    return np.asarray(expression.eval(mesh, cells)).reshape(-1)

@@ -1,0 +1,202 @@
+r"""Contact of the skin with a rigid indenter: signed distance, pressure laws, tangential laws.
+
+The indenter is an analytic signed distance, so no search for contact is needed. With :math:`y` the
+position of a skin point relative to the indenter, the gap is :math:`g(y)`, the overclosure
+:math:`h = -g` and the pressure :math:`p(h)` acts along the gradient of the gap.
+
+All laws are per unit of the skin's reference area and take or give UFL expressions.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import ufl
+
+from legfem.checks import check_positive
+from legfem.kinematics import Expr
+
+Scalar = Any
+
+
+@dataclass(frozen=True)
+class RigidCylinder:
+    """A rigid cylinder; in plane strain a disk.
+
+    Parameters
+    ----------
+    radius : float
+        mm.
+    """
+
+    radius: Scalar
+
+    def gap(self, y: Expr) -> Expr:
+        """Return the signed distance (mm) of a point at ``y`` from the axis, positive outside."""
+        return ufl.sqrt(ufl.dot(y, y)) - self.radius
+
+    def normal(self, y: Expr) -> Expr:
+        """Return the gradient of the gap, a unit vector out of the indenter."""
+        return y / ufl.sqrt(ufl.dot(y, y))
+
+
+class PressureLaw(Protocol):
+    """Contact pressure as a function of overclosure."""
+
+    @property
+    def onset(self) -> Scalar:
+        """Gap (mm) below which there is pressure."""
+
+    def pressure(self, overclosure: Expr) -> Expr:
+        """Return the pressure (MPa) at an overclosure (mm, negative across an open gap)."""
+
+    def scaled(self, factor: float) -> PressureLaw:
+        """Return a law that is ``factor`` times stiffer, with the same shape."""
+
+
+@dataclass(frozen=True)
+class ExponentialPressure:
+    r"""Abaqus' exponential pressure-overclosure law.
+
+    .. math:: p = \frac{p_0}{e - 1}
+              \left[\left(\frac{h}{c_0} + 1\right)\left(e^{h / c_0 + 1} - 1\right)\right],
+              \quad h > -c_0
+
+    and zero below. The pressure is :math:`p_0` at :math:`h = 0`. Beyond :math:`h = 6 c_0` the law
+    goes on along its tangent, so that a trial state far inside the indenter stays finite.
+
+    Parameters
+    ----------
+    p0 : float
+        Pressure at zero overclosure (MPa).
+    c0 : float
+        Gap at which the pressure vanishes (mm).
+    """
+
+    p0: Scalar
+    c0: Scalar
+
+    def __post_init__(self) -> None:
+        """Check that both numbers are positive."""
+        check_positive(self, "p0", "c0")
+
+    @property
+    def onset(self) -> Scalar:
+        """Gap (mm) below which there is pressure."""
+        return self.c0
+
+    def pressure(self, overclosure: Expr) -> Expr:
+        """Return the pressure (MPa)."""
+        limit = 7.0
+        z = overclosure / self.c0 + 1
+        bounded = ufl.max_value(0, ufl.min_value(z, limit))
+        tangent = (limit + 1) * math.exp(limit) - 1
+        beyond = tangent * ufl.max_value(z - limit, 0)
+        return self.p0 / (math.e - 1) * (bounded * (ufl.exp(bounded) - 1) + beyond)
+
+    def scaled(self, factor: float) -> ExponentialPressure:
+        """Return the law with ``p0`` multiplied."""
+        return ExponentialPressure(self.p0 * factor, self.c0)
+
+
+@dataclass(frozen=True)
+class StiffPressure:
+    r"""A linear penalty, rounded where it starts.
+
+    .. math:: p = \begin{cases} 0 & h < -w \\ k (h + w)^2 / (4 w) & |h| \le w \\
+              k h & h > w \end{cases}
+
+    Parameters
+    ----------
+    stiffness : float
+        :math:`k` (MPa/mm).
+    width : float
+        :math:`w` (mm), half of the interval over which the stiffness grows from zero.
+    """
+
+    stiffness: Scalar
+    width: Scalar
+
+    def __post_init__(self) -> None:
+        """Check that both numbers are positive."""
+        check_positive(self, "stiffness", "width")
+
+    @property
+    def onset(self) -> Scalar:
+        """Gap (mm) below which there is pressure."""
+        return self.width
+
+    def pressure(self, overclosure: Expr) -> Expr:
+        """Return the pressure (MPa)."""
+        h, w = overclosure, self.width
+        rounded = ufl.max_value(h + w, 0) ** 2 / (4 * w)
+        return self.stiffness * ufl.conditional(ufl.gt(h, w), h, rounded)
+
+    def scaled(self, factor: float) -> StiffPressure:
+        """Return the law with its stiffness multiplied."""
+        return StiffPressure(self.stiffness * factor, self.width)
+
+
+class TangentialLaw(Protocol):
+    """Traction along the indenter's surface as a function of elastic slip."""
+
+    def traction(self, slip: Expr, pressure: Expr) -> Expr:
+        """Return the traction (MPa) for the slip (mm) from the anchor."""
+
+
+@dataclass(frozen=True)
+class Frictionless:
+    """No traction along the surface."""
+
+    def traction(self, slip: Expr, pressure: Expr) -> Expr:  # noqa: ARG002
+        """Return zero."""
+        return 0 * slip
+
+
+@dataclass(frozen=True)
+class Rough:
+    """No sliding: a point that touches stays where it touched, held by a stiff spring.
+
+    Parameters
+    ----------
+    stiffness : float
+        Of the spring (MPa/mm).
+    """
+
+    stiffness: Scalar
+
+    def __post_init__(self) -> None:
+        """Check the stiffness."""
+        check_positive(self, "stiffness")
+
+    def traction(self, slip: Expr, pressure: Expr) -> Expr:  # noqa: ARG002
+        """Return ``stiffness * slip``."""
+        return self.stiffness * slip
+
+
+@dataclass(frozen=True)
+class Coulomb:
+    r"""Coulomb friction: stick up to :math:`\mu p`, then slip (radial return of the anchor).
+
+    Parameters
+    ----------
+    friction : float
+        Coefficient :math:`\mu`.
+    stiffness : float
+        Of the stick (MPa/mm).
+    """
+
+    friction: Scalar
+    stiffness: Scalar
+
+    def __post_init__(self) -> None:
+        """Check both numbers."""
+        check_positive(self, "friction", "stiffness")
+
+    def traction(self, slip: Expr, pressure: Expr) -> Expr:
+        """Return the traction, limited by ``friction * pressure``."""
+        trial = self.stiffness * ufl.sqrt(ufl.dot(slip, slip) + 1e-24)
+        limit = self.friction * pressure
+        return self.stiffness * slip * ufl.conditional(ufl.lt(trial, limit), 1, limit / trial)

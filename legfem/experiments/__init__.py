@@ -1,0 +1,1 @@
+"""Experiments: parameters and a protocol in, a force-displacement curve out."""

@@ -1,0 +1,269 @@
+"""A cylinder pressed into a leg's cross-section in plane strain."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from mpi4py import MPI
+
+from legfem.contact import RigidCylinder
+from legfem.contact_settings import ContactSettings
+from legfem.curve import ForceCurve
+from legfem.geometry.section import LegSection
+from legfem.materials import Hyperelastic, NeoHookean, ReducedPolynomial
+from legfem.meshing.section import SectionMesh, SectionMeshSettings, mesh_section
+from legfem.model import LegModel, NormalContact, TangentialContact, Tissue
+from legfem.newton import NewtonSettings, NewtonSolver
+from legfem.sensitivity import SensitivityTracker
+from legfem.spaces import build_spaces
+from legfem.stepping import SolveReport, StepSettings, press
+from legfem.subject import Indenter, Subject, TissueParameters
+from legfem.system import System
+
+
+@dataclass(frozen=True)
+class Tissues:
+    """The laws of the three tissues (MPa, 1/MPa)."""
+
+    deep: Hyperelastic
+    superficial: Hyperelastic
+    fascia: Hyperelastic
+
+
+@dataclass(frozen=True)
+class PlaneStrainSettings:
+    """Numerical settings; the defaults are those that the convergence study states errors for."""
+
+    mesh: SectionMeshSettings = field(default_factory=SectionMeshSettings)
+    contact: ContactSettings = field(default_factory=ContactSettings)
+    newton: NewtonSettings = field(default_factory=NewtonSettings)
+    steps: StepSettings = field(default_factory=StepSettings)
+    formulation: Literal["displacement", "mixed"] = "displacement"
+    quadrature_degree: int = 4
+    defences: bool = True
+    """Whether a softer contact and then a finer mesh are tried when a solution stops short."""
+
+
+@dataclass(frozen=True, eq=False)
+class Indentation:
+    """The outcome of one simulated test; ``report.complete`` tells whether it got there."""
+
+    parameters: Mapping[str, float]
+    """Of the model, by full name (MPa, 1/MPa)."""
+    curve: ForceCurve
+    """Force (N) of the whole cylinder; for a path that turns, the loading part alone."""
+    path: tuple[np.ndarray, np.ndarray]
+    """Displacement (mm) and force (N) of all steps."""
+    report: SolveReport
+
+
+class PlaneStrainIndentation:
+    """The plane-strain test on one section; solves for any parameters without meshing again.
+
+    Parameters
+    ----------
+    section
+        Of the leg.
+    indenter
+        Cylinder and line of travel; the force is that of its whole length.
+    tissues
+        Laws; their parameters are the defaults of `solve`.
+    settings
+        Numerical.
+    comm
+        Over which one solution is spread.
+    """
+
+    def __init__(
+        self,
+        section: LegSection,
+        indenter: Indenter,
+        tissues: Tissues,
+        settings: PlaneStrainSettings | None = None,
+        comm: MPI.Intracomm = MPI.COMM_SELF,
+    ) -> None:
+        self.section, self.indenter, self.tissues = section, indenter, tissues
+        self.settings = settings or PlaneStrainSettings()
+        self.comm = comm
+        self.section_mesh: SectionMesh = mesh_section(
+            section, indenter.radius, indenter.aim, indenter.direction, self.settings.mesh, comm
+        )
+        self.model = self._model()
+        spaces = build_spaces(
+            self.section_mesh.mesh,
+            self.section_mesh.cell_tags,
+            self.section_mesh.facet_tags,
+            self.settings.formulation,
+        )
+        self.system = System(
+            spaces,
+            self.model,
+            self.section_mesh.touch,
+            self.section_mesh.direction,
+            self.settings.quadrature_degree,
+        )
+        self.solver = NewtonSolver(self.system, self.settings.newton)
+        self._trackers: dict[tuple[str, ...], SensitivityTracker] = {}
+
+    @classmethod
+    def of_subject(
+        cls,
+        subject: Subject,
+        settings: PlaneStrainSettings | None = None,
+        comm: MPI.Intracomm = MPI.COMM_SELF,
+    ) -> PlaneStrainIndentation:
+        """Return the test of a subject; the deep tissue's law covers both of the paper's."""
+        return cls(subject.section, subject.indenter, tissues_of(subject), settings, comm)
+
+    def solve(
+        self,
+        parameters: Mapping[str, float] | None = None,
+        depth: float = 30.0,
+        sensitivities: Sequence[str] = (),
+        turns: Sequence[float] = (),
+        on_step: Callable[[float], None] | None = None,
+    ) -> Indentation:
+        """Press the cylinder in.
+
+        Parameters
+        ----------
+        parameters
+            Values that differ from the tissues' own, by full name (``deep.C10`` in MPa).
+        depth
+            Displacement to reach (mm).
+        sensitivities
+            Parameters to differentiate the force by.
+        turns
+            Displacements (mm) to go to after ``depth``, for unloading.
+        on_step
+            Called with the displacement (mm) of every accepted step.
+
+        Returns
+        -------
+        Indentation
+            Also where the depth wasn't reached.
+        """
+        attempt = self._attempt(parameters, depth, sensitivities, turns, on_step, softness=1.0)
+        if attempt.report.complete or not self.settings.defences:
+            return attempt
+        softer = self._attempt(parameters, depth, sensitivities, turns, on_step, softness=0.2)
+        softer = _after(softer, attempt)
+        if softer.report.complete:
+            return softer
+        finer = PlaneStrainIndentation(
+            self.section,
+            self.indenter,
+            self.tissues,
+            replace(self.settings, mesh=self.settings.mesh.refined(1.5), defences=False),
+            self.comm,
+        )
+        last = finer._attempt(parameters, depth, sensitivities, turns, on_step, softness=0.2)
+        return max(
+            _after(last, attempt, softer), softer, key=lambda solved: solved.report.reached
+        )
+
+    def _attempt(
+        self,
+        parameters: Mapping[str, float] | None,
+        depth: float,
+        sensitivities: Sequence[str],
+        turns: Sequence[float],
+        on_step: Callable[[float], None] | None,
+        softness: float,
+    ) -> Indentation:
+        values = {**self.model.parameters, **(parameters or {})}
+        unknown = set(values) - set(self.model.parameters)
+        if unknown:
+            raise KeyError(f"the model has no parameter {sorted(unknown)[0]!r}")
+        radius = self.indenter.radius
+        penalty = softness * self.settings.contact.penalty(values, radius)
+        contact = (
+            NormalContact(RigidCylinder(radius), self.settings.contact.pressure_law(penalty)),
+            self.settings.contact.tangential_law(penalty),
+        )
+        values |= contact[0].parameters
+        values |= TangentialContact(*contact).parameters
+        self.system.set_parameters(values)
+        tracker = self._tracker(tuple(sensitivities))
+        length = self.indenter.length
+        displacement, force = [0.0], [0.0]
+        derivatives = [np.zeros(len(sensitivities))]
+
+        def record(at: float) -> None:
+            displacement.append(at)
+            force.append(self.system.force() * length)
+            if tracker is not None:
+                derivatives.append(tracker.step(self.solver) * length)
+            if on_step is not None:
+                on_step(at)
+
+        report = press(
+            self.system, self.solver, [depth, *turns], self.settings.steps, on_step=record
+        )
+        report = replace(report, contact_stiffness_factor=softness)
+        path = np.array(displacement), np.array(force)
+        loading = int(np.argmax(path[0])) + 1
+        columns = np.array(derivatives)[:loading]
+        curve = ForceCurve(
+            path[0][:loading],
+            path[1][:loading],
+            {name: columns[:, k] for k, name in enumerate(sensitivities)},
+        )
+        return Indentation(values, curve, path, report)
+
+    def _tracker(self, names: tuple[str, ...]) -> SensitivityTracker | None:
+        if not names:
+            return None
+        if names not in self._trackers:
+            self._trackers[names] = SensitivityTracker(self.system, names)
+        self._trackers[names].reset()
+        return self._trackers[names]
+
+    def _model(self) -> LegModel:
+        tissues = self.tissues
+        regions = (
+            Tissue("superficial", tissues.superficial),
+            Tissue("fascia", tissues.fascia),
+            Tissue("deep", tissues.deep),
+        )
+        cylinder = RigidCylinder(self.indenter.radius)
+        normal = NormalContact(cylinder, self.settings.contact.pressure_law(1.0))
+        along = TangentialContact(normal, self.settings.contact.tangential_law(1.0))
+        return LegModel((*regions, normal, along), self.settings.formulation)
+
+
+def tissues_of(subject: Subject) -> Tissues:
+    """Return the laws of a subject's tissues; what is to be identified stands at 1 kPa.
+
+    The deep tissue is a reduced polynomial: with ``C20 = 0`` and ``D2 = inf`` it is neo-Hookean.
+    """
+    given = subject.tissues
+    deep = given["deep"]
+    return Tissues(
+        deep=ReducedPolynomial(
+            C10=1e-3 if deep.C10 is None else deep.C10,
+            D1=deep.D1,
+            C20=deep.C20 or 0.0,
+            D2=math.inf if deep.D2 is None else deep.D2,
+        ),
+        superficial=_law(given["superficial"]),
+        fascia=_law(given["fascia"]),
+    )
+
+
+def _law(given: TissueParameters) -> Hyperelastic:
+    if given.C10 is None:
+        raise ValueError("only the deep tissue's stiffness is identified")
+    if given.law == "neo-hookean":
+        return NeoHookean(given.C10, given.D1)
+    second = math.inf if given.D2 is None else given.D2
+    return ReducedPolynomial(given.C10, given.D1, given.C20 or 0.0, second)
+
+
+def _after(last: Indentation, *earlier: Indentation) -> Indentation:
+    reports = tuple(solved.report for solved in earlier)
+    return replace(last, report=replace(last.report, earlier_attempts=reports))

@@ -1,0 +1,169 @@
+"""Reading, writing and checking ``contours.csv``: ``part,x_mm,y_mm``."""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+
+import numpy as np
+from shapely import Polygon
+from shapely.validation import explain_validity
+
+from legfem.errors import InputError
+from legfem.geometry.section import PARTS, LegSection, fat_thickness, girth, minimal_fat_thickness
+from legfem.tables import read_table
+from legfem.units import FloatArray
+
+__all__ = ["LegSection", "check_section", "fat_thickness", "girth", "read_contours",
+           "write_contours"]
+
+HEADER = ("part", "x_mm", "y_mm")
+MINIMAL_POINTS = 8
+GIRTH_RANGE_MM = (100.0, 800.0)
+# A closed contour's end stands about one spacing from its start.
+OPEN_GAP_IN_SPACINGS = 5.0
+
+
+def read_contours(path: Path, fascia_thickness: float) -> LegSection:
+    """Read a leg section and check that it is one.
+
+    Parameters
+    ----------
+    path : Path
+        CSV file with the header ``part,x_mm,y_mm``; each part's points in order around it.
+    fascia_thickness : float
+        Thickness of the fascia, mm; its layer lies inwards of the ``fascia`` contour.
+
+    Raises
+    ------
+    InputError
+        If the table can't be read (see `legfem.tables.read_table`) or the contours aren't those
+        of a leg (see `check_section`).
+    """
+    path = Path(path)
+    table = read_table(path, HEADER, text=("part",))
+    for line, part in table["part"].items():
+        if part not in PARTS:
+            near = difflib.get_close_matches(part, PARTS, n=1)
+            hint = f"did you mean '{near[0]}'?" if near else f"parts are {', '.join(PARTS)}"
+            raise InputError(path, f"part, line {line}", f"unknown part '{part}'", hint)
+    contours: dict[str, FloatArray] = {}
+    for part in PARTS:
+        rows = table[table["part"] == part]
+        contours[part] = rows[["x_mm", "y_mm"]].to_numpy(dtype=np.float64)
+        _check_contour(path, part, contours[part])
+    section = LegSection(**contours, fascia_thickness=fascia_thickness)
+    check_section(section, path)
+    return section
+
+
+def write_contours(section: LegSection, path: Path) -> None:
+    """Write a section as ``contours.csv``, to 0.1 micrometre."""
+    rows = [",".join(HEADER)]
+    rows += [f"{part},{x:.4f},{y:.4f}" for part in PARTS for x, y in section.contour(part)]
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+
+
+def check_section(section: LegSection, source: str | Path) -> None:
+    """Check that four contours make a leg.
+
+    Parameters
+    ----------
+    section : LegSection
+        The leg.
+    source : str or Path
+        What errors name as the file.
+
+    Raises
+    ------
+    InputError
+        If a contour crosses itself or another, the girth is not a leg's in mm, the bones are
+        not inside the fascia or the fascia not inside the skin, or the fascia is thicker than
+        the fat or meets the bones.
+    """
+    polygons = {part: section.polygon(part) for part in PARTS}
+    for part, polygon in polygons.items():
+        if not polygon.is_valid:
+            where = explain_validity(polygon).replace("[", " at (").replace("]", ")")
+            raise InputError(source, part, f"the contour crosses itself ({where})",
+                             "give its points in order around it, once")
+    _check_size(section, source)
+    _check_inside(source, polygons, "fascia", "skin")
+    for bone in ("tibia", "fibula"):
+        _check_inside(source, polygons, bone, "skin")
+        _check_inside(source, polygons, bone, "fascia")
+    if polygons["tibia"].intersects(polygons["fibula"]):
+        raise InputError(source, "fibula", "crosses the tibia", "correct one of the contours")
+    _check_fascia(section, polygons, source)
+
+
+def _check_contour(path: Path, part: str, points: FloatArray) -> None:
+    if len(points) == 0:
+        raise InputError(path, part, "the part is missing", f"add rows '{part},x,y' around it")
+    if len(points) < MINIMAL_POINTS:
+        raise InputError(path, part, f"{len(points)} points are too few",
+                         f"give at least {MINIMAL_POINTS} around the part")
+    spacing = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    gap = float(np.linalg.norm(points[-1] - points[0]))
+    # The largest spacing counts too: contours drawn by hand are sparse where they are straight.
+    allowed = max(OPEN_GAP_IN_SPACINGS * float(np.median(spacing)), 1.5 * float(spacing.max()))
+    if gap > allowed:
+        raise InputError(
+            path, part,
+            f"the contour is open ({gap:.1f} mm from its last point to its first, points are "
+            f"{np.median(spacing):.1f} mm apart)",
+            "add the missing points; the last must stand next to the first",
+        )
+
+
+def _check_size(section: LegSection, source: str | Path) -> None:
+    around = girth(section)
+    low, high = GIRTH_RANGE_MM
+    if low <= around <= high:
+        return
+    for unit, factor in (("centimetres", 10.0), ("metres", 1000.0), ("micrometres", 1e-3)):
+        if low <= around * factor <= high:
+            raise InputError(source, "x_mm, y_mm",
+                             f"the skin's girth is {around:.4g} mm, so these look like {unit}",
+                             f"multiply the coordinates by {factor:g}")
+    raise InputError(source, "skin", f"the girth is {around:.4g} mm, not a leg's",
+                     f"give coordinates in mm ({low:g}-{high:g} mm around)")
+
+
+def _check_inside(
+    source: str | Path, polygons: dict[str, Polygon], inner: str, outer: str
+) -> None:
+    if polygons[outer].contains_properly(polygons[inner]):
+        return
+    if polygons[outer].exterior.intersects(polygons[inner].exterior):
+        at = polygons[outer].exterior.intersection(polygons[inner].exterior).representative_point()
+        problem = f"crosses or touches the {outer} near ({at.x:.1f}, {at.y:.1f})"
+    else:
+        problem = f"lies outside the {outer}"
+    raise InputError(source, inner, problem, f"bring the {inner} inside the {outer}")
+
+
+def _check_fascia(
+    section: LegSection, polygons: dict[str, Polygon], source: str | Path
+) -> None:
+    field, thickness = "fascia_thickness_mm", section.fascia_thickness
+    if not thickness > 0:
+        raise InputError(source, field, f"{thickness:g} mm is not positive",
+                         "give the fascia's thickness in mm (0.2-1.0 is usual)")
+    thinnest = minimal_fat_thickness(section)
+    if thickness >= thinnest:
+        raise InputError(
+            source, field,
+            f"the fascia ({thickness:g} mm) is thicker than the fat at its thinnest "
+            f"({thinnest:.2f} mm)",
+            "reduce the thickness or move the fascia inwards there",
+        )
+    for bone in ("tibia", "fibula"):
+        room = polygons["fascia"].exterior.distance(polygons[bone])
+        if thickness >= room:
+            raise InputError(
+                source, field,
+                f"the fascia's inner face ({thickness:g} mm inwards) meets the {bone} "
+                f"({room:.2f} mm away)",
+                f"reduce the thickness or leave room between fascia and {bone}",
+            )

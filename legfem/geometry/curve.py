@@ -1,0 +1,98 @@
+"""Smooth closed curves through contour points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline, splev, splprep
+
+from legfem.units import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedCurve:
+    """A periodic cubic curve: ``curve(s)`` is (m, 2) in mm for s in turns (s and s + 1 agree).
+
+    s runs with the points' order, nearly in proportion to arc length.
+    """
+
+    spline: CubicSpline = field(repr=False)
+    length: float
+
+    def __call__(self, s: ArrayLike) -> FloatArray:
+        """Return the points at ``s`` (in turns); (..., 2), mm."""
+        return np.asarray(self.spline(np.mod(s, 1.0)), dtype=np.float64)
+
+    def tangent(self, s: ArrayLike) -> FloatArray:
+        """Return the unit tangents at ``s`` (in turns); (..., 2)."""
+        slope = np.asarray(self.spline(np.mod(s, 1.0), 1), dtype=np.float64)
+        unit: FloatArray = slope / np.linalg.norm(slope, axis=-1, keepdims=True)
+        return unit
+
+    def evenly(self, n: int) -> FloatArray:
+        """Return ``n`` points evenly spaced along the arc; (n, 2), mm."""
+        fine = np.linspace(0.0, 1.0, max(8 * n, 1024) + 1)
+        arc = _arc_length(self(fine))
+        return self(np.interp(np.arange(n) / n * arc[-1], arc, fine))
+
+
+def smooth_closed_curve(points: ArrayLike, smoothing: float = 0.0) -> ClosedCurve:
+    """Return a periodic cubic spline through (or near) the points of a closed contour.
+
+    Parameters
+    ----------
+    points : (n, 2) array
+        The contour, mm; a repeated end point and uneven spacing do no harm.
+    smoothing : float
+        Root-mean-square distance, mm, that the curve may keep from the points; 0 interpolates.
+
+    Raises
+    ------
+    ValueError
+        If fewer than four distinct points are given, or one isn't finite.
+    """
+    xy = _distinct(np.asarray(points, dtype=np.float64))
+    ring = np.vstack([xy, xy[:1]])
+    arc = _arc_length(ring)
+    if smoothing > 0:
+        turns = arc / arc[-1]
+        near, _ = splprep(ring.T, u=turns, k=3, s=len(ring) * smoothing**2, per=True)
+        n = max(2 * len(xy), 64)
+        ring = np.column_stack(splev(np.linspace(0.0, 1.0, n + 1), near))
+        ring[-1] = ring[0]
+        arc = _arc_length(ring)
+    spline = CubicSpline(arc / arc[-1], ring, bc_type="periodic")
+    length = float(_arc_length(spline(np.linspace(0.0, 1.0, 4 * len(ring) + 1)))[-1])
+    return ClosedCurve(spline, length)
+
+
+def resample_closed_curve(points: ArrayLike, spacing: float, smoothing: float = 0.0) -> FloatArray:
+    """Return the contour resampled evenly at about ``spacing`` mm; (m, 2), m >= 8.
+
+    Raises
+    ------
+    ValueError
+        If ``spacing`` isn't positive, or as `smooth_closed_curve` does.
+    """
+    if not spacing > 0:
+        raise ValueError(f"spacing must be positive, not {spacing}")
+    curve = smooth_closed_curve(points, smoothing)
+    return curve.evenly(max(8, round(curve.length / spacing)))
+
+
+def _distinct(xy: FloatArray) -> FloatArray:
+    if xy.ndim != 2 or xy.shape[1] != 2 or not np.isfinite(xy).all():
+        raise ValueError("a contour is an (n, 2) array of finite numbers")
+    scale = float(np.linalg.norm(np.ptp(xy, axis=0)))
+    step = np.linalg.norm(xy - np.roll(xy, 1, axis=0), axis=1)
+    kept: FloatArray = xy[step > 1e-6 * scale]
+    if len(kept) < 4:
+        raise ValueError("a closed curve needs at least four distinct points")
+    return kept
+
+
+def _arc_length(ring: FloatArray) -> FloatArray:
+    steps = np.linalg.norm(np.diff(ring, axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(steps)])

@@ -1,0 +1,128 @@
+"""The leg's cross-section: four closed contours and the fascia's thickness."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from shapely import LineString, Point, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from legfem.units import FloatArray, frozen_array
+
+PARTS = ("skin", "fascia", "tibia", "fibula")
+
+
+@dataclass(frozen=True, eq=False)
+class LegSection:
+    """Contours of one cross-section, in mm.
+
+    Every contour is an (n, 2) read-only array, counter-clockwise, closed implicitly (the first
+    point isn't repeated).
+
+    Parameters
+    ----------
+    skin : (n, 2) array
+        Outer contour of the leg.
+    fascia : (n, 2) array
+        Outer face of the fascia; the layer lies inwards of it.
+    tibia, fibula : (n, 2) array
+        Outlines of the bones.
+    fascia_thickness : float
+        Thickness of the fascia, mm.
+    """
+
+    skin: FloatArray
+    fascia: FloatArray
+    tibia: FloatArray
+    fibula: FloatArray
+    fascia_thickness: float
+
+    def __post_init__(self) -> None:
+        """Copy the contours, drop a repeated end point and turn them counter-clockwise."""
+        for part in PARTS:
+            object.__setattr__(self, part, frozen_array(_tidy(getattr(self, part))))
+
+    def contour(self, part: str) -> FloatArray:
+        """Return the contour of ``part``, one of `PARTS`; (n, 2), mm."""
+        if part not in PARTS:
+            raise KeyError(part)
+        contour: FloatArray = getattr(self, part)
+        return contour
+
+    def polygon(self, part: str) -> Polygon:
+        """Return the contour of ``part`` as a shapely polygon."""
+        return Polygon(self.contour(part))
+
+
+def girth(section: LegSection) -> float:
+    """Return the perimeter of the skin, mm."""
+    return float(section.polygon("skin").length)
+
+
+def fat_thickness(
+    section: LegSection, point: FloatArray, direction: FloatArray | None = None
+) -> float:
+    """Return the thickness of the fat, skin to the fascia's outer face, in mm.
+
+    Parameters
+    ----------
+    section : LegSection
+        The leg.
+    point : (2,) array
+        A point on the line along which to measure, mm; without ``direction`` a point near the
+        skin.
+    direction : (2,) array, optional
+        Direction of travel into the leg. Without it, the shortest distance from the skin's
+        point nearest to ``point`` to the fascia.
+
+    Raises
+    ------
+    ValueError
+        If the line misses the skin or the fascia.
+    """
+    skin, fascia = section.polygon("skin").exterior, section.polygon("fascia").exterior
+    at = np.asarray(point, dtype=np.float64)
+    if direction is None:
+        on_skin = skin.interpolate(skin.project(Point(at)))
+        return float(on_skin.distance(fascia))
+    unit = np.asarray(direction, dtype=np.float64)
+    unit = unit / np.linalg.norm(unit)
+    return first_crossing(fascia, at, unit) - first_crossing(skin, at, unit)
+
+
+def minimal_fat_thickness(section: LegSection) -> float:
+    """Return the shortest distance between skin and the fascia's outer face, mm."""
+    return float(section.polygon("skin").exterior.distance(section.polygon("fascia").exterior))
+
+
+def first_crossing(curve: BaseGeometry, point: FloatArray, direction: FloatArray) -> float:
+    """Return where a line of travel first meets a curve, in mm along it from ``point``.
+
+    Negative when the curve is met before the point is reached.
+
+    Raises
+    ------
+    ValueError
+        If the line never meets the curve.
+    """
+    x0, y0, x1, y1 = curve.bounds
+    reach = float(np.hypot(x1 - x0, y1 - y0) + np.hypot(point[0] - x0, point[1] - y0)) + 1.0
+    line = LineString([point - reach * direction, point + reach * direction])
+    hits = line.intersection(curve)
+    if hits.is_empty:
+        raise ValueError("the line of travel misses the contour")
+    corners = np.vstack([np.asarray(g.coords) for g in getattr(hits, "geoms", [hits])])
+    return float(np.min((corners - point) @ direction))
+
+
+def _tidy(points: FloatArray) -> FloatArray:
+    xy = np.asarray(points, dtype=np.float64)
+    if xy.ndim != 2 or xy.shape[1] != 2:
+        raise ValueError(f"a contour is an (n, 2) array, not {xy.shape}")
+    step = np.linalg.norm(xy - np.roll(xy, 1, axis=0), axis=1)
+    kept = xy[step > 1e-9 * (1.0 + np.abs(xy).max(initial=0.0))]
+    following = np.roll(kept, -1, axis=0)
+    doubled_area = np.sum(kept[:, 0] * following[:, 1] - following[:, 0] * kept[:, 1])
+    turned: FloatArray = kept if doubled_area > 0 else kept[::-1]
+    return turned

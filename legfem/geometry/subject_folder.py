@@ -1,0 +1,144 @@
+"""Writing a subject folder (without recordings) from a section."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+from pathlib import Path
+
+from legfem.errors import InputError
+from legfem.geometry.contours import write_contours
+from legfem.geometry.cross_sections import back_of_calf, read_cross_section, section_from_outlines
+from legfem.geometry.section import LegSection
+from legfem.units import FloatArray
+
+_TEMPLATE = """\
+id = {id}
+title = {title}
+origin = "measured"
+
+[section]
+contours = "contours.csv"
+fascia_thickness_mm = {thickness}
+
+[indenter]
+diameter_mm = 30.0
+length_mm = 50.0
+aim_mm = [{x:.4f}, {y:.4f}]  # a point on the line of travel
+direction_deg = {direction}  # of travel, from +x, counter-clockwise
+
+# C10_kPa and C20_kPa of the deep tissue are what is identified.
+[tissues.deep]
+law = "reduced-polynomial"
+D1_per_MPa = 28.0
+D2_per_MPa = 28.0
+
+[tissues.superficial]
+law = "neo-hookean"
+C10_kPa = 2.0
+D1_per_MPa = 22.5
+
+[tissues.fascia]
+law = "neo-hookean"
+C10_kPa = 100.0
+D1_per_MPa = 22.5
+
+# Give your instruments' own figures.
+[instrument]
+force_accuracy_percent = 0.25
+force_range_N = 100.0
+displacement_accuracy_mm = 0.25
+"""
+
+
+def convert_cross_sections(
+    path: Path,
+    level: float,
+    out: Path,
+    fascia_thickness: float = 0.6,
+    aim: FloatArray | None = None,
+    direction_deg: float = 270.0,
+) -> Path:
+    """Make a subject folder of one level of a cross-sections file.
+
+    Tissues, indenter and instruments are the first paper's; put recordings into
+    ``recordings/`` and the instruments' own figures into ``subject.toml``.
+
+    Parameters
+    ----------
+    path : Path
+        ``level_mm,part,loop,i,x_mm,y_mm``; see `legfem.geometry.cross_sections`.
+    level : float
+        mm.
+    out : Path
+        The folder to make; must not exist, or be empty.
+    fascia_thickness : float
+        mm.
+    aim : (2,) array, optional
+        A point on the cylinder's line of travel, mm; the rearmost point (largest y) by default.
+    direction_deg : float
+        Direction of travel from +x, counter-clockwise; 270 presses along -y.
+
+    Returns
+    -------
+    Path
+        ``out``.
+
+    Raises
+    ------
+    InputError
+        If the file can't be used or ``out`` isn't empty; nothing is written then.
+    """
+    section = section_from_outlines(read_cross_section(path, level), fascia_thickness, path)
+    title = f"{Path(path).name}, level {level:g} mm"
+    target = back_of_calf(section) if aim is None else aim
+    return write_subject_folder(section, out, title, target, direction_deg)
+
+
+def write_subject_folder(
+    section: LegSection, out: Path, title: str, aim: FloatArray, direction_deg: float
+) -> Path:
+    """Write ``subject.toml`` and ``contours.csv``, both or neither.
+
+    Raises
+    ------
+    InputError
+        If ``out`` exists and isn't an empty folder, or can't be written.
+    """
+    out = Path(out)
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise InputError("--out", str(out), "exists already", "give a new folder or remove it")
+    text = _TEMPLATE.format(
+        id=_toml_string(out.resolve().name), title=_toml_string(title),
+        thickness=section.fascia_thickness, x=float(aim[0]), y=float(aim[1]),
+        direction=float(direction_deg),
+    )
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
+    except OSError as error:
+        raise InputError("--out", str(out), f"can't be written ({error})",
+                         "give a folder that you may write to") from None
+    try:
+        (scratch / "recordings").mkdir()
+        write_contours(section, scratch / "contours.csv")
+        (scratch / "subject.toml").write_text(text, encoding="utf-8")
+        _check_loads(scratch)
+        scratch.chmod(0o755)
+        scratch.replace(out)
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+    return out
+
+
+def _check_loads(folder: Path) -> None:
+    # Imported here: a subject stands above geometry.
+    from legfem.subject import load_subject
+
+    load_subject(folder, need_recordings=False)
+
+
+def _toml_string(text: str) -> str:
+    # A JSON string is a TOML basic string.
+    return json.dumps(text)

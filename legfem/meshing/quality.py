@@ -1,0 +1,43 @@
+"""Quality of a mesh's elements, as gmsh measures it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class MeshQuality:
+    """Signed inverse condition number (1 ideal, 0 degenerate, below 0 inverted) by region."""
+
+    minimum: Mapping[str, float]
+    mean: Mapping[str, float]
+    elements: Mapping[str, int]
+
+    @property
+    def worst(self) -> float:
+        """The worst element's quality."""
+        return min(self.minimum.values())
+
+    @property
+    def worst_region(self) -> str:
+        """The region that holds the worst element."""
+        return min(self.minimum, key=self.minimum.__getitem__)
+
+
+def element_quality(model: Any, regions: Mapping[str, int]) -> MeshQuality:
+    """Measure every region (name to physical tag) of a meshed two-dimensional gmsh model."""
+    minimum, mean, count = {}, {}, {}
+    for name, tag in regions.items():
+        elements = [
+            tags
+            for entity in model.getEntitiesForPhysicalGroup(2, tag)
+            for tags in model.mesh.getElements(2, entity)[1]
+        ]
+        quality = np.asarray(model.mesh.getElementQualities(np.concatenate(elements), "minSICN"))
+        minimum[name], mean[name] = float(quality.min()), float(quality.mean())
+        count[name] = quality.size
+    return MeshQuality(minimum, mean, count)

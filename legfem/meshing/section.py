@@ -1,0 +1,273 @@
+"""Mesh of a leg's cross-section: fat, fascia as a layer, deep tissue around the two bones.
+
+The mesh is graded: fine along the skin that the indenter will touch, coarser with the distance from
+it. The fascia is one layer of elements across its thickness, with nodes of its two faces in pairs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import gmsh
+import numpy as np
+import shapely
+from mpi4py import MPI
+from scipy.optimize import brentq
+from scipy.spatial import cKDTree
+
+from legfem._compat import mesh_from_gmsh
+from legfem.errors import InputError
+from legfem.geometry.curve import ClosedCurve, smooth_closed_curve
+from legfem.geometry.section import LegSection
+from legfem.meshing.quality import MeshQuality, element_quality
+from legfem.units import FloatArray
+
+SUPERFICIAL, FASCIA, DEEP = 1, 2, 3
+SKIN, BONE = 11, 12
+REGIONS = {"superficial": SUPERFICIAL, "fascia": FASCIA, "deep": DEEP}
+
+
+@dataclass(frozen=True)
+class SectionMeshSettings:
+    """How fine the mesh of a section is.
+
+    Parameters
+    ----------
+    contact_size : float
+        Length of an element's edge on the skin under the indenter (mm).
+    growth : float
+        Growth of the edge length per mm of distance from that skin.
+    far_size : float
+        Greatest edge length (mm).
+    cell : {"triangle", "quadrilateral"}
+        Shape of the elements.
+    """
+
+    contact_size: float = 1.0
+    growth: float = 0.18
+    far_size: float = 6.0
+    cell: Literal["triangle", "quadrilateral"] = "triangle"
+
+    def refined(self, factor: float) -> SectionMeshSettings:
+        """Return settings with all lengths divided by ``factor``."""
+        return SectionMeshSettings(
+            self.contact_size / factor, self.growth / factor, self.far_size / factor, self.cell
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class SectionMesh:
+    """A meshed section and where the indenter first touches it."""
+
+    mesh: Any
+    """`dolfinx.mesh.Mesh`, mm."""
+    cell_tags: Any
+    """`SUPERFICIAL`, `FASCIA` or `DEEP` of every cell."""
+    facet_tags: Any
+    """`SKIN` and `BONE`."""
+    touch: FloatArray
+    """Centre of the indenter at first touch, (2,), mm."""
+    direction: FloatArray
+    """Unit vector of travel, (2,)."""
+    quality: MeshQuality
+
+
+def mesh_section(
+    section: LegSection,
+    radius: float,
+    aim: FloatArray,
+    direction: FloatArray,
+    settings: SectionMeshSettings | None = None,
+    comm: MPI.Intracomm = MPI.COMM_SELF,
+) -> SectionMesh:
+    """Mesh a section for an indenter of given radius on a given line of travel.
+
+    Parameters
+    ----------
+    section
+        Contours and fascia thickness (mm).
+    radius
+        Radius of the indenter (mm).
+    aim, direction
+        A point on the line of travel (mm) and its unit vector.
+    settings
+        Sizes; the default is the one whose error the convergence study states.
+    comm
+        Communicator of the mesh; gmsh runs on its rank 0.
+
+    Raises
+    ------
+    InputError
+        If the line of travel misses the leg, or no mesh of sound quality can be made.
+    """
+    settings = settings or SectionMeshSettings()
+    skin = smooth_closed_curve(section.skin)
+    reached = _skin_within_reach(skin, radius, aim, direction)
+    with _gmsh_model() as model:
+        touch, quality = np.zeros(2), None
+        if comm.rank == 0:
+            outline = _build(model, section, skin, cKDTree(reached), settings)
+            touch = first_touch(outline, radius, aim, direction)
+            quality = element_quality(model, REGIONS)
+        quality = comm.bcast(quality, root=0)
+        if quality.worst <= 0.02:
+            raise InputError(
+                "contours",
+                quality.worst_region,
+                f"cannot be meshed soundly (worst element quality {quality.worst:.2g})",
+                "check the contours there for kinks or near contacts, or ask for a finer mesh",
+            )
+        mesh, cell_tags, facet_tags = mesh_from_gmsh(model, comm, gdim=2)
+        comm.Bcast(touch, root=0)
+    return SectionMesh(mesh, cell_tags, facet_tags, touch, direction, quality)
+
+
+def first_touch(
+    outline: FloatArray, radius: float, aim: FloatArray, direction: FloatArray
+) -> FloatArray:
+    """Return the centre of a disk that, travelling along a line, just touches a closed polygon.
+
+    Parameters
+    ----------
+    outline
+        Corners of the polygon, (n, 2), mm.
+    radius, aim, direction
+        Of the disk and of its line of travel.
+
+    Returns
+    -------
+    ndarray
+        (2,), mm.
+    """
+    ring = shapely.LinearRing(outline)
+    across = np.array([-direction[1], direction[0]])
+    along = (outline - aim) @ direction
+    near = np.abs((outline - aim) @ across) < 0.9 * radius
+    if not near.any():
+        raise InputError(
+            "subject.toml",
+            "indenter.aim_mm",
+            "the indenter's line of travel misses the leg",
+            "give a point inside the leg and check direction_deg",
+        )
+
+    def clearance(position: float) -> float:
+        return float(ring.distance(shapely.Point(*(aim + position * direction))) - radius)
+
+    inner = along[near].min()
+    outer = along.min() - 2 * radius
+    # The clearance falls with the approach, so the last sign change from outside is the touch.
+    stations = np.linspace(outer, inner, 200)
+    index = int(np.argmax([clearance(s) <= 0 for s in stations]))
+    position = brentq(clearance, stations[index - 1], stations[index], xtol=1e-13)
+    return aim + position * direction
+
+
+def _skin_within_reach(
+    skin: ClosedCurve, radius: float, aim: FloatArray, direction: FloatArray
+) -> FloatArray:
+    """Return skin points that an indenter pressed by its own diameter will touch, (n, 2)."""
+    turns = np.linspace(0, 1, 4000, endpoint=False)
+    points = skin(turns)
+    centre = first_touch(points, radius, aim, direction)
+    first = int(np.argmin(np.linalg.norm(points - centre, axis=1)))
+    distance = np.abs(turns - turns[first])
+    arc = np.minimum(distance, 1 - distance) * skin.length
+    return points[arc < 1.85 * radius]
+
+
+def _place(curve: ClosedCurve, size: Any) -> tuple[FloatArray, FloatArray]:
+    """Return nodes on a closed curve, spaced by ``size(points)``, and the unit tangents there."""
+    turns = np.linspace(0, 1, 6001)
+    points = curve(turns)
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    sizes = size(points)
+    count = np.concatenate([[0.0], np.cumsum(steps * 0.5 * (1 / sizes[1:] + 1 / sizes[:-1]))])
+    number = max(8, math.ceil(count[-1]))
+    at = np.interp(np.arange(number) / number * count[-1], count, turns)
+    return curve(at), curve.tangent(at)
+
+
+def _build(
+    model: Any,
+    section: LegSection,
+    skin: ClosedCurve,
+    reached: cKDTree,
+    settings: SectionMeshSettings,
+) -> FloatArray:
+    """Draw and mesh the section in gmsh; return the skin's corners."""
+    contact, growth = settings.contact_size, settings.growth
+
+    def size(points: FloatArray) -> FloatArray:
+        return np.minimum(contact + growth * reached.query(points)[0], settings.far_size)
+
+    def bone_size(length: float) -> Any:
+        return lambda points: np.minimum(size(points), max(contact, length / 30))
+
+    outer, tangent = _place(smooth_closed_curve(section.fascia), size)
+    inward = np.column_stack([-tangent[:, 1], tangent[:, 0]])
+    inner = outer + section.fascia_thickness * inward
+    corners, _ = _place(skin, size)
+    loops = {"skin": corners, "outer": outer, "inner": inner}
+    for bone in ("tibia", "fibula"):
+        curve = smooth_closed_curve(section.contour(bone))
+        loops[bone], _ = _place(curve, bone_size(curve.length))
+
+    geometry = model.geo
+    points = {name: [geometry.addPoint(x, y, 0) for x, y in xy] for name, xy in loops.items()}
+    lines = {
+        name: [geometry.addLine(a, b) for a, b in zip(p, p[1:] + p[:1], strict=True)]
+        for name, p in points.items()
+    }
+    rungs = [geometry.addLine(a, b) for a, b in zip(points["outer"], points["inner"], strict=True)]
+    for line in [*rungs, *(line for loop in lines.values() for line in loop)]:
+        geometry.mesh.setTransfiniteCurve(line, 2)
+    layer = []
+    for k, (above, below) in enumerate(zip(lines["outer"], lines["inner"], strict=True)):
+        following = rungs[(k + 1) % len(rungs)]
+        loop = geometry.addCurveLoop([above, following, -below, -rungs[k]])
+        layer.append(geometry.addPlaneSurface([loop]))
+        geometry.mesh.setTransfiniteSurface(layer[-1], "AlternateLeft" if k % 2 else "Right")
+    closed = {name: geometry.addCurveLoop(loop) for name, loop in lines.items()}
+    fat = geometry.addPlaneSurface([closed["skin"], closed["outer"]])
+    deep = geometry.addPlaneSurface([closed["inner"], closed["tibia"], closed["fibula"]])
+    geometry.synchronize()
+
+    for surfaces, tag in (([fat], SUPERFICIAL), (layer, FASCIA), ([deep], DEEP)):
+        model.addPhysicalGroup(2, surfaces, tag)
+    model.addPhysicalGroup(1, lines["skin"], SKIN)
+    model.addPhysicalGroup(1, lines["tibia"] + lines["fibula"], BONE)
+
+    near = [
+        line
+        for line, xy in zip(lines["skin"], corners, strict=True)
+        if reached.query(xy)[0] < contact
+    ]
+    field = model.mesh.field
+    distance = field.add("Distance")
+    field.setNumbers(distance, "CurvesList", near)
+    graded = field.add("MathEval")
+    field.setString(graded, "F", f"min({contact} + {growth}*F{distance}, {settings.far_size})")
+    field.setAsBackgroundMesh(graded)
+    gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
+    gmsh.option.setNumber("Mesh.Algorithm", 6 if settings.cell == "triangle" else 8)
+    if settings.cell == "quadrilateral":
+        gmsh.option.setNumber("Mesh.RecombineAll", 1)
+        gmsh.option.setNumber("Mesh.RecombinationAlgorithm", 3)
+    model.mesh.generate(2)
+    return corners
+
+
+@contextmanager
+def _gmsh_model() -> Iterator[Any]:
+    gmsh.initialize(interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.model.add("section")
+        yield gmsh.model
+    finally:
+        gmsh.finalize()

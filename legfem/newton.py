@@ -1,0 +1,168 @@
+"""Newton's method for one step: a thin wrapper of PETSc's SNES.
+
+The wrapper adds three things to SNES. The tangent is assembled and factorised anew only while that
+pays: an iteration that gained two digits is followed by one with the same factors. An update is
+shortened until every J is positive. The outcome is a value, and a state is accepted only where the
+residual is small; SNES' test on the length of the update is off, since it accepts impossible steps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from petsc4py import PETSc
+
+from legfem.system import System
+
+
+@dataclass(frozen=True)
+class NewtonSettings:
+    """When a step has converged, and when it is given up.
+
+    Parameters
+    ----------
+    relative_tolerance : float
+        Norm of the residual against the norm of the contact's nodal forces.
+    absolute_tolerance : float
+        Norm of the residual below which nothing is asked (N/mm in 2D, N in 3D).
+    max_factorisations : int
+        In one step.
+    reuse : float
+        The factors are used again after an iteration that reduced the residual by this factor.
+    """
+
+    relative_tolerance: float = 1e-9
+    absolute_tolerance: float = 1e-13
+    max_factorisations: int = 12
+    reuse: float = 0.3
+
+
+@dataclass(frozen=True)
+class NewtonOutcome:
+    """What one step took."""
+
+    converged: bool
+    reason: str
+    factorisations: int
+    iterations: int
+    residual: float
+
+
+class NewtonSolver:
+    """Solves the system at a fixed position of the indenter."""
+
+    def __init__(self, system: System, settings: NewtonSettings | None = None) -> None:
+        self._system = system
+        self._settings = settings or NewtonSettings()
+        self._norms: list[float] = []
+        self._factorisations = 0
+        matrix = system.tangent_matrix
+        vector = system.residual_vector.x.petsc_vec
+        self._solution = system.unknown.x.petsc_vec.duplicate()
+        snes = PETSc.SNES().create(system.comm)
+        snes.setOptionsPrefix("legfem_")
+        snes.setType("newtonls")
+        options = PETSc.Options("legfem_")
+        options.setValue("snes_linesearch_type", "bt")
+        snes.setFunction(self._function, vector.duplicate())
+        snes.setJacobian(self._jacobian, matrix)
+        snes.setLineSearchPreCheck(self._shorten)
+        snes.setConvergenceTest(self._converged)
+        snes.setTolerances(max_it=60, stol=0.0)
+        linear = snes.getKSP()
+        linear.setType("preonly")
+        factors = linear.getPC()
+        factors.setType("lu")
+        if system.comm.size == 1:
+            factors.setFactorSolverType("petsc")
+            factors.setFactorOrdering("nd")
+        else:
+            factors.setFactorSolverType("mumps")
+        snes.setFromOptions()
+        self._snes = snes
+
+    @property
+    def linear_solver(self) -> PETSc.KSP:
+        """Holding the factors of the last tangent."""
+        return self._snes.getKSP()
+
+    def solve(self) -> NewtonOutcome:
+        """Solve from the system's present unknown, which the solution replaces if found."""
+        self._norms, self._factorisations = [], 0
+        unknown = self._system.unknown.x.petsc_vec
+        unknown.copy(self._solution)
+        self._snes.solve(None, self._solution)
+        reason = self._snes.getConvergedReason()
+        converged = reason > 0
+        if converged:
+            self._load(self._solution)
+            converged = self._system.minimum_volume_ratio() > 0
+        return NewtonOutcome(
+            converged,
+            _describe(reason) if converged or reason <= 0 else "an element is inverted",
+            self._factorisations,
+            self._snes.getIterationNumber(),
+            self._norms[-1] if self._norms else np.inf,
+        )
+
+    def refactor(self) -> None:
+        """Factorise the tangent at the present state."""
+        self._system.assemble_tangent()
+        self.linear_solver.setUp()
+
+    def _load(self, vector: PETSc.Vec) -> None:
+        unknown = self._system.unknown
+        vector.copy(unknown.x.petsc_vec)
+        unknown.x.scatter_forward()
+
+    def _function(self, snes: Any, state: PETSc.Vec, residual: PETSc.Vec) -> None:
+        self._load(state)
+        self._system.assemble_residual().x.petsc_vec.copy(residual)
+
+    def _jacobian(self, snes: Any, state: PETSc.Vec, matrix: Any, preconditioner: Any) -> None:
+        norms = self._norms
+        gained = len(norms) > 1 and norms[-1] < self._settings.reuse * norms[-2]
+        if gained and self._factorisations:
+            return
+        self._load(state)
+        self._system.assemble_tangent()
+        self._factorisations += 1
+
+    def _shorten(self, state: PETSc.Vec, update: PETSc.Vec) -> bool:
+        for halving in range(8):
+            self._load(state - update)
+            if self._system.minimum_volume_ratio() > 0.01:
+                return halving > 0
+            update.scale(0.5)
+        return True
+
+    def _converged(self, snes: Any, iteration: int, norms: tuple[float, float, float]) -> int:
+        norm = norms[2]
+        self._norms.append(norm)
+        reasons = PETSc.SNES.ConvergedReason
+        if not np.isfinite(norm):
+            return int(reasons.DIVERGED_FNORM_NAN)
+        scale = self._system.contact_scale()
+        limit = self._settings.absolute_tolerance + self._settings.relative_tolerance * scale
+        if norm <= limit and iteration > 0:
+            return int(reasons.CONVERGED_FNORM_ABS)
+        if self._factorisations >= self._settings.max_factorisations and not (
+            norm < self._settings.reuse * self._norms[-2]
+        ):
+            return int(reasons.DIVERGED_MAX_IT)
+        return 0
+
+
+def _describe(reason: int) -> str:
+    reasons = PETSc.SNES.ConvergedReason
+    words = {
+        reasons.CONVERGED_FNORM_ABS: "the residual is small",
+        reasons.CONVERGED_FNORM_RELATIVE: "the residual is small",
+        reasons.DIVERGED_FNORM_NAN: "the residual is not a number",
+        reasons.DIVERGED_MAX_IT: "the residual stays large",
+        reasons.DIVERGED_LINEAR_SOLVE: "the tangent cannot be factorised",
+        reasons.DIVERGED_FUNCTION_DOMAIN: "an element is inverted",
+    }
+    return words.get(reason, f"SNES reason {reason}")

@@ -1,0 +1,63 @@
+"""What a term of a model sees of the place where it acts: the body, or its skin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from legfem.kinematics import Expr
+from legfem.symbols import Symbols
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A mesh with the unknown on it, as UFL.
+
+    ``displacement_before`` is the converged one of the last step: a term with memory uses it.
+    """
+
+    symbols: Symbols
+    unknown: Any
+    """What is solved for on this mesh, a `dolfinx.fem.Function`."""
+    test: Expr
+    """Its test function."""
+    displacement: Expr
+    """mm; the unknown or a part of it."""
+    displacement_before: Expr
+    variation: Expr
+    """Test function of the displacement."""
+    quadrature_degree: int
+
+
+@dataclass(frozen=True, eq=False)
+class Body(Place):
+    """The tissues' volume."""
+
+    regions: dict[str, Any]
+    """Measure of every region."""
+    pressure: Expr | None = None
+    """The unknown of a mixed form (MPa), positive in tension; None in a displacement form."""
+
+
+@dataclass(frozen=True, eq=False)
+class Skin(Place):
+    """The outer surface, with the rigid indenter's position."""
+
+    measure: Any
+    position: Expr
+    """Reference position of the skin's points (mm)."""
+    centre: Expr
+    """Of the indenter, now (mm)."""
+    centre_before: Expr
+    dimension: int
+    """2 or 3."""
+
+    @property
+    def relative_position(self) -> Expr:
+        """Return the skin's points relative to the indenter, now (mm)."""
+        return self.position + self.displacement - self.centre
+
+    @property
+    def relative_position_before(self) -> Expr:
+        """Return the same at the end of the last step (mm)."""
+        return self.position + self.displacement_before - self.centre_before

@@ -1,0 +1,22 @@
+"""Recordings: reading, first contact, phases, and the mean loading curve."""
+
+from legfem.recording.contact import Contact, find_first_contact
+from legfem.recording.curve import LoadingCurve, mean_loading_curve
+from legfem.recording.instrument import Instrument
+from legfem.recording.noise import NoiseEstimate
+from legfem.recording.phases import split_phases
+from legfem.recording.reader import check_recording, read_recording
+from legfem.recording.trial import Recording
+
+__all__ = [
+    "Contact",
+    "Instrument",
+    "LoadingCurve",
+    "NoiseEstimate",
+    "Recording",
+    "check_recording",
+    "find_first_contact",
+    "mean_loading_curve",
+    "read_recording",
+    "split_phases",
+]

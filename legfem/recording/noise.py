@@ -1,0 +1,160 @@
+"""How uncertain the mean of repeated loading curves is, and over what distance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+
+from legfem.units import FloatArray
+
+# Log-standard deviation of what is expected of each component before looking at the repeats.
+_VAGUENESS = 1.0
+_EXPECTED_GAIN_SD = 0.005
+_EXPECTED_LENGTH_MM = 1.0
+
+
+@dataclass(frozen=True)
+class NoiseEstimate:
+    """Components of one trial's error about the true curve.
+
+    A trial reads F + offset + gain F + shift dF/dd + slow + white, each independent between
+    trials; after air the trials are aligned and an error of their common shift is added. Errors that all trials share (a load cell's calibration) aren't seen in repeats and
+    aren't in here.
+    """
+
+    force_sd: float
+    """Of one reading about its own trial's true curve (slow and white), N."""
+    white_sd: float
+    """Sample-to-sample part, N."""
+    slow_sd: float
+    """Part correlated over ``correlation_length``, N."""
+    correlation_length: float
+    """mm of displacement over which the slow part's correlation falls to 1/e."""
+    offset_sd: float
+    """N."""
+    gain_sd: float
+    """Dimensionless."""
+    shift_sd: float
+    """mm: between trials, in where first contact is put."""
+    common_shift_sd: float
+    """mm: of first contact in the mean curve, where it was found after air; else 0."""
+    repeat_dof: int
+    """Trials less one: degrees of freedom behind the components that repeats reveal."""
+    source: str
+    """``repeats and instrument``, or ``instrument`` for a single trial."""
+
+    def shift_estimate(
+        self, displacement: FloatArray, deviation: FloatArray, slope: FloatArray,
+        white_variance: FloatArray, force: FloatArray,
+    ) -> FloatArray:
+        """Return how far along each trial deviates from the mean curve; (R,), mm.
+
+        The best linear prediction, in which offset, gain and noise compete for ``deviation``
+        (R, n).
+        """
+        spread = self.trial_covariance(displacement, force, slope) + np.diag(white_variance)
+        weight = self.shift_sd**2 * np.linalg.solve(spread, slope)
+        return np.asarray(deviation @ weight)
+
+    def trial_covariance(
+        self, displacement: FloatArray, force: FloatArray, slope: FloatArray
+    ) -> FloatArray:
+        """Return the covariance (n, n), N^2, of one trial's curve without its white part."""
+        return _covariance(
+            np.array([self.offset_sd, self.gain_sd, self.shift_sd, self.slow_sd,
+                      self.correlation_length]), displacement, force, slope,
+        )
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """What instruments and contact fits say before the repeats are compared."""
+
+    offset_sd: float
+    """N."""
+    shift_sd: float
+    """mm, between trials."""
+    common_shift_sd: float
+    """mm, of the mean curve."""
+    slow_sd: float
+    """N."""
+    white_sd: float
+    """N."""
+
+
+def estimate_noise(
+    displacement: FloatArray, curves: FloatArray, slope: FloatArray, known_variance: FloatArray,
+    expected: Expectation,
+) -> NoiseEstimate:
+    """Estimate the components of the trials' errors from their differences.
+
+    Orthonormal contrasts between trials don't contain the true curve; the components maximise
+    their likelihood times log-normal expectations a factor e wide, which keep two or three
+    repeats that happen to agree from claiming certainty.
+
+    Parameters
+    ----------
+    displacement : (n,) array
+        The grid, mm.
+    curves : (R, n) array
+        The trials' forces on it, N.
+    slope : (n,) array
+        dF/dd of the mean curve, N/mm.
+    known_variance : (n,) array
+        Variance of a trial's grid values that comes from white noise, N^2.
+    expected : Expectation
+        Scales expected of the components.
+    """
+    repeats = len(curves)
+    centre = np.array([expected.offset_sd, _EXPECTED_GAIN_SD, expected.shift_sd,
+                       expected.slow_sd, _EXPECTED_LENGTH_MM])
+    found = centre
+    if repeats > 1:
+        contrasts = _helmert(repeats) @ curves
+        mean = curves.mean(axis=0)
+        ridge = np.diag(known_variance + 1e-12 * float(np.max(mean**2)))
+
+        def cost(logs: FloatArray) -> float:
+            spread = _covariance(centre * np.exp(logs), displacement, mean, slope) + ridge
+            try:
+                lower = np.linalg.cholesky(spread)
+            except np.linalg.LinAlgError:
+                return 1e12
+            white = np.linalg.solve(lower, contrasts.T)
+            log_det = 2.0 * float(np.sum(np.log(np.diag(lower))))
+            likelihood = 0.5 * ((repeats - 1) * log_det + float(np.sum(white**2)))
+            return likelihood + 0.5 * float(np.sum((logs / _VAGUENESS) ** 2))
+
+        fit = minimize(cost, np.zeros(5), method="L-BFGS-B", bounds=[(-5.0, 5.0)] * 5)
+        found = centre * np.exp(fit.x)
+    offset, gain, shift, slow, length = (float(v) for v in found)
+    return NoiseEstimate(
+        force_sd=float(np.hypot(slow, expected.white_sd)), white_sd=expected.white_sd,
+        slow_sd=slow, correlation_length=length, offset_sd=offset, gain_sd=gain, shift_sd=shift,
+        common_shift_sd=expected.common_shift_sd,
+        repeat_dof=repeats - 1,
+        source="repeats and instrument" if repeats > 1 else "instrument",
+    )
+
+
+def _covariance(
+    components: FloatArray, displacement: FloatArray, force: FloatArray, slope: FloatArray
+) -> FloatArray:
+    offset, gain, shift, slow, length = components
+    apart = np.abs(displacement[:, None] - displacement[None, :])
+    total: FloatArray = (
+        offset**2 + gain**2 * np.outer(force, force) + shift**2 * np.outer(slope, slope)
+        + slow**2 * np.exp(-apart / length)
+    )
+    return total
+
+
+def _helmert(n: int) -> FloatArray:
+    rows = np.zeros((n - 1, n))
+    for k in range(1, n):
+        rows[k - 1, :k] = 1.0
+        rows[k - 1, k] = -k
+        rows[k - 1] /= np.sqrt(k * (k + 1))
+    return rows

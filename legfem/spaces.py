@@ -1,0 +1,151 @@
+"""Finite-element spaces of a leg: on the body's mesh, on its skin, and the trace between them.
+
+The skin is a mesh of its own, of one dimension less. Contact is assembled there with ordinary
+forms, its history lives at ordinary quadrature points, and its contributions are added to the
+body's at the dofs that the two share.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import basix.ufl
+import numpy as np
+from dolfinx import fem
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from legfem._compat import surface_mesh
+from legfem.meshing.section import BONE, SKIN
+
+Formulation = Literal["displacement", "mixed"]
+
+
+@dataclass(frozen=True, eq=False)
+class LegSpaces:
+    """Spaces and dof maps; all indices are local to the rank and unblocked."""
+
+    mesh: Any
+    cell_tags: Any
+    facet_tags: Any
+    formulation: Formulation
+    space: Any
+    """Of the unknown: displacement, or displacement and pressure."""
+    skin: Any
+    """Mesh of the skin."""
+    skin_space: Any
+    trace: NDArray[np.int32]
+    """Dofs of ``space`` in the order of the dofs of ``skin_space``."""
+    displacement_dofs: NDArray[np.int32]
+    """Dofs of ``space`` that are displacements, in the order of ``displacement_space``."""
+    displacement_space: Any
+    pinned: NDArray[np.int32]
+    """Dofs of ``space`` on the bones."""
+
+    @property
+    def dimension(self) -> int:
+        """Of the displacement: 2 or 3."""
+        return int(self.mesh.geometry.dim)
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns over all ranks."""
+        return int(self.space.dofmap.index_map.size_global * self.space.dofmap.index_map_bs)
+
+
+def build_spaces(
+    mesh: Any,
+    cell_tags: Any,
+    facet_tags: Any,
+    formulation: Formulation = "displacement",
+    degree: int = 2,
+) -> LegSpaces:
+    """Build the spaces of a leg.
+
+    Parameters
+    ----------
+    mesh, cell_tags, facet_tags
+        The mesh with regions, and facets marked `SKIN` and `BONE`.
+    formulation
+        ``"displacement"``, or ``"mixed"``: displacements enriched by bubbles with a pressure that
+        is discontinuous between elements, since layers of different stiffness meet in the leg.
+    degree
+        Of the displacement.
+    """
+    dimension = mesh.geometry.dim
+    lagrange = basix.ufl.element("Lagrange", mesh.basix_cell(), degree, shape=(dimension,))
+    displacement = fem.functionspace(mesh, lagrange)
+    if formulation == "displacement":
+        space = displacement
+        dofs = np.arange(_local_size(space), dtype=np.int32)
+    else:
+        space = fem.functionspace(mesh, _mixed_element(mesh, degree))
+        dofs = _shared_dofs(space, displacement, dimension)
+
+    skin = surface_mesh(mesh, np.sort(facet_tags.find(SKIN)))
+    skin_space = fem.functionspace(skin, ("Lagrange", degree, (dimension,)))
+    bone = fem.locate_dofs_topological(displacement, mesh.topology.dim - 1, facet_tags.find(BONE))
+    return LegSpaces(
+        mesh,
+        cell_tags,
+        facet_tags,
+        formulation,
+        space,
+        skin,
+        skin_space,
+        dofs[_blocks(_trace_nodes(displacement, skin_space), dimension)],
+        dofs,
+        displacement,
+        dofs[_blocks(bone, dimension)],
+    )
+
+
+def _mixed_element(mesh: Any, degree: int) -> Any:
+    cell, dimension = mesh.basix_cell(), mesh.geometry.dim
+    pressure = basix.ufl.element("DPC", cell, 1) if str(cell).endswith("quadrilateral") else None
+    if pressure is not None:
+        displacement = basix.ufl.element("Lagrange", cell, degree, shape=(dimension,))
+        return basix.ufl.mixed_element([displacement, pressure])
+    enriched = basix.ufl.enriched_element(
+        [basix.ufl.element("Lagrange", cell, degree), basix.ufl.element("Bubble", cell, degree + 1)]
+    )
+    displacement = basix.ufl.blocked_element(enriched, shape=(dimension,))
+    pressure = basix.ufl.element("Lagrange", cell, degree - 1, discontinuous=True)
+    return basix.ufl.mixed_element([displacement, pressure])
+
+
+def _shared_dofs(mixed: Any, displacement: Any, dimension: int) -> NDArray[np.int32]:
+    """Return the dofs of a mixed space at the nodes of its Lagrange displacement."""
+    collapsed, parent = mixed.sub(0).collapse()
+    parent = np.asarray(parent, dtype=np.int32)
+    mesh = displacement.mesh
+    cells = mesh.topology.index_map(mesh.topology.dim)
+    dofs = np.full(_local_size(displacement), -1, dtype=np.int32)
+    components = np.arange(dimension)
+    for cell in range(cells.size_local + cells.num_ghosts):
+        nodes = displacement.dofmap.cell_dofs(cell)
+        enriched = collapsed.dofmap.cell_dofs(cell)[: len(nodes)]
+        here = (nodes[:, None] * dimension + components).ravel()
+        dofs[here] = parent[(enriched[:, None] * dimension + components).ravel()]
+    return dofs
+
+
+def _trace_nodes(displacement: Any, skin_space: Any) -> NDArray[np.int64]:
+    """Return the body's node at every node of the skin."""
+    nodes = skin_space.tabulate_dof_coordinates()
+    if len(nodes) == 0:
+        return np.empty(0, dtype=np.int64)
+    distance, index = cKDTree(displacement.tabulate_dof_coordinates()).query(nodes)
+    if distance.max() > 1e-6:
+        raise RuntimeError("the skin's nodes are not nodes of the body")
+    return np.asarray(index)
+
+
+def _blocks(nodes: NDArray[Any], size: int) -> NDArray[np.int32]:
+    return (np.asarray(nodes)[:, None] * size + np.arange(size)).ravel().astype(np.int32)
+
+
+def _local_size(space: Any) -> int:
+    index_map = space.dofmap.index_map
+    return int((index_map.size_local + index_map.num_ghosts) * space.dofmap.index_map_bs)

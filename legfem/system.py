@@ -1,0 +1,286 @@
+"""Residual and tangent of a model on its spaces, and the state that a step starts from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem, la
+from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+from legfem.history import History
+from legfem.kinematics import deformation_gradient, volume_ratio
+from legfem.model import LegModel
+from legfem.places import Body, Place, Skin
+from legfem.meshing.section import REGIONS
+from legfem.spaces import LegSpaces
+from legfem.symbols import Symbols
+from legfem.units import FloatArray
+
+COMPILER = {"cffi_extra_compile_args": ["-O3", "-march=native", "-ffast-math", "-fno-finite-math-only"]}
+SKIN_DEGREE = 3
+
+
+def compiled(form: Any) -> Any:
+    """Return a compiled form."""
+    return fem.form(form, jit_options=COMPILER)
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Resultants of one state, (dimension,) in N per mm of leg (2D) or N (3D), and works."""
+
+    contact_force: FloatArray
+    """Of the indenter on the skin."""
+    bone_reaction: FloatArray
+    """Of the bones on the tissue."""
+    contact_work: float
+    """Virtual work of the contact forces over the displacement."""
+    internal_work: float
+    """Virtual work of the stresses over the displacement."""
+
+
+class PlaceForms:
+    """Unknown, history and forms of one place."""
+
+    def __init__(self, place: Place, before: Any, model_terms: Any, degree: int) -> None:
+        self.place, self.before = place, before
+        mesh = place.unknown.function_space.mesh
+        shapes = {
+            f"{term.name}.{name}": shape
+            for term in model_terms
+            for name, shape in term.history(place).items()
+        }
+        self.history = History(mesh, degree, shapes)
+
+        def of(term: Any) -> dict[str, Any]:
+            return {
+                key.removeprefix(term.name + "."): variable
+                for key, variable in self.history.variables.items()
+                if key.startswith(term.name + ".")
+            }
+
+        self.residual_form = sum(term.residual(place, of(term)) for term in model_terms)
+        trial = ufl.TrialFunction(place.unknown.function_space)
+        self.residual = compiled(self.residual_form)
+        self.tangent = compiled(ufl.derivative(self.residual_form, place.unknown, trial))
+        self.updated = {
+            f"{term.name}.{name}": value
+            for term in model_terms
+            for name, value in term.updated(place, of(term)).items()
+        }
+        self.history.compile_update(self.updated)
+
+    def advance(self) -> None:
+        """Make the present state the one that the next step starts from."""
+        self.history.advance()
+        self.before.x.array[:] = self.place.unknown.x.array
+
+    def reset(self) -> None:
+        """Return to the undeformed state."""
+        self.history.reset()
+        self.before.x.array[:] = 0.0
+        self.place.unknown.x.array[:] = 0.0
+
+
+class System:
+    """A model on a mesh: the state, and the residual and tangent there.
+
+    Parameters
+    ----------
+    spaces
+        Of the leg.
+    model
+        The sum of terms.
+    start, direction
+        Centre of the indenter at zero displacement (mm) and unit vector of its travel.
+    quadrature_degree
+        In the body.
+    """
+
+    def __init__(
+        self,
+        spaces: LegSpaces,
+        model: LegModel,
+        start: FloatArray,
+        direction: FloatArray,
+        quadrature_degree: int = 4,
+    ) -> None:
+        self.spaces, self.model = spaces, model
+        self.comm = spaces.mesh.comm
+        self._start, self.direction = start, direction
+        self.body_symbols, self.skin_symbols = Symbols(spaces.mesh), Symbols(spaces.skin)
+        self.unknown = fem.Function(spaces.space)
+        self._centre = fem.Constant(spaces.skin, start.copy())
+        self._centre_before = fem.Constant(spaces.skin, start.copy())
+        self.body = self._body(quadrature_degree)
+        self.skin = self._skin()
+        self.tangent_matrix = fem_petsc.create_matrix(self.body.tangent)
+        self._skin_matrix = fem.create_matrix(self.skin.tangent)
+        self._skin_force = fem.Function(spaces.skin_space)
+        self.residual_vector = fem.Function(spaces.space)
+        self._pinned = fem.Function(spaces.space)
+        self._boundary = fem.dirichletbc(self._pinned, self._pinned_blocks())
+        F = deformation_gradient(self.body.place.displacement)
+        self._volume_ratio = self.body.history.expression(volume_ratio(F))
+        self.evaluations = 0
+
+    def set_parameters(self, values: dict[str, float]) -> None:
+        """Change numbers of the model without compiling anew."""
+        self.body_symbols.assign(values)
+        self.skin_symbols.assign(values)
+
+    def set_displacement(self, displacement: float) -> None:
+        """Move the indenter to a displacement (mm) along its line of travel."""
+        self._centre.value[:] = self._start + displacement * self.direction
+
+    def assemble_residual(self) -> Any:
+        """Assemble the residual at the present unknown; returns a ghosted function."""
+        self._trace()
+        residual = self.residual_vector
+        residual.x.array[:] = 0.0
+        fem.assemble_vector(residual.x.array, self.body.residual)
+        np.add.at(residual.x.array, self.spaces.trace, self._assemble_skin())
+        residual.x.scatter_reverse(la.InsertMode.add)
+        residual.x.array[self.spaces.pinned] = 0.0
+        self.evaluations += 1
+        return residual
+
+    def assemble_tangent(self) -> PETSc.Mat:
+        """Assemble the tangent at the present unknown."""
+        matrix = self.tangent_matrix
+        matrix.zeroEntries()
+        fem_petsc.assemble_matrix(matrix, self.body.tangent, bcs=[self._boundary])
+        matrix.assemble()
+        self._skin_matrix.data[:] = 0.0
+        fem.assemble_matrix(self._skin_matrix, self.skin.tangent)
+        skin = self._skin_matrix.to_scipy(ghosted=True).tocsr()
+        trace = self.spaces.trace
+        matrix.setValuesLocalIJV(
+            skin.indptr.astype(np.int32),
+            trace[skin.indices],
+            skin.data,
+            addv=PETSc.InsertMode.ADD,
+            rowmap=trace[: len(skin.indptr) - 1],
+        )
+        matrix.assemble()
+        return matrix
+
+    def advance(self) -> None:
+        """End a step: update the history and what the next step starts from."""
+        self._trace()
+        self.body.advance()
+        self.skin.advance()
+        self._centre_before.value[:] = self._centre.value
+
+    def reset(self) -> None:
+        """Return to the undeformed state at zero displacement."""
+        self.body.reset()
+        self.skin.reset()
+        self.set_displacement(0.0)
+        self._centre_before.value[:] = self._centre.value
+
+    def minimum_volume_ratio(self) -> float:
+        """Return the least J over all quadrature points."""
+        local = self.body.history.values(self._volume_ratio)
+        least = float(np.min(local, initial=np.inf))
+        return float(self.comm.allreduce(least if np.isfinite(local).all() else -np.inf, MPI.MIN))
+
+    def force(self) -> float:
+        """Return the indenter's force along its travel (N per mm of leg in 2D, N in 3D)."""
+        return float(self._contact_force() @ self.direction)
+
+    def contact_scale(self) -> float:
+        """Return the norm of the contact's nodal forces at the last residual."""
+        local = self._skin_force.x.array
+        return float(np.sqrt(self.comm.allreduce(float(local @ local))))
+
+    def balance(self) -> Balance:
+        """Return the resultants and works of the present state."""
+        contact = self._contact_force()
+        internal = fem.Function(self.spaces.space)
+        fem.assemble_vector(internal.x.array, self.body.residual)
+        internal.x.scatter_reverse(la.InsertMode.add)
+        owned = self.spaces.space.dofmap.index_map.size_local * self.spaces.space.dofmap.index_map_bs
+        pinned = self.spaces.pinned
+        at_bone = np.zeros_like(internal.x.array)
+        at_bone[pinned] = internal.x.array[pinned]
+        at_bone[owned:] = 0.0
+        reaction = at_bone[self.spaces.displacement_dofs].reshape(-1, self.spaces.dimension)
+        trace_work = float(self._skin_force.x.array @ self.skin.place.unknown.x.array)
+        bulk_work = float(internal.x.array[:owned] @ self.unknown.x.array[:owned])
+        return Balance(
+            contact,
+            self.comm.allreduce(reaction.sum(axis=0)),
+            -float(self.comm.allreduce(trace_work)),
+            float(self.comm.allreduce(bulk_work)),
+        )
+
+    def _contact_force(self) -> FloatArray:
+        self._trace()
+        local = self._assemble_skin().reshape(-1, self.spaces.dimension).sum(axis=0)
+        return -np.asarray(self.comm.allreduce(local))
+
+    def _trace(self) -> None:
+        self.skin.place.unknown.x.array[:] = self.unknown.x.array[self.spaces.trace]
+
+    def _assemble_skin(self) -> FloatArray:
+        force = self._skin_force.x.array
+        force[:] = 0.0
+        fem.assemble_vector(force, self.skin.residual)
+        return force
+
+    def _pinned_blocks(self) -> NDArray[np.int32]:
+        size = self.spaces.space.dofmap.index_map_bs
+        return np.unique(self.spaces.pinned // size).astype(np.int32)
+
+    def _body(self, degree: int) -> PlaceForms:
+        space = self.spaces.space
+        before = fem.Function(space)
+        measure = ufl.Measure(
+            "dx",
+            domain=self.spaces.mesh,
+            subdomain_data=self.spaces.cell_tags,
+            metadata={"quadrature_degree": degree},
+        )
+        test = ufl.TestFunction(space)
+        mixed = self.spaces.formulation == "mixed"
+        now = ufl.split(self.unknown) if mixed else (self.unknown, None)
+        place = Body(
+            self.body_symbols,
+            self.unknown,
+            test,
+            now[0],
+            ufl.split(before)[0] if mixed else before,
+            ufl.split(test)[0] if mixed else test,
+            degree,
+            {name: measure(tag) for name, tag in REGIONS.items()},
+            now[1],
+        )
+        return PlaceForms(place, before, self.model.at("body"), degree)
+
+    def _skin(self) -> PlaceForms:
+        mesh, space = self.spaces.skin, self.spaces.skin_space
+        unknown, before = fem.Function(space), fem.Function(space)
+        test = ufl.TestFunction(space)
+        metadata = {"quadrature_degree": SKIN_DEGREE, "quadrature_rule": "default"}
+        place = Skin(
+            self.skin_symbols,
+            unknown,
+            test,
+            unknown,
+            before,
+            test,
+            SKIN_DEGREE,
+            ufl.Measure("dx", domain=mesh, metadata=metadata),
+            ufl.SpatialCoordinate(mesh),
+            self._centre,
+            self._centre_before,
+            self.spaces.dimension,
+        )
+        return PlaceForms(place, before, self.model.at("skin"), SKIN_DEGREE)

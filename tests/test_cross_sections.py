@@ -1,0 +1,124 @@
+"""From sections of a leg's surfaces to a subject folder."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from making import SHARED, circle
+from shapely import Polygon
+from typer.testing import CliRunner
+
+from legfem.errors import InputError
+from legfem.geometry import PARTS, fat_thickness, girth, minimal_fat_thickness
+from legfem.geometry.__main__ import app
+from legfem.geometry.cross_sections import read_cross_section, section_from_outlines
+from legfem.geometry.subject_folder import convert_cross_sections
+from legfem.subject import load_subject
+
+REAL = SHARED / "data" / "leg_geometry" / "cross_sections_5mm.csv"
+real_leg = pytest.mark.skipif(not REAL.is_file(), reason="needs ../shared/data/leg_geometry")
+
+
+def _surfaces() -> dict[str, np.ndarray]:
+    """A hull that leaves half of the tibia outside, 1 mm under the skin."""
+    return {
+        "skin": circle(0, 0, 60, 150),
+        "muscle_hull": circle(0, 5, 45, 300),
+        "tibia": circle(0, -45, 14, 60),
+        "fibula": circle(25, -20, 6, 40),
+    }
+
+
+def _write(path, surfaces):
+    rows = ["level_mm,part,loop,i,x_mm,y_mm"]
+    rows += [f"300,{part},0,{i},{x:.3f},{y:.3f}"
+             for part, xy in surfaces.items() for i, (x, y) in enumerate(xy)]
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+def test_a_tibia_under_the_skin_is_wrapped_and_cut_back():
+    outlines = {part: Polygon(xy) for part, xy in _surfaces().items()}
+    section = section_from_outlines(outlines, 0.6, "made")
+    parts = {part: section.polygon(part) for part in PARTS}
+    assert minimal_fat_thickness(section) >= 1.5
+    for bone in ("tibia", "fibula"):
+        assert parts[bone].within(parts["fascia"].buffer(-0.6 - 1.0))
+    assert 0.8 < parts["tibia"].area / outlines["tibia"].area < 0.98
+    assert parts["fibula"].area == pytest.approx(outlines["fibula"].area, rel=0.03)
+    # Away from the bone nothing has moved.
+    back = np.array([0.0, 0.0]), np.array([0.0, -1.0])
+    assert fat_thickness(section, *back) == pytest.approx(10.0, abs=0.3)
+
+
+def test_a_folder_is_written_whole_and_loads(tmp_path):
+    path = _write(tmp_path / "sections.csv", _surfaces())
+    out = convert_cross_sections(path, 300, tmp_path / "out" / "leg", fascia_thickness=0.8)
+    subject = load_subject(out, need_recordings=False)
+    assert subject.id == "leg"
+    assert subject.section.fascia_thickness == 0.8
+    assert subject.indenter.direction == pytest.approx([0, -1])
+    assert subject.indenter.aim == pytest.approx([0, 60], abs=1.0)
+    assert sorted(p.name for p in out.parent.iterdir()) == ["leg"]
+
+
+def test_nothing_is_written_when_it_cannot_be_whole(tmp_path):
+    surfaces = _surfaces() | {"tibia": circle(0, -70, 3)}
+    path = _write(tmp_path / "sections.csv", surfaces)
+    with pytest.raises(InputError, match="tibia"):
+        convert_cross_sections(path, 300, tmp_path / "leg")
+    assert [p.name for p in tmp_path.iterdir()] == ["sections.csv"]
+    good = _write(tmp_path / "sections.csv", _surfaces())
+    with pytest.raises(InputError, match="misses the leg"):
+        convert_cross_sections(good, 300, tmp_path / "leg", aim=np.array([200.0, 0.0]))
+    assert [p.name for p in tmp_path.iterdir()] == ["sections.csv"]
+
+
+def test_an_existing_folder_is_left_alone(tmp_path):
+    path = _write(tmp_path / "sections.csv", _surfaces())
+    (tmp_path / "leg").mkdir()
+    (tmp_path / "leg" / "notes.txt").write_text("mine")
+    with pytest.raises(InputError, match="exists already"):
+        convert_cross_sections(path, 300, tmp_path / "leg")
+    assert [p.name for p in (tmp_path / "leg").iterdir()] == ["notes.txt"]
+
+
+def test_wrong_level_and_missing_surface_are_explained(tmp_path):
+    surfaces = _surfaces()
+    del surfaces["fibula"]
+    path = _write(tmp_path / "sections.csv", surfaces)
+    with pytest.raises(InputError, match="the nearest is 300"):
+        read_cross_section(path, 305)
+    with pytest.raises(InputError, match="fibula: missing at level 300"):
+        read_cross_section(path, 300)
+
+
+def test_the_command_exits_2_with_one_line(tmp_path):
+    path = _write(tmp_path / "sections.csv", _surfaces())
+    options = ["--cross-sections", str(path), "--out", str(tmp_path / "leg"), "--level"]
+    failed = CliRunner().invoke(app, [*options, "305"])
+    assert failed.exit_code == 2
+    assert failed.output.count("\n") == 1
+    assert "--level" in failed.output
+    done = CliRunner().invoke(app, [*options, "300"])
+    assert done.exit_code == 0
+    assert "girth 377 mm" in done.output
+    assert (tmp_path / "leg" / "contours.csv").is_file()
+
+
+@real_leg
+def test_the_real_calf_becomes_a_subject(tmp_path):
+    out = convert_cross_sections(REAL, 300, tmp_path / "calf")
+    section = load_subject(out, need_recordings=False).section
+    assert girth(section) == pytest.approx(378, abs=1)
+    assert minimal_fat_thickness(section) > 1.5
+    subject = load_subject(out, need_recordings=False)
+    fat = fat_thickness(section, subject.indenter.aim, subject.indenter.direction)
+    assert fat == pytest.approx(12, abs=1)
+
+
+@real_leg
+@pytest.mark.parametrize("level", [170, 250, 380])
+def test_other_levels_convert_too(level):
+    section = section_from_outlines(read_cross_section(REAL, level), 0.6, REAL)
+    assert minimal_fat_thickness(section) > 1.5

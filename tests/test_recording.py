@@ -1,0 +1,236 @@
+"""Recordings: reading, first contact, phases, the mean curve and its uncertainty."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from making import SHARED, press, tissue_force, write_recording
+
+from legfem.errors import InputError
+from legfem.recording import (
+    Instrument,
+    Recording,
+    find_first_contact,
+    mean_loading_curve,
+    read_recording,
+    split_phases,
+)
+from legfem.subject import load_subject
+
+INSTRUMENT = Instrument(force_sd=0.04, displacement_sd=0.02)
+
+
+def _refused(path):
+    with pytest.raises(InputError) as caught:
+        read_recording(path)
+    line = str(caught.value)
+    assert "\n" not in line
+    assert line.startswith(str(path))
+    assert caught.value.remedy
+    return caught.value
+
+
+def _with(recording, **changes):
+    given = {"time": recording.time, "displacement": recording.displacement,
+             "force": recording.force, "trial": recording.trial}
+    return Recording(**(given | changes))
+
+
+def test_reading_keeps_every_sample(tmp_path):
+    made = press(force_sd=0.03, displacement_sd=0.02, hold=5, unload=True)
+    read = read_recording(write_recording(tmp_path / "trial7.csv", made))
+    assert read.trial == "trial7"
+    assert read.time == pytest.approx(made.time, abs=1e-3)
+    assert read.displacement == pytest.approx(made.displacement, abs=1e-4)
+    assert read.force == pytest.approx(made.force, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("change", "field", "words"),
+    [
+        (lambda r: _with(r, force=0.03 * np.sin(37 * r.time)), "force_N", "never touches"),
+        (lambda r: _with(r, force=-r.force), "force_N", "change its sign"),
+        (lambda r: _with(r, force=r.force / 1000), "force_N", "kN"),
+        (lambda r: _with(r, displacement=r.displacement / 1000), "displacement_mm", "metres"),
+        (lambda r: _with(r, displacement=-r.displacement), "displacement_mm", "at the start"),
+        (lambda r: press(air=10, depth=3, force_sd=0.03), "displacement_mm", "too short"),
+        (lambda r: press(depth=20, rate=0.3), "rows", "samples"),
+        (lambda r: press(air=30, depth=12, rate=0.5), "rows", "after contact are too few"),
+        (lambda r: _with(r, time=r.time[::-1]), "time_s, line 3", "backwards"),
+    ],
+)
+def test_unusable_trials_are_explained(tmp_path, change, field, words):
+    made = change(press(force_sd=0.01, displacement_sd=0.01))
+    if words in ("kN", "metres"):
+        made = change(press())
+    error = _refused(write_recording(tmp_path / "trial1.csv", made))
+    assert error.field == field
+    assert words in str(error)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "field", "words"),
+    [
+        ("displacement_mm", "displacement_m", "header", "'displacement_m' where"),
+        ("force_N", "force_kN", "header", "'force_kN' where 'force_N'"),
+        ("time_s", "t", "header", "'time_s' is missing"),
+        ("time_s,displacement_mm,force_N", "time_s;displacement_mm;force_N", "header", "commas"),
+        ("0.100,0.0400", "0,100,0,0400", "line 3", "decimal"),
+        ("0.100,0.0400", '0.100,"0,0400"', "displacement_mm, line 3", "decimal comma"),
+        ("0.100,0.0400", "0.100,NaN", "displacement_mm, line 3", "not a finite number"),
+        ("0.200,0.0800", "0.100,0.0800", "time_s, line 4", "repeats"),
+    ],
+)
+def test_unreadable_files_are_explained(tmp_path, old, new, field, words):
+    path = write_recording(tmp_path / "trial1.csv", press())
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    error = _refused(path)
+    assert error.field == field
+    assert words in str(error)
+
+
+@pytest.mark.parametrize("rate", [10.0, 200.0])
+@pytest.mark.parametrize("seed", range(5))
+def test_contact_after_air_is_found_within_its_error(seed, rate):
+    made = press(air=3.7, force_sd=0.03, displacement_sd=0.02, offset=0.4, seed=seed, rate=rate)
+    contact = find_first_contact(made)
+    assert contact.in_air
+    assert contact.displacement == pytest.approx(3.7, abs=0.35)
+    assert abs(contact.displacement - 3.7) < 3.5 * contact.displacement_error
+    assert contact.baseline == pytest.approx(0.4, abs=0.025)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_recording_that_begins_at_contact_is_not_shifted(seed):
+    made = press(force_sd=0.05, displacement_sd=0.05, offset=0.08, seed=seed)
+    contact = find_first_contact(made)
+    assert not contact.in_air
+    assert contact.displacement == 0.0
+    assert contact.baseline == 0.0
+
+
+def test_a_sensor_that_starts_elsewhere_is_shifted_to_first_touch():
+    made = press(force_sd=0.02, displacement_sd=0.02)
+    contact = find_first_contact(_with(made, displacement=made.displacement + 12.3))
+    assert contact.displacement == pytest.approx(12.3, abs=0.05)
+
+
+@pytest.mark.parametrize("displacement_sd", [0.0, 0.02, 0.15])
+@pytest.mark.parametrize("hold", [0.0, 10.0])
+def test_phases_change_where_the_motion_does(displacement_sd, hold):
+    air, depth = 3.7, 20.0
+    made = press(air=air, depth=depth, hold=hold, unload=True, force_sd=0.03,
+                 displacement_sd=displacement_sd, seed=3)
+    labels = split_phases(made)
+    up = (air + depth) / 0.4
+    corners = {"loading": (air / 0.4, up), "unloading": (up + hold, up + hold + depth / 0.4)}
+    if hold:
+        corners["hold"] = (up, up + hold)
+    for phase, (start, end) in corners.items():
+        when = made.time[labels == phase]
+        assert when.min() == pytest.approx(start, abs=1.0)
+        assert when.max() == pytest.approx(end, abs=1.0)
+        assert len(when) == pytest.approx((end - start) * 10, abs=15)
+    assert (labels[made.time < air / 0.4 - 1] == "air").all()
+    assert (labels[made.time > up + hold + depth / 0.4 + 1] == "air").all()
+
+
+def test_the_mean_curve_is_the_true_one_and_the_raw_data_stay():
+    trials = [press(air=air, force_sd=0.03, displacement_sd=0.1, offset=0.2, seed=k)
+              for k, air in enumerate((2.0, 3.7, 5.1))]
+    before = [r.force.copy() for r in trials]
+    curve = mean_loading_curve(trials, INSTRUMENT)
+    assert curve.n_trials == 3
+    assert np.diff(curve.displacement) == pytest.approx(0.25)
+    assert curve.displacement[-1] == pytest.approx(20, abs=0.8)
+    error = curve.force - tissue_force(curve.displacement)
+    assert np.abs(error / curve.force_sd).max() < 4.0
+    assert np.abs(error[8:] / curve.force[8:]).max() < 0.03
+    assert curve.force_sd**2 == pytest.approx(np.diag(curve.covariance))
+    assert all((r.force == kept).all() for r, kept in zip(trials, before, strict=True))
+
+
+def test_displacement_noise_does_not_flatten_the_curve():
+    """Regressing on noisy readings at 4 samples a bin would cost several % of local slope."""
+    exact, noisy = (
+        mean_loading_curve([press(displacement_sd=sd, seed=k) for k in range(6)], INSTRUMENT)
+        for sd in (0.0, 0.15)
+    )
+    n = min(len(exact.force), len(noisy.force))
+    ratio = np.polyfit(exact.force[8:n], noisy.force[8:n], 1)[0]
+    assert ratio == pytest.approx(1.0, abs=0.005)
+    assert exact.force == pytest.approx(tissue_force(exact.displacement), abs=2e-3)
+
+
+def test_sparse_and_dense_sampling_give_the_same_curve():
+    for rate in (1.0, 3.0, 500.0):
+        curve = mean_loading_curve([press(rate=rate)], INSTRUMENT)
+        assert curve.force == pytest.approx(tissue_force(curve.displacement), abs=0.02)
+
+
+def test_white_noise_is_recovered():
+    trials = [press(force_sd=0.05, displacement_sd=0.02, seed=k) for k in range(3)]
+    noise = mean_loading_curve(trials, INSTRUMENT).noise
+    assert noise.white_sd == pytest.approx(0.05, rel=0.1)
+    assert noise.repeat_dof == 2
+    assert mean_loading_curve(trials[:1], INSTRUMENT).noise.source == "instrument"
+
+
+def test_the_covariance_covers_the_error_of_a_fitted_stiffness():
+    """Scale factors fitted by least squares with the covariance scatter as it says."""
+    scores, coloured = [], np.exp(-0.04 / 1.5)
+    for seed in range(30):
+        rng = np.random.default_rng(100 + seed)
+        trials = []
+        for k in range(3):
+            made = press(displacement_sd=0.02, seed=10 * seed + k)
+            slow = np.zeros(len(made))
+            for i in range(1, len(slow)):
+                slow[i] = coloured * slow[i - 1] + 0.03 * np.sqrt(1 - coloured**2) * rng.normal()
+            force = (made.force * (1 + 0.005 * rng.normal()) + 0.05 * rng.normal() + slow
+                     + 0.03 * rng.normal(size=len(slow)))
+            trials.append(_with(made, force=force))
+        curve = mean_loading_curve(trials, INSTRUMENT)
+        shape = tissue_force(curve.displacement)
+        weight = np.linalg.solve(curve.covariance, shape)
+        variance = 1 / (shape @ weight)
+        scores.append((variance * (weight @ curve.force) - 1) / np.sqrt(variance))
+    assert abs(np.mean(scores)) < 0.6
+    assert 0.5 < np.std(scores) < 1.5
+    assert np.mean(np.abs(scores) < 1.96) >= 0.85
+
+
+def test_preconditioning_before_the_press_is_left_out():
+    first = press(depth=8, unload=True, force_sd=0.02, displacement_sd=0.02)
+    second = press(depth=20, force_sd=0.02, displacement_sd=0.02, seed=1)
+    both = Recording(
+        time=np.concatenate([first.time, second.time + first.time[-1] + 0.1]),
+        displacement=np.concatenate([first.displacement, second.displacement]),
+        force=np.concatenate([0.7 * first.force, second.force]), trial="cycled",
+    )
+    curve = mean_loading_curve([both], INSTRUMENT)
+    deep = curve.displacement > 9
+    assert curve.force[deep] == pytest.approx(tissue_force(curve.displacement[deep]), abs=0.1)
+
+
+def test_no_recordings_is_an_input_error():
+    with pytest.raises(InputError, match="at least one trial"):
+        mean_loading_curve([], INSTRUMENT)
+
+
+@pytest.mark.skipif(not (SHARED / "crosscheck").is_dir(), reason="needs ../shared/crosscheck")
+@pytest.mark.parametrize("law", ["neo-hookean", "reduced-polynomial"])
+def test_the_crosscheck_curves_are_met(law):
+    folder = SHARED / "crosscheck" / law
+    subject = load_subject(folder)
+    curve = mean_loading_curve(subject.recordings, subject.instrument)
+    clean = pd.read_csv(folder / "clean.csv")
+    truth = np.interp(curve.displacement, clean["displacement_mm"], clean["force_N"])
+    assert curve.displacement[-1] == 20.0
+    assert np.abs((curve.force - truth) / curve.force_sd).max() < 3.0
+    weight = np.linalg.solve(curve.covariance, truth)
+    assert (weight @ curve.force) / (weight @ truth) == pytest.approx(1.0, abs=0.005)
+    assert all(c.displacement == 0.0 for c in curve.contacts)
