@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,3 +35,11 @@ def interpolation_points(element: Any) -> NDArray[np.float64]:
 def evaluate(expression: Any, mesh: Any, cells: NDArray[np.int32]) -> NDArray[np.float64]:
     """Return a `dolfinx.fem.Expression` at its points in some cells, flat by cell and point."""
     return np.asarray(expression.eval(mesh, cells)).reshape(-1)
+
+
+def vtx_writer(comm: MPI.Intracomm, path: Path, functions: Sequence[Any]) -> Any:
+    """Return an open VTX writer, or None where DOLFINx was built without ADIOS2."""
+    writer = getattr(dolfinx_io, "VTXWriter", None)
+    if writer is None:
+        return None
+    return writer(comm, path, list(functions), engine="BP4")

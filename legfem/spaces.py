@@ -103,10 +103,6 @@ def build_spaces(
 
 def _mixed_element(mesh: Any, degree: int) -> Any:
     cell, dimension = mesh.basix_cell(), mesh.geometry.dim
-    pressure = basix.ufl.element("DPC", cell, 1) if str(cell).endswith("quadrilateral") else None
-    if pressure is not None:
-        displacement = basix.ufl.element("Lagrange", cell, degree, shape=(dimension,))
-        return basix.ufl.mixed_element([displacement, pressure])
     enriched = basix.ufl.enriched_element(
         [basix.ufl.element("Lagrange", cell, degree), basix.ufl.element("Bubble", cell, degree + 1)]
     )

@@ -52,9 +52,11 @@ class SolveReport:
     """What a solution took and how far it came."""
 
     reached: float
-    """mm."""
+    """Greatest displacement (mm)."""
     target: float
-    """mm."""
+    """Greatest displacement asked for (mm)."""
+    complete: bool
+    """Whether the whole path was followed."""
     reason: str
     """Why it stopped."""
     steps: tuple[Step, ...] = ()
@@ -63,11 +65,6 @@ class SolveReport:
     contact_stiffness_factor: float = 1.0
     """1 unless the contact had to be softened to go on."""
     earlier_attempts: tuple[SolveReport, ...] = ()
-
-    @property
-    def complete(self) -> bool:
-        """Whether the target was reached."""
-        return self.reached >= self.target - 1e-9
 
     @property
     def factorisations(self) -> int:
@@ -173,8 +170,9 @@ def press(
             continue
         break
     return SolveReport(
-        reached=position,
-        target=targets[-1],
+        reached=max((step.displacement for step in steps if step.accepted), default=0.0),
+        target=max(targets),
+        complete=abs(position - targets[-1]) < 1e-9,
         reason=reason,
         steps=tuple(steps),
         seconds=time.perf_counter() - started,

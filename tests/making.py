@@ -87,7 +87,7 @@ def press(
     d = d - back * speed
     force = tissue_force(d - air)
     holding = np.clip(t - up, 0.0, hold)
-    force = force * (1 - 0.2 * (1 - np.exp(-holding / 3.0))) * np.where(back > 0, 0.8, 1.0)
+    force = force * (1 - 0.2 * (1 - np.exp(-holding / 3.0))) * np.where(back > 1e-6, 0.8, 1.0)
     return Recording(
         time=t, displacement=d + displacement_sd * rng.standard_normal(len(t)),
         force=force + offset + force_sd * rng.standard_normal(len(t)), trial=trial,

@@ -153,6 +153,17 @@ def test_the_mean_curve_is_the_true_one_and_the_raw_data_stay():
     assert all((r.force == kept).all() for r, kept in zip(trials, before, strict=True))
 
 
+def test_a_trial_without_air_joins_those_with_it():
+    trials = [press(air=air, depth=18, force_sd=0.03, displacement_sd=0.02, offset=0.3, seed=k)
+              for k, air in enumerate((3.0, 0.0, 4.0))]
+    curve = mean_loading_curve(trials, INSTRUMENT)
+    assert [c.in_air for c in curve.contacts] == [True, False, True]
+    assert curve.noise.common_shift_sd > 0.02
+    error = curve.trial_force - tissue_force(curve.displacement)
+    assert np.abs(error).max() < 0.35
+    assert np.ptp(curve.trial_force, axis=0).max() < 0.25
+
+
 def test_displacement_noise_does_not_flatten_the_curve():
     """Regressing on noisy readings at 4 samples a bin would cost several % of local slope."""
     exact, noisy = (

@@ -42,7 +42,7 @@ class PlaneStrainSettings:
     contact: ContactSettings = field(default_factory=ContactSettings)
     newton: NewtonSettings = field(default_factory=NewtonSettings)
     steps: StepSettings = field(default_factory=StepSettings)
-    formulation: Literal["displacement", "mixed"] = "displacement"
+    formulation: Literal["displacement", "mixed"] = "mixed"
     quadrature_degree: int = 4
     defences: bool = True
     """Whether a softer contact and then a finer mesh are tried when a solution stops short."""

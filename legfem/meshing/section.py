@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import gmsh
 import numpy as np
@@ -43,19 +43,22 @@ class SectionMeshSettings:
         Growth of the edge length per mm of distance from that skin.
     far_size : float
         Greatest edge length (mm).
-    cell : {"triangle", "quadrilateral"}
-        Shape of the elements.
+    layer_size : float
+        Greatest edge length along the fascia (mm): long straight edges would stiffen its bending.
     """
 
-    contact_size: float = 1.0
-    growth: float = 0.18
-    far_size: float = 6.0
-    cell: Literal["triangle", "quadrilateral"] = "triangle"
+    contact_size: float = 1.2
+    growth: float = 0.22
+    far_size: float = 7.0
+    layer_size: float = 3.0
 
     def refined(self, factor: float) -> SectionMeshSettings:
         """Return settings with all lengths divided by ``factor``."""
         return SectionMeshSettings(
-            self.contact_size / factor, self.growth / factor, self.far_size / factor, self.cell
+            self.contact_size / factor,
+            self.growth / factor,
+            self.far_size / factor,
+            self.layer_size / factor,
         )
 
 
@@ -189,7 +192,19 @@ def _place(curve: ClosedCurve, size: Any) -> tuple[FloatArray, FloatArray]:
     count = np.concatenate([[0.0], np.cumsum(steps * 0.5 * (1 / sizes[1:] + 1 / sizes[:-1]))])
     number = max(8, math.ceil(count[-1]))
     at = np.interp(np.arange(number) / number * count[-1], count, turns)
-    return curve(at), curve.tangent(at)
+    corners, tangents = curve(at), curve.tangent(at)
+    return corners + _out_of_chords(corners), tangents
+
+
+def _out_of_chords(corners: FloatArray) -> FloatArray:
+    """Return shifts that make the polygon through the corners enclose what their curve does.
+
+    A chord of length h on an arc of radius R lies h^2 / (12 R) inside it on average.
+    """
+    before, after = corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners
+    lengths = np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)
+    turn = before / lengths[0][:, None] - after / lengths[1][:, None]
+    return turn * (0.5 * (lengths[0] + lengths[1]) / 12)[:, None]
 
 
 def _build(
@@ -205,10 +220,13 @@ def _build(
     def size(points: FloatArray) -> FloatArray:
         return np.minimum(contact + growth * reached.query(points)[0], settings.far_size)
 
+    def layer_size(points: FloatArray) -> FloatArray:
+        return np.minimum(size(points), settings.layer_size)
+
     def bone_size(length: float) -> Any:
         return lambda points: np.minimum(size(points), max(contact, length / 30))
 
-    outer, tangent = _place(smooth_closed_curve(section.fascia), size)
+    outer, tangent = _place(smooth_closed_curve(section.fascia), layer_size)
     inward = np.column_stack([-tangent[:, 1], tangent[:, 0]])
     inner = outer + section.fascia_thickness * inward
     corners, _ = _place(skin, size)
@@ -254,10 +272,7 @@ def _build(
     field.setString(graded, "F", f"min({contact} + {growth}*F{distance}, {settings.far_size})")
     field.setAsBackgroundMesh(graded)
     gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
-    gmsh.option.setNumber("Mesh.Algorithm", 6 if settings.cell == "triangle" else 8)
-    if settings.cell == "quadrilateral":
-        gmsh.option.setNumber("Mesh.RecombineAll", 1)
-        gmsh.option.setNumber("Mesh.RecombinationAlgorithm", 3)
+    gmsh.option.setNumber("Mesh.Algorithm", 6)
     model.mesh.generate(2)
     return corners
 

@@ -17,7 +17,7 @@ _MAX_POINTS = 400
 # correlated over 1.2 mm.
 _SLOW_NOISE_FACTOR = 2.0
 # Drop in cost, in units of the noise's variance, below which air isn't believed.
-_LEAST_GAIN = 16.0
+_LEAST_GAIN = 25.0
 _STIFFENING_PER_MM = (0.0, 0.025, 0.05, 0.075, 0.1, 0.15, 0.2, 0.3, 0.4)
 # What the fitted shape itself may misplace contact by, however little noise there is.
 _SHAPE_ERROR_MM = 0.03
@@ -56,10 +56,11 @@ def find_first_contact(
     the half-width of its profile, the rest left free, with the residual's correlation counted.
 
     A shift by a noisy d0 would bias the stiffness, and many recordings begin at first touch.
-    So the displacement is shifted only if d0 lies after the recording's start by more than
-    three standard errors and more than the sensor's standard deviation, and fits far better than
-    contact at the start; only then has air been recorded and the baseline measured. Else contact is taken at zero displacement, or at the
-    first displacement if that differs from zero as clearly and the force there does not.
+    So the displacement is shifted only if d0 lies after the recording's start by more than the
+    sensor's standard deviation and fits far better than contact at the start (a drop in cost of
+    25 variances, five standard errors); only then has air been recorded and the baseline
+    measured. Else contact is taken at zero displacement, or at the first displacement if that
+    differs from zero clearly and the force there does not.
 
     Parameters
     ----------
@@ -96,19 +97,15 @@ def fit_onset(
     onsets = np.linspace(max(first, best - reach), min(last, best + reach), 161)
     best, residual, cost = _profile(x, y, onsets)
     slope = float(np.polyfit(*_near(x, y, best), 1)[0])
-    error = float(np.linalg.norm([
-        _half_width(onsets, cost, best, residual), _SHAPE_ERROR_MM,
-        _SLOW_NOISE_FACTOR * _slow_part(residual) / max(slope, 1e-12),
-    ]))
+    resolved = float(np.hypot(_half_width(onsets, cost, best, residual), _SHAPE_ERROR_MM))
+    slow = _SLOW_NOISE_FACTOR * _slow_part(residual) / max(slope, 1e-12)
+    error = float(np.hypot(resolved, slow))
     air = x < best
     # Against the best fit that has contact at the start: noise alone gains little.
     variance = float(cost.min()) / max(len(x) - 4, 1) * _inflation(residual)
     _, _, without = _profile(x, y, np.array([first]))
     gain = (float(without[0]) - float(cost.min())) / max(variance, 1e-30)
-    significant = (
-        best - start > max(3.0 * error, displacement_sd) and gain > _LEAST_GAIN
-        and air.sum() >= 4
-    )
+    significant = best - start > displacement_sd and gain > _LEAST_GAIN and air.sum() >= 4
     if not significant:
         return _at_start(d, force, start, noise, displacement_sd, best, error)
     in_air = near & (d < best - 2 * error)

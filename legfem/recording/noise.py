@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import minimize
+from scipy.stats import norm
+from scipy.stats import t as student_t
 
 from legfem.units import FloatArray
 
@@ -20,8 +22,9 @@ class NoiseEstimate:
     """Components of one trial's error about the true curve.
 
     A trial reads F + offset + gain F + shift dF/dd + slow + white, each independent between
-    trials; after air the trials are aligned and an error of their common shift is added. Errors that all trials share (a load cell's calibration) aren't seen in repeats and
-    aren't in here.
+    trials; after air the trials are aligned and an error of their common shift is added.
+    Errors that all trials share (a load cell's calibration) aren't seen in repeats and aren't
+    in here.
     """
 
     force_sd: float
@@ -45,27 +48,26 @@ class NoiseEstimate:
     source: str
     """``repeats and instrument``, or ``instrument`` for a single trial."""
 
-    def shift_estimate(
-        self, displacement: FloatArray, deviation: FloatArray, slope: FloatArray,
-        white_variance: FloatArray, force: FloatArray,
-    ) -> FloatArray:
-        """Return how far along each trial deviates from the mean curve; (R,), mm.
-
-        The best linear prediction, in which offset, gain and noise compete for ``deviation``
-        (R, n).
-        """
-        spread = self.trial_covariance(displacement, force, slope) + np.diag(white_variance)
-        weight = self.shift_sd**2 * np.linalg.solve(spread, slope)
-        return np.asarray(deviation @ weight)
-
     def trial_covariance(
         self, displacement: FloatArray, force: FloatArray, slope: FloatArray
     ) -> FloatArray:
         """Return the covariance (n, n), N^2, of one trial's curve without its white part."""
+        few = self.small_sample_factor
         return _covariance(
-            np.array([self.offset_sd, self.gain_sd, self.shift_sd, self.slow_sd,
-                      self.correlation_length]), displacement, force, slope,
+            np.array([few * self.offset_sd, few * self.gain_sd, few * self.shift_sd,
+                      self.slow_sd, self.correlation_length]), displacement, force, slope,
         )
+
+    @property
+    def small_sample_factor(self) -> float:
+        """Student's over the normal 97.5 % quantile, for the components that differ by trial.
+
+        A few repeats tell their standard deviations poorly. The expectation counts as two more
+        degrees of freedom; a single trial has nothing but it, and is taken at its word.
+        """
+        if self.repeat_dof < 1:
+            return 1.0
+        return float(student_t.ppf(0.975, self.repeat_dof + 2) / norm.ppf(0.975))
 
 
 @dataclass(frozen=True)

@@ -94,7 +94,7 @@ def check_recording(recording: Recording, minimal_depth: float = MINIMAL_DEPTH_M
 def _check_motion(recording: Recording, source: str | Path) -> None:
     noise = sample_noise(recording.displacement)
     smooth, _ = smooth_displacement(recording.time, recording.displacement)
-    away = smooth - np.mean(smooth[:3])
+    away = smooth - smooth[0]
     travel = float(np.ptp(smooth))
     if travel < 0.1:
         raise InputError(

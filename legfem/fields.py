@@ -1,0 +1,206 @@
+"""Fields of a deformed leg: displacement, stress and strain measures, pressure on the skin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import basix
+import basix.ufl
+import numpy as np
+import ufl
+from dolfinx import fem
+from numpy.typing import NDArray
+
+from legfem._compat import evaluate
+from legfem.kinematics import Expr, deformation_gradient, volume_ratio
+from legfem.materials import Hyperelastic
+from legfem.meshing.section import REGIONS
+from legfem.model import NormalContact, Tissue
+from legfem.system import SKIN_DEGREE, System
+from legfem.units import FloatArray, mpa_to_kpa
+
+
+@dataclass(frozen=True, eq=False)
+class LegFields:
+    """A system's state as `dolfinx.fem.Function` values, for output.
+
+    Stresses and strain measures are discontinuous, linear in every cell: the least-squares fit to
+    their values at the quadrature points, where equilibrium was solved.
+    """
+
+    displacement: Any
+    """mm, continuous, of second order."""
+    pressure: Any
+    """Hydrostatic Cauchy pressure ``-tr(sigma)/3`` (kPa), positive in compression."""
+    von_mises: Any
+    """Von Mises' equivalent Cauchy stress (kPa)."""
+    stretch: Any
+    """Greatest principal stretch, dimensionless."""
+    volume_ratio: Any
+    """J, dimensionless."""
+    region: Any
+    """Tag of the tissue, constant in every cell: the values of `legfem.meshing.section.REGIONS`."""
+    contact_pressure: Any
+    """On the skin's mesh, per unit of deformed area (kPa)."""
+    skin_displacement: Any
+    """mm, on the skin's mesh."""
+    indenter_centre: FloatArray
+    """(dimension,), mm."""
+
+
+def cauchy_stress(law: Hyperelastic, F: Expr, pressure: Expr | None = None) -> Expr:
+    r"""Return the Cauchy stress :math:`\sigma = J^{-1} (\partial U / \partial F) F^T` (MPa).
+
+    Parameters
+    ----------
+    law
+        The tissue's; its stresses in MPa.
+    F
+        Deformation gradient, (3, 3).
+    pressure
+        The unknown of a mixed form (MPa, positive in tension), which stands for the derivative of
+        the quadratic volumetric energy; None in a displacement form.
+
+    Returns
+    -------
+    ufl.core.expr.Expr
+        Shape (3, 3).
+    """
+    gradient = ufl.variable(F)
+    J = volume_ratio(gradient)
+    if pressure is None:
+        energy = law.strain_energy(gradient)
+    else:
+        energy = law.distortion_energy(gradient) + law.volumetric_remainder(J) + pressure * (J - 1)
+    return ufl.dot(ufl.diff(energy, gradient), ufl.transpose(gradient)) / J
+
+
+def hydrostatic_pressure(stress: FloatArray) -> FloatArray:
+    """Return ``-tr(sigma)/3`` of stresses (..., 3, 3), in their unit."""
+    return -np.trace(stress, axis1=-2, axis2=-1) / 3
+
+
+def von_mises_stress(stress: FloatArray) -> FloatArray:
+    """Return von Mises' equivalent of stresses (..., 3, 3), in their unit."""
+    deviator = stress + hydrostatic_pressure(stress)[..., None, None] * np.eye(3)
+    return np.sqrt(1.5 * np.sum(deviator**2, axis=(-2, -1)))
+
+
+def greatest_stretch(gradient: FloatArray) -> FloatArray:
+    """Return the greatest principal stretch of deformation gradients (..., 3, 3)."""
+    return np.asarray(np.linalg.svd(gradient, compute_uv=False)[..., 0])
+
+
+def fields_of(system: System) -> LegFields:
+    """Return the fields of a system in its present state.
+
+    Only the stresses of tissues (`legfem.model.Tissue`) count; collective over the system's ranks.
+    """
+    spaces, body = system.spaces, system.body.place
+    displacement = fem.Function(spaces.displacement_space, name="displacement")
+    displacement.x.array[:] = system.unknown.x.array[spaces.displacement_dofs]
+
+    linear = fem.functionspace(spaces.mesh, ("DG", 1))
+    measures = {
+        name: fem.Function(linear, name=name)
+        for name in ("pressure", "von_mises", "stretch", "volume_ratio")
+    }
+    degree = body.quadrature_degree
+    for tissue in system.model.at("body"):
+        if not isinstance(tissue, Tissue):
+            continue
+        cells = spaces.cell_tags.find(REGIONS[tissue.region]).astype(np.int32)
+        law = body.symbols.of(tissue.region, tissue.law)
+        F = deformation_gradient(body.displacement)
+        sigma = cauchy_stress(law, F, body.pressure)
+        both = ufl.as_tensor([[[m[i, j] for j in range(3)] for i in range(3)] for m in (F, sigma)])
+        values = _at_points(both, spaces.mesh, cells, degree).reshape(-1, 2, 3, 3)
+        gradient, stress = values[:, 0], mpa_to_kpa(values[:, 1])
+        for name, value in (
+            ("pressure", hydrostatic_pressure(stress)),
+            ("von_mises", von_mises_stress(stress)),
+            ("stretch", greatest_stretch(gradient)),
+            ("volume_ratio", np.linalg.det(gradient)),
+        ):
+            fit_in_cells(measures[name], value, cells, degree)
+    _drop_negative(measures["von_mises"])
+    for measure in measures.values():
+        measure.x.scatter_forward()
+
+    region = fem.Function(fem.functionspace(spaces.mesh, ("DG", 0)), name="region")
+    region.x.array[spaces.cell_tags.indices] = spaces.cell_tags.values
+    contact, skin_displacement = _on_skin(system)
+    return LegFields(
+        displacement=displacement,
+        region=region,
+        contact_pressure=contact,
+        skin_displacement=skin_displacement,
+        indenter_centre=np.array(system.skin.place.centre.value),
+        **measures,
+    )
+
+
+def fit_in_cells(
+    function: Any, values: FloatArray, cells: NDArray[np.int32], degree: int
+) -> None:
+    """Set a discontinuous function in some cells to the least-squares fit of quadrature values.
+
+    Parameters
+    ----------
+    function
+        Scalar, discontinuous.
+    values
+        Flat by cell and quadrature point.
+    cells
+        Local indices.
+    degree
+        Of the quadrature.
+    """
+    space = function.function_space
+    points, weights = _quadrature(space.mesh, degree)
+    shapes = space.element.basix_element.tabulate(0, points)[0, :, :, 0]
+    # In cells whose mapping isn't affine, the weights ignore the variation of its determinant.
+    weighted = shapes.T * weights
+    fit = np.linalg.solve(weighted @ shapes, weighted)
+    function.x.array[space.dofmap.list[cells]] = values.reshape(len(cells), -1) @ fit.T
+
+
+def _on_skin(system: System) -> tuple[Any, Any]:
+    """Return contact pressure per deformed area (kPa) and displacement on the skin's mesh."""
+    place, mesh = system.skin.place, system.spaces.skin
+    place.unknown.x.array[:] = system.unknown.x.array[system.spaces.trace]
+    displacement = fem.Function(system.spaces.skin_space, name="displacement")
+    displacement.x.array[:] = place.unknown.x.array
+    contact = fem.Function(fem.functionspace(mesh, ("DG", 1)), name="contact_pressure")
+    laws = [term for term in system.model.at("skin") if isinstance(term, NormalContact)]
+    if not laws:
+        return contact, displacement
+    before = ufl.Jacobian(mesh)
+    after = before + ufl.dot(ufl.grad(place.displacement), before)
+    growth = ufl.sqrt(ufl.det(after.T * after) / ufl.det(before.T * before))
+    pressure = sum(term.pressure(place) for term in laws) / growth
+    index_map = mesh.topology.index_map(mesh.topology.dim)
+    cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+    values = mpa_to_kpa(_at_points(pressure, mesh, cells, SKIN_DEGREE))
+    fit_in_cells(contact, values, cells, SKIN_DEGREE)
+    _drop_negative(contact)
+    return contact, displacement
+
+
+def _drop_negative(function: Any) -> None:
+    """Set to zero where a linear fit falls below what the quantity can be."""
+    np.maximum(function.x.array, 0.0, out=function.x.array)
+
+
+def _quadrature(mesh: Any, degree: int) -> tuple[FloatArray, FloatArray]:
+    element = basix.ufl.quadrature_element(mesh.basix_cell(), degree=degree)
+    points, weights = element.custom_quadrature()
+    return points, weights
+
+
+def _at_points(
+    expression: Expr, mesh: Any, cells: NDArray[np.int32], degree: int
+) -> NDArray[np.float64]:
+    points, _ = _quadrature(mesh, degree)
+    return evaluate(fem.Expression(expression, points), mesh, cells)

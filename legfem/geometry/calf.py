@@ -1,0 +1,121 @@
+"""A parametric calf: plausible contours from a few numbers a reader can judge.
+
+The calf's back points to -y, its front to +y. The skin is an oval with the flattened front and the
+bulging back of a calf; the fat is thinnest over the tibia; the bones keep their distance from the
+fascia.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from legfem.checks import check_positive
+from legfem.errors import InputError
+from legfem.geometry.contours import check_section
+from legfem.geometry.section import LegSection, girth
+from legfem.units import FloatArray
+
+
+@dataclass(frozen=True)
+class Calf:
+    """Shape of one calf.
+
+    Parameters
+    ----------
+    girth_mm : float
+        Perimeter of the skin.
+    fat_mm : float
+        Mean thickness between skin and fascia.
+    fascia_thickness_mm : float
+        Of the fascia.
+    aspect : float
+        Width over depth of the oval.
+    bulge : float
+        How much farther the back reaches than the front, relative to the mean radius.
+    asymmetry : float
+        The same between the two sides.
+    fat_variation : float
+        Relative: the fat is this much thicker at the back and thinner over the tibia.
+    tibia_mm, fibula_mm : tuple[float, float]
+        Mean radii.
+    side : {1, -1}
+        On which side of the y axis the fibula lies.
+    """
+
+    girth_mm: float
+    fat_mm: float
+    fascia_thickness_mm: float
+    aspect: float = 1.04
+    bulge: float = 0.05
+    asymmetry: float = 0.02
+    fat_variation: float = 0.15
+    tibia_mm: float = 12.0
+    fibula_mm: float = 6.0
+    side: int = 1
+
+    def __post_init__(self) -> None:
+        """Check the lengths and that the fascia is thinner than the fat."""
+        check_positive(
+            self, "girth_mm", "fat_mm", "fascia_thickness_mm", "aspect", "tibia_mm", "fibula_mm"
+        )
+        if self.fascia_thickness_mm >= self.fat_mm:
+            raise InputError(
+                "Calf", "fascia_thickness_mm", "is not below fat_mm", "give a thinner fascia"
+            )
+
+
+def calf_section(calf: Calf, points: int = 240) -> LegSection:
+    """Return the contours of a calf.
+
+    Raises
+    ------
+    InputError
+        If the numbers give contours that cross.
+    """
+    angle = 2 * np.pi * np.arange(points) / points
+    shape = _oval(angle, calf)
+    unit = np.column_stack([np.cos(angle), np.sin(angle)])
+    outline = shape[:, None] * unit
+    radius = calf.girth_mm / _perimeter(outline)
+    skin = radius * outline
+    # Thickest at the back (-y), thinnest over the tibia's face.
+    over_tibia = np.cos(angle - (np.pi / 2 + 0.5 * calf.side))
+    fat = calf.fat_mm * (1 - calf.fat_variation * over_tibia)
+    fascia = skin - fat[:, None] * _outward(skin)
+    tibia = _bone(
+        calf.tibia_mm, (-0.20 * calf.side * radius, 0.46 * radius), 0.16, 3, 0.4 * calf.side
+    )
+    fibula = _bone(calf.fibula_mm, (0.42 * calf.side * radius, 0.20 * radius), 0.10, 2, 0.9)
+    section = LegSection(skin, fascia, tibia, fibula, calf.fascia_thickness_mm)
+    check_section(section, "Calf")
+    if abs(girth(section) / calf.girth_mm - 1) > 1e-3:
+        raise InputError("Calf", "girth_mm", "is not met", "use more points on the contour")
+    return section
+
+
+def _oval(angle: FloatArray, calf: Calf) -> FloatArray:
+    a, b = np.sqrt(calf.aspect), 1 / np.sqrt(calf.aspect)
+    ellipse = 1 / np.sqrt((np.cos(angle) / a) ** 2 + (np.sin(angle) / b) ** 2)
+    bulged = -calf.bulge * np.sin(angle) + calf.asymmetry * np.cos(angle)
+    flattened = -0.012 * np.cos(3 * (angle - np.pi / 2))
+    return ellipse * (1 + bulged + flattened)
+
+
+def _bone(
+    radius: float, centre: tuple[float, float], lobe: float, lobes: int, turn: float
+) -> FloatArray:
+    angle = 2 * np.pi * np.arange(60) / 60
+    reach = radius * (1 + lobe * np.cos(lobes * (angle - turn)) / lobes)
+    return np.asarray(centre) + reach[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def _perimeter(closed: FloatArray) -> float:
+    return float(np.linalg.norm(closed - np.roll(closed, 1, axis=0), axis=1).sum())
+
+
+def _outward(closed: FloatArray) -> FloatArray:
+    tangent = np.roll(closed, -1, axis=0) - np.roll(closed, 1, axis=0)
+    normal = np.column_stack([tangent[:, 1], -tangent[:, 0]])
+    return normal / np.linalg.norm(normal, axis=1, keepdims=True)

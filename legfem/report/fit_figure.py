@@ -1,0 +1,98 @@
+"""Figure of fit and residual, as the paper's Fig. 7: a panel a law."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from legfem.identify.result import IdentificationResult
+from legfem.report.style import (
+    DATA_COLOUR,
+    FAINT,
+    LAW_COLOURS,
+    LAW_NAMES,
+    new_figure,
+    panel,
+    styled,
+    title,
+)
+
+PARAMETER_NAMES = {"c10_deep": "C10", "c20_deep": "C20"}
+
+
+@styled
+def fit_figure(results: Sequence[IdentificationResult]) -> Figure:
+    """Return measured and simulated force over displacement, and their difference beneath.
+
+    Parameters
+    ----------
+    results
+        One a law, of one subject; panels stand in their order.
+    """
+    figure = new_figure(5.2 * len(results) + 0.6, 6.4)
+    first = results[0]
+    title(figure, "Measured and simulated force", first.subject_title, first.subject_origin)
+    grid = figure.subplots(
+        2, len(results), sharex=True, sharey="row", squeeze=False, height_ratios=(2.2, 1)
+    )
+    for column, result in enumerate(results):
+        above, below = grid[:, column]
+        _draw_fit(above, result)
+        panel(above, "ABCDEFGH"[column], LAW_NAMES[result.law])
+        _draw_residual(below, result)
+        below.set_xlabel("displacement of the indenter after first contact (mm)")
+    grid[0, 0].set_ylabel("force (N)")
+    grid[1, 0].set_ylabel("simulated − measured (N)")
+    return figure
+
+
+def _draw_fit(axes: Axes, result: IdentificationResult) -> None:
+    measured = result.measured
+    depth, force, error = measured.displacement, measured.force, measured.force_sd
+    trials = axes.plot(depth, measured.trial_force.T, color=FAINT, linewidth=0.6, alpha=0.8)
+    band = axes.fill_between(
+        depth, force - 2 * error, force + 2 * error, color=FAINT, alpha=0.35, linewidth=0
+    )
+    every = max(1, len(depth) // 40)
+    (mean,) = axes.plot(
+        depth[::every], force[::every], "o", color=DATA_COLOUR, markersize=3.2, fillstyle="none"
+    )
+    (model,) = axes.plot(
+        result.predicted.displacement,
+        result.predicted.force,
+        color=LAW_COLOURS[result.law],
+        linewidth=1.8,
+    )
+    many = measured.n_trials > 1
+    axes.legend(
+        [mean, band, *([trials[0]] if many else []), model],
+        [
+            f"mean of {measured.n_trials} trials" if many else "the one trial",
+            "± 2 standard errors",
+            *(["each trial"] if many else []),
+            f"model, {LAW_NAMES[result.law]}",
+        ],
+        loc="upper left",
+    )
+    lines = [
+        f"{PARAMETER_NAMES[name]} = {found.value:.3g} {found.unit} "
+        f"[{found.ci95[0]:.3g}, {found.ci95[1]:.3g}]"
+        for name, found in result.parameters.items()
+    ]
+    lines.append(f"cost E = {result.cost.value:.3g} N$^2$, rms {result.cost.rms:.3g} N")
+    axes.text(0.98, 0.04, "\n".join(lines), transform=axes.transAxes, ha="right", va="bottom")
+    axes.set_xlim(0, 1.02 * depth[-1])
+    axes.set_ylim(bottom=0)
+
+
+def _draw_residual(axes: Axes, result: IdentificationResult) -> None:
+    measured, model = result.measured, result.predicted.force
+    depth, error = measured.displacement, measured.force_sd
+    axes.fill_between(depth, -2 * error, 2 * error, color=FAINT, alpha=0.35, linewidth=0)
+    axes.axhline(0.0, color=DATA_COLOUR, linewidth=0.6)
+    if measured.n_trials > 1:
+        apart = model[:, None] - measured.trial_force.T
+        axes.plot(depth, apart, color=FAINT, linewidth=0.6, alpha=0.8)
+    axes.plot(depth, result.residual, color=LAW_COLOURS[result.law], linewidth=1.6)

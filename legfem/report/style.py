@@ -1,0 +1,62 @@
+"""What the figures share: colours, sizes, how the data's origin is stated, and saving."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+# Okabe and Ito's colours, which the colour-blind can tell apart.
+LAW_COLOURS = {"neo-hookean": "#D55E00", "reduced-polynomial": "#0072B2"}
+LAW_NAMES = {"neo-hookean": "neo-Hookean", "reduced-polynomial": "reduced polynomial"}
+REGION_COLOURS = {"superficial": "#F3DFA2", "fascia": "#4D4D4D", "deep": "#D98880"}
+REGION_NAMES = {
+    "superficial": "superficial tissue (fat)",
+    "fascia": "fascia",
+    "deep": "deep tissue (muscle)",
+}
+BONE_COLOUR = "#FAFAF5"
+DATA_COLOUR = "#111111"
+FAINT = "#8C8C8C"
+
+_STYLE = {
+    "font.size": 10,
+    "axes.titlesize": 11,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.frameon": False,
+    "svg.hashsalt": "legfem",
+}
+
+styled = matplotlib.rc_context(_STYLE)
+"""Decorator of what draws a figure; leaves matplotlib's own settings as they were."""
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Return an empty figure of a size in inches."""
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def title(figure: Figure, what: str, subject: str, origin: str) -> None:
+    """Put a title that ends with where the data come from."""
+    figure.suptitle(f"{what}\n{subject}: {origin} data", x=0.01, ha="left", fontsize=12)
+
+
+def panel(axes: Axes, letter: str, name: str) -> None:
+    """Title a panel."""
+    axes.set_title(f"$\\bf{{{letter}}}$  {name}")
+
+
+@styled
+def save(figure: Figure, out: Path, name: str, svg: bool = False) -> list[Path]:
+    """Write a figure as PNG (200 dots an inch) and, where it is small, SVG."""
+    png = out / f"{name}.png"
+    figure.savefig(png, dpi=200)
+    if not svg:
+        return [png]
+    vector = out / f"{name}.svg"
+    figure.savefig(vector, metadata={"Date": None})
+    return [png, vector]

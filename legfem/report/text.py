@@ -1,0 +1,214 @@
+"""Identification results as text, in the manner of lmfit's ``fit_report``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+from scipy.stats import chi2
+
+from legfem.identify.result import Estimate, IdentificationResult
+from legfem.report.style import LAW_NAMES
+
+ORIGINS = {
+    "measured": "measured data",
+    "reconstructed": "reconstructed data (made to resemble a published study; no leg was measured)",
+    "simulated": "simulated data (forces computed by a model; no leg was measured)",
+}
+ENERGIES = {
+    "neo-hookean": "U = C10 (I1 - 3) + (J - 1)^2 / D1",
+    "reduced-polynomial": (
+        "U = C10 (I1 - 3) + C20 (I1 - 3)^2 + (J - 1)^2 / D1 + (J - 1)^4 / D2"
+    ),
+}
+_SYMBOLS = {"c10_deep": "C10", "c20_deep": "C20"}
+# Below this, chance doesn't explain what was left unexplained.
+_SIGNIFICANT = 0.01
+
+
+def fit_report(result: IdentificationResult) -> str:
+    """Return all of one result that a person wants to read; stresses in kPa."""
+    sections: dict[str, Iterable[str]] = {
+        "Model": _model(result),
+        "Fit Statistics": _statistics(result),
+        "Variables": _variables(result),
+    }
+    if len(result.parameters) > 1:
+        sections["Correlations"] = [f"C(C10, C20) = {result.correlation:+.4f}"]
+    sections["Warnings"] = result.warnings or ["none"]
+    lines = [f"DATA: {ORIGINS.get(result.subject_origin, result.subject_origin)}"]
+    for name, body in sections.items():
+        lines += [f"[[{name}]]", *(f"    {line}" for line in body)]
+    return "\n".join(lines) + "\n"
+
+
+def summary(results: Sequence[IdentificationResult]) -> str:
+    """Return a few lines for the terminal: both laws, and which fits better by how much.
+
+    Parameters
+    ----------
+    results
+        One a law, of one subject.
+    """
+    first = results[0]
+    lines = [
+        f"Subject {first.subject_id} ({first.subject_title})",
+        f"DATA: {ORIGINS.get(first.subject_origin, first.subject_origin)}",
+        "",
+        f"  {'deep tissue':<19} {'C10 (kPa)':<23} {'C20 (kPa)':<23} "
+        f"{'cost (N2)':>9} {'rms (N)':>8} {'solves':>6} {'s':>6}",
+    ]
+    for result in results:
+        cells = [_short(result.parameters.get(name)) for name in _SYMBOLS]
+        lines.append(
+            f"  {LAW_NAMES[result.law]:<19} {cells[0]:<23} {cells[1]:<23} "
+            f"{result.cost.value:>9.3g} {result.cost.rms:>8.3g} "
+            f"{result.forward_solves:>6d} {result.wall_s:>6.1f}"
+        )
+    lines += ["  (brackets: 95 % confidence intervals)", ""]
+    lines += [f"  {line}" for line in comparison(results)]
+    for result in results:
+        verdict, why = result.identifiability
+        if verdict != "identifiable":
+            lines.append(f"  {LAW_NAMES[result.law]}: {verdict}: {why}")
+    lines += [f"  warning: {warning}" for warning in _distinct(results)]
+    return "\n".join(lines) + "\n"
+
+
+def comparison(results: Sequence[IdentificationResult]) -> list[str]:
+    """Return sentences on how well each law fits, and which is better by how much."""
+    lines = [_goodness(result) for result in results]
+    if len(results) < 2:
+        return lines
+    better, worse = sorted(results, key=lambda result: result.cost.value)[:2]
+    if better.neo_hookean_limit or worse.cost.value <= better.cost.value * (1 + 1e-9):
+        return [*lines, "Both laws fit alike: the best reduced polynomial is neo-Hookean (C20 = 0)."]
+    ratio = worse.cost.value / max(better.cost.value, 1e-300)
+    lines.append(
+        f"The {LAW_NAMES[better.law]} fits better: its cost is {ratio:.3g} times smaller "
+        f"({better.cost.value:.3g} against {worse.cost.value:.3g} N2, rms {better.cost.rms:.3g} "
+        f"against {worse.cost.rms:.3g} N)."
+    )
+    gain = worse.cost.chi_square - better.cost.chi_square
+    extra = len(better.parameters) - len(worse.parameters)
+    if extra <= 0:
+        return lines
+    chance = float(chi2.sf(gain, extra)) if gain > 0 else 1.0
+    if chance < _SIGNIFICANT:
+        lines.append(
+            f"The data ask for its further parameter: chi-square falls by {gain:.4g} "
+            f"({_probability(chance)})."
+        )
+    else:
+        lines.append(
+            f"The data do not ask for its further parameter: chi-square changes by {-gain:.2g} "
+            f"({_probability(chance)}), no more than noise would give."
+        )
+    return lines
+
+
+def _model(result: IdentificationResult) -> list[str]:
+    measured = result.measured
+    correction = result.correction or "none (plane strain times the cylinder's length)"
+    return [
+        f"subject            {result.subject_id}: {result.subject_title}",
+        f"deep tissue        {LAW_NAMES[result.law]}: {ENERGIES[result.law]}",
+        f"recordings         {measured.n_trials} trial{'s' * (measured.n_trials > 1)}, loading to "
+        f"{measured.displacement[-1]:.2f} mm after first contact",
+        f"noise of a reading {measured.noise.force_sd:.3g} N (from {measured.noise.source}), "
+        f"correlated over {measured.noise.correlation_length:.2g} mm",
+        f"3D correction      {correction}",
+        f"weighting          {_WEIGHTINGS[result.weighting]}",
+    ]
+
+
+_WEIGHTINGS = {
+    "paper": "none: every point of the curve counts alike, as in the paper",
+    "covariance": "by the inverse of the curve's covariance",
+}
+
+
+def _statistics(result: IdentificationResult) -> list[str]:
+    cost, solves = result.cost, result.search.solves
+    failed = sum(not solve.complete for solve in solves)
+    rows = [
+        ("data points", f"{cost.points}"),
+        ("variables", f"{len(result.parameters)}"),
+        ("cost E", f"{cost.value:.6g} N2"),
+        ("  E per length", f"{cost.per_length:.6g} (N/mm)2"),
+        ("  mean of squares", f"{cost.mean_square:.6g} N2"),
+        ("  definition", cost.definition),
+        ("minimised", f"{cost.minimised}; {cost.minimised_value:.6g} at the optimum"),
+        ("rms difference", f"{cost.rms:.4g} N"),
+        ("R-squared", f"{cost.r_squared:.6f}"),
+        (
+            "chi-square",
+            f"{cost.chi_square:.5g} on {cost.degrees_of_freedom} degrees of freedom; "
+            f"{_probability(cost.p_value)}",
+        ),
+        (
+            "full forward solves",
+            f"{result.forward_solves} ({failed} failed, {result.reused_solves} from an earlier "
+            f"run), {result.factorisations} factorisations",
+        ),
+        ("emulator's error", _emulator_error(result.emulator_error)),
+        ("wall time", f"{result.wall_s:.1f} s"),
+        ("converged", f"{'yes' if result.converged else 'NO'} (seed {result.seed})"),
+    ]
+    return [f"{name:<20} = {value}" for name, value in rows]
+
+
+def _variables(result: IdentificationResult) -> list[str]:
+    lines = []
+    for name, found in result.parameters.items():
+        bound = f", at the search's {found.at_bound} bound" if found.at_bound else ""
+        low, high = found.ci95
+        lines += [
+            f"{_SYMBOLS[name]} (deep): {found.value:.6g} +/- {found.standard_error:.3g} "
+            f"{found.unit} ({_percent(found)})   "
+            f"95 % interval {low:.5g} to {high:.5g} {found.unit}{bound}",
+            f"    {found.identifiability}: {found.why}",
+            f"    were the assumed C10 10 % higher: fat's {100 * found.per_fat:+.2f} %, "
+            f"fascia's {100 * found.per_fascia:+.2f} %",
+        ]
+    return lines
+
+
+def _goodness(result: IdentificationResult) -> str:
+    name, chance = LAW_NAMES[result.law], result.cost.p_value
+    if math.isnan(chance):
+        return f"The {name} fits with rms {result.cost.rms:.3g} N."
+    if chance < _SIGNIFICANT:
+        return (
+            f"The {name} does not fit within the noise ({_probability(chance)}): "
+            "something that it leaves out acts."
+        )
+    return f"The {name} fits within the noise ({_probability(chance)})."
+
+
+def _short(found: Estimate | None) -> str:
+    if found is None:
+        return "-"
+    return f"{found.value:.3f} [{found.ci95[0]:.3f}, {found.ci95[1]:.3f}]"
+
+
+def _percent(found: Estimate) -> str:
+    if found.value <= 0:
+        return "- %"
+    return f"{100 * found.standard_error / found.value:.2f} %"
+
+
+def _probability(chance: float) -> str:
+    if math.isnan(chance):
+        return "p unknown"
+    return "p < 0.0001" if chance < 1e-4 else f"p = {chance:.2g}"
+
+
+def _emulator_error(error: float) -> str:
+    if math.isnan(error):
+        return "no emulator"
+    return f"{error:.3g} N at most, against the last full solve"
+
+
+def _distinct(results: Sequence[IdentificationResult]) -> list[str]:
+    return list(dict.fromkeys(warning for result in results for warning in result.warnings))

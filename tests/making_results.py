@@ -1,0 +1,124 @@
+"""Identification results with known numbers, for the tests of what is made of them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from making import press
+
+from legfem.identify.result import (
+    Cost,
+    CostMap,
+    Estimate,
+    FullSolve,
+    Generation,
+    IdentificationResult,
+    PredictedCurve,
+    SearchPath,
+)
+from legfem.recording import Instrument, LoadingCurve, mean_loading_curve
+
+INSTRUMENT = Instrument(force_sd=0.04, displacement_sd=0.02)
+STAGES = ("design", "design", "design", "proposal", "proposal", "bound", "genetic")
+
+
+def measured_curve(trials: int = 3) -> LoadingCurve:
+    return mean_loading_curve(
+        [
+            press(air=1.0, force_sd=0.03, displacement_sd=0.02, seed=k, trial=f"trial{k + 1}")
+            for k in range(trials)
+        ],
+        INSTRUMENT,
+    )
+
+
+def sensitivities(depth: np.ndarray) -> dict[str, np.ndarray]:
+    """N/kPa: with C10 = 0.7 and C20 = 0.8 kPa they nearly give `making.tissue_force`."""
+    return {
+        "deep.C10": 0.3 * depth + 0.008 * depth**2,
+        "deep.C20": 0.0005 * depth**3 + 0.009 * depth**2,
+        "superficial.C10": 0.02 * depth,
+        "fascia.C10": 1e-4 * depth,
+    }
+
+
+def result(law: str, measured: LoadingCurve | None = None, **changes: object):
+    measured = measured or measured_curve()
+    depth = measured.displacement
+    rates = sensitivities(depth)
+    columns = [rates["deep.C10"], rates["deep.C20"]][: 2 if law == "reduced-polynomial" else 1]
+    matrix = np.column_stack(columns)
+    optimum = np.linalg.lstsq(matrix, measured.force, rcond=None)[0]
+    covariance = np.linalg.inv(matrix.T @ np.linalg.solve(measured.covariance, matrix))
+    error = np.sqrt(np.diag(covariance))
+
+    def cost(c10, c20):
+        force = (
+            np.asarray(c10)[..., None] * rates["deep.C10"]
+            + np.asarray(c20)[..., None] * rates["deep.C20"]
+        )
+        return np.sum((force - measured.force) ** 2, axis=-1)
+
+    parameters = {
+        name: Estimate(
+            value=float(value),
+            standard_error=float(sd),
+            ci95=(float(value - 1.9 * sd), float(value + 2.1 * sd)),
+            identifiability="identifiable",
+            why="its interval is narrow",
+            per_fat=-0.012,
+            per_fascia=-0.034,
+        )
+        for name, value, sd in zip(("c10_deep", "c20_deep"), optimum, error, strict=False)
+    }
+    rng = np.random.default_rng(1)
+    two = law == "reduced-polynomial"
+    best = optimum if two else np.array([optimum[0], 0.0])
+    starts = best + np.array([0.6, 1.0 if two else 0.0]) * np.abs(rng.standard_normal((7, 2)))
+    starts[4:] = best + np.abs(starts[4:] - best) * [[0.1], [0.02], [0.0]]
+    c10 = np.geomspace(0.1, 8, 60)
+    c20 = np.concatenate([[0.0], np.geomspace(0.02, 8, 50)]) if two else np.zeros(1)
+    squares = float(cost(*best))
+    n = len(depth)
+    given = {
+        "subject_id": "3",
+        "subject_title": "Subject 3 of Frauziols et al.",
+        "subject_origin": "reconstructed",
+        "law": law,
+        "parameters": parameters,
+        "correlation": float(covariance[0, 1] / np.prod(error)) if two else math.nan,
+        "cost": Cost(
+            value=squares, points=n, mean_square=squares / n, per_length=squares / 50.0**2,
+            rms=math.sqrt(squares / n), r_squared=0.9999, chi_square=1.05 * n if two else 40.0 * n,
+            degrees_of_freedom=n - len(columns), p_value=0.3 if two else 1e-12,
+            minimised="the cost E", minimised_value=squares,
+        ),
+        "measured": measured,
+        "predicted": PredictedCurve(depth, matrix @ optimum, rates),
+        "search": SearchPath(
+            tuple(
+                FullSolve(float(a), float(b), float(cost(a, b)), stage, True, "", 60, 1.5)
+                for (a, b), stage in zip(starts, STAGES, strict=True)
+            ),
+            tuple(
+                Generation(k // 5, k, *(float(v) for v in at), float(cost(*at)))
+                for k, at in enumerate(best + (starts[0] - best) * 0.7**j for j in range(10))
+            ),
+            CostMap(c10, c20, cost(*np.meshgrid(c10, c20))),
+        ),
+        "forward_solves": 7,
+        "reused_solves": 2,
+        "factorisations": 420,
+        "wall_s": 12.3,
+        "seed": 5,
+        "emulator_error": 0.003,
+        "correction": None,
+        "weighting": "paper",
+        "converged": True,
+        "neo_hookean_limit": False,
+        "warnings": ("the fascia's Poisson ratio is negative",),
+        "settings": {"grid_step_mm": 0.25},
+        "versions": {"legfem": "0.1.0"},
+    }  # fmt: skip
+    return IdentificationResult(**{**given, **changes})
