@@ -141,9 +141,7 @@ def fields_of(system: System) -> LegFields:
     )
 
 
-def fit_in_cells(
-    function: Any, values: FloatArray, cells: NDArray[np.int32], degree: int
-) -> None:
+def fit_in_cells(function: Any, values: FloatArray, cells: NDArray[np.int32], degree: int) -> None:
     """Set a discontinuous function in some cells to the least-squares fit of quadrature values.
 
     Parameters

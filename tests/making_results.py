@@ -23,10 +23,11 @@ INSTRUMENT = Instrument(force_sd=0.04, displacement_sd=0.02)
 STAGES = ("design", "design", "design", "proposal", "proposal", "bound", "genetic")
 
 
-def measured_curve(trials: int = 3) -> LoadingCurve:
+def measured_curve(trials: int = 3, depth: float = 20.0) -> LoadingCurve:
+    noise = {"force_sd": 0.03, "displacement_sd": 0.02}
     return mean_loading_curve(
         [
-            press(air=1.0, force_sd=0.03, displacement_sd=0.02, seed=k, trial=f"trial{k + 1}")
+            press(air=1.0, depth=depth, seed=k, trial=f"trial{k + 1}", **noise)
             for k in range(trials)
         ],
         INSTRUMENT,

@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, ScalarFormatter
 from scipy.stats import chi2
 
-from legfem.identify.result import FullSolve, IdentificationResult
+from legfem.identify.result import IdentificationResult
 from legfem.report.style import LAW_COLOURS, LAW_NAMES, new_figure, panel, styled, title
 from legfem.units import FloatArray
 
@@ -61,9 +61,7 @@ def confidence_ellipse(result: IdentificationResult, level: float = 0.95) -> Flo
     c10, c20 = result.parameters["c10_deep"], result.parameters["c20_deep"]
     correlation = float(np.clip(np.nan_to_num(result.correlation), -1.0, 1.0))
     covariance = np.diag([c10.standard_error**2, c20.standard_error**2])
-    covariance[0, 1] = covariance[1, 0] = (
-        correlation * c10.standard_error * c20.standard_error
-    )
+    covariance[0, 1] = covariance[1, 0] = correlation * c10.standard_error * c20.standard_error
     values, axes = np.linalg.eigh(covariance)
     angle = np.linspace(0, 2 * np.pi, 200)
     circle = np.column_stack([np.cos(angle), np.sin(angle)])
@@ -96,9 +94,7 @@ def _optimum(result: IdentificationResult) -> tuple[float, float]:
     return result.parameters["c10_deep"].value, second.value if second else 0.0
 
 
-def _draw_map(
-    figure: Figure, whole: Axes, near: Axes, result: IdentificationResult
-) -> None:
+def _draw_map(figure: Figure, whole: Axes, near: Axes, result: IdentificationResult) -> None:
     region = confidence_ellipse(result)
     known = result.search.cost_map
     if known is not None:
@@ -154,9 +150,7 @@ def _draw_curve(whole: Axes, near: Axes, result: IdentificationResult) -> None:
         _mark_solves(axes, result, [solve.cost for solve in result.search.solves])
 
 
-def _contours(
-    figure: Figure, axes: Axes, x: FloatArray, y: FloatArray, cost: FloatArray
-) -> None:
+def _contours(figure: Figure, axes: Axes, x: FloatArray, y: FloatArray, cost: FloatArray) -> None:
     low, high = np.log10(np.nanmin(cost)), np.log10(np.nanmax(cost))
     levels = np.logspace(low, high, 16)
     image = axes.contourf(x, y, cost, levels=levels, norm=LogNorm(), cmap="viridis_r", alpha=0.85)

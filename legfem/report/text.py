@@ -17,9 +17,7 @@ ORIGINS = {
 }
 ENERGIES = {
     "neo-hookean": "U = C10 (I1 - 3) + (J - 1)^2 / D1",
-    "reduced-polynomial": (
-        "U = C10 (I1 - 3) + C20 (I1 - 3)^2 + (J - 1)^2 / D1 + (J - 1)^4 / D2"
-    ),
+    "reduced-polynomial": ("U = C10 (I1 - 3) + C20 (I1 - 3)^2 + (J - 1)^2 / D1 + (J - 1)^4 / D2"),
 }
 _SYMBOLS = {"c10_deep": "C10", "c20_deep": "C20"}
 # Below this, chance doesn't explain what was left unexplained.
@@ -82,10 +80,13 @@ def comparison(results: Sequence[IdentificationResult]) -> list[str]:
         return lines
     better, worse = sorted(results, key=lambda result: result.cost.value)[:2]
     if better.neo_hookean_limit or worse.cost.value <= better.cost.value * (1 + 1e-9):
-        return [*lines, "Both laws fit alike: the best reduced polynomial is neo-Hookean (C20 = 0)."]
+        return [
+            *lines,
+            "Both laws fit alike: the best reduced polynomial is neo-Hookean (C20 = 0).",
+        ]
     ratio = worse.cost.value / max(better.cost.value, 1e-300)
     lines.append(
-        f"The {LAW_NAMES[better.law]} fits better: its cost is {ratio:.3g} times smaller "
+        f"The {LAW_NAMES[better.law]} law fits better: its cost is {ratio:.3g} times smaller "
         f"({better.cost.value:.3g} against {worse.cost.value:.3g} N2, rms {better.cost.rms:.3g} "
         f"against {worse.cost.rms:.3g} N)."
     )
@@ -131,8 +132,9 @@ _WEIGHTINGS = {
 def _statistics(result: IdentificationResult) -> list[str]:
     cost, solves = result.cost, result.search.solves
     failed = sum(not solve.complete for solve in solves)
+    grid = result.measured.displacement
     rows = [
-        ("data points", f"{cost.points}"),
+        ("data points", f"{cost.points}, every {grid[1] - grid[0]:.3g} mm to {grid[-1]:.4g} mm"),
         ("variables", f"{len(result.parameters)}"),
         ("cost E", f"{cost.value:.6g} N2"),
         ("  E per length", f"{cost.per_length:.6g} (N/mm)2"),
@@ -168,8 +170,8 @@ def _variables(result: IdentificationResult) -> list[str]:
             f"{found.unit} ({_percent(found)})   "
             f"95 % interval {low:.5g} to {high:.5g} {found.unit}{bound}",
             f"    {found.identifiability}: {found.why}",
-            f"    were the assumed C10 10 % higher: fat's {100 * found.per_fat:+.2f} %, "
-            f"fascia's {100 * found.per_fascia:+.2f} %",
+            f"    changes by {100 * found.per_fat:+.2f} % if the assumed C10 of the fat were 10 % "
+            f"higher, by {100 * found.per_fascia:+.2f} % for the fascia's",
         ]
     return lines
 
@@ -177,13 +179,13 @@ def _variables(result: IdentificationResult) -> list[str]:
 def _goodness(result: IdentificationResult) -> str:
     name, chance = LAW_NAMES[result.law], result.cost.p_value
     if math.isnan(chance):
-        return f"The {name} fits with rms {result.cost.rms:.3g} N."
+        return f"The {name} law fits with rms {result.cost.rms:.3g} N."
     if chance < _SIGNIFICANT:
         return (
-            f"The {name} does not fit within the noise ({_probability(chance)}): "
-            "something that it leaves out acts."
+            f"The {name} law does not fit within the noise ({_probability(chance)}): "
+            "physics that it leaves out shows."
         )
-    return f"The {name} fits within the noise ({_probability(chance)})."
+    return f"The {name} law fits within the noise ({_probability(chance)})."
 
 
 def _short(found: Estimate | None) -> str:

@@ -1,0 +1,66 @@
+"""What every command does at its edges: one line for a user's mistake, one to resume from."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import typer
+
+from legfem.errors import InputError
+
+BAD_INPUT, INTERRUPTED, FAILED = 2, 130, 1
+
+
+@contextmanager
+def command_edge(resume: str = "run the same command again to go on") -> Iterator[None]:
+    """Turn a user's mistake and Ctrl-C into one line on stderr and an exit status.
+
+    Parameters
+    ----------
+    resume : str
+        How to go on after Ctrl-C.
+    """
+    try:
+        yield
+    except InputError as error:
+        print(error, file=sys.stderr)
+        raise typer.Exit(BAD_INPUT) from None
+    except KeyboardInterrupt:
+        print(f"interrupted: {resume}", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED) from None
+
+
+def leave_to_first_rank() -> int:
+    """Return the number of MPI ranks, and end all but the first: one process does the work."""
+    from mpi4py import MPI
+
+    if MPI.COMM_WORLD.rank > 0:
+        raise typer.Exit(0)
+    return int(MPI.COMM_WORLD.size)
+
+
+def check_out_folder(out: Path) -> None:
+    """Check, without making anything, that results can be written to a folder.
+
+    Raises
+    ------
+    InputError
+        If a file is in the way, or the nearest folder that exists can't be written to.
+    """
+    nearest = next(folder for folder in (out, *out.absolute().parents) if folder.exists())
+    if not nearest.is_dir():
+        raise InputError("--out", str(out), f"{nearest} is a file", "give a folder")
+    if not os.access(nearest, os.W_OK | os.X_OK):
+        raise InputError("--out", str(out), f"{nearest} can't be written to",
+                         "give a folder of your own")
+
+
+def usable_cores() -> int:
+    """Return the number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

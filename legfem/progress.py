@@ -1,0 +1,95 @@
+"""Progress on stderr: a bar on a terminal, plain lines otherwise."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Protocol, TextIO
+
+
+class Progress(Protocol):
+    """What long work reports to."""
+
+    def stage(self, text: str, total: int | None = None) -> None:
+        """Begin a stage of ``total`` units of work, if their number is known."""
+        ...
+
+    def advance(self, text: str) -> None:
+        """One unit of the stage is done."""
+        ...
+
+
+class Silent:
+    """Reports nothing."""
+
+    def stage(self, text: str, total: int | None = None) -> None:
+        """Do nothing."""
+
+    def advance(self, text: str) -> None:
+        """Do nothing."""
+
+
+class Lines:
+    """One line a unit of work, with the seconds since the start."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream, self._started = stream, time.perf_counter()
+        self._done, self._total = 0, ""
+
+    def stage(self, text: str, total: int | None = None) -> None:
+        """Print the stage."""
+        self._done, self._total = 0, "" if total is None else f"/{total}"
+        self._print(text)
+
+    def advance(self, text: str) -> None:
+        """Print the unit of work and its number."""
+        self._done += 1
+        self._print(f"  {self._done}{self._total}  {text}")
+
+    def _print(self, text: str) -> None:
+        seconds = time.perf_counter() - self._started
+        print(f"[{seconds:6.1f} s] {text}", file=self._stream, flush=True)
+
+
+@contextmanager
+def progress_on(stream: TextIO | None = None) -> Iterator[Progress]:
+    """Report on a stream, stderr by default: a bar on a terminal, lines otherwise."""
+    stream = stream or sys.stderr
+    if not stream.isatty():
+        yield Lines(stream)
+        return
+    from rich import progress as rich_progress
+    from rich.console import Console
+
+    columns = (
+        rich_progress.SpinnerColumn(),
+        rich_progress.TextColumn("{task.description}", markup=False),
+        rich_progress.BarColumn(),
+        rich_progress.MofNCompleteColumn(),
+        rich_progress.TimeElapsedColumn(),
+        rich_progress.TextColumn("{task.fields[last]}", markup=False),
+    )
+    with rich_progress.Progress(*columns, console=Console(file=stream)) as bar:
+        yield _Bar(bar)
+
+
+class _Bar:
+    def __init__(self, bar: object) -> None:
+        from rich.progress import Progress as RichProgress, TaskID
+
+        assert isinstance(bar, RichProgress)
+        self._bar = bar
+        self._task: TaskID | None = None
+
+    def stage(self, text: str, total: int | None = None) -> None:
+        if self._task is not None:
+            self._bar.stop_task(self._task)
+        self._task = self._bar.add_task(text, total=total, last="")
+
+    def advance(self, text: str) -> None:
+        if self._task is None:
+            self.stage("")
+        assert self._task is not None
+        self._bar.update(self._task, advance=1, last=text)

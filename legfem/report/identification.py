@@ -1,0 +1,167 @@
+"""The report of an identification: text, figures and fields in one folder."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from mpi4py import MPI
+
+from legfem.experiments.plane_strain import Indentation, PlaneStrainIndentation
+from legfem.fields import fields_of
+from legfem.identify.result import IdentificationResult
+from legfem.report.cost_figure import cost_figure
+from legfem.report.fit_figure import fit_figure
+from legfem.report.leg_figure import leg_figure
+from legfem.report.page import ReportFile, report_page
+from legfem.report.paraview import write_fields
+from legfem.report.style import LAW_NAMES, save
+from legfem.subject import Subject
+from legfem.units import kpa_to_mpa
+
+REPORT = "report.txt"
+_UNFINISHED = ".report-unfinished"
+
+
+def write_identification_report(
+    results: Sequence[IdentificationResult],
+    subject: Subject,
+    experiment: PlaneStrainIndentation | None,
+    out: Path,
+) -> Path:
+    """Write report.txt, the figures and the fields of an identification.
+
+    Everything is made in a hidden folder first and moved into place at the end, the report last:
+    whoever stops the run in between finds no half-written file.
+
+    Parameters
+    ----------
+    results
+        One a law, of one subject.
+    subject
+        Whose results they are.
+    experiment
+        Solved once more with the law that fits best, for the deformed state; None leaves picture
+        and fields of it out. Under MPI all ranks of its communicator call.
+    out
+        Folder; made if missing.
+
+    Returns
+    -------
+    Path
+        Of report.txt.
+    """
+    out = Path(out)
+    comm = MPI.COMM_SELF if experiment is None else experiment.comm
+    if comm.size == 1 and MPI.COMM_WORLD.rank > 0:
+        return out / REPORT
+    folder = out / _UNFINISHED
+    if comm.rank == 0:
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+    comm.barrier()
+    note, entries = "", []
+    if experiment is not None:
+        note, entries = _deformed_state(results, subject, experiment, folder)
+    if comm.rank == 0:
+        entries = [*_figures(results, folder), *entries]
+        (folder / REPORT).write_text(report_page(results, subject, entries, note), encoding="utf-8")
+        for path in [path for entry in entries for path in entry.paths] + [folder / REPORT]:
+            _move(path, out / path.name)
+        shutil.rmtree(folder)
+    comm.barrier()
+    return out / REPORT
+
+
+def model_parameters(result: IdentificationResult) -> dict[str, float]:
+    """Return a result's parameters as `PlaneStrainIndentation.solve` takes them (MPa, 1/MPa)."""
+    values = {"deep.C10": kpa_to_mpa(result.parameters["c10_deep"].value)}
+    if "c20_deep" in result.parameters:
+        return values | {"deep.C20": kpa_to_mpa(result.parameters["c20_deep"].value)}
+    return values | {"deep.C20": 0.0, "deep.D2": math.inf}
+
+
+def _figures(results: Sequence[IdentificationResult], folder: Path) -> list[ReportFile]:
+    entries = [
+        ReportFile(
+            save(fit_figure(results), folder, "fit", svg=True),
+            "measured and simulated force and their difference, each law (as the paper's Fig. 7)",
+        )
+    ]
+    for result in results:
+        two = "c20_deep" in result.parameters
+        shows = f"cost of the {LAW_NAMES[result.law]} law over its parameters, and the search"
+        if two:
+            shows += (
+                ". The 95 % region follows the noise, which is correlated along the curve, "
+                "so its axes need not be those of the cost's contours"
+            )
+        entries.append(
+            ReportFile(save(cost_figure(result), folder, f"cost-{result.law}", svg=not two), shows)
+        )
+    return entries
+
+
+def _deformed_state(
+    results: Sequence[IdentificationResult],
+    subject: Subject,
+    experiment: PlaneStrainIndentation,
+    folder: Path,
+) -> tuple[str, list[ReportFile]]:
+    """Solve the best law once more; return a note on that, and what was written of it."""
+    best = min(results, key=lambda result: result.cost.value)
+    depth = float(best.measured.displacement[-1])
+    solved = experiment.solve(model_parameters(best), depth)
+    if not _state_is_final(experiment, solved):
+        return (
+            f"The deformed state at {depth:g} mm could not be solved for again with the same mesh "
+            f"({solved.report.reason}): its picture and fields are left out.",
+            [],
+        )
+    fields = fields_of(experiment.system)
+    entries = []
+    if experiment.comm.size == 1:
+        figure = leg_figure(
+            fields,
+            subject.section,
+            subject.indenter.radius,
+            solved.report.reached,
+            float(solved.curve.force[-1]),
+            f"{subject.title}, {LAW_NAMES[best.law]} law",
+            subject.origin,
+        )
+        shows = "the section with its mesh, and deformed with the hydrostatic pressure"
+        entries.append(ReportFile(save(figure, folder, "leg"), shows))
+    written = write_fields(fields, folder, solved.report.reached)
+    entries.append(
+        ReportFile(
+            written,
+            "the same for ParaView: displacement (mm), hydrostatic pressure and von Mises stress "
+            "(kPa), greatest stretch, J, tissue; contact pressure on the skin (kPa)",
+        )
+    )
+    note = (
+        f"Picture and fields of the deformed leg are of the {LAW_NAMES[best.law]} law at "
+        f"{solved.report.reached:g} mm, from one more full solve that isn't among the "
+        f"{best.forward_solves} counted above ({solved.report.factorisations} factorisations, "
+        f"{solved.report.seconds:.1f} s)."
+    )
+    return note, entries
+
+
+def _state_is_final(experiment: PlaneStrainIndentation, solved: Indentation) -> bool:
+    """Return whether the system is in the solution's last state: a finer mesh has another."""
+    touch, direction = experiment.section_mesh.touch, experiment.section_mesh.direction
+    here = float((experiment.system.skin.place.centre.value - touch) @ direction)
+    own_mesh = len(solved.report.earlier_attempts) < 2
+    return own_mesh and bool(np.isclose(here, solved.report.reached))
+
+
+def _move(source: Path, target: Path) -> None:
+    """Put a file or folder in another's place."""
+    if target.is_dir():
+        shutil.rmtree(target)
+    source.replace(target)

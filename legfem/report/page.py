@@ -1,0 +1,135 @@
+"""The page that a person reads first: what was done, what was found, and the list of files."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from legfem.identify.result import IdentificationResult
+from legfem.materials import Hyperelastic
+from legfem.report.style import LAW_NAMES
+from legfem.report.text import ORIGINS, fit_report, summary
+from legfem.subject import Subject
+from legfem.units import kpa_to_mpa, mpa_to_kpa
+
+_WIDTH = 100
+
+
+@dataclass(frozen=True)
+class ReportFile:
+    """A file of a report, or several of one kind, and what it shows."""
+
+    paths: Sequence[Path]
+    shows: str
+
+
+def report_page(
+    results: Sequence[IdentificationResult],
+    subject: Subject,
+    files: Sequence[ReportFile],
+    note: str = "",
+) -> str:
+    """Return the text of ``report.txt``.
+
+    Parameters
+    ----------
+    results
+        One a law, of one subject.
+    subject
+        Whose results they are.
+    files
+        What else was written.
+    note
+        A remark on the files.
+    """
+    heading = f"Stiffness of the deep tissue of subject {subject.id} from indentation"
+    what, _, explanation = ORIGINS[subject.origin].partition(" (")
+    blocks = [
+        f"{heading}\n{'=' * len(heading)}",
+        f"*** {what.upper()} ***" + (f" ({explanation}" if explanation else ""),
+        _headline("Summary") + summary(results).rstrip(),
+        _headline("What was done") + _procedure(results[0], subject),
+        _headline("Tissues") + _tissues(results, subject),
+        *(
+            _headline(f"Result: {LAW_NAMES[result.law]}") + fit_report(result).rstrip()
+            for result in results
+        ),
+        _headline("Files") + _listing(files, note),
+    ]
+    return "\n\n".join(blocks) + "\n"
+
+
+def _headline(name: str) -> str:
+    return f"{name}\n{'-' * len(name)}\n"
+
+
+def _procedure(result: IdentificationResult, subject: Subject) -> str:
+    measured, indenter = result.measured, subject.indenter
+    correction = (
+        f"with the 3D correction {result.correction}"
+        if result.correction
+        else "without a correction for 3D effects"
+    )
+    searched = (
+        "an emulator of the model, which full solves refined and confirmed"
+        if result.search.cost_map is not None
+        else "the full model itself"
+    )
+    trials = f"{measured.n_trials} trial{'s' * (measured.n_trials > 1)}"
+    return textwrap.fill(
+        f"The recordings ({trials}) are of a rigid cylinder, {2 * indenter.radius:g} mm in "
+        f"diameter and {indenter.length:g} mm long, pressed into the calf. Their loading was brought "
+        f"to one mean curve with its errors, {len(measured.displacement)} points to "
+        f"{measured.displacement[-1]:g} mm after first contact. A plane-strain finite-element model "
+        f"of the section gives the force per length, taken times the cylinder's length, "
+        f"{correction}. A genetic algorithm (pygad) searched for the deep tissue's parameters on "
+        f"{searched}. What was recorded in unloading or at rest was not used.",
+        _WIDTH,
+    )
+
+
+def _tissues(results: Sequence[IdentificationResult], subject: Subject) -> str:
+    stated = [
+        ("deep", result.law, kpa_to_mpa(result.parameters["c10_deep"].value), "identified")
+        for result in results
+    ]
+    stated += [
+        (name, subject.tissues[name].law, subject.tissues[name].C10 or math.nan, "assumed")
+        for name in ("superficial", "fascia")
+    ]
+    rows = [
+        f"{'tissue':<12} {'law':<19} {'C10 (kPa)':>10}            {'D1 (1/MPa)':>11} "
+        f"{'K/mu':>7} {'Poisson':>8}"
+    ]
+    negative = False
+    for name, law, C10, mark in stated:
+        tissue = Hyperelastic(C10=C10, D1=subject.tissues[name].D1)
+        ratio = tissue.bulk_modulus / tissue.shear_modulus
+        negative |= tissue.poisson_ratio < 0
+        rows.append(
+            f"{name:<12} {LAW_NAMES[law]:<19} {mpa_to_kpa(C10):>10.4g} {mark:<10} "
+            f"{tissue.D1:>11.4g} {ratio:>7.3g} {tissue.poisson_ratio:>8.3f}"
+        )
+    rows.append(
+        f"The fascia is {subject.section.fascia_thickness:g} mm thick; the bones are rigid and fixed."
+    )
+    if negative:
+        rows.append(
+            "A Poisson's ratio below zero follows from the C10 and D1 given: the published values of "
+            "the\nfascia are such."
+        )
+    return "\n".join(rows)
+
+
+def _listing(files: Sequence[ReportFile], note: str) -> str:
+    rows = []
+    for entry in [*files, ReportFile([Path("result.json")], "all numbers with their units")]:
+        rows.append(", ".join(path.name for path in entry.paths))
+        indent = " " * 4
+        rows.append(
+            textwrap.fill(entry.shows, _WIDTH, initial_indent=indent, subsequent_indent=indent)
+        )
+    return "\n".join([*rows, *(["", textwrap.fill(note, _WIDTH)] if note else [])])

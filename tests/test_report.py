@@ -1,0 +1,154 @@
+"""Reports: the text says what it must, and figures and files are there."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import matplotlib
+import numpy as np
+import pytest
+from making import write_subject
+from making_results import measured_curve, result
+from matplotlib.image import imread
+from scipy.stats import chi2
+
+from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.meshing.section import SectionMeshSettings
+from legfem.report.cost_figure import confidence_ellipse, cost_figure, linear_cost
+from legfem.report.fit_figure import fit_figure
+from legfem.report.identification import model_parameters, write_identification_report
+from legfem.report.style import save
+from legfem.report.text import comparison, fit_report, summary
+from legfem.subject import load_subject
+
+
+@pytest.fixture(scope="module")
+def both():
+    measured = measured_curve()
+    return [result("neo-hookean", measured), result("reduced-polynomial", measured)]
+
+
+def test_fit_report_states_values_errors_and_units(both):
+    found = both[1]
+    text = fit_report(found)
+    c10 = found.parameters["c10_deep"]
+    assert f"{c10.value:.6g} +/- {c10.standard_error:.3g} kPa" in text
+    assert f"95 % interval {c10.ci95[0]:.5g} to {c10.ci95[1]:.5g} kPa" in text
+    assert f"{found.cost.value:.6g} N2" in text
+    assert f"{found.cost.per_length:.6g} (N/mm)2" in text
+    assert found.cost.definition in text
+    assert "7 (0 failed, 2 from an earlier run), 420 factorisations" in text
+    assert "12.3 s" in text
+    assert "identifiable: its interval is narrow" in text
+    for section in ("Model", "Fit Statistics", "Variables", "Correlations", "Warnings"):
+        assert f"[[{section}]]" in text
+
+
+def test_one_parameter_has_no_correlations(both):
+    assert "[[Correlations]]" not in fit_report(both[0])
+
+
+@pytest.mark.parametrize("origin", ["reconstructed", "simulated", "measured"])
+def test_origin_of_the_data_comes_first(both, origin):
+    other = replace(both[1], subject_origin=origin)
+    assert fit_report(other).startswith(f"DATA: {origin} data")
+    assert f"DATA: {origin} data" in summary([other])
+    assert f"{origin} data" in fit_figure([other]).get_suptitle()
+    assert f"{origin} data" in cost_figure(other).get_suptitle()
+
+
+def test_summary_compares_the_laws(both):
+    text = summary(both)
+    ratio = both[0].cost.value / both[1].cost.value
+    assert f"its cost is {ratio:.3g} times smaller" in text
+    assert "The neo-Hookean law does not fit within the noise" in text
+    assert "The reduced polynomial law fits within the noise (p = 0.3)" in text
+    assert "The data ask for its further parameter" in text
+    assert text.count("Poisson") == 1, "a warning of both laws is given once"
+
+
+def test_comparison_does_not_praise_a_parameter_that_the_data_do_not_need(both):
+    neo, poly = both
+    alike = replace(neo, cost=replace(neo.cost, chi_square=poly.cost.chi_square + 0.5))
+    assert "do not ask for" in comparison([alike, poly])[-1]
+    limit = replace(poly, cost=neo.cost, neo_hookean_limit=True)
+    assert "fit alike" in comparison([neo, limit])[-1]
+
+
+def test_report_survives_numbers_that_are_missing(both):
+    found = both[1]
+    bare = replace(
+        found,
+        emulator_error=math.nan,
+        search=replace(found.search, cost_map=None, generations=()),
+        cost=replace(found.cost, p_value=math.nan),
+        warnings=(),
+    )
+    assert "no emulator" in fit_report(bare)
+    assert "nan" not in fit_report(bare) + summary([bare])
+    cost_figure(bare)
+
+
+def test_figures_are_written_and_not_empty(both, tmp_path):
+    before = dict(matplotlib.rcParams)
+    figures = {"fit": fit_figure(both), "a": cost_figure(both[0]), "b": cost_figure(both[1])}
+    for name, figure in figures.items():
+        png, svg = save(figure, tmp_path, name, svg=True)
+        image = imread(png)
+        assert image.shape[0] > 800 and image[..., :3].std() > 0.05
+        assert svg.stat().st_size > 10_000
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_region_is_that_of_the_covariance(both):
+    found = both[1]
+    c10, c20 = found.parameters["c10_deep"], found.parameters["c20_deep"]
+    apart = (confidence_ellipse(found) - [c10.value, c20.value]) / [
+        c10.standard_error,
+        c20.standard_error,
+    ]
+    r = found.correlation
+    distance = np.einsum("ni,ij,nj->n", apart, np.linalg.inv([[1, r], [r, 1]]), apart)
+    np.testing.assert_allclose(distance, chi2.ppf(0.95, 2), rtol=1e-6)
+
+
+def test_cost_near_the_optimum_is_the_cost_there(both):
+    for found in both:
+        values = [estimate.value for estimate in found.parameters.values()]
+        at = [np.array(value) for value in (*values, 0.0)[:2]]
+        assert linear_cost(found, *at) == pytest.approx(found.cost.value, rel=1e-6)
+
+
+def test_report_folder_is_complete_and_can_be_written_again(tmp_path):
+    subject = load_subject(write_subject(tmp_path / "subject"), need_recordings=False)
+    measured = measured_curve(depth=4.0)
+    results = [result("neo-hookean", measured), result("reduced-polynomial", measured)]
+    coarse = PlaneStrainSettings(mesh=SectionMeshSettings(contact_size=3.0, far_size=12.0))
+    experiment = PlaneStrainIndentation.of_subject(subject, coarse)
+    out = tmp_path / "out"
+    for _ in range(2):
+        report = write_identification_report(results, subject, experiment, out)
+        text = report.read_text()
+        assert "*** SIMULATED DATA ***" in text
+        assert "isn't among the 7 counted" in " ".join(text.split())
+        listed = [line for line in text.split("Files\n-----\n")[1].splitlines() if line]
+        names = {n for line in listed if line[0] != " " for n in line.split(", ") if "." in n}
+        there = {path.name for path in out.iterdir()}
+        assert there - {"report.txt"} <= names
+        assert {"fit.png", "leg.png", "cost-neo-hookean.png", "fields.xdmf"} <= there
+    assert not list(out.glob(".*")), "nothing unfinished is left"
+
+
+def test_report_without_an_experiment_has_no_picture_of_the_leg(both, tmp_path):
+    subject = load_subject(write_subject(tmp_path / "subject"), need_recordings=False)
+    write_identification_report(both, subject, None, tmp_path / "out")
+    assert not (tmp_path / "out" / "leg.png").exists()
+    assert (tmp_path / "out" / "fit.svg").exists()
+
+
+def test_parameters_go_back_to_the_model_in_its_units(both):
+    c10 = both[0].parameters["c10_deep"].value
+    values = model_parameters(both[0])
+    assert values == {"deep.C10": pytest.approx(1e-3 * c10), "deep.C20": 0.0, "deep.D2": math.inf}
+    assert "deep.D2" not in model_parameters(both[1])
