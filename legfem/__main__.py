@@ -25,8 +25,7 @@ def main() -> None:
         print("\nExample: legfem identify --subject 3\nlegfem COMMAND --help says more.")
         return
     if name not in there:
-        print(f"legfem: {name}: unknown command; choose one of {', '.join(there)}",
-              file=sys.stderr)
+        print(f"legfem: {name}: unknown command; choose one of {', '.join(there)}", file=sys.stderr)
         sys.exit(2)
     # The command's own help then names the command as it was called.
     sys.argv = [f"legfem {name}", *sys.argv[2:]]

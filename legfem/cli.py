@@ -55,8 +55,9 @@ def check_out_folder(out: Path) -> None:
     if not nearest.is_dir():
         raise InputError("--out", str(out), f"{nearest} is a file", "give a folder")
     if not os.access(nearest, os.W_OK | os.X_OK):
-        raise InputError("--out", str(out), f"{nearest} can't be written to",
-                         "give a folder of your own")
+        raise InputError(
+            "--out", str(out), f"{nearest} can't be written to", "give a folder of your own"
+        )
 
 
 def usable_cores() -> int:

@@ -40,7 +40,7 @@ class ContactSettings:
 
     normal: Literal["stiff", "exponential"] = "stiff"
     tangential: Literal["rough", "frictionless", "coulomb"] = "rough"
-    stiffness: float = 2000.0
+    stiffness: float = 1000.0
     onset: float = 0.005
     friction: float = 0.5
 

@@ -17,6 +17,7 @@ from legfem.kinematics import Expr, deformation_gradient, volume_ratio
 from legfem.materials import Hyperelastic
 from legfem.meshing.section import REGIONS
 from legfem.model import NormalContact, Tissue
+from legfem.places import Body, Skin
 from legfem.system import SKIN_DEGREE, System
 from legfem.units import FloatArray, mpa_to_kpa
 
@@ -97,7 +98,8 @@ def fields_of(system: System) -> LegFields:
 
     Only the stresses of tissues (`legfem.model.Tissue`) count; collective over the system's ranks.
     """
-    spaces, body = system.spaces, system.body.place
+    spaces, body, skin = system.spaces, system.body.place, system.skin.place
+    assert isinstance(body, Body) and isinstance(skin, Skin)
     displacement = fem.Function(spaces.displacement_space, name="displacement")
     displacement.x.array[:] = system.unknown.x.array[spaces.displacement_dofs]
 
@@ -130,13 +132,13 @@ def fields_of(system: System) -> LegFields:
 
     region = fem.Function(fem.functionspace(spaces.mesh, ("DG", 0)), name="region")
     region.x.array[spaces.cell_tags.indices] = spaces.cell_tags.values
-    contact, skin_displacement = _on_skin(system)
+    contact, skin_displacement = _on_skin(system, skin)
     return LegFields(
         displacement=displacement,
         region=region,
         contact_pressure=contact,
         skin_displacement=skin_displacement,
-        indenter_centre=np.array(system.skin.place.centre.value),
+        indenter_centre=np.array(skin.centre.value),
         **measures,
     )
 
@@ -164,9 +166,9 @@ def fit_in_cells(function: Any, values: FloatArray, cells: NDArray[np.int32], de
     function.x.array[space.dofmap.list[cells]] = values.reshape(len(cells), -1) @ fit.T
 
 
-def _on_skin(system: System) -> tuple[Any, Any]:
+def _on_skin(system: System, place: Skin) -> tuple[Any, Any]:
     """Return contact pressure per deformed area (kPa) and displacement on the skin's mesh."""
-    place, mesh = system.skin.place, system.spaces.skin
+    mesh = system.spaces.skin
     place.unknown.x.array[:] = system.unknown.x.array[system.spaces.trace]
     displacement = fem.Function(system.spaces.skin_space, name="displacement")
     displacement.x.array[:] = place.unknown.x.array

@@ -1,8 +1,8 @@
 """Newton's method for one step: a thin wrapper of PETSc's SNES.
 
 The wrapper adds three things to SNES. The tangent is assembled and factorised anew only while that
-pays: an iteration that gained two digits is followed by one with the same factors. An update is
-shortened until every J is positive. The outcome is a value, and a state is accepted only where the
+pays: an iteration that went well is followed by one with the same factors. An update is shortened
+until every J is positive and the residual is acceptable. The outcome is a value, and a state is accepted only where the
 residual is small; SNES' test on the length of the update is off, since it accepts impossible steps.
 """
 
@@ -31,12 +31,18 @@ class NewtonSettings:
         In one step.
     reuse : float
         The factors are used again after an iteration that reduced the residual by this factor.
+    memory : int
+        An update is accepted if the residual falls below the largest of this many before it.
+    max_halvings : int
+        Of an update that doesn't.
     """
 
     relative_tolerance: float = 1e-9
     absolute_tolerance: float = 1e-13
     max_factorisations: int = 12
     reuse: float = 0.3
+    memory: int = 2
+    max_halvings: int = 4
 
 
 @dataclass(frozen=True)
@@ -65,7 +71,7 @@ class NewtonSolver:
         snes.setOptionsPrefix("legfem_")
         snes.setType("newtonls")
         options = PETSc.Options("legfem_")
-        options.setValue("snes_linesearch_type", "bt")
+        options.setValue("snes_linesearch_type", "basic")
         snes.setFunction(self._function, vector.duplicate())
         snes.setJacobian(self._jacobian, matrix)
         snes.setLineSearchPreCheck(self._shorten)
@@ -131,10 +137,18 @@ class NewtonSolver:
         self._factorisations += 1
 
     def _shorten(self, state: PETSc.Vec, update: PETSc.Vec) -> bool:
-        for halving in range(8):
+        """Halve an update until no element inverts and the residual is below one of late.
+
+        Contact closes and opens within an iteration, so the residual may rise for once: a
+        monotone search would creep along such kinks.
+        """
+        acceptable = max(self._norms[-self._settings.memory :])
+        for halving in range(self._settings.max_halvings):
             self._load(state - update)
             if self._system.minimum_volume_ratio() > 0.01:
-                return halving > 0
+                self._system.assemble_residual()
+                if self._system.residual_norm() <= acceptable:
+                    return halving > 0
             update.scale(0.5)
         return True
 

@@ -77,7 +77,8 @@ def progress_on(stream: TextIO | None = None) -> Iterator[Progress]:
 
 class _Bar:
     def __init__(self, bar: object) -> None:
-        from rich.progress import Progress as RichProgress, TaskID
+        from rich.progress import Progress as RichProgress
+        from rich.progress import TaskID
 
         assert isinstance(bar, RichProgress)
         self._bar = bar

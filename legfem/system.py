@@ -128,6 +128,8 @@ class System:
         self._boundary = fem.dirichletbc(self._pinned, self._pinned_blocks())
         F = deformation_gradient(self.body.place.displacement)
         self._volume_ratio = self.body.history.expression(volume_ratio(F))
+        dofmap = spaces.space.dofmap
+        self._owned = dofmap.index_map.size_local * dofmap.index_map_bs
         self.evaluations = 0
 
     def set_parameters(self, values: dict[str, float]) -> None:
@@ -150,6 +152,14 @@ class System:
         residual.x.array[self.spaces.pinned] = 0.0
         self.evaluations += 1
         return residual
+
+    def residual_norm(self) -> float:
+        """Return the norm of the residual last assembled.
+
+        PETSc keeps a vector's norm until PETSc itself changes it, which assembly does not.
+        """
+        owned = self.residual_vector.x.array[: self._owned]
+        return float(np.sqrt(self.comm.allreduce(float(owned @ owned))))
 
     def assemble_tangent(self) -> PETSc.Mat:
         """Assemble the tangent at the present unknown."""
@@ -206,7 +216,7 @@ class System:
         internal = fem.Function(self.spaces.space)
         fem.assemble_vector(internal.x.array, self.body.residual)
         internal.x.scatter_reverse(la.InsertMode.add)
-        owned = self.spaces.space.dofmap.index_map.size_local * self.spaces.space.dofmap.index_map_bs
+        owned = self._owned
         pinned = self.spaces.pinned
         at_bone = np.zeros_like(internal.x.array)
         at_bone[pinned] = internal.x.array[pinned]

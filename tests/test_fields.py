@@ -53,12 +53,14 @@ def block(formulation: str) -> System:
     centre = np.array([0.5 * STRETCH[0], STRETCH[1] - OVERLAP + RADIUS])
     system = System(spaces, model, centre, np.array([0.0, -1.0]))
     system.set_parameters(model.parameters)
-    moved = fem.Function(spaces.displacement_space)
-    moved.interpolate(lambda x: (STRETCH - 1)[:, None] * x[:2])
-    system.unknown.x.array[spaces.displacement_dofs] = moved.x.array
+    space, part = spaces.space, slice(None)
     if formulation == "mixed":
+        space, part = space.sub(0).collapse()
         J = STRETCH.prod()
         system.unknown.sub(1).interpolate(lambda x: np.full(x.shape[1], 2 * (J - 1) / LAW.D1))
+    moved = fem.Function(space)
+    moved.interpolate(lambda x: (STRETCH - 1)[:, None] * x[:2])
+    system.unknown.x.array[part] = moved.x.array
     return system
 
 

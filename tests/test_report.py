@@ -78,8 +78,11 @@ def test_comparison_does_not_praise_a_parameter_that_the_data_do_not_need(both):
 
 def test_report_survives_numbers_that_are_missing(both):
     found = both[1]
+    unmoved = replace(found.parameters["c20_deep"], value=0.0, per_fat=math.nan, at_bound="lower")
     bare = replace(
         found,
+        parameters={**found.parameters, "c20_deep": unmoved},
+        correlation=math.nan,
         emulator_error=math.nan,
         search=replace(found.search, cost_map=None, generations=()),
         cost=replace(found.cost, p_value=math.nan),

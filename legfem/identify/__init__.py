@@ -1,0 +1,1 @@
+"""Identification: from recordings to the deep tissue's stiffness with its uncertainty."""

@@ -50,6 +50,12 @@ class Domain:
         second = (np.log1p(stiffness[..., 1] / _C20_SCALE) - low) / (high - low)
         return np.clip(np.stack([first, second], axis=-1), 0.0, 1.0)
 
+    def inside(self, stiffness: FloatArray) -> FloatArray:
+        """Return stiffnesses (..., 2) in kPa, clipped to the bounds."""
+        second = self.bounds.c20 if self.dimensions == 2 else (0.0, 0.0)
+        low, high = np.array([self.bounds.c10, second]).T
+        return np.clip(stiffness, low, high)
+
     def design(self) -> FloatArray:
         """Return the stiffnesses (n, 2) to solve first, kPa."""
         c10 = _within(_USUAL_C10, self.bounds.c10)
@@ -57,13 +63,15 @@ class Domain:
         if self.dimensions == 1:
             return np.array([[soft, 0.0], [stiff, 0.0], [middle, 0.0]])
         low, high = _within(_USUAL_C20, self.bounds.c20)
-        return np.array([
-            [middle, low + 0.15 * (high - low)],
-            [soft, low + 0.02 * (high - low)],
-            [stiff, low],
-            [soft, high],
-            [stiff, high],
-        ])
+        return np.array(
+            [
+                [middle, low + 0.15 * (high - low)],
+                [soft, low + 0.02 * (high - low)],
+                [stiff, low],
+                [soft, high],
+                [stiff, high],
+            ]
+        )
 
 
 def _within(usual: tuple[float, float], bounds: tuple[float, float]) -> tuple[float, float]:
@@ -100,8 +108,9 @@ class Known:
                 gap = one - nearest
                 along = np.sum(direction * gap, axis=-1)
                 half = 0.5 * np.sum(gap**2, axis=-1)
-                share = np.where(along > half, np.minimum(share, half / np.maximum(along, 1e-300)),
-                                 share)
+                share = np.where(
+                    along > half, np.minimum(share, half / np.maximum(along, 1e-300)), share
+                )
         moved = nearest + share[:, None] * (at - nearest)
         c10 = np.exp(moved[:, 0])
         inside = np.stack([c10, c10 * np.expm1(moved[:, 1])], axis=-1)

@@ -73,9 +73,7 @@ class Emulator:
         by = np.stack([samples.by_c10, samples.by_c20], axis=1)
         slopes = np.einsum("nkm,nkj->njm", by, chain) / force[:, None, :]
         self._at = coordinates(samples.c10, samples.c20)[:, :dimensions]
-        self._values = np.vstack(
-            [np.log(force), *(slopes[:, j, :] for j in range(dimensions))]
-        )
+        self._values = np.vstack([np.log(force), *(slopes[:, j, :] for j in range(dimensions))])
         self._trend = _trend(self._at, derivatives=True)
 
     def __call__(self, c10: ArrayLike, c20: ArrayLike) -> FloatArray:
@@ -84,13 +82,14 @@ class Emulator:
         flat = at.reshape(-1, self.dimensions)
         covariance = _covariance(flat, self._at, self._fit.lengths, rows=False)
         log_force = covariance @ self._fit.weights + _trend(flat, False) @ self._fit.trend
+        # Far outside the samples the trend may run away.
+        log_force = np.clip(log_force, -30.0, 30.0)
         return np.asarray(np.exp(log_force)).reshape(*at.shape[:-1], -1)
 
     @cached_property
     def _fit(self) -> _Fit:
         fits = [
-            self._fitted(np.array(lengths))
-            for lengths in product(_LENGTHS, repeat=self.dimensions)
+            self._fitted(np.array(lengths)) for lengths in product(_LENGTHS, repeat=self.dimensions)
         ]
         return max(fits, key=lambda fit: fit.log_likelihood)
 

@@ -109,6 +109,10 @@ class PlaneStrainForward:
             )
         return self._experiment
 
+    def prepare(self) -> None:
+        """Compile and mesh now."""
+        _ = self.experiment
+
     def solve(self, deep: DeepTissue) -> ForwardOutcome:
         """Solve in full."""
         values = {
@@ -121,10 +125,10 @@ class PlaneStrainForward:
         return ForwardOutcome(
             deep,
             solved.curve,
-            report.complete,
+            bool(report.complete),
             report.reason,
             report.factorisations,
-            report.seconds + sum(before.seconds for before in report.earlier_attempts),
+            float(report.seconds) + sum(before.seconds for before in report.earlier_attempts),
         )
 
     def fingerprint(self) -> Mapping[str, Any]:
@@ -139,7 +143,8 @@ class PlaneStrainForward:
             "indenter": [
                 self.indenter.radius,
                 self.indenter.length,
-                *self.indenter.aim.tolist(),
+                float(self.indenter.aim[0]),
+                float(self.indenter.aim[1]),
                 self.indenter.direction_deg,
             ],
             "tissues": {

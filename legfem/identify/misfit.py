@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -23,7 +24,7 @@ class Prediction:
 
     force: FloatArray
     """(n,), N."""
-    sensitivities: dict[str, FloatArray]
+    sensitivities: Mapping[str, FloatArray]
     """(n,), N/kPa."""
 
     def jacobian(self, dimensions: int) -> FloatArray:
@@ -89,12 +90,6 @@ class Misfit:
             return values
         return np.asarray(solve_triangular(self._lower, values, lower=True))
 
-    def corrected(self, force: FloatArray, c10: FloatArray, c20: FloatArray) -> FloatArray:
-        """Return plane-strain forces (..., n) with the correction applied."""
-        if self.correction is None:
-            return force
-        return force * correction_factor(self.correction, self.displacement, c10, c20)
-
     def cost(self, force: FloatArray) -> FloatArray:
         """Return Eq. 12 (N2) of corrected forces (..., n)."""
         return np.asarray(np.sum((force - self.measured.force) ** 2, axis=-1))
@@ -114,7 +109,9 @@ class Misfit:
         """Return a complete full solve on the grid."""
         curve, grid = outcome.curve, self.displacement
         force = curve(grid)
-        by = {name: MPA_PER_KPA * curve.sensitivity(name, grid) for name in SENSITIVITIES}
+        by: dict[str, FloatArray] = {
+            name: MPA_PER_KPA * curve.sensitivity(name, grid) for name in SENSITIVITIES
+        }
         if self.correction is None:
             return Prediction(force, by)
         c10, c20 = outcome.deep.C10, outcome.deep.C20

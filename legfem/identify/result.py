@@ -308,9 +308,12 @@ def _search(search: SearchPath) -> dict[str, Any]:
         ],
         "cost_map": None
         if search.cost_map is None
-        else {f"{key}_{unit}": value for (key, value), unit in zip(
-            asdict(search.cost_map).items(), ("kPa", "kPa", "N2"), strict=True
-        )},
+        else {
+            f"{key}_{unit}": value
+            for (key, value), unit in zip(
+                asdict(search.cost_map).items(), ("kPa", "kPa", "N2"), strict=True
+            )
+        },
     }
 
 

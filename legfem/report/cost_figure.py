@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import matplotlib.patheffects as outline
 import numpy as np
@@ -11,7 +11,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import LogLocator, ScalarFormatter
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from scipy.stats import chi2
 
 from legfem.identify.result import IdentificationResult
@@ -24,8 +24,10 @@ _STAGES = {
     "bound": ("^", "check at a bound"),
     "genetic": ("D", "of the genetic algorithm"),
 }
-_BEST = "#D55E00"
+_BEST, _GENETIC = "#D55E00", "#CC79A7"
 _HALO = [outline.withStroke(linewidth=2.2, foreground="white")]
+_C20_LINEAR = 0.1
+"""kPa: below, a logarithmic axis of C20 goes on linearly to zero."""
 _CROWDED = 12.0
 """Dots between two points below which their numbers would overlap."""
 
@@ -100,9 +102,6 @@ def _draw_map(figure: Figure, whole: Axes, near: Axes, result: IdentificationRes
     if known is not None:
         cost = np.maximum(known.cost, 1e-12)
         _contours(figure, whole, known.c10, known.c20, cost)
-    best = [(g.c10, g.c20) for g in result.search.generations]
-    if best:
-        whole.plot(*np.array(best).T, color="#CC79A7", linewidth=1.2, marker=".", markersize=5)
     # The window holds the region and what of the search is close by.
     low, high = region.min(axis=0), region.max(axis=0)
     margin = 0.75 * (high - low) + 1e-3 * high
@@ -114,7 +113,9 @@ def _draw_map(figure: Figure, whole: Axes, near: Axes, result: IdentificationRes
     if known is not None:
         _scale(whole, "x", known.c10)
         _scale(whole, "y", known.c20)
+    best = np.array([(g.c10, g.c20) for g in result.search.generations]).reshape(-1, 2)
     for axes in (whole, near):
+        axes.plot(*best.T, color=_GENETIC, linewidth=1.2, marker=".", markersize=5)
         axes.fill(*region.T, facecolor="none", edgecolor=_BEST, linewidth=1.6, zorder=4)
         axes.plot(*_optimum(result), "*", color=_BEST, markersize=13, markeredgecolor="white",
                   zorder=6)  # fmt: skip
@@ -130,9 +131,6 @@ def _draw_curve(whole: Axes, near: Axes, result: IdentificationResult) -> None:
     if known is not None:
         whole.plot(known.c10, known.cost[0], color=colour)
         _scale(whole, "x", known.c10)
-    best = [(g.c10, g.cost) for g in result.search.generations]
-    if best:
-        whole.plot(*np.array(best).T, color="#CC79A7", linewidth=1.2, marker=".", markersize=5)
     whole.set_yscale("log")
     low, high = found.ci95
     margin = 0.75 * (high - low) + 1e-3 * high
@@ -141,7 +139,9 @@ def _draw_curve(whole: Axes, near: Axes, result: IdentificationResult) -> None:
     near.set_xlim(c10[0], c10[-1])
     near.locator_params(nbins=6)
     near.set_ylim(*near.get_ylim())
+    best = np.array([(g.c10, g.cost) for g in result.search.generations]).reshape(-1, 2)
     for axes in (whole, near):
+        axes.plot(*best.T, color=_GENETIC, linewidth=1.2, marker=".", markersize=5)
         axes.axvspan(*found.ci95, color=_BEST, alpha=0.2, linewidth=0)
         axes.plot(found.value, result.cost.value, "*", color=_BEST, markersize=13,
                   markeredgecolor="white", zorder=6)  # fmt: skip
@@ -179,6 +179,7 @@ def _short(value: float) -> str:
 def _mark_solves(axes: Axes, result: IdentificationResult, heights: list[float]) -> None:
     """Draw the full solves with their numbers; those too close together share a label."""
     axes.set(xlim=axes.get_xlim(), ylim=axes.get_ylim())
+    frame = axes.get_window_extent()
     labels: list[tuple[FloatArray, FloatArray, list[int]]] = []
     for number, (solve, height) in enumerate(
         zip(result.search.solves, heights, strict=True), start=1
@@ -186,11 +187,11 @@ def _mark_solves(axes: Axes, result: IdentificationResult, heights: list[float])
         marker = _STAGES[solve.stage][0] if solve.complete else "x"
         at = np.array([solve.c10, height])
         seen = axes.transData.transform(at)
-        if not (np.isfinite(seen).all() and axes.get_window_extent().contains(*seen)):
+        if not (np.isfinite(seen).all() and frame.padded(1.0).contains(*seen)):
             continue
         axes.plot(
             *at, marker, color="black", markersize=6, fillstyle="none", zorder=5,
-            path_effects=_HALO,
+            path_effects=_HALO, clip_on=False,
         )  # fmt: skip
         for _, place, numbers in labels:
             if np.linalg.norm(seen - place) < _CROWDED:
@@ -198,11 +199,20 @@ def _mark_solves(axes: Axes, result: IdentificationResult, heights: list[float])
                 break
         else:
             labels.append((at, seen, [number]))
-    for at, _, numbers in labels:
+    for at, place, numbers in labels:
+        # Inside the frame: to the lower left of points at its upper or right edge.
+        right, top = frame.x1 - place[0] < 40, frame.y1 - place[1] < 25
         axes.annotate(
-            _ranges(numbers), at, xytext=(6, 5), textcoords="offset points", fontsize=8,
-            path_effects=_HALO, zorder=7,
-        )  # fmt: skip
+            _ranges(numbers),
+            (at[0], at[1]),
+            xytext=(-6 if right else 6, -6 if top else 5),
+            textcoords="offset points",
+            ha="right" if right else "left",
+            va="top" if top else "bottom",
+            fontsize=8,
+            path_effects=_HALO,
+            zorder=7,
+        )
 
 
 def _ranges(numbers: list[int]) -> str:
@@ -216,24 +226,23 @@ def _ranges(numbers: list[int]) -> str:
     return ", ".join(f"{r[0]}–{r[-1]}" if len(r) > 1 else str(r[0]) for r in runs)
 
 
-def _scale(axes: Axes, which: str, values: FloatArray) -> None:
-    """Use logarithmic axes where the values are spread so, linear below the second value."""
-    if len(values) < 4:
-        return
-    positive = values[values > 0]
-    if positive[-1] / positive[0] < 20 or np.ptp(np.diff(values)) < 1e-6 * values[-1]:
-        return
-    axis = axes.xaxis if which == "x" else axes.yaxis
-    setter = axes.set_xscale if which == "x" else axes.set_yscale
-    if values[0] > 0:
-        setter("log")
-    else:
-        setter("symlog", linthresh=positive[0], linscale=0.3)
-    limits = axes.set_xlim if which == "x" else axes.set_ylim
+def _scale(axes: Axes, which: Literal["x", "y"], values: FloatArray) -> None:
+    """Give an axis the limits of a grid, and its spacing: even, or even on logarithmic axes."""
+    steps = np.diff(values)
+    axis, limits = (axes.xaxis, axes.set_xlim) if which == "x" else (axes.yaxis, axes.set_ylim)
+    if len(values) > 3 and steps.max() > 1.5 * steps.min():
+        setter = axes.set_xscale if which == "x" else axes.set_yscale
+        if which == "x":
+            setter("log")
+        else:
+            setter("symlog", linthresh=_C20_LINEAR, linscale=0.6)
+        powers = np.floor(np.log10(max(values[0], _C20_LINEAR))), np.ceil(np.log10(values[-1]))
+        decades = 10.0 ** np.arange(powers[0], powers[1] + 1)
+        ticks = np.outer(decades, (1, 2, 5)).ravel()
+        axis.set_major_locator(FixedLocator([*([] if which == "x" else [0.0]), *ticks]))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_locator(NullLocator())
     limits(values[0], values[-1])
-    if values[0] > 0:
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axis.set_major_formatter(ScalarFormatter())
 
 
 def _legend(result: IdentificationResult) -> tuple[list[Any], list[str]]:
@@ -251,7 +260,7 @@ def _legend(result: IdentificationResult) -> tuple[list[Any], list[str]]:
     if result.search.generations:
         entries.append(
             (
-                Line2D([], [], color="#CC79A7", marker="."),
+                Line2D([], [], color=_GENETIC, marker="."),
                 "best of each generation" + (" (emulator)" if result.search.cost_map else ""),
             )
         )

@@ -35,17 +35,23 @@ def fit_figure(results: Sequence[IdentificationResult]) -> Figure:
     first = results[0]
     title(figure, "Measured and simulated force", first.subject_title, first.subject_origin)
     grid = figure.subplots(
-        2, len(results), sharex=True, sharey="row", squeeze=False, height_ratios=(2.2, 1)
+        2, len(results), sharex=True, sharey=False, squeeze=False, height_ratios=(2.2, 1)
     )
+    top = 1.05 * max(_highest(result) for result in results)
     for column, result in enumerate(results):
         above, below = grid[:, column]
+        above.set_ylim(0, top)
         _draw_fit(above, result)
         panel(above, "ABCDEFGH"[column], LAW_NAMES[result.law])
         _draw_residual(below, result)
         below.set_xlabel("displacement of the indenter after first contact (mm)")
     grid[0, 0].set_ylabel("force (N)")
-    grid[1, 0].set_ylabel("simulated − measured (N)")
+    grid[1, 0].set_ylabel("simulated − measured (N)\non each panel's own scale")
     return figure
+
+
+def _highest(result: IdentificationResult) -> float:
+    return float(max(result.measured.trial_force.max(), result.predicted.force.max()))
 
 
 def _draw_fit(axes: Axes, result: IdentificationResult) -> None:
@@ -84,7 +90,6 @@ def _draw_fit(axes: Axes, result: IdentificationResult) -> None:
     lines.append(f"cost E = {result.cost.value:.3g} N$^2$, rms {result.cost.rms:.3g} N")
     axes.text(0.98, 0.04, "\n".join(lines), transform=axes.transAxes, ha="right", va="bottom")
     axes.set_xlim(0, 1.02 * depth[-1])
-    axes.set_ylim(bottom=0)
 
 
 def _draw_residual(axes: Axes, result: IdentificationResult) -> None:

@@ -13,6 +13,7 @@ from mpi4py import MPI
 from legfem.experiments.plane_strain import Indentation, PlaneStrainIndentation
 from legfem.fields import fields_of
 from legfem.identify.result import IdentificationResult
+from legfem.places import Skin
 from legfem.report.cost_figure import cost_figure
 from legfem.report.fit_figure import fit_figure
 from legfem.report.leg_figure import leg_figure
@@ -63,7 +64,7 @@ def write_identification_report(
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
     comm.barrier()
-    note, entries = "", []
+    note, entries = "", list[ReportFile]()
     if experiment is not None:
         note, entries = _deformed_state(results, subject, experiment, folder)
     if comm.rank == 0:
@@ -155,7 +156,9 @@ def _deformed_state(
 def _state_is_final(experiment: PlaneStrainIndentation, solved: Indentation) -> bool:
     """Return whether the system is in the solution's last state: a finer mesh has another."""
     touch, direction = experiment.section_mesh.touch, experiment.section_mesh.direction
-    here = float((experiment.system.skin.place.centre.value - touch) @ direction)
+    skin = experiment.system.skin.place
+    assert isinstance(skin, Skin)
+    here = float((skin.centre.value - touch) @ direction)
     own_mesh = len(solved.report.earlier_attempts) < 2
     return own_mesh and bool(np.isclose(here, solved.report.reached))
 

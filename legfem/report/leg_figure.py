@@ -164,7 +164,9 @@ def _draw_mesh(axes: Axes, drawn: DrawnSection, section: LegSection) -> None:
             )
         )
     _draw_bones(axes, section)
-    axes.add_collection(LineCollection(drawn.interfaces(False), colors="black", linewidths=0.6))
+    axes.add_collection(
+        LineCollection(list(drawn.interfaces(False)), colors="black", linewidths=0.6)
+    )
     handles: list[Any] = [
         Patch(facecolor=REGION_COLOURS[name], edgecolor="#555555", label=REGION_NAMES[name])
         for name in REGIONS
@@ -189,9 +191,11 @@ def _draw_pressure(axes: Axes, drawn: DrawnSection, section: LegSection) -> Any:
         vmax=high,
         rasterized=True,
     )
-    edges = LineCollection(at[:, drawn.cell_outlines], colors="#00000040", linewidths=0.2)
+    edges = LineCollection(list(at[:, drawn.cell_outlines]), colors="#00000040", linewidths=0.2)
     axes.add_collection(edges)
-    axes.add_collection(LineCollection(drawn.interfaces(True), colors="black", linewidths=0.6))
+    axes.add_collection(
+        LineCollection(list(drawn.interfaces(True)), colors="black", linewidths=0.6)
+    )
     _draw_bones(axes, section)
     outer = np.vstack([section.skin, section.skin[:1]])
     axes.plot(*outer.T, color="#666666", linewidth=0.8, linestyle="--", zorder=3.5)

@@ -11,11 +11,9 @@ from pathlib import Path
 from legfem.identify.result import IdentificationResult
 from legfem.materials import Hyperelastic
 from legfem.report.style import LAW_NAMES
-from legfem.report.text import ORIGINS, fit_report, summary
+from legfem.report.text import ORIGINS, WIDTH, fit_report, summary
 from legfem.subject import Subject
 from legfem.units import kpa_to_mpa, mpa_to_kpa
-
-_WIDTH = 100
 
 
 @dataclass(frozen=True)
@@ -81,13 +79,13 @@ def _procedure(result: IdentificationResult, subject: Subject) -> str:
     trials = f"{measured.n_trials} trial{'s' * (measured.n_trials > 1)}"
     return textwrap.fill(
         f"The recordings ({trials}) are of a rigid cylinder, {2 * indenter.radius:g} mm in "
-        f"diameter and {indenter.length:g} mm long, pressed into the calf. Their loading was brought "
-        f"to one mean curve with its errors, {len(measured.displacement)} points to "
-        f"{measured.displacement[-1]:g} mm after first contact. A plane-strain finite-element model "
-        f"of the section gives the force per length, taken times the cylinder's length, "
+        f"diameter and {indenter.length:g} mm long, pressed into the calf. Their loading was "
+        f"brought to one mean curve with its errors, {len(measured.displacement)} points to "
+        f"{measured.displacement[-1]:g} mm after first contact. A plane-strain finite-element "
+        f"model of the section gives the force per length, taken times the cylinder's length, "
         f"{correction}. A genetic algorithm (pygad) searched for the deep tissue's parameters on "
         f"{searched}. What was recorded in unloading or at rest was not used.",
-        _WIDTH,
+        WIDTH,
     )
 
 
@@ -113,13 +111,12 @@ def _tissues(results: Sequence[IdentificationResult], subject: Subject) -> str:
             f"{name:<12} {LAW_NAMES[law]:<19} {mpa_to_kpa(C10):>10.4g} {mark:<10} "
             f"{tissue.D1:>11.4g} {ratio:>7.3g} {tissue.poisson_ratio:>8.3f}"
         )
-    rows.append(
-        f"The fascia is {subject.section.fascia_thickness:g} mm thick; the bones are rigid and fixed."
-    )
+    thickness = subject.section.fascia_thickness
+    rows.append(f"The fascia is {thickness:g} mm thick; the bones are rigid and fixed.")
     if negative:
         rows.append(
-            "A Poisson's ratio below zero follows from the C10 and D1 given: the published values of "
-            "the\nfascia are such."
+            "A Poisson's ratio below zero follows from the C10 and D1 given: "
+            "the published values of the\nfascia are such."
         )
     return "\n".join(rows)
 
@@ -130,6 +127,6 @@ def _listing(files: Sequence[ReportFile], note: str) -> str:
         rows.append(", ".join(path.name for path in entry.paths))
         indent = " " * 4
         rows.append(
-            textwrap.fill(entry.shows, _WIDTH, initial_indent=indent, subsequent_indent=indent)
+            textwrap.fill(entry.shows, WIDTH, initial_indent=indent, subsequent_indent=indent)
         )
-    return "\n".join([*rows, *(["", textwrap.fill(note, _WIDTH)] if note else [])])
+    return "\n".join([*rows, *(["", textwrap.fill(note, WIDTH)] if note else [])])

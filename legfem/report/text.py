@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Iterable, Sequence
 
 from scipy.stats import chi2
@@ -19,6 +20,7 @@ ENERGIES = {
     "neo-hookean": "U = C10 (I1 - 3) + (J - 1)^2 / D1",
     "reduced-polynomial": ("U = C10 (I1 - 3) + C20 (I1 - 3)^2 + (J - 1)^2 / D1 + (J - 1)^4 / D2"),
 }
+WIDTH = 100
 _SYMBOLS = {"c10_deep": "C10", "c20_deep": "C20"}
 # Below this, chance doesn't explain what was left unexplained.
 _SIGNIFICANT = 0.01
@@ -32,12 +34,12 @@ def fit_report(result: IdentificationResult) -> str:
         "Variables": _variables(result),
     }
     if len(result.parameters) > 1:
-        sections["Correlations"] = [f"C(C10, C20) = {result.correlation:+.4f}"]
+        sections["Correlations"] = [_correlation(result.correlation)]
     sections["Warnings"] = result.warnings or ["none"]
     lines = [f"DATA: {ORIGINS.get(result.subject_origin, result.subject_origin)}"]
     for name, body in sections.items():
         lines += [f"[[{name}]]", *(f"    {line}" for line in body)]
-    return "\n".join(lines) + "\n"
+    return _wrapped(lines)
 
 
 def summary(results: Sequence[IdentificationResult]) -> str:
@@ -53,24 +55,27 @@ def summary(results: Sequence[IdentificationResult]) -> str:
         f"Subject {first.subject_id} ({first.subject_title})",
         f"DATA: {ORIGINS.get(first.subject_origin, first.subject_origin)}",
         "",
-        f"  {'deep tissue':<19} {'C10 (kPa)':<23} {'C20 (kPa)':<23} "
-        f"{'cost (N2)':>9} {'rms (N)':>8} {'solves':>6} {'s':>6}",
+        f"  {'deep tissue':<18} {'C10 (kPa)':<22} {'C20 (kPa)':<22} "
+        f"{'cost (N2)':>9} {'rms (N)':>8} {'solves':>6} {'time (s)':>8}",
     ]
     for result in results:
         cells = [_short(result.parameters.get(name)) for name in _SYMBOLS]
         lines.append(
-            f"  {LAW_NAMES[result.law]:<19} {cells[0]:<23} {cells[1]:<23} "
+            f"  {LAW_NAMES[result.law]:<18} {cells[0]:<22} {cells[1]:<22} "
             f"{result.cost.value:>9.3g} {result.cost.rms:>8.3g} "
-            f"{result.forward_solves:>6d} {result.wall_s:>6.1f}"
+            f"{result.forward_solves:>6d} {result.wall_s:>8.1f}"
         )
     lines += ["  (brackets: 95 % confidence intervals)", ""]
     lines += [f"  {line}" for line in comparison(results)]
     for result in results:
-        verdict, why = result.identifiability
-        if verdict != "identifiable":
-            lines.append(f"  {LAW_NAMES[result.law]}: {verdict}: {why}")
-    lines += [f"  warning: {warning}" for warning in _distinct(results)]
-    return "\n".join(lines) + "\n"
+        for name, found in result.parameters.items():
+            if found.identifiability != "identifiable":
+                lines.append(
+                    f"  {_SYMBOLS[name]} of the {LAW_NAMES[result.law]} law is "
+                    f"{found.identifiability}: {found.why}."
+                )
+    lines += [f"  Warning: {warning}" for warning in _distinct(results)]
+    return _wrapped(lines)
 
 
 def comparison(results: Sequence[IdentificationResult]) -> list[str]:
@@ -84,35 +89,36 @@ def comparison(results: Sequence[IdentificationResult]) -> list[str]:
             *lines,
             "Both laws fit alike: the best reduced polynomial is neo-Hookean (C20 = 0).",
         ]
-    ratio = worse.cost.value / max(better.cost.value, 1e-300)
-    lines.append(
-        f"The {LAW_NAMES[better.law]} law fits better: its cost is {ratio:.3g} times smaller "
-        f"({better.cost.value:.3g} against {worse.cost.value:.3g} N2, rms {better.cost.rms:.3g} "
-        f"against {worse.cost.rms:.3g} N)."
+    ratio = _number(worse.cost.value / max(better.cost.value, 1e-300))
+    costs = (
+        f"cost is {ratio} times smaller ({better.cost.value:.3g} against {worse.cost.value:.3g} N2, "
+        f"rms {better.cost.rms:.3g} against {worse.cost.rms:.3g} N)"
     )
+    name = LAW_NAMES[better.law]
     gain = worse.cost.chi_square - better.cost.chi_square
     extra = len(better.parameters) - len(worse.parameters)
     if extra <= 0:
-        return lines
+        return [*lines, f"The {name} law fits better: its {costs}."]
     chance = float(chi2.sf(gain, extra)) if gain > 0 else 1.0
     if chance < _SIGNIFICANT:
-        lines.append(
-            f"The data ask for its further parameter: chi-square falls by {gain:.4g} "
-            f"({_probability(chance)})."
-        )
-    else:
-        lines.append(
-            f"The data do not ask for its further parameter: chi-square changes by {-gain:.2g} "
-            f"({_probability(chance)}), no more than noise would give."
-        )
-    return lines
+        return [
+            *lines,
+            f"The {name} law fits better: its {costs}.",
+            "The data ask for its further parameter: chi-square falls by "
+            f"{_number(gain)} ({_probability(chance)}).",
+        ]
+    return [
+        *lines,
+        f"The {name} law's {costs}, but the data do not ask for its further parameter: chi-square "
+        f"changes by {-gain:+.2g} ({_probability(chance)}), no more than noise would give.",
+    ]
 
 
 def _model(result: IdentificationResult) -> list[str]:
     measured = result.measured
     correction = result.correction or "none (plane strain times the cylinder's length)"
     return [
-        f"subject            {result.subject_id}: {result.subject_title}",
+        f"subject            {result.subject_title}",
         f"deep tissue        {LAW_NAMES[result.law]}: {ENERGIES[result.law]}",
         f"recordings         {measured.n_trials} trial{'s' * (measured.n_trials > 1)}, loading to "
         f"{measured.displacement[-1]:.2f} mm after first contact",
@@ -170,8 +176,6 @@ def _variables(result: IdentificationResult) -> list[str]:
             f"{found.unit} ({_percent(found)})   "
             f"95 % interval {low:.5g} to {high:.5g} {found.unit}{bound}",
             f"    {found.identifiability}: {found.why}",
-            f"    changes by {100 * found.per_fat:+.2f} % if the assumed C10 of the fat were 10 % "
-            f"higher, by {100 * found.per_fascia:+.2f} % for the fascia's",
         ]
     return lines
 
@@ -188,10 +192,32 @@ def _goodness(result: IdentificationResult) -> str:
     return f"The {name} law fits within the noise ({_probability(chance)})."
 
 
+def _wrapped(lines: Iterable[str]) -> str:
+    """Return lines broken at the page's width, further ones indented under the first."""
+    broken: list[str] = []
+    for line in lines:
+        indent = " " * (len(line) - len(line.lstrip()) + 4)
+        broken += textwrap.wrap(
+            line, WIDTH, subsequent_indent=indent, replace_whitespace=False,
+            drop_whitespace=True, break_on_hyphens=False,
+        ) or [""]  # fmt: skip
+    return "\n".join(broken) + "\n"
+
+
+def _number(value: float) -> str:
+    """Return three digits without an exponent, where it stays readable."""
+    rounded = float(f"{value:.3g}")
+    return f"{rounded:,.0f}" if 1000 <= rounded < 1e7 else f"{rounded:g}"
+
+
 def _short(found: Estimate | None) -> str:
     if found is None:
         return "-"
     return f"{found.value:.3f} [{found.ci95[0]:.3f}, {found.ci95[1]:.3f}]"
+
+
+def _correlation(value: float) -> str:
+    return "not known" if math.isnan(value) else f"C(C10, C20) = {value:+.4f}"
 
 
 def _percent(found: Estimate) -> str:

@@ -1,0 +1,87 @@
+"""What a reader of a result must be told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from legfem.identify.correction import Correction
+from legfem.identify.result import Cost, Estimate, FullSolve, LawName
+from legfem.identify.settings import Bounds
+from legfem.recording import LoadingCurve
+from legfem.subject import Subject, TissueParameters
+
+# Chance, were the law right, of a misfit as large as the one below which the law is doubted.
+_LEAST_CHANCE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """What warnings are drawn from."""
+
+    subject: Subject
+    law: LawName
+    bounds: Bounds
+    parameters: Mapping[str, Estimate]
+    cost: Cost
+    neo_hookean_limit: bool
+    converged: bool
+    solves: tuple[FullSolve, ...]
+    correction: Correction | None
+    measured: LoadingCurve
+
+
+def warnings_about(found: Finding) -> tuple[str, ...]:
+    """Return one sentence a warning, the gravest first."""
+    texts = []
+    if not found.converged:
+        texts.append(
+            "The search ended before it converged: the optimum may lie elsewhere. Rerun with "
+            "another --seed or narrower bounds."
+        )
+    if found.cost.p_value < _LEAST_CHANCE:
+        noise = float(found.measured.force_sd.mean())
+        texts.append(
+            f"The {found.law} law does not describe these recordings: the fit misses by "
+            f"{found.cost.rms:.2g} N rms where their mean is known to {noise:.2g} N "
+            f"(chi-square {found.cost.chi_square:.4g} for {found.cost.degrees_of_freedom} degrees "
+            "of freedom). The intervals hold for the law as fitted and understate what is unknown."
+        )
+    texts += [
+        f"{name} stands at the {one.at_bound} bound of the search."
+        for name, one in found.parameters.items()
+        if one.at_bound and not (name == "c20_deep" and found.neo_hookean_limit)
+    ]
+    if found.law == "reduced-polynomial" and found.neo_hookean_limit:
+        texts.append(
+            "The reduced polynomial's optimum is its neo-Hookean limit (C20 = 0): these recordings "
+            "show no stiffening of the deep tissue beyond it."
+        )
+    failed = [solve for solve in found.solves if not solve.complete]
+    if failed:
+        texts.append(
+            f"{len(failed)} of {len(found.solves)} full solves stopped short of "
+            f"{found.measured.displacement[-1]:g} mm; the search kept away from them (C10 "
+            + ", ".join(f"{solve.c10:.3g}" for solve in failed)
+            + " kPa)."
+        )
+    if found.correction is None:
+        texts.append(
+            "No 3D correction is applied: a constant factor on the force can't be told from C10, "
+            "so end effects are part of the stiffness given here."
+        )
+    for name, tissue in found.subject.tissues.items():
+        if name != "deep" and (ratio := poisson_ratio(tissue)) is not None and ratio < 0:
+            texts.append(
+                f"The {name}'s Poisson's ratio is {ratio:.2f} with its C10 and D1 as given: its "
+                "bulk modulus lies below 2/3 of its shear modulus."
+            )
+    return tuple(texts)
+
+
+def poisson_ratio(tissue: TissueParameters) -> float | None:
+    """Return Poisson's ratio at small strain; None for a tissue without a stiffness."""
+    if tissue.C10 is None:
+        return None
+    bulk, shear = 2 / tissue.D1, 2 * tissue.C10
+    return (3 * bulk - 2 * shear) / (6 * bulk + 2 * shear)
