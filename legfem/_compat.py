@@ -11,8 +11,17 @@ from dolfinx import io as dolfinx_io
 from dolfinx import mesh as dolfinx_mesh
 from mpi4py import MPI
 from numpy.typing import NDArray
+from petsc4py import PETSc
 
 gmsh_io = dolfinx_io.gmsh if hasattr(dolfinx_io, "gmsh") else dolfinx_io.gmshio
+
+_reasons = PETSc.SNES.ConvergedReason
+RESIDUAL_NOT_FINITE: int = (
+    _reasons.DIVERGED_FNORM_NAN
+    if hasattr(_reasons, "DIVERGED_FNORM_NAN")  # its name in older PETSc
+    else _reasons.DIVERGED_FUNCTION_NANORINF
+)
+"""SNES' reason for a residual that is not a number, or infinite."""
 
 
 def mesh_from_gmsh(model: Any, comm: MPI.Intracomm, gdim: int) -> tuple[Any, Any, Any]:
@@ -24,6 +33,13 @@ def mesh_from_gmsh(model: Any, comm: MPI.Intracomm, gdim: int) -> tuple[Any, Any
 def surface_mesh(mesh: Any, facets: NDArray[np.int32]) -> Any:
     """Return the mesh of some facets."""
     return dolfinx_mesh.create_submesh(mesh, mesh.topology.dim - 1, facets)[0]
+
+
+def collapse(subspace: Any) -> tuple[Any, NDArray[np.int32]]:
+    """Return a subspace as a space of its own, and the parent's dof of each of its dofs."""
+    space, parent = subspace.collapse()
+    # A flat list once; now a list of one array a type of cell.
+    return space, np.asarray(parent, dtype=np.int32).ravel()
 
 
 def interpolation_points(element: Any) -> NDArray[np.float64]:

@@ -60,6 +60,20 @@ def check_out_folder(out: Path) -> None:
         )
 
 
+def process_count(jobs: int | None, ranks: int) -> int:
+    """Return the number of processes to use: ``--jobs``, or all usable cores.
+
+    Raises
+    ------
+    InputError
+        If ``jobs`` is below 1.
+    """
+    if jobs is not None and jobs < 1:
+        raise InputError("--jobs", f"{jobs}", "is no number of processes", "give 1 or more")
+    # A rank of mpirun can't start processes that would use MPI too.
+    return 1 if ranks > 1 else jobs or usable_cores()
+
+
 def usable_cores() -> int:
     """Return the number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
+from legfem._compat import RESIDUAL_NOT_FINITE
 from legfem.system import System
 
 
@@ -157,7 +158,7 @@ class NewtonSolver:
         self._norms.append(norm)
         reasons = PETSc.SNES.ConvergedReason
         if not np.isfinite(norm):
-            return int(reasons.DIVERGED_FNORM_NAN)
+            return RESIDUAL_NOT_FINITE
         scale = self._system.contact_scale()
         limit = self._settings.absolute_tolerance + self._settings.relative_tolerance * scale
         if norm <= limit and iteration > 0:
@@ -174,7 +175,7 @@ def _describe(reason: int) -> str:
     words = {
         reasons.CONVERGED_FNORM_ABS: "the residual is small",
         reasons.CONVERGED_FNORM_RELATIVE: "the residual is small",
-        reasons.DIVERGED_FNORM_NAN: "the residual is not a number",
+        RESIDUAL_NOT_FINITE: "the residual is not a number",
         reasons.DIVERGED_MAX_IT: "the residual stays large",
         reasons.DIVERGED_LINEAR_SOLVE: "the tangent cannot be factorised",
         reasons.DIVERGED_FUNCTION_DOMAIN: "an element is inverted",

@@ -16,7 +16,7 @@ from dolfinx import fem
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from legfem._compat import surface_mesh
+from legfem._compat import collapse, surface_mesh
 from legfem.meshing.section import BONE, SKIN
 
 Formulation = Literal["displacement", "mixed"]
@@ -113,8 +113,7 @@ def _mixed_element(mesh: Any, degree: int) -> Any:
 
 def _shared_dofs(mixed: Any, displacement: Any, dimension: int) -> NDArray[np.int32]:
     """Return the dofs of a mixed space at the nodes of its Lagrange displacement."""
-    collapsed, parent = mixed.sub(0).collapse()
-    parent = np.asarray(parent, dtype=np.int32)
+    collapsed, parent = collapse(mixed.sub(0))
     mesh = displacement.mesh
     cells = mesh.topology.index_map(mesh.topology.dim)
     dofs = np.full(_local_size(displacement), -1, dtype=np.int32)

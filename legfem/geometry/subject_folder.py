@@ -1,22 +1,24 @@
-"""Writing a subject folder (without recordings) from a section."""
+"""Writing a subject folder from a section, with or without recordings."""
 
 from __future__ import annotations
 
 import json
 import shutil
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 from legfem.errors import InputError
 from legfem.geometry.contours import write_contours
 from legfem.geometry.cross_sections import back_of_calf, read_cross_section, section_from_outlines
 from legfem.geometry.section import LegSection
+from legfem.recording import Recording, write_recording
 from legfem.units import FloatArray
 
 _TEMPLATE = """\
 id = {id}
 title = {title}
-origin = "measured"
+origin = "{origin}"
 
 [section]
 contours = "contours.csv"
@@ -97,9 +99,15 @@ def convert_cross_sections(
 
 
 def write_subject_folder(
-    section: LegSection, out: Path, title: str, aim: FloatArray, direction_deg: float
+    section: LegSection,
+    out: Path,
+    title: str,
+    aim: FloatArray,
+    direction_deg: float,
+    origin: str = "measured",
+    recordings: Sequence[Recording] = (),
 ) -> Path:
-    """Write ``subject.toml`` and ``contours.csv``, both or neither.
+    """Write ``subject.toml``, ``contours.csv`` and the recordings, all or nothing.
 
     Raises
     ------
@@ -107,10 +115,9 @@ def write_subject_folder(
         If ``out`` exists and isn't an empty folder, or can't be written.
     """
     out = Path(out)
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise InputError("--out", str(out), "exists already", "give a new folder or remove it")
+    check_new_folder(out)
     text = _TEMPLATE.format(
-        id=_toml_string(out.resolve().name), title=_toml_string(title),
+        id=_toml_string(out.resolve().name), title=_toml_string(title), origin=origin,
         thickness=section.fascia_thickness, x=float(aim[0]), y=float(aim[1]),
         direction=float(direction_deg),
     )
@@ -122,6 +129,8 @@ def write_subject_folder(
                          "give a folder that you may write to") from None
     try:
         (scratch / "recordings").mkdir()
+        for recording in recordings:
+            write_recording(recording, scratch / "recordings" / f"{recording.trial}.csv")
         write_contours(section, scratch / "contours.csv")
         (scratch / "subject.toml").write_text(text, encoding="utf-8")
         _check_loads(scratch)
@@ -130,6 +139,12 @@ def write_subject_folder(
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
     return out
+
+
+def check_new_folder(out: Path) -> None:
+    """Raise InputError if a folder exists and isn't empty."""
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise InputError("--out", str(out), "exists already", "give a new folder or remove it")
 
 
 def _check_loads(folder: Path) -> None:

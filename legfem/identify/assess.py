@@ -7,7 +7,7 @@ import platform
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
@@ -15,11 +15,12 @@ from scipy.stats import chi2
 from legfem.identify.correction import Correction
 from legfem.identify.domain import Domain
 from legfem.identify.emulator import Emulator
-from legfem.identify.forward import package_version
-from legfem.identify.identifiability import judge
+from legfem.identify.forward import legfem_version, package_version
+from legfem.identify.identifiability import Evidence, judge
 from legfem.identify.intervals import gain_matrix, profile_interval, quantile
 from legfem.identify.misfit import Prediction
 from legfem.identify.result import (
+    Bound,
     Cost,
     CostMap,
     Estimate,
@@ -29,10 +30,10 @@ from legfem.identify.result import (
     SearchPath,
 )
 from legfem.identify.search import Search, Trial
-from legfem.identify.warnings import Finding, warnings_about
+from legfem.identify.warnings import LEAST_CHANCE, Finding, warnings_about
 from legfem.recording import LoadingCurve
 from legfem.subject import Subject
-from legfem.units import FloatArray
+from legfem.units import FloatArray, mpa_to_kpa
 
 _MAP_SIZE = 81
 
@@ -60,10 +61,8 @@ def assess(given: Assessment) -> IdentificationResult:
     covariance = _covariance(given)
     gain = gain_matrix(search.misfit, best.prediction.jacobian(p))
     spread = gain @ covariance @ gain.T
-    deviations = np.sqrt(np.diag(spread))
-    correlation = float(spread[0, 1] / np.prod(deviations)) if p == 2 else math.nan
     cost = _cost(given, covariance)
-    estimates = _estimates(given, best.prediction, spread, correlation)
+    estimates = _estimates(given, spread, cost.p_value >= LEAST_CHANCE)
     solves = [_full_solve(trial, search) for trial in search.trials]
     if best not in search.trials:
         solves.append(_full_solve(best, search))
@@ -77,7 +76,7 @@ def assess(given: Assessment) -> IdentificationResult:
         subject_origin=given.subject.origin,
         law=law.name,
         parameters=MappingProxyType(estimates),
-        correlation=correlation,
+        correlation=_correlation(spread),
         cost=cost,
         measured=given.measured,
         predicted=PredictedCurve(
@@ -108,6 +107,7 @@ def _covariance(given: Assessment) -> FloatArray:
 
 def _cost(given: Assessment, covariance: FloatArray) -> Cost:
     misfit, best, measured = given.search.misfit, given.best, given.measured
+    settings = given.search.settings
     assert best.prediction is not None
     residual = best.prediction.force - measured.force
     value, n = float(misfit.cost(best.prediction.force)), len(residual)
@@ -127,54 +127,75 @@ def _cost(given: Assessment, covariance: FloatArray) -> Cost:
         chi_square=chi_square,
         degrees_of_freedom=degrees,
         p_value=float(chi2.sf(chi_square, degrees)),
-        minimised=weighting[given.search.settings.weighting],
+        minimised=weighting[settings.weighting],
         minimised_value=best.objective,
+        minimised_unit="N2" if settings.weighting == "paper" else "1",
     )
 
 
-def _estimates(
-    given: Assessment, prediction: Prediction, spread: FloatArray, correlation: float
-) -> dict[str, Estimate]:
-    search, settings = given.search, given.search.settings
-    p, at = search.law.dimensions, given.best.stiffness[: search.law.dimensions]
-    bounds = np.array([settings.bounds.c10, settings.bounds.c20])[:p]
-    if given.neo_hookean_limit:
-        bounds[1, 0] = 0.0
+def _estimates(given: Assessment, spread: FloatArray, law_fits: bool) -> dict[str, Estimate]:
+    search, prediction = given.search, given.best.prediction
+    assert prediction is not None
+    p = search.law.dimensions
+    at, bounds = given.best.stiffness[:p], _bounds(given)
     objective = _objective(search, given.best, prediction)
-    jacobian = prediction.jacobian(p)
-    weighted = search.misfit.weighted(jacobian)
+    weighted = search.misfit.weighted(prediction.jacobian(p))
     curvature = np.linalg.pinv(weighted.T @ weighted)
     times = quantile(given.measured.noise.repeat_dof)
-    free = [k for k in range(p) if _bound(float(at[k]), bounds[k]) == ""]
-    held = gain_matrix(search.misfit, jacobian[:, free]) if free else np.zeros((0, len(jacobian)))
+    per_fat, per_fascia = (_moves(given, tissue) for tissue in ("superficial", "fascia"))
     found = {}
     for k, name in enumerate(("C10", "C20")[:p]):
         error = math.sqrt(spread[k, k])
-        rise = times**2 * spread[k, k] / curvature[k, k]
-        ci95 = profile_interval(objective, at, k, float(rise), bounds, times * error)
-        at_bound = _bound(float(at[k]), bounds[k])
-        moves = []
-        for tissue in ("superficial", "fascia"):
-            stiffness = given.subject.tissues[tissue].C10
-            force = prediction.sensitivities[f"{tissue}.C10"]
-            if k not in free or stiffness is None or at[k] <= 0:
-                moves.append(math.nan)
-                continue
-            change = -held[free.index(k)] @ force * 0.1 * (1e3 * stiffness)
-            moves.append(float(change / at[k]))
-        verdict, why = judge(
-            name, float(at[k]), ci95, correlation, moves[0], moves[1], at_bound, settings
+        rise = float(times**2 * spread[k, k] / curvature[k, k])
+        evidence = Evidence(
+            name,
+            float(at[k]),
+            profile_interval(objective, at, k, rise, bounds, times * error),
+            _bound(float(at[k]), bounds[k]),
+            _correlation(spread),
+            float(per_fat[k]),
+            float(per_fascia[k]),
+            law_fits,
         )
+        verdict, why = judge(evidence, search.settings)
         found[f"{name.lower()}_deep"] = Estimate(
-            float(at[k]), error, ci95, verdict, why, moves[0], moves[1], at_bound
-        )
+            evidence.value, error, evidence.ci95, verdict, why, evidence.per_fat,
+            evidence.per_fascia, evidence.at_bound,
+        )  # fmt: skip
     return found
 
 
-def _bound(value: float, bounds: FloatArray) -> Literal["", "lower", "upper"]:
+def _moves(given: Assessment, tissue: str) -> FloatArray:
+    """Return the parameters' relative changes (p,) if a tissue were 10 % stiffer; NaN at bounds."""
+    p, prediction = given.search.law.dimensions, given.best.prediction
+    assert prediction is not None
+    at, bounds = given.best.stiffness[:p], _bounds(given)
+    moves = np.full(p, math.nan)
+    free = [k for k in range(p) if _bound(float(at[k]), bounds[k]) == ""]
+    stiffness = given.subject.tissues[tissue].C10
+    if stiffness is not None and free:
+        gain = gain_matrix(given.search.misfit, prediction.jacobian(p)[:, free])
+        force = prediction.sensitivities[f"{tissue}.C10"] * 0.1 * mpa_to_kpa(stiffness)
+        moves[free] = -(gain @ force) / at[free]
+    return moves
+
+
+def _bounds(given: Assessment) -> FloatArray:
+    bounds, p = given.search.settings.bounds, given.search.law.dimensions
+    c20 = (0.0 if given.neo_hookean_limit else bounds.c20[0], bounds.c20[1])
+    return np.array([bounds.c10, c20])[:p]
+
+
+def _bound(value: float, bounds: FloatArray) -> Bound:
     if value <= bounds[0]:
         return "lower"
     return "upper" if value >= bounds[1] else ""
+
+
+def _correlation(spread: FloatArray) -> float:
+    if len(spread) < 2:
+        return math.nan
+    return float(spread[0, 1] / math.sqrt(spread[0, 0] * spread[1, 1]))
 
 
 def _objective(
@@ -235,7 +256,7 @@ def _settings(given: Assessment) -> dict[str, Any]:
         f"{name}_{key}": value
         for name, tissue in given.subject.tissues.items()
         for key, value in (
-            ("C10_kPa", None if name == "deep" or tissue.C10 is None else 1e3 * tissue.C10),
+            ("C10_kPa", None if name == "deep" or tissue.C10 is None else mpa_to_kpa(tissue.C10)),
             ("D1_per_MPa", tissue.D1),
         )
         if value is not None
@@ -270,6 +291,7 @@ def _versions() -> dict[str, str]:
         "pygad": "pygad",
     }
     return {
+        "legfem": legfem_version(),
         **{name: package_version(package) for name, package in names.items()},
         "python": platform.python_version(),
     }

@@ -6,7 +6,7 @@ import sys
 from concurrent.futures.process import BrokenProcessPool
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -15,12 +15,17 @@ from legfem.cli import (
     check_out_folder,
     command_edge,
     leave_to_first_rank,
-    usable_cores,
+    process_count,
 )
 from legfem.errors import InputError
 from legfem.progress import progress_on
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+
+
+def _option(text: str) -> Any:
+    # typer escapes the brackets around defaults that it shows for rich even when it isn't used.
+    return typer.Option(help=text, show_default=False)
 
 
 class LawChoice(StrEnum):
@@ -46,38 +51,34 @@ def identify(
     subject_dir: Annotated[
         Path | None, typer.Option(help="Folder of a subject of your own, instead.")
     ] = None,
-    law: Annotated[LawChoice, typer.Option(help="Strain energy of the deep tissue.")] = (
-        LawChoice.BOTH
-    ),
+    law: Annotated[
+        LawChoice, _option("Strain energy of the deep tissue; both by default.")
+    ] = LawChoice.BOTH,
     out: Annotated[
-        Path | None,
-        typer.Option(help="Folder for results; results/identify-ID by default."),
+        Path | None, typer.Option(help="Folder for results; results/identify-ID by default.")
     ] = None,
-    jobs: Annotated[
-        int | None, typer.Option(min=1, help="Processes; all cores by default.")
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the genetic algorithm.")] = 1,
+    jobs: Annotated[int | None, typer.Option(help="Processes; all cores by default.")] = None,
+    seed: Annotated[int, _option("Of the genetic algorithm; 1 by default.")] = 1,
     depth: Annotated[
         float | None, typer.Option(help="Use the recordings down to this depth only, mm.")
     ] = None,
     correction: Annotated[
-        str, typer.Option(help="Of 3D effects: none, or a file with one.")
+        str, _option("Of 3D effects: none (the default), or a file with one.")
     ] = "none",
     weighting: Annotated[
         WeightingChoice,
-        typer.Option(help="Plain sum of squares (Eq. 12), or weighted with the covariance."),
+        _option("Plain sum of squares (Eq. 12; the default), or weighted with the covariance."),
     ] = WeightingChoice.PAPER,
-    c10_bounds: Annotated[tuple[float, float], typer.Option(help="Of the search, kPa.")] = (
-        0.02,
-        30.0,
-    ),
-    c20_bounds: Annotated[tuple[float, float], typer.Option(help="Of the search, kPa.")] = (
+    c10_bounds: Annotated[
+        tuple[float, float], _option("Of the search, kPa; 0.02 30 by default.")
+    ] = (0.02, 30.0),
+    c20_bounds: Annotated[tuple[float, float], _option("Of the search, kPa; 0 50 by default.")] = (
         0.0,
         50.0,
     ),
     emulator: Annotated[
         bool,
-        typer.Option(help="Search on an emulator, or call the full model each time (slow)."),
+        _option("Search on an emulator (the default), or call the full model each time (slow)."),
     ] = True,
 ) -> None:
     """Identify the stiffness of the deep tissue from indentation tests.
@@ -89,8 +90,10 @@ def identify(
     """
     with command_edge("run the same command again to go on; solves that are done are kept"):
         ranks = leave_to_first_rank()
+        processes = process_count(jobs, ranks)
         from legfem.identify.correction import find_correction
-        from legfem.identify.identification import LAWS
+        from legfem.identify.forward import PlaneStrainForward
+        from legfem.identify.identification import LAWS, measured_curve
         from legfem.identify.run import identify_subject, write_results
         from legfem.identify.search import SearchError
         from legfem.identify.settings import Bounds, IdentificationSettings
@@ -99,19 +102,21 @@ def identify(
         from legfem.subject import load_subject
 
         found = load_subject(_folder(subject, subject_dir))
+        if seed < 0:
+            raise InputError("--seed", f"{seed}", "is negative", "give 0 or more")
         settings = IdentificationSettings(
             Bounds(c10_bounds, c20_bounds), weighting.value, seed, emulator
         )
         folder = out or Path("results") / f"identify-{found.id}"
         check_out_folder(folder)
         chosen = [name for name in LAWS if law in (LawChoice.BOTH, name)]
-        # A rank of mpirun can't start processes that would use MPI too.
-        processes = 1 if ranks > 1 else jobs or usable_cores()
+        end = float(measured_curve(found, depth).displacement[-1])
+        model = PlaneStrainForward.of_subject(found, end)
         try:
             with progress_on() as progress:
                 results = identify_subject(
                     found, chosen, settings, find_correction(correction),
-                    folder, processes, depth, progress,
+                    folder, processes, depth, progress, model,
                 )  # fmt: skip
         except SearchError as failure:
             print(f"{found.id}: {failure}", file=sys.stderr)
@@ -124,7 +129,7 @@ def identify(
             )
             raise typer.Exit(FAILED) from None
         path = write_results(results, folder, as_list=law is LawChoice.BOTH)
-        report = write_identification_report(results, found, None, folder)
+        report = write_identification_report(results, found, model.experiment, folder)
         for result in results:
             print(fit_report(result))
         print(f"result: {path}\nreport: {report}")

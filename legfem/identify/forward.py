@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import tomllib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -140,20 +141,18 @@ class PlaneStrainForward:
             "model": "plane strain",
             "contours": contours.hexdigest(),
             "fascia_thickness_mm": self.section.fascia_thickness,
-            "indenter": [
-                self.indenter.radius,
-                self.indenter.length,
-                float(self.indenter.aim[0]),
-                float(self.indenter.aim[1]),
-                self.indenter.direction_deg,
-            ],
-            "tissues": {
-                name: {"law": type(law).__name__, **law.parameters}
-                for name, law in vars(self.tissues).items()
-                if name != "deep"
-            },
+            "indenter": repr(
+                (
+                    self.indenter.radius,
+                    self.indenter.length,
+                    self.indenter.aim.tolist(),
+                    self.indenter.direction_deg,
+                )
+            ),
+            "superficial": repr(self.tissues.superficial),
+            "fascia": repr(self.tissues.fascia),
             "deep_D1_per_MPa": self.tissues.deep.D1,
-            "settings": asdict(self.settings),
+            "settings": repr(self.settings),
             "depth_mm": self.depth,
             "code": code_fingerprint(),
         }
@@ -180,17 +179,19 @@ def package_version(name: str) -> str:
         return "unknown"
 
 
+def legfem_version() -> str:
+    """Return legfem's version, from its sources where it isn't installed."""
+    project = Path(__file__).resolve().parents[2] / "pyproject.toml"
+    if project.is_file():
+        return str(tomllib.loads(project.read_text())["project"]["version"])
+    return package_version("legfem")
+
+
 def solve_key(fingerprint: Mapping[str, Any], deep: DeepTissue) -> str:
     """Return the name under which a solve is kept: a hash of everything it depends on."""
     everything = {**fingerprint, "deep": [deep.C10.hex(), deep.C20.hex(), deep.D2.hex()]}
-    text = json.dumps(everything, sort_keys=True, default=_hashable)
+    text = json.dumps(everything, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:24]
-
-
-def _hashable(value: Any) -> Any:
-    if isinstance(value, np.generic):
-        return value.item()
-    raise TypeError(f"{type(value).__name__} can't be part of a fingerprint")
 
 
 def finite_or_none(value: float) -> float | None:

@@ -79,6 +79,7 @@ class Identification:
     def __post_init__(self) -> None:
         """Begin with no law searched for."""
         self._searches: dict[LawName, Search] = {}
+        self._seconds: dict[LawName, float] = {}
 
     def identify(self, laws: Sequence[LawName]) -> list[IdentificationResult]:
         """Return the results of laws, in their order."""
@@ -87,7 +88,6 @@ class Identification:
         return [self._identify(law) for law in laws]
 
     def _identify(self, name: LawName) -> IdentificationResult:
-        started = time.perf_counter()
         search = self._search(name)
         best, limit = search.best, False
         if name == "reduced-polynomial":
@@ -100,7 +100,7 @@ class Identification:
         return assess(
             Assessment(
                 self.subject, search, best, limit, self.measured, self.correction,
-                time.perf_counter() - started,
+                self._seconds[name],
             )
         )  # fmt: skip
 
@@ -121,17 +121,24 @@ class Identification:
 
     def _solve_designs(self, laws: Sequence[LawName]) -> None:
         """Solve the designs of all laws together, which keeps all processes busy."""
-        points = [point for law in laws for point in self._new_search(law).design()]
+        designs = {law: self._new_search(law).design() for law in laws}
+        points = [point for design in designs.values() for point in design]
         self.solver.progress.stage("solving the designs of the search", len(points))
+        started = time.perf_counter()
         self.solver.solve(points)
+        each = (time.perf_counter() - started) / len(points)
+        self._seconds = {law: each * len(design) for law, design in designs.items()}
 
     def _search(self, name: LawName) -> Search:
         if name not in self._searches:
             self.solver.progress.stage(f"identifying the {name} law")
+            started = time.perf_counter()
             search = self._new_search(name)
             if self.settings.emulator:
                 search.run()
             else:
                 run_plain(search)
             self._searches[name] = search
+            spent = time.perf_counter() - started
+            self._seconds[name] = self._seconds.get(name, 0.0) + spent
         return self._searches[name]

@@ -54,7 +54,7 @@ def quantile(repeat_dof: int) -> float:
     return float(student_t.ppf(0.975, PRIOR_DOF + repeat_dof))
 
 
-PRIOR_DOF = 6
+PRIOR_DOF = 10
 """Degrees of freedom that the instruments' stated figures are worth."""
 
 

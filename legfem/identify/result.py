@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any, Literal
-
-import numpy as np
 
 from legfem.recording import LoadingCurve
 from legfem.units import FloatArray
 
-SCHEMA = "legfem.identify/1"
-
 LawName = Literal["neo-hookean", "reduced-polynomial"]
 Identifiability = Literal["identifiable", "weakly identifiable", "not identifiable"]
+Bound = Literal["", "lower", "upper"]
 VERDICTS: tuple[Identifiability, ...] = (
     "identifiable",
     "weakly identifiable",
@@ -41,7 +38,7 @@ class Estimate:
     """Relative change of the value if the assumed C10 of the fat were 10 % higher."""
     per_fascia: float
     """Relative change of the value if the assumed C10 of the fascia were 10 % higher."""
-    at_bound: Literal["", "lower", "upper"] = ""
+    at_bound: Bound = ""
     """Whether the value stands at a bound of the search."""
     unit: str = "kPa"
 
@@ -75,6 +72,8 @@ class Cost:
     minimised: str
     """What the search minimised."""
     minimised_value: float
+    """In ``minimised_unit``."""
+    minimised_unit: str = "N2"
     definition: str = "sum over the displacement grid of (F_simulated - F_measured)^2, Eq. 12"
 
 
@@ -203,130 +202,6 @@ class IdentificationResult:
 
     def to_json(self) -> dict[str, Any]:
         """Return the result as plain types for ``result.json``; every number has its unit."""
-        verdict, why = self.identifiability
-        document = {
-            "schema": SCHEMA,
-            "subject": self.subject_id,
-            "title": self.subject_title,
-            "origin": self.subject_origin,
-            "law": self.law,
-            "parameters": {name: _estimate(found) for name, found in self.parameters.items()},
-            "correlation_c10_c20": self.correlation,
-            "identifiability": verdict,
-            "identifiability_why": why,
-            "cost": _cost(self.cost),
-            "converged": self.converged,
-            "neo_hookean_limit": self.neo_hookean_limit,
-            "warnings": list(self.warnings),
-            "forward_solves": self.forward_solves,
-            "forward_solves_reused": self.reused_solves,
-            "failed_solves": sum(not solve.complete for solve in self.search.solves),
-            "factorisations": self.factorisations,
-            "wall_s": self.wall_s,
-            "seed": self.seed,
-            "emulator_error_N": self.emulator_error,
-            "correction": self.correction,
-            "weighting": self.weighting,
-            "curve": {
-                "displacement_mm": self.predicted.displacement,
-                "force_N": self.predicted.force,
-                "measured_force_N": self.measured.force,
-                "measured_force_standard_error_N": self.measured.force_sd,
-                "force_derivative_N_per_kPa": dict(self.predicted.sensitivities),
-            },
-            "noise": {
-                "reading_force_sd_N": self.measured.noise.force_sd,
-                "correlation_length_mm": self.measured.noise.correlation_length,
-                "trials": self.measured.n_trials,
-                "source": self.measured.noise.source,
-            },
-            "search": _search(self.search),
-            "settings": dict(self.settings),
-            "versions": dict(self.versions),
-        }
-        plain = _plain(document)
-        assert isinstance(plain, dict)
-        return plain
+        from legfem.identify.document import result_document
 
-
-def _estimate(found: Estimate) -> dict[str, Any]:
-    return {
-        "value": found.value,
-        "unit": found.unit,
-        "standard_error": found.standard_error,
-        "ci95": list(found.ci95),
-        "at_bound": found.at_bound,
-        "identifiability": found.identifiability,
-        "why": found.why,
-        "relative_change_if_fat_c10_is_10_percent_higher": found.per_fat,
-        "relative_change_if_fascia_c10_is_10_percent_higher": found.per_fascia,
-    }
-
-
-def _cost(cost: Cost) -> dict[str, Any]:
-    return {
-        "value": cost.value,
-        "unit": "N2",
-        "definition": cost.definition,
-        "points": cost.points,
-        "mean_square_N2": cost.mean_square,
-        "per_length_N2_per_mm2": cost.per_length,
-        "rms_N": cost.rms,
-        "r_squared": cost.r_squared,
-        "chi_square": cost.chi_square,
-        "degrees_of_freedom": cost.degrees_of_freedom,
-        "p_value": cost.p_value,
-        "minimised": cost.minimised,
-        "minimised_value": cost.minimised_value,
-    }
-
-
-def _search(search: SearchPath) -> dict[str, Any]:
-    return {
-        "solves": [
-            {
-                "c10_kPa": solve.c10,
-                "c20_kPa": solve.c20,
-                "cost_N2": solve.cost,
-                "stage": solve.stage,
-                "complete": solve.complete,
-                "reason": solve.reason,
-                "factorisations": solve.factorisations,
-                "seconds": solve.seconds,
-            }
-            for solve in search.solves
-        ],
-        "generations": [
-            {
-                "round": best.round,
-                "generation": best.number,
-                "c10_kPa": best.c10,
-                "c20_kPa": best.c20,
-                "cost_N2": best.cost,
-            }
-            for best in search.generations
-        ],
-        "cost_map": None
-        if search.cost_map is None
-        else {
-            f"{key}_{unit}": value
-            for (key, value), unit in zip(
-                asdict(search.cost_map).items(), ("kPa", "kPa", "N2"), strict=True
-            )
-        },
-    }
-
-
-def _plain(value: Any) -> Any:
-    """Return JSON types; what isn't finite becomes null, which every reader understands."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, np.generic):
-        return _plain(value.item())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+        return result_document(self)

@@ -26,6 +26,7 @@ def identify_subject(
     jobs: int = 1,
     depth: float | None = None,
     progress: Progress | None = None,
+    model: PlaneStrainForward | None = None,
 ) -> list[IdentificationResult]:
     """Identify a subject's deep tissue from its recordings.
 
@@ -47,6 +48,8 @@ def identify_subject(
         Greatest displacement to use, mm.
     progress : Progress, optional
         Told of every full solve.
+    model : PlaneStrainForward, optional
+        The subject's forward model, pressed to the measured curve's depth; made without it.
 
     Raises
     ------
@@ -56,7 +59,7 @@ def identify_subject(
         If too few full solves reach the measured depth.
     """
     measured = measured_curve(subject, depth)
-    model = PlaneStrainForward.of_subject(subject, float(measured.displacement[-1]))
+    model = model or PlaneStrainForward.of_subject(subject, float(measured.displacement[-1]))
     progress = progress or Silent()
     progress.stage("meshing; on a machine's first run, compiling forms (some 20 s)")
     # Also compiles once for all processes, and finds what can't be meshed before files are made.

@@ -27,6 +27,7 @@ from legfem.units import FloatArray
 _AGREE_OF_ERROR, _AGREE_OF_VALUE = 0.1, 2e-3
 # ... and the full model's own Gauss-Newton step is no longer than this.
 _STEP_OF_ERROR, _STEP_OF_VALUE = 1e-3, 2e-5
+_LAST_STEP_OF_ERROR = 0.02
 
 Stage = Literal["design", "proposal", "genetic"]
 
@@ -123,16 +124,20 @@ class Search:
             emulator = self.emulator()
             proposal = self.propose(emulator, attempt)
             # Near the optimum the full model's own derivatives are exact where the emulator isn't.
-            near = self._is_short(
-                proposal - self.best.stiffness, _AGREE_OF_ERROR, _AGREE_OF_VALUE
-            )
+            near = self._is_short(proposal - self.best.stiffness, _AGREE_OF_ERROR, _AGREE_OF_VALUE)
             if near and self.is_stationary():
                 self.converged = True
                 return
             if near:
                 proposal = self.best.stiffness + self.newton_step()
             point = self.law.deep(*proposal)
-            if self._solved(point) or len(self.trials) >= self.settings.most_solves:
+            if self._solved(point):
+                # The model isn't smooth enough for a shorter step to gain anything.
+                self.converged = near and self._is_short(
+                    self.newton_step(), _LAST_STEP_OF_ERROR, _STEP_OF_VALUE
+                )
+                return
+            if len(self.trials) >= self.settings.most_solves:
                 return
             expected = emulator(point.C10, point.C20)
             (trial,) = self.solve([point], "proposal")
@@ -196,9 +201,7 @@ class Search:
         return self._is_short(self.newton_step(), _STEP_OF_ERROR, _STEP_OF_VALUE)
 
     def _is_short(self, step: FloatArray, of_error: float, of_value: float) -> bool:
-        scale = np.maximum(
-            of_error * self.standard_error(), of_value * self.best.stiffness.sum()
-        )
+        scale = np.maximum(of_error * self.standard_error(), of_value * self.best.stiffness.sum())
         return bool(np.all(np.abs(step) <= scale))
 
     def _solved(self, point: DeepTissue) -> bool:

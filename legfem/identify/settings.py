@@ -79,5 +79,5 @@ class IdentificationSettings:
     )
     numerical_error: float = 0.0025
     numerical_error_length: float = 10.0
-    identifiable_within: float = 0.05
+    identifiable_within: float = 0.03
     weakly_within: float = 0.5

@@ -55,7 +55,7 @@ class FullSolver:
             return
         if error is not None:
             for process in list((self._executor._processes or {}).values()):
-                process.terminate()
+                process.kill()
         self._executor.shutdown(wait=True, cancel_futures=True)
 
     def solve(self, points: Sequence[DeepTissue]) -> list[ForwardOutcome]:
@@ -110,8 +110,8 @@ _models: list[ForwardModel] = []
 
 
 def _start_worker(model: ForwardModel) -> None:
-    # Ctrl-C reaches the whole process group: workers end without a traceback each.
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    # Ctrl-C reaches the whole process group; the parent ends the workers.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     _models[:] = [model]
 

@@ -11,8 +11,8 @@ from legfem.identify.settings import Bounds
 from legfem.recording import LoadingCurve
 from legfem.subject import Subject, TissueParameters
 
-# Chance, were the law right, of a misfit as large as the one below which the law is doubted.
-_LEAST_CHANCE = 1e-3
+LEAST_CHANCE = 1e-3
+"""Chance of so large a misfit, were the law right, below which the law is doubted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ def warnings_about(found: Finding) -> tuple[str, ...]:
             "The search ended before it converged: the optimum may lie elsewhere. Rerun with "
             "another --seed or narrower bounds."
         )
-    if found.cost.p_value < _LEAST_CHANCE:
+    if found.cost.p_value < LEAST_CHANCE:
         noise = float(found.measured.force_sd.mean())
         texts.append(
             f"The {found.law} law does not describe these recordings: the fit misses by "

@@ -7,6 +7,7 @@ from legfem.recording.noise import NoiseEstimate
 from legfem.recording.phases import split_phases
 from legfem.recording.reader import check_recording, read_recording
 from legfem.recording.trial import Recording
+from legfem.recording.writer import write_recording
 
 __all__ = [
     "Contact",
@@ -19,4 +20,5 @@ __all__ = [
     "mean_loading_curve",
     "read_recording",
     "split_phases",
+    "write_recording",
 ]

@@ -58,7 +58,7 @@ def cost_figure(result: IdentificationResult) -> Figure:
 def confidence_ellipse(result: IdentificationResult, level: float = 0.95) -> FloatArray:
     """Return the outline (n, 2), kPa, of the joint region of C10 and C20.
 
-    From standard errors and correlation, hence symmetric; values below zero are cut off.
+    From standard errors and correlation, hence symmetric: C20 may come out negative.
     """
     c10, c20 = result.parameters["c10_deep"], result.parameters["c20_deep"]
     correlation = float(np.clip(np.nan_to_num(result.correlation), -1.0, 1.0))
@@ -68,7 +68,10 @@ def confidence_ellipse(result: IdentificationResult, level: float = 0.95) -> Flo
     angle = np.linspace(0, 2 * np.pi, 200)
     circle = np.column_stack([np.cos(angle), np.sin(angle)])
     half = np.sqrt(np.maximum(values, 0.0) * chi2.ppf(level, 2))
-    return np.maximum(np.array([c10.value, c20.value]) + circle * half @ axes.T, 0.0)
+    region = np.array([c10.value, c20.value]) + circle * half @ axes.T
+    # C10 may stand on a logarithmic axis.
+    region[:, 0] = np.maximum(region[:, 0], 1e-3 * c10.value)
+    return region
 
 
 def linear_cost(result: IdentificationResult, c10: FloatArray, c20: FloatArray) -> FloatArray:

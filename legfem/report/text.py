@@ -55,13 +55,13 @@ def summary(results: Sequence[IdentificationResult]) -> str:
         f"Subject {first.subject_id} ({first.subject_title})",
         f"DATA: {ORIGINS.get(first.subject_origin, first.subject_origin)}",
         "",
-        f"  {'deep tissue':<18} {'C10 (kPa)':<22} {'C20 (kPa)':<22} "
+        f"  {'deep tissue':<18} {'C10 (kPa)':<21} {'C20 (kPa)':<21} "
         f"{'cost (N2)':>9} {'rms (N)':>8} {'solves':>6} {'time (s)':>8}",
     ]
     for result in results:
         cells = [_short(result.parameters.get(name)) for name in _SYMBOLS]
         lines.append(
-            f"  {LAW_NAMES[result.law]:<18} {cells[0]:<22} {cells[1]:<22} "
+            f"  {LAW_NAMES[result.law]:<18} {cells[0]:<21} {cells[1]:<21} "
             f"{result.cost.value:>9.3g} {result.cost.rms:>8.3g} "
             f"{result.forward_solves:>6d} {result.wall_s:>8.1f}"
         )
@@ -91,8 +91,8 @@ def comparison(results: Sequence[IdentificationResult]) -> list[str]:
         ]
     ratio = _number(worse.cost.value / max(better.cost.value, 1e-300))
     costs = (
-        f"cost is {ratio} times smaller ({better.cost.value:.3g} against {worse.cost.value:.3g} N2, "
-        f"rms {better.cost.rms:.3g} against {worse.cost.rms:.3g} N)"
+        f"cost is {ratio} times smaller ({better.cost.value:.3g} against "
+        f"{worse.cost.value:.3g} N2, rms {better.cost.rms:.3g} against {worse.cost.rms:.3g} N)"
     )
     name = LAW_NAMES[better.law]
     gain = worse.cost.chi_square - better.cost.chi_square

@@ -1,0 +1,1 @@
+"""Studies: what a model's numbers rest on."""

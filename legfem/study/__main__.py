@@ -1,0 +1,6 @@
+"""``python -m legfem.study``."""
+
+from legfem.study.cli import app
+
+if __name__ == "__main__":
+    app()

@@ -1,0 +1,71 @@
+"""``python -m legfem.study``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from legfem.cli import check_out_folder, command_edge, leave_to_first_rank, usable_cores
+from legfem.progress import progress_on
+
+app = typer.Typer(
+    add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
+    no_args_is_help=True,
+    help="Studies of the model. Example: python -m legfem.study convergence --corners",
+)  # fmt: skip
+
+Jobs = Annotated[int | None, typer.Option(min=1, help="Processes; all cores by default.")]
+Out = Annotated[Path | None, typer.Option(help="Folder for results; results/STUDY by default.")]
+
+
+@app.command()
+def convergence(
+    subject: Annotated[str, typer.Option(help="Id of a subject that comes with legfem.")] = "3",
+    subject_dir: Annotated[Path | None, typer.Option(help="Folder of a subject, instead.")] = None,
+    corners: Annotated[
+        bool, typer.Option("--corners", help="The 33 points of Table 2 instead of the meshes.")
+    ] = False,
+    c10_kpa: Annotated[float, typer.Option("--c10", min=0.0, help="Deep C10 (kPa).")] = 0.70,
+    c20_kpa: Annotated[float, typer.Option("--c20", min=0.0, help="Deep C20 (kPa).")] = 0.80,
+    depth: Annotated[float, typer.Option(min=1.0, help="mm.")] = 30.0,
+    out: Out = None,
+    jobs: Jobs = None,
+) -> None:
+    """How far the default settings are from convergence, and that every corner is reached.
+
+    Example: python -m legfem.study convergence --subject 3
+    """
+    leave_to_first_rank()
+    with command_edge():
+        from legfem.study import convergence_command
+
+        folder = out or Path("results") / ("corners" if corners else "convergence")
+        check_out_folder(folder)
+        convergence_command.run(
+            subject, subject_dir, corners, (c10_kpa, c20_kpa), depth, folder,
+            jobs or usable_cores(),
+        )  # fmt: skip
+
+
+@app.command()
+def reconstruct(
+    out: Annotated[Path, typer.Option(help="Folder for the subject folders.")],
+    definition: Annotated[
+        Path | None, typer.Option(help="The shipped reconstruction.toml by default.")
+    ] = None,
+    jobs: Jobs = None,
+) -> None:
+    """Make the four subjects' folders: plausible calves, simulated recordings with noise.
+
+    Example: python -m legfem.study reconstruct --out studies/frauziols/subjects
+    """
+    leave_to_first_rank()
+    with command_edge(), progress_on() as progress:
+        from legfem.study.reconstruct import DEFINITION, read_definition
+        from legfem.study.reconstruct import reconstruct as make
+
+        check_out_folder(out)
+        made = make(out, read_definition(definition or DEFINITION), progress, jobs or usable_cores())
+        typer.echo(f"subject folders in {made}")
