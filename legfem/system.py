@@ -171,9 +171,13 @@ class System:
         fem.assemble_matrix(self._skin_matrix, self.skin.tangent)
         skin = self._skin_matrix.to_scipy(ghosted=True).tocsr()
         trace = self.spaces.trace
+        # Columns beyond the rank's own dofs and ghosts await what other ranks would send: they are
+        # empty here, and PETSc passes over negative indices.
+        columns = np.full(skin.shape[1], -1, dtype=np.int32)
+        columns[: len(trace)] = trace
         matrix.setValuesLocalIJV(
             skin.indptr.astype(np.int32),
-            trace[skin.indices],
+            columns[skin.indices],
             skin.data,
             addv=PETSc.InsertMode.ADD,
             rowmap=trace[: len(skin.indptr) - 1],

@@ -56,6 +56,7 @@ def block(formulation: str) -> System:
     space, part = spaces.space, slice(None)
     if formulation == "mixed":
         space, part = space.sub(0).collapse()
+        part = np.ravel(part)  # in a list from DOLFINx 0.11 on
         J = STRETCH.prod()
         system.unknown.sub(1).interpolate(lambda x: np.full(x.shape[1], 2 * (J - 1) / LAW.D1))
     moved = fem.Function(space)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
+from legfem.documents import write_document
 from legfem.identify.correction import Correction
 from legfem.identify.forward import PlaneStrainForward
 from legfem.identify.identification import Identification, measured_curve
 from legfem.identify.result import IdentificationResult, LawName
 from legfem.identify.settings import IdentificationSettings
 from legfem.identify.solver import FullSolver
-from legfem.identify.store import SolveStore, write_atomically
+from legfem.identify.store import SolveStore
 from legfem.progress import Progress, Silent
 from legfem.subject import Subject
 
@@ -75,7 +75,4 @@ def identify_subject(
 def write_results(results: Sequence[IdentificationResult], out: Path, as_list: bool) -> Path:
     """Write ``result.json``, whole or not at all, and return its path."""
     documents = [result.to_json() for result in results]
-    out.mkdir(parents=True, exist_ok=True)
-    path = out / "result.json"
-    write_atomically(path, json.dumps(documents if as_list else documents[0], indent=1) + "\n")
-    return path
+    return write_document(out / "result.json", documents if as_list else documents[0])

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from legfem.curve import ForceCurve
+from legfem.documents import write_atomically
 from legfem.identify.forward import DeepTissue, ForwardOutcome, finite_or_none, solve_key
 
 
@@ -45,22 +44,6 @@ class SolveStore:
         """Write a solve; it is there whole or not at all."""
         self.folder.mkdir(parents=True, exist_ok=True)
         write_atomically(self.path(outcome.deep), json.dumps(_document(outcome)))
-
-
-def write_atomically(path: Path, text: str) -> None:
-    """Write a file so that no reader, and no kill, ever meets half of it."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "w") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        # mkstemp's files are private; the results needn't be.
-        Path(name).chmod(0o644)
-        Path(name).replace(path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
 
 
 def _document(outcome: ForwardOutcome) -> dict[str, Any]:

@@ -69,3 +69,23 @@ def reconstruct(
         check_out_folder(out)
         made = make(out, read_definition(definition or DEFINITION), progress, jobs or usable_cores())
         typer.echo(f"subject folders in {made}")
+
+
+@app.command()
+def planted(
+    number: Annotated[int, typer.Option("--n", min=1, help="Number of truths.")] = 40,
+    seed: Annotated[int, typer.Option(min=0, help="Of truths, noise and search.")] = 1,
+    out: Out = None,
+    jobs: Jobs = None,
+) -> None:
+    """Whether the intervals cover truths planted with another discretisation and noise.
+
+    Example: python -m legfem.study planted --n 40
+    """
+    leave_to_first_rank()
+    with command_edge():
+        from legfem.study import planted_command
+
+        folder = out or Path("results") / "planted"
+        check_out_folder(folder)
+        planted_command.run(number, seed, folder, jobs or usable_cores())

@@ -1,0 +1,244 @@
+"""Identification on a leg in closed form, and (slow) on the independent code's curves."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from making import SHARED, write_subject
+from making_identification import LAWS, AnalyticLeg, Killed, identify, pressed_leg
+from scipy.stats import qmc
+from typer.testing import CliRunner
+
+from legfem.identify.cli import app
+from legfem.identify.emulator import Emulator, Samples
+from legfem.identify.forward import DeepTissue, solve_key
+from legfem.identify.run import write_results
+from legfem.identify.settings import Bounds, GeneticSettings, IdentificationSettings
+from legfem.identify.store import SolveStore
+
+
+def same(result: object) -> str:
+    """Return a result's JSON without what times and reuse change."""
+
+    def clean(value: object) -> object:
+        if isinstance(value, dict):
+            aside = {"wall_s", "forward_solves_reused"}
+            return {k: clean(v) for k, v in value.items() if k not in aside}
+        return [clean(v) for v in value] if isinstance(value, list) else value
+
+    return json.dumps(clean(result.to_json()))  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(("c10", "c20"), [(0.1, 5.0), (0.7, 0.8), (2.1, 2.6), (5.0, 0.3)])
+def test_planted_stiffness_is_found_in_few_solves(tmp_path: Path, c10: float, c20: float) -> None:
+    neo_hookean, polynomial = identify(pressed_leg(tmp_path, c10, c20, noise=0.0))
+    found = polynomial.parameters
+    assert found["c10_deep"].value == pytest.approx(c10, rel=0.01)
+    assert found["c20_deep"].value == pytest.approx(c20, rel=0.01)
+    assert polynomial.converged and polynomial.forward_solves <= 12
+    assert polynomial.cost.value <= neo_hookean.cost.value
+    last = polynomial.search.solves[-1]
+    assert min(s.cost for s in polynomial.search.solves) == polynomial.cost.value
+    assert last.stage == "proposal"
+
+
+def test_neo_hookean_truth_lands_at_the_limit_of_the_polynomial(tmp_path: Path) -> None:
+    limits = 0
+    for seed in range(6):
+        subject = pressed_leg(tmp_path, 1.5, 0.0, seed)
+        neo_hookean, polynomial = identify(subject)
+        assert polynomial.cost.value <= neo_hookean.cost.value
+        c20 = polynomial.parameters["c20_deep"]
+        assert c20.ci95[0] == 0.0 and c20.ci95[1] > 0.0
+        assert c20.identifiability == "not identifiable"
+        if polynomial.neo_hookean_limit:
+            limits += 1
+            assert c20.value == 0.0 and c20.at_bound == "lower"
+            assert any("neo-Hookean limit" in text for text in polynomial.warnings)
+        (alone,) = identify(subject, laws=("reduced-polynomial",))
+        assert alone.parameters["c10_deep"].value == polynomial.parameters["c10_deep"].value
+    assert limits >= 1
+
+
+def test_a_law_that_misses_is_said_to(tmp_path: Path) -> None:
+    neo_hookean, polynomial = identify(pressed_leg(tmp_path, 0.7, 0.8))
+    assert neo_hookean.cost.p_value < 1e-6 < polynomial.cost.p_value
+    assert any("does not describe" in text for text in neo_hookean.warnings)
+    assert not any("does not describe" in text for text in polynomial.warnings)
+    assert neo_hookean.parameters["c10_deep"].identifiability != "identifiable"
+
+
+def test_same_seed_same_result_and_another_seed_the_same_optimum(tmp_path: Path) -> None:
+    subject = pressed_leg(tmp_path, 0.7, 0.8)
+    first, again = identify(subject)[1], identify(subject)[1]
+    assert same(first) == same(again)
+    other = identify(subject, IdentificationSettings(seed=7))[1]
+    error = first.parameters["c10_deep"].standard_error
+    apart = other.parameters["c10_deep"].value - first.parameters["c10_deep"].value
+    assert abs(apart) < 0.02 * error
+
+
+def test_killed_search_goes_on_to_the_same_result(tmp_path: Path) -> None:
+    subject, solves = pressed_leg(tmp_path, 0.7, 0.8), tmp_path / "out" / "solves"
+    whole = identify(subject)
+    needed = 0
+    for killed_after in (1, 4, 3):
+        with pytest.raises(Killed):
+            identify(subject, model=AnalyticLeg(killed_after=killed_after), solves=solves)
+        needed += killed_after
+        assert len(list(solves.glob("*.json"))) == needed
+    last = AnalyticLeg()
+    resumed = identify(subject, model=last, solves=solves)
+    assert [same(r) for r in resumed] == [same(r) for r in whole]
+    assert last.calls + needed == len(list(solves.glob("*.json")))
+    assert not list(solves.glob(".*"))
+
+
+def test_kept_solves_are_exact_and_a_spoilt_file_is_solved_again(tmp_path: Path) -> None:
+    store = SolveStore(tmp_path / "solves", AnalyticLeg().fingerprint())
+    outcome = AnalyticLeg().solve(DeepTissue(0.7123456789, 0.1, float("inf")))
+    store.keep(outcome)
+    kept = store.load(outcome.deep)
+    assert kept is not None and kept.deep == outcome.deep
+    assert np.array_equal(kept.curve.force, outcome.curve.force)
+    store.path(outcome.deep).write_text('{"deep": ')
+    assert store.load(outcome.deep) is None
+    other = DeepTissue(0.7123456789, 0.1, 28.0)
+    assert solve_key(store.fingerprint, other) != solve_key(store.fingerprint, outcome.deep)
+    assert solve_key({"depth_mm": 1.0}, other) != solve_key({"depth_mm": 2.0}, other)
+
+
+@pytest.mark.parametrize("softest", [0.2, 0.6, 5.0])
+def test_failed_solves_are_values(tmp_path: Path, softest: float) -> None:
+    c10 = max(0.7, 1.3 * softest)
+    polynomial = identify(pressed_leg(tmp_path, c10, 0.8), model=AnalyticLeg(softest))[1]
+    assert polynomial.parameters["c10_deep"].value == pytest.approx(c10, rel=0.05)
+    failed = [solve for solve in polynomial.search.solves if not solve.complete]
+    assert failed and all(np.isnan(solve.cost) for solve in failed)
+    assert any("stopped short" in text for text in polynomial.warnings)
+    document = json.loads(json.dumps(polynomial.to_json(), allow_nan=False))
+    assert document["failed_solves"] == len(failed)
+
+
+@pytest.mark.parametrize("weighting", ["paper", pytest.param("covariance", marks=pytest.mark.slow)])
+def test_intervals_cover_40_planted_truths(tmp_path: Path, weighting: str) -> None:
+    truths = qmc.scale(qmc.LatinHypercube(2, seed=1).random(40), [0.1, 0.0], [5.0, 5.0])
+    settings = IdentificationSettings(weighting=weighting)  # type: ignore[arg-type]
+    inside, called = [], []
+    for seed, truth in enumerate(truths):
+        subject = pressed_leg(tmp_path, *truth, seed=seed, noise=0.05)
+        (found,) = identify(subject, settings, laws=("reduced-polynomial",))
+        assert found.converged and found.forward_solves <= 25
+        for value, one in zip(truth, found.parameters.values(), strict=True):
+            inside.append(one.ci95[0] <= value <= one.ci95[1])
+            if one.identifiability == "identifiable":
+                called.append(abs(one.value / value - 1))
+    assert 0.88 <= np.mean(inside) <= 1.0
+    assert max(called) < 0.03 and np.mean(np.array(called) < 0.02) > 0.95
+
+
+def test_genetic_algorithm_on_the_full_model_agrees(tmp_path: Path) -> None:
+    subject = pressed_leg(tmp_path, 0.7, 0.8)
+    genetic = GeneticSettings(population=12, generations=25, saturated=25)
+    settings = IdentificationSettings(emulator=False, plain_genetic=genetic)
+    plain, (neo_hookean, found) = identify(subject, settings)[1], identify(subject)
+    assert plain.search.cost_map is None and plain.forward_solves > 5 * found.forward_solves
+    assert plain.cost.value >= found.cost.value
+    # The valley of the two stiffnesses is narrow: the algorithm alone gets near, and says so.
+    assert plain.cost.value < 0.1 * neo_hookean.cost.value
+    assert not plain.converged and any("converged" in text for text in plain.warnings)
+
+
+def test_bounds_are_kept_and_reported(tmp_path: Path) -> None:
+    settings = IdentificationSettings(Bounds(c10=(1.0, 3.0), c20=(0.5, 4.0)))
+    polynomial = identify(pressed_leg(tmp_path, 0.7, 0.8), settings)[1]
+    stiffness = polynomial.parameters["c10_deep"]
+    assert stiffness.value == 1.0 and stiffness.at_bound == "lower"
+    assert any("lower bound" in text for text in polynomial.warnings)
+
+
+def test_emulator_meets_its_samples_and_their_slopes() -> None:
+    points = [(0.2, 0.0), (3.0, 0.0), (0.3, 4.0), (2.0, 5.0), (0.8, 1.0)]
+    grid = np.linspace(1.0, 20.0, 9)
+    curves = [AnalyticLeg().solve(DeepTissue(*point, 28.0)).curve for point in points]
+    emulator = Emulator(
+        Samples(
+            *np.array(points).T,
+            np.array([curve(grid) for curve in curves]),
+            *(1e-3 * np.array([curve.sensitivity(name, grid) for curve in curves])
+              for name in ("deep.C10", "deep.C20")),
+        ),
+        dimensions=2,
+    )  # fmt: skip
+    for (c10, c20), curve in zip(points, curves, strict=True):
+        assert emulator(c10, c20) == pytest.approx(curve(grid), rel=1e-4)
+        slope = (emulator(c10 * 1.001, c20) - emulator(c10 * 0.999, c20)) / (0.002 * c10)
+        assert slope == pytest.approx(1e-3 * curve.sensitivity("deep.C10", grid), rel=0.02)
+    between = AnalyticLeg().solve(DeepTissue(1.2, 0.5, 28.0)).curve(grid)
+    assert emulator(1.2, 0.5) == pytest.approx(between, rel=0.05)
+
+
+def test_result_json_has_the_interfaces_fields(tmp_path: Path) -> None:
+    path = write_results(identify(pressed_leg(tmp_path, 0.7, 0.8)), tmp_path / "out", as_list=True)
+    documents = json.loads(path.read_text())
+    assert [one["law"] for one in documents] == list(LAWS)
+    for one in documents:
+        for name in ("c10_deep", "c20_deep")[: 1 + (one["law"] == LAWS[1])]:
+            parameter = one["parameters"][name]
+            assert parameter["unit"] == "kPa" and len(parameter["ci95"]) == 2
+        assert one["schema"] and one["subject"] and one["cost"]["unit"] == "N2"
+        assert len(one["curve"]["displacement_mm"]) == len(one["curve"]["force_N"]) == 80
+        assert one["identifiability"] in ("identifiable", "weakly identifiable",
+                                          "not identifiable")  # fmt: skip
+        assert {"forward_solves", "wall_s", "seed", "versions"} <= set(one)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ([], "--subject-dir PATH"),
+        (["--subject", "no such"], "unknown subject"),
+        (["--subject-dir", "nowhere"], "not found"),
+        (["--subject-dir", "leg", "--correction", "P.json"], "no 3D correction"),
+        (["--subject-dir", "leg", "--depth", "1"], "--depth"),
+        (["--subject-dir", "leg", "--c10-bounds", "3", "1"], "--c10-bounds"),
+        (["--subject-dir", "leg", "--jobs", "0"], "--jobs"),
+        (["--subject-dir", "leg", "--seed", "-1"], "--seed"),
+        (["--subject-dir", "leg", "--out", "leg/subject.toml"], "is a file"),
+    ],
+)
+def test_bad_input_is_one_line_and_status_2(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: list[str], words: str
+) -> None:
+    write_subject(tmp_path / "leg")
+    monkeypatch.chdir(tmp_path)
+    run = CliRunner().invoke(app, options)
+    assert run.exit_code == 2
+    assert len(run.output.strip().splitlines()) == 1 and words in run.output
+    assert [path.name for path in tmp_path.iterdir()] == ["leg"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("folder", "law", "truth"),
+    [("neo-hookean", LAWS[0], (1.50,)), ("reduced-polynomial", LAWS[1], (0.72, 0.85))],
+)
+def test_independent_code_is_identified_within_2_percent(
+    tmp_path: Path, folder: str, law: str, truth: tuple[float, ...]
+) -> None:
+    leg = SHARED / "crosscheck" / folder
+    if not leg.is_dir():
+        pytest.skip(f"{leg} is absent")
+    options = ["--subject-dir", str(leg), "--out", str(tmp_path), "--jobs", "1"]
+    run = CliRunner().invoke(app, options)
+    assert run.exit_code == 0, run.output
+    documents = json.loads((tmp_path / "result.json").read_text())
+    assert documents[1]["cost"]["value"] <= documents[0]["cost"]["value"]
+    (found,) = (one for one in documents if one["law"] == law)
+    assert all(one["forward_solves"] <= 25 for one in documents)
+    for value, one in zip(truth, found["parameters"].values(), strict=True):
+        assert one["ci95"][0] <= value <= one["ci95"][1]
+        assert one["value"] == pytest.approx(value, rel=0.02)
