@@ -20,12 +20,13 @@ def check_positive(owner: object, *names: str, zero_allowed: bool = False) -> No
         value = getattr(owner, name)
         if not isinstance(value, Real):
             continue
-        good = value >= 0 if zero_allowed else value > 0
-        if not (good and math.isfinite(value)):
+        number = float(value)
+        good = number >= 0 if zero_allowed else number > 0
+        if not (good and math.isfinite(number)):
             bound = "zero or more" if zero_allowed else "more than zero"
             raise InputError(
                 source=type(owner).__name__,
                 field=name,
-                problem=f"is {float(value):g}",
+                problem=f"is {number:g}",
                 remedy=f"give a finite value of {bound}",
             )

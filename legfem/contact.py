@@ -11,14 +11,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any, Protocol
 
 import ufl
 
 from legfem.checks import check_positive
+from legfem.errors import InputError
 from legfem.kinematics import Expr
 
 Scalar = Any
+
+
+class RigidIndenter(Protocol):
+    """A rigid body as the signed distance from its surface."""
+
+    def gap(self, y: Expr) -> Expr:
+        """Return the signed distance (mm) of a point relative to the indenter's centre."""
+
+    def normal(self, y: Expr) -> Expr:
+        """Return the gradient of the gap, a unit vector out of the indenter."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +52,72 @@ class RigidCylinder:
     def normal(self, y: Expr) -> Expr:
         """Return the gradient of the gap, a unit vector out of the indenter."""
         return y / ufl.sqrt(ufl.dot(y, y))
+
+
+@dataclass(frozen=True)
+class FiniteCylinder:
+    r"""A rigid cylinder with its axis along the third coordinate and rounded end edges.
+
+    With the distance :math:`s` from the axis, :math:`a = s - (r - \rho)` and
+    :math:`b = |z| - (l - \rho)`, the signed distance is
+
+    .. math:: g = \sqrt{\max(a, 0)^2 + \max(b, 0)^2} + \min(\max(a, b), 0) - \rho,
+
+    which along the cylinder is that of `RigidCylinder`.
+
+    Parameters
+    ----------
+    radius : float
+        mm.
+    half_length : float
+        :math:`l` (mm), the rounding included.
+    edge : float
+        Radius :math:`\rho` of the rounding (mm).
+    """
+
+    radius: Scalar
+    half_length: Scalar
+    edge: Scalar
+
+    def __post_init__(self) -> None:
+        """Check the numbers, and that the rounding fits the cylinder."""
+        check_positive(self, "radius", "half_length", "edge")
+        numbers = (self.edge, self.radius, self.half_length)
+        if all(isinstance(n, Real) for n in numbers) and self.edge >= min(numbers[1:]):
+            raise InputError(
+                "cylinder", "edge", f"a rounding of {self.edge:g} mm doesn't fit the cylinder",
+                "give less than its radius and half its length",
+            )  # fmt: skip
+
+    def gap(self, y: Expr) -> Expr:
+        """Return the signed distance (mm), positive outside."""
+        a, b, corner = self._corner(y)
+        return corner + ufl.min_value(ufl.max_value(a, b), 0) - self.edge
+
+    def normal(self, y: Expr) -> Expr:
+        """Return the gradient of the gap, a unit vector out of the indenter."""
+        a, b, corner = self._corner(y)
+        inside = ufl.lt(ufl.max_value(a, b), 0)
+        radial = ufl.conditional(inside, _step(a - b), ufl.max_value(a, 0) / corner)
+        axial = ufl.conditional(inside, _step(b - a), ufl.max_value(b, 0) / corner)
+        s = _norm(y[0], y[1])
+        return ufl.as_vector(
+            [radial * y[0] / s, radial * y[1] / s, axial * ufl.conditional(ufl.lt(y[2], 0), -1, 1)]
+        )
+
+    def _corner(self, y: Expr) -> tuple[Expr, Expr, Expr]:
+        a = _norm(y[0], y[1]) - (self.radius - self.edge)
+        b = abs(y[2]) - (self.half_length - self.edge)
+        return a, b, _norm(ufl.max_value(a, 0), ufl.max_value(b, 0))
+
+
+def _norm(a: Expr, b: Expr) -> Expr:
+    """Return the length of (a, b), with a derivative at zero too."""
+    return ufl.sqrt(a**2 + b**2 + 1e-24)
+
+
+def _step(a: Expr) -> Expr:
+    return ufl.conditional(ufl.gt(a, 0), 1.0, 0.0)
 
 
 class PressureLaw(Protocol):
@@ -150,7 +228,7 @@ class TangentialLaw(Protocol):
 class Frictionless:
     """No traction along the surface."""
 
-    def traction(self, slip: Expr, pressure: Expr) -> Expr:  # noqa: ARG002
+    def traction(self, slip: Expr, pressure: Expr) -> Expr:
         """Return zero."""
         return 0 * slip
 
@@ -171,7 +249,7 @@ class Rough:
         """Check the stiffness."""
         check_positive(self, "stiffness")
 
-    def traction(self, slip: Expr, pressure: Expr) -> Expr:  # noqa: ARG002
+    def traction(self, slip: Expr, pressure: Expr) -> Expr:
         """Return ``stiffness * slip``."""
         return self.stiffness * slip
 

@@ -64,12 +64,13 @@ class ForceCurve:
     def mean_curvature(self, start: float, end: float) -> float:
         r"""Return the mean curvature of F(d) in a window (N/mm2).
 
-        It is the second derivative of the least-squares parabola, which weighs F'' smoothly and
-        needs no derivative of the curve:
+        It is the second derivative of the least-squares parabola,
 
-        .. math:: \frac{60}{(b - a)^2} \int_0^1 (6 t^2 - 6 t + 1)\, F\, dt \cdot
-                  \quad t = (d - a) / (b - a), \text{ times } 6.
+        .. math:: \frac{60}{(b - a)^2} \int_0^1 (6 t^2 - 6 t + 1)\, F\, dt
+                  = \int_0^1 30\, t^2 (1 - t)^2\, F''\, dt, \quad t = (d - a) / (b - a),
 
+        a mean of :math:`F''` whose weights vanish at the window's ends, which needs no derivative
+        of the curve.
         """
         nodes, weights = np.polynomial.legendre.leggauss(64)
         force = self(start + (end - start) * (nodes + 1) / 2)

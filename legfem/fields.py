@@ -13,6 +13,7 @@ from dolfinx import fem
 from numpy.typing import NDArray
 
 from legfem._compat import evaluate
+from legfem.compiled import expression
 from legfem.kinematics import Expr, deformation_gradient, volume_ratio
 from legfem.materials import Hyperelastic
 from legfem.meshing.section import REGIONS
@@ -200,7 +201,7 @@ def _quadrature(mesh: Any, degree: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _at_points(
-    expression: Expr, mesh: Any, cells: NDArray[np.int32], degree: int
+    value: Expr, mesh: Any, cells: NDArray[np.int32], degree: int
 ) -> NDArray[np.float64]:
     points, _ = _quadrature(mesh, degree)
-    return evaluate(fem.Expression(expression, points), mesh, cells)
+    return evaluate(expression(value, points), mesh, cells)

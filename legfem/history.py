@@ -10,6 +10,7 @@ from dolfinx import fem
 from numpy.typing import NDArray
 
 from legfem._compat import evaluate
+from legfem.compiled import expression
 
 
 class History:
@@ -48,7 +49,7 @@ class History:
 
     def expression(self, value: Any) -> Any:
         """Return a compiled expression at the quadrature points."""
-        return fem.Expression(value, self._points)
+        return expression(value, self._points)
 
     def values(self, expression: Any) -> NDArray[np.float64]:
         """Return an expression at all quadrature points, flat."""

@@ -12,7 +12,7 @@ from typing import Any, Literal, Protocol
 
 import ufl
 
-from legfem.contact import PressureLaw, RigidCylinder, TangentialLaw
+from legfem.contact import PressureLaw, RigidIndenter, TangentialLaw
 from legfem.kinematics import Expr, deformation_gradient, volume_ratio
 from legfem.materials import Hyperelastic
 from legfem.places import Body, Place, Skin
@@ -74,16 +74,16 @@ class Tissue:
         dual = body.pressure * (J - 1) - law.D1 * body.pressure**2 / 4
         return law.distortion_energy(F) + dual + law.volumetric_remainder(J)
 
-    def history(self, place: Place) -> dict[str, tuple[int, ...]]:  # noqa: ARG002
+    def history(self, place: Place) -> dict[str, tuple[int, ...]]:
         """Return nothing: an elastic tissue has no memory."""
         return {}
 
-    def residual(self, body: Body, history: Mapping[str, Any]) -> Expr:  # noqa: ARG002
+    def residual(self, body: Body, history: Mapping[str, Any]) -> Expr:
         """Return the variation of the strain energy."""
         energy = self.energy_density(body) * body.regions[self.region]
         return ufl.derivative(energy, body.unknown, body.test)
 
-    def updated(self, body: Body, history: Mapping[str, Any]) -> dict[str, Expr]:  # noqa: ARG002
+    def updated(self, body: Body, history: Mapping[str, Any]) -> dict[str, Expr]:
         """Return nothing."""
         return {}
 
@@ -92,7 +92,7 @@ class Tissue:
 class NormalContact:
     """Pressure of the rigid indenter on the skin."""
 
-    indenter: RigidCylinder
+    indenter: RigidIndenter
     law: PressureLaw
     name: str = "contact"
     place: Literal["skin"] = "skin"
@@ -105,7 +105,7 @@ class NormalContact:
             **_numbers(self.name, self.law),
         }
 
-    def history(self, place: Place) -> dict[str, tuple[int, ...]]:  # noqa: ARG002
+    def history(self, place: Place) -> dict[str, tuple[int, ...]]:
         """Return nothing."""
         return {}
 
@@ -115,12 +115,13 @@ class NormalContact:
         law = skin.symbols.of(self.name, self.law)
         return law.pressure(-indenter.gap(skin.relative_position))
 
-    def residual(self, skin: Skin, history: Mapping[str, Any]) -> Expr:  # noqa: ARG002
+    def residual(self, skin: Skin, history: Mapping[str, Any]) -> Expr:
         """Return the work of the pressure along the indenter's normal."""
-        normal = self.indenter.normal(skin.relative_position)
+        indenter = skin.symbols.of("indenter", self.indenter)
+        normal = indenter.normal(skin.relative_position)
         return -self.pressure(skin) * ufl.dot(normal, skin.variation) * skin.measure
 
-    def updated(self, skin: Skin, history: Mapping[str, Any]) -> dict[str, Expr]:  # noqa: ARG002
+    def updated(self, skin: Skin, history: Mapping[str, Any]) -> dict[str, Expr]:
         """Return nothing."""
         return {}
 

@@ -12,9 +12,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from legfem._compat import RESIDUAL_NOT_FINITE
+from legfem.linear import LinearSettings, configure, rigid_motions
 from legfem.system import System
 
 
@@ -58,16 +60,35 @@ class NewtonOutcome:
 
 
 class NewtonSolver:
-    """Solves the system at a fixed position of the indenter."""
+    """Solves the system at a fixed position of the indenter.
 
-    def __init__(self, system: System, settings: NewtonSettings | None = None) -> None:
+    Parameters
+    ----------
+    system
+        The model.
+    settings
+        Of Newton's method.
+    linear
+        Of the linear solver.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        settings: NewtonSettings | None = None,
+        linear: LinearSettings | None = None,
+    ) -> None:
+        linear = linear or LinearSettings()
         self._system = system
         self._settings = settings or NewtonSettings()
         self._norms: list[float] = []
         self._factorisations = 0
         matrix = system.tangent_matrix
         vector = system.residual_vector.x.petsc_vec
-        self._solution = system.unknown.x.petsc_vec.duplicate()
+        unknown = system.unknown.x.petsc_vec
+        self._solution, self._trial = unknown.duplicate(), unknown.duplicate()
+        self._evaluated = unknown.duplicate()
+        self._evaluated_now = False
         snes = PETSc.SNES().create(system.comm)
         snes.setOptionsPrefix("legfem_")
         snes.setType("newtonls")
@@ -78,15 +99,10 @@ class NewtonSolver:
         snes.setLineSearchPreCheck(self._shorten)
         snes.setConvergenceTest(self._converged)
         snes.setTolerances(max_it=60, stol=0.0)
-        linear = snes.getKSP()
-        linear.setType("preonly")
-        factors = linear.getPC()
-        factors.setType("lu")
-        if system.comm.size == 1:
-            factors.setFactorSolverType("petsc")
-            factors.setFactorOrdering("nd")
-        else:
-            factors.setFactorSolverType("mumps")
+        configure(snes.getKSP(), system.spaces, linear)
+        self._iterates = linear.iterates(system.spaces)
+        if self._iterates and system.spaces.formulation == "displacement":
+            matrix.setNearNullSpace(rigid_motions(system.spaces))
         snes.setFromOptions()
         self._snes = snes
 
@@ -97,7 +113,7 @@ class NewtonSolver:
 
     def solve(self) -> NewtonOutcome:
         """Solve from the system's present unknown, which the solution replaces if found."""
-        self._norms, self._factorisations = [], 0
+        self._norms, self._factorisations, self._evaluated_now = [], 0, False
         unknown = self._system.unknown.x.petsc_vec
         unknown.copy(self._solution)
         self._snes.solve(None, self._solution)
@@ -125,13 +141,30 @@ class NewtonSolver:
         unknown.x.scatter_forward()
 
     def _function(self, snes: Any, state: PETSc.Vec, residual: PETSc.Vec) -> None:
-        self._load(state)
-        self._system.assemble_residual().x.petsc_vec.copy(residual)
+        if not self._is_evaluated(state):
+            self._load(state)
+            self._evaluate()
+        self._system.residual_vector.x.petsc_vec.copy(residual)
+
+    def _evaluate(self) -> None:
+        """Assemble the residual at the system's present unknown, and remember where that was."""
+        self._system.assemble_residual()
+        self._system.unknown.x.petsc_vec.copy(self._evaluated)
+        self._evaluated_now = True
+
+    def _is_evaluated(self, state: PETSc.Vec) -> bool:
+        """Tell whether the residual at hand is that of a state.
+
+        SNES asks for the residual where `_shorten` has just evaluated it.
+        """
+        same = self._evaluated_now and np.array_equal(state.array_r, self._evaluated.array_r)
+        return bool(self._system.comm.allreduce(same, MPI.LAND))
 
     def _jacobian(self, snes: Any, state: PETSc.Vec, matrix: Any, preconditioner: Any) -> None:
         norms = self._norms
         gained = len(norms) > 1 and norms[-1] < self._settings.reuse * norms[-2]
-        if gained and self._factorisations:
+        # An iterative solver has no factors to use again.
+        if gained and self._factorisations and not self._iterates:
             return
         self._load(state)
         self._system.assemble_tangent()
@@ -145,9 +178,10 @@ class NewtonSolver:
         """
         acceptable = max(self._norms[-self._settings.memory :])
         for halving in range(self._settings.max_halvings):
-            self._load(state - update)
+            self._trial.waxpy(-1.0, update, state)
+            self._load(self._trial)
             if self._system.minimum_volume_ratio() > 0.01:
-                self._system.assemble_residual()
+                self._evaluate()
                 if self._system.residual_norm() <= acceptable:
                     return halving > 0
             update.scale(0.5)

@@ -21,8 +21,9 @@ from dolfinx import fem, la
 from ufl.algorithms import expand_derivatives
 from ufl.constantvalue import Zero
 
+from legfem.compiled import compiled
 from legfem.newton import NewtonSolver
-from legfem.system import PlaceForms, System, compiled
+from legfem.system import PlaceForms, System
 from legfem.units import FloatArray
 
 

@@ -7,6 +7,7 @@ body's at the dofs that the two share.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -17,9 +18,17 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from legfem._compat import collapse, surface_mesh
-from legfem.meshing.section import BONE, SKIN
+from legfem.meshing.section import BONE, REGIONS, SKIN
 
 Formulation = Literal["displacement", "mixed"]
+
+
+@dataclass(frozen=True)
+class Support:
+    """Displacement components that are zero on the facets of a tag."""
+
+    tag: int
+    components: tuple[int, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +50,11 @@ class LegSpaces:
     """Dofs of ``space`` that are displacements, in the order of ``displacement_space``."""
     displacement_space: Any
     pinned: NDArray[np.int32]
-    """Dofs of ``space`` on the bones."""
+    """Dofs of ``space`` that a support holds at zero."""
+    bone: NDArray[np.int32]
+    """Those of the bones, for their reaction."""
+    regions: Mapping[str, int]
+    """Cell tags of the tissues that the mesh has."""
 
     @property
     def dimension(self) -> int:
@@ -60,6 +73,8 @@ def build_spaces(
     facet_tags: Any,
     formulation: Formulation = "displacement",
     degree: int = 2,
+    regions: Mapping[str, int] = REGIONS,
+    supports: Sequence[Support] | None = None,
 ) -> LegSpaces:
     """Build the spaces of a leg.
 
@@ -72,6 +87,10 @@ def build_spaces(
         is discontinuous between elements, since layers of different stiffness meet in the leg.
     degree
         Of the displacement.
+    regions
+        Cell tags of the tissues that the mesh has.
+    supports
+        What is held; by default the bones, in all components.
     """
     dimension = mesh.geometry.dim
     lagrange = basix.ufl.element("Lagrange", mesh.basix_cell(), degree, shape=(dimension,))
@@ -85,7 +104,16 @@ def build_spaces(
 
     skin = surface_mesh(mesh, np.sort(facet_tags.find(SKIN)))
     skin_space = fem.functionspace(skin, ("Lagrange", degree, (dimension,)))
-    bone = fem.locate_dofs_topological(displacement, mesh.topology.dim - 1, facet_tags.find(BONE))
+    if supports is None:
+        supports = (Support(BONE, tuple(range(dimension))),)
+
+    def held(support: Support) -> NDArray[np.int32]:
+        facets = facet_tags.find(support.tag)
+        nodes = fem.locate_dofs_topological(displacement, mesh.topology.dim - 1, facets)
+        return dofs[nodes[:, None] * dimension + np.array(support.components)].ravel()
+
+    found = [(support.tag, held(support)) for support in supports]
+    bone = [held for tag, held in found if tag == BONE]
     return LegSpaces(
         mesh,
         cell_tags,
@@ -97,12 +125,18 @@ def build_spaces(
         dofs[_blocks(_trace_nodes(displacement, skin_space), dimension)],
         dofs,
         displacement,
-        dofs[_blocks(bone, dimension)],
+        np.unique(np.concatenate([held for _, held in found])),
+        np.unique(np.concatenate(bone)) if bone else np.empty(0, dtype=np.int32),
+        regions,
     )
 
 
 def _mixed_element(mesh: Any, degree: int) -> Any:
     cell, dimension = mesh.basix_cell(), mesh.geometry.dim
+    if cell.name in ("quadrilateral", "hexahedron"):  # these need no bubble for linear pressures
+        displacement = basix.ufl.element("Lagrange", cell, degree, shape=(dimension,))
+        linear = basix.ufl.element("DPC", cell, degree - 1, discontinuous=True)
+        return basix.ufl.mixed_element([displacement, linear])
     enriched = basix.ufl.enriched_element(
         [basix.ufl.element("Lagrange", cell, degree), basix.ufl.element("Bubble", cell, degree + 1)]
     )

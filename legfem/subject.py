@@ -80,6 +80,8 @@ class Subject:
     recordings: tuple[Recording, ...]
     """One a trial; empty when loaded without recordings."""
     directory: Path
+    starts_at_contact: bool = False
+    """Whether the recordings' displacement is known to count from first touch."""
 
 
 def load_subject(directory: Path, need_recordings: bool = True) -> Subject:
@@ -122,6 +124,7 @@ def load_subject(directory: Path, need_recordings: bool = True) -> Subject:
         instrument=_instrument(given),
         recordings=_recordings(directory) if need_recordings else (),
         directory=directory,
+        starts_at_contact=given.recordings.starts_at_contact,
     )
 
 

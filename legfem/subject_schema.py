@@ -128,6 +128,13 @@ class InstrumentEntry(_Entry):
         return self.displacement_accuracy_mm * _UNIFORM
 
 
+class RecordingsEntry(_Entry):
+    """``[recordings]``, optional."""
+
+    starts_at_contact: bool = False
+    """Whether displacement counts from first touch; else first contact is looked for."""
+
+
 class SubjectFile(_Entry):
     """``subject.toml`` as it is written, in the file's units."""
 
@@ -138,6 +145,7 @@ class SubjectFile(_Entry):
     indenter: IndenterEntry
     tissues: TissuesEntry
     instrument: InstrumentEntry
+    recordings: RecordingsEntry = RecordingsEntry()
 
 
 def parse_subject_file(path: Path) -> SubjectFile:

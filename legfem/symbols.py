@@ -25,7 +25,7 @@ class Symbols:
     def of(self, prefix: str, given: Any) -> Any:
         """Return a frozen dataclass with its numbers replaced by symbols ``prefix.field``."""
         replaced = {
-            field.name: self.scalar(f"{prefix}.{field.name}", value)
+            field.name: self.scalar(f"{prefix}.{field.name}", float(value))
             for field in dataclasses.fields(given)
             if isinstance(value := getattr(given, field.name), Real)
         }

@@ -10,25 +10,18 @@ import ufl
 from dolfinx import fem, la
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
-from numpy.typing import NDArray
 from petsc4py import PETSc
 
+from legfem.compiled import compiled
 from legfem.history import History
 from legfem.kinematics import deformation_gradient, volume_ratio
 from legfem.model import LegModel
 from legfem.places import Body, Place, Skin
-from legfem.meshing.section import REGIONS
 from legfem.spaces import LegSpaces
 from legfem.symbols import Symbols
 from legfem.units import FloatArray
 
-COMPILER = {"cffi_extra_compile_args": ["-O3", "-march=native", "-ffast-math", "-fno-finite-math-only"]}
 SKIN_DEGREE = 3
-
-
-def compiled(form: Any) -> Any:
-    """Return a compiled form."""
-    return fem.form(form, jit_options=COMPILER)
 
 
 @dataclass(frozen=True)
@@ -123,9 +116,13 @@ class System:
         self.tangent_matrix = fem_petsc.create_matrix(self.body.tangent)
         self._skin_matrix = fem.create_matrix(self.skin.tangent)
         self._skin_force = fem.Function(spaces.skin_space)
+        self._nodal_contact_force = fem.Function(spaces.skin_space)
         self.residual_vector = fem.Function(spaces.space)
         self._pinned = fem.Function(spaces.space)
-        self._boundary = fem.dirichletbc(self._pinned, self._pinned_blocks())
+        self._boundary = self._conditions()
+        trace = spaces.trace
+        # PETSc passes over negative indices: the skin adds nothing to the equations of supports.
+        self._trace_free = np.where(np.isin(trace, spaces.pinned), -1, trace).astype(np.int32)
         F = deformation_gradient(self.body.place.displacement)
         self._volume_ratio = self.body.history.expression(volume_ratio(F))
         dofmap = spaces.space.dofmap
@@ -163,14 +160,15 @@ class System:
 
     def assemble_tangent(self) -> PETSc.Mat:
         """Assemble the tangent at the present unknown."""
+        self._trace()
         matrix = self.tangent_matrix
         matrix.zeroEntries()
-        fem_petsc.assemble_matrix(matrix, self.body.tangent, bcs=[self._boundary])
+        fem_petsc.assemble_matrix(matrix, self.body.tangent, bcs=self._boundary)
         matrix.assemble()
         self._skin_matrix.data[:] = 0.0
         fem.assemble_matrix(self._skin_matrix, self.skin.tangent)
         skin = self._skin_matrix.to_scipy(ghosted=True).tocsr()
-        trace = self.spaces.trace
+        trace = self._trace_free
         # Columns beyond the rank's own dofs and ghosts await what other ranks would send: they are
         # empty here, and PETSc passes over negative indices.
         columns = np.full(skin.shape[1], -1, dtype=np.int32)
@@ -211,8 +209,12 @@ class System:
 
     def contact_scale(self) -> float:
         """Return the norm of the contact's nodal forces at the last residual."""
-        local = self._skin_force.x.array
-        return float(np.sqrt(self.comm.allreduce(float(local @ local))))
+        nodal = self._nodal_contact_force.x
+        nodal.array[:] = self._skin_force.x.array
+        nodal.scatter_reverse(la.InsertMode.add)
+        dofmap = self.spaces.skin_space.dofmap
+        owned = nodal.array[: dofmap.index_map.size_local * dofmap.index_map_bs]
+        return float(np.sqrt(self.comm.allreduce(float(owned @ owned))))
 
     def balance(self) -> Balance:
         """Return the resultants and works of the present state."""
@@ -221,7 +223,7 @@ class System:
         fem.assemble_vector(internal.x.array, self.body.residual)
         internal.x.scatter_reverse(la.InsertMode.add)
         owned = self._owned
-        pinned = self.spaces.pinned
+        pinned = self.spaces.bone
         at_bone = np.zeros_like(internal.x.array)
         at_bone[pinned] = internal.x.array[pinned]
         at_bone[owned:] = 0.0
@@ -249,9 +251,16 @@ class System:
         fem.assemble_vector(force, self.skin.residual)
         return force
 
-    def _pinned_blocks(self) -> NDArray[np.int32]:
-        size = self.spaces.space.dofmap.index_map_bs
-        return np.unique(self.spaces.pinned // size).astype(np.int32)
+    def _conditions(self) -> list[Any]:
+        """Return the supports as conditions on the space, one a component where it is blocked."""
+        space, pinned = self.spaces.space, np.unique(self.spaces.pinned)
+        size = space.dofmap.index_map_bs
+        if size == 1:
+            return [fem.dirichletbc(self._pinned, pinned)]
+        return [
+            fem.dirichletbc(PETSc.ScalarType(0), pinned[pinned % size == k], space.sub(k))
+            for k in range(size)
+        ]
 
     def _body(self, degree: int) -> PlaceForms:
         space = self.spaces.space
@@ -273,7 +282,7 @@ class System:
             ufl.split(before)[0] if mixed else before,
             ufl.split(test)[0] if mixed else test,
             degree,
-            {name: measure(tag) for name, tag in REGIONS.items()},
+            {name: measure(tag) for name, tag in self.spaces.regions.items()},
             now[1],
         )
         return PlaceForms(place, before, self.model.at("body"), degree)

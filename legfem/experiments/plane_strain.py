@@ -7,20 +7,18 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-import numpy as np
 from mpi4py import MPI
 
 from legfem.contact import RigidCylinder
 from legfem.contact_settings import ContactSettings
-from legfem.curve import ForceCurve
+from legfem.experiments.pressing import Indentation, Pressing, leg_model
 from legfem.geometry.section import LegSection
 from legfem.materials import Hyperelastic, NeoHookean, ReducedPolynomial
-from legfem.meshing.section import SectionMesh, SectionMeshSettings, mesh_section
-from legfem.model import LegModel, NormalContact, TangentialContact, Tissue
+from legfem.meshing.section import REGIONS, SectionMesh, SectionMeshSettings, mesh_section
+from legfem.model import LegModel
 from legfem.newton import NewtonSettings, NewtonSolver
-from legfem.sensitivity import SensitivityTracker
 from legfem.spaces import build_spaces
-from legfem.stepping import SolveReport, StepSettings, press
+from legfem.stepping import StepSettings
 from legfem.subject import Indenter, Subject, TissueParameters
 from legfem.system import System
 
@@ -46,19 +44,6 @@ class PlaneStrainSettings:
     quadrature_degree: int = 4
     defences: bool = True
     """Whether a softer contact and then a finer mesh are tried when a solution stops short."""
-
-
-@dataclass(frozen=True, eq=False)
-class Indentation:
-    """The outcome of one simulated test; ``report.complete`` tells whether it got there."""
-
-    parameters: Mapping[str, float]
-    """Of the model, by full name (MPa, 1/MPa)."""
-    curve: ForceCurve
-    """Force (N) of the whole cylinder; for a path that turns, the loading part alone."""
-    path: tuple[np.ndarray, np.ndarray]
-    """Displacement (mm) and force (N) of all steps."""
-    report: SolveReport
 
 
 class PlaneStrainIndentation:
@@ -107,7 +92,14 @@ class PlaneStrainIndentation:
             self.settings.quadrature_degree,
         )
         self.solver = NewtonSolver(self.system, self.settings.newton)
-        self._trackers: dict[tuple[str, ...], SensitivityTracker] = {}
+        self._pressing = Pressing(
+            self.system,
+            self.solver,
+            self.settings.contact,
+            indenter.radius,
+            indenter.length,
+            self.settings.steps,
+        )
 
     @classmethod
     def of_subject(
@@ -147,10 +139,10 @@ class PlaneStrainIndentation:
         Indentation
             Also where the depth wasn't reached.
         """
-        attempt = self._attempt(parameters, depth, sensitivities, turns, on_step, softness=1.0)
+        attempt = self._pressing.run(parameters, depth, sensitivities, turns, on_step, softness=1.0)
         if attempt.report.complete or not self.settings.defences:
             return attempt
-        softer = self._attempt(parameters, depth, sensitivities, turns, on_step, softness=0.2)
+        softer = self._pressing.run(parameters, depth, sensitivities, turns, on_step, softness=0.2)
         softer = _after(softer, attempt)
         if softer.report.complete:
             return softer
@@ -161,79 +153,15 @@ class PlaneStrainIndentation:
             replace(self.settings, mesh=self.settings.mesh.refined(1.5), defences=False),
             self.comm,
         )
-        last = finer._attempt(parameters, depth, sensitivities, turns, on_step, softness=0.2)
+        last = finer._pressing.run(parameters, depth, sensitivities, turns, on_step, softness=0.2)
         return max(
             _after(last, attempt, softer), softer, key=lambda solved: solved.report.reached
         )
 
-    def _attempt(
-        self,
-        parameters: Mapping[str, float] | None,
-        depth: float,
-        sensitivities: Sequence[str],
-        turns: Sequence[float],
-        on_step: Callable[[float], None] | None,
-        softness: float,
-    ) -> Indentation:
-        values = {**self.model.parameters, **(parameters or {})}
-        unknown = set(values) - set(self.model.parameters)
-        if unknown:
-            raise KeyError(f"the model has no parameter {sorted(unknown)[0]!r}")
-        radius = self.indenter.radius
-        penalty = softness * self.settings.contact.penalty(values, radius)
-        contact = (
-            NormalContact(RigidCylinder(radius), self.settings.contact.pressure_law(penalty)),
-            self.settings.contact.tangential_law(penalty),
-        )
-        values |= contact[0].parameters
-        values |= TangentialContact(*contact).parameters
-        self.system.set_parameters(values)
-        tracker = self._tracker(tuple(sensitivities))
-        length = self.indenter.length
-        displacement, force = [0.0], [0.0]
-        derivatives = [np.zeros(len(sensitivities))]
-
-        def record(at: float) -> None:
-            displacement.append(at)
-            force.append(self.system.force() * length)
-            if tracker is not None:
-                derivatives.append(tracker.step(self.solver) * length)
-            if on_step is not None:
-                on_step(at)
-
-        report = press(
-            self.system, self.solver, [depth, *turns], self.settings.steps, on_step=record
-        )
-        report = replace(report, contact_stiffness_factor=softness)
-        path = np.array(displacement), np.array(force)
-        loading = int(np.argmax(path[0])) + 1
-        columns = np.array(derivatives)[:loading]
-        curve = ForceCurve(
-            path[0][:loading],
-            path[1][:loading],
-            {name: columns[:, k] for k, name in enumerate(sensitivities)},
-        )
-        return Indentation(values, curve, path, report)
-
-    def _tracker(self, names: tuple[str, ...]) -> SensitivityTracker | None:
-        if not names:
-            return None
-        if names not in self._trackers:
-            self._trackers[names] = SensitivityTracker(self.system, names)
-        self._trackers[names].reset()
-        return self._trackers[names]
-
     def _model(self) -> LegModel:
-        tissues = self.tissues
-        regions = (
-            Tissue("superficial", tissues.superficial),
-            Tissue("fascia", tissues.fascia),
-            Tissue("deep", tissues.deep),
-        )
+        tissues = {name: getattr(self.tissues, name) for name in REGIONS}
         cylinder = RigidCylinder(self.indenter.radius)
-        normal = NormalContact(cylinder, self.settings.contact.pressure_law(1.0))
-        along = TangentialContact(normal, self.settings.contact.tangential_law(1.0))
-        return LegModel((*regions, normal, along), self.settings.formulation)
+        return leg_model(tissues, cylinder, self.settings.contact, self.settings.formulation)
 
 
 def tissues_of(subject: Subject) -> Tissues:

@@ -51,6 +51,10 @@ D1_per_MPa = 22.5
 force_accuracy_percent = 0.25
 force_range_N = 100.0
 displacement_accuracy_mm = 0.25
+
+# Whether displacement counts from first touch; if false, first contact is looked for.
+[recordings]
+starts_at_contact = {starts_at_contact}
 """
 
 
@@ -106,6 +110,7 @@ def write_subject_folder(
     direction_deg: float,
     origin: str = "measured",
     recordings: Sequence[Recording] = (),
+    starts_at_contact: bool = False,
 ) -> Path:
     """Write ``subject.toml``, ``contours.csv`` and the recordings, all or nothing.
 
@@ -119,7 +124,7 @@ def write_subject_folder(
     text = _TEMPLATE.format(
         id=_toml_string(out.resolve().name), title=_toml_string(title), origin=origin,
         thickness=section.fascia_thickness, x=float(aim[0]), y=float(aim[1]),
-        direction=float(direction_deg),
+        direction=float(direction_deg), starts_at_contact=str(starts_at_contact).lower(),
     )
     try:
         out.parent.mkdir(parents=True, exist_ok=True)

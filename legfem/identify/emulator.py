@@ -18,7 +18,8 @@ from scipy.linalg import cho_factor, cho_solve
 from legfem.units import FloatArray
 
 _LENGTHS = (0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6)
-# The solved curve is a spline through steps, so that its values are smooth to about 1e-4.
+# Over the process' variance. The solved curve is a spline through adaptive steps, so that it is
+# smooth in the stiffness to some 1e-4 only; less makes neighbouring samples contradict each other.
 _NUGGET = 1e-8
 _SMALLEST_FORCE_N = 1e-9
 

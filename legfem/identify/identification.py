@@ -34,7 +34,9 @@ def measured_curve(subject: Subject, depth: float | None = None) -> LoadingCurve
     InputError
         If the depth leaves too little to identify from.
     """
-    curve = mean_loading_curve(subject.recordings, subject.instrument)
+    curve = mean_loading_curve(
+        subject.recordings, subject.instrument, starts_at_contact=subject.starts_at_contact
+    )
     if depth is None:
         return curve
     if depth < MINIMAL_DEPTH_MM:

@@ -75,7 +75,7 @@ class IdentificationSettings:
     most_solves: int = 25
     genetic: GeneticSettings = field(default_factory=GeneticSettings)
     plain_genetic: GeneticSettings = field(
-        default_factory=lambda: GeneticSettings(population=10, generations=20, saturated=5)
+        default_factory=lambda: GeneticSettings(population=12, generations=25)
     )
     numerical_error: float = 0.0025
     numerical_error_length: float = 10.0

@@ -39,7 +39,7 @@ class Hyperelastic:
         r"""Return :math:`C_{10}(\bar I_1 - 3)` (MPa)."""
         return self.C10 * (isochoric_first_invariant(F) - 3)
 
-    def volumetric_remainder(self, J: Expr) -> Expr:  # noqa: ARG002
+    def volumetric_remainder(self, J: Expr) -> Expr:
         """Return what the volumetric energy has beyond the quadratic term (MPa)."""
         return 0
 
@@ -108,11 +108,11 @@ class ReducedPolynomial(Hyperelastic):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_positive(self, "C20", zero_allowed=True)
-        if isinstance(self.D2, Real) and not self.D2 > 0:
+        if isinstance(self.D2, Real) and not float(self.D2) > 0:
             raise InputError(
                 source=type(self).__name__,
                 field="D2",
-                problem=f"is {self.D2:g}",
+                problem=f"is {float(self.D2):g}",
                 remedy="give a value of more than zero, or leave it out",
             )
 

@@ -111,7 +111,8 @@ def mesh_section(
     skin = smooth_closed_curve(section.skin)
     reached = _skin_within_reach(skin, radius, aim, direction)
     with _gmsh_model() as model:
-        touch, quality = np.zeros(2), None
+        touch: FloatArray = np.zeros(2)
+        quality = None
         if comm.rank == 0:
             outline = _build(model, section, skin, cKDTree(reached), settings)
             touch = first_touch(outline, radius, aim, direction)

@@ -45,6 +45,11 @@ class Contact:
     """Whether the recording begins in air."""
 
 
+def contact_at_start() -> Contact:
+    """Return the contact of a recording whose displacement is known to start at first touch."""
+    return Contact(0.0, 0.0, 0.0, float("inf"), 0.0, in_air=False)
+
+
 def find_first_contact(
     recording: Recording, force_sd: float = 0.0, displacement_sd: float = 0.0
 ) -> Contact:

@@ -10,7 +10,7 @@ from numpy.polynomial import Polynomial
 
 from legfem.errors import InputError
 from legfem.recording.branch import align_branches, loading_branch
-from legfem.recording.contact import Contact, find_first_contact
+from legfem.recording.contact import Contact, contact_at_start, find_first_contact
 from legfem.recording.instrument import Instrument
 from legfem.recording.noise import Expectation, NoiseEstimate, estimate_noise
 from legfem.recording.smoothing import local_line, sample_noise
@@ -59,7 +59,10 @@ class LoadingCurve:
 
 
 def mean_loading_curve(
-    recordings: Sequence[Recording], instrument: Instrument, step: float = 0.25
+    recordings: Sequence[Recording],
+    instrument: Instrument,
+    step: float = 0.25,
+    starts_at_contact: bool = False,
 ) -> LoadingCurve:
     """Bring repeated trials to one loading curve.
 
@@ -84,6 +87,8 @@ def mean_loading_curve(
         Standard deviations of a reading.
     step : float
         Of the grid, mm.
+    starts_at_contact : bool
+        Whether displacement is known to count from first touch; air isn't looked for then.
 
     Raises
     ------
@@ -93,7 +98,10 @@ def mean_loading_curve(
     if not recordings:
         raise InputError("recordings", "*.csv", "there are none", "give at least one trial")
     contacts = tuple(
-        find_first_contact(r, instrument.force_sd, instrument.displacement_sd) for r in recordings
+        contact_at_start()
+        if starts_at_contact
+        else find_first_contact(r, instrument.force_sd, instrument.displacement_sd)
+        for r in recordings
     )
     branches, common = align_branches(
         [loading_branch(r, c) for r, c in zip(recordings, contacts, strict=True)],

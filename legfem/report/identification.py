@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from legfem.experiments.plane_strain import Indentation, PlaneStrainIndentation
+from legfem.experiments.plane_strain import PlaneStrainIndentation
+from legfem.experiments.pressing import Indentation
 from legfem.fields import fields_of
 from legfem.identify.result import IdentificationResult
 from legfem.places import Skin

@@ -67,7 +67,9 @@ def reconstruct(
         from legfem.study.reconstruct import reconstruct as make
 
         check_out_folder(out)
-        made = make(out, read_definition(definition or DEFINITION), progress, jobs or usable_cores())
+        made = make(
+            out, read_definition(definition or DEFINITION), progress, jobs or usable_cores()
+        )
         typer.echo(f"subject folders in {made}")
 
 
@@ -89,3 +91,22 @@ def planted(
         folder = out or Path("results") / "planted"
         check_out_folder(folder)
         planted_command.run(number, seed, folder, jobs or usable_cores())
+
+
+@app.command()
+def reproduce(
+    seed: Annotated[int, typer.Option(min=0, help="Of the genetic algorithm.")] = 1,
+    out: Out = None,
+    jobs: Jobs = None,
+) -> None:
+    """Tables 4 and 5 of the paper beside ours, from the four reconstructed subjects.
+
+    Example: python -m legfem.study reproduce
+    """
+    leave_to_first_rank()
+    with command_edge():
+        from legfem.study import reproduce as tables
+
+        folder = out or Path("results") / "reproduce"
+        check_out_folder(folder)
+        tables.run(seed, folder, jobs or usable_cores())

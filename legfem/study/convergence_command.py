@@ -45,9 +45,7 @@ def _convergence(
     deep = ReducedPolynomial(c10, given.deep.D1, c20, given.deep.D1)
     tissues = Tissues(deep, given.superficial, given.fascia)
     with progress_on() as progress:
-        found = study_convergence(
-            subject.section, subject.indenter, tissues, progress, depth, jobs
-        )
+        found = study_convergence(subject.section, subject.indenter, tissues, progress, depth, jobs)
     table = convergence_table(found)
     Console(width=120).print(table)
     print(_verdict(found))

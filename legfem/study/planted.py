@@ -1,4 +1,4 @@
-"""Planted truths: do the 95 % intervals cover what made the data?
+"""Planted truths, to see whether the 95 % intervals cover what made the data.
 
 The data come from another discretisation than the one that inverts them (finer mesh, exponential
 contact law, smaller steps), with the instruments' noise.
@@ -118,9 +118,7 @@ def _recorded(truth: Truth) -> Subject:
     generator = np.random.default_rng([truth.seed, truth.number])
     noise = InstrumentNoise(subject.instrument)
     trials = tuple(
-        record_path(
-            *solved.path, RATE_MM_PER_S, SAMPLING_HZ, noise, generator, f"trial{trial}"
-        )
+        record_path(*solved.path, RATE_MM_PER_S, SAMPLING_HZ, noise, generator, f"trial{trial}")
         for trial in range(1, TRIALS + 1)
     )
     return replace(subject, origin="simulated", recordings=trials)

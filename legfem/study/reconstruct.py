@@ -164,4 +164,5 @@ def _write(out: Path, definition: Reconstruction, outcome: RunOutcome) -> None:
         run.indenter.direction_deg,
         origin="reconstructed",
         recordings=recordings,
+        starts_at_contact=True,
     )

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 from multiprocessing import get_context
 
 from legfem.experiments.plane_strain import (
-    Indentation,
     PlaneStrainIndentation,
     PlaneStrainSettings,
     Tissues,
 )
+from legfem.experiments.pressing import Indentation
 from legfem.geometry.section import LegSection
 from legfem.meshing.quality import MeshQuality
 from legfem.subject import Indenter

@@ -1,0 +1,132 @@
+"""A rigid indenter pressed into a body: what the tests in plane strain and in 3D share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from legfem.contact import RigidIndenter
+from legfem.contact_settings import ContactSettings
+from legfem.curve import ForceCurve
+from legfem.materials import Hyperelastic
+from legfem.model import LegModel, NormalContact, TangentialContact, Tissue
+from legfem.newton import NewtonSolver
+from legfem.sensitivity import SensitivityTracker
+from legfem.stepping import SolveReport, StepSettings, press
+from legfem.system import System
+from legfem.units import FloatArray
+
+OnStep = Callable[[float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Indentation:
+    """The outcome of one simulated test; ``report.complete`` tells whether it got there."""
+
+    parameters: Mapping[str, float]
+    """Of the model, by full name (MPa, 1/MPa)."""
+    curve: ForceCurve
+    """Force (N) of the whole cylinder; for a path that turns, the loading part alone."""
+    path: tuple[FloatArray, FloatArray]
+    """Displacement (mm) and force (N) of all steps."""
+    report: SolveReport
+
+
+def leg_model(
+    tissues: Mapping[str, Hyperelastic],
+    indenter: RigidIndenter,
+    contact: ContactSettings,
+    formulation: Literal["displacement", "mixed"],
+) -> LegModel:
+    """Return the sum of tissues (law by region) and contact, the latter of unit stiffness."""
+    normal = NormalContact(indenter, contact.pressure_law(1.0))
+    along = TangentialContact(normal, contact.tangential_law(1.0))
+    regions = tuple(Tissue(region, law) for region, law in tissues.items())
+    return LegModel((*regions, normal, along), formulation)
+
+
+@dataclass(frozen=True, eq=False)
+class Pressing:
+    """A model on its mesh with its solver, ready to be pressed with any parameters.
+
+    Parameters
+    ----------
+    system, solver
+        The model and its Newton solver.
+    contact
+        How contact is enforced.
+    radius
+        Of the indenter (mm), which the contact's stiffness is measured by.
+    whole
+        Force of the whole indenter over that of the model: the cylinder's length (mm) in plane
+        strain, the number of mirror images in 3D.
+    steps
+        Sizes.
+    """
+
+    system: System
+    solver: NewtonSolver
+    contact: ContactSettings
+    radius: float
+    whole: float
+    steps: StepSettings
+    _trackers: dict[tuple[str, ...], SensitivityTracker] = field(default_factory=dict)
+
+    def run(
+        self,
+        parameters: Mapping[str, float] | None,
+        depth: float,
+        sensitivities: Sequence[str] = (),
+        turns: Sequence[float] = (),
+        on_step: OnStep | None = None,
+        softness: float = 1.0,
+    ) -> Indentation:
+        """Press to a depth, then to the turns (mm), with a contact softened by a factor."""
+        model = self.system.model
+        values = {**model.parameters, **(parameters or {})}
+        unknown = set(values) - set(model.parameters)
+        if unknown:
+            raise KeyError(f"the model has no parameter {sorted(unknown)[0]!r}")
+        penalty = softness * self.contact.penalty(values, self.radius)
+        normal = replace(_normal_contact(model), law=self.contact.pressure_law(penalty))
+        values |= normal.parameters
+        values |= TangentialContact(normal, self.contact.tangential_law(penalty)).parameters
+        self.system.set_parameters(values)
+        tracker = self._tracker(tuple(sensitivities))
+        displacement, force = [0.0], [0.0]
+        derivatives: list[FloatArray] = [np.zeros(len(sensitivities))]
+
+        def record(at: float) -> None:
+            displacement.append(at)
+            force.append(self.system.force() * self.whole)
+            if tracker is not None:
+                derivatives.append(tracker.step(self.solver) * self.whole)
+            if on_step is not None:
+                on_step(at)
+
+        report = press(self.system, self.solver, [depth, *turns], self.steps, on_step=record)
+        report = replace(report, contact_stiffness_factor=softness)
+        path = np.array(displacement), np.array(force)
+        loading = int(np.argmax(path[0])) + 1
+        columns = np.array(derivatives)[:loading]
+        curve = ForceCurve(
+            path[0][:loading],
+            path[1][:loading],
+            {name: columns[:, k] for k, name in enumerate(sensitivities)},
+        )
+        return Indentation(values, curve, path, report)
+
+    def _tracker(self, names: tuple[str, ...]) -> SensitivityTracker | None:
+        if not names:
+            return None
+        if names not in self._trackers:
+            self._trackers[names] = SensitivityTracker(self.system, names)
+        self._trackers[names].reset()
+        return self._trackers[names]
+
+
+def _normal_contact(model: LegModel) -> NormalContact:
+    return next(term for term in model.at("skin") if isinstance(term, NormalContact))

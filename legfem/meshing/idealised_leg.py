@@ -1,0 +1,320 @@
+r"""The idealised leg: a round leg about a round bone, meshed by sweeping a polar grid.
+
+A quarter of the leg is meshed, for the symmetry planes :math:`x = 0` and :math:`z = 0`
+(mid-length). The cylinder stands above, at :math:`(0, R + r)`, and travels along :math:`-y`. A node
+with numbers :math:`(i, j, k)` lies on ray :math:`\theta_i` from the bone to the skin, at fraction
+:math:`t_j` of a layer and height :math:`z_k`:
+
+.. math:: x = \rho\,(\sin\theta, \cos\theta) + (0, e),
+
+with radius :math:`\rho` and centre :math:`e` interpolated between the layer's two circles. Without
+:math:`z` the same grid is the leg's section, so that plane strain and 3D differ in nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from dolfinx import mesh as dolfinx_mesh
+from mpi4py import MPI
+
+from legfem.checks import check_positive
+from legfem.errors import InputError
+from legfem.meshing.section import BONE, REGIONS, SKIN
+from legfem.spaces import Support
+from legfem.units import FloatArray
+
+MIRROR_X, MIRROR_Z, END = 13, 14, 15
+
+Cells = Literal["hexahedra", "tetrahedra"]
+
+
+@dataclass(frozen=True)
+class IdealisedLeg:
+    """A round leg about a round bone.
+
+    Parameters
+    ----------
+    radius, bone_radius : float
+        mm.
+    length : float
+        Of the leg's segment (mm).
+    bone_offset : float
+        Of the bone's axis from the leg's, towards the cylinder (mm).
+    fat, fascia : float
+        Thickness of the superficial tissue and of the fascia (mm); without both the leg is of deep
+        tissue alone, as the paper's.
+    ends : {"free", "held"}
+        Whether the end faces may move along the leg.
+    """
+
+    radius: float = 57.0
+    bone_radius: float = 15.0
+    length: float = 80.0
+    bone_offset: float = 0.0
+    fat: float = 0.0
+    fascia: float = 0.0
+    ends: Literal["free", "held"] = "free"
+
+    def __post_init__(self) -> None:
+        """Check that the bone lies within the leg and its layers."""
+        check_positive(self, "radius", "bone_radius", "length")
+        check_positive(self, "fat", "fascia", zero_allowed=True)
+        if self.ends not in ("free", "held"):
+            raise InputError(
+                "leg", "ends", f"unknown kind {self.ends!r}", "choose free or held"
+            )
+        inner = self.radius - self.fat - self.fascia
+        if abs(self.bone_offset) + self.bone_radius >= 0.98 * inner:
+            raise InputError(
+                "leg", "bone_radius",
+                f"a bone of radius {self.bone_radius:g} mm, {self.bone_offset:g} mm off the axis, "
+                f"is not inside the deep tissue of radius {inner:g} mm",
+                "make the bone smaller or the leg thicker",
+            )  # fmt: skip
+
+    @property
+    def depth_to_bone(self) -> float:
+        """Thickness of tissue between cylinder and bone (mm)."""
+        return self.radius - self.bone_offset - self.bone_radius
+
+    @property
+    def layers(self) -> tuple[tuple[str, float], ...]:
+        """Region and outer radius (mm) of every layer, from the bone outwards."""
+        layers = [("deep", self.radius - self.fat - self.fascia)]
+        if self.fascia:
+            layers.append(("fascia", self.radius - self.fat))
+        if self.fat:
+            layers.append(("superficial", self.radius))
+        return tuple(layers)
+
+    @property
+    def regions(self) -> dict[str, int]:
+        """Tags of the layers."""
+        return {name: REGIONS[name] for name, _ in self.layers}
+
+
+@dataclass(frozen=True)
+class LegMeshSettings:
+    """How fine the mesh of an idealised leg is; all lengths in mm.
+
+    Parameters
+    ----------
+    contact_size : float
+        Length of an element along the skin under the cylinder, around the leg.
+    depth_size : float
+        Along the rays at the skin.
+    edge_size : float
+        Along the leg at the cylinder's end.
+    growth : float
+        Growth of the lengths per mm of distance from there.
+    far_size : float
+        Greatest length.
+    cells : {"hexahedra", "tetrahedra"}
+        Tetrahedra are six a hexahedron.
+    degree : int
+        Of the displacement on these cells.
+    """
+
+    contact_size: float = 3.0
+    depth_size: float = 5.0
+    edge_size: float = 2.5
+    growth: float = 0.3
+    far_size: float = 15.0
+    cells: Cells = "hexahedra"
+    degree: int = 2
+
+    def __post_init__(self) -> None:
+        """Check the sizes and names."""
+        check_positive(self, "contact_size", "depth_size", "edge_size", "growth", "far_size")
+        if self.cells not in ("hexahedra", "tetrahedra"):
+            raise InputError(
+                "mesh", "cells", f"unknown kind {self.cells!r}", "choose hexahedra or tetrahedra"
+            )
+
+    def refined(self, factor: float) -> LegMeshSettings:
+        """Return settings with all lengths divided by ``factor``."""
+        return replace(
+            self,
+            contact_size=self.contact_size / factor,
+            depth_size=self.depth_size / factor,
+            edge_size=self.edge_size / factor,
+            growth=self.growth / factor,
+            far_size=self.far_size / factor,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class LegMesh:
+    """A meshed quarter of a leg, or half of its section."""
+
+    mesh: Any
+    """`dolfinx.mesh.Mesh`, mm."""
+    cell_tags: Any
+    facet_tags: Any
+    """`SKIN`, `BONE`, `MIRROR_X`, `MIRROR_Z`, `END`."""
+    regions: Mapping[str, int]
+    supports: tuple[Support, ...]
+    copies: int
+    """Number of mirror images that make the whole."""
+
+
+def mesh_leg(
+    leg: IdealisedLeg,
+    cylinder_radius: float,
+    cylinder_length: float,
+    settings: LegMeshSettings | None = None,
+    comm: MPI.Intracomm = MPI.COMM_SELF,
+) -> LegMesh:
+    """Mesh a quarter of the leg, fine where the cylinder of given size (mm) will press."""
+    settings = settings or LegMeshSettings()
+    around, through, layer = _section_grid(leg, cylinder_radius, settings)
+    half, edge = leg.length / 2, min(cylinder_length, leg.length) / 2
+    along = _spaced(
+        half,
+        lambda z: np.minimum(settings.edge_size + settings.growth * np.abs(z - edge),
+                             settings.far_size),
+        stops=(edge,),
+    )  # fmt: skip
+    hexahedra = settings.cells == "hexahedra"
+    kinds = dolfinx_mesh.CellType
+    counts = [len(around) - 1, len(through) - 1, len(along) - 1]
+    made = dolfinx_mesh.create_box(
+        comm,
+        [np.zeros(3), np.array(counts, dtype=float)],
+        counts,
+        kinds.hexahedron if hexahedra else kinds.tetrahedron,
+        ghost_mode=dolfinx_mesh.GhostMode.none,
+    )
+    tags = {(0, 0): MIRROR_X, (0, counts[0]): MIRROR_X, (1, 0): BONE, (1, counts[1]): SKIN,
+            (2, 0): MIRROR_Z, (2, counts[2]): END}  # fmt: skip
+    supports = [Support(BONE, (0, 1, 2)), Support(MIRROR_X, (0,)), Support(MIRROR_Z, (2,))]
+    if leg.ends == "held":
+        supports.append(Support(END, (2,)))
+    cell_tags, facet_tags = _tagged(made, layer, tags)
+    nodes = made.geometry.x
+    nodes[:, 2] = np.interp(nodes[:, 2], np.arange(len(along)), along)
+    _bend(nodes, leg, around, through)
+    return LegMesh(made, cell_tags, facet_tags, leg.regions, tuple(supports), 4)
+
+
+def mesh_leg_section(
+    leg: IdealisedLeg,
+    cylinder_radius: float,
+    settings: LegMeshSettings | None = None,
+    comm: MPI.Intracomm = MPI.COMM_SELF,
+) -> LegMesh:
+    """Mesh half of the leg's section with the grid of `mesh_leg`."""
+    settings = settings or LegMeshSettings()
+    around, through, layer = _section_grid(leg, cylinder_radius, settings)
+    kinds = dolfinx_mesh.CellType
+    hexahedra = settings.cells == "hexahedra"
+    counts = [len(around) - 1, len(through) - 1]
+    made = dolfinx_mesh.create_rectangle(
+        comm,
+        [np.zeros(2), np.array(counts, dtype=float)],
+        counts,
+        kinds.quadrilateral if hexahedra else kinds.triangle,
+        ghost_mode=dolfinx_mesh.GhostMode.none,
+    )
+    tags = {(0, 0): MIRROR_X, (0, counts[0]): MIRROR_X, (1, 0): BONE, (1, counts[1]): SKIN}
+    cell_tags, facet_tags = _tagged(made, layer, tags)
+    _bend(made.geometry.x, leg, around, through)
+    supports = (Support(BONE, (0, 1)), Support(MIRROR_X, (0,)))
+    return LegMesh(made, cell_tags, facet_tags, leg.regions, supports, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class _Through:
+    """Circles of the grid from the bone to the skin: radius and centre of each, (n,)."""
+
+    radius: FloatArray
+    centre: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.radius)
+
+
+def _section_grid(
+    leg: IdealisedLeg, cylinder_radius: float, settings: LegMeshSettings
+) -> tuple[FloatArray, _Through, list[int]]:
+    """Return angles of the rays, circles, and the region's tag of every ring of cells."""
+    # The skin wraps the cylinder up to 1.4 of its radius from the middle, measured along the skin.
+    reach = 1.4 * cylinder_radius
+
+    def along_skin(s: FloatArray) -> FloatArray:
+        distance = np.maximum(s - reach, 0)
+        return np.minimum(settings.contact_size + settings.growth * distance, settings.far_size)
+
+    around = _spaced(np.pi * leg.radius, along_skin) / leg.radius
+    radius, centre, layer = [leg.bone_radius], [leg.bone_offset], []
+    for name, outer in leg.layers:
+        inner, start = radius[-1], centre[-1]
+
+        def along_ray(
+            t: FloatArray, outer: float = outer, above: float = leg.radius - outer
+        ) -> FloatArray:
+            return np.minimum(
+                settings.depth_size + settings.growth * (above + t), settings.far_size
+            )
+
+        inward = _spaced(outer - inner, along_ray)
+        fraction = 1 - inward[::-1] / (outer - inner)
+        radius.extend(inner + (outer - inner) * fraction[1:])
+        centre.extend(start * (1 - fraction[1:]))
+        layer.extend([leg.regions[name]] * (len(fraction) - 1))
+    return around, _Through(np.array(radius), np.array(centre)), layer
+
+
+def _spaced(
+    length: float, size: Callable[[FloatArray], FloatArray], stops: tuple[float, ...] = ()
+) -> FloatArray:
+    """Return nodes from 0 to a length, spaced by ``size``, with nodes at the stops."""
+    ends = [0.0, *(stop for stop in stops if 1e-9 < stop < length - 1e-9), length]
+    nodes = [np.zeros(1)]
+    for start, end in zip(ends[:-1], ends[1:], strict=True):
+        fine = np.linspace(start, end, 2001)
+        density = 1 / size(fine)
+        steps = 0.5 * (density[1:] + density[:-1]) * np.diff(fine)
+        count = np.concatenate([[0.0], np.cumsum(steps)])
+        number = max(1, round(count[-1]))
+        nodes.append(np.interp(np.arange(1, number + 1) / number * count[-1], count, fine))
+    return np.concatenate(nodes)
+
+
+def _bend(nodes: FloatArray, leg: IdealisedLeg, around: FloatArray, through: _Through) -> None:
+    """Move the nodes of a box of unit cells onto the leg, in place."""
+    theta = np.interp(nodes[:, 0], np.arange(len(around)), around)
+    numbers = np.arange(len(through))
+    radius = np.interp(nodes[:, 1], numbers, through.radius)
+    centre = np.interp(nodes[:, 1], numbers, through.centre)
+    nodes[:, 0] = radius * np.sin(theta)
+    nodes[:, 1] = centre + radius * np.cos(theta)
+
+
+def _tagged(made: Any, layer: list[int], sides: dict[tuple[int, int], int]) -> tuple[Any, Any]:
+    """Tag the cells of a box of unit cells by their ring, and the facets of its sides."""
+    topology, dimension = made.topology, made.topology.dim
+    topology.create_entities(dimension - 1)
+    topology.create_connectivity(dimension - 1, dimension)
+    cell_map = topology.index_map(dimension)
+    cells = np.arange(cell_map.size_local + cell_map.num_ghosts, dtype=np.int32)
+    middle = dolfinx_mesh.compute_midpoints(made, dimension, cells)
+    tags = np.array(layer, dtype=np.int32)[np.floor(middle[:, 1]).astype(int)]
+    cell_tags = dolfinx_mesh.meshtags(made, dimension, cells, tags)
+    facets, values = [], []
+    for (axis, position), tag in sides.items():
+        found = dolfinx_mesh.locate_entities_boundary(
+            made, dimension - 1, lambda x, a=axis, p=position: np.isclose(x[a], p)
+        )
+        facets.append(found)
+        values.append(np.full(len(found), tag, dtype=np.int32))
+    every = np.concatenate(facets)
+    order = np.argsort(every)
+    facet_tags = dolfinx_mesh.meshtags(
+        made, dimension - 1, every[order].astype(np.int32), np.concatenate(values)[order]
+    )
+    return cell_tags, facet_tags

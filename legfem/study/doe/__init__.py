@@ -1,0 +1,1 @@
+"""The design of experiments: which parameters a compression test can see."""

@@ -1,0 +1,192 @@
+"""One simulation of a study: parameters in, a curve or the reason why there is none out."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Literal, Protocol
+
+import numpy as np
+
+from legfem.curve import ForceCurve
+from legfem.experiments.plane_strain import (
+    PlaneStrainIndentation,
+    PlaneStrainSettings,
+    tissues_of,
+)
+from legfem.identify.forward import PlaneStrainForward, code_fingerprint
+from legfem.stepping import StepSettings
+from legfem.subject import Subject
+from legfem.units import FloatArray
+
+if TYPE_CHECKING:
+    from legfem.experiments.plane_strain import Tissues
+    from legfem.geometry.section import LegSection
+    from legfem.subject import Indenter
+
+Fidelity = Literal["default", "refined"]
+REFINEMENT = 1.5
+_MESHES_KEPT = 4
+
+
+@dataclass(frozen=True)
+class Request:
+    """One simulation to do."""
+
+    stage: str
+    """What it is for: ``factorial``, ``training``, ``testing``, ``refined``, ``nominal``."""
+    number: int
+    """Within its stage."""
+    values: tuple[tuple[str, float], ...]
+    """Parameters in the model's units, by name."""
+    depth: float
+    """mm."""
+    fidelity: Fidelity = "default"
+    sensitivities: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """What came of a simulation; ``complete`` tells whether it reached its depth."""
+
+    displacement: FloatArray
+    """(n,), mm; empty where there wasn't even a mesh."""
+    force_per_length: FloatArray
+    """(n,), N/mm."""
+    complete: bool
+    reason: str
+    """Why it ended."""
+    seconds: float = 0.0
+    factorisations: int = 0
+    contact_stiffness_factor: float = 1.0
+    unknowns: int = 0
+    sensitivities: Mapping[str, FloatArray] = field(default_factory=dict)
+    """Of the force per length by parameters in the model's units."""
+
+    @property
+    def reached(self) -> float:
+        """Greatest displacement (mm)."""
+        return float(self.displacement[-1]) if len(self.displacement) else 0.0
+
+    @property
+    def curve(self) -> ForceCurve | None:
+        """Force per length (N/mm); None where too few steps were made."""
+        if len(self.displacement) < 4:
+            return None
+        return ForceCurve(self.displacement, self.force_per_length, self.sensitivities)
+
+
+def failed(reason: str) -> Record:
+    """Return the record of a simulation that gave nothing."""
+    return Record(np.zeros(0), np.zeros(0), False, reason)
+
+
+class Simulator(Protocol):
+    """What runs simulations; it must be picklable."""
+
+    def simulate(self, request: Request, on_step: Callable[[float], None] | None = None) -> Record:
+        """Simulate; ``on_step`` is called now and then."""
+        ...
+
+    def fingerprint(self) -> Mapping[str, Any]:
+        """Return all that a simulation depends on but the request, as JSON types."""
+        ...
+
+
+@dataclass(eq=False)
+class PlaneStrainSimulator:
+    """A subject's plane-strain test; a mesh is made once for every geometry in a process."""
+
+    section: LegSection
+    indenter: Indenter
+    tissues: Tissues
+    _tests: dict[tuple[float, float, Fidelity], PlaneStrainIndentation] = field(
+        default_factory=dict, init=False, repr=False
+    )
+
+    @classmethod
+    def of_subject(cls, subject: Subject) -> PlaneStrainSimulator:
+        """Return the simulator of a subject's leg."""
+        return cls(subject.section, subject.indenter, tissues_of(subject))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the meshes out: they can't leave their process."""
+        return {**self.__dict__, "_tests": {}}
+
+    def fingerprint(self) -> Mapping[str, Any]:
+        """Return section, indenter, tissues, settings and code."""
+        settings = {name: settings_of(name) for name in ("default", "refined")}
+        forward = PlaneStrainForward(
+            self.section, self.indenter, self.tissues, settings["default"], 0.0
+        )
+        return {
+            **forward.fingerprint(),
+            "deep": repr(self.tissues.deep),
+            "refined": repr(settings["refined"]),
+            "code": code_fingerprint(),
+        }
+
+    def simulate(self, request: Request, on_step: Callable[[float], None] | None = None) -> Record:
+        """Simulate; what can't be meshed or solved is a record too."""
+        values = dict(request.values)
+        thickness = values.pop("fascia.thickness", self.section.fascia_thickness)
+        diameter = values.pop("indenter.diameter", 2 * self.indenter.radius)
+        try:
+            test = self._test(thickness, diameter, request.fidelity)
+            solved = test.solve(values, request.depth, request.sensitivities, on_step=on_step)
+        except Exception as error:  # whatever it is, the other simulations go on
+            if os.environ.get("LEGFEM_DEBUG"):
+                raise
+            return failed(" ".join(f"{type(error).__name__}: {error}".split()))
+        report, curve, length = solved.report, solved.curve, self.indenter.length
+        return Record(
+            curve.displacement,
+            curve.force / length,
+            bool(report.complete),
+            report.reason,
+            report.seconds + sum(before.seconds for before in report.earlier_attempts),
+            report.factorisations,
+            report.contact_stiffness_factor,
+            report.unknowns,
+            {name: values / length for name, values in curve.sensitivities.items()},
+        )
+
+    def _test(
+        self, thickness: float, diameter: float, fidelity: Fidelity
+    ) -> PlaneStrainIndentation:
+        key = thickness, diameter, fidelity
+        if key not in self._tests:
+            while len(self._tests) >= _MESHES_KEPT:
+                del self._tests[next(iter(self._tests))]
+            self._tests[key] = PlaneStrainIndentation(
+                replace(self.section, fascia_thickness=thickness),
+                replace(self.indenter, radius=diameter / 2),
+                self.tissues,
+                settings_of(fidelity),
+            )
+        return self._tests[key]
+
+
+def settings_of(fidelity: Fidelity) -> PlaneStrainSettings:
+    """Return the numerical settings: the default, or a finer mesh with small steps."""
+    base = PlaneStrainSettings()
+    if fidelity == "default":
+        return base
+    steps = StepSettings(first=0.1, largest=0.5)
+    return replace(base, mesh=base.mesh.refined(REFINEMENT), steps=steps)
+
+
+def request_key(fingerprint: Mapping[str, Any], request: Request) -> str:
+    """Return the name under which a record is kept: a hash of everything it depends on."""
+    everything = {
+        **fingerprint,
+        "values": {name: value.hex() for name, value in request.values},
+        "depth_mm": request.depth,
+        "fidelity": request.fidelity,
+        "sensitivities": sorted(request.sensitivities),
+    }
+    text = json.dumps(everything, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:24]

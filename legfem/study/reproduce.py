@@ -1,0 +1,110 @@
+"""Tables 4 and 5 of Frauziols et al., from the reconstructed subjects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from legfem.documents import write_atomically, write_document
+from legfem.identify.result import IdentificationResult
+from legfem.identify.run import identify_subject
+from legfem.identify.settings import IdentificationSettings
+from legfem.progress import progress_on
+from legfem.subject import find_subject, load_subject
+
+
+@dataclass(frozen=True)
+class PaperRow:
+    """One subject of Tables 4 and 5 as printed (kPa, N2)."""
+
+    neo_hookean_c10: float
+    neo_hookean_cost: float
+    c10: float
+    c20: float
+    cost: float
+
+
+PAPER = {
+    "1": PaperRow(2.11, 0.45, 0.82, 2.61, 6.5e-3),
+    "2": PaperRow(1.72, 0.48, 0.80, 2.00, 2.5e-2),
+    "3": PaperRow(1.21, 0.23, 0.70, 0.80, 3.5e-1),
+    "4": PaperRow(0.51, 0.16, 0.19, 0.24, 4.3e-1),
+}
+
+
+def run(seed: int, out: Path, jobs: int) -> None:
+    """Identify the four subjects with both laws and write the tables."""
+    found: dict[str, list[IdentificationResult]] = {}
+    with progress_on() as progress:
+        for name in PAPER:
+            subject = load_subject(find_subject(name))
+            found[name] = identify_subject(
+                subject,
+                ["neo-hookean", "reduced-polynomial"],
+                IdentificationSettings(seed=seed),
+                out=out / f"subject-{name}",
+                jobs=jobs,
+                progress=progress,
+            )
+    tables = neo_hookean_table(found) + "\n" + polynomial_table(found) + "\n" + effort_table(found)
+    documents: list[Any] = [result.to_json() for pair in found.values() for result in pair]
+    write_document(out / "result.json", documents)
+    write_atomically(out / "tables.md", tables)
+    print(tables)
+    print(f"tables: {out / 'tables.md'}\nresult: {out / 'result.json'}")
+
+
+def neo_hookean_table(found: dict[str, list[IdentificationResult]]) -> str:
+    """Return Table 4, the paper's and ours, in Markdown."""
+    lines = [
+        "| subject | paper: C10 (kPa), cost (N2) | legfem: C10 (kPa), 95 % | cost (N2) "
+        "| cost ((N/mm)2) | rms (N) |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name, (neo_hookean, _) in found.items():
+        paper, cost = PAPER[name], neo_hookean.cost
+        lines.append(
+            f"| {name} | {paper.neo_hookean_c10:.2f}, {paper.neo_hookean_cost:g} "
+            f"| {_estimate(neo_hookean, 'c10_deep')} | {cost.value:.4g} | {cost.per_length:.3g} "
+            f"| {cost.rms:.3f} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def polynomial_table(found: dict[str, list[IdentificationResult]]) -> str:
+    """Return Table 5, the paper's (the truth of the reconstruction) and ours, in Markdown."""
+    lines = [
+        "| subject | paper: C10, C20 (kPa), cost (N2) | legfem: C10 (kPa), 95 % "
+        "| C20 (kPa), 95 % | error of C10, C20 | cost (N2) | cost ((N/mm)2) | rms (N) "
+        "| verdicts |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for name, (_, polynomial) in found.items():
+        paper, cost = PAPER[name], polynomial.cost
+        c10, c20 = polynomial.parameters["c10_deep"], polynomial.parameters["c20_deep"]
+        lines.append(
+            f"| {name} | {paper.c10:.2f}, {paper.c20:.2f}, {paper.cost:g} "
+            f"| {_estimate(polynomial, 'c10_deep')} | {_estimate(polynomial, 'c20_deep')} "
+            f"| {c10.value / paper.c10 - 1:+.1%}, {c20.value / paper.c20 - 1:+.1%} "
+            f"| {cost.value:.4g} | {cost.per_length:.3g} | {cost.rms:.3f} "
+            f"| {c10.identifiability}, {c20.identifiability} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def effort_table(found: dict[str, list[IdentificationResult]]) -> str:
+    """Return the work done, in Markdown."""
+    lines = [
+        "| subject | forward solves (neo-Hookean, reduced polynomial) | seconds (both) |",
+        "|---|---|---|",
+    ]
+    for name, pair in found.items():
+        solves = ", ".join(str(result.forward_solves) for result in pair)
+        lines.append(f"| {name} | {solves} | {sum(result.wall_s for result in pair):.0f} |")
+    return "\n".join(lines) + "\n"
+
+
+def _estimate(result: IdentificationResult, name: str) -> str:
+    found = result.parameters[name]
+    return f"{found.value:.3f} [{found.ci95[0]:.3f}, {found.ci95[1]:.3f}]"
