@@ -38,9 +38,13 @@ def leave_to_first_rank() -> int:
     """Return the number of MPI ranks, and end all but the first: one process does the work."""
     from mpi4py import MPI
 
+    ranks = int(MPI.COMM_WORLD.size)
+    if ranks > 1:
+        # PETSc starts on all ranks together: the first would wait for those that left.
+        import petsc4py.PETSc  # noqa: F401
     if MPI.COMM_WORLD.rank > 0:
         raise typer.Exit(0)
-    return int(MPI.COMM_WORLD.size)
+    return ranks
 
 
 def check_out_folder(out: Path) -> None:

@@ -2,8 +2,9 @@
 
 The wrapper adds three things to SNES. The tangent is assembled and factorised anew only while that
 pays: an iteration that went well is followed by one with the same factors. An update is shortened
-until every J is positive and the residual is acceptable. The outcome is a value, and a state is accepted only where the
-residual is small; SNES' test on the length of the update is off, since it accepts impossible steps.
+until every J is positive and the residual is acceptable. The outcome is a value, and a state is
+accepted only where the residual is small; SNES' test on the length of the update is off, since it
+accepts impossible steps.
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ class SensitivityTracker:
                 raise KeyError(name)
         self._body = _PlaceSensitivity(system.body, self.parameters)
         self._skin = _PlaceSensitivity(system.skin, self.parameters)
-        self._rate = fem.Function(system.spaces.space)
+        self._rate, self._right = (fem.Function(system.spaces.space) for _ in range(2))
 
     def reset(self) -> None:
         """Forget the path."""
@@ -63,9 +63,8 @@ class SensitivityTracker:
         """
         solver.refactor()
         system, spaces = self._system, self._system.spaces
-        forces = []
-        for index, name in enumerate(self.parameters):
-            right = fem.Function(spaces.space)
+        right, forces = self._right, []
+        for index in range(len(self.parameters)):
             right.x.array[:] = self._body.partial(index)
             skin = self._skin.partial(index)
             np.add.at(right.x.array, spaces.trace, skin)

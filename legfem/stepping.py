@@ -172,7 +172,7 @@ def press(
     return SolveReport(
         reached=max((step.displacement for step in steps if step.accepted), default=0.0),
         target=max(targets),
-        complete=abs(position - targets[-1]) < 1e-9,
+        complete=bool(abs(position - targets[-1]) < 1e-9),
         reason=reason,
         steps=tuple(steps),
         seconds=time.perf_counter() - started,

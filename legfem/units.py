@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias, overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 MPA_PER_KPA = 1e-3
 MPA_PER_MMHG = 133.322387415e-6
 
-FloatArray: TypeAlias = NDArray[np.floating[Any]]
+type FloatArray = NDArray[np.floating[Any]]
 
 
 @overload

@@ -37,7 +37,7 @@ COARSE = SectionMeshSettings(contact_size=2.5, growth=0.35, far_size=12.0, layer
 
 def fixed_steps(size: float) -> StepSettings:
     """Steps of one size, whatever Newton's method needs."""
-    return StepSettings(first=size, largest=size, growth=1.0, hard=1000)
+    return StepSettings(first=size, largest=size, growth=100.0, easy=1000, hard=1001)
 
 
 # --- subject 3 ---

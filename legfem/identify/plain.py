@@ -34,4 +34,4 @@ def run_plain(search: Search) -> None:
         if trial is not None and trial.prediction is not None:
             cost = float(search.misfit.cost(trial.prediction.force))
             search.generations.append(Generation(0, number, point.C10, point.C20, cost))
-    search.converged = search.is_stationary()
+    search.converged = search.is_near_optimum()

@@ -200,6 +200,10 @@ class Search:
         """Whether Gauss-Newton hardly leaves the best full solve."""
         return self._is_short(self.newton_step(), _STEP_OF_ERROR, _STEP_OF_VALUE)
 
+    def is_near_optimum(self) -> bool:
+        """Whether Gauss-Newton's step from the best full solve is well within its errors."""
+        return self._is_short(self.newton_step(), _AGREE_OF_ERROR, _AGREE_OF_VALUE)
+
     def _is_short(self, step: FloatArray, of_error: float, of_value: float) -> bool:
         scale = np.maximum(of_error * self.standard_error(), of_value * self.best.stiffness.sum())
         return bool(np.all(np.abs(step) <= scale))

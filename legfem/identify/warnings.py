@@ -47,6 +47,15 @@ def warnings_about(found: Finding) -> tuple[str, ...]:
             f"(chi-square {found.cost.chi_square:.4g} for {found.cost.degrees_of_freedom} degrees "
             "of freedom). The intervals hold for the law as fitted and understate what is unknown."
         )
+    found_in_air = [contact.displacement for contact in found.measured.contacts if contact.in_air]
+    if found_in_air:
+        at = ", ".join(f"{displacement:.2f}" for displacement in found_in_air)
+        texts.append(
+            f"{len(found_in_air)} of {found.measured.n_trials} recordings seem to begin in air: "
+            f"first contact is put at {at} mm. Very soft tissue that stiffens looks alike; if "
+            "displacement counts from first touch, say so in subject.toml: [recordings] "
+            "starts_at_contact = true."
+        )
     texts += [
         f"{name} stands at the {one.at_bound} bound of the search."
         for name, one in found.parameters.items()

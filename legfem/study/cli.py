@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import sys
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from legfem.cli import check_out_folder, command_edge, leave_to_first_rank, usable_cores
+from legfem.cli import (
+    FAILED,
+    check_out_folder,
+    command_edge,
+    leave_to_first_rank,
+    usable_cores,
+)
 from legfem.progress import progress_on
 
 app = typer.Typer(
@@ -110,3 +118,68 @@ def reproduce(
         folder = out or Path("results") / "reproduce"
         check_out_folder(folder)
         tables.run(seed, folder, jobs or usable_cores())
+
+
+class CountChoice(StrEnum):
+    """What the degrees of freedom count."""
+
+    COEFFICIENTS = "coefficients"
+    FACTORS = "factors"
+
+
+@app.command()
+def doe(
+    factors: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="TOML with factors and ranges; several may be given. The paper's ranges, then "
+            "those around the identified values, by default."
+        ),
+    ] = None,
+    subject: Annotated[str, typer.Option(help="Id of a subject that comes with legfem.")] = "3",
+    subject_dir: Annotated[Path | None, typer.Option(help="Folder of a subject, instead.")] = None,
+    count: Annotated[
+        CountChoice,
+        typer.Option(
+            help="Degrees of freedom from the number of coefficients (right, and the paper's "
+            "tables) or of factors (p = 5, the paper's text)."
+        ),
+    ] = CountChoice.COEFFICIENTS,
+    factorial_only: Annotated[
+        bool,
+        typer.Option("--factorial-only", help="No numerical error, Sobol indices, information."),
+    ] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Of the emulator's points.")] = 1,
+    out: Out = None,
+    jobs: Jobs = None,
+) -> None:
+    """Which parameters a compression test can see: a factorial design and its analysis.
+
+    Simulations are kept as they are done: the same command goes on where it was stopped. Under
+    mpirun the same command spreads them over the ranks.
+
+    Example: python -m legfem.study doe --factors studies/frauziols/doe.toml --out results/doe
+    """
+    with command_edge("run the same command again to go on; simulations that are done are kept"):
+        from concurrent.futures.process import BrokenProcessPool
+
+        from mpi4py import MPI
+
+        from legfem.study.doe.command import DoeOptions, run
+        from legfem.study.doe.definition import IDENTIFIED, PAPER
+
+        folder = out or Path("results") / "doe"
+        check_out_folder(folder)
+        options = DoeOptions(
+            tuple(factors or (PAPER, IDENTIFIED)), subject, subject_dir, folder,
+            jobs or usable_cores(), seed, count.value, not factorial_only,
+        )  # fmt: skip
+        try:
+            run(options, MPI.COMM_WORLD)
+        except BrokenProcessPool:
+            print(
+                "a simulating process was ended from outside (out of memory?): run the same "
+                "command again with --jobs 1; simulations that are done are kept",
+                file=sys.stderr,
+            )
+            raise typer.Exit(FAILED) from None

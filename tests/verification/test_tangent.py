@@ -30,8 +30,9 @@ def _within_a_step(formulation: str, normal: str, tangential: str) -> System:
     system.set_displacement(1.9)
     # A guess of the motion, so that points come into contact but none is at its solution.
     nodes, dofs = nodal(system)
-    dent = np.exp(-((nodes[:, 0] / 8) ** 2)) * (1 + nodes[:, 1] / 20)
+    dent = np.exp(-((nodes[:, 0] / 6.5) ** 2)) * (1 + nodes[:, 1] / 20)
     system.unknown.x.array[dofs] += 0.4 * dent[:, None] * system.direction
+    system.assemble_residual()
     return system
 
 

@@ -12,8 +12,8 @@ from scipy.stats import t as student
 from legfem.study.doe.surface import Surface
 
 Counting = Literal["coefficients", "factors"]
-"""What p is in n - p and p - 1: the surface's coefficients (16 for five factors), which is right and
-what the paper's Table 3 used, or the factors (5), which is what the paper's text says."""
+"""What p is in n - p and p - 1: the surface's coefficients (16 for five factors), which is right
+and what Table 3 used, or the factors (5), as in the paper's text."""
 
 LEVEL = 0.05
 
@@ -82,7 +82,9 @@ def anova(surface: Surface, counting: Counting = "coefficients") -> Anova:
     n = int(fit.nobs)
     p = len(surface.coefficients) if counting == "coefficients" else len(surface.factors)
     leverage = fit.get_influence().hat_matrix_diag
-    press = float(np.sum((surface.residuals / (1 - leverage)) ** 2)) if leverage.max() < 1 else np.nan
+    press = (
+        float(np.sum((surface.residuals / (1 - leverage)) ** 2)) if leverage.max() < 1 else np.nan
+    )
     return Anova(float(fit.ess), float(fit.ssr), p - 1, n - p, 1 - press / float(fit.centered_tss))
 
 
@@ -98,7 +100,9 @@ def coefficient_tests(
     table = anova(surface, counting)
     spread = np.sqrt(table.mse * np.diag(surface.fit.normalized_cov_params))
     tests = []
-    for term, value, error in zip(surface.coefficients.index, surface.coefficients, spread, strict=True):
+    for term, value, error in zip(
+        surface.coefficients.index, surface.coefficients, spread, strict=True
+    ):
         t = value / error if error > 0 else np.inf
         p_value = float(2 * student.sf(abs(t), table.error_dof))
         tests.append(CoefficientTest(str(term), float(value), float(error), float(t), p_value))

@@ -100,14 +100,18 @@ def _factor(path: Path, name: str, entry: Any, coding: Coding) -> Factor:
     _check_keys(path, f"{field}.", entry, [*known, "coding"])
     found = [unit for unit in units if f"low_{unit}" in entry or f"high_{unit}" in entry]
     if len(found) != 1:
-        raise InputError(path, field, "needs its range in one unit", f"give {' and '.join(known[:2])}")
+        raise InputError(
+            path, field, "needs its range in one unit", f"give {' and '.join(known[:2])}"
+        )
     unit = found[0]
     for side in ("low", "high"):
         if f"{side}_{unit}" not in entry:
             raise InputError(
                 path, f"{field}.{side}_{unit}", "missing", "a factor has a low and a high level"
             )
-    low, high = (_number(path, f"{field}.{s}_{unit}", entry[f"{s}_{unit}"]) for s in ("low", "high"))
+    low, high = (
+        _number(path, f"{field}.{s}_{unit}", entry[f"{s}_{unit}"]) for s in ("low", "high")
+    )
     coding = _coding(path, f"{field}.coding", entry.get("coding", coding))
     if low == high:
         raise InputError(
@@ -182,7 +186,7 @@ def _table(path: Path, field: str, given: Any) -> dict[str, Any]:
     if given is None:
         raise InputError(path, field, "missing", 'add, for example, [factors."deep.C10"]')
     if not isinstance(given, dict):
-        raise InputError(path, field, f"{given!r} is no table", f'write [{field}] (dots in quotes)')
+        raise InputError(path, field, f"{given!r} is no table", f"write [{field}] (dots in quotes)")
     return given
 
 

@@ -25,8 +25,6 @@ class Surface:
     factors: tuple[Factor, ...]
     formula: str
     fit: Any
-    used: FloatArray
-    """(n,): indices of the runs that have the metric."""
     missing: tuple[int, ...]
     """Numbers of the runs that haven't."""
 
@@ -46,7 +44,7 @@ class Surface:
         return np.asarray(self.fit.model.endog)
 
 
-class NotEstimable(Exception):
+class NotEstimableError(Exception):
     """The runs that are there don't determine the surface."""
 
 
@@ -60,19 +58,19 @@ def fit_surface(table: pd.DataFrame, factors: tuple[Factor, ...], metric: Metric
 
     Raises
     ------
-    NotEstimable
+    NotEstimableError
         If too few runs have it, or if those that have confound coefficients.
     """
     has = np.isfinite(table[metric.name].to_numpy(dtype=float))
     missing = tuple(int(number) for number in table["run"][~has])
     coefficients = 1 + len(factors) + len(factors) * (len(factors) - 1) // 2
     if has.sum() <= coefficients:
-        raise NotEstimable(f"{has.sum()} runs have it, {coefficients} coefficients need more")
+        raise NotEstimableError(f"{has.sum()} runs have it, {coefficients} coefficients need more")
     formula = surface_formula(metric, factors)
     fit = smf.ols(formula, table[has]).fit()
     if np.linalg.matrix_rank(fit.model.exog) < coefficients:
-        raise NotEstimable(f"without runs {_listed(missing)} some coefficients are confounded")
-    return Surface(metric, factors, formula, fit, np.flatnonzero(has), missing)
+        raise NotEstimableError(f"without runs {_listed(missing)} some coefficients are confounded")
+    return Surface(metric, factors, formula, fit, missing)
 
 
 def term_label(term: str, factors: tuple[Factor, ...]) -> str:

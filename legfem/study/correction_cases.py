@@ -1,0 +1,169 @@
+"""Both models of one idealised leg, pressed and compared; outcomes are kept for a rerun."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import ufl
+from mpi4py import MPI
+
+from legfem._compat import evaluate
+from legfem.curve import ForceCurve
+from legfem.documents import write_document
+from legfem.experiments.indentation_3d import (
+    Cylinder,
+    IdealisedLegIndentation,
+    IdealisedLegSettings,
+)
+from legfem.materials import Hyperelastic, NeoHookean, ReducedPolynomial
+from legfem.meshing.idealised_leg import IdealisedLeg
+from legfem.model import NormalContact
+from legfem.places import Skin
+from legfem.units import FloatArray, kpa_to_mpa, mpa_to_kpa
+
+
+@dataclass(frozen=True)
+class Material:
+    """The paper's tissues; the deep one is neo-Hookean where ``C20_kPa`` is zero."""
+
+    C10_kPa: float = 2.0
+    C20_kPa: float = 0.0
+    D_per_MPa: float = 28.0
+    superficial_C10_kPa: float = 2.0
+    fascia_C10_kPa: float = 100.0
+    outer_D_per_MPa: float = 22.5
+
+    @property
+    def laws(self) -> dict[str, Hyperelastic]:
+        """Law of every region."""
+        second = self.D_per_MPa if self.C20_kPa else float("inf")
+        deep = ReducedPolynomial(
+            kpa_to_mpa(self.C10_kPa), self.D_per_MPa, kpa_to_mpa(self.C20_kPa), second
+        )
+        outer = {
+            name: NeoHookean(kpa_to_mpa(stiffness), self.outer_D_per_MPa)
+            for name, stiffness in (
+                ("superficial", self.superficial_C10_kPa), ("fascia", self.fascia_C10_kPa),
+            )
+        }  # fmt: skip
+        return {"deep": deep, **outer}
+
+
+@dataclass(frozen=True)
+class Case:
+    """One leg, one cylinder, one material, one mesh."""
+
+    leg: IdealisedLeg = field(default_factory=IdealisedLeg)
+    cylinder: Cylinder = field(default_factory=Cylinder)
+    material: Material = field(default_factory=Material)
+    settings: IdealisedLegSettings = field(default_factory=IdealisedLegSettings)
+    depth: float = 25.0
+    """mm."""
+
+    @property
+    def key(self) -> str:
+        """Hash of all that the outcome depends on."""
+        given = asdict(replace(self, settings=replace(self.settings, linear=_ANY_SOLVER)))
+        return hashlib.sha256(json.dumps(given, sort_keys=True).encode()).hexdigest()[:16]
+
+
+_ANY_SOLVER = IdealisedLegSettings().linear
+
+
+@dataclass(frozen=True, eq=False)
+class CaseOutcome:
+    """The two curves, and the pressure on the skin at the end."""
+
+    spatial: ForceCurve
+    plane: ForceCurve
+    complete: bool
+    reached: float
+    """Displacement (mm) that both reached."""
+    unknowns: int
+    factorisations: int
+    seconds: float
+    balance: float
+    """Error of the balance of forces along the travel, relative to the force."""
+    skin: FloatArray = field(default_factory=lambda: np.empty((0, 7)))
+    """Of the 3D model's skin at the end: reference and deformed position (mm), pressure (kPa)."""
+
+
+def solve_case(case: Case, comm: MPI.Intracomm = MPI.COMM_SELF) -> CaseOutcome:
+    """Solve both models; collective over the communicator."""
+    # The section is small: every rank solves all of it.
+    flat = IdealisedLegIndentation(case.leg, case.cylinder, case.material.laws, 2, case.settings)
+    plane = flat.solve(depth=case.depth)
+    experiment = IdealisedLegIndentation(
+        case.leg, case.cylinder, case.material.laws, 3, case.settings, comm
+    )
+    spatial = experiment.solve(depth=case.depth)
+    balance = experiment.system.balance()
+    # The mirror planes take nothing along the travel.
+    unbalanced = abs(balance.contact_force[1] + balance.bone_reaction[1])
+    return CaseOutcome(
+        spatial.curve,
+        plane.curve,
+        plane.report.complete and spatial.report.complete,
+        min(plane.curve.depth, spatial.curve.depth),
+        spatial.report.unknowns,
+        spatial.report.factorisations,
+        plane.report.seconds + spatial.report.seconds,
+        float(unbalanced / abs(balance.contact_force[1])),
+        skin_state(experiment),
+    )
+
+
+def skin_state(experiment: IdealisedLegIndentation) -> FloatArray:
+    """Return position before and after (mm) and pressure per reference area (kPa), (n, 2 dim + 1).
+
+    At the skin's quadrature points, gathered on all ranks.
+    """
+    system = experiment.system
+    place = system.skin.place
+    assert isinstance(place, Skin)
+    normal = next(t for t in system.model.at("skin") if isinstance(t, NormalContact))
+    both = [*place.position, *(place.position + place.displacement), normal.pressure(place)]
+    mesh = system.spaces.skin
+    cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
+    compiled = system.skin.history.expression(ufl.as_vector(both))
+    local = evaluate(compiled, mesh, cells).reshape(-1, len(both))
+    local[:, -1] = mpa_to_kpa(local[:, -1])
+    return np.concatenate(experiment.comm.allgather(local))
+
+
+def remembered_case(case: Case, folder: Path, comm: MPI.Intracomm = MPI.COMM_SELF) -> CaseOutcome:
+    """Return a case's outcome, from its file in a folder if there is one, else solve it."""
+    path = folder / f"{case.key}.json"
+    known = json.loads(path.read_text()) if comm.rank == 0 and path.exists() else None
+    known = comm.bcast(known, root=0)
+    if known is not None:
+        return _outcome(known)
+    outcome = solve_case(case, comm)
+    if comm.rank == 0:
+        write_document(path, {"case": asdict(case), **_document(outcome)})
+    return outcome
+
+
+def _document(outcome: CaseOutcome) -> dict[str, Any]:
+    return {
+        "spatial": [outcome.spatial.displacement.tolist(), outcome.spatial.force.tolist()],
+        "plane": [outcome.plane.displacement.tolist(), outcome.plane.force.tolist()],
+        "skin": np.round(outcome.skin, 5).tolist(),
+        **{name: getattr(outcome, name) for name in _PLAIN},
+    }
+
+
+_PLAIN = ("complete", "reached", "unknowns", "factorisations", "seconds", "balance")
+
+
+def _outcome(known: Mapping[str, Any]) -> CaseOutcome:
+    spatial, plane = (ForceCurve(*map(np.array, known[name])) for name in ("spatial", "plane"))
+    return CaseOutcome(
+        spatial, plane, *(known[name] for name in _PLAIN), skin=np.array(known["skin"])
+    )

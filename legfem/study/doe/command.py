@@ -1,0 +1,131 @@
+"""What ``python -m legfem.study doe`` does and writes."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from legfem.documents import write_atomically, write_document
+from legfem.progress import progress_on
+from legfem.study.doe.anova import Counting
+from legfem.study.doe.definition import Definition, read_definition
+from legfem.study.doe.document import study_document, verdict_documents
+from legfem.study.doe.figures import draw_half_normal, draw_normality, draw_response
+from legfem.study.doe.figures_beyond import draw_information, draw_sobol
+from legfem.study.doe.report import fascia_note, report_page
+from legfem.study.doe.runners import Runner, lead
+from legfem.study.doe.runs import Workshop, as_csv
+from legfem.study.doe.simulator import PlaneStrainSimulator, Simulator
+from legfem.study.doe.store import RunStore
+from legfem.study.doe.study import StudyResult, study
+from legfem.study.doe.tables import anova_table, verdict_table
+from legfem.study.doe.verdict import verdicts
+from legfem.subject import Subject, find_subject, load_subject
+
+
+@dataclass(frozen=True)
+class DoeOptions:
+    """What a user chose."""
+
+    definitions: tuple[Path, ...]
+    subject_id: str
+    subject_dir: Path | None
+    out: Path
+    jobs: int
+    seed: int
+    counting: Counting
+    beyond: bool
+
+
+def run(options: DoeOptions, comm: Any, simulator: Simulator | None = None) -> None:
+    """Study every definition and write a folder each; under MPI only the first rank writes.
+
+    Parameters
+    ----------
+    comm
+        Over whose ranks the simulations are spread.
+    simulator
+        Of the subject's plane-strain test by default.
+    """
+
+    def work(runner: Runner) -> None:
+        definitions = [read_definition(path) for path in options.definitions]
+        folder = options.subject_dir or find_subject(options.subject_id)
+        subject = load_subject(folder, need_recordings=False)
+        _write_all(options, definitions, subject, runner, simulator)
+
+    lead(comm, options.jobs, work)
+
+
+def _write_all(
+    options: DoeOptions,
+    definitions: Sequence[Definition],
+    subject: Subject,
+    runner: Runner,
+    simulator: Simulator | None,
+) -> None:
+    simulator = simulator or PlaneStrainSimulator.of_subject(subject)
+    # All studies share the simulations: the same point isn't done twice.
+    store = RunStore(options.out / "runs", simulator.fingerprint())
+    results = []
+    with progress_on() as progress:
+        workshop = Workshop(simulator, store, runner, progress)
+        for definition in definitions:
+            out = options.out if len(definitions) == 1 else options.out / definition.source.stem
+            results.append(_study(options, definition, subject, workshop, out))
+    for result in results:
+        print(f"{result.definition.title}\n{anova_table(result)}")
+    titles = [result.definition.title for result in results]
+    found = verdicts(results)
+    table = verdict_table(found, titles)
+    print("\n".join(f"{verdict.verdict:<16} {verdict.claim}" for verdict in found))
+    if len(results) > 1:
+        write_atomically(options.out / "verdict.md", f"# The paper's claims\n\n{table}")
+        write_document(
+            options.out / "result.json", {"schema": 1, "claims": verdict_documents(found, titles)}
+        )
+        print(f"verdicts: {options.out / 'verdict.md'}")
+
+
+def _study(
+    options: DoeOptions, definition: Definition, subject: Subject, workshop: Workshop, out: Path
+) -> StudyResult:
+    began = time.perf_counter()
+
+    def keep(table: pd.DataFrame) -> None:
+        out.mkdir(parents=True, exist_ok=True)
+        write_atomically(out / "runs.csv", as_csv(definition, table))
+
+    result = study(
+        definition, subject, workshop, options.counting, options.seed, options.beyond, keep
+    )
+    for line in (fascia_note(result), _failures(result)):
+        if line:
+            print(line, file=sys.stderr)
+    files = [
+        path
+        for draw in (draw_response, draw_half_normal, draw_normality, draw_sobol, draw_information)
+        for path in draw(result, out)
+    ]
+    write_atomically(out / "report.md", report_page(result, files))
+    wall = time.perf_counter() - began
+    write_document(out / "result.json", study_document(result, options.seed, wall))
+    print(f"{definition.title}: {len(result.records)} runs, {result.seconds:.0f} s; "
+          f"report: {out / 'report.md'}")  # fmt: skip
+    return result
+
+
+def _failures(result: StudyResult) -> str:
+    if not result.failed:
+        return ""
+    runs = ", ".join(map(str, result.failed))
+    return (
+        f"warning: {len(result.failed)} of {len(result.records)} runs stopped short (run {runs}): "
+        "the analysis is of what there is"
+    )

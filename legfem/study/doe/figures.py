@@ -1,0 +1,206 @@
+"""The study as pictures: the response surface as in the paper's Fig. 5, effects, normality."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Patch
+from scipy.stats import norm
+
+from legfem.report.style import FAINT, new_figure, panel, save, styled, title
+from legfem.study.doe.factors import Factor
+from legfem.study.doe.study import MetricAnalysis, StudyResult
+from legfem.study.doe.surface import term_label
+
+STAGE_COLOURS = ("#56B4E9", "#E69F00", "#009E73", "#CC79A7", "#0072B2", "#D55E00")
+TISSUE_COLOURS = {"deep": "#D55E00", "superficial": "#E69F00", "fascia": "#4D4D4D"}
+
+
+@styled
+def draw_response(result: StudyResult, out: Path) -> list[Path]:
+    """Draw the paper's Fig. 5: the stages on the curves, and the coefficients by stage."""
+    figure = new_figure(13, 9)
+    title(figure, f"Response surface: {result.definition.title}", *_whose(result))
+    grid = figure.add_gridspec(2, 3, width_ratios=[1, 1, 1], height_ratios=[1, 1.25])
+    _curves(figure.add_subplot(grid[0, 0]), result)
+    for row, interactions in enumerate((False, True)):
+        for column, kind in enumerate(("curvature", "slope")):
+            axes = figure.add_subplot(grid[0, 1 + column] if row == 0 else grid[1, 1 + column])
+            chosen = [a for a in result.analyses if a.metric.kind == kind]
+            what = "interactions" if interactions else "main effects"
+            panel(axes, "BCDE"[2 * row + column], f"mean {kind}: {what}")
+            _bars(axes, chosen, result.definition.factors, interactions)
+    legend = figure.add_subplot(grid[1, 0])
+    legend.axis("off")
+    patches = [
+        Patch(color=STAGE_COLOURS[k % 6], label=f"{a:g} to {b:g} mm")
+        for k, (a, b) in enumerate(result.definition.windows)
+    ]
+    legend.legend(handles=patches, loc="upper left", title="window of displacement")
+    legend.text(
+        0, 0.5,
+        "Coefficients of the coded factors (-1 to +1).\n"
+        "s: significant at 5 % by the paper's t test.\n"
+        "L: beyond Lenth's simultaneous limit too.\n"
+        "F: force per length of the cylinder.",
+        transform=legend.transAxes, va="top",
+    )  # fmt: skip
+    return save(figure, out, "response", svg=True)
+
+
+def _whose(result: StudyResult) -> tuple[str, str]:
+    return f"section of subject {result.subject.id} ({result.subject.origin})", "simulated"
+
+
+def _curves(axes: Axes, result: StudyResult) -> None:
+    panel(axes, "A", f"all {len(result.records)} runs")
+    for k, (start, end) in enumerate(result.definition.windows):
+        axes.axvspan(start, end, color=STAGE_COLOURS[k % 6], alpha=0.25, lw=0)
+    for k, record in enumerate(result.records):
+        centre = k == len(result.records) - 1
+        axes.plot(
+            record.displacement, record.force_per_length, color="#111111" if centre else FAINT,
+            lw=2 if centre else 0.6, label="centre" if centre else None, zorder=3 if centre else 2,
+        )  # fmt: skip
+        if not record.complete and record.reached > 0:
+            axes.plot(record.reached, record.force_per_length[-1], "x", color="#D55E00")
+    axes.set_xlim(0, result.definition.depth)
+    axes.set_ylim(0, None)
+    axes.set_xlabel("displacement (mm)")
+    axes.set_ylabel("force per length (N/mm)")
+    axes.legend(loc="upper left")
+
+
+def _bars(
+    axes: Axes, analyses: list[MetricAnalysis], factors: tuple[Factor, ...], interactions: bool
+) -> None:
+    if not analyses:
+        axes.text(0.5, 0.5, "not estimable", ha="center", transform=axes.transAxes)
+        return
+    chosen = [
+        k for k, t in enumerate(analyses[0].tests) if k > 0 and t.is_interaction == interactions
+    ]
+    height = 0.8 / len(analyses)
+    for stage, analysis in enumerate(analyses):
+        colour = STAGE_COLOURS[_stage(analysis, analyses)]
+        for row, k in enumerate(chosen):
+            test = analysis.tests[k]
+            at = row + (stage - (len(analyses) - 1) / 2) * height
+            axes.barh(at, test.value, height, color=colour)
+            beyond = analysis.lenth is not None and (
+                abs(test.value) > analysis.lenth.simultaneous_margin
+            )
+            mark = ("s" if test.significant else "") + ("L" if beyond else "")
+            right = test.value >= 0
+            axes.annotate(
+                mark, (test.value, at), xytext=(3 if right else -3, 0), fontsize=7,
+                textcoords="offset points", va="center", ha="left" if right else "right",
+            )  # fmt: skip
+    axes.axvline(0, color="#111111", lw=0.8)
+    axes.set_yticks(
+        range(len(chosen)), [term_label(analyses[0].tests[k].term, factors) for k in chosen],
+        fontsize=8,
+    )  # fmt: skip
+    axes.invert_yaxis()
+    axes.margins(x=0.12)
+    axes.ticklabel_format(axis="x", scilimits=(-2, 2))
+    axes.set_xlabel(f"coefficient ({analyses[0].metric.unit})")
+
+
+def _stage(analysis: MetricAnalysis, analyses: list[MetricAnalysis]) -> int:
+    starts = sorted({(a.metric.start, a.metric.end) for a in analyses})
+    return starts.index((analysis.metric.start, analysis.metric.end)) % len(STAGE_COLOURS)
+
+
+@styled
+def draw_half_normal(result: StudyResult, out: Path) -> list[Path]:
+    """Draw all contrasts against half-normal quantiles, with Lenth's limits."""
+    analyses = [a for a in result.analyses if a.lenth is not None]
+    if not analyses:
+        return []
+    columns = (len(analyses) + 1) // 2
+    figure = new_figure(4.6 * columns, 8)
+    title(figure, f"Effects: {result.definition.title}", *_whose(result))
+    for k, (axes, analysis) in enumerate(
+        zip(figure.subplots(2, columns, squeeze=False).flat, analyses, strict=False)
+    ):
+        found = analysis.lenth
+        assert found is not None
+        quantiles, sizes, terms = found.half_normal
+        panel(axes, "ABCDEFGHIJKL"[k % 12], analysis.metric.label)
+        inside = set(analysis.surface.coefficients.index)
+        for quantile, size, term in zip(quantiles, sizes, terms, strict=True):
+            mark, face = ("o", _colour(term)) if term in inside else ("^", "white")
+            axes.plot(quantile, size, mark, ms=5, color=_colour(term), mfc=face)
+        line = np.array([0, quantiles[-1]])
+        axes.plot(line, found.pseudo_standard_error * line, color=FAINT, lw=0.8)
+        axes.axhline(found.margin, color=FAINT, ls=":", lw=1)
+        axes.axhline(found.simultaneous_margin, color=FAINT, ls="--", lw=1)
+        _name_largest(axes, quantiles, sizes, terms, found.simultaneous_margin)
+        if analysis.centre is not None:
+            axes.plot([], [], " ", label=f"corners - centre: {analysis.centre.relative:+.0%}\n"
+                      f"of the largest (p = {analysis.centre.p_value:.1g})")  # fmt: skip
+            axes.legend(loc="upper left", fontsize=8, handlelength=0, handletextpad=0)
+        axes.set_xlim(0, quantiles[-1] * 1.08)
+        axes.ticklabel_format(axis="y", scilimits=(-2, 2))
+        axes.set_xlabel("half-normal quantile")
+        axes.set_ylabel(f"|coefficient| ({analysis.metric.unit})")
+    figure.supxlabel(
+        "filled: in the surface; open triangles: higher interactions; dotted: Lenth's margin of "
+        "error, dashed: simultaneous; line: as if all were noise; d, f, t, s: C10 deep, C10 "
+        "fascia,\nfascia thickness, C10 superficial; D: C20 deep",
+        fontsize=9,
+    )
+    return save(figure, out, "half-normal")
+
+
+_SHORT = {
+    "deep_C10": "d", "deep_C20": "D", "superficial_C10": "s", "fascia_C10": "f",
+    "fascia_thickness": "t", "indenter_diameter": "i",
+}  # fmt: skip
+_NAMED = 7
+
+
+def _name_largest(
+    axes: Axes, quantiles: np.ndarray, sizes: np.ndarray, terms: list[str], limit: float
+) -> None:
+    for quantile, size, term in list(zip(quantiles, sizes, terms, strict=True))[-_NAMED:]:
+        if size > limit:
+            name = "".join(_SHORT.get(part, f" {part} ") for part in term.split(":"))
+            axes.annotate(name, (quantile, size), xytext=(-6, 2), fontsize=8, ha="right",
+                          textcoords="offset points")  # fmt: skip
+
+
+def _colour(term: str) -> str:
+    parts = {symbol.partition("_")[0] for symbol in term.split(":")}
+    return TISSUE_COLOURS.get(parts.pop(), FAINT) if len(parts) == 1 else "#0072B2"
+
+
+@styled
+def draw_normality(result: StudyResult, out: Path) -> list[Path]:
+    """Draw outputs (as the paper checked) and residuals (as one should) by normal quantiles."""
+    if not result.analyses:
+        return []
+    figure = new_figure(2.6 * len(result.analyses) + 0.6, 6)
+    title(figure, f"Normality: {result.definition.title}", *_whose(result))
+    axes = figure.subplots(2, len(result.analyses), squeeze=False)
+    for column, analysis in enumerate(result.analyses):
+        rows = (
+            (analysis.surface.response, analysis.outputs, "outputs"),
+            (analysis.surface.residuals, analysis.residuals, "residuals"),
+        )
+        for row, (values, found, name) in enumerate(rows):
+            at = axes[row, column]
+            ordered = np.sort(values)
+            quantiles = norm.ppf((np.arange(len(values)) + 0.5) / len(values))
+            at.plot(quantiles, ordered, "o", ms=3.5, color="#0072B2")
+            at.plot(quantiles, values.mean() + values.std(ddof=1) * quantiles, color=FAINT, lw=0.8)
+            heading = analysis.metric.label if row == 0 else ""
+            at.set_title(f"{heading}\np = {found.shapiro:.1g}, {found.lilliefors:.1g}", fontsize=9)
+            at.ticklabel_format(axis="y", scilimits=(-2, 2))
+            if column == 0:
+                at.set_ylabel(name)
+    figure.supxlabel("normal quantile (p: Shapiro and Wilk, Lilliefors)", fontsize=9)
+    return save(figure, out, "normality")

@@ -1,0 +1,160 @@
+r"""What a curve down to some depth tells of the parameters: Fisher's information.
+
+With independent readings of standard deviation :math:`\sigma_i` at displacements :math:`d_i`,
+
+.. math:: I_{ab}(d) = \sum_{d_i \le d} \frac{1}{\sigma_i^2}
+          \frac{\partial F_i}{\partial \ln a} \frac{\partial F_i}{\partial \ln b};
+
+its inverse bounds the covariance of the parameters' relative errors from below (Cramér and Rao).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from legfem.study.doe.definition import Definition
+from legfem.study.doe.factors import OF_THE_GEOMETRY
+from legfem.study.doe.runs import Workshop
+from legfem.study.doe.simulator import Record, Request
+from legfem.subject import Subject
+from legfem.units import FloatArray
+
+SPACING = 1.0
+"""mm between readings taken as independent: about the length over which a recording's error is
+correlated."""
+RATIO = 1.2
+"""By which a dimension is changed up and down for its derivative."""
+IDENTIFIED_WITHIN = 0.5
+"""Half-width of the 95 % interval, relative to the value, within which a parameter is told."""
+
+
+@dataclass(frozen=True, eq=False)
+class Information:
+    """Sensitivities at one point, and what follows from them."""
+
+    names: tuple[str, ...]
+    nominal: tuple[float, ...]
+    """In the model's units."""
+    displacement: FloatArray
+    """(n,), mm."""
+    force: FloatArray
+    """(n,), N."""
+    sensitivity: FloatArray
+    """(n, k), N: derivatives of the force by the parameters' logarithms."""
+    noise_sd: FloatArray
+    """(n,), N."""
+
+    def matrix(self, depth: float) -> FloatArray:
+        """Return the information of the readings down to a depth; (k, k)."""
+        used = self.displacement <= depth + 1e-9
+        scaled = self.sensitivity[used] / self.noise_sd[used, None]
+        return np.asarray(scaled.T @ scaled)
+
+    def relative_sd(self, depth: float, unknown: Sequence[str] | None = None) -> FloatArray:
+        """Return the least relative standard deviations of unknown parameters (all by default).
+
+        Infinite where the readings don't determine them; the other parameters are known exactly.
+        """
+        chosen = [self.names.index(name) for name in (self.names if unknown is None else unknown)]
+        matrix = self.matrix(depth)[np.ix_(chosen, chosen)]
+        # Scaled to a unit diagonal, lest small sensitivities look like a singular matrix.
+        scale = np.sqrt(np.diag(matrix))
+        if not np.all(scale > 0):
+            return np.full(len(chosen), np.inf)
+        correlation = matrix / np.outer(scale, scale)
+        if np.linalg.cond(correlation) > 1e14:
+            return np.full(len(chosen), np.inf)
+        return np.asarray(np.sqrt(np.diag(np.linalg.inv(correlation))) / scale)
+
+    def directions(self, depth: float) -> tuple[FloatArray, FloatArray]:
+        """Return relative sds along the eigenvectors, best first, and these as columns."""
+        values, vectors = np.linalg.eigh(self.matrix(depth))
+        with np.errstate(divide="ignore"):
+            spread = 1 / np.sqrt(np.maximum(values[::-1], 0))
+        vectors = vectors[:, ::-1]
+        return spread, vectors * np.sign(
+            vectors[np.argmax(np.abs(vectors), axis=0), range(len(values))]
+        )
+
+    def bias(self, depth: float, unknown: Sequence[str], assumed: str) -> FloatArray:
+        """Return the relative errors of unknown parameters for one of 1 in an assumed one."""
+        chosen = [self.names.index(name) for name in unknown]
+        matrix = self.matrix(depth)
+        cross = matrix[chosen, self.names.index(assumed)]
+        return np.asarray(-np.linalg.solve(matrix[np.ix_(chosen, chosen)], cross))
+
+    def told_from(self, name: str, unknown: Sequence[str] | None = None) -> float | None:
+        """Return the least depth (mm) from which a parameter is told; None if there is none."""
+        names = self.names if unknown is None else tuple(unknown)
+        for depth in self.displacement:
+            sd = self.relative_sd(float(depth), names)[names.index(name)]
+            if 1.96 * sd <= IDENTIFIED_WITHIN:
+                return float(depth)
+        return None
+
+
+def nominal_point(definition: Definition) -> dict[str, float]:
+    """Return the factors' values at which the information is taken, in the model's units."""
+    return {f.name: definition.nominal.get(f.name, f.model_value(0.0)) for f in definition.factors}
+
+
+def information_requests(definition: Definition) -> list[Request]:
+    """Return the simulations: one with sensitivities, two for each dimension."""
+    point = nominal_point(definition)
+    exact = tuple(name for name in point if name not in OF_THE_GEOMETRY and point[name] > 0)
+    base = {**definition.fixed, **definition.nominal, **point}
+    variants = [base]
+    for name in point:
+        if name in OF_THE_GEOMETRY:
+            variants += [{**base, name: base[name] * RATIO}, {**base, name: base[name] / RATIO}]
+    return [
+        Request("nominal", k, tuple(sorted(values.items())), definition.depth, "default", exact)
+        for k, values in enumerate(variants)
+    ]
+
+
+def study_information(
+    definition: Definition, subject: Subject, workshop: Workshop
+) -> Information | None:
+    """Simulate and differentiate; None where a simulation stops short."""
+    records = workshop.do("sensitivities at the nominal point", information_requests(definition))
+    if not all(record.complete for record in records):
+        return None
+    return information_of(definition, subject, records)
+
+
+def information_of(
+    definition: Definition, subject: Subject, records: Sequence[Record]
+) -> Information:
+    """Return the information from the simulations that `information_requests` asks for."""
+    point, length = nominal_point(definition), subject.indenter.length
+    grid = np.arange(SPACING, definition.depth + 1e-9, SPACING)
+    curves = [record.curve for record in records]
+    base = curves[0]
+    assert base is not None
+    rest, columns, names = iter(curves[1:]), [], []
+    for name, value in point.items():
+        if name in OF_THE_GEOMETRY:
+            up, down = next(rest), next(rest)
+            assert up is not None and down is not None
+            columns.append(length * (up(grid) - down(grid)) / (2 * np.log(RATIO)))
+        elif name in base.sensitivities:
+            columns.append(length * value * base.sensitivity(name, grid))
+        else:
+            continue
+        names.append(name)
+    instrument = subject.instrument
+    noise = np.hypot(
+        instrument.force_sd, instrument.displacement_sd * length * base.stiffness(grid)
+    )
+    return Information(
+        tuple(names),
+        tuple(point[name] for name in names),
+        grid,
+        length * base(grid),
+        np.column_stack(columns),
+        noise,
+    )

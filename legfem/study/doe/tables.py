@@ -1,0 +1,158 @@
+"""The study's tables in Markdown, which also reads as plain text."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from legfem.study.doe.paper import TABLE_3
+from legfem.study.doe.study import MetricAnalysis, StudyResult
+from legfem.study.doe.surface import term_label
+from legfem.study.doe.verdict import Verdict
+
+
+def markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table whose columns are aligned."""
+    lines = [list(header), *map(list, rows)]
+    widths = [max(len(line[k]) for line in lines) for k in range(len(header))]
+
+    def line(cells: Sequence[str]) -> str:
+        return "| " + " | ".join(c.ljust(w) for c, w in zip(cells, widths, strict=True)) + " |"
+
+    rule = "|" + "|".join("-" * (width + 2) for width in widths) + "|"
+    return "\n".join([line(lines[0]), rule, *map(line, lines[1:])]) + "\n"
+
+
+def anova_table(result: StudyResult) -> str:
+    """Return the paper's Table 3 of this study, its figures beside where the metric is in it."""
+    printed = {row.metric: row for row in TABLE_3}
+    rows = []
+    for a in result.analyses:
+        found, row = a.anova, printed.get(a.metric.name)
+        paper = f"{row.ssr}, {row.sse}, {row.r_squared}" if row else "-"
+        rows.append([
+            a.metric.label, f"{found.ssr:.3g}", f"{found.msr:.2g}", f"{found.sse:.2g}",
+            f"{found.mse:.2g}", f"{found.r_squared:.4f}", f"{found.predicted_r_squared:.4f}",
+            f"{found.F:.0f}", f"{found.p_value:.0e}", f"{found.model_dof}, {found.error_dof}",
+            paper,
+        ])  # fmt: skip
+    header = ["metric", "SSR", "MSR", "SSE", "MSE", "R2", "R2 predicted", "F", "p", "df",
+              "paper: SSR, SSE, R2"]  # fmt: skip
+    return markdown(header, rows)
+
+
+def coefficient_table(result: StudyResult) -> str:
+    """Return all coefficients with their t; a star marks those significant at 5 %."""
+    if not result.analyses:
+        return ""
+    header = ["coefficient (t)", *(a.metric.label for a in result.analyses)]
+    rows = []
+    for k, test in enumerate(result.analyses[0].tests):
+        cells = [a.tests[k] for a in result.analyses]
+        rows.append([
+            term_label(test.term, result.definition.factors),
+            *(f"{t.value:+.2e} ({t.t:+.1f}){'*' if t.significant else ''}" for t in cells),
+        ])  # fmt: skip
+    return markdown(header, rows)
+
+
+def effects_table(result: StudyResult) -> str:
+    """Return what a statistician looks at beside the t tests."""
+    rows = [_effects_row(a) for a in result.analyses]
+    header = ["metric", "largest", "Lenth's PSE", "margin", "simultaneous", "beyond it",
+              "corners - centre", "its p", "normal: outputs", "residuals"]  # fmt: skip
+    return markdown(header, rows)
+
+
+def _effects_row(a: MetricAnalysis) -> list[str]:
+    tests = [f"{a.outputs.shapiro:.1g}", f"{a.residuals.shapiro:.1g}"]
+    if a.lenth is None:
+        return [a.metric.label, *["-"] * 7, *tests]
+    size = np.abs(a.lenth.values)
+    centre = ["-", "-"]
+    if a.centre is not None:
+        centre = [f"{a.centre.relative:+.1%} of the largest", f"{a.centre.p_value:.1g}"]
+    return [
+        a.metric.label, f"{size.max():.2e}", f"{a.lenth.pseudo_standard_error:.1e}",
+        f"{a.lenth.margin:.1e}", f"{a.lenth.simultaneous_margin:.1e}",
+        f"{int((size > a.lenth.simultaneous_margin).sum())} of {len(size)}", *centre, *tests,
+    ]  # fmt: skip
+
+
+def numerics_table(result: StudyResult) -> str:
+    """Return the metrics' numerical errors beside the effects."""
+    found = result.numerics
+    if found is None:
+        return ""
+    rows = []
+    for k, metric in enumerate(found.metrics):
+        cells = [f"{value:+.2%}" for value in found.relative[:, k]]
+        bound = found.bound(result.table, metric)
+        analysis = next((a for a in result.analyses if a.metric == metric), None)
+        beside = ["-", "-"]
+        if analysis is not None:
+            sizes = [abs(t.value) for t in analysis.tests[1:]]
+            above = [t for t in analysis.tests[1:] if t.significant and abs(t.value) < bound]
+            beside = [f"{bound / max(sizes):.2%}", f"{len(above)}"]
+        rows.append([metric.label, *cells, f"{bound:.1e}", *beside])
+    header = ["metric", *(f"run {number}" for number in found.runs), "bound on a coefficient",
+              "of the largest", "significant ones below it"]  # fmt: skip
+    return markdown(header, rows)
+
+
+def sobol_table(result: StudyResult) -> str:
+    """Return first-order and total indices, and the emulator's error."""
+    if not result.sobol:
+        return ""
+    header = ["metric", *(f.label for f in result.definition.factors), "sum of first",
+              "emulator's rms error / sd"]  # fmt: skip
+    rows = [
+        [
+            s.metric.label,
+            *(f"{a:.3f}, {b:.3f}" for a, b in zip(s.first, s.total, strict=True)),
+            f"{s.first.sum():.3f}",
+            f"{s.error.relative:.2%} ({s.error.points} runs)",
+        ]
+        for s in result.sobol
+    ]
+    return markdown(header, rows)
+
+
+def information_table(result: StudyResult) -> str:
+    """Return 95 % half-widths by depth, and the least depth from which each is told."""
+    found = result.information
+    if found is None:
+        return ""
+    depths = sorted({end for _, end in result.definition.windows})
+    pair = [name for name in ("deep.C10", "deep.C20") if name in found.names]
+    rows = []
+    for k, name in enumerate(found.names):
+        alone = [found.relative_sd(d, [name])[0] for d in depths]
+        joint = [found.relative_sd(d)[k] for d in depths]
+        two = [found.relative_sd(d, pair)[pair.index(name)] for d in depths] if name in pair else []
+        told = found.told_from(name)
+        rows.append([
+            name, *(", ".join(_half(v) for v in values) or "-" for values in (alone, two, joint)),
+            "never" if told is None else f"{told:g} mm",
+        ])  # fmt: skip
+    at = ", ".join(f"{d:g}" for d in depths)
+    header = ["parameter", f"alone, at {at} mm", "deep pair unknown", "all unknown",
+              "all unknown: told within 50 % from"]  # fmt: skip
+    return markdown(header, rows)
+
+
+def verdict_table(found: Sequence[Verdict], titles: Sequence[str]) -> str:
+    """Return the claims and what became of them."""
+    rows = []
+    for verdict in found:
+        evidence = [
+            f"{f.evidence} ({f.shown_in})" if f.shown_in else f.evidence for f in verdict.findings
+        ]
+        rows.append([verdict.claim, verdict.verdict, *evidence])
+    return markdown(["the paper's claim", "verdict", *titles], rows)
+
+
+def _half(sd: float) -> str:
+    half = 1.96 * sd
+    return f"{half:.1%}" if half < 10 else "> 1000 %"

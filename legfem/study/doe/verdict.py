@@ -1,0 +1,186 @@
+"""The paper's claims, each with what the studies say of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from legfem.study.doe.study import MetricAnalysis, StudyResult
+
+OF_THE_DEEP_TISSUE = ("deep.C10", "deep.C20")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Whether one study bears a claim out."""
+
+    holds: bool | None
+    """None where the study can't tell."""
+    evidence: str
+    shown_in: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One claim over all studies."""
+
+    claim: str
+    verdict: str
+    findings: tuple[Finding, ...]
+    """One a study."""
+
+
+def verdicts(results: Sequence[StudyResult]) -> list[Verdict]:
+    """Return the verdict on each claim."""
+    titles = [result.definition.title for result in results]
+    found = []
+    for claim, judge in CLAIMS.items():
+        findings = tuple(judge(result) for result in results)
+        found.append(Verdict(claim, _in_words(findings, titles), findings))
+    return found
+
+
+def _in_words(findings: tuple[Finding, ...], titles: list[str]) -> str:
+    told = [
+        (f.holds, title) for f, title in zip(findings, titles, strict=True) if f.holds is not None
+    ]
+    if not told:
+        return "can't be told"
+    if all(holds for holds, _ in told):
+        return "reproduced"
+    if not any(holds for holds, _ in told):
+        return "not reproduced"
+    return "holds only with " + "; ".join(title for holds, title in told if holds)
+
+
+def _good_fit(result: StudyResult) -> Finding:
+    r2 = {a.metric.label: a.anova.r_squared for a in result.analyses}
+    poor = [f"{name} {value:.4f}" for name, value in r2.items() if value <= 0.99]
+    text = (
+        f"R2 from {min(r2.values()):.4f} to {max(r2.values()):.4f}; "
+        f"not above 0.99: {', '.join(poor) or 'none'}"
+    )
+    return Finding(len(poor) <= 1, text, "the table of the analysis of variance")
+
+
+def _first_order(result: StudyResult) -> Finding:
+    centres = [(a.metric.label, a.centre) for a in result.analyses if a.centre is not None]
+    if not centres:
+        return Finding(None, "runs are missing", "")
+    bent = [
+        f"{name} {centre.relative:+.0%} of the largest coefficient"
+        for name, centre in centres
+        if centre.p_value <= 0.05
+    ]
+    text = f"mean of the corners less the centre, beyond Lenth's limit: {', '.join(bent) or 'none'}"
+    return Finding(not bent, text, "half-normal.png, centre-point curvature")
+
+
+def _deep_dominates(result: StudyResult) -> Finding:
+    first = {}
+    for analysis in result.analyses:
+        largest = max(analysis.main(), key=lambda test: abs(test.value))
+        first[analysis.metric.label] = largest.term.replace("_", ".", 1)
+    others = [f"{m}: {name}" for m, name in first.items() if name not in OF_THE_DEEP_TISSUE]
+    where = f"not in {'; '.join(others)}" if others else f"in all {len(first)} metrics"
+    text = f"C10 or C20 of the deep tissue has the largest coefficient {where}"
+    return Finding(not others, text, "response.png, panels B and C")
+
+
+def _grows_with_depth(result: StudyResult) -> Finding:
+    falls, parts = [], []
+    for kind in ("curvature", "slope"):
+        sums = [a.anova.ssr for a in result.analyses if a.metric.kind == kind]
+        if len(sums) < 2:
+            return Finding(None, "fewer than two windows", "")
+        parts.append(f"{kind} " + ", ".join(f"{value:.2g}" for value in sums))
+        falls += [kind for value in sums[1:] if value <= sums[0]]
+    text = f"SSR by window: {'; '.join(parts)}"
+    return Finding(not falls, text, "the table of the analysis of variance")
+
+
+def _no_fascia(result: StudyResult) -> Finding:
+    return _insignificant(result, lambda a: a.main("fascia"), "the fascia")
+
+
+def _no_interactions(result: StudyResult) -> Finding:
+    return _insignificant(result, lambda a: a.interactions(), "an interaction")
+
+
+def _insignificant(
+    result: StudyResult, chosen: Callable[[MetricAnalysis], list], what: str
+) -> Finding:
+    found, largest = [], 0.0
+    for analysis in result.analyses:
+        tests = chosen(analysis)
+        if not tests:
+            return Finding(None, f"{what} is no factor", "")
+        greatest = max(abs(test.value) for test in analysis.main())
+        largest = max(largest, max(abs(test.value) for test in tests) / greatest)
+        found += [t for t in tests if t.significant]
+    count = sum(len(chosen(analysis)) for analysis in result.analyses)
+    text = (
+        f"{len(found)} of {count} coefficients are significant at 5 %; "
+        f"the largest is {largest:.0%} of its metric's largest main effect"
+    )
+    return Finding(not found, text, "response.png")
+
+
+def _normal_outputs(result: StudyResult) -> Finding:
+    probabilities = {a.metric.label: a.outputs.shapiro for a in result.analyses}
+    far = [f"{name} (p = {p:.1g})" for name, p in probabilities.items() if p <= 0.05]
+    text = f"Shapiro and Wilk reject for {', '.join(far) or 'none'}"
+    return Finding(not far, text, "normality.png, upper row")
+
+
+def _identifies_deep(result: StudyResult) -> Finding:
+    information = result.information
+    if information is None or not set(OF_THE_DEEP_TISSUE) <= set(information.names):
+        return Finding(None, "no information was computed", "")
+    depth = result.definition.depth
+    sd = information.relative_sd(depth)
+    pair = information.relative_sd(depth, OF_THE_DEEP_TISSUE)
+    half = [1.96 * sd[information.names.index(name)] for name in OF_THE_DEEP_TISSUE]
+    text = (
+        f"95 % half-widths of C10 and C20 at {depth:g} mm: {half[0]:.0%} and {half[1]:.0%} with "
+        f"{len(information.names)} unknowns, {1.96 * pair[0]:.0%} and {1.96 * pair[1]:.0%} with "
+        "the other tissues known"
+    )
+    return Finding(max(half) <= 0.5, text, "information.png")
+
+
+def _not_before_5_mm(result: StudyResult) -> Finding:
+    information = result.information
+    if information is None or not set(OF_THE_DEEP_TISSUE) <= set(information.names):
+        return Finding(None, "no information was computed", "")
+    shallow, deep = (
+        1.96 * information.relative_sd(d, OF_THE_DEEP_TISSUE)
+        for d in (5.0, result.definition.depth)
+    )
+    depths = [information.told_from(name, OF_THE_DEEP_TISSUE) for name in OF_THE_DEEP_TISSUE]
+    at = ["never" if d is None else f"{d:g} mm" for d in depths]
+    text = (
+        f"with the other tissues known, C10 and C20 are told within 50 % from {at[0]} and {at[1]}; "
+        f"half-widths at 5 mm {_percent(shallow[0])} and {_percent(shallow[1])}, at full depth "
+        f"{_percent(deep[0])} and {_percent(deep[1])}"
+    )
+    return Finding(bool(np.all(deep < shallow)), text, "information.png")
+
+
+def _percent(share: float) -> str:
+    return f"{share:.1%}" if share < 10 else "over 1000 %"
+
+
+CLAIMS: dict[str, Callable[[StudyResult], Finding]] = {
+    "R2 is above 0.99 for all metrics but one": _good_fit,
+    "a first-order surface with interactions is enough": _first_order,
+    "the deep tissue dominates every metric": _deep_dominates,
+    "SSR is higher in the 2nd and 3rd window for all metrics": _grows_with_depth,
+    "identification is more relevant as compression progresses": _not_before_5_mm,
+    "the fascia (stiffness, thickness) is not significant": _no_fascia,
+    "interactions are not significant": _no_interactions,
+    "the outputs follow a normal law": _normal_outputs,
+    "the deep tissue is identified independently of the others": _identifies_deep,
+}

@@ -1,0 +1,29 @@
+"""Run by mpirun: press subject 3's section and save the curve, from rank 0."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+from making_mechanics import COARSE, subject_3
+from mpi4py import MPI
+
+from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+
+settings = PlaneStrainSettings(mesh=COARSE, formulation=sys.argv[1])
+test = PlaneStrainIndentation(*subject_3(), settings, comm=MPI.COMM_WORLD)
+parameters = ("deep.C10", "deep.C20", "superficial.C10", "fascia.C10")
+solved = test.solve(depth=10.0, sensitivities=parameters, turns=[7.0])
+balance = test.system.balance()
+if MPI.COMM_WORLD.rank == 0:
+    np.savez(
+        sys.argv[2],
+        ranks=MPI.COMM_WORLD.size,
+        displacement=solved.path[0],
+        force=solved.path[1],
+        sensitivities=np.array([solved.curve.sensitivities[name] for name in parameters]),
+        contact=balance.contact_force,
+        bone=balance.bone_reaction,
+        works=[balance.contact_work, balance.internal_work],
+        factorisations=solved.report.factorisations,
+    )
