@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 from collections.abc import Iterator
@@ -24,6 +25,7 @@ def command_edge(resume: str = "run the same command again to go on") -> Iterato
     resume : str
         How to go on after Ctrl-C.
     """
+    _show_messages()
     try:
         yield
     except InputError as error:
@@ -32,6 +34,22 @@ def command_edge(resume: str = "run the same command again to go on") -> Iterato
     except KeyboardInterrupt:
         print(f"interrupted: {resume}", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
+
+
+class _Stderr(logging.Handler):
+    """Writes lines to what is stderr at that time: a progress bar puts itself in between."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write one line."""
+        print(self.format(record), file=sys.stderr, flush=True)
+
+
+def _show_messages() -> None:
+    """Show legfem's messages of level INFO and above."""
+    log = logging.getLogger("legfem")
+    if not log.handlers:
+        log.addHandler(_Stderr())
+        log.setLevel(logging.INFO)
 
 
 def leave_to_first_rank() -> int:

@@ -34,7 +34,7 @@ class LinearSettings:
     """
 
     solver: Literal["auto", "direct", "iterative"] = "auto"
-    direct_limit: int = 15_000
+    direct_limit: int = 100_000
     tolerance: float = 1e-4
     max_iterations: int = 300
 

@@ -65,7 +65,7 @@ class IdealisedLegSettings:
     newton: NewtonSettings = field(default_factory=NewtonSettings)
     linear: LinearSettings = field(default_factory=LinearSettings)
     steps: StepSettings = field(default_factory=StepSettings)
-    formulation: Literal["displacement", "mixed"] = "displacement"
+    formulation: Literal["displacement", "mixed"] = "mixed"
     quadrature_degree: int = 4
 
 

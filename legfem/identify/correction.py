@@ -1,12 +1,13 @@
-"""The 3D correction of the plane-strain force: where it enters, and the none there is so far."""
+"""The 3D correction of the plane-strain force: where it enters."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
-from legfem.errors import InputError
+from legfem.correction import read_correction
 from legfem.units import FloatArray
 
 
@@ -27,24 +28,19 @@ class Correction(Protocol):
         ...
 
     def covariance(self, displacement: FloatArray, c10: float, c20: float) -> FloatArray:
-        """Return the covariance (n, n) of the factor's error; it goes into the intervals."""
+        """Return the covariance (n, n) of the factor's relative error, for the intervals."""
         ...
 
 
 def find_correction(name: str) -> Correction | None:
-    """Return the correction of that name or file; None for ``none``.
+    """Return the correction in a file; None for ``none``.
 
     Raises
     ------
     InputError
-        For anything else: no correction has been calibrated yet.
+        If the file isn't a correction's.
     """
-    if name == "none":
-        return None
-    raise InputError(
-        "--correction", name, "no 3D correction is calibrated yet",
-        "use --correction none: the stiffness is then that of the plane-strain model",
-    )  # fmt: skip
+    return None if name == "none" else read_correction(Path(name))
 
 
 def correction_factor(

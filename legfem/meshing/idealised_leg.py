@@ -53,7 +53,7 @@ class IdealisedLeg:
 
     radius: float = 57.0
     bone_radius: float = 15.0
-    length: float = 80.0
+    length: float = 120.0
     bone_offset: float = 0.0
     fat: float = 0.0
     fascia: float = 0.0

@@ -17,6 +17,9 @@ from legfem.recording.smoothing import local_line, sample_noise
 from legfem.recording.trial import Recording
 from legfem.units import FloatArray, frozen_array
 
+# Travel over which a displacement sensor's slow error is taken to change.
+_WANDER_MM = 5.0
+
 
 @dataclass(frozen=True, eq=False)
 class LoadingCurve:
@@ -136,6 +139,7 @@ def mean_loading_curve(
     covariance = (
         noise.trial_covariance(grid, force, slope) + np.diag(white_variance)
         + np.outer(drift, drift) * np.exp(-apart / 0.5)
+        + _wander(recordings, instrument) * np.outer(slope, slope) * np.exp(-apart / _WANDER_MM)
     ) / len(recordings) + noise.common_shift_sd**2 * np.outer(slope, slope)
     return LoadingCurve(
         displacement=frozen_array(grid), force=frozen_array(force),
@@ -144,6 +148,16 @@ def mean_loading_curve(
         n_samples=frozen_array(np.sum([fit.count for fit in fits], axis=0)), noise=noise,
         contacts=contacts,
     )
+
+
+def _wander(recordings: Sequence[Recording], instrument: Instrument) -> float:
+    """Return the variance (mm^2) of the sensor's slow error in one trial.
+
+    A stated accuracy bounds jitter and wander together; what isn't seen as jitter may be wander,
+    which three repeats show too little of to estimate.
+    """
+    jitter = np.mean([sample_noise(r.displacement) ** 2 for r in recordings])
+    return float(max(instrument.displacement_sd**2 - jitter, 0.0))
 
 
 def _expected(

@@ -183,3 +183,57 @@ def doe(
                 file=sys.stderr,
             )
             raise typer.Exit(FAILED) from None
+
+
+@app.command()
+def correction(
+    length: Annotated[float, typer.Option(min=1.0, help="Of the leg's segment (mm).")] = 120.0,
+    radius: Annotated[float, typer.Option(min=1.0, help="Of the leg (mm).")] = 57.0,
+    bone_radius: Annotated[float, typer.Option(min=1.0, help="mm.")] = 15.0,
+    bone_offset: Annotated[
+        float, typer.Option(help="Of the bone towards the cylinder (mm).")
+    ] = 0.0,
+    held: Annotated[bool, typer.Option("--held", help="Hold the end faces along the leg.")] = False,
+    cylinder_length: Annotated[float, typer.Option(min=1.0, help="mm.")] = 50.0,
+    edge_radius: Annotated[
+        float, typer.Option(min=0.01, help="Rounding of the cylinder's end edges (mm).")
+    ] = 2.0,
+    c10_kpa: Annotated[float, typer.Option("--c10", min=1e-3, help="Reference (kPa).")] = 2.0,
+    depth: Annotated[float, typer.Option(min=5.0, help="mm.")] = 25.0,
+    finer: Annotated[
+        float, typer.Option(min=0.1, help="Divides the sizes of the mesh's elements.")
+    ] = 1.0,
+    trends: Annotated[
+        bool, typer.Option("--trends", help="Also P against length, stiffness and radius.")
+    ] = False,
+    out: Out = None,
+    jobs: Jobs = None,
+) -> None:
+    """Calibrate the 3D correction P(d) on the idealised leg, and draw the paper's Fig. 4.
+
+    Example: python -m legfem.study correction, or mpirun -n 4 python -m legfem.study correction
+    """
+    with command_edge("run the same command again to go on; solved models are kept"):
+        from mpi4py import MPI
+
+        from legfem.experiments.indentation_3d import Cylinder, IdealisedLegSettings
+        from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
+        from legfem.study import correction_command
+        from legfem.study.correction import Calibration
+        from legfem.study.correction_cases import Case, Material
+
+        folder = out or Path("results") / "correction"
+        check_out_folder(folder)
+        case = Case(
+            IdealisedLeg(
+                radius, bone_radius, length, bone_offset, ends="held" if held else "free"
+            ),
+            Cylinder(length=cylinder_length, edge_radius=edge_radius),
+            Material(C10_kPa=c10_kpa),
+            IdealisedLegSettings(mesh=LegMeshSettings().refined(finer)),
+            depth,
+        )
+        alone = MPI.COMM_WORLD.size == 1
+        correction_command.run(
+            Calibration(case), trends, folder, (jobs or usable_cores()) if alone else 1
+        )

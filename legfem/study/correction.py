@@ -50,7 +50,7 @@ class Calibration:
     c10_kPa: tuple[float, ...] = (0.2, 1.0, 5.0)
     stiffening: tuple[float, ...] = (0.0, 0.5, 0.8)
     coarse: float = 0.6
-    spread: float = 0.15
+    spread: float = 0.25
 
 
 @dataclass(frozen=True, eq=False)

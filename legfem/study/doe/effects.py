@@ -50,6 +50,8 @@ class CentreCurvature:
     difference: float
     relative: float
     """To the largest coefficient."""
+    share_of_sse: float
+    """Share of the surface's SSE (all runs there) that the centre alone makes."""
     t: float
     """With Lenth's pseudo standard error, (2^k - 1) / 3 degrees of freedom."""
     p_value: float
@@ -92,7 +94,9 @@ def lenth_of(terms: tuple[str, ...], values: FloatArray) -> Lenth:
     return Lenth(terms, values, pse, margin, together)
 
 
-def centre_curvature(table: pd.DataFrame, metric: Metric, found: Lenth) -> CentreCurvature | None:
+def centre_curvature(
+    table: pd.DataFrame, metric: Metric, found: Lenth, surface: Surface
+) -> CentreCurvature | None:
     """Return the test for squares; None where the centre is missing."""
     n = len(found.values) + 1
     response = table[metric.name].to_numpy(dtype=float)
@@ -105,6 +109,7 @@ def centre_curvature(table: pd.DataFrame, metric: Metric, found: Lenth) -> Centr
     return CentreCurvature(
         difference,
         difference / float(np.abs(found.values).max()),
+        difference**2 * n / (n + 1) / float(surface.fit.ssr),
         float(t),
         float(2 * student.sf(abs(t), (n - 1) / 3)),
     )

@@ -37,7 +37,7 @@ PARAMETERS: Mapping[str, Kind] = {
 OF_THE_GEOMETRY = ("fascia.thickness", "indenter.diameter")
 """Parameters whose change needs another mesh."""
 
-_TISSUES = {"deep": "deep tissue", "superficial": "fat", "fascia": "fascia"}
+_TISSUES = {"deep": "deep", "superficial": "fat", "fascia": "fascia"}
 
 
 @dataclass(frozen=True)
@@ -88,9 +88,9 @@ def symbol_of(name: str) -> str:
 def label_of(name: str) -> str:
     """Return a parameter's name as people read it."""
     part, _, what = name.partition(".")
-    return f"{what} {_TISSUES[part]}" if part in _TISSUES and what != "thickness" else (
-        name.replace(".", " ")
-    )  # fmt: skip
+    if name in OF_THE_GEOMETRY:
+        return f"{part} {what}"
+    return f"{what} {_TISSUES[part]}"
 
 
 def model_values(factors: tuple[Factor, ...], coded: FloatArray) -> dict[str, float]:

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import Patch
 from scipy.stats import norm
 
 from legfem.report.style import FAINT, new_figure, panel, save, styled, title
@@ -21,32 +20,23 @@ TISSUE_COLOURS = {"deep": "#D55E00", "superficial": "#E69F00", "fascia": "#4D4D4
 @styled
 def draw_response(result: StudyResult, out: Path) -> list[Path]:
     """Draw the paper's Fig. 5: the stages on the curves, and the coefficients by stage."""
-    figure = new_figure(13, 9)
+    figure = new_figure(14, 8)
     title(figure, f"Response surface: {result.definition.title}", *_whose(result))
-    grid = figure.add_gridspec(2, 3, width_ratios=[1, 1, 1], height_ratios=[1, 1.25])
-    _curves(figure.add_subplot(grid[0, 0]), result)
+    grid = figure.add_gridspec(2, 3, height_ratios=[1, 1.5])
+    _curves(figure.add_subplot(grid[:, 0]), result)
     for row, interactions in enumerate((False, True)):
         for column, kind in enumerate(("curvature", "slope")):
-            axes = figure.add_subplot(grid[0, 1 + column] if row == 0 else grid[1, 1 + column])
+            axes = figure.add_subplot(grid[row, 1 + column])
             chosen = [a for a in result.analyses if a.metric.kind == kind]
             what = "interactions" if interactions else "main effects"
             panel(axes, "BCDE"[2 * row + column], f"mean {kind}: {what}")
             _bars(axes, chosen, result.definition.factors, interactions)
-    legend = figure.add_subplot(grid[1, 0])
-    legend.axis("off")
-    patches = [
-        Patch(color=STAGE_COLOURS[k % 6], label=f"{a:g} to {b:g} mm")
-        for k, (a, b) in enumerate(result.definition.windows)
-    ]
-    legend.legend(handles=patches, loc="upper left", title="window of displacement")
-    legend.text(
-        0, 0.5,
-        "Coefficients of the coded factors (-1 to +1).\n"
-        "s: significant at 5 % by the paper's t test.\n"
-        "L: beyond Lenth's simultaneous limit too.\n"
-        "F: force per length of the cylinder.",
-        transform=legend.transAxes, va="top",
-    )  # fmt: skip
+    figure.supxlabel(
+        "Coefficients of the coded factors (-1 to +1) by window of displacement, in the colours of "
+        "panel A.  s: significant at 5 % by the paper's t test;  L: beyond Lenth's simultaneous "
+        "limit.",
+        fontsize=9,
+    )
     return save(figure, out, "response", svg=True)
 
 
@@ -57,7 +47,8 @@ def _whose(result: StudyResult) -> tuple[str, str]:
 def _curves(axes: Axes, result: StudyResult) -> None:
     panel(axes, "A", f"all {len(result.records)} runs")
     for k, (start, end) in enumerate(result.definition.windows):
-        axes.axvspan(start, end, color=STAGE_COLOURS[k % 6], alpha=0.25, lw=0)
+        colour = STAGE_COLOURS[k % len(STAGE_COLOURS)]
+        axes.axvspan(start, end, color=colour, alpha=0.35, lw=0, label=f"{start:g} to {end:g} mm")
     for k, record in enumerate(result.records):
         centre = k == len(result.records) - 1
         axes.plot(
@@ -147,10 +138,10 @@ def draw_half_normal(result: StudyResult, out: Path) -> list[Path]:
         axes.ticklabel_format(axis="y", scilimits=(-2, 2))
         axes.set_xlabel("half-normal quantile")
         axes.set_ylabel(f"|coefficient| ({analysis.metric.unit})")
+    names = ", ".join(f"{_letter(f.symbol)}: {f.label}" for f in result.definition.factors)
     figure.supxlabel(
-        "filled: in the surface; open triangles: higher interactions; dotted: Lenth's margin of "
-        "error, dashed: simultaneous; line: as if all were noise; d, f, t, s: C10 deep, C10 "
-        "fascia,\nfascia thickness, C10 superficial; D: C20 deep",
+        "filled: in the surface; open: higher interactions; dotted: Lenth's margin of error, "
+        f"dashed: simultaneous; line: as if all were noise\n{names}; blue: several tissues",
         fontsize=9,
     )
     return save(figure, out, "half-normal")
@@ -163,12 +154,16 @@ _SHORT = {
 _NAMED = 7
 
 
+def _letter(symbol: str) -> str:
+    return _SHORT.get(symbol, f" {symbol} ")
+
+
 def _name_largest(
     axes: Axes, quantiles: np.ndarray, sizes: np.ndarray, terms: list[str], limit: float
 ) -> None:
     for quantile, size, term in list(zip(quantiles, sizes, terms, strict=True))[-_NAMED:]:
         if size > limit:
-            name = "".join(_SHORT.get(part, f" {part} ") for part in term.split(":"))
+            name = "".join(_letter(part) for part in term.split(":"))
             axes.annotate(name, (quantile, size), xytext=(-6, 2), fontsize=8, ha="right",
                           textcoords="offset points")  # fmt: skip
 

@@ -145,7 +145,7 @@ def analyse(
                 anova(surface, counting),
                 coefficient_tests(surface, counting),
                 contrasts,
-                None if contrasts is None else centre_curvature(table, metric, contrasts),
+                None if contrasts is None else centre_curvature(table, metric, contrasts, surface),
                 normality(surface.response),
                 normality(surface.residuals),
             )

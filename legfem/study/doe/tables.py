@@ -61,18 +61,22 @@ def effects_table(result: StudyResult) -> str:
     """Return what a statistician looks at beside the t tests."""
     rows = [_effects_row(a) for a in result.analyses]
     header = ["metric", "largest", "Lenth's PSE", "margin", "simultaneous", "beyond it",
-              "corners - centre", "its p", "normal: outputs", "residuals"]  # fmt: skip
+              "corners - centre", "its p", "its share of SSE", "normal: outputs",
+              "residuals"]  # fmt: skip
     return markdown(header, rows)
 
 
 def _effects_row(a: MetricAnalysis) -> list[str]:
     tests = [f"{a.outputs.shapiro:.1g}", f"{a.residuals.shapiro:.1g}"]
     if a.lenth is None:
-        return [a.metric.label, *["-"] * 7, *tests]
+        return [a.metric.label, *["-"] * 8, *tests]
     size = np.abs(a.lenth.values)
-    centre = ["-", "-"]
+    centre = ["-", "-", "-"]
     if a.centre is not None:
-        centre = [f"{a.centre.relative:+.1%} of the largest", f"{a.centre.p_value:.1g}"]
+        centre = [
+            f"{a.centre.relative:+.1%} of the largest", f"{a.centre.p_value:.1g}",
+            f"{a.centre.share_of_sse:.1%}",
+        ]  # fmt: skip
     return [
         a.metric.label, f"{size.max():.2e}", f"{a.lenth.pseudo_standard_error:.1e}",
         f"{a.lenth.margin:.1e}", f"{a.lenth.simultaneous_margin:.1e}",

@@ -1,0 +1,138 @@
+"""The idealised leg: its mesh, the finite cylinder, symmetry, and the limit of plane strain."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem, mesh
+from mpi4py import MPI
+
+from legfem.contact import FiniteCylinder
+from legfem.errors import InputError
+from legfem.experiments.indentation_3d import (
+    Cylinder,
+    IdealisedLegIndentation,
+    IdealisedLegSettings,
+)
+from legfem.linear import LinearSettings
+from legfem.materials import ReducedPolynomial
+from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings, mesh_leg
+from legfem.meshing.section import BONE, SKIN
+
+DEEP = {"deep": ReducedPolynomial(2e-3, 28.0, 0.0)}
+TINY = LegMeshSettings(contact_size=12, depth_size=20, edge_size=8, growth=0.5, far_size=40)
+
+
+def pressed(leg: IdealisedLeg, dimension: int, mesh=TINY, cylinder=None, depth=2.0, **more):
+    settings = IdealisedLegSettings(mesh=mesh, **more)
+    test = IdealisedLegIndentation(leg, cylinder or Cylinder(), DEEP, dimension, settings)
+    return test, test.solve(depth=depth)
+
+
+def values(expression, points: np.ndarray, shape: tuple[int, ...] = ()) -> np.ndarray:
+    """Evaluate a function of the position at points (n, 3)."""
+    box = mesh.create_box(MPI.COMM_SELF, [[-99] * 3, [99] * 3], [1, 1, 1])
+    value = expression(ufl.SpatialCoordinate(box))
+    reference = (points + 99) / 198  # any cell's mapping will do: we give its reference points
+    compiled = fem.Expression(value, reference)
+    x = fem.Expression(ufl.SpatialCoordinate(box), reference).eval(box, np.array([0], np.int32))
+    found = compiled.eval(box, np.array([0], dtype=np.int32)).reshape(len(points), *shape)
+    return found, x.reshape(-1, 3)
+
+
+def test_the_finite_cylinder_is_a_signed_distance_with_its_gradient():
+    shape = FiniteCylinder(15.0, 25.0, 2.0)
+    rng = np.random.default_rng(0)
+    gap, x = values(shape.gap, rng.uniform(-30, 30, (200, 3)))
+    normal, _ = values(shape.normal, rng.uniform(-30, 30, (0, 3)) if False else (x * 0), (3,))
+    s, z = np.hypot(x[:, 0], x[:, 1]), np.abs(x[:, 2])
+    a, b = s - 13, z - 23
+    outside = np.hypot(np.maximum(a, 0), np.maximum(b, 0))
+    assert gap == pytest.approx(outside + np.minimum(np.maximum(a, b), 0) - 2, abs=1e-9)
+    assert normal.shape == (200, 3)
+
+
+def test_the_normal_is_the_gradient_of_the_gap():
+    shape = FiniteCylinder(15.0, 25.0, 2.0)
+    points = np.random.default_rng(1).uniform(-30, 30, (100, 3))
+    given, x = values(lambda y: ufl.grad(shape.gap(y)), points, (3,))
+    normal, _ = values(shape.normal, points, (3,))
+    assert normal == pytest.approx(given, abs=1e-9)
+    assert np.linalg.norm(normal, axis=1) == pytest.approx(1.0)
+    assert np.isfinite(x).all()
+
+
+def test_the_mesh_is_a_quarter_of_the_leg():
+    leg = IdealisedLeg(length=80, bone_offset=5.0, fat=6.0, fascia=1.0)
+    made = mesh_leg(leg, 15.0, 50.0, LegMeshSettings(contact_size=2.0))
+    one = fem.Constant(made.mesh, 1.0)
+    measure = ufl.Measure("dx", domain=made.mesh, subdomain_data=made.cell_tags)
+    inner = leg.radius - 7
+    for region, area in (
+        ("superficial", leg.radius**2 - 51**2),
+        ("fascia", 51**2 - inner**2),
+        ("deep", inner**2 - 15**2),
+    ):
+        volume = fem.assemble_scalar(fem.form(one * measure(made.regions[region])))
+        assert volume == pytest.approx(np.pi * area * 80 / 4, rel=0.02)
+    side = ufl.Measure("ds", domain=made.mesh, subdomain_data=made.facet_tags)
+    for tag, radius in ((SKIN, 57.0), (BONE, 15.0)):
+        area = fem.assemble_scalar(fem.form(one * side(tag)))
+        assert area == pytest.approx(np.pi * radius * 40, rel=0.02)
+
+
+@pytest.mark.parametrize("formulation", ["displacement", "mixed"])
+def test_with_held_ends_and_a_long_cylinder_3d_is_plane_strain(formulation):
+    leg = IdealisedLeg(length=20, ends="held")
+    cylinder = Cylinder(length=60)
+    _, spatial = pressed(leg, 3, cylinder=cylinder, formulation=formulation)
+    _, plane = pressed(leg, 2, cylinder=cylinder, formulation=formulation)
+    assert spatial.report.complete
+    # The cylinder's force is what its length would carry in plane strain, of which the leg is 1/3.
+    ratio = spatial.curve(2.0) / 20 / (plane.curve(2.0) / 60)
+    assert ratio == pytest.approx(1.0, abs=1e-6)
+
+
+def test_forces_and_works_balance():
+    test, solved = pressed(IdealisedLeg(length=60), 3, depth=3.0)
+    balance = test.system.balance()
+    force = balance.contact_force[1]
+    assert balance.bone_reaction[1] == pytest.approx(-force, rel=1e-8)
+    assert balance.internal_work == pytest.approx(balance.contact_work, rel=1e-8)
+    assert solved.curve.force[-1] == pytest.approx(-4 * force)
+
+
+def test_iterations_and_factors_give_the_same_force():
+    leg = IdealisedLeg(length=60)
+    forces = [
+        pressed(leg, 3, linear=LinearSettings(solver=solver))[1].curve.force[-1]
+        for solver in ("direct", "iterative")
+    ]
+    assert forces[1] == pytest.approx(forces[0], rel=1e-6)
+
+
+def test_linear_tetrahedra_are_stiffer():
+    leg = IdealisedLeg(length=60)
+    linear = replace(TINY, cells="tetrahedra", degree=1, edge_size=4.0)
+    _, coarse = pressed(leg, 3, mesh=linear)
+    _, accurate = pressed(leg, 3)
+    assert coarse.report.complete
+    assert coarse.curve.force[-1] > accurate.curve.force[-1]
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: IdealisedLeg(bone_radius=60.0), "bone"),
+        (lambda: IdealisedLeg(bone_offset=45.0), "bone"),
+        (lambda: pressed(IdealisedLeg(length=50), 3), "free"),
+        (lambda: pressed(IdealisedLeg(), 3, cylinder=Cylinder(edge_radius=0.3)), "resolved"),
+    ],
+)
+def test_bad_input_is_one_line(make, words):
+    with pytest.raises(InputError, match=words) as caught:
+        make()
+    assert "\n" not in str(caught.value)
