@@ -1,5 +1,5 @@
 RUN = scripts/in-env
-RESULTS = out
+RESULTS = results
 ARGS =
 
 .DEFAULT_GOAL := help

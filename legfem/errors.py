@@ -22,9 +22,7 @@ class InputError(Exception):
         What the user can do about it.
     """
 
-    def __init__(
-        self, source: str | PathLike[str], field: str, problem: str, remedy: str
-    ) -> None:
+    def __init__(self, source: str | PathLike[str], field: str, problem: str, remedy: str) -> None:
         self.source = str(source)
         self.field = field
         self.problem = problem

@@ -8,10 +8,10 @@ proportion to it. Any choice gives way to PETSc options with the prefix ``legfem
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from dolfinx import fem, la
+from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from legfem.spaces import LegSpaces
@@ -47,17 +47,10 @@ class LinearSettings:
 
 def configure(linear: PETSc.KSP, spaces: LegSpaces, settings: LinearSettings) -> None:
     """Set a solver up for a leg; PETSc options are read afterwards, by the caller."""
-    preconditioner = linear.getPC()
     if settings.iterates(spaces):
-        linear.setType("gmres")
-        linear.setGMRESRestart(100)
-        linear.setTolerances(rtol=settings.tolerance, max_it=settings.max_iterations)
-        preconditioner.setType("gamg")
-        options = PETSc.Options("legfem_")
-        for name, value in _MULTIGRID.items():
-            if not options.hasName(name):
-                options.setValue(name, value)
+        _iterate(linear, spaces, settings)
         return
+    preconditioner = linear.getPC()
     linear.setType("preonly")
     preconditioner.setType("lu")
     if spaces.mesh.comm.size == 1 and spaces.dimension == 2:
@@ -67,44 +60,94 @@ def configure(linear: PETSc.KSP, spaces: LegSpaces, settings: LinearSettings) ->
         preconditioner.setFactorSolverType("mumps")
 
 
+def prepare(matrix: PETSc.Mat, spaces: LegSpaces, settings: LinearSettings) -> None:
+    """Give a tangent what multigrid needs to know of it."""
+    if settings.iterates(spaces) and spaces.formulation == "displacement":
+        matrix.setNearNullSpace(_rigid_motions(spaces))
+
+
 _MULTIGRID = {
+    "pc_type": "gamg",
     "pc_gamg_threshold": 0.01,
-    "pc_gamg_aggressive_coarsening": 1,
     "mg_levels_ksp_type": "chebyshev",
     "mg_levels_ksp_max_it": 3,
     "mg_levels_pc_type": "sor",
-    "mg_levels_ksp_chebyshev_esteig": "0,0.1,0,1.05",
+}
+# The pressures of a cell belong to it alone: their exact elimination leaves a matrix for the
+# displacements with the pattern of a displacement form's.
+_ELIMINATION = {
+    "pc_type": "fieldsplit",
+    "pc_fieldsplit_type": "schur",
+    "pc_fieldsplit_schur_fact_type": "full",
+    "pc_fieldsplit_schur_precondition": "selfp",
+    "fieldsplit_pressure_ksp_type": "preonly",
+    "fieldsplit_pressure_pc_type": "pbjacobi",
+    "fieldsplit_displacement_mat_schur_complement_ainv_type": "blockdiag",
+    "fieldsplit_displacement_ksp_type": "preonly",
+    **{f"fieldsplit_displacement_{name}": value for name, value in _MULTIGRID.items()},
 }
 
 
-def rigid_motions(spaces: LegSpaces) -> PETSc.NullSpace:
-    """Return translations and rotations, orthonormal, which multigrid's coarse levels must hold.
+def _iterate(linear: PETSc.KSP, spaces: LegSpaces, settings: LinearSettings) -> None:
+    linear.setType("gmres")
+    linear.setGMRESRestart(100)
+    linear.setTolerances(rtol=settings.tolerance, max_it=settings.max_iterations)
+    mixed = spaces.formulation == "mixed"
+    options = PETSc.Options("legfem_")
+    for name, value in (_ELIMINATION if mixed else _MULTIGRID).items():
+        if not options.hasName(name):
+            options.setValue(name, value)
+    if not mixed:
+        return
+    owned = _owned_size(spaces)
+    displacement = _displacements(spaces)
+    pressure = np.setdiff1d(np.arange(owned), displacement)
+    first = spaces.space.dofmap.index_map.local_range[0] * spaces.space.dofmap.index_map_bs
+    sets = []
+    for dofs, block in ((pressure, spaces.dimension + 1), (displacement, spaces.dimension)):
+        indices = (first + dofs).astype(np.int32)
+        sets.append(PETSc.IS().createGeneral(indices, comm=spaces.mesh.comm))
+        sets[-1].setBlockSize(block)
+    sets[1].compose("nearnullspace", _rigid_motions(spaces))
+    linear.getPC().setType("fieldsplit")
+    linear.getPC().setFieldSplitIS(("pressure", sets[0]), ("displacement", sets[1]))
 
-    Only for a displacement form.
-    """
-    space, dimension = spaces.space, spaces.dimension
-    position = fem.Function(space)
-    position.interpolate(lambda x: x[:dimension])
-    x = position.x.array.reshape(-1, dimension)
+
+def _rigid_motions(spaces: LegSpaces) -> PETSc.NullSpace:
+    """Return translations and rotations, orthonormal, which multigrid's coarse levels must hold."""
+    dimension = spaces.dimension
+    x = spaces.displacement_space.tabulate_dof_coordinates()[:, :dimension]
     planes = [(i, j) for i in range(dimension) for j in range(i + 1, dimension)]
-    motions = []
+    space, own = spaces.space.dofmap, _displacements(spaces)
+    size = (space.index_map.size_local + space.index_map.num_ghosts) * space.index_map_bs
+    vectors: list[PETSc.Vec] = []
     for number in range(dimension + len(planes)):
-        motion = fem.Function(space)
-        values = motion.x.array.reshape(-1, dimension)
+        motion = np.zeros_like(x)
         if number < dimension:
-            values[:, number] = 1.0
+            motion[:, number] = 1.0
         else:
             i, j = planes[number - dimension]
-            values[:, i], values[:, j] = -x[:, j], x[:, i]
-        motion.x.array[spaces.pinned] = 0.0
-        motions.append(motion.x)
-    la.orthonormalize(motions)
-    vectors = [_copied(motion) for motion in motions]
+            motion[:, i], motion[:, j] = -x[:, j], x[:, i]
+        values = np.zeros(size)
+        values[spaces.displacement_dofs] = motion.ravel()
+        values[spaces.pinned] = 0.0
+        vector = PETSc.Vec().createWithArray(values[own], comm=spaces.mesh.comm).copy()
+        for other in vectors:
+            vector.axpy(-vector.dot(other), other)
+        vector.normalize()
+        vectors.append(vector)
     return PETSc.NullSpace().create(vectors=vectors, comm=spaces.mesh.comm)
 
 
-def _copied(vector: Any) -> PETSc.Vec:
-    return vector.petsc_vec.copy()
+def _displacements(spaces: LegSpaces) -> NDArray[np.int32]:
+    """Return the rank's own dofs that are displacements, sorted."""
+    dofs = spaces.displacement_dofs
+    return np.sort(dofs[dofs < _owned_size(spaces)])
+
+
+def _owned_size(spaces: LegSpaces) -> int:
+    dofmap = spaces.space.dofmap
+    return int(dofmap.index_map.size_local * dofmap.index_map_bs)
 
 
 def _least_fill() -> str:

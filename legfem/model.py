@@ -132,8 +132,9 @@ class TangentialContact:
 
     The history of a skin point is its anchor :math:`a`, the place on the indenter where it touched,
     and whether it touches. A point that comes into contact within a step is anchored where its gap
-    passed the onset, by linear interpolation over the step: the traction grows from zero, F(d) is
-    smooth, and the error is of second order in the step.
+    passed the onset, by linear interpolation over the step: the traction grows from zero and F(d)
+    is smooth. What the point slides between its touch and the end of that step isn't held: an error
+    of first order in the step, about 1e-4 of a leg's force at steps of 1 mm.
     """
 
     normal: NormalContact

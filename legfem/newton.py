@@ -17,7 +17,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from legfem._compat import RESIDUAL_NOT_FINITE
-from legfem.linear import LinearSettings, configure, rigid_motions
+from legfem.linear import LinearSettings, configure, prepare
 from legfem.system import System
 
 
@@ -102,8 +102,7 @@ class NewtonSolver:
         snes.setTolerances(max_it=60, stol=0.0)
         configure(snes.getKSP(), system.spaces, linear)
         self._iterates = linear.iterates(system.spaces)
-        if self._iterates and system.spaces.formulation == "displacement":
-            matrix.setNearNullSpace(rigid_motions(system.spaces))
+        prepare(matrix, system.spaces, linear)
         snes.setFromOptions()
         self._snes = snes
 

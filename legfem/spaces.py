@@ -97,7 +97,7 @@ def build_spaces(
     displacement = fem.functionspace(mesh, lagrange)
     if formulation == "displacement":
         space = displacement
-        dofs = np.arange(_local_size(space), dtype=np.int32)
+        dofs: NDArray[np.int32] = np.arange(_local_size(space), dtype=np.int32)
     else:
         space = fem.functionspace(mesh, _mixed_element(mesh, degree))
         dofs = _shared_dofs(space, displacement, dimension)

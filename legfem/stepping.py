@@ -152,6 +152,7 @@ def press(
             steps.append(_step(end, length, outcome))
             if not outcome.converged:
                 system.unknown.x.array[:] = path.state[-1]
+                system.set_displacement(position)
                 size = length * settings.cut
                 if size < settings.smallest:
                     reason = f"no step above {settings.smallest:g} mm converges: {outcome.reason}"

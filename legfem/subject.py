@@ -17,8 +17,15 @@ from legfem.recording import Instrument, Recording, read_recording
 from legfem.subject_schema import SubjectFile, TissueEntry, parse_subject_file
 from legfem.units import FloatArray, frozen_array, kpa_to_mpa
 
-__all__ = ["Indenter", "Instrument", "Subject", "TissueParameters", "find_subject",
-           "load_subject", "shipped_subjects"]
+__all__ = [
+    "Indenter",
+    "Instrument",
+    "Subject",
+    "TissueParameters",
+    "find_subject",
+    "load_subject",
+    "shipped_subjects",
+]
 
 Law = Literal["neo-hookean", "reduced-polynomial"]
 Origin = Literal["measured", "reconstructed", "simulated"]
@@ -101,26 +108,39 @@ def load_subject(directory: Path, need_recordings: bool = True) -> Subject:
     """
     directory = Path(directory)
     if not directory.is_dir():
-        raise InputError(directory, "subject folder", "not found",
-                         "give a folder that holds subject.toml")
+        raise InputError(
+            directory, "subject folder", "not found", "give a folder that holds subject.toml"
+        )
     toml = directory / "subject.toml"
     given = parse_subject_file(toml)
     contours = directory / given.section.contours
     if not contours.is_file():
-        raise InputError(toml, "section.contours", f"there is no file '{given.section.contours}'",
-                         f"put the contours into {contours}")
+        raise InputError(
+            toml,
+            "section.contours",
+            f"there is no file '{given.section.contours}'",
+            f"put the contours into {contours}",
+        )
     section = read_contours(contours, given.section.fascia_thickness_mm)
     indenter = Indenter(
-        radius=given.indenter.diameter_mm / 2, length=given.indenter.length_mm,
-        aim=frozen_array(given.indenter.aim_mm), direction_deg=given.indenter.direction_deg,
+        radius=given.indenter.diameter_mm / 2,
+        length=given.indenter.length_mm,
+        aim=frozen_array(given.indenter.aim_mm),
+        direction_deg=given.indenter.direction_deg,
     )
     _check_aim(toml, section, indenter)
     return Subject(
-        id=given.id, title=given.title, origin=given.origin, section=section, indenter=indenter,
-        tissues=MappingProxyType({
-            name: _tissue(getattr(given.tissues, name))
-            for name in ("deep", "superficial", "fascia")
-        }),
+        id=given.id,
+        title=given.title,
+        origin=given.origin,
+        section=section,
+        indenter=indenter,
+        tissues=MappingProxyType(
+            {
+                name: _tissue(getattr(given.tissues, name))
+                for name in ("deep", "superficial", "fascia")
+            }
+        ),
         instrument=_instrument(given),
         recordings=_recordings(directory) if need_recordings else (),
         directory=directory,
@@ -145,8 +165,12 @@ def find_subject(name: str) -> Path:
     if name in known:
         return SHIPPED / name
     there = f"known subjects are {', '.join(known)}" if known else f"none are in {SHIPPED}"
-    raise InputError("--subject", name, "unknown subject",
-                     f"{there}; for a folder of your own give --subject-dir PATH")
+    raise InputError(
+        "--subject",
+        name,
+        "unknown subject",
+        f"{there}; for a folder of your own give --subject-dir PATH",
+    )
 
 
 def _tissue(entry: TissueEntry) -> TissueParameters:
@@ -154,8 +178,11 @@ def _tissue(entry: TissueEntry) -> TissueParameters:
         return None if value is None else kpa_to_mpa(value)
 
     return TissueParameters(
-        law=entry.law, C10=stress(entry.C10_kPa), C20=stress(entry.C20_kPa),
-        D1=entry.D1_per_MPa, D2=entry.D2_per_MPa,
+        law=entry.law,
+        C10=stress(entry.C10_kPa),
+        C20=stress(entry.C20_kPa),
+        D1=entry.D1_per_MPa,
+        D2=entry.D2_per_MPa,
     )
 
 
@@ -168,8 +195,12 @@ def _instrument(given: SubjectFile) -> Instrument:
 def _recordings(directory: Path) -> tuple[Recording, ...]:
     files = sorted((directory / "recordings").glob("*.csv"))
     if not files:
-        raise InputError(directory / "recordings", "*.csv", "there are no recordings",
-                         "put one CSV file a trial there: time_s,displacement_mm,force_N")
+        raise InputError(
+            directory / "recordings",
+            "*.csv",
+            "there are no recordings",
+            "put one CSV file a trial there: time_s,displacement_mm,force_N",
+        )
     return tuple(read_recording(file) for file in files)
 
 
@@ -179,7 +210,8 @@ def _check_aim(toml: Path, section: LegSection, indenter: Indenter) -> None:
         first_crossing(skin, indenter.aim, indenter.direction)
     except ValueError:
         raise InputError(
-            toml, "indenter.aim_mm",
+            toml,
+            "indenter.aim_mm",
             "the line of travel through this point misses the leg",
             "give a point of the leg in the contours' coordinates, and direction_deg from +x",
         ) from None

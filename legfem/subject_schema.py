@@ -57,8 +57,11 @@ class TissueEntry(_Entry):
         if self.law == "neo-hookean":
             for key in ("C20_kPa", "D2_per_MPa"):
                 if getattr(self, key) is not None:
-                    raise _trouble(key, "the neo-Hookean law has no such parameter",
-                                   f"remove {key} or set law = \"reduced-polynomial\"")
+                    raise _trouble(
+                        key,
+                        "the neo-Hookean law has no such parameter",
+                        f'remove {key} or set law = "reduced-polynomial"',
+                    )
         return self
 
 
@@ -99,18 +102,26 @@ class InstrumentEntry(_Entry):
     def _each_once(self) -> InstrumentEntry:
         stated = self.force_accuracy_percent is not None or self.force_range_N is not None
         if self.force_sd_N is not None and stated:
-            raise _trouble("force_sd_N", "given beside accuracy and range",
-                           "give either force_sd_N or force_accuracy_percent with force_range_N")
+            raise _trouble(
+                "force_sd_N",
+                "given beside accuracy and range",
+                "give either force_sd_N or force_accuracy_percent with force_range_N",
+            )
         if self.force_sd_N is None:
             for key in ("force_accuracy_percent", "force_range_N"):
                 if getattr(self, key) is None:
-                    raise _trouble(key if stated else "force_sd_N", "missing",
-                                   "give force_sd_N, or force_accuracy_percent and force_range_N")
+                    raise _trouble(
+                        key if stated else "force_sd_N",
+                        "missing",
+                        "give force_sd_N, or force_accuracy_percent and force_range_N",
+                    )
         if (self.displacement_sd_mm is None) == (self.displacement_accuracy_mm is None):
             missing = self.displacement_sd_mm is None
-            raise _trouble("displacement_sd_mm",
-                           "missing" if missing else "given beside displacement_accuracy_mm",
-                           "give either displacement_sd_mm or displacement_accuracy_mm")
+            raise _trouble(
+                "displacement_sd_mm",
+                "missing" if missing else "given beside displacement_accuracy_mm",
+                "give either displacement_sd_mm or displacement_accuracy_mm",
+            )
         return self
 
     def force_sd(self) -> float:
@@ -160,13 +171,13 @@ def parse_subject_file(path: Path) -> SubjectFile:
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
-        raise InputError(path, "file", "not found",
-                         "a subject folder holds subject.toml") from None
+        raise InputError(path, "file", "not found", "a subject folder holds subject.toml") from None
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(path, "file", f"can't be read ({error})", "save it as UTF-8") from None
     except tomllib.TOMLDecodeError as error:
-        raise InputError(path, "TOML", str(error),
-                         "correct the syntax (texts in quotes, decimals with points)") from None
+        raise InputError(
+            path, "TOML", str(error), "correct the syntax (texts in quotes, decimals with points)"
+        ) from None
     try:
         return SubjectFile.model_validate(content)
     except ValidationError as error:
@@ -174,8 +185,9 @@ def parse_subject_file(path: Path) -> SubjectFile:
 
 
 def _trouble(key: str, problem: str, remedy: str) -> PydanticCustomError:
-    return PydanticCustomError("legfem", "{problem}",
-                               {"key": key, "problem": problem, "remedy": remedy})
+    return PydanticCustomError(
+        "legfem", "{problem}", {"key": key, "problem": problem, "remedy": remedy}
+    )
 
 
 def _in_words(path: Path, error: ValidationError) -> InputError:
@@ -186,8 +198,9 @@ def _in_words(path: Path, error: ValidationError) -> InputError:
     keys = [str(part) for part in first["loc"]]
     context: dict[str, Any] = first.get("ctx") or {}
     if first["type"] == "legfem":
-        return InputError(path, ".".join([*keys, context["key"]]), context["problem"],
-                          context["remedy"])
+        return InputError(
+            path, ".".join([*keys, context["key"]]), context["problem"], context["remedy"]
+        )
     problem, remedy = _explain(first, keys, context)
     return InputError(path, ".".join(keys), problem, remedy)
 

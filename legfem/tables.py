@@ -44,7 +44,9 @@ def read_table(path: Path, columns: Sequence[str], text: Sequence[str] = ()) -> 
     header = lines[0]
     if ";" in header or "\t" in header:
         raise InputError(
-            path, "header", f"columns are separated by {'tabs' if chr(9) in header else ';'}",
+            path,
+            "header",
+            f"columns are separated by {'tabs' if chr(9) in header else ';'}",
             f"separate columns by commas and write decimals with points: {wanted}",
         )
     found = [name.strip() for name in next(csv.reader([header]))]
@@ -58,7 +60,8 @@ def read_table(path: Path, columns: Sequence[str], text: Sequence[str] = ()) -> 
         _check_width(path, n, rows[n - 2], len(columns), wanted)
     table = pd.DataFrame(
         [[cell.strip() for cell in rows[n - 2]] for n in numbers],
-        columns=pd.Index(columns), index=pd.Index(numbers),
+        columns=pd.Index(columns),
+        index=pd.Index(numbers),
     )
     for name in columns:
         if name not in text:
@@ -75,8 +78,12 @@ def _lines(path: Path) -> list[str]:
         raise InputError(path, "file", f"can't be read ({error})", "save it as CSV text") from None
     lines = content.splitlines()
     if not lines or not lines[0].strip():
-        raise InputError(path, "header", "missing (the first line is empty)",
-                         "put the column names in the first line")
+        raise InputError(
+            path,
+            "header",
+            "missing (the first line is empty)",
+            "put the column names in the first line",
+        )
     return lines
 
 
@@ -106,11 +113,15 @@ def _check_width(path: Path, line: int, row: list[str], width: int, wanted: str)
         return
     if len(row) > width:
         raise InputError(
-            path, f"line {line}", f"{len(row)} cells where {width} are needed (decimal commas?)",
+            path,
+            f"line {line}",
+            f"{len(row)} cells where {width} are needed (decimal commas?)",
             f"write decimals with points; the columns are {wanted}",
         )
     raise InputError(
-        path, f"line {line}", f"{len(row)} cells where {width} are needed",
+        path,
+        f"line {line}",
+        f"{len(row)} cells where {width} are needed",
         f"complete or remove the row; the columns are {wanted}",
     )
 
@@ -125,9 +136,14 @@ def _numbers(path: Path, column: pd.Series[str]) -> pd.Series[float]:
     field = f"{column.name}, line {line}"
     others = f" (and {int(bad.sum()) - 1} more)" if bad.sum() > 1 else ""
     if _DECIMAL_COMMA.match(cell):
-        raise InputError(path, field, f"'{cell}' has a decimal comma{others}",
-                         "write decimals with points")
+        raise InputError(
+            path, field, f"'{cell}' has a decimal comma{others}", "write decimals with points"
+        )
     if cell.lower() in ("", "nan", "na", "n/a", "null", "none", "inf", "-inf", "+inf"):
-        raise InputError(path, field, f"'{cell}' is not a finite number{others}",
-                         "remove the row or record it again")
+        raise InputError(
+            path,
+            field,
+            f"'{cell}' is not a finite number{others}",
+            "remove the row or record it again",
+        )
     raise InputError(path, field, f"'{cell[:40]}' is not a number{others}", "write a number")

@@ -74,9 +74,17 @@ def tissue_force(depth: np.ndarray) -> np.ndarray:
 
 
 def press(
-    air: float = 0.0, depth: float = 20.0, hold: float = 0.0, unload: bool = False,
-    speed: float = 0.4, rate: float = 10.0, force_sd: float = 0.0, displacement_sd: float = 0.0,
-    offset: float = 0.0, seed: int = 0, trial: str = "trial1",
+    air: float = 0.0,
+    depth: float = 20.0,
+    hold: float = 0.0,
+    unload: bool = False,
+    speed: float = 0.4,
+    rate: float = 10.0,
+    force_sd: float = 0.0,
+    displacement_sd: float = 0.0,
+    offset: float = 0.0,
+    seed: int = 0,
+    trial: str = "trial1",
 ) -> Recording:
     """Return a recording that starts ``air`` mm before contact; unloading is 20 % softer."""
     rng = np.random.default_rng(seed)
@@ -89,8 +97,10 @@ def press(
     holding = np.clip(t - up, 0.0, hold)
     force = force * (1 - 0.2 * (1 - np.exp(-holding / 3.0))) * np.where(back > 1e-6, 0.8, 1.0)
     return Recording(
-        time=t, displacement=d + displacement_sd * rng.standard_normal(len(t)),
-        force=force + offset + force_sd * rng.standard_normal(len(t)), trial=trial,
+        time=t,
+        displacement=d + displacement_sd * rng.standard_normal(len(t)),
+        force=force + offset + force_sd * rng.standard_normal(len(t)),
+        trial=trial,
     )
 
 
@@ -98,9 +108,7 @@ def write_recording(path: Path, recording: Recording) -> Path:
     rows = ["time_s,displacement_mm,force_N"]
     rows += [
         f"{t:.3f},{d:.4f},{f:.4f}"
-        for t, d, f in zip(
-            recording.time, recording.displacement, recording.force, strict=True
-        )
+        for t, d, f in zip(recording.time, recording.displacement, recording.force, strict=True)
     ]
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text("\n".join(rows) + "\n")

@@ -210,6 +210,14 @@ def test_missing_definition(tmp_path: Path) -> None:
 # --- runs ---
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A study with everything; its results."""
+    folder = tmp_path_factory.mktemp("doe")
+    run(options(folder), MPI.COMM_SELF, SpringLeg())
+    return folder / "out"
+
+
 def tables(folder: Path) -> tuple[str, dict]:
     document = json.loads((folder / "result.json").read_text())
     return (folder / "runs.csv").read_text(), {
@@ -217,9 +225,8 @@ def tables(folder: Path) -> tuple[str, dict]:
     }
 
 
-def test_a_study_from_definition_to_files(tmp_path: Path) -> None:
-    run(options(tmp_path), MPI.COMM_SELF, SpringLeg())
-    out = tmp_path / "out"
+def test_a_study_from_definition_to_files(whole: Path) -> None:
+    out = whole
     runs = pd.read_csv(out / "runs.csv")
     assert len(runs) == 33 and runs["complete"].all()
     assert runs["deep_C10_kPa"].iloc[-1] == pytest.approx(15.25)
@@ -242,9 +249,8 @@ def test_a_study_from_definition_to_files(tmp_path: Path) -> None:
     assert "33 of 33 runs reach 30 mm" in report and "Poisson's ratio is -0.14 to -0.98" in report
 
 
-def test_information_of_a_leg_in_closed_form(tmp_path: Path) -> None:
-    run(options(tmp_path), MPI.COMM_SELF, SpringLeg())
-    found = json.loads((tmp_path / "out" / "result.json").read_text())["information"]
+def test_information_of_a_leg_in_closed_form(whole: Path) -> None:
+    found = json.loads((whole / "result.json").read_text())["information"]
     d = np.array(found["displacement_mm"])
     by = dict(zip(found["parameters"], found["sensitivity_N_per_log"], strict=True))
     assert np.allclose(by["deep.C10"], 50 * 15.25e-3 * d)
@@ -271,7 +277,7 @@ def test_two_definitions_share_runs_and_get_one_page_of_verdicts(tmp_path: Path)
 def test_failed_runs_are_values(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     stops = (("deep.C10", 0.5e-3, 12.0), ("deep.C20", 0.5e-3, 12.0), ("fascia.C10", 10.0, 12.0),
              ("fascia.thickness", 0.2, 12.0), ("superficial.C10", 1e-3, 12.0))  # fmt: skip
-    run(options(tmp_path), MPI.COMM_SELF, SpringLeg(stops=stops))
+    run(options(tmp_path, beyond=False), MPI.COMM_SELF, SpringLeg(stops=stops))
     document = json.loads((tmp_path / "out" / "result.json").read_text())
     (failed,) = document["failed_runs"]
     assert failed["reached_mm"] == 12.0
@@ -284,8 +290,8 @@ def test_failed_runs_are_values(tmp_path: Path, capsys: pytest.CaptureFixture[st
 
 @pytest.mark.parametrize("stopping", ["half", "all"])
 def test_a_study_with_too_few_runs_says_so(tmp_path: Path, stopping: str) -> None:
-    stops = {"half": (("fascia.C10", 10.0, 12.0),), "all": (("deep.D1", 0.0, 3.0),)}[stopping]
-    given = options(tmp_path)
+    stops = (("fascia.C10", 10.0, 12.0),)
+    given = options(tmp_path, beyond=False)
     if stopping == "all":
         path = definition(tmp_path, TOML + '\n[fixed]\n"deep.D1_per_MPa" = 28.0\n')
         stops = (("deep.D1", 28.0, 0.5),)
@@ -296,8 +302,7 @@ def test_a_study_with_too_few_runs_says_so(tmp_path: Path, stopping: str) -> Non
     assert "isn't analysed" in (tmp_path / "out" / "report.md").read_text()
 
 
-def test_interrupted_and_resumed_the_same(tmp_path: Path) -> None:
-    run(options(tmp_path, "whole"), MPI.COMM_SELF, SpringLeg())
+def test_interrupted_and_resumed_the_same(tmp_path: Path, whole: Path) -> None:
     calls = tmp_path / "calls"
     calls.mkdir()
     for killed_after in (5, 20, 40):
@@ -307,11 +312,9 @@ def test_interrupted_and_resumed_the_same(tmp_path: Path) -> None:
         csv = pd.read_csv(tmp_path / "out" / "runs.csv")
         assert csv["complete"].sum() == min(killed_after, 33)
     run(options(tmp_path), MPI.COMM_SELF, SpringLeg(calls))
-    assert tables(tmp_path / "out") == tables(tmp_path / "whole")
+    assert tables(tmp_path / "out") == tables(whole)
     done = len(list((tmp_path / "out" / "runs").glob("*.json")))
     assert len(list(calls.iterdir())) == done
-    run(options(tmp_path), MPI.COMM_SELF, SpringLeg(calls, killed_after=0))
-    assert tables(tmp_path / "out") == tables(tmp_path / "whole")
 
 
 def test_two_processes_give_the_same_table(tmp_path: Path) -> None:
@@ -324,8 +327,8 @@ def test_two_processes_give_the_same_table(tmp_path: Path) -> None:
 
 
 @pytest.mark.mpi
-def test_two_ranks_give_the_same_table(tmp_path: Path) -> None:
-    run(options(tmp_path, "one"), MPI.COMM_SELF, SpringLeg())
+def test_two_ranks_give_the_same_table(tmp_path: Path, whole: Path) -> None:
+    options(tmp_path)
     calls = tmp_path / "calls"
     calls.mkdir()
     tests = Path(__file__).parent
@@ -335,4 +338,4 @@ def test_two_ranks_give_the_same_table(tmp_path: Path) -> None:
     )  # fmt: skip
     ranks = [path.name.rpartition("-")[2] for path in calls.iterdir()]
     assert ranks.count("1") > 30 and ranks.count("0") > 30
-    assert tables(tmp_path / "one") == tables(tmp_path / "ranks")
+    assert tables(tmp_path / "ranks") == tables(whole)

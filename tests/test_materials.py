@@ -215,8 +215,10 @@ def test_plane_strain_divides_by_the_three_dimensional_volume_ratio():
     assert invariant > 3.03
 
 
-@pytest.mark.parametrize("field, value", [("C10", 0.0), ("C10", -1e-3), ("D1", math.nan),
-                                          ("C20", -1e-3), ("D2", 0.0), ("D1", math.inf)])
+@pytest.mark.parametrize(
+    "field, value",
+    [("C10", 0.0), ("C10", -1e-3), ("D1", math.nan), ("C20", -1e-3), ("D2", 0.0), ("D1", math.inf)],
+)
 def test_impossible_parameters_are_refused(field, value):
     good = ReducedPolynomial(C10=1e-3, D1=28.0, C20=1e-3, D2=28.0)
     with pytest.raises(InputError, match=field):

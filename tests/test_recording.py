@@ -32,8 +32,12 @@ def _refused(path):
 
 
 def _with(recording, **changes):
-    given = {"time": recording.time, "displacement": recording.displacement,
-             "force": recording.force, "trial": recording.trial}
+    given = {
+        "time": recording.time,
+        "displacement": recording.displacement,
+        "force": recording.force,
+        "trial": recording.trial,
+    }
     return Recording(**(given | changes))
 
 
@@ -122,8 +126,15 @@ def test_a_sensor_that_starts_elsewhere_is_shifted_to_first_touch():
 @pytest.mark.parametrize("hold", [0.0, 10.0])
 def test_phases_change_where_the_motion_does(displacement_sd, hold):
     air, depth = 3.7, 20.0
-    made = press(air=air, depth=depth, hold=hold, unload=True, force_sd=0.03,
-                 displacement_sd=displacement_sd, seed=3)
+    made = press(
+        air=air,
+        depth=depth,
+        hold=hold,
+        unload=True,
+        force_sd=0.03,
+        displacement_sd=displacement_sd,
+        seed=3,
+    )
     labels = split_phases(made)
     up = (air + depth) / 0.4
     corners = {"loading": (air / 0.4, up), "unloading": (up + hold, up + hold + depth / 0.4)}
@@ -139,8 +150,10 @@ def test_phases_change_where_the_motion_does(displacement_sd, hold):
 
 
 def test_the_mean_curve_is_the_true_one_and_the_raw_data_stay():
-    trials = [press(air=air, force_sd=0.03, displacement_sd=0.1, offset=0.2, seed=k)
-              for k, air in enumerate((2.0, 3.7, 5.1))]
+    trials = [
+        press(air=air, force_sd=0.03, displacement_sd=0.1, offset=0.2, seed=k)
+        for k, air in enumerate((2.0, 3.7, 5.1))
+    ]
     before = [r.force.copy() for r in trials]
     curve = mean_loading_curve(trials, INSTRUMENT)
     assert curve.n_trials == 3
@@ -154,8 +167,10 @@ def test_the_mean_curve_is_the_true_one_and_the_raw_data_stay():
 
 
 def test_a_trial_without_air_joins_those_with_it():
-    trials = [press(air=air, depth=18, force_sd=0.03, displacement_sd=0.02, offset=0.3, seed=k)
-              for k, air in enumerate((3.0, 0.0, 4.0))]
+    trials = [
+        press(air=air, depth=18, force_sd=0.03, displacement_sd=0.02, offset=0.3, seed=k)
+        for k, air in enumerate((3.0, 0.0, 4.0))
+    ]
     curve = mean_loading_curve(trials, INSTRUMENT)
     assert [c.in_air for c in curve.contacts] == [True, False, True]
     assert curve.noise.common_shift_sd > 0.02
@@ -201,8 +216,12 @@ def test_the_covariance_covers_the_error_of_a_fitted_stiffness():
             slow = np.zeros(len(made))
             for i in range(1, len(slow)):
                 slow[i] = coloured * slow[i - 1] + 0.03 * np.sqrt(1 - coloured**2) * rng.normal()
-            force = (made.force * (1 + 0.005 * rng.normal()) + 0.05 * rng.normal() + slow
-                     + 0.03 * rng.normal(size=len(slow)))
+            force = (
+                made.force * (1 + 0.005 * rng.normal())
+                + 0.05 * rng.normal()
+                + slow
+                + 0.03 * rng.normal(size=len(slow))
+            )
             trials.append(_with(made, force=force))
         curve = mean_loading_curve(trials, INSTRUMENT)
         shape = tissue_force(curve.displacement)
@@ -220,7 +239,8 @@ def test_preconditioning_before_the_press_is_left_out():
     both = Recording(
         time=np.concatenate([first.time, second.time + first.time[-1] + 0.1]),
         displacement=np.concatenate([first.displacement, second.displacement]),
-        force=np.concatenate([0.7 * first.force, second.force]), trial="cycled",
+        force=np.concatenate([0.7 * first.force, second.force]),
+        trial="cycled",
     )
     curve = mean_loading_curve([both], INSTRUMENT)
     deep = curve.displacement > 9

@@ -154,9 +154,7 @@ class PlaneStrainIndentation:
             self.comm,
         )
         last = finer._pressing.run(parameters, depth, sensitivities, turns, on_step, softness=0.2)
-        return max(
-            _after(last, attempt, softer), softer, key=lambda solved: solved.report.reached
-        )
+        return max(_after(last, attempt, softer), softer, key=lambda solved: solved.report.reached)
 
     def _model(self) -> LegModel:
         tissues = {name: getattr(self.tissues, name) for name in REGIONS}

@@ -14,8 +14,14 @@ from legfem.geometry.section import PARTS, LegSection, fat_thickness, girth, min
 from legfem.tables import read_table
 from legfem.units import FloatArray
 
-__all__ = ["LegSection", "check_section", "fat_thickness", "girth", "read_contours",
-           "write_contours"]
+__all__ = [
+    "LegSection",
+    "check_section",
+    "fat_thickness",
+    "girth",
+    "read_contours",
+    "write_contours",
+]
 
 HEADER = ("part", "x_mm", "y_mm")
 MINIMAL_POINTS = 8
@@ -85,8 +91,12 @@ def check_section(section: LegSection, source: str | Path) -> None:
     for part, polygon in polygons.items():
         if not polygon.is_valid:
             where = explain_validity(polygon).replace("[", " at (").replace("]", ")")
-            raise InputError(source, part, f"the contour crosses itself ({where})",
-                             "give its points in order around it, once")
+            raise InputError(
+                source,
+                part,
+                f"the contour crosses itself ({where})",
+                "give its points in order around it, once",
+            )
     _check_size(section, source)
     _check_inside(source, polygons, "fascia", "skin")
     for bone in ("tibia", "fibula"):
@@ -101,15 +111,20 @@ def _check_contour(path: Path, part: str, points: FloatArray) -> None:
     if len(points) == 0:
         raise InputError(path, part, "the part is missing", f"add rows '{part},x,y' around it")
     if len(points) < MINIMAL_POINTS:
-        raise InputError(path, part, f"{len(points)} points are too few",
-                         f"give at least {MINIMAL_POINTS} around the part")
+        raise InputError(
+            path,
+            part,
+            f"{len(points)} points are too few",
+            f"give at least {MINIMAL_POINTS} around the part",
+        )
     spacing = np.linalg.norm(np.diff(points, axis=0), axis=1)
     gap = float(np.linalg.norm(points[-1] - points[0]))
     # The largest spacing counts too: contours drawn by hand are sparse where they are straight.
     allowed = max(OPEN_GAP_IN_SPACINGS * float(np.median(spacing)), 1.5 * float(spacing.max()))
     if gap > allowed:
         raise InputError(
-            path, part,
+            path,
+            part,
             f"the contour is open ({gap:.1f} mm from its last point to its first, points are "
             f"{np.median(spacing):.1f} mm apart)",
             "add the missing points; the last must stand next to the first",
@@ -123,16 +138,21 @@ def _check_size(section: LegSection, source: str | Path) -> None:
         return
     for unit, factor in (("centimetres", 10.0), ("metres", 1000.0), ("micrometres", 1e-3)):
         if low <= around * factor <= high:
-            raise InputError(source, "x_mm, y_mm",
-                             f"the skin's girth is {around:.4g} mm, so these look like {unit}",
-                             f"multiply the coordinates by {factor:g}")
-    raise InputError(source, "skin", f"the girth is {around:.4g} mm, not a leg's",
-                     f"give coordinates in mm ({low:g}-{high:g} mm around)")
+            raise InputError(
+                source,
+                "x_mm, y_mm",
+                f"the skin's girth is {around:.4g} mm, so these look like {unit}",
+                f"multiply the coordinates by {factor:g}",
+            )
+    raise InputError(
+        source,
+        "skin",
+        f"the girth is {around:.4g} mm, not a leg's",
+        f"give coordinates in mm ({low:g}-{high:g} mm around)",
+    )
 
 
-def _check_inside(
-    source: str | Path, polygons: dict[str, Polygon], inner: str, outer: str
-) -> None:
+def _check_inside(source: str | Path, polygons: dict[str, Polygon], inner: str, outer: str) -> None:
     if polygons[outer].contains_properly(polygons[inner]):
         return
     if polygons[outer].exterior.intersects(polygons[inner].exterior):
@@ -143,17 +163,20 @@ def _check_inside(
     raise InputError(source, inner, problem, f"bring the {inner} inside the {outer}")
 
 
-def _check_fascia(
-    section: LegSection, polygons: dict[str, Polygon], source: str | Path
-) -> None:
+def _check_fascia(section: LegSection, polygons: dict[str, Polygon], source: str | Path) -> None:
     field, thickness = "fascia_thickness_mm", section.fascia_thickness
     if not thickness > 0:
-        raise InputError(source, field, f"{thickness:g} mm is not positive",
-                         "give the fascia's thickness in mm (0.2-1.0 is usual)")
+        raise InputError(
+            source,
+            field,
+            f"{thickness:g} mm is not positive",
+            "give the fascia's thickness in mm (0.2-1.0 is usual)",
+        )
     thinnest = minimal_fat_thickness(section)
     if thickness >= thinnest:
         raise InputError(
-            source, field,
+            source,
+            field,
             f"the fascia ({thickness:g} mm) is thicker than the fat at its thinnest "
             f"({thinnest:.2f} mm)",
             "reduce the thickness or move the fascia inwards there",
@@ -162,7 +185,8 @@ def _check_fascia(
         room = polygons["fascia"].exterior.distance(polygons[bone])
         if thickness >= room:
             raise InputError(
-                source, field,
+                source,
+                field,
                 f"the fascia's inner face ({thickness:g} mm inwards) meets the {bone} "
                 f"({room:.2f} mm away)",
                 f"reduce the thickness or leave room between fascia and {bone}",

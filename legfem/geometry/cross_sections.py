@@ -68,14 +68,22 @@ def read_cross_section(path: Path, level: float) -> dict[str, Polygon]:
     here = table[np.isclose(table["level_mm"], level)]
     if here.empty:
         nearest = levels[int(np.argmin(np.abs(levels - level)))]
-        raise InputError(path, "--level", f"there is no level {level:g} mm",
-                         f"the nearest is {nearest:g}; levels are {levels[0]:g} to {levels[-1]:g}")
+        raise InputError(
+            path,
+            "--level",
+            f"there is no level {level:g} mm",
+            f"the nearest is {nearest:g}; levels are {levels[0]:g} to {levels[-1]:g}",
+        )
     outlines: dict[str, Polygon] = {}
     for part in SURFACES:
         rows = here[here["part"] == part]
         if rows.empty:
-            raise InputError(path, part, f"missing at level {level:g} mm",
-                             "choose another level or add the outline")
+            raise InputError(
+                path,
+                part,
+                f"missing at level {level:g} mm",
+                "choose another level or add the outline",
+            )
         loops = [
             _polygon(path, part, loop.sort_values("i")[["x_mm", "y_mm"]].to_numpy(np.float64))
             for _, loop in rows.groupby("loop")
@@ -114,8 +122,12 @@ def section_from_outlines(
     """
     room = clearances or Clearances()
     if not fascia_thickness > 0:
-        raise InputError(source, "fascia_thickness_mm", f"{fascia_thickness:g} is not positive",
-                         "give it in mm (0.2-1.0 is usual)")
+        raise InputError(
+            source,
+            "fascia_thickness_mm",
+            f"{fascia_thickness:g} is not positive",
+            "give it in mm (0.2-1.0 is usual)",
+        )
     fat = max(room.fascia_to_skin, 1.5 * fascia_thickness)
     skin = _smooth(outlines["skin"], room)
     # Smoothing moves the contours by some tenths of a mm: keep that much in hand.
@@ -128,15 +140,19 @@ def section_from_outlines(
         bones[bone] = _smooth(_largest(_opened(outlines[bone] & inside, 1.0), source, bone), room)
         sheath = sheath | bones[bone].buffer(around)
     sheath = _largest(_closed(sheath, room.fascia_bridge), source, "muscle_hull")
-    sheath = _largest(_opened(sheath, room.corner) & skin.buffer(-(fat + slack)), source,
-                      "muscle_hull")
+    sheath = _largest(
+        _opened(sheath, room.corner) & skin.buffer(-(fat + slack)), source, "muscle_hull"
+    )
     # Bones may stick out of the hull's rounded corners; and cutting made new corners.
     for bone in bones.values():
         sheath = sheath | bone.buffer(around)
     fascia = _smooth(_largest(_closed(sheath, room.corner), source, "muscle_hull"), room)
     section = LegSection(
-        skin=_ring(skin), fascia=_ring(fascia), tibia=_ring(bones["tibia"]),
-        fibula=_ring(bones["fibula"]), fascia_thickness=fascia_thickness,
+        skin=_ring(skin),
+        fascia=_ring(fascia),
+        tibia=_ring(bones["tibia"]),
+        fibula=_ring(bones["fibula"]),
+        fascia_thickness=fascia_thickness,
     )
     check_section(section, source)
     _check_clearances(section, room.bone_to_fascia, fat, source)
@@ -148,18 +164,26 @@ def back_of_calf(section: LegSection) -> FloatArray:
     return np.array(section.skin[int(np.argmax(section.skin[:, 1]))])
 
 
-def _check_clearances(
-    section: LegSection, bone: float, fat: float, source: str | Path
-) -> None:
+def _check_clearances(section: LegSection, bone: float, fat: float, source: str | Path) -> None:
     fascia = section.polygon("fascia").exterior
-    found = {f"fascia to {part}": fascia.distance(section.polygon(part).exterior)
-             for part in PARTS if part != "fascia"}
-    wanted = {"fascia to skin": fat, "fascia to tibia": bone + section.fascia_thickness,
-              "fascia to fibula": bone + section.fascia_thickness}
+    found = {
+        f"fascia to {part}": fascia.distance(section.polygon(part).exterior)
+        for part in PARTS
+        if part != "fascia"
+    }
+    wanted = {
+        "fascia to skin": fat,
+        "fascia to tibia": bone + section.fascia_thickness,
+        "fascia to fibula": bone + section.fascia_thickness,
+    }
     for gap, least in wanted.items():
         if found[gap] < 0.9 * least:
-            raise InputError(source, gap, f"{found[gap]:.2f} mm left where {least:.2f} are needed",
-                             "choose another level or correct the outlines")
+            raise InputError(
+                source,
+                gap,
+                f"{found[gap]:.2f} mm left where {least:.2f} are needed",
+                "choose another level or correct the outlines",
+            )
 
 
 def _polygon(path: Path, part: str, points: FloatArray) -> Polygon:
@@ -171,8 +195,12 @@ def _polygon(path: Path, part: str, points: FloatArray) -> Polygon:
 def _largest(shape: object, source: str | Path, part: str) -> Polygon:
     pieces = [p for p in getattr(shape, "geoms", [shape]) if isinstance(p, Polygon) and p.area > 0]
     if not pieces:
-        raise InputError(source, part, "nothing is left of it inside the leg with the clearances",
-                         "choose another level or correct the outlines")
+        raise InputError(
+            source,
+            part,
+            "nothing is left of it inside the leg with the clearances",
+            "choose another level or correct the outlines",
+        )
     return Polygon(max(pieces, key=lambda piece: piece.area).exterior)
 
 

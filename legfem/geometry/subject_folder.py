@@ -122,16 +122,22 @@ def write_subject_folder(
     out = Path(out)
     check_new_folder(out)
     text = _TEMPLATE.format(
-        id=_toml_string(out.resolve().name), title=_toml_string(title), origin=origin,
-        thickness=section.fascia_thickness, x=float(aim[0]), y=float(aim[1]),
-        direction=float(direction_deg), starts_at_contact=str(starts_at_contact).lower(),
+        id=_toml_string(out.resolve().name),
+        title=_toml_string(title),
+        origin=origin,
+        thickness=section.fascia_thickness,
+        x=float(aim[0]),
+        y=float(aim[1]),
+        direction=float(direction_deg),
+        starts_at_contact=str(starts_at_contact).lower(),
     )
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
     except OSError as error:
-        raise InputError("--out", str(out), f"can't be written ({error})",
-                         "give a folder that you may write to") from None
+        raise InputError(
+            "--out", str(out), f"can't be written ({error})", "give a folder that you may write to"
+        ) from None
     try:
         (scratch / "recordings").mkdir()
         for recording in recordings:

@@ -64,9 +64,7 @@ class IdealisedLeg:
         check_positive(self, "radius", "bone_radius", "length")
         check_positive(self, "fat", "fascia", zero_allowed=True)
         if self.ends not in ("free", "held"):
-            raise InputError(
-                "leg", "ends", f"unknown kind {self.ends!r}", "choose free or held"
-            )
+            raise InputError("leg", "ends", f"unknown kind {self.ends!r}", "choose free or held")
         inner = self.radius - self.fat - self.fascia
         if abs(self.bone_offset) + self.bone_radius >= 0.98 * inner:
             raise InputError(

@@ -66,8 +66,12 @@ def loading_branch(recording: Recording, contact: Contact) -> Branch:
     reached = np.maximum.accumulate(np.where(approach, depth, -np.inf))
     virgin = approach & (depth >= reached - sample_noise(recording.displacement))
     if np.count_nonzero(virgin & (depth >= 0)) < 5:
-        raise InputError(recording.source or recording.trial, "displacement_mm",
-                         "there is no loading after contact", "press deeper or remove this trial")
+        raise InputError(
+            recording.source or recording.trial,
+            "displacement_mm",
+            "there is no loading after contact",
+            "press deeper or remove this trial",
+        )
     order = np.argsort(depth[virgin], kind="stable")
     force = recording.force - contact.baseline
     return Branch(depth[virgin][order], force[virgin][order], leverage[virgin][order])
@@ -111,25 +115,27 @@ def align_branches(
         if not air:
             placed[k] = _onto(branches[k], known, step, in_air=False)
     for _ in range(3):
-        onto = [_onto(b, placed[:k] + placed[k + 1:], step) for k, b in enumerate(placed)]
+        onto = [_onto(b, placed[:k] + placed[k + 1 :], step) for k, b in enumerate(placed)]
         # Half the way, lest two trials swap places.
-        placed = [b.moved(0.5 * float(b.depth[0] - c.depth[0]))
-                  for b, c in zip(placed, onto, strict=True)]
+        placed = [
+            b.moved(0.5 * float(b.depth[0] - c.depth[0])) for b, c in zip(placed, onto, strict=True)
+        ]
     common = _common_contact(placed, displacement_sd)
     if common.in_air:
         by, offset, error = common.displacement, common.baseline, common.displacement_error
     else:
         # Together they show no air: then those that began at contact say where it is.
-        at_contact = [float(b.depth[0] - a.depth[0])
-                      for a, b, air in zip(branches, placed, in_air, strict=True) if not air]
+        at_contact = [
+            float(b.depth[0] - a.depth[0])
+            for a, b, air in zip(branches, placed, in_air, strict=True)
+            if not air
+        ]
         by = float(np.mean(at_contact)) if at_contact else 0.0
         offset, error = 0.0, max(displacement_sd, float(np.mean(errors)))
     return [b.moved(by, offset).loaded() for b in placed], error
 
 
-def _onto(
-    branch: Branch, others: Sequence[Branch], step: float, in_air: bool = True
-) -> Branch:
+def _onto(branch: Branch, others: Sequence[Branch], step: float, in_air: bool = True) -> Branch:
     """Move a branch by the shift that brings it nearest to the others' mean.
 
     One without air may lie further off and its force be offset by a constant.

@@ -80,9 +80,7 @@ def find_first_contact(
     return fit_onset(d[: deepest + 1], recording.force[: deepest + 1], force_sd, d_noise)
 
 
-def fit_onset(
-    d: FloatArray, force: FloatArray, force_sd: float, displacement_sd: float
-) -> Contact:
+def fit_onset(d: FloatArray, force: FloatArray, force_sd: float, displacement_sd: float) -> Contact:
     """Fit the onset of force in samples with growing, smooth displacement.
 
     See `find_first_contact`; arrays are (n,), mm and N.
@@ -119,22 +117,34 @@ def fit_onset(
     baseline = float(np.mean(force[in_air]))
     spread = float(np.std(force[in_air])) * np.sqrt(_inflation(force[in_air]) / in_air.sum())
     return Contact(
-        displacement=best, baseline=baseline, displacement_error=error,
-        baseline_error=max(spread, noise / np.sqrt(in_air.sum())), estimate=best, in_air=True,
+        displacement=best,
+        baseline=baseline,
+        displacement_error=error,
+        baseline_error=max(spread, noise / np.sqrt(in_air.sum())),
+        estimate=best,
+        in_air=True,
     )
 
 
 def _at_start(
-    d: FloatArray, force: FloatArray, start: float, noise: float, displacement_sd: float,
-    estimate: float | None = None, error: float | None = None,
+    d: FloatArray,
+    force: FloatArray,
+    start: float,
+    noise: float,
+    displacement_sd: float,
+    estimate: float | None = None,
+    error: float | None = None,
 ) -> Contact:
     few = max(1, min(5, len(force)))
     loaded = float(np.mean(force[:few])) > 5.0 * noise
     away = abs(start) > max(3.0 * displacement_sd / np.sqrt(few), displacement_sd)
     return Contact(
-        displacement=start if away and not loaded else 0.0, baseline=0.0,
+        displacement=start if away and not loaded else 0.0,
+        baseline=0.0,
         displacement_error=displacement_sd / np.sqrt(few) if error is None else error,
-        baseline_error=np.inf, estimate=start if estimate is None else estimate, in_air=False,
+        baseline_error=np.inf,
+        estimate=start if estimate is None else estimate,
+        in_air=False,
     )
 
 
@@ -177,9 +187,7 @@ def _profile(
     return best, residual, cost
 
 
-def _half_width(
-    onsets: FloatArray, cost: FloatArray, best: float, residual: FloatArray
-) -> float:
+def _half_width(onsets: FloatArray, cost: FloatArray, best: float, residual: FloatArray) -> float:
     variance = float(residual @ residual) / max(len(residual) - 4, 1) * _inflation(residual)
     inside = onsets[cost <= float(cost.min()) + variance]
     step = float(onsets[1] - onsets[0])

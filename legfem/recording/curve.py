@@ -108,16 +108,21 @@ def mean_loading_curve(
     )
     branches, common = align_branches(
         [loading_branch(r, c) for r, c in zip(recordings, contacts, strict=True)],
-        contacts, instrument.displacement_sd, step,
+        contacts,
+        instrument.displacement_sd,
+        step,
     )
     deepest = min(float(b.depth[-1]) for b in branches)
     # A trial to 20 mm ends at 19.99 or 20.01 by its sensor: a tenth of a step doesn't count.
     grid = step * np.arange(1, int(np.floor(deepest / step + 0.1)) + 1)
     if len(grid) < 4:
         shallow = recordings[int(np.argmin([b.depth[-1] for b in branches]))]
-        raise InputError(shallow.source or shallow.trial, "displacement_mm",
-                         f"{deepest:.2f} mm of loading are too short to identify from",
-                         "press deeper or take this trial out")
+        raise InputError(
+            shallow.source or shallow.trial,
+            "displacement_mm",
+            f"{deepest:.2f} mm of loading are too short to identify from",
+            "press deeper or take this trial out",
+        )
     fits = [local_line(b.depth, b.force, grid, 0.5 * step) for b in branches]
     curves = np.vstack([fit.value for fit in fits])
     force = curves.mean(axis=0)
@@ -125,27 +130,38 @@ def mean_loading_curve(
     slope = Polynomial.fit(grid, force, min(5, len(grid) - 2)).deriv()(grid)
     white = float(np.sqrt(np.mean([sample_noise(r.force) ** 2 for r in recordings])))
     white_variance = white**2 * np.mean([fit.leverage for fit in fits], axis=0)
-    jitter = np.mean([
-        np.interp(grid, b.depth, b.leverage) * sample_noise(r.displacement) ** 2
-        for b, r in zip(branches, recordings, strict=True)
-    ], axis=0)
+    jitter = np.mean(
+        [
+            np.interp(grid, b.depth, b.leverage) * sample_noise(r.displacement) ** 2
+            for b, r in zip(branches, recordings, strict=True)
+        ],
+        axis=0,
+    )
     noise = estimate_noise(
-        grid, curves, slope, white_variance + jitter * slope**2,
+        grid,
+        curves,
+        slope,
+        white_variance + jitter * slope**2,
         _expected(contacts, instrument, white, common),
     )
     # Smoothed displacement errs alike over about half the 1 mm it is smoothed over.
     apart = np.abs(grid[:, None] - grid[None, :])
     drift = np.sqrt(jitter) * slope
     covariance = (
-        noise.trial_covariance(grid, force, slope) + np.diag(white_variance)
+        noise.trial_covariance(grid, force, slope)
+        + np.diag(white_variance)
         + np.outer(drift, drift) * np.exp(-apart / 0.5)
         + _wander(recordings, instrument) * np.outer(slope, slope) * np.exp(-apart / _WANDER_MM)
     ) / len(recordings) + noise.common_shift_sd**2 * np.outer(slope, slope)
     return LoadingCurve(
-        displacement=frozen_array(grid), force=frozen_array(force),
-        force_sd=frozen_array(np.sqrt(np.diag(covariance))), covariance=frozen_array(covariance),
-        trial_force=frozen_array(curves), n_trials=len(recordings),
-        n_samples=frozen_array(np.sum([fit.count for fit in fits], axis=0)), noise=noise,
+        displacement=frozen_array(grid),
+        force=frozen_array(force),
+        force_sd=frozen_array(np.sqrt(np.diag(covariance))),
+        covariance=frozen_array(covariance),
+        trial_force=frozen_array(curves),
+        n_trials=len(recordings),
+        n_samples=frozen_array(np.sum([fit.count for fit in fits], axis=0)),
+        noise=noise,
         contacts=contacts,
     )
 
@@ -169,9 +185,11 @@ def _expected(
         offset_sd=float(np.sqrt(np.mean(np.square(offsets)))),
         # Aligned trials lie to each other far better than each one's contact is known.
         shift_sd=max(0.2 * common_shift, 0.2 * instrument.displacement_sd)
-        if aligned else instrument.displacement_sd,
+        if aligned
+        else instrument.displacement_sd,
         common_shift_sd=common_shift,
-        slow_sd=float(np.sqrt(max(instrument.force_sd**2 - white**2,
-                                  0.09 * instrument.force_sd**2))),
+        slow_sd=float(
+            np.sqrt(max(instrument.force_sd**2 - white**2, 0.09 * instrument.force_sd**2))
+        ),
         white_sd=white,
     )

@@ -54,8 +54,18 @@ class NoiseEstimate:
         """Return the covariance (n, n), N^2, of one trial's curve without its white part."""
         few = self.small_sample_factor
         return _covariance(
-            np.array([few * self.offset_sd, few * self.gain_sd, few * self.shift_sd,
-                      self.slow_sd, self.correlation_length]), displacement, force, slope,
+            np.array(
+                [
+                    few * self.offset_sd,
+                    few * self.gain_sd,
+                    few * self.shift_sd,
+                    self.slow_sd,
+                    self.correlation_length,
+                ]
+            ),
+            displacement,
+            force,
+            slope,
         )
 
     @property
@@ -87,7 +97,10 @@ class Expectation:
 
 
 def estimate_noise(
-    displacement: FloatArray, curves: FloatArray, slope: FloatArray, known_variance: FloatArray,
+    displacement: FloatArray,
+    curves: FloatArray,
+    slope: FloatArray,
+    known_variance: FloatArray,
     expected: Expectation,
 ) -> NoiseEstimate:
     """Estimate the components of the trials' errors from their differences.
@@ -110,8 +123,15 @@ def estimate_noise(
         Scales expected of the components.
     """
     repeats = len(curves)
-    centre = np.array([expected.offset_sd, _EXPECTED_GAIN_SD, expected.shift_sd,
-                       expected.slow_sd, _EXPECTED_LENGTH_MM])
+    centre = np.array(
+        [
+            expected.offset_sd,
+            _EXPECTED_GAIN_SD,
+            expected.shift_sd,
+            expected.slow_sd,
+            _EXPECTED_LENGTH_MM,
+        ]
+    )
     found = centre
     if repeats > 1:
         contrasts = _helmert(repeats) @ curves
@@ -133,8 +153,13 @@ def estimate_noise(
         found = centre * np.exp(fit.x)
     offset, gain, shift, slow, length = (float(v) for v in found)
     return NoiseEstimate(
-        force_sd=float(np.hypot(slow, expected.white_sd)), white_sd=expected.white_sd,
-        slow_sd=slow, correlation_length=length, offset_sd=offset, gain_sd=gain, shift_sd=shift,
+        force_sd=float(np.hypot(slow, expected.white_sd)),
+        white_sd=expected.white_sd,
+        slow_sd=slow,
+        correlation_length=length,
+        offset_sd=offset,
+        gain_sd=gain,
+        shift_sd=shift,
         common_shift_sd=expected.common_shift_sd,
         repeat_dof=repeats - 1,
         source="repeats and instrument" if repeats > 1 else "instrument",
@@ -147,7 +172,9 @@ def _covariance(
     offset, gain, shift, slow, length = components
     apart = np.abs(displacement[:, None] - displacement[None, :])
     total: FloatArray = (
-        offset**2 + gain**2 * np.outer(force, force) + shift**2 * np.outer(slope, slope)
+        offset**2
+        + gain**2 * np.outer(force, force)
+        + shift**2 * np.outer(slope, slope)
         + slow**2 * np.exp(-apart / length)
     )
     return total

@@ -110,4 +110,4 @@ def _mark_separation(recording: Recording, labels: NDArray[np.str_]) -> None:
     if onset.in_air:
         left = branch[smooth < onset.displacement]
         if len(left):
-            labels[left[0]:] = AIR
+            labels[left[0] :] = AIR

@@ -44,13 +44,17 @@ def read_recording(path: Path, minimal_depth: float = MINIMAL_DEPTH_MM) -> Recor
         i = int(backwards[0])
         word = "repeats" if time[i + 1] == time[i] else "runs backwards"
         raise InputError(
-            path, f"time_s, line {table.index[i + 1]}",
+            path,
+            f"time_s, line {table.index[i + 1]}",
             f"time {word} ({time[i]:g} s, then {time[i + 1]:g} s)",
             "sort the rows by time, remove repeated ones, and keep one trial a file",
         )
     recording = Recording(
-        time=time, displacement=table["displacement_mm"].to_numpy(dtype=np.float64),
-        force=table["force_N"].to_numpy(dtype=np.float64), trial=path.stem, source=path,
+        time=time,
+        displacement=table["displacement_mm"].to_numpy(dtype=np.float64),
+        force=table["force_N"].to_numpy(dtype=np.float64),
+        trial=path.stem,
+        source=path,
     )
     check_recording(recording, minimal_depth)
     return recording
@@ -68,8 +72,12 @@ def check_recording(recording: Recording, minimal_depth: float = MINIMAL_DEPTH_M
     """
     source = recording.source or recording.trial
     if len(recording) < MINIMAL_SAMPLES:
-        raise InputError(source, "rows", f"{len(recording)} samples are too few",
-                         f"record at least {MINIMAL_SAMPLES} during loading")
+        raise InputError(
+            source,
+            "rows",
+            f"{len(recording)} samples are too few",
+            f"record at least {MINIMAL_SAMPLES} during loading",
+        )
     _check_motion(recording, source)
     _check_touch(recording, source)
     contact = find_first_contact(recording)
@@ -79,14 +87,17 @@ def check_recording(recording: Recording, minimal_depth: float = MINIMAL_DEPTH_M
     # Smoothing and contact are known to about the reading's noise: don't refuse for that.
     if depth < minimal_depth - 0.1:
         raise InputError(
-            source, "displacement_mm",
+            source,
+            "displacement_mm",
             f"{depth:.1f} mm of loading after contact are too short to identify from",
             f"press at least {minimal_depth:g} mm beyond first touch",
         )
     samples = int(np.count_nonzero(smooth[: deepest + 1] > contact.displacement))
     if samples < MINIMAL_SAMPLES:
         raise InputError(
-            source, "rows", f"{samples} samples of loading after contact are too few",
+            source,
+            "rows",
+            f"{samples} samples of loading after contact are too few",
             f"record at least {MINIMAL_SAMPLES}: sample faster or press more slowly",
         )
 
@@ -98,14 +109,18 @@ def _check_motion(recording: Recording, source: str | Path) -> None:
     travel = float(np.ptp(smooth))
     if travel < 0.1:
         raise InputError(
-            source, "displacement_mm", f"the cylinder moves {travel:.3g} mm in all",
+            source,
+            "displacement_mm",
+            f"the cylinder moves {travel:.3g} mm in all",
             "give displacement in mm (multiply metres by 1000), or record a deeper press",
         )
     moved = max(0.5, 5.0 * noise)
     first = np.flatnonzero(np.abs(away) > moved)
     if len(first) and away[first[0]] < 0:
         raise InputError(
-            source, "displacement_mm", "falls at the start",
+            source,
+            "displacement_mm",
+            "falls at the start",
             "let it grow towards the leg: change its sign or remove rows of moving away",
         )
 
@@ -120,13 +135,16 @@ def _check_touch(recording: Recording, source: str | Path) -> None:
     spread = sample_noise(recording.force)
     if rise < -5.0 * max(spread, 0.002):
         raise InputError(
-            source, "force_N", f"falls by {-rise:.3g} N as the cylinder presses (tension)",
+            source,
+            "force_N",
+            f"falls by {-rise:.3g} N as the cylinder presses (tension)",
             "change its sign: force is positive in compression",
         )
     if rise < max(5.0 * spread, MINIMAL_RISE_N):
         hint = " or give force in N (multiply kN by 1000)" if 0 < rise < MINIMAL_RISE_N else ""
         raise InputError(
-            source, "force_N",
+            source,
+            "force_N",
             f"never touches: the force rises by {rise:.3g} N only, its noise is {spread:.2g} N",
             f"remove this trial, or record it until the cylinder presses the leg{hint}",
         )

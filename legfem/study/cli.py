@@ -225,9 +225,7 @@ def correction(
         folder = out or Path("results") / "correction"
         check_out_folder(folder)
         case = Case(
-            IdealisedLeg(
-                radius, bone_radius, length, bone_offset, ends="held" if held else "free"
-            ),
+            IdealisedLeg(radius, bone_radius, length, bone_offset, ends="held" if held else "free"),
             Cylinder(length=cylinder_length, edge_radius=edge_radius),
             Material(C10_kPa=c10_kpa),
             IdealisedLegSettings(mesh=LegMeshSettings().refined(finer)),

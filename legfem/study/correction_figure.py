@@ -97,9 +97,7 @@ def _draw_curves(axes: Any, case: Case, found: Calibrated, lengths: dict[str, Fl
     correction = found.correction
     displacement = correction.displacement
     material = case.material
-    P = correction.correction(
-        displacement, np.array(material.C10_kPa), np.array(material.C20_kPa)
-    )
+    P = correction.correction(displacement, np.array(material.C10_kPa), np.array(material.C20_kPa))
     spread = 1.96 * correction.standard_deviation(displacement)
     label = f"the correction ({case.cylinder.length:g} mm, 95 %)"
     axes.fill_between(displacement, P - spread, P + spread, color="#DDDDDD", label=label)

@@ -62,9 +62,7 @@ def _stress(x: np.ndarray) -> np.ndarray:
 
 def _body_force(x: np.ndarray) -> np.ndarray:
     step = 1e-30
-    along = [
-        _stress(x + 1j * step * np.eye(2)[axis])[..., axis].imag / step for axis in range(2)
-    ]
+    along = [_stress(x + 1j * step * np.eye(2)[axis])[..., axis].imag / step for axis in range(2)]
     return -(along[0] + along[1])
 
 

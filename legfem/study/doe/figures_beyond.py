@@ -104,7 +104,8 @@ def _half_widths(
     axes.axhline(100 * IDENTIFIED_WITHIN, color=FAINT, ls="--", lw=1)
     axes.text(found.displacement[-1], 110 * IDENTIFIED_WITHIN, "told within 50 %", ha="right",
               color=FAINT, fontsize=8)  # fmt: skip
-    axes.set_ylim(max(0.1, 50 * float(np.min(widths))), 1e4)
+    told = widths[np.isfinite(widths)]
+    axes.set_ylim(max(0.1, 50 * float(told.min())) if told.size else 1.0, 1e4)
     axes.set_xlabel("the curve's depth (mm)")
     axes.set_ylabel("% of the parameter")
     axes.legend(fontsize=8)

@@ -1,0 +1,150 @@
+"""Steps: their sizes, what happens when one fails, and the report."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from making_mechanics import COARSE, fixed_steps, pressed_block, subject_3
+
+from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.newton import NewtonOutcome, NewtonSettings, NewtonSolver
+from legfem.stepping import SolveReport, Step, StepSettings, press
+from legfem.system import System
+
+
+class FailingSolver(NewtonSolver):
+    """Fails where it is told to, and leaves rubbish behind as a failed solve does."""
+
+    def __init__(self, system: System, fails) -> None:
+        super().__init__(system)
+        self._fails, self._at = fails, []
+        move = system.set_displacement
+        system.set_displacement = lambda at: (self._at.append(at), move(at))[1]
+
+    def solve(self) -> NewtonOutcome:
+        if self._fails(self._at[-1]):
+            self._system.unknown.x.array[:] = 1e6
+            return NewtonOutcome(False, "told to fail", 7, 9, 1.0)
+        return super().solve()
+
+
+@pytest.fixture(scope="module")
+def stuck() -> tuple[SolveReport, System, list[tuple[float, np.ndarray, float]]]:
+    """A block that cannot be pressed beyond 1.1 mm."""
+    system = pressed_block()
+    accepted = []
+
+    def record(at: float) -> None:
+        accepted.append((at, system.unknown.x.array.copy(), system.force()))
+
+    solver = FailingSolver(system, lambda at: at > 1.1)
+    return press(system, solver, [2.0], on_step=record), system, accepted
+
+
+def test_giving_up_is_a_value_with_depth_and_reason(stuck):
+    report, _, accepted = stuck
+    assert not report.complete
+    assert report.target == 2.0
+    assert report.reached == accepted[-1][0]
+    smallest, cut = StepSettings().smallest, StepSettings().cut
+    assert 1.1 - smallest / cut < report.reached <= 1.1
+    assert report.reason == "no step above 0.001 mm converges: told to fail"
+    assert "stopped: no step above" in str(report) and "of 2.00 mm" in str(report)
+
+
+def test_a_failed_step_leaves_the_last_good_state(stuck):
+    _, system, accepted = stuck
+    _, state, force = accepted[-1]
+    np.testing.assert_array_equal(system.unknown.x.array, state)
+    assert system.force() == pytest.approx(force, rel=1e-12)
+    balance = system.balance()
+    np.testing.assert_allclose(-balance.bone_reaction, balance.contact_force, rtol=1e-8, atol=1e-12)
+
+
+def test_every_step_is_reported(stuck):
+    report, _, accepted = stuck
+    assert all(isinstance(step, Step) for step in report.steps)
+    assert [step.displacement for step in report.steps if step.accepted] == [
+        at for at, _, _ in accepted
+    ]
+    assert report.rejected == sum(step.reason == "told to fail" for step in report.steps) > 2
+    assert report.factorisations == sum(step.factorisations for step in report.steps)
+    assert report.seconds > 0 and report.unknowns == stuck[1].spaces.unknowns
+    for step in report.steps:
+        if step.accepted:
+            assert step.reason == "the residual is small" and step.residual < 1e-9
+
+
+def test_steps_are_cut_after_failures_and_grow_again():
+    """A place that only small steps pass; the curve beyond it is the undisturbed one."""
+    settings = StepSettings(first=0.5, largest=0.5)
+    system = pressed_block()
+    last = [0.0]
+
+    def fails(at: float) -> bool:
+        difficult = 0.9 < at < 1.2 and at - last[0] > 0.15
+        if not difficult:
+            last[0] = at
+        return difficult
+
+    report = press(system, FailingSolver(system, fails), [3.0], settings)
+    assert report.complete and report.rejected > 0
+    sizes = [step.size for step in report.steps if step.accepted]
+    assert min(sizes) <= 0.2 and sizes[-1] > 0.4
+    disturbed = system.force()
+    smooth = pressed_block()
+    assert press(smooth, NewtonSolver(smooth), [3.0], settings).rejected == 0
+    assert disturbed == pytest.approx(smooth.force(), rel=5e-3)
+
+
+def test_steps_grow_where_newton_s_method_finds_it_easy():
+    system = pressed_block()
+    settings = StepSettings(first=0.1, largest=0.6, growth=2.0)
+    report = press(system, NewtonSolver(system), [2.5], settings)
+    sizes = [step.size for step in report.steps]
+    assert sizes[0] == pytest.approx(0.1)
+    assert max(sizes) <= 0.6 + 1e-12
+    assert sizes[2] > 3 * sizes[0]
+
+
+def test_targets_are_reached_exactly_and_in_order():
+    system, seen = pressed_block(), []
+    press(system, NewtonSolver(system), [0.8, 0.3, 1.0], fixed_steps(0.35), seen.append)
+    turning = [seen[0]] + [b for a, b in zip(seen, seen[1:], strict=False) if b in (0.8, 0.3, 1.0)]
+    assert turning[1:] == [0.8, 0.3, 1.0]
+    assert np.abs(np.diff([0.0, *seen])).max() <= 0.35 + 1e-12
+
+
+def test_pressing_starts_from_the_undeformed_state():
+    system = pressed_block()
+    solver = NewtonSolver(system)
+    press(system, solver, [1.5], fixed_steps(0.5))
+    first = system.force()
+    press(system, solver, [2.0], fixed_steps(0.5))
+    press(system, solver, [1.5], fixed_steps(0.5))
+    assert system.force() == pytest.approx(first, rel=1e-12)
+
+
+def test_an_absurd_limit_gives_up_at_once():
+    system = pressed_block()
+    solver = NewtonSolver(system, NewtonSettings(max_factorisations=1, relative_tolerance=1e-18))
+    report = press(system, solver, [2.0], StepSettings(first=1.0, smallest=0.2))
+    assert (report.complete, report.reached) == (False, 0.0)
+    assert "the residual stays large" in report.reason
+    np.testing.assert_array_equal(system.unknown.x.array, 0.0)
+
+
+# --- the second line of defence ---
+
+
+def _crippled(**more) -> PlaneStrainIndentation:
+    """The default contact is made impossible: it is as stiff as rounding allows, and more."""
+    from legfem.contact_settings import ContactSettings
+
+    settings = PlaneStrainSettings(
+        mesh=COARSE,
+        contact=ContactSettings(stiffness=5e7, onset=1e-4),
+        steps=StepSettings(first=0.5, smallest=0.2),
+        **more,
+    )
+    return PlaneStrainIndentation(*subject_3(), settings)
