@@ -103,7 +103,8 @@ class TabulatedCorrection:
         values, wide = self.values, []
         for number, axis in enumerate(axes):
             if len(axis) == 1:
-                axis, values = axis + [0.0, 1.0], np.repeat(values, 2, axis=number)
+                axis = np.array([axis[0], axis[0] + 1])
+                values = np.repeat(values, 2, axis=number)
             wide.append(axis)
         object.__setattr__(self, "_table", RegularGridInterpolator(tuple(wide), values))
         object.__setattr__(self, "_bounds", [(axis[0], axis[-1]) for axis in wide])
@@ -161,7 +162,7 @@ class TabulatedCorrection:
         )
 
 
-def _rounded(values: FloatArray) -> list[Any]:
+def _rounded(values: FloatArray) -> Any:
     return np.round(values, 7).tolist()
 
 

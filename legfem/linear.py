@@ -2,7 +2,8 @@
 
 Factors of a section's tangent are cheap at any size that is used. In 3D their cost grows with the
 square of the number of unknowns, and that of conjugate directions with algebraic multigrid in
-proportion to it. Any choice gives way to PETSc options with the prefix ``legfem_``.
+proportion to it. Any choice gives way to PETSc options: with the prefix ``legfem_`` for factors,
+``legfem_mixed_`` or ``legfem_displacement_`` for iterations on either form.
 """
 
 from __future__ import annotations
@@ -93,7 +94,10 @@ def _iterate(linear: PETSc.KSP, spaces: LegSpaces, settings: LinearSettings) -> 
     linear.setGMRESRestart(100)
     linear.setTolerances(rtol=settings.tolerance, max_it=settings.max_iterations)
     mixed = spaces.formulation == "mixed"
-    options = PETSc.Options("legfem_")
+    # A prefix of their own, since PETSc's options are global: direct solvers must not read them.
+    prefix = "legfem_mixed_" if mixed else "legfem_displacement_"
+    linear.setOptionsPrefix(prefix)
+    options = PETSc.Options(prefix)
     for name, value in (_ELIMINATION if mixed else _MULTIGRID).items():
         if not options.hasName(name):
             options.setValue(name, value)

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from making_mechanics import COARSE, fixed_steps, pressed_block, subject_3
 
+from legfem.contact_settings import ContactSettings
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.experiments.pressing import Indentation
 from legfem.newton import NewtonOutcome, NewtonSettings, NewtonSolver
 from legfem.stepping import SolveReport, Step, StepSettings, press
 from legfem.system import System
@@ -136,15 +138,45 @@ def test_an_absurd_limit_gives_up_at_once():
 
 # --- the second line of defence ---
 
+# Too stiff for the tolerance: rounding of positions times the penalty exceeds it.
+TOO_STIFF = ContactSettings(stiffness=2e7, onset=1e-4)
+IMPOSSIBLE = ContactSettings(stiffness=5e7, onset=1e-4)
 
-def _crippled(**more) -> PlaneStrainIndentation:
-    """The default contact is made impossible: it is as stiff as rounding allows, and more."""
-    from legfem.contact_settings import ContactSettings
 
+def _solved(contact: ContactSettings, defences: bool) -> Indentation:
     settings = PlaneStrainSettings(
         mesh=COARSE,
-        contact=ContactSettings(stiffness=5e7, onset=1e-4),
+        contact=contact,
         steps=StepSettings(first=0.5, smallest=0.2),
-        **more,
+        defences=defences,
     )
-    return PlaneStrainIndentation(*subject_3(), settings)
+    return PlaneStrainIndentation(*subject_3(), settings).solve(depth=3.0)
+
+
+def test_a_softer_contact_is_tried_before_giving_up():
+    report = _solved(TOO_STIFF, defences=True).report
+    assert report.complete and report.contact_stiffness_factor == 0.2
+    (first,) = report.earlier_attempts
+    assert not first.complete and first.contact_stiffness_factor == 1.0
+    assert report.factorisations > sum(step.factorisations for step in report.steps)
+    assert report.factorisations == first.factorisations + sum(
+        step.factorisations for step in report.steps
+    )
+
+
+def test_without_defences_the_first_failure_stands():
+    report = _solved(TOO_STIFF, defences=False).report
+    assert not report.complete and report.reached < 1.0
+    assert report.earlier_attempts == () and report.contact_stiffness_factor == 1.0
+
+
+def test_a_finer_mesh_is_tried_last_and_the_farthest_attempt_returned():
+    solved = _solved(IMPOSSIBLE, defences=True)
+    report = solved.report
+    assert not report.complete and len(report.earlier_attempts) == 2
+    attempts = [report, *report.earlier_attempts]
+    assert sorted(attempt.contact_stiffness_factor for attempt in attempts) == [0.2, 0.2, 1.0]
+    assert len({attempt.unknowns for attempt in attempts}) == 2
+    assert report.reached == max(attempt.reached for attempt in attempts)
+    assert solved.curve.depth == report.reached
+    assert report.factorisations == sum(s.factorisations for a in attempts for s in a.steps)

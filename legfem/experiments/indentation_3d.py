@@ -104,6 +104,11 @@ class IdealisedLegIndentation:
         self.settings = settings or IdealisedLegSettings()
         self.comm = comm
         mesh_settings = self.settings.mesh
+        if mesh_settings.cells == "tetrahedra" and self.settings.formulation == "mixed":
+            raise InputError(
+                "mesh", "cells", "tetrahedra have no mixed form here",
+                "choose the displacement form with them",
+            )  # fmt: skip
         if dimension == 3:
             _check_ends(leg, cylinder, mesh_settings)
             self.leg_mesh: LegMesh = mesh_leg(

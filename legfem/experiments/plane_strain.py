@@ -139,22 +139,20 @@ class PlaneStrainIndentation:
         Indentation
             Also where the depth wasn't reached.
         """
-        attempt = self._pressing.run(parameters, depth, sensitivities, turns, on_step, softness=1.0)
-        if attempt.report.complete or not self.settings.defences:
-            return attempt
-        softer = self._pressing.run(parameters, depth, sensitivities, turns, on_step, softness=0.2)
-        softer = _after(softer, attempt)
-        if softer.report.complete:
-            return softer
-        finer = PlaneStrainIndentation(
-            self.section,
-            self.indenter,
-            self.tissues,
-            replace(self.settings, mesh=self.settings.mesh.refined(1.5), defences=False),
-            self.comm,
-        )
-        last = finer._pressing.run(parameters, depth, sensitivities, turns, on_step, softness=0.2)
-        return max(_after(last, attempt, softer), softer, key=lambda solved: solved.report.reached)
+        asked = parameters, depth, sensitivities, turns, on_step
+        attempts = [self._pressing.run(*asked, softness=1.0)]
+        if self.settings.defences and not attempts[-1].report.complete:
+            attempts.append(self._pressing.run(*asked, softness=0.2))
+        if self.settings.defences and not attempts[-1].report.complete:
+            finer = PlaneStrainIndentation(
+                self.section,
+                self.indenter,
+                self.tissues,
+                replace(self.settings, mesh=self.settings.mesh.refined(1.5), defences=False),
+                self.comm,
+            )
+            attempts.append(finer._pressing.run(*asked, softness=0.2))
+        return _farthest(attempts)
 
     def _model(self) -> LegModel:
         tissues = {name: getattr(self.tissues, name) for name in REGIONS}
@@ -190,6 +188,8 @@ def _law(given: TissueParameters) -> Hyperelastic:
     return ReducedPolynomial(given.C10, given.D1, given.C20 or 0.0, second)
 
 
-def _after(last: Indentation, *earlier: Indentation) -> Indentation:
-    reports = tuple(solved.report for solved in earlier)
-    return replace(last, report=replace(last.report, earlier_attempts=reports))
+def _farthest(attempts: Sequence[Indentation]) -> Indentation:
+    """Return the attempt that came farthest, with the reports of the others."""
+    best = max(attempts, key=lambda solved: (solved.report.complete, solved.report.reached))
+    others = tuple(solved.report for solved in attempts if solved is not best)
+    return replace(best, report=replace(best.report, earlier_attempts=others))

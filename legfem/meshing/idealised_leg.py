@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
@@ -273,7 +274,7 @@ def _spaced(
     """Return nodes from 0 to a length, spaced by ``size``, with nodes at the stops."""
     ends = [0.0, *(stop for stop in stops if 1e-9 < stop < length - 1e-9), length]
     nodes = [np.zeros(1)]
-    for start, end in zip(ends[:-1], ends[1:], strict=True):
+    for start, end in pairwise(ends):
         fine = np.linspace(start, end, 2001)
         density = 1 / size(fine)
         steps = 0.5 * (density[1:] + density[:-1]) * np.diff(fine)

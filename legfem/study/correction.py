@@ -72,11 +72,9 @@ def run_cases(
     """Solve cases: each over the ranks of a communicator, or in processes side by side."""
     solve = partial(remembered_case, folder=folder)
     if comm.size > 1:
-        found = (solve(case, comm=comm) for case in cases)
-    else:
-        found = sweep(cases, solve, jobs)
+        solve, jobs = partial(solve, comm=comm), 1
     outcomes = []
-    for outcome in found:
+    for outcome in sweep(cases, solve, jobs):
         outcomes.append(outcome)
         progress.advance(
             f"{outcome.unknowns} unknowns, {outcome.reached:g} mm, "

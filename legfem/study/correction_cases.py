@@ -163,7 +163,12 @@ _PLAIN = ("complete", "reached", "unknowns", "factorisations", "seconds", "balan
 
 
 def _outcome(known: Mapping[str, Any]) -> CaseOutcome:
-    spatial, plane = (ForceCurve(*map(np.array, known[name])) for name in ("spatial", "plane"))
+    plain: dict[str, Any] = {name: known[name] for name in _PLAIN}
     return CaseOutcome(
-        spatial, plane, *(known[name] for name in _PLAIN), skin=np.array(known["skin"])
+        _curve(known["spatial"]), _curve(known["plane"]), skin=np.array(known["skin"]), **plain
     )
+
+
+def _curve(columns: list[list[float]]) -> ForceCurve:
+    displacement, force = map(np.array, columns)
+    return ForceCurve(displacement, force)

@@ -37,7 +37,10 @@ def verdicts(results: Sequence[StudyResult]) -> list[Verdict]:
     titles = [result.definition.title for result in results]
     found = []
     for claim, judge in CLAIMS.items():
-        findings = tuple(judge(result) for result in results)
+        findings = tuple(
+            judge(result) if result.analyses else Finding(None, "no metric was analysed", "")
+            for result in results
+        )
         found.append(Verdict(claim, _in_words(findings, titles), findings))
     return found
 
