@@ -35,6 +35,9 @@ class NewtonSettings:
         In one step.
     reuse : float
         The factors are used again after an iteration that reduced the residual by this factor.
+    floor : float
+        A residual that no longer falls is rounding, and good enough below this multiple of the
+        tolerance: a stiff fascia around soft tissue sums large forces to small ones.
     memory : int
         An update is accepted if the residual falls below the largest of this many before it.
     max_halvings : int
@@ -45,6 +48,7 @@ class NewtonSettings:
     absolute_tolerance: float = 1e-13
     max_factorisations: int = 12
     reuse: float = 0.3
+    floor: float = 10.0
     memory: int = 2
     max_halvings: int = 4
 
@@ -197,6 +201,8 @@ class NewtonSolver:
         limit = self._settings.absolute_tolerance + self._settings.relative_tolerance * scale
         if norm <= limit and iteration > 0:
             return int(reasons.CONVERGED_FNORM_ABS)
+        if iteration > 0 and 0.5 * self._norms[-2] < norm <= self._settings.floor * limit:
+            return int(reasons.CONVERGED_FNORM_RELATIVE)
         if self._factorisations >= self._settings.max_factorisations and not (
             norm < self._settings.reuse * self._norms[-2]
         ):
@@ -208,7 +214,7 @@ def _describe(reason: int) -> str:
     reasons = PETSc.SNES.ConvergedReason
     words = {
         reasons.CONVERGED_FNORM_ABS: "the residual is small",
-        reasons.CONVERGED_FNORM_RELATIVE: "the residual is small",
+        reasons.CONVERGED_FNORM_RELATIVE: "the residual is as small as rounding allows",
         RESIDUAL_NOT_FINITE: "the residual is not a number",
         reasons.DIVERGED_MAX_IT: "the residual stays large",
         reasons.DIVERGED_LINEAR_SOLVE: "the tangent cannot be factorised",

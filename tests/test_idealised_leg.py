@@ -102,9 +102,9 @@ def test_forces_and_works_balance():
 def test_iterations_and_factors_give_the_same_force(formulation):
     leg = IdealisedLeg(length=60)
     forces = [
-        pressed(
-            leg, 3, linear=LinearSettings(solver=solver), formulation=formulation, depth=1.0
-        )[1].curve.force[-1]
+        pressed(leg, 3, linear=LinearSettings(solver=solver), formulation=formulation, depth=1.0)[
+            1
+        ].curve.force[-1]
         for solver in ("direct", "iterative")
     ]
     assert forces[1] == pytest.approx(forces[0], rel=1e-6)

@@ -25,7 +25,7 @@ LAWS = [
     pytest.param(ReducedPolynomial(C10=0.7e-3, D1=28.0, C20=0.8e-3), id="without-D2"),
     pytest.param(NeoHookean(C10=0.1, D1=22.5), id="fascia"),
 ]
-STRETCHES = [0.6, 0.9, 1.0, 1.15, 1.6]
+STRETCHES = [0.6, 1.0, 1.15, 1.6]
 
 
 def _number(expression) -> float:
@@ -39,8 +39,9 @@ def _energy(law, F: np.ndarray) -> float:
 def _first_piola(law, F: np.ndarray) -> np.ndarray:
     """Return dU/dF, as UFL differentiates the energy."""
     variable = ufl.variable(ufl.as_tensor(F.tolist()))
-    stress = expand_derivatives(ufl.diff(law.strain_energy(variable), variable))
-    return np.array([[_number(stress[i, j]) for j in range(3)] for i in range(3)])
+    derivative = expand_derivatives(ufl.diff(law.strain_energy(variable), variable))
+    stress = apply_algebra_lowering(derivative)
+    return np.array([[float(stress[i, j](())) for j in range(3)] for i in range(3)])
 
 
 def _cauchy(law, F: np.ndarray) -> np.ndarray:
@@ -67,7 +68,7 @@ def _random_gradients(count: int, seed: int = 1) -> list[np.ndarray]:
 @pytest.mark.parametrize("law", LAWS)
 def test_uniaxial_state(law):
     for axial in STRETCHES:
-        for lateral in (0.9, 1.0, 1.1):
+        for lateral in (0.9, 1.05):
             F = np.diag([axial, lateral, lateral])
             dI, dJ, J = _slopes(law, F)
             deviator = 2 * dI * J ** (-5 / 3) * (axial**2 - lateral**2) / 3

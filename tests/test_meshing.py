@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import shapely
 from dolfinx import fem, mesh
 from making import circle, leg
 from making_mechanics import COARSE, subject_3
@@ -38,9 +39,7 @@ def _areas(meshed: SectionMesh) -> dict[str, float]:
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     area = 0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
     assert np.array_equal(np.sort(meshed.cell_tags.indices), cells), "every cell has a region"
-    return {
-        name: float(area[meshed.cell_tags.find(tag)].sum()) for name, tag in REGIONS.items()
-    }
+    return {name: float(area[meshed.cell_tags.find(tag)].sum()) for name, tag in REGIONS.items()}
 
 
 def test_regions_have_the_areas_of_the_contours(section, meshed):
@@ -92,8 +91,6 @@ def test_the_fascia_is_one_layer_of_its_thickness(section, meshed):
     cells = meshed.cell_tags.find(REGIONS["fascia"])
     corners = meshed.mesh.geometry.x[meshed.mesh.geometry.dofmap[cells]][:, :, :2]
     outer = section.polygon("fascia").exterior
-    import shapely
-
     depth = np.array([[outer.distance(shapely.Point(p)) for p in cell] for cell in corners[::7]])
     is_outer = depth < 0.5 * section.fascia_thickness
     assert (is_outer.sum(axis=1) % 3 > 0).all(), "no cell lies on one face alone"

@@ -11,7 +11,13 @@ from mpi4py import MPI
 
 from legfem.contact import RigidCylinder
 from legfem.contact_settings import ContactSettings
-from legfem.experiments.pressing import Indentation, Pressing, leg_model
+from legfem.experiments.pressing import (
+    SOFTER,
+    Indentation,
+    Pressing,
+    farthest,
+    leg_model,
+)
 from legfem.geometry.section import LegSection
 from legfem.materials import Hyperelastic, NeoHookean, ReducedPolynomial
 from legfem.meshing.section import REGIONS, SectionMesh, SectionMeshSettings, mesh_section
@@ -142,7 +148,7 @@ class PlaneStrainIndentation:
         asked = parameters, depth, sensitivities, turns, on_step
         attempts = [self._pressing.run(*asked, softness=1.0)]
         if self.settings.defences and not attempts[-1].report.complete:
-            attempts.append(self._pressing.run(*asked, softness=0.2))
+            attempts.append(self._pressing.run(*asked, softness=SOFTER))
         if self.settings.defences and not attempts[-1].report.complete:
             finer = PlaneStrainIndentation(
                 self.section,
@@ -151,8 +157,8 @@ class PlaneStrainIndentation:
                 replace(self.settings, mesh=self.settings.mesh.refined(1.5), defences=False),
                 self.comm,
             )
-            attempts.append(finer._pressing.run(*asked, softness=0.2))
-        return _farthest(attempts)
+            attempts.append(finer._pressing.run(*asked, softness=SOFTER))
+        return farthest(attempts)
 
     def _model(self) -> LegModel:
         tissues = {name: getattr(self.tissues, name) for name in REGIONS}
@@ -186,10 +192,3 @@ def _law(given: TissueParameters) -> Hyperelastic:
         return NeoHookean(given.C10, given.D1)
     second = math.inf if given.D2 is None else given.D2
     return ReducedPolynomial(given.C10, given.D1, given.C20 or 0.0, second)
-
-
-def _farthest(attempts: Sequence[Indentation]) -> Indentation:
-    """Return the attempt that came farthest, with the reports of the others."""
-    best = max(attempts, key=lambda solved: (solved.report.complete, solved.report.reached))
-    others = tuple(solved.report for solved in attempts if solved is not best)
-    return replace(best, report=replace(best.report, earlier_attempts=others))

@@ -19,6 +19,8 @@ from legfem.stepping import SolveReport, StepSettings, press
 from legfem.system import System
 from legfem.units import FloatArray
 
+SOFTER = 0.2
+"""Factor on the contact's stiffness where a solution stops short."""
 OnStep = Callable[[float], None]
 
 
@@ -126,6 +128,13 @@ class Pressing:
             self._trackers[names] = SensitivityTracker(self.system, names)
         self._trackers[names].reset()
         return self._trackers[names]
+
+
+def farthest(attempts: Sequence[Indentation]) -> Indentation:
+    """Return the attempt that came farthest, with the reports of the others."""
+    best = max(attempts, key=lambda solved: (solved.report.complete, solved.report.reached))
+    others = tuple(solved.report for solved in attempts if solved is not best)
+    return replace(best, report=replace(best.report, earlier_attempts=others))
 
 
 def _normal_contact(model: LegModel) -> NormalContact:

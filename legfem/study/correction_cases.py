@@ -142,7 +142,7 @@ def remembered_case(case: Case, folder: Path, comm: MPI.Intracomm = MPI.COMM_SEL
     path = folder / f"{case.key}.json"
     known = json.loads(path.read_text()) if comm.rank == 0 and path.exists() else None
     known = comm.bcast(known, root=0)
-    if known is not None:
+    if known is not None and known["complete"]:
         return _outcome(known)
     outcome = solve_case(case, comm)
     if comm.rank == 0:

@@ -13,7 +13,7 @@ from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainS
 settings = PlaneStrainSettings(mesh=COARSE, formulation=sys.argv[1])
 test = PlaneStrainIndentation(*subject_3(), settings, comm=MPI.COMM_WORLD)
 parameters = ("deep.C10", "deep.C20", "superficial.C10", "fascia.C10")
-solved = test.solve(depth=10.0, sensitivities=parameters, turns=[7.0])
+solved = test.solve(depth=6.0, sensitivities=parameters, turns=[4.0])
 balance = test.system.balance()
 if MPI.COMM_WORLD.rank == 0:
     np.savez(

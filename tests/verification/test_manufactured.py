@@ -6,6 +6,8 @@ its divergence taken by complex steps: nothing of it is legfem's.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import basix
 import basix.ufl
 import numpy as np
@@ -159,7 +161,7 @@ def test_orders_on_finer_meshes(formulation):
     sizes = [16, 32, 64]
     errors = [_errors(_solved(formulation, n)) for n in sizes]
     for norm in errors[0]:
-        measured = np.log2([a[norm] / b[norm] for a, b in zip(errors, errors[1:], strict=False)])
+        measured = np.log2([a[norm] / b[norm] for a, b in pairwise(errors)])
         order = 3.0 if norm == "L2" else 2.0
         print(formulation, norm, measured)
         np.testing.assert_allclose(measured, order, atol=0.1)

@@ -1,4 +1,4 @@
-"""Curves of an independent code: FEBio 4.11, three-field hexahedra, sticky node-to-facet contact."""
+"""Curves of FEBio 4.11: three-field hexahedra and sticky node-to-facet contact."""
 
 from __future__ import annotations
 

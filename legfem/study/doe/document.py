@@ -152,9 +152,15 @@ def _information(result: StudyResult) -> dict[str, Any] | None:
             f"{depth:g} mm": found.relative_sd(depth).tolist()
             for depth in sorted({end for _, end in result.definition.windows})
         },
+        "relative_sd_others_within_ranges": {
+            f"{depth:g} mm": found.relative_sd(depth, within_ranges=True).tolist()
+            for depth in sorted({end for _, end in result.definition.windows})
+        },
         "eigenvectors": vectors.T.tolist(),
         "eigenvector_relative_sd": spread.tolist(),
-        "told_within_50_percent_from_mm": {name: found.told_from(name) for name in found.names},
+        "told_within_50_percent_from_mm": {
+            name: found.told_from(name, within_ranges=True) for name in found.names
+        },
     }
 
 

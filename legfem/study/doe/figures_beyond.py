@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from legfem.report.style import FAINT, new_figure, panel, save, styled, title
-from legfem.study.doe.information import IDENTIFIED_WITHIN, Information
+from legfem.study.doe.information import IDENTIFIED, IDENTIFIED_WITHIN, Information
 from legfem.study.doe.study import StudyResult
 
 _COLOURS = ("#E69F00", "#D55E00", "#0072B2", "#4D4D4D", "#CC79A7", "#009E73", "#56B4E9", "#8C8C8C")
@@ -38,22 +38,19 @@ def draw_sobol(result: StudyResult, out: Path) -> list[Path]:
         axes.errorbar(at, total, [s.total_ci95[k] for s in found], fmt="none", ecolor="#111111",
                       elinewidth=0.8, capsize=2)  # fmt: skip
     axes.set_xticks(range(len(found)), [s.metric.label for s in found])
-    axes.set_ylim(0, None)
+    axes.set_ylim(0, 1.15)
     axes.legend(ncols=len(factors), loc="upper right")
     for k, s in enumerate(found):
         below = figure.add_subplot(grid[1, k])
-        limits = [
-            min(s.simulated.min(), s.predicted.min()),
-            max(s.simulated.max(), s.predicted.max()),
-        ]
-        below.plot(limits, limits, color=FAINT, lw=0.8)
-        below.plot(s.simulated, s.predicted, "o", ms=3.5, color="#0072B2")
+        power = int(np.floor(np.log10(np.abs(s.simulated).max())))
+        simulated, predicted = s.simulated / 10.0**power, s.predicted / 10.0**power
+        both = [min(simulated.min(), predicted.min()), max(simulated.max(), predicted.max())]
+        below.plot(both, both, color=FAINT, lw=0.8)
+        below.plot(simulated, predicted, "o", ms=3.5, color="#0072B2")
         below.set_title(f"rms error {s.error.relative:.1%} of sd", fontsize=9)
-        below.ticklabel_format(scilimits=(-2, 2))
-        below.tick_params(labelsize=7)
-        below.set_xlabel(f"simulated ({s.metric.unit})", fontsize=8)
+        below.tick_params(labelsize=8)
+        below.set_xlabel(f"simulated (1e{power} {s.metric.unit})", fontsize=8)
         if k == 0:
-            panel(below, "B", "")
             below.set_title(f"$\\bf{{B}}$  rms error {s.error.relative:.1%} of sd", fontsize=9)
             below.set_ylabel("emulated", fontsize=8)
     return save(figure, out, "sobol")
@@ -70,22 +67,19 @@ def draw_information(result: StudyResult, out: Path) -> list[Path]:
     title(figure, f"What a curve tells: {result.definition.title}", whose, "simulated")
     axes = figure.subplots(2, 2)
     panel(axes[0, 0], "A", "sensitivity of the force")
+    elasticity = found.sensitivity / found.force[:, None]
     for k, name in enumerate(found.names):
-        axes[0, 0].plot(found.displacement, found.sensitivity[:, k] / found.force * 100,
-                        color=_COLOURS[k % 8], label=name)  # fmt: skip
-    noise = 100 * found.noise_sd / found.force
-    axes[0, 0].plot(found.displacement, noise, ":", color="#111111", label="noise (sd)")
-    top = 1.15 * float(np.max(100 * found.sensitivity / found.force[:, None]))
-    axes[0, 0].set_ylim(
-        min(0.0, 100 * float(np.min(found.sensitivity / found.force[:, None]))), top
-    )
+        axes[0, 0].plot(found.displacement, elasticity[:, k], color=_COLOURS[k % 8], label=name)
+    noise = found.noise_sd / found.force
+    axes[0, 0].plot(found.displacement, noise, ":", color="#111111", label="noise: sd / F")
+    axes[0, 0].set_ylim(min(0.0, float(elasticity.min())), 1.15 * float(elasticity.max()))
     axes[0, 0].set_xlabel("displacement (mm)")
-    axes[0, 0].set_ylabel("% of the force per % of the parameter, times 100")
+    axes[0, 0].set_ylabel("d ln F / d ln parameter")
     axes[0, 0].legend(fontsize=8)
-    pair = [name for name in ("deep.C10", "deep.C20") if name in found.names]
-    _half_widths(axes[0, 1], found, None, "B", "all parameters unknown")
+    pair = [name for name in IDENTIFIED if name in found.names]
+    _half_widths(axes[0, 1], found, None, "B", "fat and fascia known within their ranges")
     if pair:
-        _half_widths(axes[1, 0], found, pair, "C", "fat and fascia known")
+        _half_widths(axes[1, 0], found, pair, "C", "fat and fascia known exactly")
     else:
         axes[1, 0].axis("off")
     _eigenvectors(axes[1, 1], found, result.definition.depth)
@@ -97,15 +91,18 @@ def _half_widths(
 ) -> None:
     panel(axes, letter, f"95 % half-width, {name}")
     names = list(found.names) if unknown is None else unknown
-    widths = np.array([1.96 * found.relative_sd(float(d), names) for d in found.displacement])
+    within = unknown is None
+    widths = np.array(
+        [1.96 * found.relative_sd(float(d), names, within) for d in found.displacement]
+    )
     for k, parameter in enumerate(names):
         colour = _COLOURS[found.names.index(parameter) % 8]
         axes.semilogy(found.displacement, 100 * widths[:, k], color=colour, label=parameter)
     axes.axhline(100 * IDENTIFIED_WITHIN, color=FAINT, ls="--", lw=1)
     axes.text(found.displacement[-1], 110 * IDENTIFIED_WITHIN, "told within 50 %", ha="right",
               color=FAINT, fontsize=8)  # fmt: skip
-    told = widths[np.isfinite(widths)]
-    axes.set_ylim(max(0.1, 50 * float(told.min())) if told.size else 1.0, 1e4)
+    axes.set_ylim(0.5, 1e4)
+    axes.set_xlim(0, found.displacement[-1])
     axes.set_xlabel("the curve's depth (mm)")
     axes.set_ylabel("% of the parameter")
     axes.legend(fontsize=8)
@@ -121,8 +118,13 @@ def _eigenvectors(axes: Axes, found: Information, depth: float) -> None:
             value = vectors[row, column]
             axes.text(column, row, f"{value:+.2f}", ha="center", va="center", fontsize=9,
                       color="white" if abs(value) > 0.6 else "#111111")  # fmt: skip
-    labels = [f"sd {sd:.2g} %" if sd < 1e5 else "not told" for sd in 100 * spread]
-    axes.set_xticks(range(size), labels)
+    axes.set_xticks(range(size), [_sd(percent) for percent in 100 * spread])
     axes.set_yticks(range(size), [f"ln {name}" for name in found.names])
     axes.spines[:].set_visible(False)
     axes.tick_params(length=0)
+
+
+def _sd(percent: float) -> str:
+    if not percent < 1e5:
+        return "not told"
+    return f"sd {percent:.0f} %" if percent >= 10 else f"sd {percent:.2g} %"

@@ -22,6 +22,8 @@ from legfem.study.doe.simulator import Record, Request
 from legfem.subject import Subject
 from legfem.units import FloatArray
 
+IDENTIFIED = ("deep.C10", "deep.C20")
+"""What is to be found."""
 SPACING = 1.0
 """mm between readings taken as independent: about the length over which a recording's error is
 correlated."""
@@ -46,6 +48,9 @@ class Information:
     """(n, k), N: derivatives of the force by the parameters' logarithms."""
     noise_sd: FloatArray
     """(n,), N."""
+    assumed_sd: FloatArray
+    """(k,): relative, of what is known of a parameter without the test: its range in the design,
+    taken for a 95 % interval of its logarithm; infinite for the deep tissue's."""
 
     def matrix(self, depth: float) -> FloatArray:
         """Return the information of the readings down to a depth; (k, k)."""
@@ -53,13 +58,18 @@ class Information:
         scaled = self.sensitivity[used] / self.noise_sd[used, None]
         return np.asarray(scaled.T @ scaled)
 
-    def relative_sd(self, depth: float, unknown: Sequence[str] | None = None) -> FloatArray:
+    def relative_sd(
+        self, depth: float, unknown: Sequence[str] | None = None, within_ranges: bool = False
+    ) -> FloatArray:
         """Return the least relative standard deviations of unknown parameters (all by default).
 
         Infinite where the readings don't determine them; the other parameters are known exactly.
+        With ``within_ranges`` the unknown ones are known as well as `assumed_sd` says.
         """
         chosen = [self.names.index(name) for name in (self.names if unknown is None else unknown)]
         matrix = self.matrix(depth)[np.ix_(chosen, chosen)]
+        if within_ranges:
+            matrix = matrix + np.diag(1 / self.assumed_sd[chosen] ** 2)
         # Scaled to a unit diagonal, lest small sensitivities look like a singular matrix.
         scale = np.sqrt(np.diag(matrix))
         if not np.all(scale > 0):
@@ -86,11 +96,13 @@ class Information:
         cross = matrix[chosen, self.names.index(assumed)]
         return np.asarray(-np.linalg.solve(matrix[np.ix_(chosen, chosen)], cross))
 
-    def told_from(self, name: str, unknown: Sequence[str] | None = None) -> float | None:
+    def told_from(
+        self, name: str, unknown: Sequence[str] | None = None, within_ranges: bool = False
+    ) -> float | None:
         """Return the least depth (mm) from which a parameter is told; None if there is none."""
         names = self.names if unknown is None else tuple(unknown)
         for depth in self.displacement:
-            sd = self.relative_sd(float(depth), names)[names.index(name)]
+            sd = self.relative_sd(float(depth), names, within_ranges)[names.index(name)]
             if 1.96 * sd <= IDENTIFIED_WITHIN:
                 return float(depth)
         return None
@@ -157,4 +169,12 @@ def information_of(
         length * base(grid),
         np.column_stack(columns),
         noise,
+        np.array([_assumed_sd(definition, name) for name in names]),
     )
+
+
+def _assumed_sd(definition: Definition, name: str) -> float:
+    (factor,) = (f for f in definition.factors if f.name == name)
+    if name in IDENTIFIED or factor.low <= 0:
+        return np.inf
+    return float(np.log(factor.high / factor.low)) / 4

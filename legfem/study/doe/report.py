@@ -10,6 +10,7 @@ from legfem.materials import Hyperelastic
 from legfem.report.text import ORIGINS, WIDTH
 from legfem.study.doe import tables
 from legfem.study.doe.factors import PARAMETERS, UNITS, Factor
+from legfem.study.doe.information import IDENTIFIED
 from legfem.study.doe.study import StudyResult
 from legfem.study.doe.verdict import verdicts
 
@@ -143,7 +144,7 @@ def _information(result: StudyResult) -> str:
             f"{v:+.2f} ln {name}" for v, name in zip(vectors[:, k], found.names, strict=True)
         )
         lines.append(f"- sd {sd:.2%}: {parts}" if sd < 100 else f"- not determined: {parts}")
-    pair = [name for name in ("deep.C10", "deep.C20") if name in found.names]
+    pair = [name for name in IDENTIFIED if name in found.names]
     for assumed in (name for name in found.names if name not in pair and len(pair) == 2):
         first, second = found.bias(depth, pair, assumed)
         lines.append(
@@ -160,7 +161,9 @@ def _information(result: StudyResult) -> str:
             f"95 % half-widths relative to the value, the least that any unbiased estimate can "
             f"have, at {point} (MPa, mm), for one trial with one independent reading a mm, "
             f"{instrument.force_sd:.3g} N and {instrument.displacement_sd:.3g} mm (sd). A "
-            "curve's model error isn't in them."
+            "curve's model error isn't in them. 'Others within their ranges': what isn't deep C10 "
+            "or C20 is known beforehand, its range above being a 95 % interval of its logarithm. "
+            "Told: within 50 %."
         )
     )
     return "\n".join(lines)

@@ -50,9 +50,12 @@ def sobol_indices(
     learn, test = learn[np.isfinite(learn[metric.name])], test[np.isfinite(test[metric.name])]
     if len(learn) < 4 * len(factors) or len(test) < _ENOUGH:
         return None
-    emulator = MetricEmulator(learn[symbols].to_numpy(float), learn[metric.name].to_numpy(float))
-    at, simulated = test[symbols].to_numpy(float), test[metric.name].to_numpy(float)
-    found = sobol_of(emulator, symbols, seed)
+    emulator = MetricEmulator(
+        coordinates(factors, learn[symbols].to_numpy(float)), learn[metric.name].to_numpy(float)
+    )
+    at = coordinates(factors, test[symbols].to_numpy(float))
+    simulated = test[metric.name].to_numpy(float)
+    found = sobol_of(lambda coded: emulator(coordinates(factors, coded)), symbols, seed)
     return SobolIndices(
         metric,
         np.asarray(found["S1"]),
@@ -63,6 +66,23 @@ def sobol_indices(
         emulator(at),
         simulated,
     )
+
+
+def coordinates(factors: tuple[Factor, ...], coded: FloatArray) -> FloatArray:
+    """Return where an emulator sees coded points (n, k).
+
+    Over a linear range of several tens the metrics bend near its lower end: the square root of the
+    value, scaled to -1..1, spreads that end out. A logarithmic coding has done so already.
+    """
+    columns = []
+    for column, factor in zip(coded.T, factors, strict=True):
+        if factor.coding == "linear":
+            low, high = np.sqrt(factor.low), np.sqrt(factor.high)
+            value = factor.low + (factor.high - factor.low) * (column + 1) / 2
+            columns.append(2 * (np.sqrt(value) - low) / (high - low) - 1)
+        else:
+            columns.append(column)
+    return np.column_stack(columns)
 
 
 def sobol_of(

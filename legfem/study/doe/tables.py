@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from legfem.study.doe.information import IDENTIFIED
 from legfem.study.doe.paper import TABLE_3
 from legfem.study.doe.study import MetricAnalysis, StudyResult
 from legfem.study.doe.surface import term_label
@@ -129,20 +130,23 @@ def information_table(result: StudyResult) -> str:
     if found is None:
         return ""
     depths = sorted({end for _, end in result.definition.windows})
-    pair = [name for name in ("deep.C10", "deep.C20") if name in found.names]
+    pair = [name for name in IDENTIFIED if name in found.names]
     rows = []
     for k, name in enumerate(found.names):
         alone = [found.relative_sd(d, [name])[0] for d in depths]
         joint = [found.relative_sd(d)[k] for d in depths]
         two = [found.relative_sd(d, pair)[pair.index(name)] for d in depths] if name in pair else []
-        told = found.told_from(name)
+        within = [found.relative_sd(d, within_ranges=True)[k] for d in depths]
+        told = found.told_from(name, within_ranges=True)
         rows.append([
-            name, *(", ".join(_half(v) for v in values) or "-" for values in (alone, two, joint)),
+            name,
+            *(", ".join(map(_half, v)) or "-" for v in (alone, two, within, joint)),
             "never" if told is None else f"{told:g} mm",
         ])  # fmt: skip
     at = ", ".join(f"{d:g}" for d in depths)
-    header = ["parameter", f"alone, at {at} mm", "deep pair unknown", "all unknown",
-              "all unknown: told within 50 % from"]  # fmt: skip
+    header = ["parameter", f"alone, at {at} mm", "deep pair unknown",
+              "others within their ranges", "all unknown",
+              "others within ranges: told from"]  # fmt: skip
     return markdown(header, rows)
 
 

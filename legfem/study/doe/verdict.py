@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from legfem.study.doe.information import IDENTIFIED
 from legfem.study.doe.study import MetricAnalysis, StudyResult
-
-OF_THE_DEEP_TISSUE = ("deep.C10", "deep.C20")
 
 
 @dataclass(frozen=True)
@@ -86,7 +85,7 @@ def _deep_dominates(result: StudyResult) -> Finding:
     for analysis in result.analyses:
         largest = max(analysis.main(), key=lambda test: abs(test.value))
         first[analysis.metric.label] = largest.term.replace("_", ".", 1)
-    others = [f"{m}: {name}" for m, name in first.items() if name not in OF_THE_DEEP_TISSUE]
+    others = [f"{m}: {name}" for m, name in first.items() if name not in IDENTIFIED]
     where = f"not in {'; '.join(others)}" if others else f"in all {len(first)} metrics"
     text = f"C10 or C20 of the deep tissue has the largest coefficient {where}"
     return Finding(not others, text, "response.png, panels B and C")
@@ -140,29 +139,28 @@ def _normal_outputs(result: StudyResult) -> Finding:
 
 def _identifies_deep(result: StudyResult) -> Finding:
     information = result.information
-    if information is None or not set(OF_THE_DEEP_TISSUE) <= set(information.names):
+    if information is None or not set(IDENTIFIED) <= set(information.names):
         return Finding(None, "no information was computed", "")
     depth = result.definition.depth
-    sd = information.relative_sd(depth)
-    pair = information.relative_sd(depth, OF_THE_DEEP_TISSUE)
-    half = [1.96 * sd[information.names.index(name)] for name in OF_THE_DEEP_TISSUE]
+    sd = information.relative_sd(depth, within_ranges=True)
+    pair = information.relative_sd(depth, IDENTIFIED)
+    half = [1.96 * sd[information.names.index(name)] for name in IDENTIFIED]
     text = (
         f"95 % half-widths of C10 and C20 at {depth:g} mm: {half[0]:.0%} and {half[1]:.0%} with "
-        f"{len(information.names)} unknowns, {1.96 * pair[0]:.0%} and {1.96 * pair[1]:.0%} with "
-        "the other tissues known"
+        f"the others known within their ranges, {1.96 * pair[0]:.0%} and {1.96 * pair[1]:.0%} with "
+        "them known exactly"
     )
     return Finding(max(half) <= 0.5, text, "information.png")
 
 
 def _not_before_5_mm(result: StudyResult) -> Finding:
     information = result.information
-    if information is None or not set(OF_THE_DEEP_TISSUE) <= set(information.names):
+    if information is None or not set(IDENTIFIED) <= set(information.names):
         return Finding(None, "no information was computed", "")
     shallow, deep = (
-        1.96 * information.relative_sd(d, OF_THE_DEEP_TISSUE)
-        for d in (5.0, result.definition.depth)
+        1.96 * information.relative_sd(d, IDENTIFIED) for d in (5.0, result.definition.depth)
     )
-    depths = [information.told_from(name, OF_THE_DEEP_TISSUE) for name in OF_THE_DEEP_TISSUE]
+    depths = [information.told_from(name, IDENTIFIED) for name in IDENTIFIED]
     at = ["never" if d is None else f"{d:g} mm" for d in depths]
     text = (
         f"with the other tissues known, C10 and C20 are told within 50 % from {at[0]} and {at[1]}; "
