@@ -146,6 +146,7 @@ def _solved(contact: ContactSettings, defences: bool) -> Indentation:
     settings = PlaneStrainSettings(
         mesh=COARSE,
         contact=contact,
+        newton=NewtonSettings(floor=1.0),
         steps=StepSettings(first=0.5, smallest=0.2),
         defences=defences,
     )

@@ -99,7 +99,7 @@ def _half_widths(
         colour = _COLOURS[found.names.index(parameter) % 8]
         axes.semilogy(found.displacement, 100 * widths[:, k], color=colour, label=parameter)
     axes.axhline(100 * IDENTIFIED_WITHIN, color=FAINT, ls="--", lw=1)
-    axes.text(found.displacement[-1], 110 * IDENTIFIED_WITHIN, "told within 50 %", ha="right",
+    axes.text(found.displacement[-1], 90 * IDENTIFIED_WITHIN, "told within 50 %", ha="right",
               color=FAINT, fontsize=8)  # fmt: skip
     axes.set_ylim(0.5, 1e4)
     axes.set_xlim(0, found.displacement[-1])
