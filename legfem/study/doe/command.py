@@ -24,7 +24,7 @@ from legfem.study.doe.runs import Workshop, as_csv
 from legfem.study.doe.simulator import PlaneStrainSimulator, Simulator
 from legfem.study.doe.store import RunStore
 from legfem.study.doe.study import StudyResult, study
-from legfem.study.doe.tables import anova_table, verdict_table
+from legfem.study.doe.tables import anova_table, verdict_page
 from legfem.study.doe.verdict import verdicts
 from legfem.subject import Subject, find_subject, load_subject
 
@@ -83,10 +83,11 @@ def _write_all(
         print(f"{result.definition.title}\n{anova_table(result)}")
     titles = [result.definition.title for result in results]
     found = verdicts(results)
-    table = verdict_table(found, titles)
     print("\n".join(f"{verdict.verdict:<16} {verdict.claim}" for verdict in found))
     if len(results) > 1:
-        write_atomically(options.out / "verdict.md", f"# The paper's claims\n\n{table}")
+        write_atomically(
+            options.out / "verdict.md", f"# The paper's claims\n\n{verdict_page(found, titles)}"
+        )
         write_document(
             options.out / "result.json", {"schema": 1, "claims": verdict_documents(found, titles)}
         )

@@ -100,7 +100,7 @@ def _half_widths(
         axes.semilogy(found.displacement, 100 * widths[:, k], color=colour, label=parameter)
     axes.axhline(100 * IDENTIFIED_WITHIN, color=FAINT, ls="--", lw=1)
     axes.text(found.displacement[-1], 90 * IDENTIFIED_WITHIN, "told within 50 %", ha="right",
-              color=FAINT, fontsize=8)  # fmt: skip
+              va="top", color=FAINT, fontsize=8)  # fmt: skip
     axes.set_ylim(0.5, 1e4)
     axes.set_xlim(0, found.displacement[-1])
     axes.set_xlabel("the curve's depth (mm)")

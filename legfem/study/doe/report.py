@@ -55,7 +55,7 @@ def report_page(result: StudyResult, files: Sequence[Path]) -> str:
         )
     if result.information is not None:
         blocks.append(f"## Information by depth\n\n{_information(result)}")
-    rows = tables.verdict_table(verdicts([result]), ["evidence"])
+    rows = tables.verdict_page(verdicts([result]), [definition.title])
     blocks.append(f"## The paper's claims\n\n{rows}")
     listed = "\n".join(f"- {path.name}" for path in files)
     blocks.append(f"## Files\n\n{listed}\n- runs.csv\n- result.json\n- runs/ (every simulation)")

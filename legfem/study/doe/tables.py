@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 
 import numpy as np
@@ -150,15 +151,17 @@ def information_table(result: StudyResult) -> str:
     return markdown(header, rows)
 
 
-def verdict_table(found: Sequence[Verdict], titles: Sequence[str]) -> str:
-    """Return the claims and what became of them."""
-    rows = []
+def verdict_page(found: Sequence[Verdict], titles: Sequence[str]) -> str:
+    """Return the claims, what became of each, and what shows it."""
+    blocks = []
     for verdict in found:
-        evidence = [
-            f"{f.evidence} ({f.shown_in})" if f.shown_in else f.evidence for f in verdict.findings
-        ]
-        rows.append([verdict.claim, verdict.verdict, *evidence])
-    return markdown(["the paper's claim", "verdict", *titles], rows)
+        lines = [f"**{verdict.claim}**: {verdict.verdict}.", ""]
+        for title, finding in zip(titles, verdict.findings, strict=True):
+            where = f" ({finding.shown_in})" if finding.shown_in else ""
+            text = f"{title + ': ' if len(titles) > 1 else ''}{finding.evidence}{where}"
+            lines.append(textwrap.fill(text, 100, initial_indent="- ", subsequent_indent="  "))
+        blocks.append("\n".join(lines))
+    return "\n\n".join(blocks) + "\n"
 
 
 def _half(sd: float) -> str:
