@@ -10,7 +10,6 @@ import numpy as np
 from legfem.study.doe.information import IDENTIFIED
 from legfem.study.doe.study import MetricAnalysis, StudyResult
 
-
 NEGLIGIBLE = 0.1
 """Of the largest coefficient."""
 
