@@ -62,15 +62,16 @@ class ForceCurve:
         return float((last - first) / (end - start))
 
     def mean_curvature(self, start: float, end: float) -> float:
-        r"""Return the mean curvature of F(d) in a window (N/mm2).
+        r"""Return the mean curvature of F(d) in a window from a to b (N/mm2).
 
-        It is the second derivative of the least-squares parabola,
+        It is the second derivative of the least-squares parabola. With
+        :math:`t = (d - a) / (b - a)`,
 
-        .. math:: \frac{60}{(b - a)^2} \int_0^1 (6 t^2 - 6 t + 1)\, F\, dt
-                  = \int_0^1 30\, t^2 (1 - t)^2\, F''\, dt, \quad t = (d - a) / (b - a),
+        .. math:: \frac{60}{(b - a)^2} \int_0^1 (6 t^2 - 6 t + 1)\, F \, dt
+                  = \int_0^1 30\, t^2 (1 - t)^2\, \frac{d^2 F}{d d^2} \, dt,
 
-        a mean of :math:`F''` whose weights vanish at the window's ends, which needs no derivative
-        of the curve.
+        where the left side needs no derivative of the curve, and the right side shows a mean of the
+        second derivative: its weights integrate to 1 and vanish at the window's ends.
         """
         nodes, weights = np.polynomial.legendre.leggauss(64)
         force = self(start + (end - start) * (nodes + 1) / 2)
