@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
+from typing import Any, cast
+from unittest.mock import Mock
 
 import numpy as np
 import pandas as pd
@@ -24,6 +29,7 @@ from legfem.study.doe.design import factorial_design, space_filling_design
 from legfem.study.doe.factors import Factor
 from legfem.study.doe.metrics import Metric, metrics_in
 from legfem.study.doe.paper import TABLE_3, check_table_3
+from legfem.study.doe.simulator import PlaneStrainSimulator, Record, Request, failed
 from legfem.study.doe.study import analyse
 from legfem.study.doe.surface import NotEstimableError, fit_surface
 from legfem.study.doe.verdict import Finding, _in_words
@@ -327,6 +333,36 @@ def test_interrupted_and_resumed_the_same(tmp_path: Path, whole: Path) -> None:
     assert tables(tmp_path / "out") == tables(whole)
     done = len(list((tmp_path / "out" / "runs").glob("*.json")))
     assert len(list(calls.iterdir())) == done
+
+
+def test_an_interrupt_that_a_solve_swallows_is_no_failed_run() -> None:
+    class Swallows:
+        def solve(self, *_: Any, **__: Any) -> None:
+            try:
+                os.kill(os.getpid(), signal.SIGINT)
+                time.sleep(1.0)
+            except KeyboardInterrupt:
+                raise RuntimeError("error code -1") from None
+
+    section, indenter, tissues = Mock(fascia_thickness=0.6), Mock(radius=15.0), Mock()
+    simulator = PlaneStrainSimulator(section, indenter, tissues)
+    simulator._tests[0.6, 30.0, "default"] = cast(Any, Swallows())
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        simulator.simulate(Request("factorial", 0, (), 30.0))
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_runs_that_gave_nothing_are_tried_again(tmp_path: Path) -> None:
+    class Disk(SpringLeg):
+        def simulate(self, request: Request, on_step: Any = None) -> Record:
+            return failed("OSError: no space left on device")
+
+    run(options(tmp_path, beyond=False), MPI.COMM_SELF, Disk())
+    assert len(json.loads((tmp_path / "out" / "result.json").read_text())["failed_runs"]) == 33
+    run(options(tmp_path, beyond=False), MPI.COMM_SELF, SpringLeg())
+    assert not json.loads((tmp_path / "out" / "result.json").read_text())["failed_runs"]
 
 
 @pytest.mark.usefixtures("no_figures")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import threading
 import traceback
@@ -72,6 +73,8 @@ _simulator: Simulator | None = None
 def _begin(simulator: Simulator) -> None:
     global _simulator
     _simulator = simulator
+    # An interrupt from the keyboard reaches all processes: the first one decides.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_leave_with_parent, daemon=True).start()
 
 

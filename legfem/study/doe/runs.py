@@ -53,7 +53,9 @@ class Workshop:
         todo = [requests[place] for place in waiting]
         for number, record in self.runner.run(self.simulator, todo) if todo else ():
             request = todo[number]
-            self.store.keep(request, record)
+            # What gave nothing at all may lack memory or a disk: it is tried again the next time.
+            if len(record.displacement):
+                self.store.keep(request, record)
             found[waiting[number]] = record
             self.progress.advance(progress_line(request, record))
             if on_found is not None:
@@ -92,6 +94,7 @@ def run_table(
 ) -> pd.DataFrame:
     """Return a row a simulation: coded levels, values, metrics, how it went.
 
+    Nothing in it depends on the machine's speed: the same study gives the same table.
     Metrics of a simulation that stopped short are there as far as it came, and NaN beyond.
     """
     metrics = metrics_in(definition.windows)
@@ -112,7 +115,6 @@ def run_table(
                 "reason": record.reason,
                 "contact_stiffness_factor": record.contact_stiffness_factor,
                 "factorisations": record.factorisations,
-                "seconds": round(record.seconds, 2),
             }
         rows.append(row)
     return pd.DataFrame(rows)

@@ -5,8 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Mapping
+import signal
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from types import FrameType
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
@@ -136,8 +140,9 @@ class PlaneStrainSimulator:
         thickness = values.pop("fascia.thickness", self.section.fascia_thickness)
         diameter = values.pop("indenter.diameter", 2 * self.indenter.radius)
         try:
-            test = self._test(thickness, diameter, request.fidelity)
-            solved = test.solve(values, request.depth, request.sensitivities, on_step=on_step)
+            with interruptible():
+                test = self._test(thickness, diameter, request.fidelity)
+                solved = test.solve(values, request.depth, request.sensitivities, on_step=on_step)
         except Exception as error:  # whatever it is, the other simulations go on
             if os.environ.get("LEGFEM_DEBUG"):
                 raise
@@ -169,6 +174,33 @@ class PlaneStrainSimulator:
                 settings_of(fidelity),
             )
         return self._tests[key]
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Raise KeyboardInterrupt in the end where an interrupt got lost on the way.
+
+    One that arrives in a callback of PETSc's becomes an error of PETSc's, which looks like a solve
+    that failed.
+    """
+    handler = signal.getsignal(signal.SIGINT)
+    if not callable(handler) or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    interrupted = False
+
+    def note(number: int, frame: FrameType | None) -> None:
+        nonlocal interrupted
+        interrupted = True
+        handler(number, frame)
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
+        if interrupted:
+            raise KeyboardInterrupt
 
 
 def settings_of(fidelity: Fidelity) -> PlaneStrainSettings:
