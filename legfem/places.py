@@ -27,6 +27,10 @@ class Place:
     variation: Expr
     """Test function of the displacement."""
     quadrature_degree: int
+    time: Expr
+    """At the end of the step (s)."""
+    time_step: Expr
+    """s."""
 
 
 @dataclass(frozen=True, eq=False)

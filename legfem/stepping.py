@@ -1,24 +1,24 @@
-"""Pressing the indenter in: adaptive steps, and a typed report of every one."""
+"""Following a protocol: adaptive steps, and a typed report of every one."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-
-import numpy as np
+from dataclasses import dataclass
 
 from legfem.newton import NewtonOutcome, NewtonSolver
+from legfem.protocol import Protocol, Segment
 from legfem.system import System
 from legfem.units import FloatArray
 
 
 @dataclass(frozen=True)
 class StepSettings:
-    """Sizes of the steps of displacement (mm) and how they adapt.
+    """Sizes of the steps and how they adapt; of displacement (mm) where the indenter moves.
 
     A step grows by ``growth`` when Newton needed at most ``easy`` factorisations, shrinks when it
-    needed ``hard`` or more, and is cut by ``cut`` when it failed.
+    needed ``hard`` or more, and is cut by ``cut`` when it failed. A hold starts with ``hold_first``
+    of its duration, no more than ``hold_first_time`` (s), and its steps grow by ``hold_growth``.
     """
 
     first: float = 0.2
@@ -29,6 +29,9 @@ class StepSettings:
     cut: float = 0.4
     easy: int = 5
     hard: int = 8
+    hold_first: float = 0.01
+    hold_first_time: float = 0.1
+    hold_growth: float = 1.3
 
 
 @dataclass(frozen=True)
@@ -37,8 +40,10 @@ class Step:
 
     displacement: float
     """At its end (mm)."""
+    time: float
+    """At its end (s)."""
     size: float
-    """mm."""
+    """mm; in a hold, s."""
     accepted: bool
     reason: str
     factorisations: int
@@ -91,24 +96,6 @@ class SolveReport:
         )
 
 
-@dataclass
-class _Path:
-    """The last converged states, for the predictor."""
-
-    displacement: list[float] = field(default_factory=list)
-    state: list[FloatArray] = field(default_factory=list)
-
-    def add(self, displacement: float, state: FloatArray) -> None:
-        self.displacement = [*self.displacement[-1:], displacement]
-        self.state = [*self.state[-1:], state]
-
-    def predict(self, displacement: float) -> FloatArray:
-        if len(self.state) < 2:
-            return self.state[-1]
-        (d0, d1), (u0, u1) = self.displacement, self.state
-        return u1 + (u1 - u0) * ((displacement - d1) / (d1 - d0))
-
-
 def press(
     system: System,
     solver: NewtonSolver,
@@ -116,69 +103,163 @@ def press(
     settings: StepSettings | None = None,
     on_step: Callable[[float], None] | None = None,
 ) -> SolveReport:
-    """Move the indenter through displacements, each reached exactly, from the undeformed state.
+    """Follow displacements (mm) from the undeformed state at 1 mm/s.
+
+    Parameters
+    ----------
+    system, solver, settings
+        As those of `follow`.
+    targets
+        Displacements (mm) where the motion turns or ends: one for loading, more for unloading and
+        reloading.
+    on_step
+        Called as that of `follow`, with the displacement (mm) alone.
+    """
+
+    def tell(time: float, displacement: float) -> None:
+        if on_step is not None:
+            on_step(displacement)
+
+    return follow(system, solver, Protocol.through(targets, rate=1.0), settings, tell)
+
+
+def follow(
+    system: System,
+    solver: NewtonSolver,
+    protocol: Protocol,
+    settings: StepSettings | None = None,
+    on_step: Callable[[float, float], None] | None = None,
+) -> SolveReport:
+    """Move the indenter along a protocol, each waypoint reached exactly, from the undeformed state.
 
     Parameters
     ----------
     system, solver
         The model and its Newton solver; the system is reset first.
-    targets
-        Displacements (mm) where the motion turns or ends: one for loading, more for unloading and
-        reloading.
+    protocol
+        Of the indenter.
     settings
         Of the steps.
     on_step
-        Called after every accepted step with its displacement (mm), the system being in that state
-        and its history not yet advanced.
+        Called after every accepted step with its time (s) and displacement (mm), the system being
+        in that state and its history not yet advanced.
 
     Returns
     -------
     SolveReport
         Giving up is part of it: a solution that stops short isn't an exception.
     """
-    settings = settings or StepSettings()
     started = time.perf_counter()
     system.reset()
-    path = _Path()
-    path.add(0.0, system.unknown.x.array.copy())
-    position, size, steps = 0.0, settings.first, []
-    reason = "the target is reached"
-    for target in targets:
-        sign = np.sign(target - position)
-        while abs(target - position) > 1e-9:
-            length = _fitted(size, abs(target - position))
-            end = position + sign * length
-            outcome = _attempt(system, solver, path, end)
-            steps.append(_step(end, length, outcome))
-            if not outcome.converged:
-                system.unknown.x.array[:] = path.state[-1]
-                system.set_displacement(position)
-                size = length * settings.cut
-                if size < settings.smallest:
-                    reason = f"no step above {settings.smallest:g} mm converges: {outcome.reason}"
-                    break
-                continue
-            if on_step is not None:
-                on_step(end)
-            system.advance()
-            path.add(end, system.unknown.x.array.copy())
-            position = end
-            if outcome.factorisations <= settings.easy:
-                size = min(settings.largest, max(size, length * settings.growth))
-            elif outcome.factorisations >= settings.hard:
-                size = length * settings.shrink
-        else:
-            continue
-        break
+    walk = _Walk(system, solver, settings or StepSettings(), on_step)
+    stopped = next(filter(None, map(walk.through, protocol.segments)), None)
     return SolveReport(
-        reached=max((step.displacement for step in steps if step.accepted), default=0.0),
-        target=max(targets),
-        complete=bool(abs(position - targets[-1]) < 1e-9),
-        reason=reason,
-        steps=tuple(steps),
+        reached=max((step.displacement for step in walk.steps if step.accepted), default=0.0),
+        target=protocol.depth,
+        complete=stopped is None,
+        reason=stopped or "the target is reached",
+        steps=tuple(walk.steps),
         seconds=time.perf_counter() - started,
         unknowns=system.spaces.unknowns,
     )
+
+
+@dataclass(frozen=True)
+class _Sizes:
+    """Of the steps along one segment: mm where the indenter moves, s in a hold."""
+
+    first: float
+    largest: float
+    smallest: float
+    growth: float
+    unit: str
+
+
+class _Walk:
+    """The way along a protocol: the last converged state, and how it moves."""
+
+    def __init__(
+        self,
+        system: System,
+        solver: NewtonSolver,
+        settings: StepSettings,
+        on_step: Callable[[float, float], None] | None,
+    ) -> None:
+        self._system, self._solver, self._settings = system, solver, settings
+        self._on_step = on_step
+        self.steps: list[Step] = []
+        self._state = system.unknown.x.array.copy()
+        # Last change of the state, and over how many mm or s; of motion and of a hold apart.
+        self._changes: dict[str, tuple[FloatArray, float]] = {}
+        self._size = settings.first
+
+    def through(self, segment: Segment) -> str | None:
+        """Go to the end of a segment; return why that failed, or None."""
+        holds = segment.phase == "hold"
+        sizes = self._sizes(segment)
+        position, target = (segment.start, segment.end) if holds else (segment.first, segment.last)
+        if holds:
+            self._changes.pop(sizes.unit, None)
+        size, sign = sizes.first, 1.0 if target > position else -1.0
+        while position != target:
+            length = _fitted(size, abs(target - position))
+            end = target if length == abs(target - position) else position + sign * length
+            outcome = self._attempt(segment, position, end, sizes.unit)
+            self.steps.append(_step(*_place(segment, end), length, outcome))
+            if not outcome.converged:
+                self._system.unknown.x.array[:] = self._state
+                self._move(segment, position, position)
+                size = length * self._settings.cut
+                if size < sizes.smallest:
+                    limit = f"{sizes.smallest:g} {sizes.unit}"
+                    return f"no step above {limit} converges: {outcome.reason}"
+                continue
+            self._accept(segment, end, end - position, sizes.unit)
+            position = end
+            if outcome.factorisations <= self._settings.easy:
+                size = min(sizes.largest, max(size, length * sizes.growth))
+            elif outcome.factorisations >= self._settings.hard:
+                size = length * self._settings.shrink
+            if not holds:
+                self._size = size
+        return None
+
+    def _sizes(self, segment: Segment) -> _Sizes:
+        given = self._settings
+        if segment.phase != "hold":
+            return _Sizes(self._size, given.largest, given.smallest, given.growth, "mm")
+        first = min(given.hold_first * segment.duration, given.hold_first_time)
+        return _Sizes(first, segment.duration, 1e-3 * first, given.hold_growth, "s")
+
+    def _attempt(self, segment: Segment, start: float, end: float, unit: str) -> NewtonOutcome:
+        self._move(segment, start, end)
+        self._system.unknown.x.array[:] = self._state
+        if unit in self._changes:
+            change, over = self._changes[unit]
+            self._system.unknown.x.array[:] += change * ((end - start) / over)
+        return self._solver.solve()
+
+    def _move(self, segment: Segment, start: float, end: float) -> None:
+        now, displacement = _place(segment, end)
+        self._system.set_displacement(displacement)
+        self._system.set_time(now, now - _place(segment, start)[0] or 1.0)
+
+    def _accept(self, segment: Segment, end: float, change: float, unit: str) -> None:
+        if self._on_step is not None:
+            self._on_step(*_place(segment, end))
+        self._system.advance()
+        state = self._system.unknown.x.array.copy()
+        self._changes[unit] = state - self._state, change
+        self._state = state
+
+
+def _place(segment: Segment, position: float) -> tuple[float, float]:
+    """Return time and displacement at a position along a segment."""
+    if segment.phase == "hold":
+        return position, segment.last
+    if position == segment.last:
+        return segment.end, position
+    return segment.start + (position - segment.first) / segment.rate, position
 
 
 def _fitted(size: float, remaining: float) -> float:
@@ -188,17 +269,10 @@ def _fitted(size: float, remaining: float) -> float:
     return min(size, remaining / 2) if remaining < 2 * size else size
 
 
-def _attempt(
-    system: System, solver: NewtonSolver, path: _Path, displacement: float
-) -> NewtonOutcome:
-    system.set_displacement(displacement)
-    system.unknown.x.array[:] = path.predict(displacement)
-    return solver.solve()
-
-
-def _step(end: float, length: float, outcome: NewtonOutcome) -> Step:
+def _step(now: float, end: float, length: float, outcome: NewtonOutcome) -> Step:
     return Step(
         end,
+        now,
         length,
         outcome.converged,
         outcome.reason,

@@ -51,3 +51,14 @@ class Symbols:
     def __getitem__(self, name: str) -> Any:
         """Return the UFL variable of that name."""
         return self._variables[name]
+
+
+class Clock:
+    """Time on one mesh (s): at the end of the step, and the step itself."""
+
+    def __init__(self, mesh: Any) -> None:
+        self.time, self.step = fem.Constant(mesh, 0.0), fem.Constant(mesh, 1.0)
+
+    def set(self, time: float, step: float) -> None:
+        """Set both."""
+        self.time.value, self.step.value = time, step

@@ -18,7 +18,7 @@ from legfem.kinematics import deformation_gradient, volume_ratio
 from legfem.model import LegModel
 from legfem.places import Body, Place, Skin
 from legfem.spaces import LegSpaces
-from legfem.symbols import Symbols
+from legfem.symbols import Clock, Symbols
 from legfem.units import FloatArray
 
 SKIN_DEGREE = 3
@@ -108,6 +108,7 @@ class System:
         self.comm = spaces.mesh.comm
         self._start, self.direction = start, direction
         self.body_symbols, self.skin_symbols = Symbols(spaces.mesh), Symbols(spaces.skin)
+        self._clocks = Clock(spaces.mesh), Clock(spaces.skin)
         self.unknown = fem.Function(spaces.space)
         self._centre = fem.Constant(spaces.skin, start.copy())
         self._centre_before = fem.Constant(spaces.skin, start.copy())
@@ -137,6 +138,11 @@ class System:
     def set_displacement(self, displacement: float) -> None:
         """Move the indenter to a displacement (mm) along its line of travel."""
         self._centre.value[:] = self._start + displacement * self.direction
+
+    def set_time(self, time: float, step: float) -> None:
+        """Set the time at the end of the step, and the step (s)."""
+        for clock in self._clocks:
+            clock.set(time, step)
 
     def assemble_residual(self) -> Any:
         """Assemble the residual at the present unknown; returns a ghosted function."""
@@ -191,9 +197,10 @@ class System:
         self._centre_before.value[:] = self._centre.value
 
     def reset(self) -> None:
-        """Return to the undeformed state at zero displacement."""
+        """Return to the undeformed state at zero displacement and time."""
         self.body.reset()
         self.skin.reset()
+        self.set_time(0.0, 1.0)
         self.set_displacement(0.0)
         self._centre_before.value[:] = self._centre.value
 
@@ -282,6 +289,8 @@ class System:
             ufl.split(before)[0] if mixed else before,
             ufl.split(test)[0] if mixed else test,
             degree,
+            self._clocks[0].time,
+            self._clocks[0].step,
             {name: measure(tag) for name, tag in self.spaces.regions.items()},
             now[1],
         )
@@ -300,6 +309,8 @@ class System:
             before,
             test,
             SKIN_DEGREE,
+            self._clocks[1].time,
+            self._clocks[1].step,
             ufl.Measure("dx", domain=mesh, metadata=metadata),
             ufl.SpatialCoordinate(mesh),
             self._centre,

@@ -106,13 +106,13 @@ def test_sensitivities_come_with_the_loading_curve(test):
     for values in solved.curve.sensitivities.values():
         assert len(values) == len(solved.curve.displacement) == 4
         assert values[0] == 0.0 and (np.diff(values) > 0).all()
-    assert solved.path[0][-1] == 1.0
+    assert solved.path.displacement[-1] == 1.0
 
 
 def test_every_accepted_step_is_told(test):
     seen = []
     solved = test.solve(depth=3.0, on_step=seen.append)
-    np.testing.assert_array_equal(solved.path[0][1:], seen)
+    np.testing.assert_array_equal(solved.path.displacement[1:], seen)
 
 
 def test_an_unknown_parameter_is_named(test):

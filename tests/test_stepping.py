@@ -10,7 +10,8 @@ from legfem.contact_settings import ContactSettings
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.experiments.pressing import Indentation
 from legfem.newton import NewtonOutcome, NewtonSettings, NewtonSolver
-from legfem.stepping import SolveReport, Step, StepSettings, press
+from legfem.protocol import Protocol
+from legfem.stepping import SolveReport, Step, StepSettings, follow, press
 from legfem.system import System
 
 
@@ -124,6 +125,39 @@ def test_pressing_starts_from_the_undeformed_state():
     press(system, solver, [2.0], fixed_steps(0.5))
     press(system, solver, [1.5], fixed_steps(0.5))
     assert system.force() == pytest.approx(first, rel=1e-12)
+
+
+def test_a_protocol_is_followed_in_time():
+    """Waypoints exactly; short steps where a hold starts; the clock goes with the indenter."""
+    protocol = Protocol.cycle(1.5, rate=2.0, hold=30.0, unloading_rate=0.5)
+    system, seen, clock = pressed_block(), [(0.0, 0.0)], []
+
+    def record(time: float, displacement: float) -> None:
+        seen.append((time, displacement))
+        place = system.body.place
+        clock.append((float(place.time.value), float(place.time_step.value)))
+
+    settings = StepSettings(first=0.5, largest=0.5)
+    report = follow(system, NewtonSolver(system), protocol, settings, record)
+    assert report.complete and report.reached == report.target == 1.5
+    time, displacement = np.array(seen).T
+    assert set(protocol.time) <= set(time)
+    np.testing.assert_allclose(displacement, protocol.displacement_at(time), atol=1e-12)
+    np.testing.assert_array_equal(np.array(clock), np.column_stack([time[1:], np.diff(time)]))
+    assert [step.time for step in report.steps] == list(time[1:])
+    hold = time[(time >= protocol.time[1]) & (time <= protocol.time[2])]
+    steps = np.diff(hold)
+    assert steps[0] == pytest.approx(0.1)
+    assert 8 < len(steps) < 25 and (np.diff(steps[:-2]) > 0).all()
+    assert system.force() == 0.0
+
+
+def test_a_hold_that_fails_is_told_in_seconds():
+    system = pressed_block()
+    solver = FailingSolver(system, lambda at: float(system.body.place.time.value) > 3.0)
+    report = follow(system, solver, Protocol.ramp_and_hold(1.0, rate=1.0, hold=10.0))
+    assert not report.complete and report.reached == 1.0
+    assert report.reason == "no step above 0.0001 s converges: told to fail"
 
 
 def test_an_absurd_limit_gives_up_at_once():

@@ -31,6 +31,7 @@ from legfem.meshing.idealised_leg import (
     mesh_leg_section,
 )
 from legfem.newton import NewtonSettings, NewtonSolver
+from legfem.protocol import Protocol
 from legfem.spaces import build_spaces
 from legfem.stepping import StepSettings
 from legfem.system import System
@@ -159,7 +160,7 @@ class IdealisedLegIndentation:
 
         Where that stops short, once more with a softer contact, which the report tells.
         """
-        asked = parameters, depth, sensitivities, (), on_step
+        asked = parameters, Protocol.ramp(depth, rate=1.0), sensitivities, on_step
         attempts = [self._pressing.run(*asked)]
         if not attempts[-1].report.complete:
             attempts.append(self._pressing.run(*asked, softness=SOFTER))

@@ -21,8 +21,9 @@ from legfem.experiments.pressing import (
 from legfem.geometry.section import LegSection
 from legfem.materials import Hyperelastic, NeoHookean, ReducedPolynomial
 from legfem.meshing.section import REGIONS, SectionMesh, SectionMeshSettings, mesh_section
-from legfem.model import LegModel
+from legfem.model import LegModel, Term
 from legfem.newton import NewtonSettings, NewtonSolver
+from legfem.protocol import Protocol
 from legfem.spaces import build_spaces
 from legfem.stepping import StepSettings
 from legfem.subject import Indenter, Subject, TissueParameters
@@ -67,6 +68,8 @@ class PlaneStrainIndentation:
         Numerical.
     comm
         Over which one solution is spread.
+    mechanisms
+        Terms added to those of tissues and contact, each in place of one of its name if there is.
     """
 
     def __init__(
@@ -76,8 +79,10 @@ class PlaneStrainIndentation:
         tissues: Tissues,
         settings: PlaneStrainSettings | None = None,
         comm: MPI.Intracomm = MPI.COMM_SELF,
+        mechanisms: Sequence[Term] = (),
     ) -> None:
         self.section, self.indenter, self.tissues = section, indenter, tissues
+        self.mechanisms = tuple(mechanisms)
         self.settings = settings or PlaneStrainSettings()
         self.comm = comm
         self.section_mesh: SectionMesh = mesh_section(
@@ -113,9 +118,11 @@ class PlaneStrainIndentation:
         subject: Subject,
         settings: PlaneStrainSettings | None = None,
         comm: MPI.Intracomm = MPI.COMM_SELF,
+        mechanisms: Sequence[Term] = (),
     ) -> PlaneStrainIndentation:
         """Return the test of a subject; the deep tissue's law covers both of the paper's."""
-        return cls(subject.section, subject.indenter, tissues_of(subject), settings, comm)
+        tissues = tissues_of(subject)
+        return cls(subject.section, subject.indenter, tissues, settings, comm, mechanisms)
 
     def solve(
         self,
@@ -125,7 +132,7 @@ class PlaneStrainIndentation:
         turns: Sequence[float] = (),
         on_step: Callable[[float], None] | None = None,
     ) -> Indentation:
-        """Press the cylinder in.
+        """Press the cylinder in at 1 mm/s; tissues without memory don't know of the rate.
 
         Parameters
         ----------
@@ -145,7 +152,21 @@ class PlaneStrainIndentation:
         Indentation
             Also where the depth wasn't reached.
         """
-        asked = parameters, depth, sensitivities, turns, on_step
+        protocol = Protocol.through((depth, *turns), rate=1.0)
+        return self.follow(protocol, parameters, sensitivities, on_step)
+
+    def follow(
+        self,
+        protocol: Protocol,
+        parameters: Mapping[str, float] | None = None,
+        sensitivities: Sequence[str] = (),
+        on_step: Callable[[float], None] | None = None,
+    ) -> Indentation:
+        """Move the cylinder along a protocol: loading, holds, unloading, at any rates.
+
+        The other arguments and the outcome are those of `solve`.
+        """
+        asked = parameters, protocol, sensitivities, on_step
         attempts = [self._pressing.run(*asked, softness=1.0)]
         if self.settings.defences and not attempts[-1].report.complete:
             attempts.append(self._pressing.run(*asked, softness=SOFTER))
@@ -156,6 +177,7 @@ class PlaneStrainIndentation:
                 self.tissues,
                 replace(self.settings, mesh=self.settings.mesh.refined(1.5), defences=False),
                 self.comm,
+                self.mechanisms,
             )
             attempts.append(finer._pressing.run(*asked, softness=SOFTER))
         return farthest(attempts)
@@ -163,7 +185,10 @@ class PlaneStrainIndentation:
     def _model(self) -> LegModel:
         tissues = {name: getattr(self.tissues, name) for name in REGIONS}
         cylinder = RigidCylinder(self.indenter.radius)
-        return leg_model(tissues, cylinder, self.settings.contact, self.settings.formulation)
+        model = leg_model(tissues, cylinder, self.settings.contact, self.settings.formulation)
+        for term in self.mechanisms:
+            model = model.with_term(term)
+        return model
 
 
 def tissues_of(subject: Subject) -> Tissues:

@@ -14,8 +14,10 @@ from legfem.curve import ForceCurve
 from legfem.materials import Hyperelastic
 from legfem.model import LegModel, NormalContact, TangentialContact, Tissue
 from legfem.newton import NewtonSolver
+from legfem.path import Path
+from legfem.protocol import Protocol
 from legfem.sensitivity import SensitivityTracker
-from legfem.stepping import SolveReport, StepSettings, press
+from legfem.stepping import SolveReport, StepSettings, follow
 from legfem.system import System
 from legfem.units import FloatArray
 
@@ -31,9 +33,9 @@ class Indentation:
     parameters: Mapping[str, float]
     """Of the model, by full name (MPa, 1/MPa)."""
     curve: ForceCurve
-    """Force (N) of the whole cylinder; for a path that turns, the loading part alone."""
-    path: tuple[FloatArray, FloatArray]
-    """Displacement (mm) and force (N) of all steps."""
+    """Force (N) of the whole cylinder against displacement, in the first loading."""
+    path: Path
+    """All steps: holds, unloading and reloading too."""
     report: SolveReport
 
 
@@ -80,13 +82,12 @@ class Pressing:
     def run(
         self,
         parameters: Mapping[str, float] | None,
-        depth: float,
+        protocol: Protocol,
         sensitivities: Sequence[str] = (),
-        turns: Sequence[float] = (),
         on_step: OnStep | None = None,
         softness: float = 1.0,
     ) -> Indentation:
-        """Press to a depth, then to the turns (mm), with a contact softened by a factor."""
+        """Follow a protocol, with a contact softened by a factor."""
         model = self.system.model
         values = {**model.parameters, **(parameters or {})}
         unknown = set(values) - set(model.parameters)
@@ -98,10 +99,11 @@ class Pressing:
         values |= TangentialContact(normal, self.contact.tangential_law(penalty)).parameters
         self.system.set_parameters(values)
         tracker = self._tracker(tuple(sensitivities))
-        displacement, force = [0.0], [0.0]
+        time, displacement, force = [protocol.time[0]], [protocol.displacement[0]], [0.0]
         derivatives: list[FloatArray] = [np.zeros(len(sensitivities))]
 
-        def record(at: float) -> None:
+        def record(now: float, at: float) -> None:
+            time.append(now)
             displacement.append(at)
             force.append(self.system.force() * self.whole)
             if tracker is not None:
@@ -109,17 +111,16 @@ class Pressing:
             if on_step is not None:
                 on_step(at)
 
-        report = press(self.system, self.solver, [depth, *turns], self.steps, on_step=record)
+        report = follow(self.system, self.solver, protocol, self.steps, on_step=record)
         report = replace(report, contact_stiffness_factor=softness)
-        path = np.array(displacement), np.array(force)
-        loading = int(np.argmax(path[0])) + 1
-        columns = np.array(derivatives)[:loading]
-        curve = ForceCurve(
-            path[0][:loading],
-            path[1][:loading],
+        columns = np.array(derivatives)
+        path = Path(
+            np.array(time),
+            np.array(displacement),
+            np.array(force),
             {name: columns[:, k] for k, name in enumerate(sensitivities)},
         )
-        return Indentation(values, curve, path, report)
+        return Indentation(values, path.loading, path, report)
 
     def _tracker(self, names: tuple[str, ...]) -> SensitivityTracker | None:
         if not names:

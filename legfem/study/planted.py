@@ -117,8 +117,9 @@ def _recorded(truth: Truth) -> Subject:
         raise RuntimeError(f"{truth}: {solved.report}")
     generator = np.random.default_rng([truth.seed, truth.number])
     noise = InstrumentNoise(subject.instrument)
+    true = solved.path.displacement, solved.path.force
     trials = tuple(
-        record_path(*solved.path, RATE_MM_PER_S, SAMPLING_HZ, noise, generator, f"trial{trial}")
+        record_path(*true, RATE_MM_PER_S, SAMPLING_HZ, noise, generator, f"trial{trial}")
         for trial in range(1, TRIALS + 1)
     )
     return replace(subject, origin="simulated", recordings=trials)

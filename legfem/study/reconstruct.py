@@ -147,7 +147,8 @@ def _write(out: Path, definition: Reconstruction, outcome: RunOutcome) -> None:
     generator = np.random.default_rng([definition.seed, int(run.label)])
     recordings = [
         record_path(
-            *outcome.indentation.path,
+            outcome.indentation.path.displacement,
+            outcome.indentation.path.force,
             definition.rate_mm_per_s,
             definition.sampling_hz,
             noise,

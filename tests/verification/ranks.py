@@ -19,8 +19,8 @@ if MPI.COMM_WORLD.rank == 0:
     np.savez(
         sys.argv[2],
         ranks=MPI.COMM_WORLD.size,
-        displacement=solved.path[0],
-        force=solved.path[1],
+        displacement=solved.path.displacement,
+        force=solved.path.force,
         sensitivities=np.array([solved.curve.sensitivities[name] for name in parameters]),
         contact=balance.contact_force,
         bone=balance.bone_reaction,

@@ -21,7 +21,7 @@ def test_unloading_returns_along_loading_and_ends_without_force():
     solved = PlaneStrainIndentation(*subject_3(), settings).solve(
         depth=8.0, turns=[6.0, 4.0, 2.0, 1.0, -0.5]
     )
-    at, force = solved.path
+    at, force = solved.path.displacement, solved.path.force
     top = int(np.argmax(at))
     for depth in (6.0, 4.0, 2.0, 1.0):
         up, down = (
@@ -76,7 +76,8 @@ def test_steps_of_the_default_size_are_small_enough_on_a_leg():
     for steps in (PlaneStrainSettings().steps, fixed_steps(0.1)):
         test = PlaneStrainIndentation(*subject_3(), PlaneStrainSettings(steps=steps))
         path = test.solve(depth=depths[0], turns=depths[1:]).path
-        curves.append([path[1][np.argmin(np.abs(path[0] - depth))] for depth in depths])
+        nearest = [np.argmin(np.abs(path.displacement - depth)) for depth in depths]
+        curves.append(path.force[nearest])
     change = np.array(curves[0]) / curves[1] - 1
     print("default against 0.1 mm", change)
     assert np.abs(change).max() < 5e-4
