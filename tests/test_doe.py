@@ -26,15 +26,26 @@ from legfem.study.doe.anova import anova, coefficient_tests
 from legfem.study.doe.command import run
 from legfem.study.doe.definition import IDENTIFIED, PAPER, read_definition
 from legfem.study.doe.design import factorial_design, space_filling_design
+from legfem.study.doe.effects import lenth_of
 from legfem.study.doe.factors import Factor
 from legfem.study.doe.metrics import Metric, metrics_in
-from legfem.study.doe.paper import TABLE_3, check_table_3
+from legfem.study.doe.paper import TABLE_2, TABLE_3, check_table_3
 from legfem.study.doe.simulator import PlaneStrainSimulator, Record, Request, failed
 from legfem.study.doe.study import analyse
 from legfem.study.doe.surface import NotEstimableError, fit_surface
 from legfem.study.doe.verdict import Finding, _in_words
 
 SLOPE = Metric("slope", 0.0, 5.0)
+SHALLOW = """\
+depth_mm = 2.0
+windows_mm = [[0, 2]]
+[factors."deep.C10"]
+low_kPa = 1.0
+high_kPa = 4.0
+[factors."fascia.thickness"]
+low_mm = 0.4
+high_mm = 0.8
+"""
 
 
 # --- statistics ---
@@ -107,6 +118,14 @@ def test_lenth_tells_active_effects_from_noise() -> None:
     assert np.mean(errors) == pytest.approx(0.05 / np.sqrt(32), rel=0.25)
 
 
+def test_lenths_limits_of_seven_contrasts() -> None:
+    found = lenth_of(tuple("abcdefg"), np.array([1.0, -2, 3, -4, 5, 100, -100]))
+    # Median 4, limit 2.5 x 6; the median of those below it is 3. Lenth's table: 3.764, 9.008.
+    assert found.pseudo_standard_error == pytest.approx(4.5)
+    assert found.margin == pytest.approx(3.764 * 4.5, rel=1e-3)
+    assert found.simultaneous_margin == pytest.approx(9.008 * 4.5, rel=1e-3)
+
+
 def test_the_centre_shows_squares_and_its_share_of_the_error() -> None:
     given, table, _ = planted_table(noise=1e-3)
     bent = table.copy()
@@ -165,6 +184,7 @@ def test_verdicts_in_words(findings: list[bool | None], words: str) -> None:
 def test_the_shipped_designs_are_the_papers_five_factors() -> None:
     paper, identified = read_definition(PAPER), read_definition(IDENTIFIED)
     assert [f.name for f in paper.factors] == [f.name for f in identified.factors]
+    assert paper.factors == TABLE_2
     centre = {f.name: f.model_value(0.0) for f in paper.factors}
     assert centre["deep.C10"] == pytest.approx(15.25e-3)
     assert centre["fascia.C10"] == pytest.approx(5.05)
@@ -287,7 +307,9 @@ def test_two_definitions_share_runs_and_get_one_page_of_verdicts(tmp_path: Path)
     assert len(list(calls.iterdir())) == len(list((tmp_path / "out" / "runs").iterdir()))
     documents = json.loads((tmp_path / "out" / "result.json").read_text())
     assert {c["verdict"] for c in documents["claims"]} >= {"reproduced", "not reproduced"}
-    assert "not reproduced" in (tmp_path / "out" / "verdict.md").read_text()
+    page = (tmp_path / "out" / "verdict.md").read_text()
+    assert "not reproduced" in page and page.count("1.2e-7 / ") == 4
+    assert f"--factors {given.definitions[0]} --factors {other} --subject-dir" in page
     assert tables(tmp_path / "out" / "design") == tables(tmp_path / "out" / "other")
 
 
@@ -373,6 +395,21 @@ def test_two_processes_give_the_same_table(tmp_path: Path) -> None:
     run(options(tmp_path, "two", jobs=2, beyond=False), MPI.COMM_SELF, SpringLeg(calls))
     assert len(list(calls.iterdir())) == 33
     assert tables(tmp_path / "one") == tables(tmp_path / "two")
+
+
+@pytest.mark.slow
+@pytest.mark.mpi
+def test_a_leg_gives_the_same_table_in_one_process_two_and_two_ranks(tmp_path: Path) -> None:
+    path = definition(tmp_path, SHALLOW)
+    ways = {"one": ([], 1), "two": ([], 2), "ranks": (["mpirun", "-n", "2"], 1)}
+    for out, (before, jobs) in ways.items():
+        subprocess.run(
+            [*before, sys.executable, "-m", "legfem.study", "doe", "--factors", path, "--jobs",
+             str(jobs), "--factorial-only", "--out", tmp_path / out],
+            check=True, timeout=600,
+        )  # fmt: skip
+    assert pd.read_csv(tmp_path / "one" / "runs.csv")["complete"].sum() == 5
+    assert tables(tmp_path / "one") == tables(tmp_path / "two") == tables(tmp_path / "ranks")
 
 
 @pytest.mark.mpi

@@ -14,19 +14,22 @@ import pandas as pd
 from legfem.documents import write_atomically, write_document
 from legfem.progress import progress_on
 from legfem.study.doe.anova import Counting
-from legfem.study.doe.definition import Definition, read_definition
+from legfem.study.doe.definition import SHIPPED, Definition, read_definition
 from legfem.study.doe.document import study_document, verdict_documents
 from legfem.study.doe.figures import draw_half_normal, draw_normality, draw_response
 from legfem.study.doe.figures_beyond import draw_information, draw_sobol
+from legfem.study.doe.page import claims_page, gather_figures
 from legfem.study.doe.report import fascia_note, report_page
 from legfem.study.doe.runners import Runner, lead
 from legfem.study.doe.runs import Workshop, as_csv
 from legfem.study.doe.simulator import PlaneStrainSimulator, Simulator
 from legfem.study.doe.store import RunStore
 from legfem.study.doe.study import StudyResult, study
-from legfem.study.doe.tables import anova_table, verdict_page
+from legfem.study.doe.tables import anova_table, beside_table_3
 from legfem.study.doe.verdict import verdicts
 from legfem.subject import Subject, find_subject, load_subject
+
+CHECKOUT = SHIPPED.parents[1]
 
 
 @dataclass(frozen=True)
@@ -73,25 +76,47 @@ def _write_all(
     simulator = simulator or PlaneStrainSimulator.of_subject(subject)
     # All studies share the simulations: the same point isn't done twice.
     store = RunStore(options.out / "runs", simulator.fingerprint())
-    results = []
+    results, folders = [], []
     with progress_on() as progress:
         workshop = Workshop(simulator, store, runner, progress)
         for definition in definitions:
             out = options.out if len(definitions) == 1 else options.out / definition.source.stem
             results.append(_study(options, definition, subject, workshop, out))
+            folders.append(out)
     for result in results:
         print(f"{result.definition.title}\n{anova_table(result)}")
+        if beside := beside_table_3(result):
+            print(f"beside the paper's Table 3\n{beside}")
     titles = [result.definition.title for result in results]
     found = verdicts(results)
     print("\n".join(f"{verdict.verdict:<16} {verdict.claim}" for verdict in found))
     if len(results) > 1:
-        write_atomically(
-            options.out / "verdict.md", f"# The paper's claims\n\n{verdict_page(found, titles)}"
-        )
+        gather_figures(results, folders, options.out)
+        page = claims_page(results, found, _command(options))
+        write_atomically(options.out / "verdict.md", page)
         write_document(
             options.out / "result.json", {"schema": 1, "claims": verdict_documents(found, titles)}
         )
         print(f"verdicts: {options.out / 'verdict.md'}")
+
+
+def _command(options: DoeOptions) -> str:
+    """Return the command that does the same study."""
+    words = ["python -m legfem.study doe"]
+    words += [f"--factors {_as_typed(path)}" for path in options.definitions]
+    words.append(
+        f"--subject-dir {options.subject_dir}"
+        if options.subject_dir
+        else f"--subject {options.subject_id}"
+    )
+    words.append(f"--seed {options.seed}")
+    words += ["--count factors"] if options.counting == "factors" else []
+    words += [] if options.beyond else ["--factorial-only"]
+    return " ".join(words)
+
+
+def _as_typed(path: Path) -> str:
+    return str(path.relative_to(CHECKOUT)) if path.is_relative_to(CHECKOUT) else str(path)
 
 
 def _study(

@@ -1,9 +1,20 @@
-"""The paper's Table 3 as printed, and what its own arithmetic says about it."""
+"""The paper's Tables 2 and 3 as printed, and what the latter's own arithmetic says about it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from decimal import Decimal
+
+from legfem.study.doe.factors import Factor
+
+TABLE_2 = (
+    Factor("superficial.C10", 1.0, 30.0, "kPa", "linear"),
+    Factor("deep.C10", 0.5, 30.0, "kPa", "linear"),
+    Factor("deep.C20", 0.5, 30.0, "kPa", "linear"),
+    Factor("fascia.C10", 0.1, 10.0, "MPa", "linear"),
+    Factor("fascia.thickness", 0.2, 1.0, "mm", "linear"),
+)
+"""The factors and their ranges."""
 
 MODEL_DOF, ERROR_DOF = 15, 17
 """What 16 coefficients and 33 runs leave."""
@@ -19,6 +30,12 @@ class PrintedRow:
     sse: str
     mse: str
     r_squared: str
+
+    @property
+    def label(self) -> str:
+        """The metric as people read it."""
+        kind, start, end = self.metric.split("_")
+        return f"{kind} {start}-{end} mm"
 
 
 TABLE_3 = (

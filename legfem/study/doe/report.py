@@ -11,6 +11,7 @@ from legfem.report.text import ORIGINS, WIDTH
 from legfem.study.doe import tables
 from legfem.study.doe.factors import PARAMETERS, UNITS, Factor
 from legfem.study.doe.information import IDENTIFIED
+from legfem.study.doe.page import TABLE_3_NOTE
 from legfem.study.doe.study import StudyResult
 from legfem.study.doe.verdict import verdicts
 
@@ -25,6 +26,7 @@ def report_page(result: StudyResult, files: Sequence[Path]) -> str:
         _factors(result),
         f"## Runs\n\n{_runs(result)}",
         f"## Analysis of variance\n\n{tables.anova_table(result)}\n{_counting(result)}",
+        _beside_table_3(result),
         f"## Coefficients of the coded factors\n\n{tables.coefficient_table(result)}",
         f"## Effects without an error estimate\n\n{tables.effects_table(result)}\n"
         + _fill(
@@ -55,11 +57,16 @@ def report_page(result: StudyResult, files: Sequence[Path]) -> str:
         )
     if result.information is not None:
         blocks.append(f"## Information by depth\n\n{_information(result)}")
-    rows = tables.verdict_page(verdicts([result]), [definition.title])
-    blocks.append(f"## The paper's claims\n\n{rows}")
+    claims = tables.verdict_page(verdicts([result]), [definition.title])
+    blocks.append(f"## The paper's claims\n\n{claims}")
     listed = "\n".join(f"- {path.name}" for path in files)
     blocks.append(f"## Files\n\n{listed}\n- runs.csv\n- result.json\n- runs/ (every simulation)")
-    return "\n\n".join(block.rstrip() for block in blocks) + "\n"
+    return "\n\n".join(block.rstrip() for block in blocks if block) + "\n"
+
+
+def _beside_table_3(result: StudyResult) -> str:
+    table = tables.beside_table_3(result)
+    return f"## Beside the paper's Table 3\n\n{table}\n{_fill(TABLE_3_NOTE)}" if table else ""
 
 
 def _factors(result: StudyResult) -> str:

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from legfem.study.doe.anova import Anova
 from legfem.study.doe.information import IDENTIFIED
-from legfem.study.doe.paper import TABLE_3
+from legfem.study.doe.paper import ERROR_DOF, MODEL_DOF, TABLE_2, TABLE_3, PrintedRow
 from legfem.study.doe.study import MetricAnalysis, StudyResult
 from legfem.study.doe.surface import term_label
 from legfem.study.doe.verdict import Verdict
@@ -27,21 +28,42 @@ def markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def anova_table(result: StudyResult) -> str:
-    """Return the paper's Table 3 of this study, its figures beside where the metric is in it."""
-    printed = {row.metric: row for row in TABLE_3}
+    """Return the analysis of variance, as in the paper's Table 3 and with more columns."""
     rows = []
     for a in result.analyses:
-        found, row = a.anova, printed.get(a.metric.name)
-        paper = f"{row.ssr}, {row.sse}, {row.r_squared}" if row else "-"
+        found = a.anova
         rows.append([
             a.metric.label, f"{found.ssr:.3g}", f"{found.msr:.2g}", f"{found.sse:.2g}",
             f"{found.mse:.2g}", f"{found.r_squared:.4f}", f"{found.predicted_r_squared:.4f}",
             f"{found.F:.0f}", f"{found.p_value:.0e}", f"{found.model_dof}, {found.error_dof}",
-            paper,
         ])  # fmt: skip
-    header = ["metric", "SSR", "MSR", "SSE", "MSE", "R2", "R2 predicted", "F", "p", "df",
-              "paper: SSR, SSE, R2"]  # fmt: skip
+    header = ["metric", "SSR", "MSR", "SSE", "MSE", "R2", "R2 predicted", "F", "p", "df"]
     return markdown(header, rows)
+
+
+def beside_table_3(result: StudyResult) -> str:
+    """Return the analysis beside the paper's Table 3; nothing where the ranges aren't Table 2's."""
+    printed = {row.metric: row for row in TABLE_3}
+    if set(result.definition.factors) != set(TABLE_2):
+        return ""
+    rows = []
+    for a in result.analyses:
+        if a.metric.name not in printed:
+            continue
+        row = printed[a.metric.name]
+        paper_f = float(row.ssr) / MODEL_DOF / (float(row.sse) / ERROR_DOF)
+        r_squared = f"{row.r_squared} / {a.anova.r_squared:.4f}"
+        ratio = f"{paper_f:.0f} / {a.anova.F:.0f}"
+        rows.append([a.metric.label, *_sums(row, a.anova, 1.0), r_squared, ratio])
+        if a.metric.kind == "curvature":
+            rows.append(["half of it", *_sums(row, a.anova, 0.25), r_squared, ratio])
+    header = ["metric: paper / legfem", "SSR", "MSR", "SSE", "MSE", "R2", "F (15, 17)"]
+    return markdown(header, rows)
+
+
+def _sums(row: PrintedRow, found: Anova, scale: float) -> list[str]:
+    pairs = (row.ssr, found.ssr), (row.msr, found.msr), (row.sse, found.sse), (row.mse, found.mse)
+    return [f"{paper} / {scale * own:.2g}" for paper, own in pairs]
 
 
 def coefficient_table(result: StudyResult) -> str:

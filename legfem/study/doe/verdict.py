@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from legfem.study.doe.information import IDENTIFIED
+from legfem.study.doe.paper import TABLE_3
 from legfem.study.doe.study import MetricAnalysis, StudyResult
 
 NEGLIGIBLE = 0.1
@@ -63,9 +64,11 @@ def _in_words(findings: tuple[Finding, ...], titles: list[str]) -> str:
 def _good_fit(result: StudyResult) -> Finding:
     r2 = {a.metric.label: a.anova.r_squared for a in result.analyses}
     poor = [f"{name} {value:.4f}" for name, value in r2.items() if value <= 0.99]
+    exception = next(row for row in TABLE_3 if float(row.r_squared) <= 0.99)
     text = (
         f"R2 from {min(r2.values()):.4f} to {max(r2.values()):.4f}; "
-        f"not above 0.99: {', '.join(poor) or 'none'} (in the paper: slope 20-30 mm, 0.9336)"
+        f"not above 0.99: {', '.join(poor) or 'none'} (in the paper: {exception.label}, "
+        f"{exception.r_squared})"
     )
     return Finding(len(poor) <= 1, text, "the table of the analysis of variance")
 
@@ -91,7 +94,7 @@ def _deep_dominates(result: StudyResult) -> Finding:
     others = [f"{m}: {name}" for m, name in first.items() if name not in IDENTIFIED]
     where = f"not in {'; '.join(others)}" if others else f"in all {len(first)} metrics"
     text = f"C10 or C20 of the deep tissue has the largest coefficient {where}"
-    return Finding(not others, text, "response.png, panels B and C")
+    return Finding(not others, text, "the response figure, panels B and C")
 
 
 def _grows_with_depth(result: StudyResult) -> Finding:
@@ -123,7 +126,7 @@ def _small_fascia(result: StudyResult) -> Finding:
         "its larger coefficient over the metric's largest: "
         f"{min(shares.values()):.0%} to {shares[worst]:.0%} ({worst})"
     )
-    return Finding(shares[worst] < NEGLIGIBLE, text, "response.png, panels B and C")
+    return Finding(shares[worst] < NEGLIGIBLE, text, "the response figure, panels B and C")
 
 
 def _no_interactions(result: StudyResult) -> Finding:
@@ -146,7 +149,7 @@ def _insignificant(
         f"{len(found)} of {count} coefficients are significant at 5 %; "
         f"the largest is {largest:.0%} of its metric's largest main effect"
     )
-    return Finding(not found, text, "response.png")
+    return Finding(not found, text, "the response figure, letter s")
 
 
 def _normal_outputs(result: StudyResult) -> Finding:
