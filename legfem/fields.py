@@ -17,9 +17,9 @@ from legfem.compiled import expression
 from legfem.kinematics import Expr, deformation_gradient, volume_ratio
 from legfem.materials import Hyperelastic
 from legfem.meshing.section import REGIONS
-from legfem.model import NormalContact, Tissue
 from legfem.places import Body, Skin
 from legfem.system import SKIN_DEGREE, System
+from legfem.terms import NormalContact, Tissue
 from legfem.units import FloatArray, mpa_to_kpa
 
 
@@ -97,7 +97,7 @@ def greatest_stretch(gradient: FloatArray) -> FloatArray:
 def fields_of(system: System) -> LegFields:
     """Return the fields of a system in its present state.
 
-    Only the stresses of tissues (`legfem.model.Tissue`) count; collective over the system's ranks.
+    Only the stresses of tissues (`legfem.terms.Tissue`) count; collective over the system's ranks.
     """
     spaces, body, skin = system.spaces, system.body.place, system.skin.place
     assert isinstance(body, Body) and isinstance(skin, Skin)

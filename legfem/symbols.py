@@ -53,6 +53,13 @@ class Symbols:
         return self._variables[name]
 
 
+def named(prefix: str, given: Any) -> dict[str, float]:
+    """Return the fields of a dataclass of numbers by full name, ``prefix.field``."""
+    return {
+        f"{prefix}.{field.name}": getattr(given, field.name) for field in dataclasses.fields(given)
+    }
+
+
 class Clock:
     """Time on one mesh (s): at the end of the step, and the step itself."""
 

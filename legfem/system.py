@@ -53,9 +53,7 @@ class PlaceForms:
 
         def of(term: Any) -> dict[str, Any]:
             return {
-                key.removeprefix(term.name + "."): variable
-                for key, variable in self.history.variables.items()
-                if key.startswith(term.name + ".")
+                name: self.history.variables[f"{term.name}.{name}"] for name in term.history(place)
             }
 
         self.residual_form = sum(term.residual(place, of(term)) for term in model_terms)

@@ -6,7 +6,7 @@ All use the three regions and laws that are shipped, so that their forms are com
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import basix.ufl
@@ -22,12 +22,13 @@ from legfem.geometry.calf import Calf, calf_section
 from legfem.geometry.section import LegSection
 from legfem.materials import NeoHookean, ReducedPolynomial
 from legfem.meshing.section import BONE, DEEP, SKIN, SectionMeshSettings
-from legfem.model import LegModel, NormalContact, TangentialContact, Tissue
+from legfem.model import LegModel, Term
 from legfem.newton import NewtonOutcome, NewtonSettings, NewtonSolver
 from legfem.spaces import LegSpaces, build_spaces
 from legfem.stepping import StepSettings
 from legfem.subject import SHIPPED, Indenter
 from legfem.system import System
+from legfem.terms import NormalContact, TangentialContact, Tissue
 
 FORMULATIONS = ("displacement", "mixed")
 REAL_LEG = SHARED / "data" / "leg_geometry" / "cross_sections_5mm.csv"
@@ -156,10 +157,11 @@ def leg_model(
     contact: ContactSettings,
     penalty: float,
     formulation: str,
+    mechanisms: Sequence[Term] = (),
 ) -> LegModel:
-    """The shipped sum of terms, with the contact's stiffness (MPa/mm) as given."""
+    """The shipped sum of terms, with the contact's stiffness (MPa/mm) as given, and more terms."""
     normal = NormalContact(RigidCylinder(radius), contact.pressure_law(penalty))
-    return LegModel(
+    model = LegModel(
         (
             Tissue("superficial", tissues.superficial),
             Tissue("fascia", tissues.fascia),
@@ -169,6 +171,9 @@ def leg_model(
         ),
         formulation,
     )
+    for term in mechanisms:
+        model = model.with_term(term)
+    return model
 
 
 def pressed_block(
@@ -179,19 +184,22 @@ def pressed_block(
     penalty: float = 0.2,
     direction: tuple[float, float] = (0.0, -1.0),
     meshed: tuple | None = None,
+    mechanisms: Sequence[Term] = (),
 ) -> System:
     """A block under a cylinder that touches it at the origin."""
     contact = contact or ContactSettings()
     tissues = tissues or one_tissue(1e-3, 28.0, C20=0.5e-3)
     spaces = build_spaces(*(meshed or block()), formulation)
-    model = leg_model(tissues, radius, contact, penalty, formulation)
+    model = leg_model(tissues, radius, contact, penalty, formulation, mechanisms)
     return System(spaces, model, np.array([0.0, radius]), np.array(direction))
 
 
-def free_of_contact(meshed: tuple, tissues: Tissues, formulation: str) -> System:
+def free_of_contact(
+    meshed: tuple, tissues: Tissues, formulation: str, mechanisms: Sequence[Term] = ()
+) -> System:
     """A solid with its indenter out of reach."""
     spaces = build_spaces(*meshed, formulation)
-    model = leg_model(tissues, 1.0, ContactSettings(), 1.0, formulation)
+    model = leg_model(tissues, 1.0, ContactSettings(), 1.0, formulation, mechanisms)
     return System(spaces, model, np.array([0.0, 1e3]), np.array([0.0, -1.0]))
 
 

@@ -19,10 +19,11 @@ from legfem.fields import (
 )
 from legfem.materials import ReducedPolynomial
 from legfem.meshing.section import BONE, DEEP, SKIN
-from legfem.model import LegModel, NormalContact, Tissue
+from legfem.model import LegModel
 from legfem.report.paraview import write_fields
 from legfem.spaces import build_spaces
 from legfem.system import System
+from legfem.terms import NormalContact, Tissue
 
 LAW = ReducedPolynomial(C10=2e-3, D1=28.0, C20=1e-3, D2=10.0)
 STRETCH = np.array([1.1, 0.85])

@@ -13,10 +13,11 @@ from making_mechanics import fixed_steps, leg_model, one_tissue, pressed_block
 
 from legfem.contact import StiffPressure
 from legfem.contact_settings import ContactSettings
-from legfem.model import LegModel, NormalContact, Tissue
+from legfem.model import LegModel
 from legfem.newton import NewtonSolver
 from legfem.stepping import press
 from legfem.system import System
+from legfem.terms import NormalContact, Tissue
 
 
 @pytest.fixture

@@ -4,60 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from making_derivatives import PRECISE, sensitivities, worst_error
 from making_mechanics import COARSE, fixed_steps, pressed_block, subject_3
 
 from legfem.contact_settings import ContactSettings
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.newton import NewtonSettings, NewtonSolver
+from legfem.newton import NewtonSolver
+from legfem.protocol import Protocol
 from legfem.sensitivity import SensitivityTracker
-from legfem.stepping import press
-from legfem.system import System
+from legfem.stepping import follow
 
-PRECISE = NewtonSettings(relative_tolerance=1e-12)
-UP_AND_DOWN = (2.0, 1.25)
-
-
-def _forces(system: System, values: dict[str, float], targets, size: float) -> np.ndarray:
-    system.set_parameters(values)
-    forces = []
-    solver = NewtonSolver(system, PRECISE)
-    report = press(
-        system, solver, targets, fixed_steps(size), lambda _: forces.append(system.force())
-    )
-    assert report.complete, report
-    return np.array(forces)
-
-
-def _sensitivities(system: System, names, targets, size: float) -> np.ndarray:
-    tracker, rows = SensitivityTracker(system, names), []
-    solver = NewtonSolver(system, PRECISE)
-    report = press(
-        system, solver, targets, fixed_steps(size), lambda _: rows.append(tracker.step(solver))
-    )
-    assert report.complete, report
-    return np.array(rows)
-
-
-def _worst_error(system: System, values: dict[str, float], names, targets, size) -> float:
-    """Return the largest error relative to each parameter's largest derivative on the path."""
-    system.set_parameters(values)
-    exact = _sensitivities(system, names, targets, size)
-    worst = 0.0
-    for column, name in enumerate(names):
-        change = 1e-4 * values[name]
-        ahead = _forces(system, {**values, name: values[name] + change}, targets, size)
-        behind = _forces(system, {**values, name: values[name] - change}, targets, size)
-        difference = (ahead - behind) / (2 * change)
-        error = np.abs(exact[:, column] - difference).max() / np.abs(difference).max()
-        print(name, f"{error:.1e}")
-        worst = max(worst, error)
-    return worst
+UP_AND_DOWN = Protocol.through((2.0, 1.25), rate=1.0)
 
 
 def test_sensitivities_of_a_block_pressed_and_released():
     system = pressed_block("mixed", ContactSettings(onset=0.02), direction=(0.28, -0.96))
     names = ["deep.C10", "deep.C20", "deep.D1", "contact.stiffness", "friction.stiffness"]
-    assert _worst_error(system, system.model.parameters, names, UP_AND_DOWN, 0.2) < 1e-4
+    assert worst_error(system, system.model.parameters, names, UP_AND_DOWN, 0.2) < 1e-4
 
 
 @pytest.mark.slow
@@ -70,29 +33,29 @@ def test_sensitivities_with_other_tangents(formulation, tangential):
     names = ["deep.C10", "deep.C20", "contact.p0"]
     if tangential == "coulomb":
         names += ["friction.friction", "friction.stiffness"]
-    assert _worst_error(system, system.model.parameters, names, UP_AND_DOWN, 0.2) < 1e-4
+    assert worst_error(system, system.model.parameters, names, UP_AND_DOWN, 0.2) < 1e-4
 
 
 def test_sensitivities_of_a_leg():
     test = PlaneStrainIndentation(*subject_3(), PlaneStrainSettings(mesh=COARSE))
     values = dict(test.solve(depth=0.5).parameters)  # with the contact's stiffness
     names = ["deep.C10", "deep.C20", "superficial.C10", "fascia.C10"]
-    assert _worst_error(test.system, values, names, (8.0,), 1.0) < 1e-4
+    assert worst_error(test.system, values, names, Protocol.ramp(8.0, rate=1.0), 1.0) < 1e-4
 
 
 def test_history_counts():
     """Leaving the anchors' derivatives out is wrong by far more than the tolerance above."""
     system = pressed_block("mixed", ContactSettings(onset=0.02), direction=(0.28, -0.96))
     names = ["friction.stiffness"]
-    exact = _sensitivities(system, names, UP_AND_DOWN, 0.25)[-1, 0]
+    exact = sensitivities(system, names, UP_AND_DOWN, 0.25)[-1, 0]
     tracker, rows = SensitivityTracker(system, names), []
     solver = NewtonSolver(system, PRECISE)
 
-    def forgetful(_: float) -> None:
+    def forgetful(*_: float) -> None:
         tracker.reset()
         rows.append(tracker.step(solver)[0])
 
-    press(system, solver, UP_AND_DOWN, fixed_steps(0.25), forgetful)
+    follow(system, solver, UP_AND_DOWN, fixed_steps(0.25), forgetful)
     assert abs(rows[-1] / exact - 1) > 0.5
 
 
@@ -101,7 +64,7 @@ def test_stiffnesses_scale_the_force():
     system = pressed_block("mixed", ContactSettings(onset=0.02))
     values = system.model.parameters
     names = ["deep.C10", "deep.C20", "deep.D1", "contact.stiffness", "friction.stiffness"]
-    rows = _sensitivities(system, names, (2.0,), 0.5)
+    rows = sensitivities(system, names, Protocol.ramp(2.0, rate=1.0), 0.5)
     weights = np.array([values[name] for name in names]) * [1, 1, -1, 1, 1]
     assert rows[-1] @ weights == pytest.approx(system.force(), rel=1e-7)
 

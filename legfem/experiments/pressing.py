@@ -12,13 +12,14 @@ from legfem.contact import RigidIndenter
 from legfem.contact_settings import ContactSettings
 from legfem.curve import ForceCurve
 from legfem.materials import Hyperelastic
-from legfem.model import LegModel, NormalContact, TangentialContact, Tissue
+from legfem.model import LegModel
 from legfem.newton import NewtonSolver
 from legfem.path import Path
 from legfem.protocol import Protocol
 from legfem.sensitivity import SensitivityTracker
 from legfem.stepping import SolveReport, StepSettings, follow
 from legfem.system import System
+from legfem.terms import NormalContact, TangentialContact, Tissue
 from legfem.units import FloatArray
 
 SOFTER = 0.2

@@ -23,8 +23,8 @@ from legfem.experiments.indentation_3d import (
 )
 from legfem.materials import Hyperelastic, NeoHookean, ReducedPolynomial
 from legfem.meshing.idealised_leg import IdealisedLeg
-from legfem.model import NormalContact
 from legfem.places import Skin
+from legfem.terms import NormalContact
 from legfem.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 
 

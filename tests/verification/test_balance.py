@@ -9,10 +9,10 @@ from dolfinx import fem
 from making_mechanics import FORMULATIONS, fixed_steps, pressed_block
 
 from legfem.contact_settings import ContactSettings
-from legfem.model import Tissue
 from legfem.newton import NewtonSettings, NewtonSolver
 from legfem.stepping import press
 from legfem.system import System, compiled
+from legfem.terms import Tissue
 
 
 def _pressed(formulation: str, tangential: str, depth: float = 3.0) -> System:

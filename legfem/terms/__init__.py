@@ -1,0 +1,13 @@
+"""Terms of a leg's model, one physical effect each.
+
+Parameters are named ``<where>.<field>`` for what every leg has (``deep.C10``,
+``contact.stiffness``) and ``<where>.<mechanism>.<field>`` for what a mechanism adds
+(``deep.viscoelasticity.ratio``). A mechanism vanishes at its strength's null, the default.
+"""
+
+from legfem.terms.normal_contact import NormalContact
+from legfem.terms.tangential_contact import TangentialContact
+from legfem.terms.tissue import Tissue
+from legfem.terms.viscoelasticity import Viscoelasticity
+
+__all__ = ["NormalContact", "TangentialContact", "Tissue", "Viscoelasticity"]
