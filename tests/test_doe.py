@@ -178,6 +178,11 @@ def test_verdicts_in_words(findings: list[bool | None], words: str) -> None:
     assert _in_words(tuple(Finding(f, "", "") for f in findings), ["a", "b"]) == words
 
 
+def test_a_verdict_names_its_condition() -> None:
+    findings = (Finding(True, "", "", "fat is known"), Finding(True, "", "", "fat is known"))
+    assert _in_words(findings, ["a", "b"]) == "holds only where fat is known"
+
+
 # --- the design ---
 
 

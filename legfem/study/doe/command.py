@@ -89,7 +89,7 @@ def _write_all(
             print(f"beside the paper's Table 3\n{beside}")
     titles = [result.definition.title for result in results]
     found = verdicts(results)
-    print("\n".join(f"{verdict.verdict:<16} {verdict.claim}" for verdict in found))
+    print("\n".join(f"{verdict.claim}: {verdict.verdict}" for verdict in found))
     if len(results) > 1:
         gather_figures(results, folders, options.out)
         page = claims_page(results, found, _command(options))

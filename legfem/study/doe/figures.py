@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from scipy.stats import norm
 
 from legfem.report.style import FAINT, new_figure, panel, save, styled, title
+from legfem.study.doe.effects import Normality
 from legfem.study.doe.factors import Factor
 from legfem.study.doe.study import MetricAnalysis, StudyResult
 from legfem.study.doe.surface import term_label
@@ -31,6 +32,8 @@ def draw_response(result: StudyResult, out: Path) -> list[Path]:
             what = "interactions" if interactions else "main effects"
             panel(axes, "BCDE"[2 * row + column], f"mean {kind}: {what}")
             _bars(axes, chosen, result.definition.factors, interactions)
+            if column > 0:  # the terms are those of the panel to the left
+                axes.set_yticklabels([])
     figure.supxlabel(
         "Coefficients of the coded factors (-1 to +1) by window of displacement, in the colours of "
         "panel A.  s: significant at 5 % by the paper's t test;  L: beyond Lenth's simultaneous "
@@ -38,6 +41,11 @@ def draw_response(result: StudyResult, out: Path) -> list[Path]:
         fontsize=9,
     )
     return save(figure, out, "response", svg=True)
+
+
+def power_of_ten(exponent: int) -> str:
+    """Return what is put before a unit."""
+    return f"$10^{{{exponent}}}$"
 
 
 def _whose(result: StudyResult) -> tuple[str, str]:
@@ -84,6 +92,8 @@ def _bars(
                 abs(test.value) > analysis.lenth.simultaneous_margin
             )
             mark = ("s" if test.significant else "") + ("L" if beyond else "")
+            if not mark:
+                continue
             right = test.value >= 0
             axes.annotate(
                 mark, (test.value, at), xytext=(3 if right else -3, 0), fontsize=7,
@@ -97,7 +107,7 @@ def _bars(
     axes.invert_yaxis()
     axes.margins(x=0.12)
     axes.ticklabel_format(axis="x", scilimits=(-2, 2))
-    axes.set_xlabel(f"coefficient ({analyses[0].metric.unit})")
+    axes.set_xlabel(f"coefficient ({analyses[0].metric.typeset_unit})")
 
 
 def _stage(analysis: MetricAnalysis, analyses: list[MetricAnalysis]) -> int:
@@ -137,7 +147,7 @@ def draw_half_normal(result: StudyResult, out: Path) -> list[Path]:
         axes.set_xlim(0, quantiles[-1] * 1.08)
         axes.ticklabel_format(axis="y", scilimits=(-2, 2))
         axes.set_xlabel("half-normal quantile")
-        axes.set_ylabel(f"|coefficient| ({analysis.metric.unit})")
+        axes.set_ylabel(f"|coefficient| ({analysis.metric.typeset_unit})")
     names = ", ".join(f"{_letter(f.symbol)}: {f.label}" for f in result.definition.factors)
     figure.supxlabel(
         "filled: in the surface; open: higher interactions; dotted: Lenth's margin of error, "
@@ -161,11 +171,24 @@ def _letter(symbol: str) -> str:
 def _name_largest(
     axes: Axes, quantiles: np.ndarray, sizes: np.ndarray, terms: list[str], limit: float
 ) -> None:
-    for quantile, size, term in list(zip(quantiles, sizes, terms, strict=True))[-_NAMED:]:
-        if size > limit:
-            name = "".join(_letter(part) for part in term.split(":"))
-            axes.annotate(name, (quantile, size), xytext=(-6, 2), fontsize=8, ha="right",
-                          textcoords="offset points")  # fmt: skip
+    largest = reversed(list(zip(quantiles, sizes, terms, strict=True))[-_NAMED:])
+    span = 1.05 * float(sizes[-1])
+    taken: list[tuple[float, float]] = []
+    for quantile, size, term in largest:
+        if size <= limit:
+            continue
+        # A name goes up until it is clear of those to its right (in points, of a panel's size).
+        x, y = 105 * quantile, 200 * size / span
+        raised = 2.0
+        while any(abs(x - other) < 24 and abs(y + raised - at) < 9 for other, at in taken):
+            raised += 3.0
+        taken.append((x, y + raised))
+        name = "".join(_letter(part) for part in term.split(":"))
+        leader = (
+            {"arrowstyle": "-", "lw": 0.5, "color": FAINT, "shrinkA": 0} if raised > 8 else None
+        )
+        axes.annotate(name, (quantile, size), xytext=(-5, raised), fontsize=8, ha="right",
+                      textcoords="offset points", arrowprops=leader)  # fmt: skip
 
 
 def _colour(term: str) -> str:
@@ -182,20 +205,33 @@ def draw_normality(result: StudyResult, out: Path) -> list[Path]:
     title(figure, f"Normality: {result.definition.title}", *_whose(result))
     axes = figure.subplots(2, len(result.analyses), squeeze=False)
     for column, analysis in enumerate(result.analyses):
-        rows = (
-            (analysis.surface.response, analysis.outputs, "outputs"),
-            (analysis.surface.residuals, analysis.residuals, "residuals"),
-        )
-        for row, (values, found, name) in enumerate(rows):
-            at = axes[row, column]
-            ordered = np.sort(values)
-            quantiles = norm.ppf((np.arange(len(values)) + 0.5) / len(values))
-            at.plot(quantiles, ordered, "o", ms=3.5, color="#0072B2")
-            at.plot(quantiles, values.mean() + values.std(ddof=1) * quantiles, color=FAINT, lw=0.8)
-            heading = analysis.metric.label if row == 0 else ""
-            at.set_title(f"{heading}\np = {found.shapiro:.1g}, {found.lilliefors:.1g}", fontsize=9)
-            at.ticklabel_format(axis="y", scilimits=(-2, 2))
-            if column == 0:
-                at.set_ylabel(name)
-    figure.supxlabel("normal quantile (p: Shapiro and Wilk, Lilliefors)", fontsize=9)
+        metric = analysis.metric
+        outputs, residuals = analysis.surface.response, analysis.surface.residuals
+        _quantiles(axes[0, column], outputs, metric.typeset_unit)
+        _quantiles(axes[1, column], residuals, metric.typeset_unit)
+        axes[0, column].set_title(f"{metric.label}\n{_probabilities(analysis.outputs)}", fontsize=9)
+        axes[1, column].set_title(_probabilities(analysis.residuals), fontsize=9)
+    axes[0, 0].set_ylabel(f"outputs\n{axes[0, 0].get_ylabel()}")
+    axes[1, 0].set_ylabel(f"residuals\n{axes[1, 0].get_ylabel()}")
+    figure.supxlabel(
+        "normal quantile.  On the line: normal.  Probabilities of samples as far from normal, were "
+        "they normal: SW, Shapiro and Wilk; L, Lilliefors.  Open: the centre.",
+        fontsize=9,
+    )
     return save(figure, out, "normality")
+
+
+def _probabilities(found: Normality) -> str:
+    return f"p: SW {found.shapiro:.1g}, L {found.lilliefors:.1g}"
+
+
+def _quantiles(axes: Axes, values: np.ndarray, unit: str) -> None:
+    power = int(np.floor(np.log10(np.abs(values).max())))
+    values = values / 10.0**power
+    order = np.argsort(values)
+    quantiles = norm.ppf((np.arange(len(values)) + 0.5) / len(values))
+    centre = order == len(values) - 1
+    axes.plot(quantiles, values[order], "o", ms=3.5, color="#0072B2")
+    axes.plot(quantiles[centre], values[order][centre], "o", ms=6, color="#0072B2", mfc="white")
+    axes.plot(quantiles, values.mean() + values.std(ddof=1) * quantiles, color=FAINT, lw=0.8)
+    axes.set_ylabel(f"{power_of_ten(power)} {unit}", fontsize=9)

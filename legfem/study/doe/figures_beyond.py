@@ -9,6 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from legfem.report.style import FAINT, new_figure, panel, save, styled, title
+from legfem.study.doe.factors import label_of
+from legfem.study.doe.figures import power_of_ten
 from legfem.study.doe.information import IDENTIFIED, IDENTIFIED_WITHIN, Information
 from legfem.study.doe.study import StudyResult
 
@@ -26,7 +28,8 @@ def draw_sobol(result: StudyResult, out: Path) -> list[Path]:
     title(figure, f"Sobol indices: {result.definition.title}", whose, "simulated")
     grid = figure.add_gridspec(2, len(found), height_ratios=[1.3, 1])
     axes = figure.add_subplot(grid[0, :])
-    panel(axes, "A", "share of the variance: full bars alone, light ones with all interactions")
+    panel(axes, "A", "full bars: a factor alone; light: with all its interactions (95 % interval)")
+    axes.set_ylabel("share of the variance")
     factors = result.definition.factors
     width = 0.8 / len(factors)
     for k, factor in enumerate(factors):
@@ -47,12 +50,15 @@ def draw_sobol(result: StudyResult, out: Path) -> list[Path]:
         both = [min(simulated.min(), predicted.min()), max(simulated.max(), predicted.max())]
         below.plot(both, both, color=FAINT, lw=0.8)
         below.plot(simulated, predicted, "o", ms=3.5, color="#0072B2")
-        below.set_title(f"rms error {s.error.relative:.1%} of sd", fontsize=9)
+        letter = "$\\bf{B}$  " if k == 0 else ""
+        error = f"rms error {s.error.relative:.1%} of sd"
+        below.set_title(f"{letter}{s.metric.label}\n{error}", fontsize=9)
         below.tick_params(labelsize=8)
-        below.set_xlabel(f"simulated (1e{power} {s.metric.unit})", fontsize=8)
+        unit = f"{power_of_ten(power)} {s.metric.typeset_unit}"
+        below.set_xlabel(f"simulated ({unit})", fontsize=8)
         if k == 0:
-            below.set_title(f"$\\bf{{B}}$  rms error {s.error.relative:.1%} of sd", fontsize=9)
-            below.set_ylabel("emulated", fontsize=8)
+            below.set_ylabel("emulated (same unit)", fontsize=8)
+    figure.supxlabel("B: the emulator behind A against simulations that it hasn't seen", fontsize=9)
     return save(figure, out, "sobol")
 
 
@@ -66,12 +72,16 @@ def draw_information(result: StudyResult, out: Path) -> list[Path]:
     whose = f"section of subject {result.subject.id} ({result.subject.origin})"
     title(figure, f"What a curve tells: {result.definition.title}", whose, "simulated")
     axes = figure.subplots(2, 2)
-    panel(axes[0, 0], "A", "sensitivity of the force")
+    panel(axes[0, 0], "A", "change of the force (%) for 1 % of a parameter")
     elasticity = found.sensitivity / found.force[:, None]
     for k, name in enumerate(found.names):
-        axes[0, 0].plot(found.displacement, elasticity[:, k], color=_COLOURS[k % 8], label=name)
+        axes[0, 0].plot(
+            found.displacement, elasticity[:, k], color=_COLOURS[k % 8], label=label_of(name)
+        )
     noise = found.noise_sd / found.force
-    axes[0, 0].plot(found.displacement, noise, ":", color="#111111", label="noise: sd / F")
+    axes[0, 0].plot(
+        found.displacement, noise, ":", color="#111111", label="noise of the instruments: sd / F"
+    )
     axes[0, 0].set_ylim(min(0.0, float(elasticity.min())), 1.15 * float(elasticity.max()))
     axes[0, 0].set_xlabel("displacement (mm)")
     axes[0, 0].set_ylabel("d ln F / d ln parameter")
@@ -89,7 +99,7 @@ def draw_information(result: StudyResult, out: Path) -> list[Path]:
 def _half_widths(
     axes: Axes, found: Information, unknown: Sequence[str] | None, letter: str, name: str
 ) -> None:
-    panel(axes, letter, f"95 % half-width, {name}")
+    panel(axes, letter, f"least 95 % half-width; {name}")
     names = list(found.names) if unknown is None else unknown
     within = unknown is None
     widths = np.array(
@@ -97,13 +107,15 @@ def _half_widths(
     )
     for k, parameter in enumerate(names):
         colour = _COLOURS[found.names.index(parameter) % 8]
-        axes.semilogy(found.displacement, 100 * widths[:, k], color=colour, label=parameter)
+        axes.semilogy(
+            found.displacement, 100 * widths[:, k], color=colour, label=label_of(parameter)
+        )
     axes.axhline(100 * IDENTIFIED_WITHIN, color=FAINT, ls="--", lw=1)
     axes.text(found.displacement[-1], 90 * IDENTIFIED_WITHIN, "told within 50 %", ha="right",
               va="top", color=FAINT, fontsize=8)  # fmt: skip
     axes.set_ylim(0.5, 1e4)
     axes.set_xlim(0, found.displacement[-1])
-    axes.set_xlabel("the curve's depth (mm)")
+    axes.set_xlabel("depth of the recorded curve (mm)")
     axes.set_ylabel("% of the parameter")
     axes.legend(fontsize=8)
 
@@ -119,7 +131,8 @@ def _eigenvectors(axes: Axes, found: Information, depth: float) -> None:
             axes.text(column, row, f"{value:+.2f}", ha="center", va="center", fontsize=9,
                       color="white" if abs(value) > 0.6 else "#111111")  # fmt: skip
     axes.set_xticks(range(size), [_sd(percent) for percent in 100 * spread])
-    axes.set_yticks(range(size), [f"ln {name}" for name in found.names])
+    axes.set_yticks(range(size), [f"ln {label_of(name)}" for name in found.names])
+    axes.set_xlabel("combinations of the parameters (columns), each with its least relative sd")
     axes.spines[:].set_visible(False)
     axes.tick_params(length=0)
 

@@ -34,6 +34,11 @@ class Metric:
         """Of the force per length."""
         return "N/mm2" if self.kind == "slope" else "N/mm3"
 
+    @property
+    def typeset_unit(self) -> str:
+        """The unit as a figure has it."""
+        return self.unit.replace("mm2", "mm²").replace("mm3", "mm³")
+
     def of(self, curve: ForceCurve) -> float:
         """Return the metric; NaN where the curve ends before the window does."""
         if curve.depth < self.end - 1e-9:

@@ -15,8 +15,9 @@ from legfem.study.doe.verdict import Verdict
 FIGURES = ("response.svg",)
 """Those of every study that the page shows."""
 
+UNITS_NOTE = "Sums of squares in (N/mm2)^2 for slopes, (N/mm3)^2 for curvatures."
 TABLE_3_NOTE = (
-    "Sums of squares in (N/mm2)^2 for slopes, (N/mm3)^2 for curvatures. 'Half of it': legfem's "
+    f"{UNITS_NOTE} Paper / legfem. 'Half of it': legfem's "
     "curvature is the mean second derivative; the coefficient of d^2 in the least-squares parabola "
     "is half of that, and its sums of squares a quarter. The paper prints no F: its own is "
     "(SSR/15)/(SSE/17)."
@@ -78,11 +79,15 @@ def _numbers(result: StudyResult) -> list[str]:
     total = len(result.records)
     blocks = [
         f"## In numbers: {title}\n\n{total - len(result.failed)} of {total} runs reach "
-        f"{result.definition.depth:g} mm.",
+        f"{result.definition.depth:g} mm. {UNITS_NOTE}",
         tables.anova_table(result),
     ]
     if result.numerics is not None:
-        blocks.append(f"Numerical error of the metrics:\n\n{tables.numerics_table(result)}")
+        blocks.append(
+            "Numerical error of the metrics at two corners and the centre, from a finer mesh and "
+            "smaller steps, and what it can make of a coefficient:\n\n"
+            + tables.numerics_table(result)
+        )
     if result.sobol:
         blocks.append(f"Sobol indices, first order and total:\n\n{tables.sobol_table(result)}")
     if result.information is not None:

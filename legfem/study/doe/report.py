@@ -9,7 +9,7 @@ from pathlib import Path
 from legfem.materials import Hyperelastic
 from legfem.report.text import ORIGINS, WIDTH
 from legfem.study.doe import tables
-from legfem.study.doe.factors import PARAMETERS, UNITS, Factor
+from legfem.study.doe.factors import PARAMETERS, UNITS, Factor, label_of
 from legfem.study.doe.information import IDENTIFIED
 from legfem.study.doe.page import TABLE_3_NOTE
 from legfem.study.doe.study import StudyResult
@@ -42,8 +42,9 @@ def report_page(result: StudyResult, files: Sequence[Path]) -> str:
             f"## Numerical error of the metrics\n\n{tables.numerics_table(result)}\n"
             + _fill(
                 "Errors of the default settings, from a mesh 1.5 times finer with steps of at most "
-                "0.5 mm, extrapolated as for second order. The bound on a coefficient is the "
-                "largest relative error times the mean size of the metric."
+                "0.5 mm, extrapolated as for first order: at the softest corner, the stiffest and "
+                "the centre. The bound on a coefficient is the largest of these relative errors "
+                "times the mean size of the metric."
             )
         )
     if result.sobol:
@@ -148,18 +149,20 @@ def _information(result: StudyResult) -> str:
     lines.append("Eigenvectors of the information at full depth, best determined first:\n")
     for k, sd in enumerate(spread):
         parts = " ".join(
-            f"{v:+.2f} ln {name}" for v, name in zip(vectors[:, k], found.names, strict=True)
+            f"{v:+.2f} ln {label_of(name)}"
+            for v, name in zip(vectors[:, k], found.names, strict=True)
         )
         lines.append(f"- sd {sd:.2%}: {parts}" if sd < 100 else f"- not determined: {parts}")
     pair = [name for name in IDENTIFIED if name in found.names]
     for assumed in (name for name in found.names if name not in pair and len(pair) == 2):
         first, second = found.bias(depth, pair, assumed)
         lines.append(
-            f"- assumed {assumed} 10 % too high: deep C10 {0.1 * first:+.1%}, "
+            f"- assumed {label_of(assumed)} 10 % too high: deep C10 {0.1 * first:+.1%}, "
             f"deep C20 {0.1 * second:+.1%}"
         )
     point = ", ".join(
-        f"{name} {value:.4g}" for name, value in zip(found.names, found.nominal, strict=True)
+        f"{label_of(name)} {value:.4g}"
+        for name, value in zip(found.names, found.nominal, strict=True)
     )
     instrument = result.subject.instrument
     lines.append("")

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from legfem.study.doe.anova import Anova
+from legfem.study.doe.factors import label_of
 from legfem.study.doe.information import IDENTIFIED
 from legfem.study.doe.paper import ERROR_DOF, MODEL_DOF, TABLE_2, TABLE_3, PrintedRow
 from legfem.study.doe.study import MetricAnalysis, StudyResult
@@ -57,13 +58,19 @@ def beside_table_3(result: StudyResult) -> str:
         rows.append([a.metric.label, *_sums(row, a.anova, 1.0), r_squared, ratio])
         if a.metric.kind == "curvature":
             rows.append(["half of it", *_sums(row, a.anova, 0.25), r_squared, ratio])
-    header = ["metric: paper / legfem", "SSR", "MSR", "SSE", "MSE", "R2", "F (15, 17)"]
+    header = ["metric: paper / legfem", "SSR", "MSR", "SSE", "MSE", "R2", "F"]
     return markdown(header, rows)
 
 
 def _sums(row: PrintedRow, found: Anova, scale: float) -> list[str]:
     pairs = (row.ssr, found.ssr), (row.msr, found.msr), (row.sse, found.sse), (row.mse, found.mse)
-    return [f"{paper} / {scale * own:.2g}" for paper, own in pairs]
+    return [f"{_powers(float(paper))} / {_powers(scale * own)}" for paper, own in pairs]
+
+
+def _powers(value: float) -> str:
+    """Return a number with two digits and its power of ten, as the paper prints them."""
+    mantissa, _, exponent = f"{value:.1e}".partition("e")
+    return f"{mantissa}e{int(exponent)}"
 
 
 def coefficient_table(result: StudyResult) -> str:
@@ -162,7 +169,7 @@ def information_table(result: StudyResult) -> str:
         within = [found.relative_sd(d, within_ranges=True)[k] for d in depths]
         told = found.told_from(name, within_ranges=True)
         rows.append([
-            name,
+            label_of(name),
             *(", ".join(map(_half, v)) or "-" for v in (alone, two, within, joint)),
             "never" if told is None else f"{told:g} mm",
         ])  # fmt: skip

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from legfem.study.doe.information import IDENTIFIED
+from legfem.study.doe.information import IDENTIFIED, IDENTIFIED_WITHIN
 from legfem.study.doe.paper import TABLE_3
 from legfem.study.doe.study import MetricAnalysis, StudyResult
 
@@ -23,6 +23,8 @@ class Finding:
     """None where the study can't tell."""
     evidence: str
     shown_in: str
+    only_where: str = ""
+    """On what condition it holds."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,8 @@ def _in_words(findings: tuple[Finding, ...], titles: list[str]) -> str:
     if not told:
         return "can't be told"
     if all(holds for holds, _ in told):
-        return "reproduced"
+        conditions = dict.fromkeys(f.only_where for f in findings if f.only_where)
+        return f"holds only where {' and '.join(conditions)}" if conditions else "reproduced"
     if not any(holds for holds, _ in told):
         return "not reproduced"
     return "holds only with " + "; ".join(title for holds, title in told if holds)
@@ -164,15 +167,19 @@ def _identifies_deep(result: StudyResult) -> Finding:
     if information is None or not set(IDENTIFIED) <= set(information.names):
         return Finding(None, "no information was computed", "")
     depth = result.definition.depth
-    sd = information.relative_sd(depth, within_ranges=True)
-    pair = information.relative_sd(depth, IDENTIFIED)
-    half = [1.96 * sd[information.names.index(name)] for name in IDENTIFIED]
+    at = [information.names.index(name) for name in IDENTIFIED]
+    within = 1.96 * information.relative_sd(depth, within_ranges=True)[at]
+    exactly = 1.96 * information.relative_sd(depth, IDENTIFIED)
+    nothing = 1.96 * information.relative_sd(depth)[at]
+    halves = [f"{_percent(first)} and {_percent(second)}" for first, second in
+              (within, exactly, nothing)]  # fmt: skip
     text = (
-        f"95 % half-widths of C10 and C20 at {depth:g} mm: {half[0]:.0%} and {half[1]:.0%} with "
-        f"the others known within their ranges, {1.96 * pair[0]:.0%} and {1.96 * pair[1]:.0%} with "
-        "them known exactly"
+        f"95 % half-widths of C10 and C20 at {depth:g} mm: {halves[0]} with fat and fascia known "
+        f"within their ranges, {halves[1]} with them known exactly, {halves[2]} with them unknown"
     )
-    return Finding(bool(max(half) <= 0.5), text, "information.png")
+    free, given = (bool(half.max() <= IDENTIFIED_WITHIN) for half in (nothing, within))
+    where = "fat and fascia are known within their ranges" if given and not free else ""
+    return Finding(given, text, "information.png", where)
 
 
 def _not_before_5_mm(result: StudyResult) -> Finding:
@@ -206,5 +213,5 @@ CLAIMS: dict[str, Callable[[StudyResult], Finding]] = {
     "the fascia plays no part: its effects are below a tenth of the largest": _small_fascia,
     "interactions are not significant (t test)": _no_interactions,
     "the outputs follow a normal law": _normal_outputs,
-    "the deep tissue is identified independently of the others": _identifies_deep,
+    "the test permits identifying the deep tissue": _identifies_deep,
 }
