@@ -1,4 +1,4 @@
-r"""Contact of the skin with a rigid indenter: signed distance, pressure laws, tangential laws.
+r"""Contact of the skin with a rigid indenter: signed distance and pressure laws.
 
 The indenter is an analytic signed distance, so no search for contact is needed. With :math:`y` the
 position of a skin point relative to the indenter, the gap is :math:`g(y)`, the overclosure
@@ -215,66 +215,3 @@ class StiffPressure:
     def scaled(self, factor: float) -> StiffPressure:
         """Return the law with its stiffness multiplied."""
         return StiffPressure(self.stiffness * factor, self.width)
-
-
-class TangentialLaw(Protocol):
-    """Traction along the indenter's surface as a function of elastic slip."""
-
-    def traction(self, slip: Expr, pressure: Expr) -> Expr:
-        """Return the traction (MPa) for the slip (mm) from the anchor."""
-
-
-@dataclass(frozen=True)
-class Frictionless:
-    """No traction along the surface."""
-
-    def traction(self, slip: Expr, pressure: Expr) -> Expr:
-        """Return zero."""
-        return 0 * slip
-
-
-@dataclass(frozen=True)
-class Rough:
-    """No sliding: a point that touches stays where it touched, held by a stiff spring.
-
-    Parameters
-    ----------
-    stiffness : float
-        Of the spring (MPa/mm).
-    """
-
-    stiffness: Scalar
-
-    def __post_init__(self) -> None:
-        """Check the stiffness."""
-        check_positive(self, "stiffness")
-
-    def traction(self, slip: Expr, pressure: Expr) -> Expr:
-        """Return ``stiffness * slip``."""
-        return self.stiffness * slip
-
-
-@dataclass(frozen=True)
-class Coulomb:
-    r"""Coulomb friction: stick up to :math:`\mu p`, then slip (radial return of the anchor).
-
-    Parameters
-    ----------
-    friction : float
-        Coefficient :math:`\mu`.
-    stiffness : float
-        Of the stick (MPa/mm).
-    """
-
-    friction: Scalar
-    stiffness: Scalar
-
-    def __post_init__(self) -> None:
-        """Check both numbers."""
-        check_positive(self, "friction", "stiffness")
-
-    def traction(self, slip: Expr, pressure: Expr) -> Expr:
-        """Return the traction, limited by ``friction * pressure``."""
-        trial = self.stiffness * ufl.sqrt(ufl.dot(slip, slip) + 1e-24)
-        limit = self.friction * pressure
-        return self.stiffness * slip * ufl.conditional(ufl.lt(trial, limit), 1, limit / trial)

@@ -6,16 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from legfem.contact import (
-    Coulomb,
-    ExponentialPressure,
-    Frictionless,
-    PressureLaw,
-    Rough,
-    StiffPressure,
-    TangentialLaw,
-)
+from legfem.contact import ExponentialPressure, PressureLaw, StiffPressure
 from legfem.errors import InputError
+from legfem.traction import Coulomb, Frictionless, Rough, TangentialLaw, Tape
 
 
 @dataclass(frozen=True)
@@ -26,8 +19,8 @@ class ContactSettings:
     ----------
     normal : {"stiff", "exponential"}
         Law of the pressure: a rounded linear penalty, or Abaqus' exponential law.
-    tangential : {"rough", "frictionless", "coulomb"}
-        Law along the surface; the paper's tape is ``"rough"``.
+    tangential : {"rough", "frictionless", "coulomb", "tape"}
+        Law along the surface; the paper's tape is ``"rough"``, and ``"tape"`` one that can fail.
     stiffness : float
         Dimensionless: the penalty is ``stiffness * mu / radius`` (MPa/mm) with the tissue's
         :math:`\mu = 2 (C_{10}^{deep} + C_{20}^{deep} + C_{10}^{superficial})`. The exponential law
@@ -36,19 +29,22 @@ class ContactSettings:
         Gap at which the pressure starts (mm).
     friction : float
         Coulomb's coefficient.
+    weakness : float
+        Inverse of the tape's shear strength (1/MPa).
     """
 
     normal: Literal["stiff", "exponential"] = "stiff"
-    tangential: Literal["rough", "frictionless", "coulomb"] = "rough"
+    tangential: Literal["rough", "frictionless", "coulomb", "tape"] = "rough"
     stiffness: float = 1000.0
     onset: float = 0.005
     friction: float = 0.5
+    weakness: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the names of the laws."""
         for field, known in (
             ("normal", ("stiff", "exponential")),
-            ("tangential", ("rough", "frictionless", "coulomb")),
+            ("tangential", ("rough", "frictionless", "coulomb", "tape")),
         ):
             if getattr(self, field) not in known:
                 raise InputError(
@@ -73,4 +69,6 @@ class ContactSettings:
             return Rough(penalty)
         if self.tangential == "coulomb":
             return Coulomb(self.friction, penalty)
+        if self.tangential == "tape":
+            return Tape(self.weakness, penalty)
         return Frictionless()

@@ -137,6 +137,13 @@ class System:
         """Move the indenter to a displacement (mm) along its line of travel."""
         self._centre.value[:] = self._start + displacement * self.direction
 
+    def place_indenter(self, start: FloatArray, direction: FloatArray) -> None:
+        """Set the centre at zero displacement (mm) and the unit vector of travel.
+
+        They take effect when the system is reset.
+        """
+        self._start, self.direction = start, direction
+
     def set_time(self, time: float, step: float) -> None:
         """Set the time at the end of the step, and the step (s)."""
         for clock in self._clocks:

@@ -10,16 +10,10 @@ import ufl
 from ufl.algorithms import expand_derivatives
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 
-from legfem.contact import (
-    Coulomb,
-    ExponentialPressure,
-    Frictionless,
-    RigidCylinder,
-    Rough,
-    StiffPressure,
-)
+from legfem.contact import ExponentialPressure, RigidCylinder, StiffPressure
 from legfem.contact_settings import ContactSettings
 from legfem.errors import InputError
+from legfem.traction import Coulomb, Frictionless, Rough, Tape
 
 LAWS = [
     pytest.param(ExponentialPressure(p0=1e-3, c0=0.02), id="exponential"),
@@ -125,6 +119,17 @@ def test_coulomb_friction_sticks_and_then_slips():
     assert np.linalg.norm(sliding) == pytest.approx(0.5 * 0.1, rel=1e-12)
     np.testing.assert_allclose(sliding / 0.05, [0.6, -0.8], rtol=1e-12)
     np.testing.assert_array_equal(_traction(law, [0.0, 0.0], 0.1), [0.0, 0.0])
+
+
+def test_tape_holds_up_to_its_strength():
+    tape = Tape(weakness=1 / 0.1, stiffness=0.4)
+    np.testing.assert_allclose(_traction(tape, [0.03, -0.04], 0.0), [0.012, -0.016], rtol=1e-12)
+    slipping = _traction(tape, [0.3, -0.4], 0.0)
+    np.testing.assert_allclose(slipping, [0.06, -0.08], rtol=1e-12)
+    sound = Tape(weakness=0.0, stiffness=0.4)
+    np.testing.assert_array_equal(_traction(sound, [30.0, -40.0], 0.0), [12.0, -16.0])
+    with pytest.raises(InputError, match="weakness"):
+        Tape(weakness=-1.0, stiffness=0.4)
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -15,7 +15,7 @@ from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 
 from legfem.errors import InputError
 from legfem.kinematics import deformation_gradient, isochoric_first_invariant
-from legfem.materials import NeoHookean, ReducedPolynomial
+from legfem.materials import ExponentialStiffening, NeoHookean, ReducedPolynomial, Yeoh
 
 LAWS = [
     pytest.param(NeoHookean(C10=1.2e-3, D1=28.0), id="neo-hookean"),
@@ -24,6 +24,13 @@ LAWS = [
     ),
     pytest.param(ReducedPolynomial(C10=0.7e-3, D1=28.0, C20=0.8e-3), id="without-D2"),
     pytest.param(NeoHookean(C10=0.1, D1=22.5), id="fascia"),
+    pytest.param(Yeoh(C10=0.7e-3, D1=28.0, C20=0.3e-3, C30=0.6e-3), id="yeoh"),
+    pytest.param(
+        ExponentialStiffening(
+            C10=0.7e-3, D1=28.0, C20=0.3e-3, D2=14.0, stiffening=0.5e-3, exponent=1.4
+        ),
+        id="exponential",
+    ),
 ]
 STRETCHES = [0.6, 1.0, 1.15, 1.6]
 
@@ -53,8 +60,10 @@ def _slopes(law, F: np.ndarray) -> tuple[float, float, float]:
     J = np.linalg.det(F)
     stretch = J ** (-2 / 3) * np.trace(F.T @ F) - 3
     C20, D2 = getattr(law, "C20", 0.0), getattr(law, "D2", math.inf)
+    exponential = getattr(law, "stiffening", 0) * np.expm1(getattr(law, "exponent", 1) * stretch)
+    third = 3 * getattr(law, "C30", 0.0) * stretch**2
     return (
-        law.C10 + 2 * C20 * stretch,
+        law.C10 + 2 * C20 * stretch + third + exponential,
         2 * (J - 1) / law.D1 + 4 * (J - 1) ** 3 / D2,
         J,
     )
@@ -108,8 +117,7 @@ def test_equibiaxial_state(law):
 def test_simple_shear(law):
     for shear in (-1.2, 0.05, 0.8):
         F = np.array([[1, shear, 0], [0, 1, 0], [0, 0, 1.0]])
-        C20 = getattr(law, "C20", 0.0)
-        modulus = 2 * (law.C10 + 2 * C20 * shear**2)
+        modulus = 2 * _slopes(law, F)[0]
         stress = _cauchy(law, F)
         expected = modulus * np.array(
             [[2 * shear**2 / 3, shear, 0], [shear, -(shear**2) / 3, 0], [0, 0, -(shear**2) / 3]]
@@ -195,6 +203,23 @@ def _planar(gradient: np.ndarray):
     domain = ufl.Mesh(basix.ufl.element("Lagrange", "triangle", 1, shape=(2,)))
     u = ufl.dot(ufl.as_tensor(gradient.tolist()), ufl.SpatialCoordinate(domain))
     return expand_derivatives(deformation_gradient(u))
+
+
+@pytest.mark.parametrize("further", [Yeoh, ExponentialStiffening])
+def test_a_further_term_vanishes_by_default(further):
+    for law in (NeoHookean(1e-3, 28.0), ReducedPolynomial(1e-3, 28.0, C20=2e-3, D2=14.0)):
+        for F in _random_gradients(5):
+            assert _energy(further.of(law), F) == _energy(law, F)
+
+
+def test_impossible_further_terms_are_refused():
+    for law in (
+        lambda: Yeoh(1e-3, 28.0, 0.0, C30=-1.0),
+        lambda: ExponentialStiffening(1e-3, 28.0, 0.0, stiffening=-1.0),
+        lambda: ExponentialStiffening(1e-3, 28.0, 0.0, exponent=0.0),
+    ):
+        with pytest.raises(InputError, match="zero"):
+            law()
 
 
 def test_plane_strain_keeps_the_third_direction():

@@ -11,6 +11,7 @@ from mpi4py import MPI
 
 from legfem.contact import RigidCylinder
 from legfem.contact_settings import ContactSettings
+from legfem.experiments.placement import Placement
 from legfem.experiments.pressing import (
     SOFTER,
     Indentation,
@@ -20,7 +21,13 @@ from legfem.experiments.pressing import (
 )
 from legfem.geometry.section import LegSection
 from legfem.materials import Hyperelastic, NeoHookean, ReducedPolynomial
-from legfem.meshing.section import REGIONS, SectionMesh, SectionMeshSettings, mesh_section
+from legfem.meshing.section import (
+    REGIONS,
+    SectionMesh,
+    SectionMeshSettings,
+    first_touch,
+    mesh_section,
+)
 from legfem.model import LegModel, Term
 from legfem.newton import NewtonSettings, NewtonSolver
 from legfem.protocol import Protocol
@@ -131,6 +138,7 @@ class PlaneStrainIndentation:
         sensitivities: Sequence[str] = (),
         turns: Sequence[float] = (),
         on_step: Callable[[float], None] | None = None,
+        placement: Placement | None = None,
     ) -> Indentation:
         """Press the cylinder in at 1 mm/s; tissues without memory don't know of the rate.
 
@@ -146,6 +154,8 @@ class PlaneStrainIndentation:
             Displacements (mm) to go to after ``depth``, for unloading.
         on_step
             Called with the displacement (mm) of every accepted step.
+        placement
+            Where the cylinder really stood; as stated without it.
 
         Returns
         -------
@@ -153,7 +163,7 @@ class PlaneStrainIndentation:
             Also where the depth wasn't reached.
         """
         protocol = Protocol.through((depth, *turns), rate=1.0)
-        return self.follow(protocol, parameters, sensitivities, on_step)
+        return self.follow(protocol, parameters, sensitivities, on_step, placement)
 
     def follow(
         self,
@@ -161,12 +171,15 @@ class PlaneStrainIndentation:
         parameters: Mapping[str, float] | None = None,
         sensitivities: Sequence[str] = (),
         on_step: Callable[[float], None] | None = None,
+        placement: Placement | None = None,
     ) -> Indentation:
         """Move the cylinder along a protocol: loading, holds, unloading, at any rates.
 
         The other arguments and the outcome are those of `solve`.
         """
+        placement = placement or Placement()
         asked = parameters, protocol, sensitivities, on_step
+        self._place(placement)
         attempts = [self._pressing.run(*asked, softness=1.0)]
         if self.settings.defences and not attempts[-1].report.complete:
             attempts.append(self._pressing.run(*asked, softness=SOFTER))
@@ -179,8 +192,15 @@ class PlaneStrainIndentation:
                 self.comm,
                 self.mechanisms,
             )
+            finer._place(placement)
             attempts.append(finer._pressing.run(*asked, softness=SOFTER))
         return farthest(attempts)
+
+    def _place(self, placement: Placement) -> None:
+        meshed, indenter = self.section_mesh, self.indenter
+        aim = placement.aim(indenter.aim, meshed.direction)
+        touch = first_touch(meshed.outline, indenter.radius, aim, meshed.direction)
+        self.system.place_indenter(touch, placement.travel(meshed.direction))
 
     def _model(self) -> LegModel:
         tissues = {name: getattr(self.tissues, name) for name in REGIONS}

@@ -18,6 +18,7 @@ from legfem.path import Path
 from legfem.protocol import Protocol
 from legfem.sensitivity import SensitivityTracker
 from legfem.stepping import SolveReport, StepSettings, follow
+from legfem.symbols import named
 from legfem.system import System
 from legfem.terms import NormalContact, TangentialContact, Tissue
 from legfem.units import FloatArray
@@ -95,9 +96,9 @@ class Pressing:
         if unknown:
             raise KeyError(f"the model has no parameter {sorted(unknown)[0]!r}")
         penalty = softness * self.contact.penalty(values, self.radius)
-        normal = replace(_normal_contact(model), law=self.contact.pressure_law(penalty))
-        values |= normal.parameters
-        values |= TangentialContact(normal, self.contact.tangential_law(penalty)).parameters
+        normal = _normal_contact(model)
+        values |= named(normal.name, self.contact.pressure_law(penalty))
+        values |= {name: penalty for name in ("friction.stiffness",) if name in values}
         self.system.set_parameters(values)
         tracker = self._tracker(tuple(sensitivities))
         time, displacement, force = [protocol.time[0]], [protocol.displacement[0]], [0.0]

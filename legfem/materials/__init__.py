@@ -1,5 +1,6 @@
 """Strain energies per unit reference volume, as frozen dataclasses with checked parameters."""
 
 from legfem.materials.hyperelastic import Hyperelastic, NeoHookean, ReducedPolynomial
+from legfem.materials.stiffening import ExponentialStiffening, Yeoh
 
-__all__ = ["Hyperelastic", "NeoHookean", "ReducedPolynomial"]
+__all__ = ["ExponentialStiffening", "Hyperelastic", "NeoHookean", "ReducedPolynomial", "Yeoh"]

@@ -76,6 +76,8 @@ class SectionMesh:
     """Centre of the indenter at first touch, (2,), mm."""
     direction: FloatArray
     """Unit vector of travel, (2,)."""
+    outline: FloatArray
+    """Corners of the skin, (n, 2), mm."""
     quality: MeshQuality
 
 
@@ -111,13 +113,13 @@ def mesh_section(
     skin = smooth_closed_curve(section.skin)
     reached = _skin_within_reach(skin, radius, aim, direction)
     with _gmsh_model() as model:
-        touch: FloatArray = np.zeros(2)
+        outline: FloatArray | None = None
         quality = None
         if comm.rank == 0:
             outline = _build(model, section, skin, cKDTree(reached), settings)
-            touch = first_touch(outline, radius, aim, direction)
             quality = element_quality(model, REGIONS)
-        quality = comm.bcast(quality, root=0)
+        outline, quality = comm.bcast((outline, quality), root=0)
+        touch = first_touch(outline, radius, aim, direction)
         if quality.worst <= 0.02:
             raise InputError(
                 "contours",
@@ -126,8 +128,7 @@ def mesh_section(
                 "check the contours there for kinks or near contacts, or ask for a finer mesh",
             )
         mesh, cell_tags, facet_tags = mesh_from_gmsh(model, comm, gdim=2)
-        comm.Bcast(touch, root=0)
-    return SectionMesh(mesh, cell_tags, facet_tags, touch, direction, quality)
+    return SectionMesh(mesh, cell_tags, facet_tags, touch, direction, outline, quality)
 
 
 def first_touch(

@@ -5,9 +5,10 @@ Parameters are named ``<where>.<field>`` for what every leg has (``deep.C10``,
 (``deep.viscoelasticity.ratio``). A mechanism vanishes at its strength's null, the default.
 """
 
+from legfem.terms.contraction import Contraction
 from legfem.terms.normal_contact import NormalContact
 from legfem.terms.tangential_contact import TangentialContact
 from legfem.terms.tissue import Tissue
 from legfem.terms.viscoelasticity import Viscoelasticity
 
-__all__ = ["NormalContact", "TangentialContact", "Tissue", "Viscoelasticity"]
+__all__ = ["Contraction", "NormalContact", "TangentialContact", "Tissue", "Viscoelasticity"]

@@ -8,11 +8,11 @@ from typing import Any, Literal
 
 import ufl
 
-from legfem.contact import TangentialLaw
 from legfem.kinematics import Expr
 from legfem.places import Skin
 from legfem.symbols import named
 from legfem.terms.normal_contact import NormalContact
+from legfem.traction import TangentialLaw
 
 
 @dataclass(frozen=True)

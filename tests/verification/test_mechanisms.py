@@ -1,0 +1,151 @@
+"""Mechanisms vanish at their nulls, have the right tangents, and do what they say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from making_derivatives import forces, taylor_orders, worst_error
+from making_mechanics import COARSE, block, fixed_steps, one_tissue, pressed_block, subject_3
+
+from legfem.contact_settings import ContactSettings
+from legfem.errors import InputError
+from legfem.experiments.placement import Placement
+from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.materials import ExponentialStiffening, Yeoh
+from legfem.newton import NewtonSolver
+from legfem.protocol import Protocol
+from legfem.stepping import follow
+from legfem.system import System
+from legfem.terms import Contraction, Tissue
+
+TISSUES = one_tissue(1e-3, 28.0, C20=0.5e-3)
+SMALL = block(np.linspace(-20, 20, 11), np.linspace(-20, 0, 6))
+CYCLE = Protocol.cycle(2.0, rate=1.0, hold=4.0)
+YEOH = Tissue("deep", Yeoh.of(TISSUES.deep))
+EXPONENTIAL = Tissue("deep", ExponentialStiffening.of(TISSUES.deep))
+TAPE = ContactSettings(tangential="tape", onset=0.02)
+# What is added to the model, the contact's settings, and values at which it is felt.
+MECHANISMS = {
+    "third order": ([YEOH], None, {"deep.C30": 2e-3}),
+    "exponential": ([EXPONENTIAL], None, {"deep.stiffening": 2e-3, "deep.exponent": 1.5}),
+    "contraction": (
+        [Contraction("deep")],
+        None,
+        {
+            "deep.contraction.stiffness": 2e-3,
+            "deep.contraction.onset": 1.2,
+            "deep.contraction.rise": 2.0,
+        },
+    ),
+    "tape": ([], TAPE, {"friction.weakness": 1 / 2e-4}),
+}
+
+
+def _system(name: str, formulation: str = "mixed") -> tuple[System, dict[str, float]]:
+    terms, contact, felt = MECHANISMS[name]
+    system = pressed_block(
+        formulation, contact, TISSUES, direction=(0.28, -0.96), meshed=SMALL, mechanisms=terms
+    )
+    return system, {**system.model.parameters, **felt}
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_it_vanishes_at_its_null_and_is_felt_beyond(name):
+    _, contact, felt = MECHANISMS[name]
+    rough = replace(contact, tangential="rough") if contact else None
+    base = pressed_block("mixed", rough, TISSUES, direction=(0.28, -0.96), meshed=SMALL)
+    without = forces(base, base.model.parameters, CYCLE, 0.5)
+    system, values = _system(name)
+    null = forces(system, system.model.parameters, CYCLE, 0.5)
+    np.testing.assert_allclose(null, without, rtol=1e-10, atol=1e-14)
+    change = abs(forces(system, values, CYCLE, 0.5).max() / without.max() - 1)
+    print(name, felt, change)
+    assert change > 0.01
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_the_tangent_is_the_residual_s_derivative(name):
+    system, values = _system(name)
+    system.set_parameters(values)
+    assert follow(
+        system, NewtonSolver(system), Protocol.ramp(1.5, rate=1.0), fixed_steps(0.5)
+    ).complete
+    system.set_displacement(1.9)
+    system.set_time(1.9, 0.4)
+    orders = taylor_orders(system)
+    print(orders)
+    np.testing.assert_allclose(orders, 2.0, atol=0.05)
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_sensitivities_are_exact(name):
+    system, values = _system(name)
+    felt = list(MECHANISMS[name][2])
+    assert worst_error(system, values, ["deep.C10", *felt], CYCLE, 0.5) < 1e-4
+
+
+def test_a_contraction_is_felt_after_its_onset_alone():
+    system, values = _system("contraction")
+    hold = Protocol.ramp_and_hold(1.0, rate=1.0, hold=9.0)
+    values |= {"deep.contraction.onset": 4.0, "deep.contraction.rise": 3.0}
+    values["deep.contraction.stiffness"] = values["deep.C10"]
+    rest = forces(system, system.model.parameters, hold, 0.25)
+    tense = forces(system, values, hold, 0.25)
+    time = []
+    follow(system, NewtonSolver(system), hold, fixed_steps(0.25), lambda now, _: time.append(now))
+    ratio, time = tense / rest, np.array(time)
+    np.testing.assert_allclose(ratio[time <= 4], 1.0, rtol=1e-9)
+    rising = (time >= 4) & (time <= 7)
+    assert (np.diff(ratio[rising]) > 0).all()
+    np.testing.assert_allclose(ratio[time >= 7], ratio[-1], rtol=1e-7)
+    assert 1.5 < ratio[-1] < 2.1, "twice the C10, the same C20"
+
+
+@pytest.fixture(scope="module")
+def leg() -> PlaneStrainIndentation:
+    settings = PlaneStrainSettings(mesh=COARSE, steps=fixed_steps(1.0))
+    return PlaneStrainIndentation(*subject_3(), settings)
+
+
+def test_a_placement_as_stated_changes_nothing(leg):
+    force = leg.solve(depth=6.0).curve.force
+    moved = leg.solve(depth=6.0, placement=Placement(tilt_deg=5.0)).curve.force
+    assert abs(moved[-1] / force[-1] - 1) > 1e-3
+    again = leg.solve(depth=6.0, placement=Placement()).curve.force
+    np.testing.assert_allclose(again, force, rtol=1e-12)
+
+
+def test_a_tilted_travel_turns_about_first_touch(leg):
+    """The centre at first touch stays; a path tilted there and its force turn together."""
+    stated = leg.system.direction.copy()
+    leg.solve(depth=1.0, placement=Placement(tilt_deg=30.0))
+    centre = np.array(leg.system.skin.place.centre.value)
+    np.testing.assert_allclose(np.linalg.norm(centre - leg.section_mesh.touch), 1.0, rtol=1e-12)
+    assert (centre - leg.section_mesh.touch) @ stated == pytest.approx(np.cos(np.pi / 6))
+
+
+def test_an_offset_line_starts_at_its_own_first_touch(leg):
+    for offset in (-4.0, 4.0):
+        light = leg.solve(depth=0.02, placement=Placement(offset_mm=offset))
+        assert light.report.complete and 0 < light.curve.force[-1] < 0.02
+        centre = np.array(leg.system.skin.place.centre.value)
+        across = np.array([-leg.section_mesh.direction[1], leg.section_mesh.direction[0]])
+        assert (centre - leg.section_mesh.touch) @ across == pytest.approx(offset)
+
+
+def test_an_offset_is_the_test_at_another_aim(leg):
+    section, indenter, tissues = subject_3()
+    across = np.array([-leg.section_mesh.direction[1], leg.section_mesh.direction[0]])
+    elsewhere = replace(indenter, aim=indenter.aim + 3.0 * across)
+    settings = leg.settings
+    there = PlaneStrainIndentation(section, elsewhere, tissues, settings).solve(depth=8.0)
+    moved = leg.solve(depth=8.0, placement=Placement(offset_mm=3.0))
+    assert moved.curve(8.0) == pytest.approx(float(there.curve(8.0)), rel=0.02)
+
+
+@pytest.mark.parametrize("wrong", [{"tilt_deg": 75.0}, {"offset_mm": np.nan}])
+def test_an_impossible_placement_is_refused(wrong):
+    with pytest.raises(InputError, match=next(iter(wrong))):
+        Placement(**wrong)
