@@ -1,51 +1,32 @@
-"""The design of experiments: statistics against planted truths, runs against each other."""
+"""The design of experiments: statistics against planted truths, definitions."""
 
 from __future__ import annotations
 
-import json
-import os
-import signal
-import subprocess
-import sys
-import time
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
-from unittest.mock import Mock
 
 import numpy as np
-import pandas as pd
 import pytest
-from making_doe import TOML, SpringLeg, definition, options, planted_table
-from mpi4py import MPI
+from making_doe import TOML, definition, planted_table
 from typer.testing import CliRunner
 
 from legfem.curve import ForceCurve
 from legfem.study.cli import app
-from legfem.study.doe import command
 from legfem.study.doe.anova import anova, coefficient_tests
-from legfem.study.doe.command import run
 from legfem.study.doe.definition import IDENTIFIED, PAPER, read_definition
 from legfem.study.doe.design import factorial_design, space_filling_design
 from legfem.study.doe.effects import lenth_of
 from legfem.study.doe.factors import Factor
 from legfem.study.doe.metrics import Metric, metrics_in
 from legfem.study.doe.paper import TABLE_2, TABLE_3, check_table_3
-from legfem.study.doe.simulator import PlaneStrainSimulator, Record, Request, failed
 from legfem.study.doe.study import analyse
 from legfem.study.doe.surface import NotEstimableError, fit_surface
+from legfem.study.doe.tables import beside_table_3
 from legfem.study.doe.verdict import Finding, _in_words
 
 SLOPE = Metric("slope", 0.0, 5.0)
-SHALLOW = """\
-depth_mm = 2.0
-windows_mm = [[0, 2]]
-[factors."deep.C10"]
-low_kPa = 1.0
-high_kPa = 4.0
-[factors."fascia.thickness"]
-low_mm = 0.4
-high_mm = 0.8
-"""
 
 
 # --- statistics ---
@@ -92,6 +73,20 @@ def test_printed_table_3_used_15_and_17_and_has_one_misprint() -> None:
         assert not check.model_dof[0] <= 4 <= check.model_dof[1]
         assert not check.error_dof[0] <= 28 <= check.error_dof[1]
     assert float(checks["curvature_20_30"].row.ssr) / 15 == pytest.approx(1.2e-5)
+
+
+def test_the_table_beside_the_papers_halves_curvatures_only() -> None:
+    given, table, _ = planted_table(noise=0.05)
+    done, _ = analyse(given, table, "coefficients")
+    result = cast(Any, SimpleNamespace(definition=given, analyses=done))
+    rows = [line.split("|") for line in beside_table_3(result).splitlines()[2:]]
+    assert [row[1].strip() for row in rows].count("half of it") == 3 and len(rows) == 9
+    own = [float(row[2].split("/")[1]) for row in rows]
+    assert own[0] == pytest.approx(done[0].anova.ssr, rel=0.05)
+    assert own[1] == pytest.approx(done[0].anova.ssr / 4, rel=0.05)
+    assert own[-1] == pytest.approx(done[-1].anova.ssr, rel=0.05)
+    narrow = replace(given, factors=(*given.factors[:-1], replace(given.factors[-1], high=0.9)))
+    assert not beside_table_3(cast(Any, SimpleNamespace(definition=narrow, analyses=done)))
 
 
 def test_lenth_tells_active_effects_from_noise() -> None:
@@ -237,196 +232,3 @@ def test_what_cannot_be_used_is_said_in_a_line(
 def test_missing_definition(tmp_path: Path) -> None:
     ran = CliRunner().invoke(app, ["doe", "--factors", str(tmp_path / "none.toml")])
     assert ran.exit_code == 2 and ran.output.count("\n") == 1 and "not found" in ran.output
-
-
-# --- runs ---
-
-
-@pytest.fixture
-def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave out what takes longest."""
-    for name in ("response", "half_normal", "normality", "sobol", "information"):
-        monkeypatch.setattr(command, f"draw_{name}", lambda *_: [])
-
-
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A study with everything; its results."""
-    folder = tmp_path_factory.mktemp("doe")
-    run(options(folder), MPI.COMM_SELF, SpringLeg())
-    return folder / "out"
-
-
-def tables(folder: Path) -> tuple[str, dict]:
-    document = json.loads((folder / "result.json").read_text())
-    return (folder / "runs.csv").read_text(), {
-        k: v for k, v in document.items() if k not in ("wall_s", "versions")
-    }
-
-
-def test_a_study_from_definition_to_files(whole: Path) -> None:
-    out = whole
-    runs = pd.read_csv(out / "runs.csv")
-    assert len(runs) == 33 and runs["complete"].all()
-    assert runs["deep_C10_kPa"].iloc[-1] == pytest.approx(15.25)
-    last = runs.iloc[-1]
-    slope = 1e-3 * (last["deep_C10_kPa"] + last["superficial_C10_kPa"] / 2) + 5e-3 * last[
-        "deep_C20_kPa"
-    ] * (1 + last["fascia_C10_MPa"] * last["fascia_thickness_mm"])
-    assert last["slope_0_5_N_per_mm2"] == pytest.approx(slope)
-    document = json.loads((out / "result.json").read_text())
-    assert len(document["metrics"]) == 6 and document["failed_runs"] == []
-    assert document["metrics"][0]["anova"]["error_dof"] == 17
-    assert all(s["emulator_error"]["relative"] < 0.2 for s in document["sobol"])
-    first = document["sobol"][0]["total"]
-    assert first["deep.C10"] == pytest.approx(0, abs=0.01) and first["deep.C20"] > 0.3
-    assert {p.name for p in out.iterdir()} == {
-        "runs", "runs.csv", "result.json", "report.md", "response.png", "response.svg",
-        "half-normal.png", "normality.png", "sobol.png", "information.png",
-    }  # fmt: skip
-    report = (out / "report.md").read_text()
-    assert "33 of 33 runs reach 30 mm" in report and "Poisson's ratio is -0.14 to -0.98" in report
-
-
-def test_information_of_a_leg_in_closed_form(whole: Path) -> None:
-    found = json.loads((whole / "result.json").read_text())["information"]
-    d = np.array(found["displacement_mm"])
-    by = dict(zip(found["parameters"], found["sensitivity_N_per_log"], strict=True))
-    assert np.allclose(by["deep.C10"], 50 * 15.25e-3 * d)
-    bent = 50 * 15.25e-3 * 5.05 * 0.6 * d**2
-    assert np.allclose(by["fascia.C10"], bent)
-    assert np.allclose(by["fascia.thickness"], bent, rtol=0.02)
-    # Fat and deep C10 do the same to this leg, as do the fascia's two.
-    assert found["relative_sd_all_unknown"]["30 mm"][0] is None
-    assert found["told_within_50_percent_from_mm"]["deep.C10"] is None
-
-
-@pytest.mark.usefixtures("no_figures")
-def test_two_definitions_share_runs_and_get_one_page_of_verdicts(tmp_path: Path) -> None:
-    calls = tmp_path / "calls"
-    calls.mkdir()
-    other = tmp_path / "other.toml"
-    given = options(tmp_path, definitions=(tmp_path / "design.toml", other))
-    other.write_text(TOML)
-    run(given, MPI.COMM_SELF, SpringLeg(calls))
-    assert len(list(calls.iterdir())) == len(list((tmp_path / "out" / "runs").iterdir()))
-    documents = json.loads((tmp_path / "out" / "result.json").read_text())
-    assert {c["verdict"] for c in documents["claims"]} >= {"reproduced", "not reproduced"}
-    page = (tmp_path / "out" / "verdict.md").read_text()
-    assert "not reproduced" in page and page.count("1.2e-7 / ") == 4
-    assert f"--factors {given.definitions[0]} --factors {other} --subject-dir" in page
-    assert tables(tmp_path / "out" / "design") == tables(tmp_path / "out" / "other")
-
-
-def test_failed_runs_are_values(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    stops = (("deep.C10", 0.5e-3, 12.0), ("deep.C20", 0.5e-3, 12.0), ("fascia.C10", 10.0, 12.0),
-             ("fascia.thickness", 0.2, 12.0), ("superficial.C10", 1e-3, 12.0))  # fmt: skip
-    run(options(tmp_path, beyond=False), MPI.COMM_SELF, SpringLeg(stops=stops))
-    document = json.loads((tmp_path / "out" / "result.json").read_text())
-    (failed,) = document["failed_runs"]
-    assert failed["reached_mm"] == 12.0
-    dof = {m["metric"]: m["anova"]["error_dof"] for m in document["metrics"]}
-    assert dof["slope_0_5"] == 17 and dof["slope_5_20"] == 16
-    assert "1 of 33 runs stopped short" in capsys.readouterr().err
-    report = (tmp_path / "out" / "report.md").read_text()
-    assert "32 of 33 runs reach 30 mm" in report and f"Run {failed['run']} stops at 12.00" in report
-
-
-@pytest.mark.parametrize("stopping", ["half", "all"])
-def test_a_study_with_too_few_runs_says_so(tmp_path: Path, stopping: str) -> None:
-    stops = (("fascia.C10", 10.0, 12.0),)
-    given = options(tmp_path, beyond=False)
-    if stopping == "all":
-        path = definition(tmp_path, TOML + '\n[fixed]\n"deep.D1_per_MPa" = 28.0\n')
-        stops = (("deep.D1", 28.0, 0.5),)
-        assert path in given.definitions
-    run(given, MPI.COMM_SELF, SpringLeg(stops=stops))
-    document = json.loads((tmp_path / "out" / "result.json").read_text())
-    assert len(document["not_analysed"]) == {"half": 4, "all": 6}[stopping]
-    assert "isn't analysed" in (tmp_path / "out" / "report.md").read_text()
-
-
-@pytest.mark.usefixtures("no_figures")
-def test_interrupted_and_resumed_the_same(tmp_path: Path, whole: Path) -> None:
-    calls = tmp_path / "calls"
-    calls.mkdir()
-    for killed_after in (5, 20, 40):
-        with pytest.raises(KeyboardInterrupt):
-            run(options(tmp_path), MPI.COMM_SELF, SpringLeg(calls, killed_after=killed_after))
-        assert len(list((tmp_path / "out" / "runs").glob("*.json"))) == killed_after
-        csv = pd.read_csv(tmp_path / "out" / "runs.csv")
-        assert csv["complete"].sum() == min(killed_after, 33)
-    run(options(tmp_path), MPI.COMM_SELF, SpringLeg(calls))
-    assert tables(tmp_path / "out") == tables(whole)
-    done = len(list((tmp_path / "out" / "runs").glob("*.json")))
-    assert len(list(calls.iterdir())) == done
-
-
-def test_an_interrupt_that_a_solve_swallows_is_no_failed_run() -> None:
-    class Swallows:
-        def solve(self, *_: Any, **__: Any) -> None:
-            try:
-                os.kill(os.getpid(), signal.SIGINT)
-                time.sleep(1.0)
-            except KeyboardInterrupt:
-                raise RuntimeError("error code -1") from None
-
-    section, indenter, tissues = Mock(fascia_thickness=0.6), Mock(radius=15.0), Mock()
-    simulator = PlaneStrainSimulator(section, indenter, tissues)
-    simulator._tests[0.6, 30.0, "default"] = cast(Any, Swallows())
-    before = signal.getsignal(signal.SIGINT)
-    with pytest.raises(KeyboardInterrupt):
-        simulator.simulate(Request("factorial", 0, (), 30.0))
-    assert signal.getsignal(signal.SIGINT) is before
-
-
-@pytest.mark.usefixtures("no_figures")
-def test_runs_that_gave_nothing_are_tried_again(tmp_path: Path) -> None:
-    class Disk(SpringLeg):
-        def simulate(self, request: Request, on_step: Any = None) -> Record:
-            return failed("OSError: no space left on device")
-
-    run(options(tmp_path, beyond=False), MPI.COMM_SELF, Disk())
-    assert len(json.loads((tmp_path / "out" / "result.json").read_text())["failed_runs"]) == 33
-    run(options(tmp_path, beyond=False), MPI.COMM_SELF, SpringLeg())
-    assert not json.loads((tmp_path / "out" / "result.json").read_text())["failed_runs"]
-
-
-@pytest.mark.usefixtures("no_figures")
-def test_two_processes_give_the_same_table(tmp_path: Path) -> None:
-    run(options(tmp_path, "one", beyond=False), MPI.COMM_SELF, SpringLeg())
-    calls = tmp_path / "calls"
-    calls.mkdir()
-    run(options(tmp_path, "two", jobs=2, beyond=False), MPI.COMM_SELF, SpringLeg(calls))
-    assert len(list(calls.iterdir())) == 33
-    assert tables(tmp_path / "one") == tables(tmp_path / "two")
-
-
-@pytest.mark.slow
-@pytest.mark.mpi
-def test_a_leg_gives_the_same_table_in_one_process_two_and_two_ranks(tmp_path: Path) -> None:
-    path = definition(tmp_path, SHALLOW)
-    ways = {"one": ([], 1), "two": ([], 2), "ranks": (["mpirun", "-n", "2"], 1)}
-    for out, (before, jobs) in ways.items():
-        subprocess.run(
-            [*before, sys.executable, "-m", "legfem.study", "doe", "--factors", path, "--jobs",
-             str(jobs), "--factorial-only", "--out", tmp_path / out],
-            check=True, timeout=600,
-        )  # fmt: skip
-    assert pd.read_csv(tmp_path / "one" / "runs.csv")["complete"].sum() == 5
-    assert tables(tmp_path / "one") == tables(tmp_path / "two") == tables(tmp_path / "ranks")
-
-
-@pytest.mark.mpi
-def test_two_ranks_give_the_same_table(tmp_path: Path, whole: Path) -> None:
-    options(tmp_path)
-    calls = tmp_path / "calls"
-    calls.mkdir()
-    tests = Path(__file__).parent
-    subprocess.run(
-        ["mpirun", "-n", "2", sys.executable, tests / "making_doe.py", tmp_path, "ranks"],
-        check=True, timeout=300,
-    )  # fmt: skip
-    ranks = [path.name.rpartition("-")[2] for path in calls.iterdir()]
-    assert ranks.count("1") > 30 and ranks.count("0") > 30
-    assert tables(tmp_path / "ranks") == tables(whole)
