@@ -116,7 +116,7 @@ def fields_of(system: System) -> LegFields:
         cells = spaces.cell_tags.find(REGIONS[tissue.region]).astype(np.int32)
         law = body.symbols.of(tissue.region, tissue.law)
         F = deformation_gradient(body.displacement)
-        sigma = cauchy_stress(law, F, body.pressure)
+        sigma = cauchy_stress(law, F, body.pressure_in(tissue.region))
         both = ufl.as_tensor([[[m[i, j] for j in range(3)] for i in range(3)] for m in (F, sigma)])
         values = _at_points(both, spaces.mesh, cells, degree).reshape(-1, 2, 3, 3)
         gradient, stress = values[:, 0], mpa_to_kpa(values[:, 1])

@@ -40,7 +40,9 @@ class LinearSettings:
     max_iterations: int = 300
 
     def iterates(self, spaces: LegSpaces) -> bool:
-        """Tell whether the leg's tangent is to be solved by iterations."""
+        """Tell whether the leg's tangent is to be solved by iterations; a porous one never is."""
+        if spaces.formulation == "porous":
+            return False
         if self.solver != "auto":
             return self.solver == "iterative"
         return spaces.dimension == 3 and spaces.unknowns > self.direct_limit

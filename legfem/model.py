@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, Protocol
 
 from legfem.kinematics import Expr
+from legfem.spaces import Formulation
 
 
 class Term(Protocol):
@@ -43,7 +44,7 @@ class LegModel:
     """The sum of the terms, and which displacements are pinned."""
 
     terms: tuple[Term, ...]
-    formulation: Literal["displacement", "mixed"] = "displacement"
+    formulation: Formulation = "displacement"
 
     @property
     def parameters(self) -> dict[str, float]:

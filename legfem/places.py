@@ -41,6 +41,14 @@ class Body(Place):
     """Measure of every region."""
     pressure: Expr | None = None
     """The unknown of a mixed form (MPa), positive in tension; None in a displacement form."""
+    pressure_variation: Expr | None = None
+    """Its test function."""
+    porous: tuple[str, ...] | None = None
+    """Regions where that pressure is continuous and acts; None where it isn't and acts in all."""
+
+    def pressure_in(self, region: str) -> Expr | None:
+        """Return the pressure (MPa) that is an unknown in a region, or None."""
+        return self.pressure if self.porous is None or region in self.porous else None
 
 
 @dataclass(frozen=True, eq=False)

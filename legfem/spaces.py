@@ -20,7 +20,9 @@ from scipy.spatial import cKDTree
 from legfem._compat import collapse, surface_mesh
 from legfem.meshing.section import BONE, REGIONS, SKIN
 
-Formulation = Literal["displacement", "mixed"]
+Formulation = Literal["displacement", "mixed", "porous"]
+POROUS = ("superficial", "deep")
+"""Regions with a pressure in a porous form."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,7 @@ class LegSpaces:
     """Dofs of ``space`` that are displacements, in the order of ``displacement_space``."""
     displacement_space: Any
     pinned: NDArray[np.int32]
-    """Dofs of ``space`` that a support holds at zero."""
+    """Dofs of ``space`` that a support holds at zero, or where the pressure is."""
     bone: NDArray[np.int32]
     """Those of the bones, for their reaction."""
     regions: Mapping[str, int]
@@ -75,6 +77,7 @@ def build_spaces(
     degree: int = 2,
     regions: Mapping[str, int] = REGIONS,
     supports: Sequence[Support] | None = None,
+    drained: Sequence[int] = (),
 ) -> LegSpaces:
     """Build the spaces of a leg.
 
@@ -84,13 +87,18 @@ def build_spaces(
         The mesh with regions, and facets marked `SKIN` and `BONE`.
     formulation
         ``"displacement"``, or ``"mixed"``: displacements enriched by bubbles with a pressure that
-        is discontinuous between elements, since layers of different stiffness meet in the leg.
+        is discontinuous between elements, since layers of different stiffness meet in the leg, or
+        ``"porous"``: a continuous pressure in the regions of `POROUS`, so that fluid can flow from
+        element to element, and none in the others. The thin layer of the fascia, much stiffer and
+        more compressible, keeps the two pressures apart; all its nodes have to be on its faces.
     degree
         Of the displacement.
     regions
         Cell tags of the tissues that the mesh has.
     supports
         What is held; by default the bones, in all components.
+    drained
+        Tags of facets where the pressure of a porous form is zero; all others are sealed.
     """
     dimension = mesh.geometry.dim
     lagrange = basix.ufl.element("Lagrange", mesh.basix_cell(), degree, shape=(dimension,))
@@ -99,7 +107,8 @@ def build_spaces(
         space = displacement
         dofs: NDArray[np.int32] = np.arange(_local_size(space), dtype=np.int32)
     else:
-        space = fem.functionspace(mesh, _mixed_element(mesh, degree))
+        element = _mixed_element if formulation == "mixed" else _porous_element
+        space = fem.functionspace(mesh, element(mesh, degree))
         dofs = _shared_dofs(space, displacement, dimension)
 
     skin = surface_mesh(mesh, np.sort(facet_tags.find(SKIN)))
@@ -111,6 +120,10 @@ def build_spaces(
         facets = facet_tags.find(support.tag)
         nodes = fem.locate_dofs_topological(displacement, mesh.topology.dim - 1, facets)
         return dofs[nodes[:, None] * dimension + np.array(support.components)].ravel()
+
+    def dry(tag: int) -> NDArray[np.int32]:
+        facets = facet_tags.find(tag)
+        return np.asarray(fem.locate_dofs_topological(space.sub(1), mesh.topology.dim - 1, facets))
 
     found = [(support.tag, held(support)) for support in supports]
     bone = [held for tag, held in found if tag == BONE]
@@ -125,7 +138,7 @@ def build_spaces(
         dofs[_blocks(_trace_nodes(displacement, skin_space), dimension)],
         dofs,
         displacement,
-        np.unique(np.concatenate([held for _, held in found])),
+        np.unique(np.concatenate([held for _, held in found] + [dry(tag) for tag in drained])),
         np.unique(np.concatenate(bone)) if bone else np.empty(0, dtype=np.int32),
         regions,
     )
@@ -143,6 +156,12 @@ def _mixed_element(mesh: Any, degree: int) -> Any:
     displacement = basix.ufl.blocked_element(enriched, shape=(dimension,))
     pressure = basix.ufl.element("Lagrange", cell, degree - 1, discontinuous=True)
     return basix.ufl.mixed_element([displacement, pressure])
+
+
+def _porous_element(mesh: Any, degree: int) -> Any:
+    cell, dimension = mesh.basix_cell(), mesh.geometry.dim
+    displacement = basix.ufl.element("Lagrange", cell, degree, shape=(dimension,))
+    return basix.ufl.mixed_element([displacement, basix.ufl.element("Lagrange", cell, degree - 1)])
 
 
 def _shared_dofs(mixed: Any, displacement: Any, dimension: int) -> NDArray[np.int32]:

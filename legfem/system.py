@@ -17,7 +17,7 @@ from legfem.history import History
 from legfem.kinematics import deformation_gradient, volume_ratio
 from legfem.model import LegModel
 from legfem.places import Body, Place, Skin
-from legfem.spaces import LegSpaces
+from legfem.spaces import POROUS, LegSpaces
 from legfem.symbols import Clock, Symbols
 from legfem.units import FloatArray
 
@@ -284,20 +284,23 @@ class System:
             metadata={"quadrature_degree": degree},
         )
         test = ufl.TestFunction(space)
-        mixed = self.spaces.formulation == "mixed"
+        mixed = self.spaces.formulation != "displacement"
         now = ufl.split(self.unknown) if mixed else (self.unknown, None)
+        varied = ufl.split(test) if mixed else (test, None)
         place = Body(
             self.body_symbols,
             self.unknown,
             test,
             now[0],
             ufl.split(before)[0] if mixed else before,
-            ufl.split(test)[0] if mixed else test,
+            varied[0],
             degree,
             self._clocks[0].time,
             self._clocks[0].step,
             {name: measure(tag) for name, tag in self.spaces.regions.items()},
             now[1],
+            varied[1],
+            POROUS if self.spaces.formulation == "porous" else None,
         )
         return PlaceForms(place, before, self.model.at("body"), degree)
 

@@ -20,7 +20,7 @@ def taylor_orders(system: System, largest: float = 4e-5) -> np.ndarray:
     state = system.unknown.x.array.copy()
     v = np.random.default_rng(7).uniform(-1, 1, len(state))
     v[system.spaces.pinned] = 0.0
-    if system.spaces.formulation == "mixed":
+    if system.spaces.formulation != "displacement":
         pressure = system.spaces.space.sub(1).collapse()[1]
         v[pressure] *= 1e-3  # MPa
     K = system.assemble_tangent()

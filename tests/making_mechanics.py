@@ -215,7 +215,7 @@ def boundary_pinned(spaces: LegSpaces) -> LegSpaces:
 def nodal(system: System) -> tuple[np.ndarray, np.ndarray]:
     """Return the displacement nodes' positions (n, 2) and their dofs (n, 2), bubbles included."""
     space = system.spaces.space
-    if system.spaces.formulation == "mixed":
+    if system.spaces.formulation != "displacement":
         space, dofs = space.sub(0).collapse()
     else:
         dofs = np.arange(len(system.unknown.x.array))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 from mpi4py import MPI
 
@@ -31,7 +30,7 @@ from legfem.meshing.section import (
 from legfem.model import LegModel, Term
 from legfem.newton import NewtonSettings, NewtonSolver
 from legfem.protocol import Protocol
-from legfem.spaces import build_spaces
+from legfem.spaces import Formulation, build_spaces
 from legfem.stepping import StepSettings
 from legfem.subject import Indenter, Subject, TissueParameters
 from legfem.system import System
@@ -54,7 +53,7 @@ class PlaneStrainSettings:
     contact: ContactSettings = field(default_factory=ContactSettings)
     newton: NewtonSettings = field(default_factory=NewtonSettings)
     steps: StepSettings = field(default_factory=StepSettings)
-    formulation: Literal["displacement", "mixed"] = "mixed"
+    formulation: Formulation = "mixed"
     quadrature_degree: int = 4
     defences: bool = True
     """Whether a softer contact and then a finer mesh are tried when a solution stops short."""

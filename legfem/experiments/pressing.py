@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from legfem.newton import NewtonSolver
 from legfem.path import Path
 from legfem.protocol import Protocol
 from legfem.sensitivity import SensitivityTracker
+from legfem.spaces import Formulation
 from legfem.stepping import SolveReport, StepSettings, follow
 from legfem.symbols import named
 from legfem.system import System
@@ -45,7 +45,7 @@ def leg_model(
     tissues: Mapping[str, Hyperelastic],
     indenter: RigidIndenter,
     contact: ContactSettings,
-    formulation: Literal["displacement", "mixed"],
+    formulation: Formulation,
 ) -> LegModel:
     """Return the sum of tissues (law by region) and contact, the latter of unit stiffness."""
     normal = NormalContact(indenter, contact.pressure_law(1.0))

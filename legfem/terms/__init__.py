@@ -6,9 +6,17 @@ Parameters are named ``<where>.<field>`` for what every leg has (``deep.C10``,
 """
 
 from legfem.terms.contraction import Contraction
+from legfem.terms.drainage import Drainage
 from legfem.terms.normal_contact import NormalContact
 from legfem.terms.tangential_contact import TangentialContact
 from legfem.terms.tissue import Tissue
 from legfem.terms.viscoelasticity import Viscoelasticity
 
-__all__ = ["Contraction", "NormalContact", "TangentialContact", "Tissue", "Viscoelasticity"]
+__all__ = [
+    "Contraction",
+    "Drainage",
+    "NormalContact",
+    "TangentialContact",
+    "Tissue",
+    "Viscoelasticity",
+]

@@ -38,10 +38,11 @@ class Tissue:
         """
         law = body.symbols.of(self.region, self.law)
         F = deformation_gradient(body.displacement)
-        if body.pressure is None:
+        pressure = body.pressure_in(self.region)
+        if pressure is None:
             return law.strain_energy(F)
         J = volume_ratio(F)
-        dual = body.pressure * (J - 1) - law.D1 * body.pressure**2 / 4
+        dual = pressure * (J - 1) - law.D1 * pressure**2 / 4
         return law.distortion_energy(F) + dual + law.volumetric_remainder(J)
 
     def history(self, place: Place) -> dict[str, tuple[int, ...]]:
