@@ -8,6 +8,7 @@ Parameters are named ``<where>.<field>`` for what every leg has (``deep.C10``,
 from legfem.terms.contraction import Contraction
 from legfem.terms.drainage import Drainage
 from legfem.terms.normal_contact import NormalContact
+from legfem.terms.prestress import Prestress
 from legfem.terms.tangential_contact import TangentialContact
 from legfem.terms.tissue import Tissue
 from legfem.terms.viscoelasticity import Viscoelasticity
@@ -16,6 +17,7 @@ __all__ = [
     "Contraction",
     "Drainage",
     "NormalContact",
+    "Prestress",
     "TangentialContact",
     "Tissue",
     "Viscoelasticity",

@@ -7,7 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from making_derivatives import forces, taylor_orders, worst_error
-from making_mechanics import COARSE, block, fixed_steps, one_tissue, pressed_block, subject_3
+from making_mechanics import (
+    COARSE,
+    block,
+    fixed_steps,
+    free_of_contact,
+    nodal,
+    one_tissue,
+    pressed_block,
+    subject_3,
+)
 
 from legfem.contact_settings import ContactSettings
 from legfem.errors import InputError
@@ -18,13 +27,14 @@ from legfem.newton import NewtonSolver
 from legfem.protocol import Protocol
 from legfem.stepping import follow
 from legfem.system import System
-from legfem.terms import Contraction, Tissue
+from legfem.terms import Contraction, Prestress, Tissue
 
 TISSUES = one_tissue(1e-3, 28.0, C20=0.5e-3)
 SMALL = block(np.linspace(-20, 20, 11), np.linspace(-20, 0, 6))
 CYCLE = Protocol.cycle(2.0, rate=1.0, hold=4.0)
 YEOH = Tissue("deep", Yeoh.of(TISSUES.deep))
 EXPONENTIAL = Tissue("deep", ExponentialStiffening.of(TISSUES.deep))
+CIRCLE = 30 * np.column_stack([f(np.linspace(0, 2 * np.pi, 61)[:-1]) for f in (np.cos, np.sin)])
 TAPE = ContactSettings(tangential="tape", onset=0.02)
 # What is added to the model, the contact's settings, and values at which it is felt.
 MECHANISMS = {
@@ -39,6 +49,7 @@ MECHANISMS = {
             "deep.contraction.rise": 2.0,
         },
     ),
+    "prestress": ([Prestress(CIRCLE, region="deep")], None, {"deep.prestress.tension": 1e-3}),
     "tape": ([], TAPE, {"friction.weakness": 1 / 2e-4}),
 }
 
@@ -101,6 +112,31 @@ def test_a_contraction_is_felt_after_its_onset_alone():
     assert (np.diff(ratio[rising]) > 0).all()
     np.testing.assert_allclose(ratio[time >= 7], ratio[-1], rtol=1e-7)
     assert 1.5 < ratio[-1] < 2.1, "twice the C10, the same C20"
+
+
+def test_tangents_of_a_contour():
+    angle = np.linspace(0, 2 * np.pi, 17)
+    points = 28 * np.column_stack([np.cos(angle), np.sin(angle)])
+    expected = np.column_stack([-np.sin(angle), np.cos(angle)])
+    tangents = Prestress(CIRCLE).tangents(points)
+    assert (np.sum(tangents * expected, axis=1) > np.cos(np.pi / 59)).all()
+    with pytest.raises(InputError, match="contour"):
+        Prestress(CIRCLE[:2])
+
+
+def test_tension_resists_what_turns_its_line_and_works_along_it():
+    """Its work is tension/2 |grad u t|^2 times the volume; across it there is none."""
+    wide = np.array([[-1e3, -50], [1e3, -50], [1e3, 2e3], [-1e3, 2e3]])
+    terms = [Prestress(wide, 0.3, "deep")]
+    plain, tense = (
+        free_of_contact(SMALL, TISSUES, "displacement", mechanisms) for mechanisms in ([], terms)
+    )
+    nodes, dofs = nodal(tense)
+    for gradient, along in (([[0, 0], [2e-3, 0]], 2e-3), ([[0, 2e-3], [0, 0]], 0.0)):
+        for system in (plain, tense):
+            system.unknown.x.array[dofs] = nodes @ np.array(gradient).T
+        change = tense.balance().internal_work - plain.balance().internal_work
+        assert change == pytest.approx(0.3 * along**2 * 800.0, rel=1e-9, abs=1e-12)
 
 
 @pytest.fixture(scope="module")
