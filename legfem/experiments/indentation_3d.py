@@ -66,10 +66,14 @@ class Cylinder:
 
 @dataclass(frozen=True)
 class IdealisedLegSettings:
-    """Numerical settings of both models of the idealised leg."""
+    """Numerical settings of both models of the idealised leg.
+
+    The pressure under the cylinder's end edges is several times that of plane strain, and so is the
+    contact's stiffness.
+    """
 
     mesh: LegMeshSettings = field(default_factory=LegMeshSettings)
-    contact: ContactSettings = field(default_factory=ContactSettings)
+    contact: ContactSettings = field(default_factory=lambda: ContactSettings(stiffness=4000.0))
     newton: NewtonSettings = field(default_factory=NewtonSettings)
     linear: LinearSettings = field(default_factory=LinearSettings)
     steps: StepSettings = field(default_factory=StepSettings)

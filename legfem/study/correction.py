@@ -47,7 +47,7 @@ class Calibration:
     """
 
     reference: Case = field(default_factory=Case)
-    c10_kPa: tuple[float, ...] = (0.2, 1.0, 5.0)
+    c10_kPa: tuple[float, ...] = (0.2, 0.7, 2.0, 5.0)
     stiffening: tuple[float, ...] = (0.0, 0.5, 0.8)
     coarse: float = 0.6
     spread: float = 0.25

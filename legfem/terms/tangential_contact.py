@@ -24,6 +24,10 @@ class TangentialContact:
     passed the onset, by linear interpolation over the step: the traction grows from zero and F(d)
     is smooth. What the point slides between its touch and the end of that step isn't held: an error
     of first order in the step, about 1e-4 of a leg's force at steps of 1 mm.
+
+    A point that lifts off lets its traction go over the range of gaps from zero to the pressure's
+    onset: cut off at once, the traction would jump, and where points lift off under shear (at the
+    cylinder's ends) there would be no equilibrium to find.
     """
 
     normal: NormalContact
@@ -59,7 +63,15 @@ class TangentialContact:
 
     def _traction(self, skin: Skin, history: Mapping[str, Any]) -> Expr:
         law = skin.symbols.of(self.name, self.law)
-        return law.traction(self.slip(skin, history), self.normal.pressure(skin))
+        _, slip, _ = self._slip(skin, history)
+        return law.traction(self._hold(skin) * slip, self.normal.pressure(skin))
+
+    def _hold(self, skin: Skin) -> Expr:
+        """Return the share of the slip that is held: 0 from the onset outwards, 1 without a gap."""
+        indenter = skin.symbols.of("indenter", self.normal.indenter)
+        onset = skin.symbols.of(self.normal.name, self.normal.law).onset
+        share = 1 - indenter.gap(skin.relative_position) / onset
+        return ufl.max_value(0, ufl.min_value(1, share))
 
     def _slip(self, skin: Skin, history: Mapping[str, Any]) -> tuple[Expr, Expr, Expr]:
         indenter = skin.symbols.of("indenter", self.normal.indenter)
