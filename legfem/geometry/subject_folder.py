@@ -12,7 +12,7 @@ from legfem.errors import InputError
 from legfem.geometry.contours import write_contours
 from legfem.geometry.cross_sections import back_of_calf, read_cross_section, section_from_outlines
 from legfem.geometry.section import LegSection
-from legfem.recording import Recording, write_recording
+from legfem.recording import Instrument, Recording, write_recording
 from legfem.units import FloatArray
 
 _TEMPLATE = """\
@@ -32,9 +32,7 @@ direction_deg = {direction}  # of travel, from +x, counter-clockwise
 
 # C10_kPa and C20_kPa of the deep tissue are what is identified.
 [tissues.deep]
-law = "reduced-polynomial"
-D1_per_MPa = 28.0
-D2_per_MPa = 28.0
+{deep}
 
 [tissues.superficial]
 law = "neo-hookean"
@@ -48,14 +46,20 @@ D1_per_MPa = 22.5
 
 # Give your instruments' own figures.
 [instrument]
-force_accuracy_percent = 0.25
-force_range_N = 100.0
-displacement_accuracy_mm = 0.25
+{instrument}
 
 # Whether displacement counts from first touch; if false, first contact is looked for.
 [recordings]
 starts_at_contact = {starts_at_contact}
 """
+_DEEP = {
+    "neo-hookean": 'law = "neo-hookean"\nD1_per_MPa = 28.0',
+    "reduced-polynomial": 'law = "reduced-polynomial"\nD1_per_MPa = 28.0\nD2_per_MPa = 28.0',
+}
+_PAPER_INSTRUMENT = """\
+force_accuracy_percent = 0.25
+force_range_N = 100.0
+displacement_accuracy_mm = 0.25"""
 
 
 def convert_cross_sections(
@@ -111,8 +115,12 @@ def write_subject_folder(
     origin: str = "measured",
     recordings: Sequence[Recording] = (),
     starts_at_contact: bool = False,
+    instrument: Instrument | None = None,
+    deep_law: str = "reduced-polynomial",
 ) -> Path:
     """Write ``subject.toml``, ``contours.csv`` and the recordings, all or nothing.
+
+    The instruments are the first paper's where none is given.
 
     Raises
     ------
@@ -130,6 +138,11 @@ def write_subject_folder(
         y=float(aim[1]),
         direction=float(direction_deg),
         starts_at_contact=str(starts_at_contact).lower(),
+        deep=_DEEP[deep_law],
+        instrument=_PAPER_INSTRUMENT
+        if instrument is None
+        else f"force_sd_N = {instrument.force_sd}\n"
+        f"displacement_sd_mm = {instrument.displacement_sd}",
     )
     try:
         out.parent.mkdir(parents=True, exist_ok=True)

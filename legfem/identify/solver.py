@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
-import threading
 from collections.abc import Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from types import TracebackType
 
 from legfem.identify.forward import DeepTissue, ForwardModel, ForwardOutcome
 from legfem.identify.store import SolveStore
 from legfem.progress import Progress
+from legfem.workers import Workers
 
 
 class FullSolver:
@@ -37,7 +33,9 @@ class FullSolver:
     ) -> None:
         self.model, self.store, self.jobs, self.progress = model, store, jobs, progress
         self.reused: set[DeepTissue] = set()
-        self._executor: ProcessPoolExecutor | None = None
+        self._workers: Workers[ForwardModel, DeepTissue, ForwardOutcome] = Workers(
+            _solve, model, jobs
+        )
         self._known: dict[DeepTissue, ForwardOutcome] = {}
 
     def __enter__(self) -> FullSolver:
@@ -51,21 +49,13 @@ class FullSolver:
         trace: TracebackType | None,
     ) -> None:
         """End the processes; after an error without waiting for the solve in hand."""
-        if self._executor is None:
-            return
-        if error is not None:
-            for process in list((self._executor._processes or {}).values()):
-                process.kill()
-        self._executor.shutdown(wait=True, cancel_futures=True)
+        self._workers.__exit__(kind, error, trace)
 
     def solve(self, points: Sequence[DeepTissue]) -> list[ForwardOutcome]:
         """Return the outcomes of points, in their order."""
         wanted = [point for point in dict.fromkeys(points) if not self._recall(point)]
-        if self.jobs > 1 and (len(wanted) > 1 or self._executor is not None):
-            self._solve_in_processes(wanted)
-        else:
-            for point in wanted:
-                self._take(self.model.solve(point))
+        for _, outcome in self._workers.run(wanted):
+            self._take(outcome)
         return [self._known[point] for point in points]
 
     def _recall(self, point: DeepTissue) -> bool:
@@ -79,20 +69,6 @@ class FullSolver:
         self._report(outcome, "kept from before")
         return True
 
-    def _solve_in_processes(self, points: Sequence[DeepTissue]) -> None:
-        if self._executor is None:
-            self._executor = ProcessPoolExecutor(
-                self.jobs,
-                mp_context=multiprocessing.get_context("spawn"),
-                initializer=_start_worker,
-                initargs=(self.model,),
-            )
-        futures: list[Future[ForwardOutcome]] = [
-            self._executor.submit(_solve_in_worker, point) for point in points
-        ]
-        for future in as_completed(futures):
-            self._take(future.result())
-
     def _take(self, outcome: ForwardOutcome) -> None:
         if self.store:
             self.store.keep(outcome)
@@ -105,23 +81,5 @@ class FullSolver:
         self.progress.advance(f"C10 {deep.C10:.4g} kPa, C20 {deep.C20:.4g} kPa ({how}{end})")
 
 
-# One forward model a worker process, made when the process starts.
-_models: list[ForwardModel] = []
-
-
-def _start_worker(model: ForwardModel) -> None:
-    # Ctrl-C reaches the whole process group; the parent ends the workers.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    _models[:] = [model]
-
-
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
-
-
-def _solve_in_worker(point: DeepTissue) -> ForwardOutcome:
-    return _models[0].solve(point)
+def _solve(model: ForwardModel, point: DeepTissue) -> ForwardOutcome:
+    return model.solve(point)

@@ -1,0 +1,215 @@
+"""A diagnosis: the six steps from recordings to a verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legfem.diagnose.choose import Candidate, Choice, HeldOut, choose, held_out
+from legfem.diagnose.fit import Fit, Problem, fit
+from legfem.diagnose.library import Library, testable_mechanisms
+from legfem.diagnose.mechanisms import MECHANISMS, Mechanism
+from legfem.diagnose.noise import ErrorModel, estimate_errors
+from legfem.diagnose.observations import Observations
+from legfem.diagnose.predict import LawName, Predictor
+from legfem.diagnose.score import assess
+from legfem.diagnose.solved import SolvedResponses
+from legfem.diagnose.variants import SolutionStopped
+from legfem.progress import Progress
+from legfem.recording import Instrument
+
+Verdict = Literal["consistent", "named", "ambiguous", "unexplained"]
+_STARTS_KPA = ((0.4, 0.2), (1.0, 0.8), (2.0, 3.0))
+_CONFIRMATIONS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Repaired:
+    """A model with mechanisms that describes the recordings, confirmed by a full solution."""
+
+    candidate: Candidate
+    held_out: HeldOut
+    confirmed: bool
+    """Whether finite elements have confirmed the emulated prediction."""
+
+    @property
+    def fit(self) -> Fit:
+        """The refit."""
+        return self.candidate.fit
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """What was found in a leg's recordings."""
+
+    verdict: Verdict
+    law: LawName
+    observed: Observations
+    errors: ErrorModel
+    base: Candidate
+    base_held_out: HeldOut
+    models: tuple[Repaired, ...]
+    """Models with mechanisms that suit, the best first; none if consistent or unexplained."""
+    closest: Fit
+    """The best refit of all, whether it suits or not."""
+    tried: tuple[Fit, ...]
+    untested: dict[str, str]
+    """Mechanisms that the recordings can't show, and why."""
+    located: NDArray[np.bool_]
+    """(n,): observations at which the base model is wrong by more than a trial's noise."""
+    solutions: int
+    """Finite-element solutions made for it, beside the library's."""
+    emulator_error: float
+    """Greatest difference of the base model's emulated and full forces, over the largest force."""
+
+
+def diagnose(
+    observed: Observations,
+    instrument: Instrument,
+    law: LawName,
+    library: Library,
+    solved: SolvedResponses | None,
+    progress: Progress,
+    seed: int = 0,
+) -> Diagnosis:
+    """Diagnose recordings: noise, base fit, location, names, refits, verdict.
+
+    Parameters
+    ----------
+    observed
+        The recordings at their stations.
+    instrument
+        Stated errors.
+    law
+        Of the deep tissue in the base model.
+    library
+        Of the leg's responses.
+    solved
+        Full solutions, to confirm what is reported; emulated ones stand without it.
+    progress
+        Told of the steps.
+    seed
+        Of the draws behind p-values.
+    """
+    able, untested = testable_mechanisms(observed, library.correction)
+    able = [m for m in able if m.name not in library.missing]
+    untested |= library.missing
+    errors = estimate_errors(observed, instrument)
+    problem = Problem(Predictor(observed, library, law), errors)
+    progress.stage("fitting the base model")
+    base, problem, error = _base_fit(problem, solved)
+    progress.stage(f"testing {len(able)} mechanisms")
+    choice = choose(problem, base, able, seed)
+    made = solved.solutions if solved is not None else 0
+    progress.stage("confirming by full solutions")
+    models = _confirmed(problem, choice, able, solved, seed) if choice.mismatch else ()
+    verdict = _verdict(choice, models)
+    best = models[0].fit if models else choice.best.fit
+    return Diagnosis(
+        verdict,
+        law,
+        observed,
+        errors,
+        choice.base,
+        held_out(problem, choice.base.fit),
+        models,
+        best,
+        choice.tried,
+        untested,
+        _located(choice, models, errors),
+        (solved.solutions if solved is not None else 0) - made + (solved is not None),
+        error,
+    )
+
+
+def _base_fit(problem: Problem, solved: SolvedResponses | None) -> tuple[Fit, Problem, float]:
+    starts = [{"C10": c10, "C20": c20} for c10, c20 in _STARTS_KPA]
+    law = problem.predictor.law
+    if law == "neo-hookean":
+        starts = [{"C10": start["C10"], "C20": 0.0} for start in starts]
+    base = min((fit(problem, (), start) for start in starts), key=lambda f: f.chi2)
+    if solved is None:
+        return base, problem, 0.0
+    offset = _offset(problem.predictor, base, solved)
+    if offset is None:
+        return base, problem, float("nan")
+    problem = problem.corrected(offset)
+    error = float(np.abs(offset).max() / np.abs(base.prediction).max())
+    return fit(problem, (), base.values), problem, error
+
+
+def _offset(predictor: Predictor, fitted: Fit, solved: SolvedResponses) -> np.ndarray | None:  # type: ignore[type-arg]
+    """Return the full prediction less the emulated one (n,), N; None where it stopped."""
+    plain = replace(predictor, offset=0.0)
+    full = replace(plain, responses=solved)
+    try:
+        difference = full(fitted.values, fitted.mechanisms) - plain(
+            fitted.values, fitted.mechanisms
+        )
+    except SolutionStopped:
+        return None
+    return difference
+
+
+def _confirmed(
+    problem: Problem,
+    choice: Choice,
+    able: Sequence[Mechanism],
+    solved: SolvedResponses | None,
+    seed: int,
+) -> tuple[Repaired, ...]:
+    """Refit the chosen models about full solutions, and keep those that still suit."""
+    if not choice.best.adequate:
+        return ()
+    found = []
+    for candidate in (choice.best, *choice.alternatives):
+        own, fitted, confirmed = problem, candidate.fit, False
+        for _ in range(_CONFIRMATIONS if solved is not None else 0):
+            assert solved is not None
+            offset = _offset(own.predictor, fitted, solved)
+            if offset is None:
+                break
+            own = own.corrected(offset)
+            before = fitted.prediction
+            fitted = fit(own, fitted.mechanisms, fitted.values)
+            confirmed = True
+            if np.abs(fitted.prediction - before).max() < 0.25 * np.median(own.errors.trial_sd):
+                break
+        others = [m for m in able if m.name not in fitted.names]
+        again = Candidate(fitted, assess(own, fitted, others, seed))
+        if again.adequate:
+            found.append(Repaired(again, held_out(own, fitted), confirmed))
+    return tuple(sorted(found, key=lambda model: model.fit.bic))
+
+
+def _verdict(choice: Choice, models: Sequence[Repaired]) -> Verdict:
+    if not choice.mismatch:
+        return "consistent"
+    if not models:
+        return "unexplained"
+    return "named" if len(models) == 1 else "ambiguous"
+
+
+def _located(choice: Choice, models: Sequence[Repaired], errors: ErrorModel) -> NDArray[np.bool_]:
+    """Return where the base model errs by more than a trial's noise.
+
+    Where a model suits, it tells what the base model misses without the noise; else the windows do.
+    """
+    base = choice.base
+    located = np.zeros(len(base.fit.residual), dtype=bool)
+    if not choice.mismatch:
+        return located
+    if models:
+        return np.asarray(np.abs(models[0].fit.prediction - base.fit.prediction) > errors.trial_sd)
+    for window in base.assessment.windows:
+        located[list(window.stations)] = True
+    return located
+
+
+def mechanism_named(name: str) -> Mechanism:
+    """Return the mechanism of a name."""
+    return next(m for m in MECHANISMS if m.name == name)

@@ -1,0 +1,58 @@
+"""A leg's responses for the diagnosis of its recordings: where they are kept, and their key."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from legfem.correction import TabulatedCorrection
+from legfem.diagnose.observations import Observations
+from legfem.diagnose.solved import SolvedResponses
+from legfem.diagnose.variants import Variants
+from legfem.subject import Subject
+
+SHIPPED_CORRECTION = (
+    Path(__file__).resolve().parents[2] / "studies" / "frauziols" / "correction.json"
+)
+_DEPTH_STEP_MM = 5.0
+COARSENING = 1.7
+"""Of the mesh on which relative changes are tabulated."""
+
+
+def library_folder() -> Path:
+    """Return the folder that keeps all legs' responses."""
+    cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(cache) / "legfem" / "responses"
+
+
+def solved_responses(
+    subject: Subject,
+    observed: Observations,
+    folder: Path | None,
+    correction: TabulatedCorrection | None = None,
+) -> tuple[SolvedResponses, SolvedResponses]:
+    """Return a leg's responses by full solutions, on the default mesh and on a coarser one.
+
+    Elastic curves go to the next 5 mm beyond the recordings, so that recordings of one leg share
+    them whatever their depths.
+    """
+    from legfem.experiments.plane_strain import PlaneStrainSettings, tissues_of
+    from legfem.identify.forward import PlaneStrainForward
+
+    depth = _DEPTH_STEP_MM * -(-(observed.depth + 0.3) // _DEPTH_STEP_MM)
+    settings = PlaneStrainSettings()
+    coarse = PlaneStrainSettings(mesh=settings.mesh.refined(1 / COARSENING))
+    return tuple(  # type: ignore[return-value]
+        SolvedResponses(
+            Variants(subject.section, subject.indenter, tissues_of(subject), own),
+            depth,
+            folder,
+            {
+                **PlaneStrainForward.of_subject(subject, depth, own).fingerprint(),
+                "model": "plane strain with mechanisms",
+                "deep": repr(tissues_of(subject).deep),
+            },
+            correction,
+        )
+        for own in (settings, coarse)
+    )

@@ -1,0 +1,195 @@
+r"""What the recordings' forces may err by, before any model is asked.
+
+A trial reads the true force plus white noise, a slow error of the load cell (correlated over time),
+an offset, and the slope dF/dd times a slow error of the displacement sensor (correlated over
+displacement). The model's numerical error, common to all trials, is added. Sizes come from the
+differences between repeats and from the instruments' stated figures.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import cho_factor, cholesky, helmert, solve_triangular
+from scipy.optimize import minimize
+
+from legfem.diagnose.observations import Observations
+from legfem.recording import Instrument
+from legfem.units import FloatArray
+
+NUMERICAL_ERROR = 0.0015
+"""Relative error of the model's force that the convergence study measures (0.02 to 0.2 %)."""
+NUMERICAL_LENGTH_MM = 3.0
+WANDER_LENGTH_MM = 5.0
+# Log-standard deviation of what is expected before looking at the repeats.
+_VAGUENESS = 1.0
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations of the recordings' errors."""
+
+    white_sd: float
+    """Of one reading, N: the mean over trials."""
+    slow_sd: float
+    """Of the load cell's slow error, N."""
+    correlation_time: float
+    """s over which the slow error's correlation falls to 1/e."""
+    offset_sd: float
+    """Of a trial's zero, N."""
+    wander_sd: float
+    """Of the displacement sensor's slow error, mm."""
+    shift_sd: float
+    """Of first contact, where it was found after air, mm."""
+    source: str
+
+    @property
+    def force_sd(self) -> float:
+        """Of one reading about its own trial's course, N."""
+        return float(np.hypot(self.white_sd, self.slow_sd))
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorModel:
+    """The covariance of the observations about the truth."""
+
+    noise: Noise
+    covariance: FloatArray
+    """(n, n), N^2."""
+    trial_sd: FloatArray
+    """(n,), N: of one trial's values, without the model's numerical error."""
+
+    @cached_property
+    def lower(self) -> FloatArray:
+        """Cholesky factor L of the covariance; (n, n)."""
+        return np.asarray(cholesky(self.covariance, lower=True))
+
+    def whitened(self, values: FloatArray) -> FloatArray:
+        """Return L^-1 times vectors (n,) or (n, k)."""
+        return np.asarray(solve_triangular(self.lower, values, lower=True))
+
+    def draw(self, number: int, generator: np.random.Generator) -> FloatArray:
+        """Return error vectors (number, n), N."""
+        return np.asarray(generator.normal(size=(number, len(self.lower))) @ self.lower.T)
+
+    @cached_property
+    def effective_samples(self) -> float:
+        """Number of independent values with as much information about the curve's shape.
+
+        The trace of the whitening: sum of conditional over marginal precision's ratio.
+        """
+        marginal = np.diag(self.covariance)
+        inverse = np.linalg.inv(self.covariance)
+        return float(np.sum(1.0 / (marginal * np.diag(inverse))))
+
+
+def estimate_errors(
+    observed: Observations, instrument: Instrument, numerical: float = NUMERICAL_ERROR
+) -> ErrorModel:
+    """Estimate the errors from repeats and instruments.
+
+    Contrasts between repeats don't hold the true curve. What a mechanism might change from trial to
+    trial (a constant, the force's own course, its slope, a drift) is projected out of them first,
+    lest the effect be taken for noise.
+    """
+    white, jitter = observed.white_sd, observed.jitter_sd**2
+    slow_expected = np.sqrt(max(instrument.force_sd**2 - white**2, 0.04 * instrument.force_sd**2))
+    wander_expected = np.sqrt(
+        max(instrument.displacement_sd**2 - jitter, 0.04 * instrument.displacement_sd**2)
+    )
+    duration = max(float(s.protocol.time[-1]) for s in observed.protocols)
+    rate = max(observed.rates)
+    expected = Noise(
+        white_sd=white,
+        slow_sd=float(slow_expected),
+        correlation_time=max(WANDER_LENGTH_MM / rate, 0.02 * duration),
+        offset_sd=instrument.force_sd,
+        wander_sd=float(wander_expected),
+        shift_sd=max((c.displacement_error for c in observed.contacts if c.in_air), default=0.0),
+        source="instrument" if observed.repeats < 2 else "repeats and instrument",
+    )
+    found = expected if observed.repeats < 2 else _from_repeats(observed, expected)
+    return error_model(observed, found, numerical)
+
+
+def error_model(
+    observed: Observations, noise: Noise, numerical: float = NUMERICAL_ERROR
+) -> ErrorModel:
+    """Return the covariance that a noise makes at observations."""
+    trial = np.zeros((len(observed.force),) * 2)
+    for k in range(len(observed.trials)):
+        here = np.flatnonzero(observed.trial == k)
+        trial[np.ix_(here, here)] = _trial_covariance(observed, noise, here)
+    apart = np.abs(observed.displacement[:, None] - observed.displacement[None, :])
+    size = numerical * np.abs(observed.force)
+    total = trial + np.outer(size, size) * np.exp(-apart / NUMERICAL_LENGTH_MM)
+    total[np.diag_indices_from(total)] += (1e-4 * np.abs(observed.force).max()) ** 2
+    return ErrorModel(noise, total, np.sqrt(np.diag(trial)))
+
+
+def _trial_covariance(observed: Observations, noise: Noise, here: FloatArray) -> FloatArray:
+    time, slope = observed.time[here], observed.stiffness[here]
+    walked = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(observed.displacement[here])))])
+    apart_s = np.abs(time[:, None] - time[None, :])
+    apart_mm = np.abs(walked[:, None] - walked[None, :])
+    both = np.outer(slope, slope)
+    jitter = np.sqrt(observed.jitter_variance[here])
+    result: FloatArray = (
+        np.diag(observed.white_variance[here])
+        + noise.slow_sd**2 * np.exp(-apart_s / noise.correlation_time)
+        + noise.offset_sd**2
+        + noise.wander_sd**2 * both * np.exp(-apart_mm / WANDER_LENGTH_MM)
+        + both * np.outer(jitter, jitter) * np.exp(-apart_mm / 0.5)
+        + noise.shift_sd**2 * both
+    )
+    return result
+
+
+def _from_repeats(observed: Observations, expected: Noise) -> Noise:
+    """Maximise the contrasts' likelihood times log-normal expectations."""
+    blocks = [
+        _contrasts(observed, members)
+        for p in range(len(observed.protocols))
+        if len(members := observed.trials_of(p)) > 1
+    ]
+    centre = np.log([expected.slow_sd, expected.correlation_time, expected.wander_sd])
+
+    def noise_at(logs: FloatArray) -> Noise:
+        slow, length, wander = np.exp(centre + logs)
+        return replace(
+            expected, slow_sd=float(slow), correlation_time=float(length), wander_sd=float(wander)
+        )
+
+    def cost(logs: FloatArray) -> float:
+        noise = noise_at(logs)
+        total = 0.5 * float(np.sum((logs / _VAGUENESS) ** 2))
+        for here, kept, contrasts in blocks:
+            spread = kept.T @ _trial_covariance(observed, noise, here) @ kept
+            try:
+                factor, _ = cho_factor(spread, lower=True)
+            except np.linalg.LinAlgError:
+                return 1e12
+            white = solve_triangular(factor, contrasts, lower=True)
+            log_det = 2 * float(np.sum(np.log(np.diag(factor))))
+            total += 0.5 * (contrasts.shape[1] * log_det + float(np.sum(white**2)))
+        return total
+
+    fit = minimize(cost, np.zeros(3), method="L-BFGS-B", bounds=[(-4.0, 4.0)] * 3)
+    return noise_at(fit.x)
+
+
+def _contrasts(
+    observed: Observations, members: list[int]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return a trial's indices, a basis (m, m - 4) without smooth changes, and the contrasts."""
+    rows = [np.flatnonzero(observed.trial == k) for k in members]
+    forces = np.array([observed.force[row] for row in rows])
+    here = rows[0]
+    mean = forces.mean(axis=0)
+    changes = np.column_stack(
+        [np.ones(len(here)), mean, observed.stiffness[here], observed.time[here]]
+    )
+    basis = np.linalg.qr(changes, mode="complete")[0][:, changes.shape[1] :]
+    return here, basis, basis.T @ (helmert(len(members)) @ forces).T

@@ -1,0 +1,197 @@
+"""All that was recorded of a leg, at the stations, as one vector."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+
+from legfem.diagnose.stations import (
+    HOLD,
+    Stations,
+    Trial,
+    changes_speed,
+    cut_trial,
+    group_trials,
+    read_at,
+    stations_of,
+)
+from legfem.recording import Instrument, Recording
+from legfem.recording.contact import Contact, contact_at_start, find_first_contact
+from legfem.units import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """Forces at the stations of all trials, trial after trial; arrays are (n,)."""
+
+    trials: tuple[str, ...]
+    protocols: tuple[Stations, ...]
+    protocol_of: tuple[int, ...]
+    """A trial's protocol."""
+    force: FloatArray
+    """N."""
+    white_variance: FloatArray
+    """N^2."""
+    jitter_variance: FloatArray
+    """mm^2, of the smoothed displacement."""
+    white_sd: float
+    """Of one force reading, N."""
+    jitter_sd: float
+    """Of one displacement reading, mm."""
+    contacts: tuple[Contact, ...]
+    remarks: tuple[str, ...]
+    """What was noticed in the recordings, in sentences."""
+
+    def spread(self, by_protocol: Sequence[FloatArray]) -> NDArray[np.float64]:
+        """Return values at every protocol's stations as one vector over all trials."""
+        return np.concatenate([by_protocol[number] for number in self.protocol_of])
+
+    def _of_stations(self, name: str) -> NDArray[np.generic]:
+        return np.concatenate([getattr(self.protocols[p], name) for p in self.protocol_of])
+
+    @cached_property
+    def trial(self) -> NDArray[np.int_]:
+        """Number of the trial."""
+        sizes = [len(self.protocols[p].time) for p in self.protocol_of]
+        return np.repeat(np.arange(len(sizes)), sizes)
+
+    @cached_property
+    def protocol(self) -> NDArray[np.int_]:
+        """Number of the protocol."""
+        return np.array(self.protocol_of)[self.trial]
+
+    @cached_property
+    def displacement(self) -> FloatArray:
+        """Displacement, mm."""
+        return np.asarray(self._of_stations("displacement"), float)
+
+    @cached_property
+    def time(self) -> FloatArray:
+        """Time since first contact, s."""
+        return np.asarray(self._of_stations("time"), float)
+
+    @cached_property
+    def phase(self) -> NDArray[np.str_]:
+        """Name of the phase."""
+        return np.asarray(self._of_stations("phase"), str)
+
+    @cached_property
+    def segment(self) -> NDArray[np.int_]:
+        """Number of the protocol's segment."""
+        return np.asarray(self._of_stations("segment"), int)
+
+    @cached_property
+    def stiffness(self) -> FloatArray:
+        """Slope dF/dd of the recordings, smoothed, N/mm; in a hold that at its depth."""
+        slopes = []
+        for number, stations in enumerate(self.protocols):
+            rows = [self.force[self.trial == k] for k in self.trials_of(number)]
+            mean = np.mean(rows, axis=0)
+            slope = np.zeros(len(mean))
+            last = 0.0
+            for segment in np.unique(stations.segment):
+                here = stations.segment == segment
+                if stations.phase[here][0] == HOLD:
+                    slope[here] = last
+                    continue
+                d = stations.displacement[here]
+                fit = Polynomial.fit(d, mean[here], min(5, len(d) - 2))
+                slope[here] = fit.deriv()(d)
+                last = float(slope[here][-1])
+            slopes.append(slope)
+        return self.spread(slopes)
+
+    def trials_of(self, protocol: int) -> list[int]:
+        """Return the numbers of a protocol's trials."""
+        return [k for k, p in enumerate(self.protocol_of) if p == protocol]
+
+    @property
+    def repeats(self) -> int:
+        """Number of trials of the most repeated protocol."""
+        return max(len(self.trials_of(p)) for p in range(len(self.protocols)))
+
+    @property
+    def depth(self) -> float:
+        """Greatest displacement of all, mm."""
+        return max(stations.depth for stations in self.protocols)
+
+    @property
+    def phases(self) -> frozenset[str]:
+        """Phases that were recorded."""
+        return frozenset(str(name) for name in self.phase)
+
+    @property
+    def rates(self) -> list[float]:
+        """Loading rates, mm/s, rising; those within 20 % count as one."""
+        found: list[float] = []
+        for stations in self.protocols:
+            rate = float(stations.protocol.displacement[1] / stations.protocol.time[1])
+            if all(abs(rate / other - 1) > 0.2 for other in found):
+                found.append(rate)
+        return sorted(found)
+
+    def with_force(self, force: FloatArray) -> Observations:
+        """Return the same stations with other forces (N)."""
+        return replace(self, force=force)
+
+
+def observe(
+    recordings: Sequence[Recording], instrument: Instrument, starts_at_contact: bool
+) -> Observations:
+    """Bring recordings to stations.
+
+    Raises
+    ------
+    InputError
+        If a recording has no loading.
+    """
+    trials: list[Trial] = []
+    remarks: list[str] = []
+    for recording in recordings:
+        contact = (
+            contact_at_start()
+            if starts_at_contact
+            else find_first_contact(recording, instrument.force_sd, instrument.displacement_sd)
+        )
+        trial = cut_trial(recording, contact)
+        if contact.in_air:
+            remarks.append(
+                f"{trial.name}: {contact.displacement:.2f} mm of air before first contact; "
+                "displacement and force are counted from there."
+            )
+        for segment in trial.segments:
+            if changes_speed(segment):
+                remarks.append(
+                    f"{trial.name}: {segment.phase} was driven at more than one speed; it is "
+                    "simulated at its mean speed, so effects of rate can't be told from it. Give "
+                    "each speed a file of its own."
+                )
+        trials.append(trial)
+    groups = group_trials(trials)
+    protocols = tuple(stations_of([trials[k] for k in group]) for group in groups)
+    protocol_of = tuple(
+        next(g for g, group in enumerate(groups) if k in group) for k in range(len(trials))
+    )
+    readings = [read_at(t, protocols[p]) for t, p in zip(trials, protocol_of, strict=True)]
+    white = [t.white_force_sd**2 * r.white_leverage for t, r in zip(trials, readings, strict=True)]
+    jitter = [
+        t.jitter_sd**2 * np.array([t.segments[s].leverage for s in protocols[p].segment])
+        for t, p in zip(trials, protocol_of, strict=True)
+    ]
+    return Observations(
+        tuple(t.name for t in trials),
+        protocols,
+        protocol_of,
+        np.concatenate([r.force for r in readings]),
+        np.concatenate(white),
+        np.concatenate(jitter),
+        float(np.sqrt(np.mean([t.white_force_sd**2 for t in trials]))),
+        float(np.sqrt(np.mean([t.jitter_sd**2 for t in trials]))),
+        tuple(t.contact for t in trials),
+        tuple(remarks),
+    )

@@ -1,0 +1,69 @@
+"""A subject folder's diagnosis, its library and solutions kept on disk."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from legfem.correction import TabulatedCorrection
+from legfem.diagnose.diagnosis import Diagnosis, diagnose
+from legfem.diagnose.leg import solved_responses
+from legfem.diagnose.library import Library, build_library, testable_mechanisms
+from legfem.diagnose.observations import Observations, observe
+from legfem.diagnose.solved import SolvedResponses
+from legfem.progress import Progress
+from legfem.subject import Subject
+
+
+@dataclass(eq=False)
+class Diagnoser:
+    """Diagnoses subjects; legs with the same section share meshes, solutions and library.
+
+    Parameters
+    ----------
+    folder
+        Of the responses; see `legfem.diagnose.leg.library_folder`.
+    correction
+        Of 3D effects, for the mechanism ``end-effects``.
+    jobs
+        Processes that build a library.
+    """
+
+    folder: Path
+    correction: TabulatedCorrection | None
+    jobs: int = 1
+    _legs: dict[str, tuple[SolvedResponses, SolvedResponses]] = field(
+        default_factory=dict, repr=False
+    )
+    _libraries: dict[str, Library] = field(default_factory=dict, repr=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave meshes and libraries out: every process makes its own."""
+        return {**self.__dict__, "_legs": {}, "_libraries": {}}
+
+    def observations(self, subject: Subject) -> Observations:
+        """Return a subject's recordings at their stations."""
+        return observe(subject.recordings, subject.instrument, subject.starts_at_contact)
+
+    def library(
+        self, subject: Subject, observed: Observations, progress: Progress
+    ) -> tuple[Library, SolvedResponses]:
+        """Return the library for recordings, and full solutions of the leg."""
+        fine, coarse = solved_responses(subject, observed, self.folder, self.correction)
+        leg = repr(sorted(fine.fingerprint.items()))
+        fine, coarse = self._legs.setdefault(leg, (fine, coarse))
+        keys = leg + "".join(sorted(stations.key for stations in observed.protocols))
+        if keys not in self._libraries:
+            able, _ = testable_mechanisms(observed, self.correction)
+            self._libraries[keys] = build_library(
+                fine, coarse, observed, able, self.correction, self.jobs, progress
+            )
+        return self._libraries[keys], fine
+
+    def diagnose(self, subject: Subject, progress: Progress, seed: int = 0) -> Diagnosis:
+        """Diagnose a subject's recordings."""
+        observed = self.observations(subject)
+        library, solved = self.library(subject, observed, progress)
+        law = subject.tissues["deep"].law
+        return diagnose(observed, subject.instrument, law, library, solved, progress, seed)

@@ -1,0 +1,168 @@
+r"""Score tests: does the misfit look like what a mechanism would leave after a refit?
+
+A mechanism's signature is the derivative of the prediction by its strength at the null. The base
+parameters hide what lies in the span of their own derivatives, so signatures are projected off it,
+in the metric of the errors. With whitened residual :math:`w` and projected signature :math:`s`,
+
+.. math:: T = \frac{\max(0, s^T w)^2}{s^T s}
+
+(two-sided where the strength may have either sign), the largest over the mechanism's shapes. Draws
+of the errors through the same arithmetic give p-values for each mechanism, for the largest of all
+(family-wise), and for windows of stations, whose signatures are boxes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from legfem.diagnose.fit import Fit, Problem
+from legfem.diagnose.mechanisms import Mechanism
+from legfem.diagnose.windows import Window, windows_of
+from legfem.units import FloatArray
+
+DRAWS = 2000
+
+
+@dataclass(frozen=True, eq=False)
+class Signature:
+    """A mechanism's direction in the space of the data, for one shape of its parameters."""
+
+    mechanism: Mechanism
+    direction: FloatArray
+    """(n,): whitened, projected off the base parameters."""
+    one_sided: bool
+    shown: FloatArray
+    """(n,), N: the response before whitening, for a figure."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """A mechanism's score test."""
+
+    name: str
+    statistic: float
+    p_value: float
+    concealed: float
+    """Share of the signature's length that a refit of the base parameters hides."""
+
+
+@dataclass(frozen=True, eq=False)
+class Assessment:
+    """What the residual of a fit says."""
+
+    lack_of_fit: float
+    """p-value of the sum of squares."""
+    scores: tuple[Score, ...]
+    """Of the testable mechanisms, the strongest first."""
+    windows: tuple[Window, ...]
+    """Intervals that hold the misfit, family-wise significant ones only."""
+    p_value: float
+    """That the errors alone make as strong a sign as the strongest of the three tests."""
+    signatures: tuple[Signature, ...]
+
+    def score(self, name: str) -> Score | None:
+        """Return a mechanism's."""
+        return next((score for score in self.scores if score.name == name), None)
+
+
+def signatures_of(
+    problem: Problem, fitted: Fit, mechanisms: Sequence[Mechanism]
+) -> tuple[list[Signature], list[float]]:
+    """Return the projected signatures at a fit, and the share of each that is concealed."""
+    basis = np.linalg.qr(fitted.jacobian)[0]
+    observed = problem.predictor.observed
+    found: list[Signature] = []
+    hidden: list[float] = []
+    for mechanism in mechanisms:
+        first = mechanism.parameters[0]
+        strength = f"{mechanism.name}.{first.name}"
+        step = 0.1 * (first.typical - first.null)
+        for shape in mechanism.shape_choices(observed):
+            values = {
+                **fitted.values,
+                **{f"{mechanism.name}.{key}": value for key, value in shape.items()},
+                strength: first.null + step,
+            }
+            moved = problem.predictor(values, (*fitted.mechanisms, mechanism))
+            change = (moved - fitted.prediction) / step
+            white = problem.whitened(change)
+            length = float(np.linalg.norm(white))
+            direction = white - basis @ (basis.T @ white)
+            direction -= basis @ (basis.T @ direction)
+            rest = float(np.linalg.norm(direction))
+            if length == 0 or rest < 1e-6 * length:
+                continue
+            found.append(Signature(mechanism, direction, first.low >= first.null, change))
+            hidden.append(1.0 - rest / length)
+    return found, hidden
+
+
+def assess(
+    problem: Problem, fitted: Fit, mechanisms: Sequence[Mechanism], seed: int = 0
+) -> Assessment:
+    """Test a fit's residual against errors, mechanisms and windows; no solution is needed."""
+    found, hidden = signatures_of(problem, fitted, mechanisms)
+    basis = np.linalg.qr(fitted.jacobian)[0]
+    windows, boxes = windows_of(problem.predictor.observed)
+    white_boxes = problem.whitened(boxes)
+    white_boxes -= basis @ (basis.T @ white_boxes)
+    draws = np.random.default_rng(seed).normal(size=(DRAWS, len(fitted.whitened)))
+    draws -= (draws @ basis) @ basis.T
+    everything = np.vstack([fitted.whitened - basis @ (basis.T @ fitted.whitened), draws])
+
+    strength = _by_mechanism(found, everything)
+    window_scores = _squares(everything, white_boxes.T, one_sided=np.zeros(len(boxes.T), bool))
+    dof = fitted.degrees_of_freedom
+    misfit = chi2.sf(np.sum(everything**2, axis=1), dof)
+    names = list(strength)
+    table = np.array([strength[name] for name in names]) if names else np.zeros((1, DRAWS + 1))
+    each = np.array([_rank(row) for row in table])
+    scan = _rank(window_scores.max(axis=1))
+    family = _rank(-each.min(axis=0))
+    joint = np.minimum(np.minimum(misfit, family), scan)
+    scores = [
+        Score(
+            name, float(row[0]), float(p[0]),
+            float(min(h for s, h in zip(found, hidden, strict=True) if s.mechanism.name == name)),
+        )
+        for name, row, p in zip(names, table, each, strict=False)
+    ]  # fmt: skip
+    threshold = np.sort(window_scores[1:].max(axis=1))
+    return Assessment(
+        float(misfit[0]),
+        tuple(sorted(scores, key=lambda s: (s.p_value, -s.statistic))),
+        windows.significant(window_scores[0], threshold, fitted.residual),
+        float(_rank(-joint)[0]),
+        tuple(found),
+    )
+
+
+def _by_mechanism(found: Sequence[Signature], rows: FloatArray) -> dict[str, FloatArray]:
+    result: dict[str, FloatArray] = {}
+    for name in dict.fromkeys(s.mechanism.name for s in found):
+        mine = [s for s in found if s.mechanism.name == name]
+        directions = np.array([s.direction for s in mine])
+        sided = np.array([s.one_sided for s in mine])
+        result[name] = _squares(rows, directions, sided).max(axis=1)
+    return result
+
+
+def _squares(rows: FloatArray, directions: FloatArray, one_sided: FloatArray) -> FloatArray:
+    lengths = np.linalg.norm(directions, axis=1)
+    along = (rows @ directions.T) / np.where(lengths > 0, lengths, 1.0)
+    along = np.where(one_sided[None, :], np.maximum(along, 0.0), along)
+    return np.asarray(along**2)
+
+
+def _rank(statistics: FloatArray) -> FloatArray:
+    """Return each one's p-value among the draws, which are all but the first."""
+    drawn = np.sort(statistics[1:])
+    above = len(drawn) - np.searchsorted(drawn, statistics - 1e-12, side="left")
+    p = (above + 1.0) / (len(drawn) + 1.0)
+    # A draw counts itself once; the recording is not among them.
+    p[1:] = above[1:] / len(drawn)
+    return np.asarray(p)

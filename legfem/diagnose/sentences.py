@@ -1,0 +1,60 @@
+"""The diagnosis in words that a clinician understands."""
+
+from __future__ import annotations
+
+from legfem.diagnose.diagnosis import Diagnosis
+from legfem.diagnose.fit import Fit
+
+_NO_MECHANISM = (
+    "repeat the test on another day and rig; record at two rates with a hold, and look at the "
+    "located intervals on film"
+)
+
+
+def verdict_sentence(found: Diagnosis) -> str:
+    """Return the verdict in one or two sentences."""
+    if found.verdict == "consistent":
+        return (
+            "The model describes the recordings to within their noise; nothing asks for more "
+            f"physics (p = {found.base.assessment.p_value:.2g})."
+        )
+    if found.verdict == "unexplained":
+        return (
+            "The recordings contradict the model, and none of the mechanisms known to legfem, "
+            "alone or in pairs, explains how. Don't rely on the stiffness below."
+        )
+    best = found.models[0].fit
+    what = " and ".join(m.statement for m in best.mechanisms)
+    sentence = f"The recordings contradict the model. What it left out: {what}."
+    if found.verdict == "ambiguous":
+        others = "; or ".join(
+            " and ".join(m.statement for m in model.fit.mechanisms) for model in found.models[1:]
+        )
+        sentence += f" The recordings can't tell that from: {others}."
+    return f"{sentence} {stiffness_sentence(found.base.fit, best)}"
+
+
+def stiffness_sentence(before: Fit, after: Fit) -> str:
+    """Return how the stiffness changed."""
+    parts = []
+    for name in ("C10", "C20"):
+        if name in before.free and name in after.free:
+            change = after.values[name] / max(before.values[name], 1e-12) - 1
+            parts.append(
+                f"{name} from {before.values[name]:.3g} to {after.values[name]:.3g} kPa "
+                f"({change:+.0%})"
+            )
+    return f"Putting it into the model moves {' and '.join(parts)}."
+
+
+def next_experiments(found: Diagnosis) -> list[str]:
+    """Return the measurements that would settle what is open."""
+    if found.verdict == "unexplained":
+        return [_NO_MECHANISM]
+    wanted = dict.fromkeys(
+        m.next_experiment for model in found.models for m in model.fit.mechanisms
+    )
+    rate = any("rate" in why for why in found.untested.values())
+    if found.verdict == "consistent" and rate:
+        return ["hold the deepest position for a minute, and press at two rates"]
+    return list(wanted)

@@ -1,0 +1,254 @@
+"""Responses by finite elements: each solution made once and kept on disk."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from legfem.correction import TabulatedCorrection
+from legfem.diagnose.mechanisms import (
+    EndEffects,
+    Solution,
+    TissueMechanism,
+    Values,
+    Viscoelasticity,
+)
+from legfem.diagnose.observations import Observations
+from legfem.diagnose.stations import Stations
+from legfem.diagnose.variants import SolutionStopped, Variants
+from legfem.documents import write_document
+from legfem.protocol import Protocol
+from legfem.units import FloatArray, kpa_to_mpa
+
+GRID_STEP_MM = 0.5
+ELASTIC_DERIVATIVES = (
+    "deep.C10", "deep.C20", "deep.C30", "deep.D1", "superficial.C10", "fascia.C10",
+    "fascia.prestress.tension",
+)  # fmt: skip
+TIMELESS = ("slipping",)
+"""Models with a history that don't know of time: all rates share their solutions."""
+_SMALLEST_FORCE_N = 1e-6
+
+type Columns = dict[str, FloatArray]
+
+
+@dataclass(eq=False)
+class SolvedResponses:
+    """Responses of one leg, by solutions made when asked for.
+
+    Parameters
+    ----------
+    variants
+        The leg's models.
+    depth
+        Of the elastic curves, mm.
+    folder
+        Where solutions are kept; none is without it.
+    fingerprint
+        Of all that a solution depends on beside its arguments.
+    correction
+        Of 3D effects.
+    """
+
+    variants: Variants
+    depth: float
+    folder: Path | None
+    fingerprint: Mapping[str, Any]
+    correction: TabulatedCorrection | None = None
+    c10_bounds: tuple[float, float] = (0.01, 100.0)
+    c20_bounds: tuple[float, float] = (0.0, 100.0)
+    solutions: int = 0
+    """Made, not recalled."""
+    _known: dict[str, Columns | None] = field(default_factory=dict, repr=False)
+
+    @property
+    def grid(self) -> FloatArray:
+        """Displacements of the elastic curves, mm."""
+        return GRID_STEP_MM * np.arange(1, round(self.depth / GRID_STEP_MM) + 1)
+
+    def curve(self, c10: float, c20: float) -> FloatArray:
+        """Return the elastic force at the grid, N.
+
+        Raises
+        ------
+        SolutionStopped
+            If the solution doesn't come to the depth.
+        """
+        return self.elastic(c10, c20)["force"]
+
+    def elastic(self, c10: float, c20: float) -> Columns:
+        """Return the elastic force and its derivatives (N per MPa or 1/MPa) at the grid."""
+        protocol = Protocol.ramp(self.depth, 1.0)
+        return self._solve(protocol, self.grid, c10, c20, Solution(), ELASTIC_DERIVATIVES)
+
+    def relative_change(
+        self,
+        mechanism: TissueMechanism,
+        values: Values,
+        c10: float,
+        c20: float,
+        observed: Observations,
+    ) -> FloatArray:
+        """Return what a mechanism adds to the elastic force, over that force; (n,)."""
+        if isinstance(mechanism, EndEffects):
+            return end_effect(self.correction, values, c10, c20, observed)
+        solution = mechanism.solution(values)
+        return observed.spread(
+            [
+                self.change_at(solution, mechanism.along_path, stations, c10, c20)
+                for stations in observed.protocols
+            ]
+        )
+
+    def change_at(
+        self, solution: Solution, along_path: bool, stations: Stations, c10: float, c20: float
+    ) -> FloatArray:
+        """Return the relative change at a protocol's stations (m,)."""
+        # A porous leg has another formulation: compared with itself, its own error cancels.
+        porous = solution.variant == "porous"
+        null = Solution("porous", dict.fromkeys(solution.parameters, 0.0)) if porous else Solution()
+        if along_path:
+            protocol, at = stations.protocol, stations.time
+            if solution.variant in TIMELESS:
+                protocol, at = _timeless(stations)
+            changed = self._solve(protocol, at, c10, c20, solution, ())["force"]
+            ramp = Protocol.ramp(self.depth, 1.0)
+            elastic = self._solve(ramp, self.grid, c10, c20, null, ())["force"]
+            before = _at_displacement(self.grid, elastic, stations.displacement)
+        else:
+            ramp = Protocol.ramp(self.depth, 1.0)
+            column = self._solve(ramp, self.grid, c10, c20, solution, ())["force"]
+            changed = _at_displacement(self.grid, column, stations.displacement)
+            before = _at_displacement(self.grid, self.curve(c10, c20), stations.displacement)
+        return changed / np.maximum(before, _SMALLEST_FORCE_N) - 1.0
+
+    def unit_of(self, mechanism: TissueMechanism) -> float:
+        """Return what a mechanism's derivative is to be multiplied by.
+
+        By the parameter itself where the strength scales it, else by the parameter's unit in the
+        model (MPa) over the strength's (kPa).
+        """
+        if not mechanism.proportional:
+            return kpa_to_mpa(1.0)
+        region, _, name = str(mechanism.derivative).partition(".")
+        return float(getattr(getattr(self.variants.tissues, region), name))
+
+    def relaxation(self, stations: Stations, c10: float, c20: float) -> Columns:
+        """Return the relative change per unit ratio by region; (relaxation times, stations)."""
+        times, asked = {}, {}
+        for region in ("deep", "superficial"):
+            for k, time in enumerate(Viscoelasticity.TIMES_S):
+                name = f"{region}.viscoelasticity{k + 1}"
+                times[f"{name}.relaxation_time"] = time
+                asked.setdefault(region, []).append(f"{name}.ratio")
+        solution = Solution("viscoelastic", times)
+        every = tuple(name for names in asked.values() for name in names)
+        columns = self._solve(stations.protocol, stations.time, c10, c20, solution, every)
+        force = np.maximum(columns["force"], _SMALLEST_FORCE_N)
+        return {
+            region: np.array([columns[name] / force for name in names])
+            for region, names in asked.items()
+        }
+
+    def _solve(
+        self,
+        protocol: Protocol,
+        at: FloatArray,
+        c10: float,
+        c20: float,
+        solution: Solution,
+        derivatives: tuple[str, ...],
+    ) -> Columns:
+        """Return force and derivatives at times of a protocol.
+
+        Raises
+        ------
+        SolutionStopped
+            If this solution, now or before, didn't follow the protocol to its end.
+        """
+        asked = {
+            "protocol": [list(protocol.time), list(protocol.displacement)],
+            "at": np.round(at, 9).tolist(),
+            "deep_kPa": [float(c10).hex(), float(c20).hex()],
+            "variant": solution.variant,
+            "parameters": {k: float(v).hex() for k, v in sorted(solution.parameters.items())},
+            "scaled": {k: float(v).hex() for k, v in sorted(solution.scaled.items())},
+            "tilt_deg": float(solution.tilt_deg).hex(),
+            "derivatives": list(derivatives),
+        }
+        text = json.dumps({**self.fingerprint, **asked}, sort_keys=True)
+        key = hashlib.sha256(text.encode()).hexdigest()[:24]
+        if key not in self._known:
+            self._known[key] = self._recalled(key) or self._made(
+                key, protocol, at, c10, c20, solution, derivatives
+            )
+        columns = self._known[key]
+        if columns is None or "force" not in columns:
+            raise SolutionStopped(f"C10 {c10:.3g} kPa, C20 {c20:.3g} kPa, {solution.variant}")
+        return columns
+
+    def _recalled(self, key: str) -> Columns | None:
+        if self.folder is None:
+            return None
+        try:
+            content = json.loads((self.folder / f"{key}.json").read_text())
+            return {name: np.array(values) for name, values in content["columns"].items()}
+        except (OSError, ValueError, KeyError, AttributeError):
+            return None
+
+    def _made(
+        self,
+        key: str,
+        protocol: Protocol,
+        at: FloatArray,
+        c10: float,
+        c20: float,
+        solution: Solution,
+        derivatives: tuple[str, ...],
+    ) -> Columns:
+        self.solutions += 1
+        deep = {"deep.C10": kpa_to_mpa(c10), "deep.C20": kpa_to_mpa(c20)}
+        try:
+            path = self.variants.follow(protocol, deep, solution, derivatives)
+            columns = {"force": path.force_at(at)}
+            columns |= {name: path.sensitivity_at(name, at) for name in derivatives}
+        except SolutionStopped:
+            columns = {"stopped": np.zeros(0)}
+        if self.folder is not None:
+            content = {name: values.tolist() for name, values in columns.items()}
+            write_document(self.folder / f"{key}.json", {"columns": content})
+        return columns
+
+
+def end_effect(
+    correction: TabulatedCorrection | None,
+    values: Values,
+    c10: float,
+    c20: float,
+    observed: Observations,
+) -> FloatArray:
+    """Return the relative change (n,) by a share of the idealised leg's correction."""
+    if correction is None:
+        raise ValueError("there is no 3D correction")
+    P = correction.correction(observed.displacement, np.asarray(c10), np.asarray(c20))
+    return np.asarray(-values["scale"] * P)
+
+
+def _timeless(stations: Stations) -> tuple[Protocol, FloatArray]:
+    """Return the protocol at 1 mm/s with holds of 1 s, and the stations' times in it."""
+    given = stations.protocol
+    lengths = [abs(part.last - part.first) or 1.0 for part in given.segments]
+    time = np.concatenate([[0.0], np.cumsum(lengths)])
+    return Protocol(tuple(time), given.displacement), np.interp(stations.time, given.time, time)
+
+
+def _at_displacement(grid: FloatArray, force: FloatArray, at: FloatArray) -> FloatArray:
+    spline = CubicSpline(np.concatenate([[0.0], grid]), np.concatenate([[0.0], force]))
+    return np.asarray(spline(np.maximum(at, 0.0)))

@@ -1,0 +1,266 @@
+"""Where recordings and model are compared: a few dozen stations along each protocol.
+
+Trials that were driven alike (same phases, rates and depth) share a protocol and its stations:
+displacements in loading and unloading, times in a hold.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import groupby
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legfem.errors import InputError
+from legfem.protocol import Protocol
+from legfem.recording.contact import Contact
+from legfem.recording.phases import AIR, HOLD, LOADING, UNLOADING, split_phases
+from legfem.recording.smoothing import local_line, sample_noise, smooth_displacement
+from legfem.recording.trial import Recording
+from legfem.units import FloatArray
+
+LOADING_STATIONS, HOLD_STATIONS, UNLOADING_STATIONS = 40, 12, 24
+_SHORTEST_SEGMENT = 8
+# Trials whose durations and depths agree this well were driven alike.
+_DURATION_TOLERANCE, _DEPTH_TOLERANCE = 0.06, 0.03
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """A stretch of one trial in one phase; arrays are (k,)."""
+
+    phase: str
+    time: FloatArray
+    """s since first contact."""
+    displacement: FloatArray
+    """mm after first contact, smoothed over time."""
+    force: FloatArray
+    """N above the baseline."""
+    leverage: float
+    """Variance of the smoothed displacement over that of one reading."""
+
+    @property
+    def duration(self) -> float:
+        """Time it lasts, s."""
+        return float(self.time[-1] - self.time[0])
+
+    @property
+    def rate(self) -> float:
+        """Mean speed, mm/s; negative in unloading."""
+        return float((self.displacement[-1] - self.displacement[0]) / self.duration)
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One recording cut into its phases."""
+
+    name: str
+    segments: tuple[Segment, ...]
+    contact: Contact
+    white_force_sd: float
+    """N, of one reading."""
+    jitter_sd: float
+    """mm, of one reading."""
+
+    @property
+    def depth(self) -> float:
+        """Greatest displacement after contact, mm."""
+        return max(float(segment.displacement.max()) for segment in self.segments)
+
+    @property
+    def phases(self) -> tuple[str, ...]:
+        """Names of the segments' phases in order."""
+        return tuple(segment.phase for segment in self.segments)
+
+
+@dataclass(frozen=True, eq=False)
+class Stations:
+    """Stations along one protocol; arrays are (m,)."""
+
+    protocol: Protocol
+    phase: NDArray[np.str_]
+    segment: NDArray[np.int_]
+    """Number of the protocol's segment."""
+    displacement: FloatArray
+    """mm."""
+    time: FloatArray
+    """s since first contact."""
+
+    @property
+    def depth(self) -> float:
+        """Greatest displacement, mm."""
+        return float(np.max(self.protocol.displacement))
+
+    @cached_property
+    def key(self) -> str:
+        """Name that only these stations have."""
+        what = [self.protocol.time, self.protocol.displacement, self.time.tolist()]
+        return hashlib.sha256(json.dumps(what).encode()).hexdigest()[:16]
+
+    @property
+    def label(self) -> str:
+        """What a reader knows it by."""
+        rate = self.protocol.displacement[1] / self.protocol.time[1]
+        others = [name for name, _ in groupby(self.phase) if name != LOADING]
+        return f"{rate:.2g} mm/s to {self.depth:.3g} mm" + "".join(f", {o}" for o in others)
+
+
+def cut_trial(recording: Recording, contact: Contact) -> Trial:
+    """Cut a recording into loading, hold and unloading, counted from first contact.
+
+    Raises
+    ------
+    InputError
+        If there is no loading after contact.
+    """
+    labels = split_phases(recording, contact)
+    segments: list[Segment] = []
+    edges = np.flatnonzero(np.diff(np.unique(labels, return_inverse=True)[1], prepend=-1))
+    start_time = None
+    for start, end in zip(edges, [*edges[1:], len(labels)], strict=True):
+        phase = str(labels[start])
+        if phase == AIR or end - start < _SHORTEST_SEGMENT:
+            continue
+        part = slice(start, end)
+        time, raw = recording.time[part], recording.displacement[part]
+        smooth, leverage = (
+            (np.full_like(raw, raw.mean()), np.array([1.0 / len(raw)]))
+            if phase == HOLD
+            else smooth_displacement(time, raw)
+        )
+        smooth = smooth - contact.displacement
+        if start_time is None:
+            speed = (smooth[-1] - smooth[0]) / (time[-1] - time[0])
+            start_time = float(time[0] - max(smooth[0], 0.0) / max(speed, 1e-9))
+        force = recording.force[part] - contact.baseline
+        segments.append(
+            Segment(phase, time - start_time, smooth, force, float(np.median(leverage)))
+        )
+    if not segments or segments[0].phase != LOADING:
+        raise InputError(
+            recording.source or recording.trial, "displacement_mm",
+            "the trial does not begin with loading", "take it out, or start it at first contact",
+        )  # fmt: skip
+    return Trial(
+        recording.trial,
+        tuple(segments),
+        contact,
+        sample_noise(recording.force),
+        sample_noise(recording.displacement),
+    )
+
+
+def changes_speed(segment: Segment) -> bool:
+    """Return whether a moving segment was driven at more than one speed."""
+    if segment.phase == HOLD:
+        return False
+    line = np.polynomial.Polynomial.fit(segment.time, segment.displacement, 1)
+    away = np.abs(segment.displacement - line(segment.time)).max()
+    return bool(away > 0.03 * np.ptp(segment.displacement))
+
+
+def group_trials(trials: Sequence[Trial]) -> list[list[int]]:
+    """Return the trials' numbers, those driven alike together."""
+    groups: list[list[int]] = []
+    for k, trial in enumerate(trials):
+        for group in groups:
+            if _alike(trials[group[0]], trial):
+                group.append(k)
+                break
+        else:
+            groups.append([k])
+    return groups
+
+
+def _alike(a: Trial, b: Trial) -> bool:
+    if a.phases != b.phases or abs(a.depth / b.depth - 1) > _DEPTH_TOLERANCE:
+        return False
+    return all(
+        abs(x.duration / y.duration - 1) < _DURATION_TOLERANCE
+        for x, y in zip(a.segments, b.segments, strict=True)
+    )
+
+
+def stations_of(trials: Sequence[Trial]) -> Stations:
+    """Return the stations of trials that were driven alike.
+
+    Rates and holds are taken to two digits and depths to 0.1 mm, so that recordings of one protocol
+    share their solutions; the forces are read at the trials' own displacements.
+    """
+    first = trials[0]
+    depth = round(min(trial.depth for trial in trials), 1)
+    times, displacements = [0.0], [0.0]
+    phases: list[str] = []
+    numbers: list[int] = []
+    d_at: list[float] = []
+    t_at: list[float] = []
+    for number, phase in enumerate(first.phases):
+        parts = [trial.segments[number] for trial in trials]
+        before = displacements[-1]
+        if phase == HOLD:
+            duration = float(f"{min(part.duration for part in parts):.2g}")
+            times.append(times[-1] + duration)
+            displacements.append(before)
+            sampling = float(np.median(np.diff(parts[0].time)))
+            since = np.geomspace(max(3 * sampling, duration / 150), 0.98 * duration, HOLD_STATIONS)
+            d = np.full(HOLD_STATIONS, before)
+            t = times[-2] + since
+        else:
+            rate = float(f"{np.mean([abs(part.rate) for part in parts]):.2g}")
+            if phase == LOADING:
+                end = depth
+            else:
+                end = max(0.0, round(max(float(part.displacement[-1]) for part in parts), 1))
+            duration = abs(end - before) / rate
+            times.append(times[-1] + duration)
+            displacements.append(end)
+            count = LOADING_STATIONS if phase == LOADING else UNLOADING_STATIONS
+            fraction = (np.arange(count) + (1.0 if phase == LOADING else 0.5)) / count
+            d = before + fraction * (end - before)
+            t = times[-2] + fraction * duration
+        phases += [phase] * len(d)
+        numbers += [number] * len(d)
+        d_at += list(d)
+        t_at += list(t)
+    protocol = Protocol(tuple(times), tuple(displacements))
+    return Stations(protocol, np.array(phases), np.array(numbers), np.array(d_at), np.array(t_at))
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """A trial brought to its protocol's stations; arrays are (m,)."""
+
+    force: FloatArray
+    """N."""
+    white_leverage: FloatArray
+    """Variance of ``force`` over that of one reading's white noise."""
+
+
+def read_at(trial: Trial, stations: Stations) -> Readings:
+    """Bring a trial to stations, by straight lines fitted to the samples round each."""
+    force, leverage = np.empty(len(stations.time)), np.empty(len(stations.time))
+    starts = stations.protocol.time
+    for number, segment in enumerate(trial.segments):
+        here = stations.segment == number
+        if segment.phase == HOLD:
+            since = stations.time[here] - starts[number]
+            for k, at in zip(np.flatnonzero(here), since, strict=True):
+                line = local_line(
+                    segment.time - segment.time[0], segment.force, np.array([at]), 0.15 * at, 5
+                )
+                force[k], leverage[k] = line.value[0], line.leverage[0]
+            continue
+        d = stations.displacement[here]
+        order = np.argsort(segment.displacement, kind="stable")
+        half = 0.5 * abs(float(np.median(np.diff(d))))
+        line = local_line(segment.displacement[order], segment.force[order], d, half)
+        force[here], leverage[here] = line.value, line.leverage
+    return Readings(force, leverage)
+
+
+__all__ = ["HOLD", "LOADING", "UNLOADING", "Segment", "Stations", "Trial", "cut_trial"]

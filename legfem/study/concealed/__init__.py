@@ -1,0 +1,1 @@
+"""Sealed cases: recordings in which left-out physics is concealed, to prove the diagnosis on."""
