@@ -206,6 +206,9 @@ def correction(
     trends: Annotated[
         bool, typer.Option("--trends", help="Also P against length, stiffness and radius.")
     ] = False,
+    legs: Annotated[
+        bool, typer.Option("--legs", help="Also a table of P for legs of other girth and bone.")
+    ] = False,
     out: Out = None,
     jobs: Jobs = None,
 ) -> None:
@@ -233,5 +236,5 @@ def correction(
         )
         alone = MPI.COMM_WORLD.size == 1
         correction_command.run(
-            Calibration(case), trends, folder, (jobs or usable_cores()) if alone else 1
+            Calibration(case), trends, legs, folder, (jobs or usable_cores()) if alone else 1
         )

@@ -17,6 +17,7 @@ from legfem.progress import Lines, Progress, Silent
 from legfem.study.correction import Calibrated, Calibration, calibrate, coarsened, run_cases
 from legfem.study.correction_cases import Case, CaseOutcome
 from legfem.study.correction_figure import draw_correction, draw_trends
+from legfem.study.correction_legs import LegTable, tabulate_legs
 from legfem.units import FloatArray
 
 Trend = dict[str, dict[str, FloatArray]]
@@ -25,8 +26,22 @@ Trend = dict[str, dict[str, FloatArray]]
 SHOWN = np.array([2.5, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0])
 
 
-def run(given: Calibration, trends: bool, out: Path, jobs: int) -> None:
-    """Calibrate, draw Fig. 4, and look at what P depends on; collective over all ranks."""
+def run(given: Calibration, trends: bool, legs: bool, out: Path, jobs: int) -> None:
+    """Calibrate, draw Fig. 4, and look at what P depends on; collective over all ranks.
+
+    Parameters
+    ----------
+    given
+        What is calibrated.
+    trends
+        Whether to look at what P depends on.
+    legs
+        Whether to tabulate P over legs of several sizes.
+    out
+        Folder; solved models are kept there.
+    jobs
+        Processes.
+    """
     comm = MPI.COMM_WORLD
     progress: Progress = Lines(sys.stderr) if comm.rank == 0 else Silent()
     kept = out / "cases"
@@ -41,6 +56,10 @@ def run(given: Calibration, trends: bool, out: Path, jobs: int) -> None:
     if comm.rank == 0:
         figure = draw_correction(given.reference, found, lengths, out)
         print(f"figure: {figure[0]}", flush=True)
+    if legs:
+        table = tabulate_legs(LegTable(given), kept, jobs, progress, comm)
+        if comm.rank == 0:
+            print(f"legs: {table.write(out / 'correction-legs.json')}", flush=True)
     if not trends:
         return
     studied: Trend = {"cylinder's length (mm)": lengths}

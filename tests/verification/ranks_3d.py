@@ -1,0 +1,33 @@
+"""Run by mpirun: P(d) of a tiny idealised leg, saved from rank 0."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+from mpi4py import MPI
+
+from legfem.correction import smooth_ratio
+from legfem.experiments.indentation_3d import IdealisedLegSettings
+from legfem.linear import LinearSettings
+from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
+from legfem.stepping import StepSettings
+from legfem.study.correction_cases import Case, solve_case
+
+mesh = LegMeshSettings(contact_size=8, depth_size=16, edge_size=8, growth=0.5, far_size=40)
+linear = replace(LinearSettings(), solver=sys.argv[1])
+# Iterations end elsewhere on other numbers of ranks, and steps are chosen by their work: fix them.
+steps = StepSettings(first=0.5, growth=1.0, shrink=1.0) if linear.solver == "iterative" else None
+settings = IdealisedLegSettings(mesh=mesh, linear=linear, steps=steps or StepSettings())
+outcome = solve_case(
+    Case(IdealisedLeg(length=90), settings=settings, depth=6.0), comm=MPI.COMM_WORLD
+)
+displacement = np.linspace(0, 6, 13)
+if MPI.COMM_WORLD.rank == 0:
+    np.savez(
+        sys.argv[2],
+        ranks=MPI.COMM_WORLD.size,
+        P=smooth_ratio(outcome.spatial, outcome.plane, displacement),
+        pressure=outcome.skin[:, -1],
+    )
