@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from legfem._compat import collapse, surface_mesh
+from legfem.errors import InputError
 from legfem.meshing.section import BONE, REGIONS, SKIN
 
 Formulation = Literal["displacement", "mixed", "porous"]
@@ -99,7 +100,17 @@ def build_spaces(
         What is held; by default the bones, in all components.
     drained
         Tags of facets where the pressure of a porous form is zero; all others are sealed.
+
+    Raises
+    ------
+    InputError
+        If facets are to be drained in another form.
     """
+    if drained and formulation != "porous":
+        raise InputError(
+            "formulation", "drained", f"a {formulation} form has no fluid to drain",
+            'choose the formulation "porous"',
+        )  # fmt: skip
     dimension = mesh.geometry.dim
     lagrange = basix.ufl.element("Lagrange", mesh.basix_cell(), degree, shape=(dimension,))
     displacement = fem.functionspace(mesh, lagrange)

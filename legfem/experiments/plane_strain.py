@@ -22,6 +22,7 @@ from legfem.geometry.section import LegSection
 from legfem.materials import Hyperelastic, NeoHookean, ReducedPolynomial
 from legfem.meshing.section import (
     REGIONS,
+    SKIN,
     SectionMesh,
     SectionMeshSettings,
     first_touch,
@@ -54,6 +55,8 @@ class PlaneStrainSettings:
     newton: NewtonSettings = field(default_factory=NewtonSettings)
     steps: StepSettings = field(default_factory=StepSettings)
     formulation: Formulation = "mixed"
+    drained_skin: bool = False
+    """Whether the fat's fluid can leave through the skin, in a porous form."""
     quadrature_degree: int = 4
     defences: bool = True
     """Whether a softer contact and then a finer mesh are tried when a solution stops short."""
@@ -100,6 +103,7 @@ class PlaneStrainIndentation:
             self.section_mesh.cell_tags,
             self.section_mesh.facet_tags,
             self.settings.formulation,
+            drained=[SKIN] if self.settings.drained_skin else [],
         )
         self.system = System(
             spaces,

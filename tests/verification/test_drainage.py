@@ -10,9 +10,18 @@ import numpy as np
 import pytest
 from dolfinx import fem
 from making_derivatives import forces, taylor_orders, worst_error
-from making_mechanics import block, fixed_steps, free_of_contact, one_tissue, pressed_block
+from making_mechanics import (
+    COARSE,
+    block,
+    fixed_steps,
+    free_of_contact,
+    one_tissue,
+    pressed_block,
+    subject_3,
+)
 
 from legfem.errors import InputError
+from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.meshing.section import SKIN
 from legfem.newton import NewtonSolver
 from legfem.protocol import Protocol
@@ -82,6 +91,29 @@ def test_sensitivities_are_exact(system):
 def test_a_discontinuous_pressure_is_refused():
     with pytest.raises(InputError, match="porous"):
         pressed_block("mixed", meshed=SMALL, mechanisms=[Drainage("deep", TISSUES.deep, 1.0)])
+
+
+def test_facets_are_drained_in_a_porous_form_alone():
+    with pytest.raises(InputError, match="porous"):
+        build_spaces(*SMALL, "mixed", drained=[SKIN])
+
+
+def test_a_leg_loses_its_fat_s_fluid_through_a_drained_skin():
+    section, indenter, tissues = subject_3()
+    drainage = Drainage("superficial", tissues.superficial)
+    held = Protocol.ramp_and_hold(6.0, rate=1.0, hold=60.0)
+    mixed = PlaneStrainSettings(mesh=COARSE)
+    without = PlaneStrainIndentation(section, indenter, tissues, mixed).follow(held).curve
+    relaxed = []
+    for drained in (False, True):
+        settings = replace(mixed, formulation="porous", drained_skin=drained)
+        leg = PlaneStrainIndentation(section, indenter, tissues, settings, mechanisms=[drainage])
+        if not drained:
+            assert leg.follow(held).curve(6.0) == pytest.approx(float(without(6.0)), rel=0.01)
+        path = leg.follow(held, {"superficial.drainage.permeability": 100.0}).path
+        relaxed.append(path.force[-1] / path.force_at(6.0))
+    print(relaxed)
+    assert relaxed[1] < relaxed[0] < 0.995
 
 
 # --- Terzaghi ---

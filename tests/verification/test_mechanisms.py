@@ -27,7 +27,7 @@ from legfem.newton import NewtonSolver
 from legfem.protocol import Protocol
 from legfem.stepping import follow
 from legfem.system import System
-from legfem.terms import Contraction, Prestress, Tissue
+from legfem.terms import Contraction, Prestress, Tissue, Viscoelasticity
 
 TISSUES = one_tissue(1e-3, 28.0, C20=0.5e-3)
 SMALL = block(np.linspace(-20, 20, 11), np.linspace(-20, 0, 6))
@@ -143,6 +143,30 @@ def test_tension_resists_what_turns_its_line_and_works_along_it():
 def leg() -> PlaneStrainIndentation:
     settings = PlaneStrainSettings(mesh=COARSE, steps=fixed_steps(1.0))
     return PlaneStrainIndentation(*subject_3(), settings)
+
+
+def test_a_leg_with_every_mechanism_at_its_null_is_the_base_model(leg):
+    """Sensitivities at the nulls are the effects' signatures, in loading, hold and unloading."""
+    section, _, tissues = subject_3()
+    deep = Yeoh.of(tissues.deep)
+    everything = [
+        Tissue("deep", deep),
+        Viscoelasticity("deep", deep),
+        Viscoelasticity("superficial", tissues.superficial),
+        Contraction("deep", onset=2.0),
+        Prestress(section.fascia),
+    ]
+    full = PlaneStrainIndentation(*subject_3(), leg.settings, mechanisms=everything)
+    cycle = Protocol.cycle(4.0, rate=1.0, hold=30.0)
+    names = ["deep.C10", "deep.viscoelasticity.ratio", "fascia.prestress.tension"]
+    base, null = leg.follow(cycle), full.follow(cycle, sensitivities=names)
+    np.testing.assert_allclose(null.path.force, base.path.force, rtol=1e-10, atol=1e-12)
+    top, end = (null.path.sensitivity_at(names[1], time) for time in (4.0, 34.0))
+    print(top, end)
+    assert top > 0 and abs(end) < 0.2 * top
+    np.testing.assert_array_equal(
+        null.curve.sensitivities["deep.C10"], null.path.sensitivities["deep.C10"][:5]
+    )
 
 
 def test_a_placement_as_stated_changes_nothing(leg):
