@@ -11,6 +11,7 @@ from dolfinx import fem, mesh
 from mpi4py import MPI
 
 from legfem.contact import FiniteCylinder
+from legfem.correction import smooth_ratio
 from legfem.errors import InputError
 from legfem.experiments.indentation_3d import (
     Cylinder,
@@ -21,6 +22,8 @@ from legfem.linear import LinearSettings
 from legfem.materials import ReducedPolynomial
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings, mesh_leg
 from legfem.meshing.section import BONE, SKIN
+from legfem.study.correction_cases import Case, Material, solve_case
+from legfem.study.correction_command import write_leg_fields
 
 DEEP = {"deep": ReducedPolynomial(2e-3, 28.0, 0.0)}
 TINY = LegMeshSettings(contact_size=12, depth_size=20, edge_size=8, growth=0.5, far_size=40)
@@ -108,6 +111,36 @@ def test_iterations_and_factors_give_the_same_force(formulation):
         for solver in ("direct", "iterative")
     ]
     assert forces[1] == pytest.approx(forces[0], rel=1e-6)
+
+
+def test_at_depth_too_3d_without_ends_is_plane_strain():
+    leg = IdealisedLeg(length=50, ends="held")
+    settings = IdealisedLegSettings(mesh=TINY)
+    outcome = solve_case(Case(leg, Cylinder(length=50), settings=settings, depth=15.0))
+    assert outcome.complete
+    at = np.array([5.0, 10.0, 15.0])
+    assert np.abs(smooth_ratio(outcome.spatial, outcome.plane, at)).max() < 0.005
+    assert outcome.balance < 1e-8
+
+
+def test_fields_of_the_leg_are_written(tmp_path):
+    case = Case(IdealisedLeg(length=60), settings=IdealisedLegSettings(mesh=TINY), depth=1.0)
+    written = write_leg_fields(case, tmp_path)
+    assert {path.name for path in written} >= {"fields.xdmf", "fields.h5"}
+    assert all(path.exists() for path in written)
+
+
+@pytest.mark.parametrize(("c10", "c20"), [(0.2, 0.2), (5.0, 0.0), (0.2, 0.8)])
+def test_points_that_lift_off_under_shear_do_not_stop_the_solution(c10, c20):
+    case = Case(
+        IdealisedLeg(length=90), material=Material(C10_kPa=c10, C20_kPa=c20),
+        settings=IdealisedLegSettings(mesh=TINY), depth=15.0,
+    )  # fmt: skip
+    laws = case.material.laws
+    solved = IdealisedLegIndentation(case.leg, case.cylinder, laws, 3, case.settings).solve(
+        depth=case.depth
+    )
+    assert solved.report.complete and not solved.report.earlier_attempts
 
 
 def test_linear_tetrahedra_are_stiffer():

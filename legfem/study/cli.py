@@ -209,6 +209,9 @@ def correction(
     legs: Annotated[
         bool, typer.Option("--legs", help="Also a table of P for legs of other girth and bone.")
     ] = False,
+    fields: Annotated[
+        bool, typer.Option("--fields", help="Also the 3D model's fields for ParaView.")
+    ] = False,
     out: Out = None,
     jobs: Jobs = None,
 ) -> None:
@@ -236,5 +239,5 @@ def correction(
         )
         alone = MPI.COMM_WORLD.size == 1
         correction_command.run(
-            Calibration(case), trends, legs, folder, (jobs or usable_cores()) if alone else 1
+            Calibration(case), trends, legs, fields, folder, (jobs or usable_cores()) if alone else 1
         )

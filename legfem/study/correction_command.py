@@ -13,7 +13,10 @@ from rich.table import Table
 
 from legfem.correction import smooth_ratio
 from legfem.documents import write_document
+from legfem.experiments.indentation_3d import IdealisedLegIndentation
+from legfem.fields import fields_of
 from legfem.progress import Lines, Progress, Silent
+from legfem.report.paraview import write_fields
 from legfem.study.correction import Calibrated, Calibration, calibrate, coarsened, run_cases
 from legfem.study.correction_cases import Case, CaseOutcome
 from legfem.study.correction_figure import draw_correction, draw_trends
@@ -26,7 +29,7 @@ Trend = dict[str, dict[str, FloatArray]]
 SHOWN = np.array([2.5, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0])
 
 
-def run(given: Calibration, trends: bool, legs: bool, out: Path, jobs: int) -> None:
+def run(given: Calibration, trends: bool, legs: bool, fields: bool, out: Path, jobs: int) -> None:
     """Calibrate, draw Fig. 4, and look at what P depends on; collective over all ranks.
 
     Parameters
@@ -37,6 +40,8 @@ def run(given: Calibration, trends: bool, legs: bool, out: Path, jobs: int) -> N
         Whether to look at what P depends on.
     legs
         Whether to tabulate P over legs of several sizes.
+    fields
+        Whether to write fields of the reference leg in 3D for ParaView, which solves it once more.
     out
         Folder; solved models are kept there.
     jobs
@@ -56,6 +61,10 @@ def run(given: Calibration, trends: bool, legs: bool, out: Path, jobs: int) -> N
     if comm.rank == 0:
         figure = draw_correction(given.reference, found, lengths, out)
         print(f"figure: {figure[0]}", flush=True)
+    if fields:
+        written = write_leg_fields(given.reference, out, comm)
+        if comm.rank == 0:
+            print(f"fields: {', '.join(map(str, written))}", flush=True)
     if legs:
         table = tabulate_legs(LegTable(given), kept, jobs, progress, comm)
         if comm.rank == 0:
@@ -79,6 +88,15 @@ def run(given: Calibration, trends: bool, legs: bool, out: Path, jobs: int) -> N
             },
         )
         print(f"figure: {draw_trends(displacement, studied, out)[0]}")
+
+
+def write_leg_fields(case: Case, out: Path, comm: MPI.Intracomm = MPI.COMM_SELF) -> list[Path]:
+    """Solve a case's 3D model and write its fields at the depth it reached; collective."""
+    experiment = IdealisedLegIndentation(
+        case.leg, case.cylinder, case.material.laws, 3, case.settings, comm
+    )
+    solved = experiment.solve(depth=case.depth)
+    return write_fields(fields_of(experiment.system), out, solved.report.reached)
 
 
 LENGTHS = (30.0, 50.0, 70.0)
