@@ -162,7 +162,7 @@ def code_fingerprint() -> str:
     """Return a hash of the sources that a forward solve runs through, and of DOLFINx's version."""
     root = Path(__file__).resolve().parents[1]
     digest = hashlib.sha256(package_version("fenics-dolfinx").encode())
-    folders = (".", "experiments", "geometry", "materials", "meshing")
+    folders = (".", "experiments", "geometry", "materials", "meshing", "terms")
     # What deals with users and files doesn't touch the mechanics.
     aside = {"__main__.py", "cli.py", "progress.py", "tables.py", "subject_schema.py"}
     for path in sorted(path for name in folders for path in (root / name).glob("*.py")):
