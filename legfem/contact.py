@@ -55,6 +55,30 @@ class RigidCylinder:
 
 
 @dataclass(frozen=True)
+class RigidBall(RigidCylinder):
+    """A rigid ball, in 3D or in the meridional half plane: there it is a disk too.
+
+    Parameters
+    ----------
+    radius : float
+        mm.
+    """
+
+
+@dataclass(frozen=True)
+class RigidPlate:
+    """A rigid flat plate that reaches everywhere and faces down the second coordinate."""
+
+    def gap(self, y: Expr) -> Expr:
+        """Return the signed distance (mm) of a point at ``y`` from the plate's face."""
+        return -y[1]
+
+    def normal(self, y: Expr) -> Expr:
+        """Return the gradient of the gap, a unit vector out of the plate."""
+        return ufl.as_vector([-1.0 if k == 1 else 0.0 for k in range(y.ufl_shape[0])])
+
+
+@dataclass(frozen=True)
 class FiniteCylinder:
     r"""A rigid cylinder with its axis along the third coordinate and rounded end edges.
 

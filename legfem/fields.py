@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from legfem._compat import evaluate
 from legfem.compiled import expression
-from legfem.kinematics import Expr, deformation_gradient, volume_ratio
+from legfem.kinematics import Expr, volume_ratio
 from legfem.materials import Hyperelastic
 from legfem.meshing.section import REGIONS
 from legfem.places import Body, Skin
@@ -115,7 +115,7 @@ def fields_of(system: System) -> LegFields:
             continue
         cells = spaces.cell_tags.find(REGIONS[tissue.region]).astype(np.int32)
         law = body.symbols.of(tissue.region, tissue.law)
-        F = deformation_gradient(body.displacement)
+        F = body.deformation_gradient
         sigma = cauchy_stress(law, F, body.pressure_in(tissue.region))
         both = ufl.as_tensor([[[m[i, j] for j in range(3)] for i in range(3)] for m in (F, sigma)])
         values = _at_points(both, spaces.mesh, cells, degree).reshape(-1, 2, 3, 3)

@@ -1,7 +1,8 @@
-"""Kinematics of finite strain in UFL: the deformation gradient is 3x3 in every dimension.
+r"""Kinematics of finite strain in UFL: the deformation gradient is 3x3 in every dimension.
 
 Plane strain keeps the out-of-plane stretch (equal to one), so that the isochoric split divides by
-:math:`J^{2/3}` and not by the two-dimensional :math:`J`.
+:math:`J^{2/3}` and not by the two-dimensional :math:`J`. Axial symmetry has coordinates
+:math:`(r, z, \theta)` and the hoop stretch :math:`1 + u_r / r`.
 """
 
 from __future__ import annotations
@@ -13,13 +14,16 @@ import ufl
 Expr = Any
 
 
-def deformation_gradient(u: Expr) -> Expr:
+def deformation_gradient(u: Expr, radius: Expr | None = None) -> Expr:
     r"""Return :math:`F = I + \partial u / \partial X` as a 3x3 tensor.
 
     Parameters
     ----------
     u
-        Displacement (mm), a vector of 2 components (plane strain) or 3.
+        Displacement (mm), a vector of 2 components (plane strain, axial symmetry) or 3.
+    radius
+        Reference distance from the axis of symmetry (mm), if there is one; the displacement's
+        components are then radial and axial.
 
     Returns
     -------
@@ -33,7 +37,21 @@ def deformation_gradient(u: Expr) -> Expr:
         [
             [1 + gradient[0, 0], gradient[0, 1], 0],
             [gradient[1, 0], 1 + gradient[1, 1], 0],
-            [0, 0, 1],
+            [0, 0, 1 if radius is None else 1 + u[0] / radius],
+        ]
+    )
+
+
+def displacement_gradient(u: Expr, radius: Expr | None = None) -> Expr:
+    r"""Return :math:`F - I` as a 3x3 tensor; arguments as those of `deformation_gradient`."""
+    gradient = ufl.grad(u)
+    if gradient.ufl_shape == (3, 3):
+        return gradient
+    return ufl.as_tensor(
+        [
+            [gradient[0, 0], gradient[0, 1], 0],
+            [gradient[1, 0], gradient[1, 1], 0],
+            [0, 0, 0 if radius is None else u[0] / radius],
         ]
     )
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
-from legfem.kinematics import Expr
+from legfem.kinematics import Expr, deformation_gradient, displacement_gradient
 from legfem.symbols import Symbols
 
 
@@ -34,6 +35,19 @@ class Place:
 
 
 @dataclass(frozen=True, eq=False)
+class Swept:
+    """A measure of the meridional half plane, swept round the axis of symmetry."""
+
+    measure: Any
+    radius: Expr
+    """Reference distance from the axis (mm)."""
+
+    def __rmul__(self, integrand: Expr) -> Expr:
+        r"""Return the integral with the weight :math:`2 \pi r`."""
+        return 2 * math.pi * self.radius * integrand * self.measure
+
+
+@dataclass(frozen=True, eq=False)
 class Body(Place):
     """The tissues' volume."""
 
@@ -45,6 +59,25 @@ class Body(Place):
     """Its test function."""
     porous: tuple[str, ...] | None = None
     """Regions where that pressure is continuous and acts; None where it isn't and acts in all."""
+    radius: Expr | None = None
+    """Reference distance from the axis of symmetry (mm); None without one."""
+
+    @property
+    def deformation_gradient(self) -> Expr:
+        """Return F, (3, 3)."""
+        return deformation_gradient(self.displacement, self.radius)
+
+    @property
+    def varied_gradient(self) -> Expr:
+        """Return the variation of F, (3, 3)."""
+        return displacement_gradient(self.variation, self.radius)
+
+    @property
+    def working(self) -> tuple[tuple[int, int], ...]:
+        """Return the indices of a symmetric tensor's components that do work."""
+        d = self.displacement.ufl_shape[0]
+        hoop = ((2, 2),) if self.radius is not None else ()
+        return (*((i, j) for i in range(d) for j in range(i, d)), *hoop)
 
     def pressure_in(self, region: str) -> Expr | None:
         """Return the pressure (MPa) that is an unknown in a region, or None."""

@@ -22,6 +22,7 @@ from legfem.errors import InputError
 from legfem.meshing.section import BONE, REGIONS, SKIN
 
 Formulation = Literal["displacement", "mixed", "porous"]
+Symmetry = Literal["plane", "axial"]
 POROUS = ("superficial", "deep")
 """Regions with a pressure in a porous form."""
 
@@ -58,6 +59,8 @@ class LegSpaces:
     """Those of the bones, for their reaction."""
     regions: Mapping[str, int]
     """Cell tags of the tissues that the mesh has."""
+    symmetry: Symmetry = "plane"
+    """What a mesh of two dimensions is a section of."""
 
     @property
     def dimension(self) -> int:
@@ -79,6 +82,7 @@ def build_spaces(
     regions: Mapping[str, int] = REGIONS,
     supports: Sequence[Support] | None = None,
     drained: Sequence[int] = (),
+    symmetry: Symmetry = "plane",
 ) -> LegSpaces:
     """Build the spaces of a leg.
 
@@ -100,6 +104,9 @@ def build_spaces(
         What is held; by default the bones, in all components.
     drained
         Tags of facets where the pressure of a porous form is zero; all others are sealed.
+    symmetry
+        ``"plane"`` strain, or ``"axial"``: a mesh of two dimensions is the meridional half plane,
+        with the axis at the first coordinate's zero.
 
     Raises
     ------
@@ -152,6 +159,7 @@ def build_spaces(
         np.unique(np.concatenate([held for _, held in found] + [dry(tag) for tag in drained])),
         np.unique(np.concatenate(bone)) if bone else np.empty(0, dtype=np.int32),
         regions,
+        symmetry,
     )
 
 

@@ -14,9 +14,9 @@ from petsc4py import PETSc
 
 from legfem.compiled import compiled
 from legfem.history import History
-from legfem.kinematics import deformation_gradient, volume_ratio
+from legfem.kinematics import Expr, volume_ratio
 from legfem.model import LegModel
-from legfem.places import Body, Place, Skin
+from legfem.places import Body, Place, Skin, Swept
 from legfem.spaces import POROUS, LegSpaces
 from legfem.symbols import Clock, Symbols
 from legfem.units import FloatArray
@@ -122,8 +122,8 @@ class System:
         trace = spaces.trace
         # PETSc passes over negative indices: the skin adds nothing to the equations of supports.
         self._trace_free = np.where(np.isin(trace, spaces.pinned), -1, trace).astype(np.int32)
-        F = deformation_gradient(self.body.place.displacement)
-        self._volume_ratio = self.body.history.expression(volume_ratio(F))
+        J = volume_ratio(self.body.place.deformation_gradient)
+        self._volume_ratio = self.body.history.expression(J)
         dofmap = spaces.space.dofmap
         self._owned = dofmap.index_map.size_local * dofmap.index_map_bs
         self.evaluations = 0
@@ -274,6 +274,14 @@ class System:
             for k in range(size)
         ]
 
+    def _radius(self, mesh: Any) -> Expr | None:
+        """Return the reference distance from the axis of symmetry, or None without one."""
+        return ufl.SpatialCoordinate(mesh)[0] if self.spaces.symmetry == "axial" else None
+
+    @staticmethod
+    def _swept(measure: Any, radius: Expr | None) -> Any:
+        return measure if radius is None else Swept(measure, radius)
+
     def _body(self, degree: int) -> PlaceForms:
         space = self.spaces.space
         before = fem.Function(space)
@@ -284,6 +292,7 @@ class System:
             metadata={"quadrature_degree": degree},
         )
         test = ufl.TestFunction(space)
+        radius = self._radius(self.spaces.mesh)
         mixed = self.spaces.formulation != "displacement"
         now = ufl.split(self.unknown) if mixed else (self.unknown, None)
         varied = ufl.split(test) if mixed else (test, None)
@@ -297,10 +306,11 @@ class System:
             degree,
             self._clocks[0].time,
             self._clocks[0].step,
-            {name: measure(tag) for name, tag in self.spaces.regions.items()},
+            {name: self._swept(measure(tag), radius) for name, tag in self.spaces.regions.items()},
             now[1],
             varied[1],
             POROUS if self.spaces.formulation == "porous" else None,
+            radius,
         )
         return PlaceForms(place, before, self.model.at("body"), degree)
 
@@ -319,7 +329,7 @@ class System:
             SKIN_DEGREE,
             self._clocks[1].time,
             self._clocks[1].step,
-            ufl.Measure("dx", domain=mesh, metadata=metadata),
+            self._swept(ufl.Measure("dx", domain=mesh, metadata=metadata), self._radius(mesh)),
             ufl.SpatialCoordinate(mesh),
             self._centre,
             self._centre_before,

@@ -13,9 +13,8 @@ with radius :math:`\rho` and centre :math:`e` interpolated between the layer's t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
@@ -24,6 +23,7 @@ from mpi4py import MPI
 
 from legfem.checks import check_positive
 from legfem.errors import InputError
+from legfem.meshing.grid import spaced, tagged
 from legfem.meshing.section import BONE, REGIONS, SKIN
 from legfem.spaces import Support
 from legfem.units import FloatArray
@@ -172,7 +172,7 @@ def mesh_leg(
     settings = settings or LegMeshSettings()
     around, through, layer = _section_grid(leg, cylinder_radius, settings)
     half, edge = leg.length / 2, min(cylinder_length, leg.length) / 2
-    along = _spaced(
+    along = spaced(
         half,
         lambda z: np.minimum(settings.edge_size + settings.growth * np.abs(z - edge),
                              settings.far_size),
@@ -193,7 +193,7 @@ def mesh_leg(
     supports = [Support(BONE, (0, 1, 2)), Support(MIRROR_X, (0,)), Support(MIRROR_Z, (2,))]
     if leg.ends == "held":
         supports.append(Support(END, (2,)))
-    cell_tags, facet_tags = _tagged(made, layer, tags)
+    cell_tags, facet_tags = tagged(made, layer, tags)
     nodes = made.geometry.x
     nodes[:, 2] = np.interp(nodes[:, 2], np.arange(len(along)), along)
     _bend(nodes, leg, around, through)
@@ -220,7 +220,7 @@ def mesh_leg_section(
         ghost_mode=dolfinx_mesh.GhostMode.none,
     )
     tags = {(0, 0): MIRROR_X, (0, counts[0]): MIRROR_X, (1, 0): BONE, (1, counts[1]): SKIN}
-    cell_tags, facet_tags = _tagged(made, layer, tags)
+    cell_tags, facet_tags = tagged(made, layer, tags)
     _bend(made.geometry.x, leg, around, through)
     supports = (Support(BONE, (0, 1)), Support(MIRROR_X, (0,)))
     return LegMesh(made, cell_tags, facet_tags, leg.regions, supports, 2)
@@ -248,7 +248,7 @@ def _section_grid(
         distance = np.maximum(s - reach, 0)
         return np.minimum(settings.contact_size + settings.growth * distance, settings.far_size)
 
-    around = _spaced(np.pi * leg.radius, along_skin) / leg.radius
+    around = spaced(np.pi * leg.radius, along_skin) / leg.radius
     radius, centre, layer = [leg.bone_radius], [leg.bone_offset], []
     for name, outer in leg.layers:
         inner, start = radius[-1], centre[-1]
@@ -260,28 +260,12 @@ def _section_grid(
                 settings.depth_size + settings.growth * (above + t), settings.far_size
             )
 
-        inward = _spaced(outer - inner, along_ray)
+        inward = spaced(outer - inner, along_ray)
         fraction = 1 - inward[::-1] / (outer - inner)
         radius.extend(inner + (outer - inner) * fraction[1:])
         centre.extend(start * (1 - fraction[1:]))
         layer.extend([leg.regions[name]] * (len(fraction) - 1))
     return around, _Through(np.array(radius), np.array(centre)), layer
-
-
-def _spaced(
-    length: float, size: Callable[[FloatArray], FloatArray], stops: tuple[float, ...] = ()
-) -> FloatArray:
-    """Return nodes from 0 to a length, spaced by ``size``, with nodes at the stops."""
-    ends = [0.0, *(stop for stop in stops if 1e-9 < stop < length - 1e-9), length]
-    nodes = [np.zeros(1)]
-    for start, end in pairwise(ends):
-        fine = np.linspace(start, end, 2001)
-        density = 1 / size(fine)
-        steps = 0.5 * (density[1:] + density[:-1]) * np.diff(fine)
-        count = np.concatenate([[0.0], np.cumsum(steps)])
-        number = max(1, round(count[-1]))
-        nodes.append(np.interp(np.arange(1, number + 1) / number * count[-1], count, fine))
-    return np.concatenate(nodes)
 
 
 def _bend(nodes: FloatArray, leg: IdealisedLeg, around: FloatArray, through: _Through) -> None:
@@ -292,28 +276,3 @@ def _bend(nodes: FloatArray, leg: IdealisedLeg, around: FloatArray, through: _Th
     centre = np.interp(nodes[:, 1], numbers, through.centre)
     nodes[:, 0] = radius * np.sin(theta)
     nodes[:, 1] = centre + radius * np.cos(theta)
-
-
-def _tagged(made: Any, layer: list[int], sides: dict[tuple[int, int], int]) -> tuple[Any, Any]:
-    """Tag the cells of a box of unit cells by their ring, and the facets of its sides."""
-    topology, dimension = made.topology, made.topology.dim
-    topology.create_entities(dimension - 1)
-    topology.create_connectivity(dimension - 1, dimension)
-    cell_map = topology.index_map(dimension)
-    cells = np.arange(cell_map.size_local + cell_map.num_ghosts, dtype=np.int32)
-    middle = dolfinx_mesh.compute_midpoints(made, dimension, cells)
-    tags = np.array(layer, dtype=np.int32)[np.floor(middle[:, 1]).astype(int)]
-    cell_tags = dolfinx_mesh.meshtags(made, dimension, cells, tags)
-    facets, values = [], []
-    for (axis, position), tag in sides.items():
-        found = dolfinx_mesh.locate_entities_boundary(
-            made, dimension - 1, lambda x, a=axis, p=position: np.isclose(x[a], p)
-        )
-        facets.append(found)
-        values.append(np.full(len(found), tag, dtype=np.int32))
-    every = np.concatenate(facets)
-    order = np.argsort(every)
-    facet_tags = dolfinx_mesh.meshtags(
-        made, dimension - 1, every[order].astype(np.int32), np.concatenate(values)[order]
-    )
-    return cell_tags, facet_tags

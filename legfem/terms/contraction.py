@@ -9,7 +9,7 @@ from typing import Any, Literal
 import ufl
 
 from legfem.checks import check_positive
-from legfem.kinematics import Expr, deformation_gradient, isochoric_first_invariant
+from legfem.kinematics import Expr, isochoric_first_invariant
 from legfem.places import Body
 
 
@@ -70,7 +70,7 @@ class Contraction:
             body.symbols.scalar(name, value) for name, value in self.parameters.items()
         )
         x = ufl.max_value(0, ufl.min_value(1, (body.time - onset) / rise))
-        stretch = isochoric_first_invariant(deformation_gradient(body.displacement)) - 3
+        stretch = isochoric_first_invariant(body.deformation_gradient) - 3
         energy = stiffness * x**2 * (3 - 2 * x) * stretch * body.regions[self.region]
         return ufl.derivative(energy, body.unknown, body.test)
 

@@ -10,7 +10,7 @@ import ufl
 
 from legfem.checks import check_positive
 from legfem.errors import InputError
-from legfem.kinematics import Expr, deformation_gradient, volume_ratio
+from legfem.kinematics import Expr, volume_ratio
 from legfem.materials import Hyperelastic
 from legfem.places import Body
 
@@ -88,7 +88,7 @@ class Drainage:
         law = body.symbols.of(self.region, self.law)
         s = body.symbols.scalar(f"{self.name}.skeleton", self.skeleton)
         p, q = self._pressure(body), body.pressure_variation
-        J = volume_ratio(deformation_gradient(body.displacement))
+        J = volume_ratio(body.deformation_gradient)
         region = body.regions[self.region]
         moved = s * (J - 1) ** 2 / law.D1 - s / (1 - s) * law.D1 * p**2 / 4
         seepage = ufl.dot(ufl.grad(q), self._seepage(body, history))

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import ufl
 
-from legfem.kinematics import Expr, deformation_gradient, volume_ratio
+from legfem.kinematics import Expr, volume_ratio
 from legfem.materials import Hyperelastic
 from legfem.places import Body, Place
 
@@ -37,7 +37,7 @@ class Tissue:
         .. math:: (J - 1)^2 / D_1 \to p (J - 1) - D_1 p^2 / 4
         """
         law = body.symbols.of(self.region, self.law)
-        F = deformation_gradient(body.displacement)
+        F = body.deformation_gradient
         pressure = body.pressure_in(self.region)
         if pressure is None:
             return law.strain_energy(F)

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import ufl
 
 from legfem.checks import check_positive
-from legfem.kinematics import Expr, deformation_gradient
+from legfem.kinematics import Expr
 from legfem.materials import Hyperelastic
 from legfem.places import Body
 
@@ -76,18 +76,14 @@ class Viscoelasticity:
 
     def history(self, body: Body) -> dict[str, tuple[int, ...]]:
         """Return overstress and elastic stress (MPa): their components that do work."""
-        d = body.displacement.ufl_shape[0]
-        size = d * (d + 1) // 2
-        return {"overstress": (size,), "elastic": (size,)}
+        size = (len(body.working),)
+        return {"overstress": size, "elastic": size}
 
     def residual(self, body: Body, history: Mapping[str, Any]) -> Expr:
         """Return the virtual work of the overstress."""
         ratio = body.symbols.scalar(f"{self.name}.ratio", self.ratio)
-        F = _in_plane(deformation_gradient(body.displacement), body)
-        strain = ufl.sym(ufl.dot(ufl.transpose(F), ufl.grad(body.variation)))
-        twice = ufl.as_vector(
-            [(1 if i == j else 2) * strain[i, j] for i, j in _components(strain.ufl_shape[0])]
-        )
+        strain = ufl.sym(ufl.dot(ufl.transpose(body.deformation_gradient), body.varied_gradient))
+        twice = ufl.as_vector([(1 if i == j else 2) * strain[i, j] for i, j in body.working])
         work = ratio * ufl.dot(self._overstress(body, history), twice)
         return work * body.regions[self.region]
 
@@ -107,17 +103,6 @@ class Viscoelasticity:
 
     def _elastic(self, body: Body) -> Expr:
         law = body.symbols.of(self.region, self.law)
-        F = ufl.variable(deformation_gradient(body.displacement))
+        F = ufl.variable(body.deformation_gradient)
         stress = ufl.dot(ufl.inv(F), ufl.diff(law.distortion_energy(F), F))
-        return ufl.as_vector([stress[i, j] for i, j in _components(body.displacement.ufl_shape[0])])
-
-
-def _components(dimension: int) -> tuple[tuple[int, int], ...]:
-    """Return the indices of a symmetric tensor's components that do work."""
-    return tuple((i, j) for i in range(dimension) for j in range(i, dimension))
-
-
-def _in_plane(F: Expr, body: Body) -> Expr:
-    """Return the part of a (3, 3) tensor that has the displacement's dimension."""
-    d = body.displacement.ufl_shape[0]
-    return ufl.as_tensor([[F[i, j] for j in range(d)] for i in range(d)])
+        return ufl.as_vector([stress[i, j] for i, j in body.working])

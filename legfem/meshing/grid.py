@@ -1,0 +1,53 @@
+"""Structured grids: boxes of unit cells with graded nodes and tagged sides."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from dolfinx import mesh as dolfinx_mesh
+
+from legfem.units import FloatArray
+
+
+def spaced(
+    length: float, size: Callable[[FloatArray], FloatArray], stops: tuple[float, ...] = ()
+) -> FloatArray:
+    """Return nodes from 0 to a length, spaced by ``size``, with nodes at the stops."""
+    ends = [0.0, *(stop for stop in stops if 1e-9 < stop < length - 1e-9), length]
+    nodes = [np.zeros(1)]
+    for start, end in pairwise(ends):
+        fine = np.linspace(start, end, 2001)
+        density = 1 / size(fine)
+        steps = 0.5 * (density[1:] + density[:-1]) * np.diff(fine)
+        count = np.concatenate([[0.0], np.cumsum(steps)])
+        number = max(1, round(count[-1]))
+        nodes.append(np.interp(np.arange(1, number + 1) / number * count[-1], count, fine))
+    return np.concatenate(nodes)
+
+
+def tagged(made: Any, layer: list[int], sides: dict[tuple[int, int], int]) -> tuple[Any, Any]:
+    """Tag the cells of a box of unit cells by their ring, and the facets of its sides."""
+    topology, dimension = made.topology, made.topology.dim
+    topology.create_entities(dimension - 1)
+    topology.create_connectivity(dimension - 1, dimension)
+    cell_map = topology.index_map(dimension)
+    cells = np.arange(cell_map.size_local + cell_map.num_ghosts, dtype=np.int32)
+    middle = dolfinx_mesh.compute_midpoints(made, dimension, cells)
+    tags = np.array(layer, dtype=np.int32)[np.floor(middle[:, 1]).astype(int)]
+    cell_tags = dolfinx_mesh.meshtags(made, dimension, cells, tags)
+    facets, values = [], []
+    for (axis, position), tag in sides.items():
+        found = dolfinx_mesh.locate_entities_boundary(
+            made, dimension - 1, lambda x, a=axis, p=position: np.isclose(x[a], p)
+        )
+        facets.append(found)
+        values.append(np.full(len(found), tag, dtype=np.int32))
+    every = np.concatenate(facets)
+    order = np.argsort(every)
+    facet_tags = dolfinx_mesh.meshtags(
+        made, dimension - 1, every[order].astype(np.int32), np.concatenate(values)[order]
+    )
+    return cell_tags, facet_tags

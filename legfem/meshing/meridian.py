@@ -1,0 +1,119 @@
+"""Mesh of the meridional half plane of a round specimen: a rectangle of quadrilaterals.
+
+Coordinates are the distance from the axis and the height above the base.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from dolfinx import mesh as dolfinx_mesh
+from mpi4py import MPI
+
+from legfem.checks import check_positive
+from legfem.meshing.grid import spaced, tagged
+from legfem.meshing.section import BONE, DEEP, SKIN
+from legfem.spaces import Support
+from legfem.units import FloatArray
+
+AXIS, BASE, SIDE = 13, BONE, 16
+REGION = {"deep": DEEP}
+"""A specimen is of one tissue, called as the leg's deep one."""
+
+
+@dataclass(frozen=True)
+class MeridianMeshSettings:
+    """How fine the mesh of a specimen is.
+
+    Parameters
+    ----------
+    size : float
+        Of an element where the specimen is pressed (mm).
+    growth : float
+        Of the size per mm of distance from there.
+    far_size : float
+        Greatest size (mm).
+    """
+
+    size: float
+    growth: float = 0.3
+    far_size: float = 6.0
+
+    def __post_init__(self) -> None:
+        """Check the sizes."""
+        check_positive(self, "size", "far_size")
+        check_positive(self, "growth", zero_allowed=True)
+
+    def refined(self, factor: float) -> MeridianMeshSettings:
+        """Return settings with all lengths divided by ``factor``."""
+        return MeridianMeshSettings(
+            self.size / factor, self.growth / factor, self.far_size / factor
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class MeridianMesh:
+    """A meshed half plane."""
+
+    mesh: Any
+    """`dolfinx.mesh.Mesh`, mm."""
+    cell_tags: Any
+    facet_tags: Any
+    """`SKIN` above, `BASE` below, `AXIS`, and the side: `SKIN` or `SIDE`."""
+
+
+def mesh_meridian(
+    radius: float,
+    height: float,
+    fine: tuple[float, float],
+    settings: MeridianMeshSettings,
+    side: Literal["skin", "free"] = "free",
+    comm: MPI.Intracomm = MPI.COMM_SELF,
+) -> MeridianMesh:
+    """Mesh a specimen of a radius and height (mm).
+
+    Parameters
+    ----------
+    radius, height
+        Of the specimen (mm).
+    fine
+        Distances from the axis (mm) between which the mesh is fine, from the top down.
+    settings
+        Sizes.
+    side
+        Whether what presses may touch the side too.
+    comm
+        Of the mesh.
+    """
+
+    def graded(distance: FloatArray) -> FloatArray:
+        size = settings.size + settings.growth * np.maximum(distance, 0.0)
+        return np.minimum(size, settings.far_size)
+
+    def across(r: FloatArray) -> FloatArray:
+        return graded(np.maximum(fine[0] - r, r - fine[1]))
+
+    r = spaced(radius, across)
+    z = height - spaced(height, graded)[::-1]
+    counts = [len(r) - 1, len(z) - 1]
+    made = dolfinx_mesh.create_rectangle(
+        comm,
+        [np.zeros(2), np.array(counts, dtype=float)],
+        counts,
+        dolfinx_mesh.CellType.quadrilateral,
+        ghost_mode=dolfinx_mesh.GhostMode.none,
+    )
+    sides = {(0, 0): AXIS, (0, counts[0]): SKIN if side == "skin" else SIDE,
+             (1, 0): BASE, (1, counts[1]): SKIN}  # fmt: skip
+    cell_tags, facet_tags = tagged(made, [DEEP] * counts[1], sides)
+    nodes = made.geometry.x
+    nodes[:, 0] = np.interp(nodes[:, 0], np.arange(len(r)), r)
+    nodes[:, 1] = np.interp(nodes[:, 1], np.arange(len(z)), z)
+    return MeridianMesh(made, cell_tags, facet_tags)
+
+
+def supports(base: Literal["bonded", "sliding"]) -> tuple[Support, ...]:
+    """Return what holds the axis, and the base in all directions or along the axis only."""
+    return Support(AXIS, (0,)), Support(BASE, (0, 1) if base == "bonded" else (1,))
