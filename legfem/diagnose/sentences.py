@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.fit import Fit
 
@@ -24,14 +26,35 @@ def verdict_sentence(found: Diagnosis) -> str:
             "alone or in pairs, explains how. Don't rely on the stiffness below."
         )
     best = found.models[0].fit
-    what = " and ".join(m.statement for m in best.mechanisms)
-    sentence = f"The recordings contradict the model. What it left out: {what}."
-    if found.verdict == "ambiguous":
-        others = "; or ".join(
-            " and ".join(m.statement for m in model.fit.mechanisms) for model in found.models[1:]
+    if found.verdict == "named":
+        change = stiffness_sentence(found.base.fit, best)
+        return (
+            f"The recordings contradict the model. What it left out: {_statements(best)}. {change}"
         )
-        sentence += f" The recordings can't tell that from: {others}."
-    return f"{sentence} {stiffness_sentence(found.base.fit, best)}"
+    candidates = "; or ".join(
+        f"({k}) {_statements(model.fit)}" for k, model in enumerate(found.models, 1)
+    )
+    return (
+        "The recordings contradict the model. What it left out is one of these, and the "
+        f"recordings can't tell which: {candidates}. "
+        f"{_stiffness_range(found.base.fit, [model.fit for model in found.models])}"
+    )
+
+
+def _statements(fitted: Fit) -> str:
+    return " and ".join(m.statement for m in fitted.mechanisms)
+
+
+def _stiffness_range(before: Fit, after: Sequence[Fit]) -> str:
+    parts = []
+    for name in ("C10", "C20"):
+        if name in before.free and all(name in fitted.free for fitted in after):
+            values = [fitted.values[name] for fitted in after]
+            parts.append(
+                f"{name} from {before.values[name]:.3g} kPa to between {min(values):.3g} and "
+                f"{max(values):.3g} kPa"
+            )
+    return f"Depending on which it is, putting it into the model moves {' and '.join(parts)}."
 
 
 def stiffness_sentence(before: Fit, after: Fit) -> str:
@@ -39,11 +62,11 @@ def stiffness_sentence(before: Fit, after: Fit) -> str:
     parts = []
     for name in ("C10", "C20"):
         if name in before.free and name in after.free:
-            change = after.values[name] / max(before.values[name], 1e-12) - 1
-            parts.append(
-                f"{name} from {before.values[name]:.3g} to {after.values[name]:.3g} kPa "
-                f"({change:+.0%})"
-            )
+            change = f"{name} from {before.values[name]:.3g} to {after.values[name]:.3g} kPa"
+            if before.values[name] > 1e-6:
+                relative = after.values[name] / before.values[name] - 1
+                change += f" ({100 * relative:+.0f} %)"
+            parts.append(change)
     return f"Putting it into the model moves {' and '.join(parts)}."
 
 

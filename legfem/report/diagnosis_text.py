@@ -1,0 +1,284 @@
+"""The page of a diagnosis that a person reads first."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+
+from legfem.diagnose.choose import BIC_MARGIN
+from legfem.diagnose.diagnosis import Diagnosis
+from legfem.diagnose.document import r_squared
+from legfem.diagnose.sentences import next_experiments, verdict_sentence
+from legfem.report import diagnosis_tables as tables
+from legfem.report.diagnosis_style import model_name, plain, shown_models
+from legfem.report.page import ReportFile
+from legfem.report.style import LAW_NAMES
+from legfem.report.text import ORIGINS, WIDTH
+from legfem.report.words import probability
+from legfem.subject import Subject
+
+
+def diagnosis_page(found: Diagnosis, subject: Subject, files: Sequence[ReportFile]) -> str:
+    """Return the text of ``report.txt``.
+
+    Parameters
+    ----------
+    found
+        The diagnosis.
+    subject
+        Whose recordings they are.
+    files
+        What else was written.
+    """
+    heading = f"Subject {subject.id} ({subject.title}): does the model describe the recordings?"
+    what, _, explanation = ORIGINS[subject.origin].partition(" (")
+    sections = {
+        "Where the base model is wrong": _where(found),
+        "Which physics, and how sure": _physics(found),
+        "What these recordings can't tell apart": _alike(found),
+        "Stiffness before and after" if shown_models(found) else "Stiffness": _stiffness(found),
+        "What was tested": _tested(found),
+        "What could not be tested": _untested(found),
+        "Remarks on the recordings": _bullets(found.observed.remarks) or "None.",
+        "What to measure next": _next(found),
+        "Noise and accuracy": _noise(found),
+        "Files": _listing(files),
+    }
+    blocks = [
+        f"{heading}\n{'=' * min(len(heading), WIDTH)}",
+        f"*** {what.upper()} ***" + (f" ({explanation}" if explanation else ""),
+        _headline(f"Verdict: {found.verdict.upper()}") + _verdict(found),
+        *(_headline(name) + body for name, body in sections.items() if body),
+    ]
+    return "\n\n".join(blocks) + "\n"
+
+
+def _headline(name: str) -> str:
+    return f"{name}\n{'-' * len(name)}\n"
+
+
+def _fill(text: str, indent: str = "") -> str:
+    return textwrap.fill(
+        text, WIDTH, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False,
+        break_long_words=False,
+    )  # fmt: skip
+
+
+def _bullets(lines: Sequence[str]) -> str:
+    return "\n".join(
+        textwrap.fill(
+            line, WIDTH, initial_indent="- ", subsequent_indent="  ", break_on_hyphens=False
+        )
+        for line in lines
+    )
+
+
+def _verdict(found: Diagnosis) -> str:
+    assessment, fitted = found.base.assessment, found.base.fit
+    looks = (
+        f"The base model ({LAW_NAMES[found.law]} deep tissue, nothing added) fits with "
+        f"R2 = {r_squared(fitted, found):.5f}; that errors of measurement alone leave such a "
+        f"misfit has {probability(assessment.p_value)}."
+    )
+    if found.verdict == "consistent":
+        looks += (
+            " That is no proof that nothing was left out: what C10 and C20 take up, and what "
+            "could not be tested, stays unseen."
+        )
+    if found.verdict in ("named", "ambiguous"):
+        looks += (
+            " The recordings tell which known mechanisms can explain them; a mechanism that legfem "
+            "does not know and that looks alike is not ruled out."
+        )
+    return f"{_fill(verdict_sentence(found))}\n\n{_fill(looks)}"
+
+
+def _where(found: Diagnosis) -> str:
+    if found.verdict == "consistent":
+        return ""
+    if not found.located.any():
+        return _fill("The misfit is spread over the recordings; no interval stands out by itself.")
+    how = (
+        "Intervals in which the repaired model differs from the base model by more than a trial's "
+        "noise"
+        if found.models
+        else "Intervals that stand out of the noise (chosen among all intervals)"
+    )
+    note = (
+        f"{how}. Size: recorded less model, mean; above zero the leg pushed back harder than the "
+        "model says. Noise: standard deviation of one trial's value. p: family-wise over all "
+        "intervals looked at; '-' where the interval is not significant by itself."
+    )
+    return f"{_fill(note)}\n\n{tables.places_table(found)}"
+
+
+def _physics(found: Diagnosis) -> str:
+    if found.verdict == "consistent":
+        return _fill(
+            "None is asked for: the strongest sign of any mechanism is no stronger than noise "
+            "makes."
+        )
+    if not found.models:
+        return _closest(found)
+    blocks = []
+    for k, model in enumerate(found.models, 1):
+        label = f"({k}) " if len(found.models) > 1 else ""
+        statements = "; and ".join(f"{plain(m.name)}: {m.statement}" for m in model.fit.mechanisms)
+        signs = ", ".join(
+            f"{plain(m.name)} {probability(score.p_value)}"
+            for m in model.fit.mechanisms
+            if (score := found.base.assessment.score(m.name)) is not None
+        )
+        blocks.append(
+            _fill(f"{label}{statements}.")
+            + f"\n{_indented(tables.mechanism_table(model.fit))}"
+            + (f"\n  Score test on the base model's residual: {signs}" if signs else "")
+        )
+    blocks.append(tables.evidence_table(found))
+    blocks.append(
+        _fill(
+            f"{tables.held_out_note(found.base_held_out)} BIC better by more than {BIC_MARGIN:g} "
+            "counts as strong evidence. p of what is left: that noise alone leaves as strong a "
+            "sign (below 0.01 a model is contradicted)."
+        )
+    )
+    return "\n\n".join(blocks)
+
+
+def _closest(found: Diagnosis) -> str:
+    text = (
+        "None that legfem knows. Every mechanism that these recordings can show was put into the "
+        "model, alone and in pairs; each leaves a misfit that noise does not make."
+    )
+    if found.closest.names:
+        gain = found.base.fit.bic - found.closest.bic
+        text += (
+            f" The closest is {model_name(found.closest)} (BIC better by {gain:.0f}): that is not "
+            "a finding."
+        )
+    held = found.base_held_out
+    return (
+        f"{_fill(text)}\n\n"
+        + _fill(
+            f"The base model predicts {held.how}, from a refit to the others, with an error of "
+            f"{held.rmse:.3f} N; the noise of a trial alone makes {held.noise:.3f} N."
+        )
+    )  # fmt: skip
+
+
+def _alike(found: Diagnosis) -> str:
+    lines = []
+    if len(found.models) > 1:
+        names = [model_name(model.fit) for model in found.models]
+        lines.append(
+            f"{'; '.join(names)}: each explains the recordings to within noise, and their BICs "
+            f"are within {BIC_MARGIN:g}. Which of them it is can't be said."
+        )
+    both = "C10 and C20 together" if "C20" in found.base.fit.free else "C10"
+    lines.append(
+        "A constant factor on the force (the load cell's gain, the cylinder's length) looks like "
+        f"a change of {both}. It is not tested, and would sit in the stiffness unseen."
+    )
+    hidden = [s for s in found.base.assessment.scores if s.concealed > 0.95]
+    if hidden:
+        names = [f"{plain(s.name)} ({100 * s.concealed:.1f} %)" for s in hidden]
+        lines.append(
+            "A refit of the stiffness hides nearly all of a small effect of: "
+            f"{', '.join(names)}. Such an effect could bias the stiffness without a sign."
+        )
+    return _bullets(lines)
+
+
+def _stiffness(found: Diagnosis) -> str:
+    text = tables.parameter_table(found)
+    if found.verdict == "unexplained":
+        return (
+            _fill(
+                "DO NOT RELY ON THIS STIFFNESS: no model describes the recordings, so the "
+                "intervals below are those of wrong models. They don't cover what was left out."
+            )
+            + f"\n\n{text}"
+        )
+    if found.verdict == "ambiguous":
+        text += "\n\n" + _fill(
+            "Which row holds depends on which mechanism it is; take the stiffness to lie "
+            "anywhere in the rows of the models with a mechanism."
+        )
+    return text
+
+
+def _tested(found: Diagnosis) -> str:
+    if not found.base.assessment.scores:
+        return "Nothing: these recordings show none of the mechanisms."
+    note = (
+        "Score tests of the base model's residual, each by itself: the chance of so strong a "
+        "likeness by noise. Of many tests some are small by chance; the verdict allows for that. "
+        "Small in several rows does not mean several causes: signs of mechanisms look alike."
+    )
+    return f"{_fill(note)}\n\n{tables.score_table(found)}"
+
+
+def _untested(found: Diagnosis) -> str:
+    if not found.untested:
+        return "Nothing: all mechanisms that legfem knows were tested."
+    reasons: dict[str, list[str]] = {}
+    for name, why in found.untested.items():
+        reasons.setdefault(why, []).append(plain(name))
+    return _bullets([f"{', '.join(names)}: {why}" for why, names in reasons.items()])
+
+
+def _next(found: Diagnosis) -> str:
+    wanted = next_experiments(found)
+    if not wanted:
+        return "Nothing is asked for by these recordings."
+    text = _bullets([line[0].upper() + line[1:] for line in wanted])
+    if found.verdict == "ambiguous":
+        return _fill("To tell the candidates apart:") + "\n" + text
+    if found.verdict == "named":
+        return _fill("To confirm what was named:") + "\n" + text
+    return text
+
+
+def _noise(found: Diagnosis) -> str:
+    noise, count = found.errors.noise, len(found.observed.force)
+    text = (
+        f"A force reading errs by {noise.force_sd:.3g} N about its trial's course "
+        f"({noise.white_sd:.2g} N from reading to reading; {noise.slow_sd:.2g} N slowly, over "
+        f"{noise.correlation_time:.2g} s), a trial's zero by {noise.offset_sd:.2g} N, the "
+        f"displacement by {noise.wander_sd:.2g} mm"
+        + (f", first contact by {noise.shift_sd:.2g} mm" if noise.shift_sd else "")
+        + f"; known from {_source(noise.source)}. The {count} values compared are worth "
+        f"{found.errors.effective_samples:.0f} independent ones. "
+    )
+    if found.solutions:
+        text += (
+            f"{found.solutions} full finite-element solutions were made beside the library's; "
+            + (
+                f"interpolation differed from them by {found.emulator_error:.2%} of the largest "
+                "force at most."
+                if found.emulator_error == found.emulator_error
+                else "one of the base model stopped, so interpolation could not be checked."
+            )
+        )
+    else:
+        text += "No full finite-element solution was made to confirm the interpolated forces."
+    return _fill(text)
+
+
+def _source(source: str) -> str:
+    return {
+        "instrument": "the instrument's stated accuracy only (there are no repeats)",
+        "repeats and instrument": "the repeats and the instrument's stated accuracy",
+    }.get(source, source)
+
+
+def _listing(files: Sequence[ReportFile]) -> str:
+    rows = []
+    for entry in files:
+        rows.append(", ".join(path.name for path in entry.paths))
+        rows.append(_fill(entry.shows, "    "))
+    return "\n".join([*rows, "diagnosis.json", "    all numbers with their units"])
+
+
+def _indented(text: str) -> str:
+    return textwrap.indent(text, "  ")

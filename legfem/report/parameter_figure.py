@@ -1,0 +1,110 @@
+"""Figure of the parameters before and after, with their 95 % intervals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from legfem.diagnose.diagnosis import Diagnosis
+from legfem.diagnose.fit import Fit
+from legfem.report.diagnosis_style import (
+    BASE_COLOUR,
+    BASE_NAME,
+    REPAIRED_COLOUR,
+    determined,
+    plain,
+    shown_models,
+)
+from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, styled, title
+from legfem.report.words import number
+
+ROWS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """A parameter's estimate in one model."""
+
+    model: str
+    fit: Fit
+    colour: str
+
+
+@styled
+def parameter_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
+    """Return the deep tissue's parameters in every model, and the mechanisms' own.
+
+    Parameters
+    ----------
+    found
+        The diagnosis.
+    subject
+        Its title.
+    origin
+        Of the data.
+    """
+    models = shown_models(found)[: ROWS - 1]
+    rows = [Row(BASE_NAME, found.base.fit, BASE_COLOUR)]
+    rows += [Row(m.name, m.fit, REPAIRED_COLOUR if m.suits else FAINT) for m in models]
+    stiffness = [name for name in ("C10", "C20") if name in found.base.fit.free]
+    panels: list[tuple[str, str, list[Row], float | None]]
+    panels = [(f"{name} of the deep tissue (kPa)", name, rows, None) for name in stiffness]
+    for row in rows[1:]:
+        for mechanism in row.fit.mechanisms:
+            for k, p in enumerate(mechanism.parameters):
+                name = f"{mechanism.name}.{p.name}"
+                if name in row.fit.free:
+                    unit = "" if p.unit == "-" else f" ({p.unit})"
+                    what = f"{plain(mechanism.name)}: {plain(p.name).replace('_', ' ')}{unit}"
+                    panels.append((what, name, [row], p.null if k == 0 else None))
+    columns = len(stiffness)
+    lines = -(-len(panels) // columns)
+    heights = [0.55 + 0.34 * len(rows)] + [0.9] * (lines - 1)
+    figure = new_figure(max(5.4 * columns, 7.6), 1.3 + 1.15 * sum(heights))
+    before = "Stiffness" if len(rows) == 1 else "Parameters before and after"
+    caution = "" if found.verdict != "unexplained" else " (no model suits: don't rely on these)"
+    title(figure, f"{before}, with 95 % intervals{caution}", subject, origin)
+    grid = figure.subplots(lines, columns, squeeze=False, height_ratios=heights)
+    for axes in grid.ravel()[len(panels) :]:
+        axes.remove()
+    for axes, (what, name, shown, null), letter in zip(
+        grid.ravel(), panels, "ABCDEFGHIJKLMNOPQRSTUVWXYZ", strict=False
+    ):
+        _draw(axes, name, shown, null)
+        panel(axes, letter, what)
+    return figure
+
+
+def _draw(axes: Axes, name: str, rows: list[Row], null: float | None) -> None:
+    ends = [] if null is None else [null]
+    for k, row in enumerate(rows):
+        value = row.fit.values[name]
+        ends.append(value)
+        seen = determined(row.fit, name)
+        if seen:
+            low, high = row.fit.interval(name)
+            axes.plot([low, high], [k, k], color=row.colour, linewidth=2.2, solid_capstyle="butt")
+            ends += [low, high]
+        axes.plot(
+            value, k, "o", color=row.colour, markersize=6, fillstyle="full" if seen else "none"
+        )
+        text = number(value, row.fit.sd(name) if seen else np.nan)
+        if name in row.fit.at_bound:
+            text += ", at the bound of the search"
+        elif not seen:
+            text += ", not seen by the data"
+        axes.annotate(
+            text, (value, k), (0, 7), textcoords="offset points", ha="center", fontsize=9,
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8},
+        )  # fmt: skip
+    if null is not None:
+        axes.axvline(null, color=DATA_COLOUR, linewidth=0.8, linestyle=":")
+    if len(rows) > 1:
+        axes.axvline(rows[0].fit.values[name], color=BASE_COLOUR, linewidth=0.8, linestyle=":")
+    span = max(ends) - min(ends) or abs(max(ends)) or 1.0
+    axes.set_xlim(min(ends) - 0.25 * span, max(ends) + 0.25 * span)
+    axes.set_yticks(range(len(rows)), [row.model for row in rows])
+    axes.set_ylim(len(rows) - 0.45, -0.8)
