@@ -122,7 +122,9 @@ class System:
         trace = spaces.trace
         # PETSc passes over negative indices: the skin adds nothing to the equations of supports.
         self._trace_free = np.where(np.isin(trace, spaces.pinned), -1, trace).astype(np.int32)
-        J = volume_ratio(self.body.place.deformation_gradient)
+        body = self.body.place
+        assert isinstance(body, Body)
+        J = volume_ratio(body.deformation_gradient)
         self._volume_ratio = self.body.history.expression(J)
         dofmap = spaces.space.dofmap
         self._owned = dofmap.index_map.size_local * dofmap.index_map_bs
