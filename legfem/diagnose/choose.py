@@ -140,11 +140,11 @@ class HeldOut:
     rmse: float
     """N."""
     noise: float
-    """N: what the errors of a single trial's values alone would make."""
+    """N: what the errors alone would make."""
 
 
 def folds_of(observed: Observations) -> tuple[str, list[NDArray[np.bool_]]]:
-    """Return what is held out in turn: protocols, else trials, else depth; and phases."""
+    """Return what is held out in turn: protocols, else trials, else later phases, else depth."""
     if len(observed.protocols) > 1:
         how, folds = "each protocol in turn", [
             observed.protocol == p for p in range(len(observed.protocols))
@@ -153,12 +153,10 @@ def folds_of(observed: Observations) -> tuple[str, list[NDArray[np.bool_]]]:
         how, folds = "each trial in turn", [
             observed.trial == k for k in range(len(observed.trials))
         ]  # fmt: skip
+    elif len(observed.phases) > 1:
+        how, folds = "hold and unloading", [observed.phase != "loading"]
     else:
         how, folds = "the deepest third", [observed.displacement > 2 / 3 * observed.depth]
-    others = [name for name in ("hold", "unloading") if name in observed.phases]
-    if others:
-        how += ", and " + " and ".join(others)
-        folds += [observed.phase == name for name in others]
     return how, folds
 
 
@@ -170,6 +168,6 @@ def held_out(problem: Problem, fitted: Fit) -> HeldOut:
     for fold in folds:
         refit = fit(problem.without(fold), fitted.mechanisms, fitted.values, free_shapes=False)
         squares += float(np.sum(refit.residual[fold] ** 2))
-        noise += float(np.sum(problem.errors.trial_sd[fold] ** 2))
+        noise += float(np.sum(np.diag(problem.errors.covariance)[fold]))
         count += int(fold.sum())
     return HeldOut(how, float(np.sqrt(squares / count)), float(np.sqrt(noise / count)))

@@ -72,7 +72,7 @@ def diagnose(
 
         if seed < 0:
             raise InputError("--seed", f"{seed}", "is negative", "give 0 or more")
-        found = load_subject(named_folder(subject, subject_dir))
+        found = load_subject(named_folder(subject, subject_dir), need_instrument=False)
         ends = read_correction(correction or SHIPPED_CORRECTION)
         folder = out or Path("results") / f"diagnose-{found.id}"
         check_out_folder(folder)

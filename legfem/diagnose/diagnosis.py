@@ -18,7 +18,7 @@ from legfem.diagnose.observations import Observations
 from legfem.diagnose.predict import LawName, Predictor
 from legfem.diagnose.score import assess
 from legfem.diagnose.solved import SolvedResponses
-from legfem.diagnose.variants import SolutionStopped
+from legfem.diagnose.variants import SolutionStoppedError
 from legfem.progress import Progress
 from legfem.recording import Instrument
 
@@ -150,7 +150,7 @@ def _offset(predictor: Predictor, fitted: Fit, solved: SolvedResponses) -> np.nd
         difference = full(fitted.values, fitted.mechanisms) - plain(
             fitted.values, fitted.mechanisms
         )
-    except SolutionStopped:
+    except SolutionStoppedError:
         return None
     return difference
 

@@ -71,7 +71,7 @@ class Fit:
         return np.asarray(np.linalg.pinv(scaled.T @ scaled) / np.outer(scale, scale))
 
     def sd(self, name: str) -> float:
-        """Standard error of a parameter; infinite where the data don't see it."""
+        """Return the standard error of a parameter; infinite where the data don't see it."""
         if name not in self.free:
             return float("nan")
         k = self.free.index(name)

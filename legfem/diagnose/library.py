@@ -26,7 +26,7 @@ from legfem.diagnose.mechanisms import (
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses, end_effect
 from legfem.diagnose.stations import Stations
-from legfem.diagnose.variants import SolutionStopped
+from legfem.diagnose.variants import SolutionStoppedError
 from legfem.identify.emulator import Emulator, Samples
 from legfem.progress import Progress
 from legfem.units import FloatArray
@@ -45,6 +45,9 @@ type Point = tuple[float, float]
 
 def table_points(shape: tuple[int, int], inset: float = 0.0) -> list[Point]:
     """Return stiffnesses (C10, C20) in kPa on a lattice, drawn in from the range's ends."""
+    if shape == (1, 1):
+        middle = float(np.sqrt(C10_KPA[0] * C10_KPA[1]))
+        return [(middle, float(middle * np.expm1(np.mean(STIFFENING))))]
     ends = np.log(C10_KPA)
     away = inset * (ends[1] - ends[0])
     first = np.exp(np.linspace(ends[0] + away, ends[1] - away, shape[0]))
@@ -69,6 +72,8 @@ class Table:
 
     def _terms(self, c10: float, c20: float) -> FloatArray:
         x, q = np.log(c10), np.log1p(c20 / c10)
+        if len(self.points) < 4:
+            return np.ones(1)
         terms = [1.0, x, q, x * q]
         if len(self.points) > 10:
             terms += [x * x, q * q, x * x * q, x * q * q, x**3]
@@ -178,7 +183,7 @@ def _work(
         solution = task.mechanism.solution({task.mechanism.parameters[0].name: task.strength})
         along = task.mechanism.along_path
         return {"change": coarse.change_at(solution, along, task.stations, *task.point)}
-    except SolutionStopped:
+    except SolutionStoppedError:
         return None
 
 
@@ -247,7 +252,7 @@ def _tasks(observed: Observations, tissue: Sequence[TissueMechanism]) -> list[_T
         if mechanism.derivative is not None:
             continue
         for stations in observed.protocols:
-            for point in table_points(MECHANISM_POINTS, 0.15):
+            for point in table_points((1, 1) if mechanism.costly else MECHANISM_POINTS, 0.15):
                 if isinstance(mechanism, Viscoelasticity):
                     # One solution tells of both tissues.
                     if mechanism.region == "deep":
@@ -325,7 +330,7 @@ def _change_table(
             row = None if outcome is None else outcome["change"]
             rows.setdefault(task.point, []).append(row)
     whole = {p: np.vstack(r) for p, r in rows.items() if all(v is not None for v in r)}  # type: ignore[arg-type]
-    if len(whole) < 4:
+    if len(whole) < len(rows) or not rows:
         return None
     return Table(list(whole), np.array(list(whole.values())))
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cholesky, helmert, solve_triangular
 from scipy.optimize import minimize
 
@@ -129,7 +130,7 @@ def error_model(
     return ErrorModel(noise, total, np.sqrt(np.diag(trial)))
 
 
-def _trial_covariance(observed: Observations, noise: Noise, here: FloatArray) -> FloatArray:
+def _trial_covariance(observed: Observations, noise: Noise, here: NDArray[np.int_]) -> FloatArray:
     time, slope = observed.time[here], observed.stiffness[here]
     walked = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(observed.displacement[here])))])
     apart_s = np.abs(time[:, None] - time[None, :])
@@ -182,7 +183,7 @@ def _from_repeats(observed: Observations, expected: Noise) -> Noise:
 
 def _contrasts(
     observed: Observations, members: list[int]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+) -> tuple[NDArray[np.int_], FloatArray, FloatArray]:
     """Return a trial's indices, a basis (m, m - 4) without smooth changes, and the contrasts."""
     rows = [np.flatnonzero(observed.trial == k) for k in members]
     forces = np.array([observed.force[row] for row in rows])

@@ -11,7 +11,6 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from legfem.diagnose.stations import (
-    HOLD,
     Stations,
     Trial,
     changes_speed,
@@ -22,6 +21,7 @@ from legfem.diagnose.stations import (
 )
 from legfem.recording import Instrument, Recording
 from legfem.recording.contact import Contact, contact_at_start, find_first_contact
+from legfem.recording.phases import HOLD
 from legfem.units import FloatArray
 
 

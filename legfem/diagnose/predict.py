@@ -84,7 +84,7 @@ class Predictor:
         stiffening = own.get("strain-stiffening")
         if stiffening is not None and self.law == "neo-hookean":
             c20 = stiffening["coefficient"]
-        factor = np.ones(len(observed.force))
+        factor: FloatArray = np.ones(len(observed.force))
         for mechanism in mechanisms:
             factor = factor * mechanism.deep_factor(own[mechanism.name], observed)
         elastic = self._elastic(c10, c20, factor)

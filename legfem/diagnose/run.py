@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +44,20 @@ class Diagnoser:
 
     def observations(self, subject: Subject) -> Observations:
         """Return a subject's recordings at their stations."""
-        return observe(subject.recordings, subject.instrument, subject.starts_at_contact)
+        observed = observe(subject.recordings, subject.instrument, subject.starts_at_contact)
+        remarks = list(observed.remarks)
+        if not subject.instrument_stated:
+            remarks.append(
+                "subject.toml states no instrument accuracy: errors are those seen from sample to "
+                "sample and between repeats. What drifts slowly or is alike in all trials can't be "
+                "told from physics; state the data sheet's figures under [instrument]."
+            )
+        if observed.repeats < 2:
+            remarks.append(
+                "No protocol was repeated: errors between trials come from the instruments' "
+                "figures alone."
+            )
+        return replace(observed, remarks=tuple(remarks))
 
     def library(
         self, subject: Subject, observed: Observations, progress: Progress

@@ -1,4 +1,4 @@
-r"""Score tests: does the misfit look like what a mechanism would leave after a refit?
+r"""Score tests: whether the misfit looks like what a mechanism would leave after a refit.
 
 A mechanism's signature is the derivative of the prediction by its strength at the null. The base
 parameters hide what lies in the span of their own derivatives, so signatures are projected off it,
@@ -24,7 +24,7 @@ from legfem.diagnose.mechanisms import Mechanism
 from legfem.diagnose.windows import Window, windows_of
 from legfem.units import FloatArray
 
-DRAWS = 2000
+DRAWS = 1000
 
 
 @dataclass(frozen=True, eq=False)

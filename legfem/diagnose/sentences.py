@@ -6,7 +6,12 @@ from collections.abc import Sequence
 
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.fit import Fit
+from legfem.diagnose.mechanisms import Mechanism, Viscoelasticity
 
+_HOLDS_RECORDED = (
+    "hold at half the depth too, and for several minutes: relaxation takes the same time at every "
+    "depth"
+)
 _NO_MECHANISM = (
     "repeat the test on another day and rig; record at two rates with a hold, and look at the "
     "located intervals on film"
@@ -70,12 +75,20 @@ def stiffness_sentence(before: Fit, after: Fit) -> str:
     return f"Putting it into the model moves {' and '.join(parts)}."
 
 
+def _wanted(found: Diagnosis, mechanism: Mechanism) -> str:
+    observed = found.observed
+    recorded = "hold" in observed.phases and len(observed.rates) > 1
+    if recorded and isinstance(mechanism, Viscoelasticity):
+        return _HOLDS_RECORDED
+    return mechanism.next_experiment
+
+
 def next_experiments(found: Diagnosis) -> list[str]:
     """Return the measurements that would settle what is open."""
     if found.verdict == "unexplained":
         return [_NO_MECHANISM]
     wanted = dict.fromkeys(
-        m.next_experiment for model in found.models for m in model.fit.mechanisms
+        _wanted(found, m) for model in found.models for m in model.fit.mechanisms
     )
     rate = any("rate" in why for why in found.untested.values())
     if found.verdict == "consistent" and rate:

@@ -22,7 +22,7 @@ from legfem.diagnose.mechanisms import (
 )
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.stations import Stations
-from legfem.diagnose.variants import SolutionStopped, Variants
+from legfem.diagnose.variants import SolutionStoppedError, Variants
 from legfem.documents import write_document
 from legfem.protocol import Protocol
 from legfem.units import FloatArray, kpa_to_mpa
@@ -78,10 +78,14 @@ class SolvedResponses:
 
         Raises
         ------
-        SolutionStopped
+        SolutionStoppedError
             If the solution doesn't come to the depth.
         """
-        return self.elastic(c10, c20)["force"]
+        return self._ramp(c10, c20, Solution())
+
+    def _ramp(self, c10: float, c20: float, solution: Solution) -> FloatArray:
+        protocol = Protocol.ramp(self.depth, 1.0)
+        return self._solve(protocol, self.grid, c10, c20, solution, ())["force"]
 
     def elastic(self, c10: float, c20: float) -> Columns:
         """Return the elastic force and its derivatives (N per MPa or 1/MPa) at the grid."""
@@ -114,19 +118,15 @@ class SolvedResponses:
         # A porous leg has another formulation: compared with itself, its own error cancels.
         porous = solution.variant == "porous"
         null = Solution("porous", dict.fromkeys(solution.parameters, 0.0)) if porous else Solution()
+        before = _at_displacement(self.grid, self._ramp(c10, c20, null), stations.displacement)
         if along_path:
             protocol, at = stations.protocol, stations.time
             if solution.variant in TIMELESS:
                 protocol, at = _timeless(stations)
             changed = self._solve(protocol, at, c10, c20, solution, ())["force"]
-            ramp = Protocol.ramp(self.depth, 1.0)
-            elastic = self._solve(ramp, self.grid, c10, c20, null, ())["force"]
-            before = _at_displacement(self.grid, elastic, stations.displacement)
         else:
-            ramp = Protocol.ramp(self.depth, 1.0)
-            column = self._solve(ramp, self.grid, c10, c20, solution, ())["force"]
+            column = self._ramp(c10, c20, solution)
             changed = _at_displacement(self.grid, column, stations.displacement)
-            before = _at_displacement(self.grid, self.curve(c10, c20), stations.displacement)
         return changed / np.maximum(before, _SMALLEST_FORCE_N) - 1.0
 
     def unit_of(self, mechanism: TissueMechanism) -> float:
@@ -142,7 +142,8 @@ class SolvedResponses:
 
     def relaxation(self, stations: Stations, c10: float, c20: float) -> Columns:
         """Return the relative change per unit ratio by region; (relaxation times, stations)."""
-        times, asked = {}, {}
+        times: dict[str, float] = {}
+        asked: dict[str, list[str]] = {}
         for region in ("deep", "superficial"):
             for k, time in enumerate(Viscoelasticity.TIMES_S):
                 name = f"{region}.viscoelasticity{k + 1}"
@@ -170,7 +171,7 @@ class SolvedResponses:
 
         Raises
         ------
-        SolutionStopped
+        SolutionStoppedError
             If this solution, now or before, didn't follow the protocol to its end.
         """
         asked = {
@@ -191,7 +192,7 @@ class SolvedResponses:
             )
         columns = self._known[key]
         if columns is None or "force" not in columns:
-            raise SolutionStopped(f"C10 {c10:.3g} kPa, C20 {c20:.3g} kPa, {solution.variant}")
+            raise SolutionStoppedError(f"C10 {c10:.3g} kPa, C20 {c20:.3g} kPa, {solution.variant}")
         return columns
 
     def _recalled(self, key: str) -> Columns | None:
@@ -219,7 +220,7 @@ class SolvedResponses:
             path = self.variants.follow(protocol, deep, solution, derivatives)
             columns = {"force": path.force_at(at)}
             columns |= {name: path.sensitivity_at(name, at) for name in derivatives}
-        except SolutionStopped:
+        except SolutionStoppedError:
             columns = {"stopped": np.zeros(0)}
         if self.folder is not None:
             content = {name: values.tolist() for name, values in columns.items()}

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from legfem.errors import InputError
 from legfem.protocol import Protocol
 from legfem.recording.contact import Contact
-from legfem.recording.phases import AIR, HOLD, LOADING, UNLOADING, split_phases
+from legfem.recording.phases import AIR, HOLD, LOADING, split_phases
 from legfem.recording.smoothing import local_line, sample_noise, smooth_displacement
 from legfem.recording.trial import Recording
 from legfem.units import FloatArray
@@ -208,7 +208,7 @@ def stations_of(trials: Sequence[Trial]) -> Stations:
             displacements.append(before)
             sampling = float(np.median(np.diff(parts[0].time)))
             since = np.geomspace(max(3 * sampling, duration / 150), 0.98 * duration, HOLD_STATIONS)
-            d = np.full(HOLD_STATIONS, before)
+            d: FloatArray = np.full(HOLD_STATIONS, before)
             t = times[-2] + since
         else:
             rate = float(f"{np.mean([abs(part.rate) for part in parts]):.2g}")
@@ -261,6 +261,3 @@ def read_at(trial: Trial, stations: Stations) -> Readings:
         line = local_line(segment.displacement[order], segment.force[order], d, half)
         force[here], leverage[here] = line.value, line.leverage
     return Readings(force, leverage)
-
-
-__all__ = ["HOLD", "LOADING", "UNLOADING", "Segment", "Stations", "Trial", "cut_trial"]

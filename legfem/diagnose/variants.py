@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from legfem.subject import Indenter
 
 
-class SolutionStopped(Exception):
+class SolutionStoppedError(Exception):
     """A solution that didn't follow its protocol to the end; caught where solutions are kept."""
 
 
@@ -71,7 +71,7 @@ class Variants:
 
         Raises
         ------
-        SolutionStopped
+        SolutionStoppedError
             If it isn't followed to its end.
         """
         from legfem.experiments.placement import Placement
@@ -85,7 +85,7 @@ class Variants:
             protocol, values, sensitivities, placement=Placement(tilt_deg=solution.tilt_deg)
         )
         if not solved.report.complete:
-            raise SolutionStopped(str(solved.report))
+            raise SolutionStoppedError(str(solved.report))
         return solved.path
 
     def model(self, variant: str) -> PlaneStrainIndentation:

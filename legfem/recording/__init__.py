@@ -2,7 +2,7 @@
 
 from legfem.recording.contact import Contact, find_first_contact
 from legfem.recording.curve import LoadingCurve, mean_loading_curve
-from legfem.recording.instrument import Instrument
+from legfem.recording.instrument import Instrument, seen_instrument
 from legfem.recording.noise import NoiseEstimate
 from legfem.recording.phases import split_phases
 from legfem.recording.reader import check_recording, read_recording
@@ -19,6 +19,7 @@ __all__ = [
     "find_first_contact",
     "mean_loading_curve",
     "read_recording",
+    "seen_instrument",
     "split_phases",
     "write_recording",
 ]

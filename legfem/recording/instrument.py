@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
+
+from legfem.recording.smoothing import sample_noise
+from legfem.recording.trial import Recording
 
 
 @dataclass(frozen=True)
@@ -17,3 +23,17 @@ class Instrument:
     """N."""
     displacement_sd: float
     """mm."""
+
+
+def seen_instrument(recordings: Sequence[Recording]) -> Instrument:
+    """Return the errors that recordings show from sample to sample, where none are stated.
+
+    What is slow or the same in all trials isn't seen: these are lower bounds. At least a hundredth
+    of a newton and of a millimetre.
+    """
+    force = [sample_noise(r.force) ** 2 for r in recordings]
+    displacement = [sample_noise(r.displacement) ** 2 for r in recordings]
+    return Instrument(
+        max(0.01, float(np.sqrt(np.mean(force or [0.0])))),
+        max(0.01, float(np.sqrt(np.mean(displacement or [0.0])))),
+    )

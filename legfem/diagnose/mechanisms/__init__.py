@@ -44,4 +44,13 @@ MECHANISMS: tuple[Mechanism, ...] = (
     Prestress(),
 )
 
-__all__ = ["MECHANISMS", "Mechanism", "Parameter", "Solution", "TissueMechanism", "Values"]
+__all__ = [
+    "MECHANISMS",
+    "EndEffects",
+    "Mechanism",
+    "Parameter",
+    "Solution",
+    "TissueMechanism",
+    "Values",
+    "Viscoelasticity",
+]

@@ -103,6 +103,8 @@ class TissueMechanism(Mechanism):
     """Parameter of the elastic model whose exact derivative gives the response."""
     proportional: ClassVar[bool] = False
     """Whether the strength scales that parameter (else it is added to it)."""
+    costly: ClassVar[bool] = False
+    """Whether its solutions take so long that one stiffness stands for all in the table."""
     strengths: ClassVar[tuple[float, ...]] = ()
     """Where the response is tabulated when no derivative gives it."""
 

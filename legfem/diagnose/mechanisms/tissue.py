@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from legfem.diagnose.mechanisms.base import Parameter, Solution, TissueMechanism, Values
-from legfem.diagnose.observations import HOLD, Observations
+from legfem.diagnose.observations import Observations
+from legfem.recording.phases import HOLD
 from legfem.units import kpa_to_mpa
 
 
@@ -22,7 +23,7 @@ class StrainStiffening(TissueMechanism):
     )
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("coefficient", "kPa", "of the energy's next power of strain", 0.0, 20.0,
-                  start=0.1),
+                  start=0.3),
     )  # fmt: skip
     next_experiment: ClassVar[str] = "press deeper, or with a smaller indenter: larger strains"
     derivative: ClassVar[str | None] = "deep.C30"
@@ -41,7 +42,7 @@ class Compressibility(TissueMechanism):
         "the deep tissue loses or keeps more volume than the compressibility given says"
     )
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("excess", "-", "relative change of D1", -0.9, 8.0, start=0.5),
+        Parameter("excess", "-", "relative change of D1", -0.9, 30.0, start=2.0),
     )
     next_experiment: ClassVar[str] = "image the section under load and measure how its area changes"
     derivative: ClassVar[str | None] = "deep.D1"
@@ -59,8 +60,8 @@ class FasciaStiffness(TissueMechanism):
     name: ClassVar[str] = "fascia-stiffness"
     statement: ClassVar[str] = "the fascia is stiffer, softer, thicker or thinner than assumed"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("excess", "-", "relative change of stiffness times thickness", -0.95, 9.0,
-                  start=0.5),
+        Parameter("excess", "-", "relative change of stiffness times thickness", -0.95, 50.0,
+                  start=2.0),
     )  # fmt: skip
     next_experiment: ClassVar[str] = "measure the fascia by shear-wave elastography"
     derivative: ClassVar[str | None] = "fascia.C10"
@@ -98,7 +99,7 @@ class Prestress(TissueMechanism):
     name: ClassVar[str] = "prestress"
     statement: ClassVar[str] = "the fascia was under tension before the test"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("tension", "kPa", "tension of the fascia at rest", 0.0, 200.0, start=5.0),
+        Parameter("tension", "kPa", "tension of the fascia at rest", 0.0, 500.0, start=30.0),
     )
     next_experiment: ClassVar[str] = (
         "measure the pressure in the compartment at rest, or shear-wave speeds along the fascia"
@@ -196,13 +197,14 @@ class ContactSlip(TissueMechanism):
     statement: ClassVar[str] = "the skin slipped along the cylinder: the tape did not hold"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("weakness", "1/kPa", "inverse of the shear traction at which it slips", 0.0, 5.0,
-                  start=0.5),
+                  start=1.0),
     )  # fmt: skip
     next_experiment: ClassVar[str] = (
         "mark the skin at the cylinder's edge and film it, or repeat with fresh tape"
     )
     along_path: ClassVar[bool] = True
-    strengths: ClassVar[tuple[float, ...]] = (0.5, 2.0)
+    strengths: ClassVar[tuple[float, ...]] = (1.0, 3.0)
+    costly: ClassVar[bool] = True
 
     def solution(self, values: Values) -> Solution:
         """Return the model with tape that fails."""

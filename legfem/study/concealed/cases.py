@@ -18,40 +18,41 @@ LAWS: Mapping[str, str] = {
 }  # fmt: skip
 """Of the base model, by the subject whose section it is."""
 C10_KPA, RATIO = (0.45, 1.8), (0.4, 3.0)
-INSTRUMENT = Instrument(force_sd=0.03, displacement_sd=0.02)
-"""A load cell of 20 N and a good displacement sensor."""
+INSTRUMENT = Instrument(force_sd=0.015, displacement_sd=0.01)
+"""A good load cell of 20 N (0.1 % of its range) and a good displacement sensor."""
 
 type ProtocolName = Literal["ramps", "rates"]
 type Kind = Literal["none", "single", "pair", "outside"]
 
 STRENGTHS: Mapping[str, tuple[float, float]] = {
-    "strain-stiffening": (0.5, 4.0),
-    "end-effects": (0.4, 1.2),
+    "strain-stiffening": (0.6, 2.5),
+    "end-effects": (0.8, 2.0),
     "viscoelasticity": (0.02, 0.2),
     "superficial-viscoelasticity": (0.1, 0.6),
-    "poroelastic-drainage": (5.0, 60.0),
-    "compressibility": (0.4, 2.0),
-    "contact-slip": (0.3, 1.5),
-    "contact-onset": (0.15, 0.8),
-    "support-compliance": (0.02, 0.12),
-    "force-drift": (0.0015, 0.01),
-    "muscle-contraction": (0.04, 0.2),
+    "poroelastic-drainage": (4.0, 40.0),
+    "compressibility": (4.0, 12.0),
+    "contact-onset": (0.25, 0.9),
+    "support-compliance": (0.2, 0.5),
+    "force-drift": (0.001, 0.01),
+    "muscle-contraction": (0.02, 0.15),
     "preconditioning": (0.03, 0.15),
-    "fascia-stiffness": (0.4, 2.0),
-    "superficial-stiffness": (0.25, 1.2),
-    "indenter-tilt": (3.0, 8.0),
-    "prestress": (2.0, 20.0),
+    "fascia-stiffness": (3.0, 12.0),
+    "superficial-stiffness": (0.6, 2.0),
+    "prestress": (60.0, 200.0),
 }
-"""Range of each mechanism's strength, in its own unit; drawn evenly in its logarithm."""
-NEEDS_TIME = (
-    "viscoelasticity", "superficial-viscoelasticity", "poroelastic-drainage",
-)  # fmt: skip
+"""Range of each mechanism's strength, in its own unit; drawn evenly in its logarithm.
+
+From about one and a half times what is found at 80 % power. Two mechanisms of the library are left
+out: an indenter's tilt is hidden by a refit at any angle, and slipping tape takes long to simulate.
+"""
+RAMPS_SUFFICE = ("contact-onset", "muscle-contraction", "preconditioning")
+"""Mechanisms that loading alone can tell; others are recorded at two rates with holds."""
 PAIRS = (
     ("viscoelasticity", "support-compliance"),
     ("viscoelasticity", "contact-onset"),
     ("muscle-contraction", "preconditioning"),
     ("superficial-stiffness", "force-drift"),
-    ("contact-onset", "preconditioning"),
+    ("poroelastic-drainage", "preconditioning"),
     ("viscoelasticity", "preconditioning"),
 )
 OUTSIDE = ("ripple", "drop", "clipping", "leg-shift")
@@ -142,8 +143,8 @@ def _case(
     elif kind == "outside":
         which = OUTSIDE[turn % len(OUTSIDE)]
         outside = ((which, float(generator.uniform(0.5, 1.5))),)
-    timed = set(names) & set(NEEDS_TIME) or kind == "pair"
-    protocol: ProtocolName = "rates" if timed or generator.random() < 0.6 else "ramps"
+    slow = kind != "pair" and set(names) <= set(RAMPS_SUFFICE)
+    protocol: ProtocolName = "ramps" if slow and generator.random() < 0.5 else "rates"
     subject = str(generator.choice(sorted(LAWS)))
     # A neo-Hookean base leaves out C20, which is then what stiffens.
     law = LAWS[subject]

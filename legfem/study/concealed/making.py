@@ -9,7 +9,7 @@ from typing import Any
 
 from legfem.correction import TabulatedCorrection
 from legfem.diagnose.solved import SolvedResponses
-from legfem.diagnose.variants import SolutionStopped
+from legfem.diagnose.variants import SolutionStoppedError
 from legfem.geometry.subject_folder import write_subject_folder
 from legfem.progress import Progress
 from legfem.study.concealed.cases import DEPTH_MM, INSTRUMENT, Case
@@ -44,7 +44,7 @@ class Maker:
         subject, responses = self._leg(case)
         try:
             truth = simulate(case, responses, case.law)
-        except SolutionStopped as stopped:
+        except SolutionStoppedError as stopped:
             return f"LEFT OUT: {stopped}"
         if not folder.is_dir():
             write_subject_folder(

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from legfem.diagnose.fit import Problem, fit
@@ -126,7 +127,7 @@ def _at_stations(truth: Truth, observed: Observations) -> FloatArray:
     return result
 
 
-def marked(found: dict[str, Any], observed: Observations) -> np.ndarray:  # type: ignore[type-arg]
+def marked(found: dict[str, Any], observed: Observations) -> NDArray[np.bool_]:
     """Return which observations (n,) a diagnosis' mismatch intervals hold."""
     mask = np.zeros(len(observed.force), dtype=bool)
     for interval in found["mismatch"]:
@@ -140,7 +141,7 @@ def marked(found: dict[str, Any], observed: Observations) -> np.ndarray:  # type
     return mask
 
 
-def _overlap(found: FloatArray, true: FloatArray) -> tuple[int, int, int]:
+def _overlap(found: NDArray[np.bool_], true: NDArray[np.bool_]) -> tuple[int, int, int]:
     return int((found & true).sum()), int((found & ~true).sum()), int((true & ~found).sum())
 
 

@@ -19,12 +19,13 @@ from legfem.diagnose.diagnosis import mechanism_named
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.predict import Predictor
 from legfem.diagnose.solved import SolvedResponses
-from legfem.diagnose.stations import HOLD, Stations
+from legfem.diagnose.stations import Stations
 from legfem.diagnose.variants import Variants
 from legfem.protocol import Protocol
 from legfem.recording import Recording
 from legfem.recording.contact import contact_at_start
-from legfem.study.concealed.cases import INSTRUMENT, SAMPLING_HZ, Case, protocols_of
+from legfem.recording.phases import HOLD
+from legfem.study.concealed.cases import SAMPLING_HZ, Case, protocols_of
 from legfem.study.planted import TRUTH_SETTINGS
 from legfem.subject import Subject
 from legfem.units import FloatArray
@@ -32,7 +33,9 @@ from legfem.units import FloatArray
 SLOW_S = 8.0
 """Time over which the load cell's slow error is correlated."""
 WANDER_MM = 4.0
-GAIN_SD, OFFSET_SD_N = 0.002, 0.015
+FORCE_SD_N, DISPLACEMENT_SD_MM = (0.009, 0.009), (0.005, 0.007)
+"""White and slow part."""
+GAIN_SD, OFFSET_SD_N = 0.002, 0.008
 """The instruments' bias, the same in all trials of a case."""
 
 
@@ -103,7 +106,7 @@ def simulate(case: Case, responses: SolvedResponses, law: str) -> Truth:
 
     Raises
     ------
-    SolutionStopped
+    SolutionStoppedError
         If a finite-element solution doesn't follow its protocol to the end.
     """
     blank = blank_observations(protocols_of(case.protocol))
@@ -132,9 +135,9 @@ def record(truth: Truth, case: Case) -> list[Recording]:
         force = force_at(truth, k, time) * gain + zero
         step = 1 / SAMPLING_HZ
         rate = abs(np.gradient(protocol.displacement_at(time), time)).max()
-        force = force + _error(len(time), 0.018, 0.018, step / SLOW_S, generator)
+        force = force + _error(len(time), *FORCE_SD_N, step / SLOW_S, generator)
         displacement = protocol.displacement_at(time) + _error(
-            len(time), 0.010, 0.014, rate * step / WANDER_MM, generator
+            len(time), *DISPLACEMENT_SD_MM, rate * step / WANDER_MM, generator
         )
         recordings.append(Recording(time, displacement, force, name))
         assert here.any()

@@ -1,0 +1,166 @@
+"""Whether p-values are what they say, and how large an effect has to be to be found.
+
+Recordings without any effect are emulated: the library's forces with the instruments' errors, as
+sealed cases are recorded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.stats import kstest, norm
+
+from legfem.diagnose.choose import MISMATCH
+from legfem.diagnose.diagnosis import mechanism_named
+from legfem.diagnose.fit import Problem, fit
+from legfem.diagnose.library import Library, testable_mechanisms
+from legfem.diagnose.noise import estimate_errors
+from legfem.diagnose.observations import observe
+from legfem.diagnose.predict import LawName, Predictor
+from legfem.diagnose.score import assess, signatures_of
+from legfem.study.concealed.cases import (
+    C10_KPA,
+    INSTRUMENT,
+    RATIO,
+    Case,
+    ProtocolName,
+    protocols_of,
+)
+from legfem.study.concealed.truth import Truth, blank_observations, record
+from legfem.units import FloatArray
+
+
+@dataclass(frozen=True)
+class Emulated:
+    """A recording without effect, to be emulated."""
+
+    library: Library
+    law: LawName
+    protocol: ProtocolName
+    seed: int
+
+
+def emulated_problem(task: Emulated) -> Problem:
+    """Return the problem of diagnosing an emulated recording without effect."""
+    generator = np.random.default_rng([task.seed, 5])
+    c10 = float(np.exp(generator.uniform(*np.log(C10_KPA))))
+    c20 = 0.0 if task.law == "neo-hookean" else c10 * float(generator.uniform(*RATIO))
+    case = Case(
+        0, "none", "", task.law, task.protocol, c10, c20, (), (), int(generator.integers(2**31))
+    )
+    blank = blank_observations(protocols_of(task.protocol))
+    force = Predictor(blank, task.library, task.law)({"C10": c10, "C20": c20})
+    observed = observe(record(Truth(blank, force), case), INSTRUMENT, starts_at_contact=True)
+    return Problem(
+        Predictor(observed, task.library, task.law), estimate_errors(observed, INSTRUMENT)
+    )
+
+
+def null_p_value(task: Emulated) -> tuple[float, float]:
+    """Return the p-values of the verdict and of the lack of fit."""
+    problem = emulated_problem(task)
+    observed = problem.predictor.observed
+    able, _ = testable_mechanisms(observed, task.library.correction)
+    able = [m for m in able if m.name not in task.library.missing]
+    base = fit(problem, (), {"C10": 1.0, "C20": 0.0 if task.law == "neo-hookean" else 1.0})
+    assessment = assess(problem, base, able, task.seed)
+    return assessment.p_value, assessment.lack_of_fit
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Of the verdict's p-value over recordings without effect."""
+
+    p_values: FloatArray
+    """(n,)."""
+
+    @property
+    def uniform(self) -> float:
+        """p-value of Kolmogorov and Smirnov's test that they are uniform."""
+        return float(kstest(self.p_values, "uniform").pvalue)
+
+    @property
+    def alarms(self) -> float:
+        """Share below the limit that a mismatch is called at."""
+        return float(np.mean(self.p_values < MISMATCH))
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """Calibration and detection on the study's legs."""
+
+    calibration: Calibration
+    smallest: Mapping[str, Mapping[str, list[float]]]
+    """Strength found at 80 % power by mechanism and protocol, one a leg."""
+
+    def document(self) -> dict[str, Any]:
+        """Return it as JSON types."""
+        return {
+            "schema": 1,
+            "origin": "emulated",
+            "p_values": self.calibration.p_values.tolist(),
+            "uniform_p_value": self.calibration.uniform,
+            "alarms": self.calibration.alarms,
+            "smallest_effect_at_80_percent_power": {
+                name: dict(found) for name, found in self.smallest.items()
+            },
+        }
+
+
+def smallest_effects(task: Emulated, power: float = 0.8) -> Mapping[str, float]:
+    """Return the strength of each mechanism that is found with a power.
+
+    The score statistic's square root is normal with mean strength times the length of the projected
+    signature; the limit is that of the family of all mechanisms (Bonferroni) at the verdict's.
+    """
+    problem = emulated_problem(task)
+    observed = problem.predictor.observed
+    able, _ = testable_mechanisms(observed, task.library.correction)
+    able = [m for m in able if m.name not in task.library.missing]
+    base = fit(problem, (), {"C10": 1.0, "C20": 0.0 if task.law == "neo-hookean" else 1.0})
+    found, _ = signatures_of(problem, base, able)
+    limit = float(norm.isf(MISMATCH / 2 / len(able)))
+    needed = limit + float(norm.ppf(power))
+    strengths: dict[str, float] = {}
+    for signature in found:
+        strength = needed / float(np.linalg.norm(signature.direction))
+        name = signature.mechanism.name
+        strengths[name] = min(strength, strengths.get(name, np.inf))
+    return strengths
+
+
+@dataclass(frozen=True)
+class Planted:
+    """An effect of some strength in an emulated recording."""
+
+    emulated: Emulated
+    mechanism: str
+    strength: float
+
+
+def detected(task: Planted) -> bool:
+    """Return whether an emulated recording with an effect is called a mismatch."""
+    given = task.emulated
+    problem = emulated_problem(given)
+    observed = problem.predictor.observed
+    mechanism = mechanism_named(task.mechanism)
+    base = fit(problem, (), {"C10": 1.0, "C20": 0.0 if given.law == "neo-hookean" else 1.0})
+    shapes = mechanism.shape_choices(observed)
+    shape = shapes[len(shapes) // 2]
+    strength = f"{mechanism.name}.{mechanism.parameters[0].name}"
+    values = {
+        **base.values,
+        **{f"{mechanism.name}.{key}": value for key, value in shape.items()},
+        strength: mechanism.parameters[0].null + task.strength,
+    }
+    predictor = problem.predictor
+    change = predictor(values, [mechanism]) - predictor(base.values)
+    moved = observed.with_force(observed.force + change)
+    again = Problem(replace(predictor, observed=moved), estimate_errors(moved, INSTRUMENT))
+    able, _ = testable_mechanisms(moved, given.library.correction)
+    able = [m for m in able if m.name not in given.library.missing]
+    refit = fit(again, (), base.values)
+    return assess(again, refit, able, given.seed).p_value < MISMATCH

@@ -1,0 +1,139 @@
+"""The study's page: what was concealed, what was found, case by case."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from legfem.diagnose.choose import MISMATCH
+from legfem.diagnose.diagnosis import mechanism_named
+from legfem.study.concealed.calibration import Calibrated
+from legfem.study.concealed.scoring import Scored, Summary
+
+SCHEMA = 1
+
+
+def scored_document(scored: Sequence[Scored], summary: Summary) -> dict[str, Any]:
+    """Return the scores as JSON types."""
+    return {
+        "schema": SCHEMA,
+        "origin": "simulated",
+        "summary": {
+            key: str(value) if not isinstance(value, float | dict) else value
+            for key, value in vars(summary).items()
+        },
+        "cases": [_finite(asdict(case)) for case in scored],
+    }
+
+
+def page(scored: Sequence[Scored], summary: Summary) -> str:
+    """Return the page in Markdown."""
+    return "\n\n".join([_summary(scored, summary), _confusion(scored), _cases(scored)]) + "\n"
+
+
+def _summary(scored: Sequence[Scored], summary: Summary) -> str:
+    before, after = summary.bias_before, summary.bias_after
+    right = summary.bias_after_named_rightly
+    seconds = [s.seconds for s in scored]
+    rows = [
+        ("cases, all simulated", f"{len(scored)}"),
+        ("base model's refit has R2 above 0.99 in", str(summary.r_squared_above)),
+        ("single effects: named first", str(summary.first)),
+        ("single effects: named first or in a set of at most 3", str(summary.in_set)),
+        ("pairs: both named, first or in a set of at most 3", str(summary.pairs)),
+        ("false alarms without effect", str(summary.false_alarms)),
+        ("effects outside the library: unexplained or ambiguous", str(summary.outside)),
+        ("localisation F1 (all observations of cases with effects)", f"{summary.f1:.2f}"),
+        *(
+            (
+                f"median error of {name[:3].upper()}: before, after repair, after where named "
+                "rightly",
+                f"{before[name]:.1%}, {after[name]:.1%}, {right[name]:.1%}",
+            )
+            for name in ("c10_deep", "c20_deep")
+        ),
+        ("held-out error within 1.2 times the noise, where named rightly", str(summary.held_out)),
+        ("seconds a diagnosis, median and longest",
+         f"{sorted(seconds)[len(seconds) // 2]:.0f}, {max(seconds):.0f}"),
+    ]  # fmt: skip
+    return "\n".join(["| | |", "|---|---|", *(f"| {name} | {value} |" for name, value in rows)])
+
+
+def _confusion(scored: Sequence[Scored]) -> str:
+    lines = ["| concealed | cases | named first | in set | called |", "|---|---|---|---|---|"]
+    for truth in sorted({_truth(s) for s in scored}):
+        mine = [s for s in scored if _truth(s) == truth]
+        called = Counter(_called(s) for s in mine)
+        lines.append(
+            f"| {truth} | {len(mine)} | {sum(s.first for s in mine)} | "
+            f"{sum(s.in_set for s in mine)} | "
+            + ", ".join(f"{name}: {count}" for name, count in called.most_common())
+            + " |"
+        )
+    return "\n".join(lines)
+
+
+def _cases(scored: Sequence[Scored]) -> str:
+    lines = [
+        "| case | leg, protocol | concealed | verdict | C10 error before, after | right |",
+        "|---|---|---|---|---|---|",
+    ]
+    for s in scored:
+        before, after = (b.get("c10_deep", math.nan) for b in (s.bias_before, s.bias_after))
+        lines.append(
+            f"| {s.case.number} | {s.case.subject}, {s.case.protocol} | {_truth(s)}{_size(s)} | "
+            f"{s.verdict}: {_called(s)} | {before:+.1%}, {after:+.1%} | "
+            f"{'yes' if s.right else 'no'} |"
+        )
+    return "\n".join(lines)
+
+
+def calibration_page(found: Calibrated) -> str:
+    """Return p-values' calibration and the smallest effects in Markdown."""
+    p = found.calibration.p_values
+    lines = [
+        f"{len(p)} emulated recordings without effect: Kolmogorov and Smirnov's test of uniform "
+        f"p-values gives p = {found.calibration.uniform:.2g}; {found.calibration.alarms:.1%} lie "
+        f"below {MISMATCH:g}, where a mismatch is called.",
+        "",
+        "| mechanism | parameter | unit | found at 80 % power: two rates with holds | ramps |",
+        "|---|---|---|---|---|",
+    ]
+    for name, sizes in found.smallest.items():
+        first = mechanism_named(name).parameters[0]
+        cells = [
+            f"{min(sizes[k]):.2g} to {max(sizes[k]):.2g}" if k in sizes else "not testable"
+            for k in ("rates", "ramps")
+        ]
+        lines.append(f"| {name} | {first.name} | {first.unit} | {cells[0]} | {cells[1]} |")
+    return "\n".join(lines) + "\n"
+
+
+def _truth(s: Scored) -> str:
+    if s.case.kind == "none":
+        return "nothing"
+    if s.case.kind == "outside":
+        return "outside: " + " + ".join(name for name, _ in s.case.outside)
+    return " + ".join(s.case.names)
+
+
+def _size(s: Scored) -> str:
+    values = [f"{values[0][1]:.2g}" for _, values in s.case.effects]
+    return f" ({', '.join(values)})" if values else ""
+
+
+def _called(s: Scored) -> str:
+    return " or ".join(" + ".join(model) for model in s.models) or s.verdict
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(entry) for entry in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
