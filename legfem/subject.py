@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -13,7 +13,7 @@ import numpy as np
 from legfem.errors import InputError
 from legfem.geometry.contours import read_contours
 from legfem.geometry.section import LegSection, first_crossing
-from legfem.recording import Instrument, Recording, read_recording
+from legfem.recording import Instrument, Recording, read_recording, seen_instrument
 from legfem.subject_schema import SubjectFile, TissueEntry, parse_subject_file
 from legfem.units import FloatArray, frozen_array, kpa_to_mpa
 
@@ -24,6 +24,7 @@ __all__ = [
     "TissueParameters",
     "find_subject",
     "load_subject",
+    "named_folder",
     "shipped_subjects",
 ]
 
@@ -89,9 +90,15 @@ class Subject:
     directory: Path
     starts_at_contact: bool = False
     """Whether the recordings' displacement is known to count from first touch."""
+    instrument_stated: bool = True
+    """Whether the subject file states the instruments' errors; else they are those seen."""
+    plane_strain: bool = False
+    """Whether the recordings come from a plane-strain model: they know no end effects."""
 
 
-def load_subject(directory: Path, need_recordings: bool = True) -> Subject:
+def load_subject(
+    directory: Path, need_recordings: bool = True, need_instrument: bool = True
+) -> Subject:
     """Load a subject folder: ``subject.toml``, its contours and ``recordings/*.csv``.
 
     Parameters
@@ -100,6 +107,8 @@ def load_subject(directory: Path, need_recordings: bool = True) -> Subject:
         The folder.
     need_recordings : bool
         False loads the leg alone and reads no recordings.
+    need_instrument : bool
+        False lets ``[instrument]`` be absent: its errors are then those seen in the recordings.
 
     Raises
     ------
@@ -129,6 +138,7 @@ def load_subject(directory: Path, need_recordings: bool = True) -> Subject:
         direction_deg=given.indenter.direction_deg,
     )
     _check_aim(toml, section, indenter)
+    recordings = _recordings(directory) if need_recordings else ()
     return Subject(
         id=given.id,
         title=given.title,
@@ -141,11 +151,36 @@ def load_subject(directory: Path, need_recordings: bool = True) -> Subject:
                 for name in ("deep", "superficial", "fascia")
             }
         ),
-        instrument=_instrument(given),
-        recordings=_recordings(directory) if need_recordings else (),
+        instrument=_instrument(toml, given, recordings, need_instrument),
+        instrument_stated=given.instrument is not None,
+        recordings=recordings,
         directory=directory,
         starts_at_contact=given.recordings.starts_at_contact,
+        plane_strain=(
+            given.origin != "measured"
+            if given.recordings.plane_strain is None
+            else given.recordings.plane_strain
+        ),
     )
+
+
+def named_folder(subject: str | None, subject_dir: Path | None) -> Path:
+    """Return the folder that a command's --subject or --subject-dir names.
+
+    Raises
+    ------
+    InputError
+        If both or none are given, or the subject isn't known.
+    """
+    if subject is not None and subject_dir is not None:
+        raise InputError("--subject", subject, "--subject-dir is given too", "give one of them")
+    if subject_dir is not None:
+        return subject_dir
+    if subject is None:
+        raise InputError(
+            "--subject", "missing", "no subject is given", "give --subject ID or --subject-dir PATH"
+        )
+    return find_subject(subject)
 
 
 def shipped_subjects() -> tuple[str, ...]:
@@ -186,10 +221,17 @@ def _tissue(entry: TissueEntry) -> TissueParameters:
     )
 
 
-def _instrument(given: SubjectFile) -> Instrument:
-    return Instrument(
-        force_sd=given.instrument.force_sd(), displacement_sd=given.instrument.displacement_sd()
-    )
+def _instrument(
+    toml: Path, given: SubjectFile, recordings: Sequence[Recording], needed: bool
+) -> Instrument:
+    entry = given.instrument
+    if entry is not None:
+        return Instrument(entry.force_sd(), entry.displacement_sd())
+    if needed:
+        raise InputError(
+            toml, "instrument", "missing", "add force_sd_N and displacement_sd_mm, or accuracies"
+        )
+    return seen_instrument(recordings)
 
 
 def _recordings(directory: Path) -> tuple[Recording, ...]:

@@ -144,6 +144,9 @@ class RecordingsEntry(_Entry):
 
     starts_at_contact: bool = False
     """Whether displacement counts from first touch; else first contact is looked for."""
+    plane_strain: bool | None = None
+    """Whether a plane-strain model made them, which has no ends; unless given, whether no leg was
+    measured."""
 
 
 class SubjectFile(_Entry):
@@ -155,7 +158,7 @@ class SubjectFile(_Entry):
     section: SectionEntry
     indenter: IndenterEntry
     tissues: TissuesEntry
-    instrument: InstrumentEntry
+    instrument: InstrumentEntry | None = None
     recordings: RecordingsEntry = RecordingsEntry()
 
 
