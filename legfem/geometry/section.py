@@ -11,6 +11,7 @@ from shapely.geometry.base import BaseGeometry
 from legfem.units import FloatArray, frozen_array
 
 PARTS = ("skin", "fascia", "tibia", "fibula")
+BONES = ("tibia", "fibula")
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +90,19 @@ def fat_thickness(
     unit = np.asarray(direction, dtype=np.float64)
     unit = unit / np.linalg.norm(unit)
     return first_crossing(fascia, at, unit) - first_crossing(skin, at, unit)
+
+
+def depth_to_bone(section: LegSection, point: FloatArray, direction: FloatArray) -> float:
+    """Return the shortest distance to a bone from where a line of travel meets the skin, mm.
+
+    Raises
+    ------
+    ValueError
+        If the line misses the skin.
+    """
+    at, unit = np.asarray(point), np.asarray(direction) / np.linalg.norm(direction)
+    touched = at + first_crossing(section.polygon("skin").exterior, at, unit) * unit
+    return min(float(section.polygon(bone).distance(Point(touched))) for bone in BONES)
 
 
 def minimal_fat_thickness(section: LegSection) -> float:

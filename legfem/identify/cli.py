@@ -63,8 +63,12 @@ def identify(
         float | None, typer.Option(help="Use the recordings down to this depth only, mm.")
     ] = None,
     correction: Annotated[
-        str, _option("Of 3D effects: none (the default), or a file with one.")
-    ] = "none",
+        str,
+        _option(
+            "Of 3D effects: own (the leg's, from the shipped table), none, or a file; own by "
+            "default, none for recordings simulated in plane strain."
+        ),
+    ] = "auto",
     weighting: Annotated[
         WeightingChoice,
         _option("Plain sum of squares (Eq. 12; the default), or weighted with the covariance."),
@@ -91,7 +95,7 @@ def identify(
     with command_edge("run the same command again to go on; solves that are done are kept"):
         ranks = leave_to_first_rank()
         processes = process_count(jobs, ranks)
-        from legfem.identify.correction import find_correction
+        from legfem.identify.correction import choose_correction
         from legfem.identify.forward import PlaneStrainForward
         from legfem.identify.identification import LAWS, measured_curve
         from legfem.identify.run import identify_subject, write_results
@@ -99,9 +103,9 @@ def identify(
         from legfem.identify.settings import Bounds, IdentificationSettings
         from legfem.report.identification import write_identification_report
         from legfem.report.text import fit_report
-        from legfem.subject import load_subject
+        from legfem.subject import load_subject, named_folder
 
-        found = load_subject(_folder(subject, subject_dir))
+        found = load_subject(named_folder(subject, subject_dir))
         if seed < 0:
             raise InputError("--seed", f"{seed}", "is negative", "give 0 or more")
         settings = IdentificationSettings(
@@ -115,7 +119,7 @@ def identify(
         try:
             with progress_on() as progress:
                 results = identify_subject(
-                    found, chosen, settings, find_correction(correction),
+                    found, chosen, settings, choose_correction(correction, found),
                     folder, processes, depth, progress, model,
                 )  # fmt: skip
         except SearchError as failure:
@@ -133,17 +137,3 @@ def identify(
         for result in results:
             print(fit_report(result))
         print(f"result: {path}\nreport: {report}")
-
-
-def _folder(subject: str | None, subject_dir: Path | None) -> Path:
-    from legfem.subject import find_subject
-
-    if subject is not None and subject_dir is not None:
-        raise InputError("--subject", subject, "--subject-dir is given too", "give one of them")
-    if subject_dir is not None:
-        return subject_dir
-    if subject is None:
-        raise InputError(
-            "--subject", "missing", "no subject is given", "give --subject ID or --subject-dir PATH"
-        )
-    return find_subject(subject)

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
-from legfem.correction import read_correction
+from legfem.correction import TabulatedCorrection, read_correction
+from legfem.correction_legs import read_leg_corrections
+from legfem.geometry.section import depth_to_bone, girth
+from legfem.subject import Subject
 from legfem.units import FloatArray
+
+STUDY = Path(__file__).resolve().parents[2] / "studies" / "frauziols"
+REFERENCE, LEGS = STUDY / "correction.json", STUDY / "correction-legs.json"
+AUTO, OWN, NONE = "auto", "own", "none"
 
 
 class Correction(Protocol):
@@ -32,6 +40,27 @@ class Correction(Protocol):
         ...
 
 
+def choose_correction(name: str, subject: Subject) -> Correction | None:
+    """Return the correction that ``--correction`` names.
+
+    Parameters
+    ----------
+    name
+        ``own`` for the leg's own from the shipped table, ``auto`` for that where it is due (see
+        `why_uncorrected`), ``none``, or a file.
+    subject
+        Whose leg it is for.
+
+    Raises
+    ------
+    InputError
+        If the file isn't a correction's.
+    """
+    if name == OWN or (name == AUTO and not why_uncorrected(subject)):
+        return correction_of(subject)
+    return None if name == AUTO else find_correction(name)
+
+
 def find_correction(name: str) -> Correction | None:
     """Return the correction in a file; None for ``none``.
 
@@ -40,7 +69,38 @@ def find_correction(name: str) -> Correction | None:
     InputError
         If the file isn't a correction's.
     """
-    return None if name == "none" else read_correction(Path(name))
+    return None if name == NONE else read_correction(Path(name))
+
+
+def correction_of(subject: Subject) -> TabulatedCorrection:
+    """Return the shipped correction at a subject's girth and depth to the bone.
+
+    Without a table of legs that of the reference leg, which its name says.
+    """
+    section, indenter = subject.section, subject.indenter
+    base = read_correction(REFERENCE)
+    if not LEGS.exists():
+        return replace(base, name=f"{base.name}, of the reference leg's girth and bone")
+    return read_leg_corrections(LEGS).of_leg(
+        base,
+        girth(section) / (2 * np.pi),
+        depth_to_bone(section, indenter.aim, indenter.direction),
+    )
+
+
+def why_uncorrected(subject: Subject) -> str | None:
+    """Return why there is no correction by default; None where there is one."""
+    if subject.plane_strain:
+        return "the recordings are simulated in plane strain, which has no ends"
+    calibrated = read_correction(REFERENCE).given["cylinder"]
+    size = (2 * subject.indenter.radius, subject.indenter.length)
+    if not np.allclose(size, (2 * calibrated["radius"], calibrated["length"]), rtol=0.01):
+        return (
+            f"the shipped one is for a cylinder of {2 * calibrated['radius']:g} x "
+            f"{calibrated['length']:g} mm, not {size[0]:g} x {size[1]:g} mm; calibrate one with "
+            "python -m legfem.study correction --cylinder-length and give it with --correction"
+        )
+    return None
 
 
 def correction_factor(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from legfem.identify.correction import Correction
+from legfem.identify.correction import Correction, why_uncorrected
 from legfem.identify.result import Cost, Estimate, FullSolve, LawName
 from legfem.identify.settings import Bounds
 from legfem.recording import LoadingCurve
@@ -75,10 +75,7 @@ def warnings_about(found: Finding) -> tuple[str, ...]:
             + " kPa)."
         )
     if found.correction is None:
-        texts.append(
-            "No 3D correction is applied: a constant factor on the force can't be told from C10, "
-            "so end effects are part of the stiffness given here."
-        )
+        texts.append(f"No 3D correction is applied: {_without_correction(found.subject)}")
     for name, tissue in found.subject.tissues.items():
         if name != "deep" and (ratio := poisson_ratio(tissue)) is not None and ratio < 0:
             texts.append(
@@ -86,6 +83,19 @@ def warnings_about(found: Finding) -> tuple[str, ...]:
                 "bulk modulus lies below 2/3 of its shear modulus."
             )
     return tuple(texts)
+
+
+def _without_correction(subject: Subject) -> str:
+    if subject.plane_strain:
+        return (
+            "these recordings are simulated in plane strain and hold no end effects. Recordings of "
+            "a leg get one by default."
+        )
+    other = why_uncorrected(subject)
+    return (
+        "a constant factor on the force can't be told from C10, so end effects are part of the "
+        f"stiffness given here.{'' if other is None else f' There is none by default: {other}.'}"
+    )
 
 
 def poisson_ratio(tissue: TissueParameters) -> float | None:

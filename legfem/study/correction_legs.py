@@ -1,8 +1,9 @@
 """The table of P over legs of several sizes, from which a subject's own correction is taken.
 
 All on the coarse mesh of the calibration, since only changes from its reference leg are kept. Two
-further legs measure what the table leaves out: one between its points (interpolation), and the same
-with fat and fascia (layers, in which the table's legs have none).
+further legs measure what the table leaves out: one between its points and of softer tissue
+(interpolation, and that the change is tabulated for few stiffnesses), and the same with fat and
+fascia (the table's legs have none).
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from legfem.correction_legs import LegCorrections
 from legfem.errors import InputError
 from legfem.meshing.idealised_leg import IdealisedLeg
 from legfem.progress import Progress
-from legfem.study.correction import GRID, Calibration, coarsened, run_cases
+from legfem.study.correction import GRID, Calibration, coarsened, run_cases, stiffened
 from legfem.study.correction_cases import Case, CaseOutcome, Material
 from legfem.units import FloatArray
 
@@ -47,12 +48,12 @@ class LegTable:
 
     calibration: Calibration = field(default_factory=Calibration)
     radius: tuple[float, ...] = (50.0, 64.0)
-    depth: tuple[float, ...] = (0.75, 1.0, 1.25)
-    c10_kPa: tuple[float, ...] = (0.2, 5.0)
+    depth: tuple[float, ...] = (0.75, 1.25)
+    c10_kPa: tuple[float, ...] = (0.7,)
     stiffening: tuple[float, ...] = (0.0, 0.8)
     checked_radius: float = 57.0
     checked_depth: float = 1.125
-    checked_c10_kPa: float = 1.0
+    checked_c10_kPa: float = 0.2
     checked_stiffening: float = 0.5
     fat: float = 8.0
     fascia: float = 0.6
@@ -61,7 +62,7 @@ class LegTable:
     def materials(self) -> list[Material]:
         """Of the table, C10 by stiffening."""
         reference = self.calibration.reference.material
-        return [_stiffened(reference, c10, q) for c10, q in product(self.c10_kPa, self.stiffening)]
+        return [stiffened(reference, c10, q) for c10, q in product(self.c10_kPa, self.stiffening)]
 
 
 def tabulate_legs(
@@ -88,7 +89,7 @@ def tabulate_legs(
         leg=leg_of_size(
             coarse.leg, given.checked_radius, given.checked_depth * given.checked_radius
         ),
-        material=_stiffened(coarse.material, given.checked_c10_kPa, given.checked_stiffening),
+        material=stiffened(coarse.material, given.checked_c10_kPa, given.checked_stiffening),
     )
     layered = replace(checked, leg=replace(checked.leg, fat=given.fat, fascia=given.fascia))
     cases = [
@@ -126,10 +127,6 @@ def tabulate_legs(
 def leg_of_size(like: IdealisedLeg, radius: float, depth_to_bone: float) -> IdealisedLeg:
     """Return a leg with another radius, its bone (of the same size) at a depth (mm)."""
     return replace(like, radius=radius, bone_offset=radius - like.bone_radius - depth_to_bone)
-
-
-def _stiffened(material: Material, c10: float, stiffening: float) -> Material:
-    return replace(material, C10_kPa=c10, C20_kPa=c10 * stiffening / (1 - stiffening))
 
 
 def _ratios(

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from legfem.documents import write_atomically, write_document
+from legfem.identify.correction import Correction, correction_of
 from legfem.identify.result import IdentificationResult
 from legfem.identify.run import identify_subject
 from legfem.identify.settings import IdentificationSettings
@@ -33,22 +34,46 @@ PAPER = {
 }
 
 
-def run(seed: int, out: Path, jobs: int) -> None:
-    """Identify the four subjects with both laws and write the tables."""
+def run(seed: int, out: Path, jobs: int, corrected: bool = False) -> None:
+    """Identify the four subjects with both laws and write the tables.
+
+    Parameters
+    ----------
+    seed
+        Of the genetic algorithm.
+    out
+        Folder; full solves are kept there.
+    jobs
+        Processes.
+    corrected
+        Whether to identify them with their legs' own 3D corrections too.
+    """
     found: dict[str, list[IdentificationResult]] = {}
+    with_correction: dict[str, list[IdentificationResult]] = {}
     with progress_on() as progress:
-        for name in PAPER:
-            subject = load_subject(find_subject(name))
-            found[name] = identify_subject(
-                subject,
+
+        def identify(name: str, correction: Correction | None) -> list[IdentificationResult]:
+            return identify_subject(
+                load_subject(find_subject(name)),
                 ["neo-hookean", "reduced-polynomial"],
                 IdentificationSettings(seed=seed),
+                correction,
                 out=out / f"subject-{name}",
                 jobs=jobs,
                 progress=progress,
             )
+
+        for name in PAPER:
+            found[name] = identify(name, None)
+            if corrected:
+                subject = load_subject(find_subject(name), need_recordings=False)
+                with_correction[name] = identify(name, correction_of(subject))
     tables = neo_hookean_table(found) + "\n" + polynomial_table(found) + "\n" + effort_table(found)
-    documents: list[Any] = [result.to_json() for pair in found.values() for result in pair]
+    if corrected:
+        tables += "\n" + correction_table(found, with_correction)
+    documents: list[Any] = [
+        result.to_json() for pair in (*found.values(), *with_correction.values()) for result in pair
+    ]
     write_document(out / "result.json", documents)
     write_atomically(out / "tables.md", tables)
     print(tables)
@@ -102,6 +127,26 @@ def effort_table(found: dict[str, list[IdentificationResult]]) -> str:
     for name, pair in found.items():
         solves = ", ".join(str(result.forward_solves) for result in pair)
         lines.append(f"| {name} | {solves} | {sum(result.wall_s for result in pair):.0f} |")
+    return "\n".join(lines) + "\n"
+
+
+def correction_table(
+    without: dict[str, list[IdentificationResult]], corrected: dict[str, list[IdentificationResult]]
+) -> str:
+    """Return the stiffnesses without and with the 3D correction, in Markdown."""
+    lines = [
+        "| subject | neo-Hookean C10 (kPa), 95 %: without | with "
+        "| reduced polynomial C10, C20 (kPa), 95 %: without | with | rms (N) without, with |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name, pair in without.items():
+        cells = [
+            " and ".join(_estimate(result, stiffness) for stiffness in result.parameters)
+            for law in (0, 1)
+            for result in (pair[law], corrected[name][law])
+        ]
+        rms = f"{pair[1].cost.rms:.3f}, {corrected[name][1].cost.rms:.3f}"
+        lines.append(f"| {name} | {' | '.join(cells)} | {rms} |")
     return "\n".join(lines) + "\n"
 
 
