@@ -78,7 +78,8 @@ def test_page_of_a_name_gives_its_size_its_evidence_and_the_stiffness_before_and
         for fitted in (named.base.fit, model.fit):
             low, high = (number(end, fitted.sd(name)) for end in fitted.interval(name))
             assert f"{low} to {high}" in text
-    confirmed = replace(named, models=(replace(model, confirmed=True),))
+    candidate = replace(model.candidate, confirmed=True)
+    confirmed = replace(named, models=(replace(model, candidate=candidate),))
     assert "NOT confirmed" not in diagnosis_page(confirmed, subject, [])
 
 

@@ -46,6 +46,10 @@ def verdict_sentence(found: Diagnosis) -> str:
     )
 
 
+def _digits(value: float) -> str:
+    return f"{value:#.3g}".rstrip(".") if value else "0"
+
+
 def _statements(fitted: Fit) -> str:
     return " and ".join(m.statement for m in fitted.mechanisms)
 
@@ -56,8 +60,8 @@ def _stiffness_range(before: Fit, after: Sequence[Fit]) -> str:
         if name in before.free and all(name in fitted.free for fitted in after):
             values = [fitted.values[name] for fitted in after]
             parts.append(
-                f"{name} from {before.values[name]:.3g} kPa to between {min(values):.3g} and "
-                f"{max(values):.3g} kPa"
+                f"{name} from {_digits(before.values[name])} kPa to between "
+                f"{_digits(min(values))} and {_digits(max(values))} kPa"
             )
     return f"Depending on which it is, putting it into the model moves {' and '.join(parts)}."
 
@@ -67,7 +71,9 @@ def stiffness_sentence(before: Fit, after: Fit) -> str:
     parts = []
     for name in ("C10", "C20"):
         if name in before.free and name in after.free:
-            change = f"{name} from {before.values[name]:.3g} to {after.values[name]:.3g} kPa"
+            change = (
+                f"{name} from {_digits(before.values[name])} to {_digits(after.values[name])} kPa"
+            )
             if before.values[name] > 1e-6:
                 relative = after.values[name] / before.values[name] - 1
                 change += f" ({100 * relative:+.0f} %)"

@@ -153,8 +153,8 @@ def _closest(found: Diagnosis) -> str:
     if found.closest.names:
         gain = found.base.fit.bic - found.closest.bic
         text += (
-            f" The closest is {model_name(found.closest)} (BIC better by {gain:.0f}): that is not "
-            "a finding."
+            f" The closest is {model_name(found.closest)} (BIC better by {gain:.0f}; a pair is "
+            f"taken only if better than one mechanism by {BIC_MARGIN:g}): that is not a finding."
         )
     held = found.base_held_out
     return (

@@ -52,17 +52,21 @@ def parameter_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
     stiffness = [name for name in ("C10", "C20") if name in found.base.fit.free]
     panels: list[tuple[str, str, list[Row], float | None]]
     panels = [(f"{name} of the deep tissue (kPa)", name, rows, None) for name in stiffness]
-    for row in rows[1:]:
-        for mechanism in row.fit.mechanisms:
-            for k, p in enumerate(mechanism.parameters):
-                name = f"{mechanism.name}.{p.name}"
-                if name in row.fit.free:
-                    unit = "" if p.unit == "-" else f" ({p.unit})"
-                    what = f"{plain(mechanism.name)}: {plain(p.name).replace('_', ' ')}{unit}"
-                    panels.append((what, name, [row], p.null if k == 0 else None))
+    for mechanism in dict.fromkeys(m for row in rows for m in row.fit.mechanisms):
+        for k, p in enumerate(mechanism.parameters):
+            name = f"{mechanism.name}.{p.name}"
+            mine = [row for row in rows if name in row.fit.free]
+            unit = "" if p.unit == "-" else f" ({p.unit})"
+            what = f"{plain(mechanism.name)}: {p.name.replace('_', ' ')}{unit}"
+            if mine:
+                panels.append((what, name, mine, p.null if k == 0 else None))
     columns = len(stiffness)
     lines = -(-len(panels) // columns)
-    heights = [0.55 + 0.34 * len(rows)] + [0.9] * (lines - 1)
+    most = [
+        max(len(shown) for _, _, shown, _ in panels[k : k + columns])
+        for k in range(0, len(panels), columns)
+    ]
+    heights = [0.5 + 0.42 * count for count in most]
     figure = new_figure(max(5.4 * columns, 7.6), 1.3 + 1.15 * sum(heights))
     before = "Stiffness" if len(rows) == 1 else "Parameters before and after"
     caution = "" if found.verdict != "unexplained" else " (no model suits: don't rely on these)"
@@ -102,9 +106,11 @@ def _draw(axes: Axes, name: str, rows: list[Row], null: float | None) -> None:
         )  # fmt: skip
     if null is not None:
         axes.axvline(null, color=DATA_COLOUR, linewidth=0.8, linestyle=":")
-    if len(rows) > 1:
+    if len(rows) > 1 and not rows[0].fit.mechanisms:
         axes.axvline(rows[0].fit.values[name], color=BASE_COLOUR, linewidth=0.8, linestyle=":")
     span = max(ends) - min(ends) or abs(max(ends)) or 1.0
     axes.set_xlim(min(ends) - 0.25 * span, max(ends) + 0.25 * span)
-    axes.set_yticks(range(len(rows)), [row.model for row in rows])
+    several = len(rows) > 1 or not rows[0].fit.mechanisms
+    names = [row.model.replace(" + ", "\n+ ").replace(" (", "\n(") for row in rows]
+    axes.set_yticks(range(len(rows)) if several else [], names if several else [])
     axes.set_ylim(len(rows) - 0.45, -0.8)

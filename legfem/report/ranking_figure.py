@@ -78,6 +78,7 @@ def ranking_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
     title(figure, "Which additions to the model do the recordings ask for?", subject, origin)
     axes = figure.subplots()
     rows = range(len(entries))
+    reported = [row for row in rows if entries[row].reported]
     axes.barh(
         rows, [entry.above_best for entry in entries], height=0.72,
         color=[entry.colour for entry in entries],
@@ -90,17 +91,19 @@ def ranking_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
     top = max(entry.above_best for entry in entries)
     axes.set_xlim(0, max(30.0, 6.0 * top))
     for row, entry in enumerate(entries):
-        text = "best" if row == 0 else f"+{entry.above_best:.3g}"
+        first = "best" if reported else "closest, not a finding"
+        digits = ",.0f" if entry.above_best > 100 else ".3g"
+        text = f"+{entry.above_best:{digits}}" if row else first
         axes.annotate(
             text, (entry.above_best, row), (4 if row else 9, 0), textcoords="offset points",
-            va="center", fontsize=8,
+            va="center", fontsize=8, bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6},
         )  # fmt: skip
     axes.axvline(BIC_MARGIN, color=DATA_COLOUR, linewidth=0.8, linestyle=":")
     axes.set_xlabel(
-        f"BIC above the best (lower is better; dotted: {BIC_MARGIN:g}, within which models aren't "
-        "told apart)"
+        f"BIC above the best; lower is better\n(dotted: {BIC_MARGIN:g}, the least that tells "
+        "models apart)"
     )
-    _bracket(axes, [row for row in rows if entries[row].reported])
+    _bracket(axes, reported)
     figure.legend(handles=_handles(entries), loc="outside lower center", ncols=2)
     return figure
 
@@ -157,6 +160,7 @@ def score_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
         color=CONTRADICTED_COLOUR,
     )  # fmt: skip
     axes.set_xscale("log")
+    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axes.set_xlim(1.0, min(0.3 * needed, 0.3 * min(s.p_value for s in scores)))
     axes.set_yticks(rows, [plain(s.name) for s in scores])
     axes.set_ylim(len(scores) - 0.4, -0.7)

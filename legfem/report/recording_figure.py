@@ -13,7 +13,8 @@ from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.fit import Fit
-from legfem.diagnose.stations import HOLD, LOADING, Stations
+from legfem.diagnose.stations import Stations
+from legfem.recording.phases import HOLD, LOADING
 from legfem.report.diagnosis_style import (
     BASE_COLOUR,
     BASE_NAME,
@@ -65,8 +66,8 @@ def recording_figure(found: Diagnosis, number: int, subject: str, origin: str) -
         force[1].set_xlabel("time after first contact (s)")
     above.legend(
         handles=_handles(found, number, models, bool(places)),
-        loc="outside right upper" if not several else "outside lower center",
-        ncols=1 if not several else 4,
+        loc="outside lower center",
+        ncols=4 if several else 2,
     )
     widths = [_RESIDUAL_WIDTHS[str(stations.phase[stations.segment == s][0])] for s in segments]
     fits = [(found.base.fit, BASE_COLOUR, "-")]

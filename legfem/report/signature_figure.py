@@ -9,7 +9,8 @@ from matplotlib.lines import Line2D
 
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.score import Signature
-from legfem.diagnose.stations import HOLD, Stations
+from legfem.diagnose.stations import Stations
+from legfem.recording.phases import HOLD
 from legfem.report.diagnosis_style import (
     CONTRADICTED_COLOUR,
     REPAIRED_COLOUR,
@@ -62,8 +63,6 @@ def signature_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
                     f"{plain(name)}{' (reported)' if reported else ''}: {chance}"
                     + ("" if share is None else f", matches {100 * share:.0f} % of the misfit"),
                 )
-            elif row == 0:
-                grid[row, column].set_title(stations.label)
         grid[row, 0].set_ylabel("recorded −\nbase model (N)")
     for column, stations in enumerate(protocols):
         held = "; in the hold: seconds held" if HOLD in stations.phase else ""
@@ -76,7 +75,7 @@ def signature_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
     looks = f"less what {hides} up, scaled to the misfit"
     kinds = [
         (REPAIRED_COLOUR, f"signature of a reported mechanism, {looks}"),
-        (OTHER_COLOUR, f"signature of one that is not reported, {looks}"),
+        (OTHER_COLOUR, f"signature of a mechanism that is not reported, {looks}"),
     ]
     some = [any(n in m.fit.names for m in found.models) for n in names]
     used = [kind for kind, there in zip(kinds, (any(some), not all(some)), strict=True) if there]
