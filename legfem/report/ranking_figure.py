@@ -126,7 +126,7 @@ def _bracket(axes: Axes, rows: list[int]) -> None:
 def _handles(entries: list[Entry]) -> list[Patch]:
     meaning = {
         REPAIRED_COLOUR: "reported: what it leaves is noise, by every test",
-        SUITING_COLOUR: "leaves no more than noise would, but another is better",
+        SUITING_COLOUR: "its sum of squares is like noise, but others are better",
         CONTRADICTED_COLOUR: "the recordings contradict it",
         BASE_COLOUR: "base model, nothing added",
     }
