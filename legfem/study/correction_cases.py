@@ -21,6 +21,7 @@ from legfem.experiments.indentation_3d import (
     IdealisedLegIndentation,
     IdealisedLegSettings,
 )
+from legfem.identify.forward import code_fingerprint
 from legfem.materials import Hyperelastic, NeoHookean, ReducedPolynomial
 from legfem.meshing.idealised_leg import IdealisedLeg
 from legfem.places import Skin
@@ -70,6 +71,7 @@ class Case:
     def key(self) -> str:
         """Hash of all that the outcome depends on."""
         given = asdict(replace(self, settings=replace(self.settings, linear=_ANY_SOLVER)))
+        given["code"] = code_fingerprint()
         return hashlib.sha256(json.dumps(given, sort_keys=True).encode()).hexdigest()[:16]
 
 
