@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,22 +13,30 @@ from legfem.diagnose.mechanisms import Mechanism
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.score import Assessment, assess
 
-ADEQUATE = 0.01
+ADEQUATE = 0.004
 """p-value below which a model's residual is called misfit."""
 BIC_MARGIN = 6.0
 """Difference of the criterion below which models aren't told apart (Raftery's strong evidence)."""
-PAIRS_FROM = 6
+CONFIRMED = 4
+"""So many of the best refits at most are confirmed by full solutions."""
+PAIRS_FROM = 3
 """So many of the best single mechanisms are tried in pairs."""
 MISMATCH = 0.02
 """p-value of the base model below which there is a mismatch."""
+
+type Confirm = Callable[[Problem, Fit], tuple[Problem, Fit, bool]]
+"""Refits about a full solution: the problem shifted to it, the refit, and whether it was made."""
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
     """A model with mechanisms, refitted and assessed."""
 
+    problem: Problem
     fit: Fit
     assessment: Assessment
+    confirmed: bool
+    """Whether a full solution stands behind the refit."""
 
     @property
     def adequate(self) -> bool:
@@ -54,11 +61,17 @@ class Choice:
         return self.base.assessment.p_value < MISMATCH
 
 
+def unconfirmed(problem: Problem, fitted: Fit) -> tuple[Problem, Fit, bool]:
+    """Return a refit as it is, where there is no full model."""
+    return problem, fitted, False
+
+
 def choose(
     problem: Problem,
     base: Fit,
     mechanisms: Sequence[Mechanism],
     seed: int = 0,
+    confirm: Confirm = unconfirmed,
 ) -> Choice:
     """Choose the mechanisms that the data ask for, one, then two at a time.
 
@@ -72,63 +85,66 @@ def choose(
         Those that the data can show.
     seed
         Of the draws behind p-values.
+    confirm
+        Refits about a full solution, before a model is judged: an emulated response is not exact
+        where the effect is strong.
     """
-    first = Candidate(base, assess(problem, base, mechanisms, seed))
+    first = Candidate(problem, base, assess(problem, base, mechanisms, seed), True)
     if first.assessment.p_value >= MISMATCH:
         return Choice(first, first, (), (base,))
+
+    def judged(candidates: Sequence[tuple[Problem, Fit]]) -> list[Candidate]:
+        found = []
+        for own, fitted in candidates:
+            shifted, refit, made = confirm(own, fitted)
+            others = [m for m in mechanisms if m.name not in refit.names]
+            found.append(Candidate(shifted, refit, assess(shifted, refit, others, seed), made))
+        return sorted(found, key=lambda c: (not c.adequate, c.fit.bic))
+
     singles = sorted((fit(problem, [m], base.values) for m in mechanisms), key=lambda f: f.bic)
-    tried = [*singles]
-    best = _assessed(problem, singles[0], mechanisms, seed)
-    pool = singles
-    if not best.adequate or _more_asked(best):
-        pairs = _pairs(problem, singles)
-        tried += pairs
-        if pairs and pairs[0].bic < best.fit.bic - BIC_MARGIN:
-            best, pool = _assessed(problem, pairs[0], mechanisms, seed), pairs
-    near = [
-        _assessed(problem, other, mechanisms, seed)
-        for other in pool
-        if other.names != best.fit.names and other.bic < best.fit.bic + BIC_MARGIN
-    ]
-    alternatives = tuple(c for c in near if c.adequate) if best.adequate else ()
+    near = judged([(problem, single) for single in _leading(base, singles)])
+    tried = [*(c.fit for c in near), *singles[len(near) :]]
+    if not near[0].adequate:
+        pairs = _pairs(near[:PAIRS_FROM], singles)
+        tried += [found for _, found in pairs]
+        best_pairs = _leading(base, [found for _, found in pairs])
+        pairs_near = judged([(own, f) for own, f in pairs if f in best_pairs])
+        if pairs_near and pairs_near[0].fit.bic < near[0].fit.bic - BIC_MARGIN:
+            near = pairs_near
+    best = near[0]
+    alternatives = tuple(
+        c
+        for c in near[1:]
+        if best.adequate and c.adequate and c.fit.bic < best.fit.bic + BIC_MARGIN
+    )
     return Choice(first, best, alternatives, tuple(sorted(tried, key=lambda f: f.bic)))
 
 
-def _more_asked(candidate: Candidate) -> bool:
-    return candidate.assessment.p_value < 0.1
+def _leading(base: Fit, found: Sequence[Fit]) -> list[Fit]:
+    """Return the refits that a full solution might put first, of those sorted by criterion."""
+    gained = max(base.bic - found[0].bic, 0.0)
+    margin = max(BIC_MARGIN, 0.1 * gained)
+    return [f for f in found if f.bic < found[0].bic + margin][:CONFIRMED]
 
 
-def _assessed(
-    problem: Problem, found: Fit, mechanisms: Sequence[Mechanism], seed: int
-) -> Candidate:
-    others = [m for m in mechanisms if m.name not in found.names]
-    return Candidate(found, assess(problem, found, others, seed))
+def _pairs(leading: Sequence[Candidate], singles: Sequence[Fit]) -> list[tuple[Problem, Fit]]:
+    """Return fits of leading single mechanisms with each other one, started from both."""
+    pairs: dict[frozenset[str], tuple[Problem, Fit]] = {}
+    for one in leading:
+        for other in singles:
+            names = frozenset([*one.fit.names, *other.names])
+            if len(names) < 2 or names in pairs:
+                continue
+            shapes = {key: value for key, value in other.values.items() if "." in key}
+            start = {**one.fit.values, **_halved(shapes, other)}
+            both = [*one.fit.mechanisms, *other.mechanisms]
+            pairs[names] = (one.problem, fit(one.problem, both, start))
+    return sorted(pairs.values(), key=lambda pair: pair[1].bic)
 
 
-def _pairs(problem: Problem, singles: Sequence[Fit]) -> list[Fit]:
-    """Return fits of the best singles with each other mechanism, started from both."""
-    by_name = {single.names[0]: single for single in singles}
-    wanted = {
-        tuple(sorted((a.names[0], b.names[0])))
-        for a in singles[:PAIRS_FROM]
-        for b in singles
-        if a is not b
-    }
-    order = [single.names[0] for single in singles]
-    pairs = []
-    for one, two in combinations(order, 2):
-        if tuple(sorted((one, two))) not in wanted:
-            continue
-        a, b = by_name[one], by_name[two]
-        shapes = {key: value for part in (a, b) for key, value in part.values.items() if "." in key}
-        start = {**a.values, **_halved(shapes, (a, b))}
-        pairs.append(fit(problem, [*a.mechanisms, *b.mechanisms], start))
-    return sorted(pairs, key=lambda f: f.bic)
-
-
-def _halved(values: dict[str, float], parts: Sequence[Fit]) -> dict[str, float]:
+def _halved(values: Mapping[str, float], single: Fit) -> dict[str, float]:
     """Return the values with strengths halved: two share what each explained alone."""
-    strengths = {f"{m.name}.{m.parameters[0].name}" for part in parts for m in part.mechanisms}
+    strengths = {f"{m.name}.{m.parameters[0].name}" for m in single.mechanisms}
     return {key: value / 2 if key in strengths else value for key, value in values.items()}
 
 

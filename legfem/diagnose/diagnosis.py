@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -16,7 +17,6 @@ from legfem.diagnose.mechanisms import MECHANISMS, Mechanism
 from legfem.diagnose.noise import ErrorModel, estimate_errors
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.predict import LawName, Predictor
-from legfem.diagnose.score import assess
 from legfem.diagnose.solved import SolvedResponses
 from legfem.diagnose.variants import SolutionStoppedError
 from legfem.progress import Progress
@@ -24,7 +24,7 @@ from legfem.recording import Instrument
 
 Verdict = Literal["consistent", "named", "ambiguous", "unexplained"]
 _STARTS_KPA = ((0.4, 0.2), (1.0, 0.8), (2.0, 3.0))
-_CONFIRMATIONS = 2
+_CONFIRMATIONS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +33,11 @@ class Repaired:
 
     candidate: Candidate
     held_out: HeldOut
-    confirmed: bool
-    """Whether finite elements have confirmed the emulated prediction."""
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether finite elements have confirmed the emulated prediction."""
+        return self.candidate.confirmed
 
     @property
     def fit(self) -> Fit:
@@ -101,12 +104,11 @@ def diagnose(
     errors = estimate_errors(observed, instrument)
     problem = Problem(Predictor(observed, library, law), errors)
     progress.stage("fitting the base model")
+    made = solved.solutions if solved is not None else 0
     base, problem, error = _base_fit(problem, solved)
     progress.stage(f"testing {len(able)} mechanisms")
-    choice = choose(problem, base, able, seed)
-    made = solved.solutions if solved is not None else 0
-    progress.stage("confirming by full solutions")
-    models = _confirmed(problem, choice, able, solved, seed) if choice.mismatch else ()
+    choice = choose(problem, base, able, seed, partial(_confirmed, solved))
+    models = _repaired(choice)
     verdict = _verdict(choice, models)
     best = models[0].fit if models else choice.best.fit
     return Diagnosis(
@@ -121,7 +123,7 @@ def diagnose(
         choice.tried,
         untested,
         _located(choice, models, errors),
-        (solved.solutions if solved is not None else 0) - made + (solved is not None),
+        (solved.solutions if solved is not None else 0) - made,
         error,
     )
 
@@ -156,34 +158,32 @@ def _offset(predictor: Predictor, fitted: Fit, solved: SolvedResponses) -> np.nd
 
 
 def _confirmed(
-    problem: Problem,
-    choice: Choice,
-    able: Sequence[Mechanism],
-    solved: SolvedResponses | None,
-    seed: int,
-) -> tuple[Repaired, ...]:
-    """Refit the chosen models about full solutions, and keep those that still suit."""
-    if not choice.best.adequate:
+    solved: SolvedResponses | None, problem: Problem, fitted: Fit
+) -> tuple[Problem, Fit, bool]:
+    """Refit about full solutions, until the refit stays where it was."""
+    if solved is None:
+        return problem, fitted, False
+    confirmed = False
+    for _ in range(_CONFIRMATIONS):
+        offset = _offset(problem.predictor, fitted, solved)
+        if offset is None:
+            break
+        problem = problem.corrected(offset)
+        before = fitted.prediction
+        fitted = fit(problem, fitted.mechanisms, fitted.values)
+        confirmed = True
+        if np.abs(fitted.prediction - before).max() < 0.25 * np.median(problem.errors.trial_sd):
+            break
+    return problem, fitted, confirmed
+
+
+def _repaired(choice: Choice) -> tuple[Repaired, ...]:
+    if not (choice.mismatch and choice.best.adequate):
         return ()
-    found = []
-    for candidate in (choice.best, *choice.alternatives):
-        own, fitted, confirmed = problem, candidate.fit, False
-        for _ in range(_CONFIRMATIONS if solved is not None else 0):
-            assert solved is not None
-            offset = _offset(own.predictor, fitted, solved)
-            if offset is None:
-                break
-            own = own.corrected(offset)
-            before = fitted.prediction
-            fitted = fit(own, fitted.mechanisms, fitted.values)
-            confirmed = True
-            if np.abs(fitted.prediction - before).max() < 0.25 * np.median(own.errors.trial_sd):
-                break
-        others = [m for m in able if m.name not in fitted.names]
-        again = Candidate(fitted, assess(own, fitted, others, seed))
-        if again.adequate:
-            found.append(Repaired(again, held_out(own, fitted), confirmed))
-    return tuple(sorted(found, key=lambda model: model.fit.bic))
+    return tuple(
+        Repaired(candidate, held_out(candidate.problem, candidate.fit))
+        for candidate in (choice.best, *choice.alternatives)
+    )
 
 
 def _verdict(choice: Choice, models: Sequence[Repaired]) -> Verdict:

@@ -32,13 +32,15 @@ from legfem.progress import Progress
 from legfem.units import FloatArray
 from legfem.workers import Workers
 
-C10_KPA = (0.25, 3.0)
+C10_KPA = (0.28, 2.8)
 STIFFENING = (0.0, 1.6)
 """Range of ln(1 + C20 / C10)."""
 ELASTIC_POINTS = (5, 3)
 """Of the elastic table, along ln C10 and ln(1 + C20 / C10)."""
-MECHANISM_POINTS = (2, 2)
-"""Of the mechanisms' tables."""
+ELASTIC_CHANGE_POINTS = (3, 3)
+"""Of the tables of mechanisms that displacement alone tells of."""
+PATH_CHANGE_POINTS = (2, 2)
+"""Of the tables of mechanisms with time or history."""
 
 type Point = tuple[float, float]
 
@@ -75,8 +77,8 @@ class Table:
         if len(self.points) < 4:
             return np.ones(1)
         terms = [1.0, x, q, x * q]
-        if len(self.points) > 10:
-            terms += [x * x, q * q, x * x * q, x * q * q, x**3]
+        if len(self.points) > 8:
+            terms += [x * x, q * q, x * x * q, x * q * q]
         return np.array(terms)
 
     def __call__(self, c10: float, c20: float) -> FloatArray:
@@ -91,10 +93,9 @@ class Library:
 
     grid: FloatArray
     elastic: Emulator
-    derivatives: Mapping[str, Table]
-    """Of ln F by a parameter (proportional mechanisms) or per unit of the strength, at the grid."""
     changes: Mapping[tuple[str, str], Table]
-    """Relative changes by mechanism and protocol: (points, shapes and strengths, stations)."""
+    """Along a path: relative changes by mechanism and protocol, (points, shapes or strengths,
+    stations); else logarithms of the forces' ratio by mechanism, (points, strengths, grid)."""
     correction: TabulatedCorrection | None = None
     missing: Mapping[str, str] = field(default_factory=dict)
     """Mechanisms that have no table, and why."""
@@ -116,29 +117,17 @@ class Library:
         """Return what a mechanism adds to the elastic force, over that force; (n,)."""
         if isinstance(mechanism, EndEffects):
             return end_effect(self.correction, values, c10, c20, observed)
-        if mechanism.derivative is not None:
-            return self._by_derivative(mechanism, values, c10, c20, observed)
+        if not mechanism.along_path:
+            change = self._tabulated(mechanism, values, self.changes[mechanism.name, ""](c10, c20))
+            return np.asarray(
+                CubicSpline(self.grid, change)(np.maximum(observed.displacement, self.grid[0]))
+            )
         return observed.spread(
             [
                 self._tabulated(mechanism, values, self.changes[mechanism.name, s.key](c10, c20))
                 for s in observed.protocols
             ]
         )
-
-    def _by_derivative(
-        self,
-        mechanism: TissueMechanism,
-        values: Values,
-        c10: float,
-        c20: float,
-        observed: Observations,
-    ) -> FloatArray:
-        strength = values[mechanism.parameters[0].name]
-        slope = CubicSpline(self.grid, self.derivatives[mechanism.name](c10, c20))
-        by = slope(np.maximum(observed.displacement, self.grid[0]))
-        if mechanism.proportional:
-            return np.asarray((1.0 + strength) ** by - 1.0)
-        return np.asarray(strength * by)
 
     def _tabulated(
         self, mechanism: TissueMechanism, values: Values, table: FloatArray
@@ -148,14 +137,20 @@ class Library:
             logs = np.log(mechanism.TIMES_S)
             at = np.clip(np.log(values["relaxation_time"]), logs[0] - 0.7, logs[-1] + 0.7)
             return strength * CubicSpline(logs, table, bc_type="natural")(at)
-        nodes = np.array([0.0, *mechanism.strengths])
-        responses = np.vstack([np.zeros(table.shape[1]), table])
+        nodes = _coordinate(mechanism, np.array([0.0, *mechanism.strengths]))
+        at = float(_coordinate(mechanism, np.array(strength)))
+        rows = np.vstack([np.zeros(table.shape[1]), table])
         order = np.argsort(nodes)
-        inside = float(np.clip(strength, nodes.min(), nodes.max()))
-        found = PchipInterpolator(nodes[order], responses[order])(inside)
-        if inside != strength and inside != 0.0:
-            found = found * strength / inside
-        return np.asarray(found)
+        inside = float(np.clip(at, nodes.min(), nodes.max()))
+        found = PchipInterpolator(nodes[order], rows[order])(inside)
+        if inside != at and inside != 0.0:
+            found = found * at / inside
+        return np.asarray(found if mechanism.along_path else np.expm1(found))
+
+
+def _coordinate(mechanism: TissueMechanism, strength: FloatArray) -> FloatArray:
+    """Return what responses are smooth in: the logarithm of a stiffness, else the strength."""
+    return np.asarray(np.log1p(strength) if mechanism.proportional else strength)
 
 
 @dataclass(frozen=True)
@@ -177,12 +172,15 @@ def _work(
     try:
         if task.kind == "elastic":
             return solved.elastic(*task.point)
-        assert task.mechanism is not None and task.stations is not None
+        assert task.mechanism is not None
+        solution = task.mechanism.solution(
+            {p.name: task.strength for p in task.mechanism.parameters}
+        )
+        if task.stations is None:
+            return {"change": coarse.elastic_change(solution, *task.point)}
         if task.kind == "relaxation":
             return coarse.relaxation(task.stations, *task.point)
-        solution = task.mechanism.solution({task.mechanism.parameters[0].name: task.strength})
-        along = task.mechanism.along_path
-        return {"change": coarse.change_at(solution, along, task.stations, *task.point)}
+        return {"change": coarse.path_change(solution, task.stations, *task.point)}
     except SolutionStoppedError:
         return None
 
@@ -243,16 +241,17 @@ def build_library(
         for task, outcome in workers.run(tasks):
             found[numbers[id(task)]] = outcome
             progress.advance(_line(task, outcome))
-    return _assembled(solved, tissue, tasks, [found[k] for k in range(len(tasks))], correction)
+    return _assembled(
+        solved, observed, tissue, tasks, [found[k] for k in range(len(tasks))], correction
+    )
 
 
 def _tasks(observed: Observations, tissue: Sequence[TissueMechanism]) -> list[_Task]:
     tasks = [_Task("elastic", point) for point in table_points(ELASTIC_POINTS)]
     for mechanism in tissue:
-        if mechanism.derivative is not None:
-            continue
-        for stations in observed.protocols:
-            for point in table_points((1, 1) if mechanism.costly else MECHANISM_POINTS, 0.15):
+        where = observed.protocols if mechanism.along_path else (None,)
+        for stations in where:
+            for point in _change_points(mechanism):
                 if isinstance(mechanism, Viscoelasticity):
                     # One solution tells of both tissues.
                     if mechanism.region == "deep":
@@ -265,6 +264,14 @@ def _tasks(observed: Observations, tissue: Sequence[TissueMechanism]) -> list[_T
     return tasks
 
 
+def _change_points(mechanism: TissueMechanism) -> list[Point]:
+    if mechanism.costly:
+        return table_points((1, 1))
+    if mechanism.along_path:
+        return table_points(PATH_CHANGE_POINTS, 0.15)
+    return table_points(ELASTIC_CHANGE_POINTS)
+
+
 def _line(task: _Task, outcome: Mapping[str, FloatArray] | None) -> str:
     what = "elastic" if task.mechanism is None else task.mechanism.name
     at = "" if task.stations is None else f", {task.stations.label}"
@@ -274,6 +281,7 @@ def _line(task: _Task, outcome: Mapping[str, FloatArray] | None) -> str:
 
 def _assembled(
     solved: SolvedResponses,
+    observed: Observations,
     tissue: Sequence[TissueMechanism],
     tasks: Sequence[_Task],
     outcomes: Sequence[Mapping[str, FloatArray] | None],
@@ -292,25 +300,17 @@ def _assembled(
     c10, c20 = (np.array(values) for values in zip(*points, strict=True))
     force = column("force")
     samples = Samples(c10, c20, force, column("deep.C10") / 1e3, column("deep.C20") / 1e3)
-    derivatives, missing = {}, {}
-    for mechanism in tissue:
-        if mechanism.derivative is None:
-            continue
-        unit = solved.unit_of(mechanism)
-        derivatives[mechanism.name] = Table(
-            points, unit * column(mechanism.derivative) / np.maximum(force, 1e-9)
-        )
+    missing: dict[str, str] = {}
     changes: dict[tuple[str, str], Table] = {}
     for mechanism in tissue:
-        if mechanism.derivative is not None:
-            continue
-        for key in dict.fromkeys(t.stations.key for t in tasks if t.stations is not None):
+        keys = [s.key for s in observed.protocols] if mechanism.along_path else [""]
+        for key in keys:
             table = _change_table(mechanism, key, tasks, outcomes)
             if table is None:
                 missing[mechanism.name] = "its solutions did not follow the protocol to the end"
             else:
                 changes[mechanism.name, key] = table
-    return Library(solved.grid, Emulator(samples, 2), derivatives, changes, correction, missing)
+    return Library(solved.grid, Emulator(samples, 2), changes, correction, missing)
 
 
 def _change_table(
@@ -322,7 +322,7 @@ def _change_table(
     region = mechanism.region if isinstance(mechanism, Viscoelasticity) else None
     rows: dict[Point, list[FloatArray | None]] = {}
     for task, outcome in zip(tasks, outcomes, strict=True):
-        if task.stations is None or task.stations.key != key:
+        if task.kind == "elastic" or ("" if task.stations is None else task.stations.key) != key:
             continue
         if region is not None and task.kind == "relaxation":
             rows[task.point] = [None if outcome is None else outcome[region]]
@@ -332,7 +332,8 @@ def _change_table(
     whole = {p: np.vstack(r) for p, r in rows.items() if all(v is not None for v in r)}  # type: ignore[arg-type]
     if len(whole) < len(rows) or not rows:
         return None
-    return Table(list(whole), np.array(list(whole.values())))
+    values = np.array(list(whole.values()))
+    return Table(list(whole), values if mechanism.along_path else np.log1p(values))
 
 
 def elastic_error(

@@ -2,8 +2,8 @@ r"""What the recordings' forces may err by, before any model is asked.
 
 A trial reads the true force plus white noise, a slow error of the load cell (correlated over time),
 an offset, and the slope dF/dd times a slow error of the displacement sensor (correlated over
-displacement). The model's numerical error, common to all trials, is added. Sizes come from the
-differences between repeats and from the instruments' stated figures.
+displacement). An offset and the model's numerical error, common to all trials, are added. Sizes
+come from the differences between repeats and from the instruments' stated figures.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Noise:
     correlation_time: float
     """s over which the slow error's correlation falls to 1/e."""
     offset_sd: float
-    """Of a trial's zero, N."""
+    """Of a trial's zero, and of the zero that all trials share, N."""
     wander_sd: float
     """Of the displacement sensor's slow error, mm."""
     shift_sd: float
@@ -125,7 +125,8 @@ def error_model(
         trial[np.ix_(here, here)] = _trial_covariance(observed, noise, here)
     apart = np.abs(observed.displacement[:, None] - observed.displacement[None, :])
     size = numerical * np.abs(observed.force)
-    total = trial + np.outer(size, size) * np.exp(-apart / NUMERICAL_LENGTH_MM)
+    total = trial + np.outer(size, size) * np.exp(-0.5 * (apart / NUMERICAL_LENGTH_MM) ** 2)
+    total += noise.offset_sd**2
     total[np.diag_indices_from(total)] += (1e-4 * np.abs(observed.force).max()) ** 2
     return ErrorModel(noise, total, np.sqrt(np.diag(trial)))
 
@@ -141,11 +142,17 @@ def _trial_covariance(observed: Observations, noise: Noise, here: NDArray[np.int
         np.diag(observed.white_variance[here])
         + noise.slow_sd**2 * np.exp(-apart_s / noise.correlation_time)
         + noise.offset_sd**2
-        + noise.wander_sd**2 * both * np.exp(-apart_mm / WANDER_LENGTH_MM)
+        + noise.wander_sd**2 * both * _smooth(apart_mm / WANDER_LENGTH_MM)
         + both * np.outer(jitter, jitter) * np.exp(-apart_mm / 0.5)
         + noise.shift_sd**2 * both
     )
     return result
+
+
+def _smooth(apart: FloatArray) -> FloatArray:
+    """Return Matern's correlation of order 3/2: of an error without sudden changes."""
+    scaled = np.sqrt(3.0) * apart
+    return np.asarray((1 + scaled) * np.exp(-scaled))
 
 
 def _from_repeats(observed: Observations, expected: Noise) -> Noise:

@@ -179,10 +179,7 @@ def observe(
     )
     readings = [read_at(t, protocols[p]) for t, p in zip(trials, protocol_of, strict=True)]
     white = [t.white_force_sd**2 * r.white_leverage for t, r in zip(trials, readings, strict=True)]
-    jitter = [
-        t.jitter_sd**2 * np.array([t.segments[s].leverage for s in protocols[p].segment])
-        for t, p in zip(trials, protocol_of, strict=True)
-    ]
+    jitter = [t.jitter_sd**2 * r.jitter_leverage for t, r in zip(trials, readings, strict=True)]
     return Observations(
         tuple(t.name for t in trials),
         protocols,

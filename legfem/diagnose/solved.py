@@ -28,10 +28,7 @@ from legfem.protocol import Protocol
 from legfem.units import FloatArray, kpa_to_mpa
 
 GRID_STEP_MM = 0.5
-ELASTIC_DERIVATIVES = (
-    "deep.C10", "deep.C20", "deep.C30", "deep.D1", "superficial.C10", "fascia.C10",
-    "fascia.prestress.tension",
-)  # fmt: skip
+ELASTIC_DERIVATIVES = ("deep.C10", "deep.C20")
 TIMELESS = ("slipping",)
 """Models with a history that don't know of time: all rates share their solutions."""
 _SMALLEST_FORCE_N = 1e-6
@@ -104,41 +101,31 @@ class SolvedResponses:
         if isinstance(mechanism, EndEffects):
             return end_effect(self.correction, values, c10, c20, observed)
         solution = mechanism.solution(values)
+        if not mechanism.along_path:
+            change = self.elastic_change(solution, c10, c20)
+            return _at_displacement(self.grid, change, observed.displacement, level=True)
         return observed.spread(
-            [
-                self.change_at(solution, mechanism.along_path, stations, c10, c20)
-                for stations in observed.protocols
-            ]
+            [self.path_change(solution, s, c10, c20) for s in observed.protocols]
         )
 
-    def change_at(
-        self, solution: Solution, along_path: bool, stations: Stations, c10: float, c20: float
+    def elastic_change(self, solution: Solution, c10: float, c20: float) -> FloatArray:
+        """Return the relative change of the elastic force at the grid."""
+        before = np.maximum(self.curve(c10, c20), _SMALLEST_FORCE_N)
+        return self._ramp(c10, c20, solution) / before - 1.0
+
+    def path_change(
+        self, solution: Solution, stations: Stations, c10: float, c20: float
     ) -> FloatArray:
         """Return the relative change at a protocol's stations (m,)."""
         # A porous leg has another formulation: compared with itself, its own error cancels.
         porous = solution.variant == "porous"
         null = Solution("porous", dict.fromkeys(solution.parameters, 0.0)) if porous else Solution()
         before = _at_displacement(self.grid, self._ramp(c10, c20, null), stations.displacement)
-        if along_path:
-            protocol, at = stations.protocol, stations.time
-            if solution.variant in TIMELESS:
-                protocol, at = _timeless(stations)
-            changed = self._solve(protocol, at, c10, c20, solution, ())["force"]
-        else:
-            column = self._ramp(c10, c20, solution)
-            changed = _at_displacement(self.grid, column, stations.displacement)
+        protocol, at = stations.protocol, stations.time
+        if solution.variant in TIMELESS:
+            protocol, at = _timeless(stations)
+        changed = self._solve(protocol, at, c10, c20, solution, ())["force"]
         return changed / np.maximum(before, _SMALLEST_FORCE_N) - 1.0
-
-    def unit_of(self, mechanism: TissueMechanism) -> float:
-        """Return what a mechanism's derivative is to be multiplied by.
-
-        By the parameter itself where the strength scales it, else by the parameter's unit in the
-        model (MPa) over the strength's (kPa).
-        """
-        if not mechanism.proportional:
-            return kpa_to_mpa(1.0)
-        region, _, name = str(mechanism.derivative).partition(".")
-        return float(getattr(getattr(self.variants.tissues, region), name))
 
     def relaxation(self, stations: Stations, c10: float, c20: float) -> Columns:
         """Return the relative change per unit ratio by region; (relaxation times, stations)."""
@@ -250,6 +237,11 @@ def _timeless(stations: Stations) -> tuple[Protocol, FloatArray]:
     return Protocol(tuple(time), given.displacement), np.interp(stations.time, given.time, time)
 
 
-def _at_displacement(grid: FloatArray, force: FloatArray, at: FloatArray) -> FloatArray:
-    spline = CubicSpline(np.concatenate([[0.0], grid]), np.concatenate([[0.0], force]))
+def _at_displacement(
+    grid: FloatArray, values: FloatArray, at: FloatArray, level: bool = False
+) -> FloatArray:
+    """Interpolate from the grid; towards zero to nothing, or level from the first point on."""
+    if level:
+        return np.asarray(CubicSpline(grid, values)(np.maximum(at, grid[0])))
+    spline = CubicSpline(np.concatenate([[0.0], grid]), np.concatenate([[0.0], values]))
     return np.asarray(spline(np.maximum(at, 0.0)))

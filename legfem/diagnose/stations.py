@@ -41,7 +41,7 @@ class Segment:
     """mm after first contact, smoothed over time."""
     force: FloatArray
     """N above the baseline."""
-    leverage: float
+    leverage: FloatArray
     """Variance of the smoothed displacement over that of one reading."""
 
     @property
@@ -51,8 +51,8 @@ class Segment:
 
     @property
     def rate(self) -> float:
-        """Mean speed, mm/s; negative in unloading."""
-        return float((self.displacement[-1] - self.displacement[0]) / self.duration)
+        """Speed by a straight line, mm/s; negative in unloading."""
+        return float(np.polyfit(self.time, self.displacement, 1)[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,10 +126,11 @@ def cut_trial(recording: Recording, contact: Contact) -> Trial:
         phase = str(labels[start])
         if phase == AIR or end - start < _SHORTEST_SEGMENT:
             continue
-        part = slice(start, end)
+        # The corners between phases are known to a sample or so.
+        part = slice(start + (start > 0), end - (end < len(labels)))
         time, raw = recording.time[part], recording.displacement[part]
         smooth, leverage = (
-            (np.full_like(raw, raw.mean()), np.array([1.0 / len(raw)]))
+            (np.full_like(raw, raw.mean()), np.full_like(raw, 1.0 / len(raw)))
             if phase == HOLD
             else smooth_displacement(time, raw)
         )
@@ -138,9 +139,7 @@ def cut_trial(recording: Recording, contact: Contact) -> Trial:
             speed = (smooth[-1] - smooth[0]) / (time[-1] - time[0])
             start_time = float(time[0] - max(smooth[0], 0.0) / max(speed, 1e-9))
         force = recording.force[part] - contact.baseline
-        segments.append(
-            Segment(phase, time - start_time, smooth, force, float(np.median(leverage)))
-        )
+        segments.append(Segment(phase, time - start_time, smooth, force, leverage))
     if not segments or segments[0].phase != LOADING:
         raise InputError(
             recording.source or recording.trial, "displacement_mm",
@@ -213,14 +212,19 @@ def stations_of(trials: Sequence[Trial]) -> Stations:
         else:
             rate = float(f"{np.mean([abs(part.rate) for part in parts]):.2g}")
             if phase == LOADING:
-                end = depth
+                end = last = depth
+                count = LOADING_STATIONS
             else:
-                end = max(0.0, round(max(float(part.displacement[-1]) for part in parts), 1))
+                # Near lift-off recordings end anywhere; down to a quarter of the depth they don't.
+                seen = max(float(part.displacement[-1]) for part in parts)
+                last = max(0.25 * depth, 0.05 * depth * np.ceil(seen / (0.05 * depth) - 0.2))
+                end = 0.0 if seen < 0.25 * depth else last
+                count = UNLOADING_STATIONS
             duration = abs(end - before) / rate
             times.append(times[-1] + duration)
             displacements.append(end)
-            count = LOADING_STATIONS if phase == LOADING else UNLOADING_STATIONS
-            fraction = (np.arange(count) + (1.0 if phase == LOADING else 0.5)) / count
+            way = (last - before) / (end - before)
+            fraction = way * (np.arange(count) + (1.0 if phase == LOADING else 0.5)) / count
             d = before + fraction * (end - before)
             t = times[-2] + fraction * duration
         phases += [phase] * len(d)
@@ -239,11 +243,13 @@ class Readings:
     """N."""
     white_leverage: FloatArray
     """Variance of ``force`` over that of one reading's white noise."""
+    jitter_leverage: FloatArray
+    """Variance of the smoothed displacement there over that of one reading."""
 
 
 def read_at(trial: Trial, stations: Stations) -> Readings:
     """Bring a trial to stations, by straight lines fitted to the samples round each."""
-    force, leverage = np.empty(len(stations.time)), np.empty(len(stations.time))
+    force, leverage, jitter = (np.empty(len(stations.time)) for _ in range(3))
     starts = stations.protocol.time
     for number, segment in enumerate(trial.segments):
         here = stations.segment == number
@@ -254,10 +260,12 @@ def read_at(trial: Trial, stations: Stations) -> Readings:
                     segment.time - segment.time[0], segment.force, np.array([at]), 0.15 * at, 5
                 )
                 force[k], leverage[k] = line.value[0], line.leverage[0]
+            jitter[here] = segment.leverage[0]
             continue
         d = stations.displacement[here]
         order = np.argsort(segment.displacement, kind="stable")
         half = 0.5 * abs(float(np.median(np.diff(d))))
         line = local_line(segment.displacement[order], segment.force[order], d, half)
         force[here], leverage[here] = line.value, line.leverage
-    return Readings(force, leverage)
+        jitter[here] = np.interp(d, segment.displacement[order], segment.leverage[order])
+    return Readings(force, leverage, jitter)

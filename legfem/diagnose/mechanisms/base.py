@@ -99,14 +99,12 @@ class TissueMechanism(Mechanism):
 
     along_path: ClassVar[bool] = False
     """Whether the response depends on time or history, not on displacement alone."""
-    derivative: ClassVar[str | None] = None
-    """Parameter of the elastic model whose exact derivative gives the response."""
     proportional: ClassVar[bool] = False
-    """Whether the strength scales that parameter (else it is added to it)."""
+    """Whether the strength is a relative change, from -1 on."""
     costly: ClassVar[bool] = False
     """Whether its solutions take so long that one stiffness stands for all in the table."""
     strengths: ClassVar[tuple[float, ...]] = ()
-    """Where the response is tabulated when no derivative gives it."""
+    """Where the response is tabulated, beside the null."""
 
     def solution(self, values: Values) -> Solution:
         """Return the solution that shows the mechanism at values."""

@@ -47,7 +47,7 @@ class SupportCompliance(Mechanism):
         "the leg's support or the rig gave way: bones and frame moved with the force"
     )
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("compliance", "mm/N", "displacement per force", 0.0, 1.0, start=0.1),
+        Parameter("compliance", "mm/N", "displacement per force", 0.0, 2.0, start=0.1),
     )
     next_experiment: ClassVar[str] = (
         "measure the shin's displacement during the test, or press a rigid block on the same rig"

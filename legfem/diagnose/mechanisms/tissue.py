@@ -26,7 +26,7 @@ class StrainStiffening(TissueMechanism):
                   start=0.3),
     )  # fmt: skip
     next_experiment: ClassVar[str] = "press deeper, or with a smaller indenter: larger strains"
-    derivative: ClassVar[str | None] = "deep.C30"
+    strengths: ClassVar[tuple[float, ...]] = (0.3, 1.2, 4.0)
 
     def solution(self, values: Values) -> Solution:
         """Return the law with its third coefficient."""
@@ -42,10 +42,10 @@ class Compressibility(TissueMechanism):
         "the deep tissue loses or keeps more volume than the compressibility given says"
     )
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("excess", "-", "relative change of D1", -0.9, 30.0, start=2.0),
+        Parameter("excess", "-", "relative change of D1", -0.9, 60.0, start=2.0),
     )
     next_experiment: ClassVar[str] = "image the section under load and measure how its area changes"
-    derivative: ClassVar[str | None] = "deep.D1"
+    strengths: ClassVar[tuple[float, ...]] = (-0.6, 2.0, 8.0, 25.0)
     proportional: ClassVar[bool] = True
 
     def solution(self, values: Values) -> Solution:
@@ -64,7 +64,7 @@ class FasciaStiffness(TissueMechanism):
                   start=2.0),
     )  # fmt: skip
     next_experiment: ClassVar[str] = "measure the fascia by shear-wave elastography"
-    derivative: ClassVar[str | None] = "fascia.C10"
+    strengths: ClassVar[tuple[float, ...]] = (-0.8, 2.0, 8.0, 25.0)
     proportional: ClassVar[bool] = True
 
     def solution(self, values: Values) -> Solution:
@@ -84,7 +84,7 @@ class SuperficialStiffness(TissueMechanism):
     next_experiment: ClassVar[str] = (
         "press gently with a small tip (2 mm deep), or image the fat's thickness under load"
     )
-    derivative: ClassVar[str | None] = "superficial.C10"
+    strengths: ClassVar[tuple[float, ...]] = (-0.6, 0.7, 2.5, 7.0)
     proportional: ClassVar[bool] = True
 
     def solution(self, values: Values) -> Solution:
@@ -104,7 +104,7 @@ class Prestress(TissueMechanism):
     next_experiment: ClassVar[str] = (
         "measure the pressure in the compartment at rest, or shear-wave speeds along the fascia"
     )
-    derivative: ClassVar[str | None] = "fascia.prestress.tension"
+    strengths: ClassVar[tuple[float, ...]] = (20.0, 100.0, 300.0)
 
     def solution(self, values: Values) -> Solution:
         """Return the model with the tension."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -12,7 +12,7 @@ from legfem.protocol import Protocol
 from legfem.recording import Instrument
 
 DEPTH_MM, SLOW, FAST, HOLD_S = 19.0, 0.4, 2.0, 60.0
-SAMPLING_HZ = 10.0
+SAMPLING_HZ = 20.0
 LAWS: Mapping[str, str] = {
     "1": "reduced-polynomial", "2": "neo-hookean", "3": "reduced-polynomial",
 }  # fmt: skip
@@ -30,15 +30,15 @@ STRENGTHS: Mapping[str, tuple[float, float]] = {
     "viscoelasticity": (0.02, 0.2),
     "superficial-viscoelasticity": (0.1, 0.6),
     "poroelastic-drainage": (4.0, 40.0),
-    "compressibility": (4.0, 12.0),
+    "compressibility": (8.0, 25.0),
     "contact-onset": (0.25, 0.9),
-    "support-compliance": (0.2, 0.5),
+    "support-compliance": (0.35, 0.8),
     "force-drift": (0.001, 0.01),
     "muscle-contraction": (0.02, 0.15),
     "preconditioning": (0.03, 0.15),
-    "fascia-stiffness": (3.0, 12.0),
+    "fascia-stiffness": (5.0, 20.0),
     "superficial-stiffness": (0.6, 2.0),
-    "prestress": (60.0, 200.0),
+    "prestress": (80.0, 250.0),
 }
 """Range of each mechanism's strength, in its own unit; drawn evenly in its logarithm.
 
@@ -57,6 +57,8 @@ PAIRS = (
 )
 OUTSIDE = ("ripple", "drop", "clipping", "leg-shift")
 """Effects that no mechanism of the library describes; see `legfem.study.concealed.truth`."""
+TWINS = 0.25
+"""Twins over cases: single effects recorded once more."""
 SHARES: Mapping[Kind, float] = {"none": 0.15, "single": 0.55, "pair": 0.15, "outside": 0.15}
 
 
@@ -78,6 +80,8 @@ class Case:
     outside: tuple[tuple[str, float], ...]
     """Effects outside the library with their sizes."""
     noise_seed: int
+    twin_of: int | None = None
+    """Number of the case whose physics it repeats with other noise."""
 
     @property
     def name(self) -> str:
@@ -112,7 +116,7 @@ def protocols_of(name: ProtocolName) -> list[Protocol]:
 
 
 def make_cases(number: int, seed: int, mechanisms: Sequence[str] = tuple(STRENGTHS)) -> list[Case]:
-    """Return cases: none, single effects, pairs, effects outside the library, shuffled."""
+    """Return cases: none, single effects, pairs, effects outside the library, shuffled; and twins."""
     generator = np.random.default_rng([seed, 20])
     counts = {kind: round(share * number) for kind, share in SHARES.items()}
     counts["single"] += number - sum(counts.values())

@@ -27,7 +27,7 @@ class Maker:
     folder: Path
     """Of the truth's solutions."""
     seed: int
-    correction: TabulatedCorrection | None
+    correction: TabulatedCorrection
     _legs: dict[tuple[str, str], tuple[Subject, SolvedResponses]] = field(
         default_factory=dict, repr=False
     )

@@ -29,8 +29,9 @@ def scored_document(scored: Sequence[Scored], summary: Summary) -> dict[str, Any
     }
 
 
-def page(scored: Sequence[Scored], summary: Summary) -> str:
-    """Return the page in Markdown."""
+def page(everything: Sequence[Scored], summary: Summary) -> str:
+    """Return the page in Markdown; twins aren't listed."""
+    scored = [s for s in everything if s.case.twin_of is None]
     return "\n\n".join([_summary(scored, summary), _confusion(scored), _cases(scored)]) + "\n"
 
 
@@ -56,6 +57,7 @@ def _summary(scored: Sequence[Scored], summary: Summary) -> str:
             for name in ("c10_deep", "c20_deep")
         ),
         ("held-out error within 1.2 times the noise, where named rightly", str(summary.held_out)),
+        ("same first name with other noise on the same physics", str(summary.same_name)),
         ("seconds a diagnosis, median and longest",
          f"{sorted(seconds)[len(seconds) // 2]:.0f}, {max(seconds):.0f}"),
     ]  # fmt: skip

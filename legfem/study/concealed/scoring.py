@@ -191,10 +191,15 @@ class Summary:
     bias_after_named_rightly: dict[str, float]
     held_out: Rate
     """Of those named rightly, within 1.2 times the noise."""
+    same_name: Rate
+    """Of twins, with other noise on the same physics."""
 
 
-def summarise(scored: Sequence[Scored]) -> Summary:
-    """Return the summary of scored cases."""
+def summarise(everything: Sequence[Scored]) -> Summary:
+    """Return the summary of scored cases; twins count for the name's stability alone."""
+    scored = [s for s in everything if s.case.twin_of is None]
+    first = {s.case.number: s for s in scored}
+    twins = [(s, first[s.case.twin_of]) for s in everything if s.case.twin_of in first]
     single = [s for s in scored if s.case.kind == "single"]
     pairs = [s for s in scored if s.case.kind == "pair"]
     none = [s for s in scored if s.case.kind == "none"]
@@ -214,6 +219,7 @@ def summarise(scored: Sequence[Scored]) -> Summary:
         _median_bias(effects, "bias_after"),
         _median_bias(repaired, "bias_after"),
         Rate(sum(s.held_out[1] <= 1.2 * s.held_out[2] for s in repaired), len(repaired)),
+        Rate(sum(a.models[:1] == b.models[:1] for a, b in twins), len(twins)),
     )
 
 

@@ -7,7 +7,7 @@ than the diagnosis uses.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +40,7 @@ GAIN_SD, OFFSET_SD_N = 0.002, 0.008
 
 
 def truth_responses(
-    subject: Subject, depth: float, folder: Path, correction: TabulatedCorrection | None
+    subject: Subject, depth: float, folder: Path, correction: TabulatedCorrection
 ) -> SolvedResponses:
     """Return a leg's responses on the truth's discretisation."""
     from legfem.experiments.plane_strain import tissues_of
@@ -49,7 +49,14 @@ def truth_responses(
     fingerprint = PlaneStrainForward.of_subject(subject, depth, TRUTH_SETTINGS).fingerprint()
     variants = Variants(subject.section, subject.indenter, tissues_of(subject), TRUTH_SETTINGS)
     own = {"model": "truth", "deep": repr(tissues_of(subject).deep)}
-    return SolvedResponses(variants, depth, folder, {**fingerprint, **own}, correction)
+    return SolvedResponses(
+        variants, depth, folder, {**fingerprint, **own}, of_another_leg(correction)
+    )
+
+
+def of_another_leg(correction: TabulatedCorrection) -> TabulatedCorrection:
+    """Return a correction that is off by its own error: nobody knows the leg's effective length."""
+    return replace(correction, values=correction.values + correction.errors["leg length"])
 
 
 def dense_stations(protocol: Protocol) -> Stations:
@@ -131,7 +138,7 @@ def record(truth: Truth, case: Case) -> list[Recording]:
     for k, name in enumerate(truth.observed.trials):
         here = truth.observed.trial == k
         protocol = truth.observed.protocols[truth.observed.protocol_of[k]].protocol
-        time = np.arange(0.0, protocol.duration, 1 / SAMPLING_HZ)
+        time = np.arange(0.0, protocol.duration + 0.5 / SAMPLING_HZ, 1 / SAMPLING_HZ)
         force = force_at(truth, k, time) * gain + zero
         step = 1 / SAMPLING_HZ
         rate = abs(np.gradient(protocol.displacement_at(time), time)).max()

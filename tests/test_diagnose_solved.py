@@ -1,0 +1,106 @@
+"""Responses by finite elements: kept, recalled, tabulated, and nothing at the null."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from making_diagnosis import INSTRUMENT
+
+from legfem.correction import read_correction
+from legfem.diagnose.diagnosis import mechanism_named
+from legfem.diagnose.leg import SHIPPED_CORRECTION
+from legfem.diagnose.library import build_library, testable_mechanisms
+from legfem.diagnose.observations import observe
+from legfem.diagnose.solved import SolvedResponses
+from legfem.diagnose.variants import Variants
+from legfem.progress import Silent
+from legfem.protocol import Protocol
+from legfem.recording import Recording
+from legfem.subject import find_subject, load_subject
+
+DEPTH = 6.0
+SOFT = (0.8, 0.9)
+
+
+@pytest.fixture(scope="module")
+def variants():
+    from legfem.experiments.plane_strain import PlaneStrainSettings, tissues_of
+
+    subject = load_subject(find_subject("3"), need_recordings=False)
+    settings = PlaneStrainSettings()
+    coarse = PlaneStrainSettings(mesh=settings.mesh.refined(0.4))
+    return Variants(subject.section, subject.indenter, tissues_of(subject), coarse)
+
+
+@pytest.fixture(scope="module")
+def observed():
+    recordings = []
+    for rate in (0.4, 2.0):
+        protocol = Protocol.cycle(DEPTH, rate, hold=30.0)
+        time = np.arange(0, protocol.duration, 0.1)
+        force = np.zeros(len(time))
+        recordings.append(Recording(time, protocol.displacement_at(time), force, f"rate{rate:g}"))
+    return observe(recordings, INSTRUMENT, starts_at_contact=True)
+
+
+def responses_in(folder, variants, correction=None):
+    return SolvedResponses(variants, DEPTH + 0.5, folder, {"test": 1}, correction)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "values", "size"),
+    [
+        ("strain-stiffening", {"coefficient": 0.0}, 0.0),
+        ("compressibility", {"excess": 0.0}, 0.0),
+        ("fascia-stiffness", {"excess": 0.0}, 0.0),
+        ("superficial-stiffness", {"excess": 0.0}, 0.0),
+        ("prestress", {"tension": 0.0}, 0.0),
+        ("indenter-tilt", {"angle": 0.0}, 0.0),
+        ("viscoelasticity", {"ratio": 0.0, "relaxation_time": 8.0}, 2e-3),
+        ("poroelastic-drainage", {"permeability": 0.0}, 2e-3),
+        ("contact-slip", {"weakness": 0.0}, 2e-3),
+    ],
+)
+def test_a_mechanism_of_the_tissue_vanishes_at_its_null(
+    name, values, size, variants, observed, tmp_path
+):
+    """Along a path other steps are taken than in a ramp: its numerical error stays, 0.2 %."""
+    change = responses_in(tmp_path, variants).relative_change(
+        mechanism_named(name), values, *SOFT, observed
+    )
+    deep = observed.displacement > 0.3 * DEPTH
+    assert np.abs(change[deep]).max() <= max(size, 1e-9)
+
+
+@pytest.mark.slow
+def test_a_solution_is_made_once(variants, tmp_path):
+    first = responses_in(tmp_path, variants)
+    force = first.curve(*SOFT)
+    assert first.solutions == 1
+    again = responses_in(tmp_path, variants)
+    np.testing.assert_array_equal(again.curve(*SOFT), force)
+    assert again.solutions == 0
+    other = SolvedResponses(variants, DEPTH + 0.5, tmp_path, {"test": 2})
+    assert other._recalled("nothing") is None
+
+
+@pytest.mark.slow
+def test_the_library_stands_in_for_solutions(variants, observed, tmp_path):
+    correction = read_correction(SHIPPED_CORRECTION)
+    solved = responses_in(tmp_path, variants, correction)
+    able, unable = testable_mechanisms(observed, correction)
+    assert "preconditioning" in unable
+    quick = [m for m in able if m.name not in ("contact-slip", "poroelastic-drainage")]
+    library = build_library(solved, solved, observed, quick, correction, 1, Silent())
+    np.testing.assert_allclose(library.curve(*SOFT), solved.curve(*SOFT), rtol=6e-3)
+    for name, values in (
+        ("viscoelasticity", {"ratio": 0.1, "relaxation_time": 8.0}),
+        ("fascia-stiffness", {"excess": 1.0}),
+        ("end-effects", {"scale": 0.7}),
+    ):
+        mechanism = mechanism_named(name)
+        emulated = library.relative_change(mechanism, values, *SOFT, observed)
+        true = solved.relative_change(mechanism, values, *SOFT, observed)
+        deep = observed.displacement > 0.3 * DEPTH
+        assert np.abs(emulated - true)[deep].max() < 0.12 * np.abs(true[deep]).max()
