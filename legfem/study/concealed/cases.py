@@ -116,7 +116,7 @@ def protocols_of(name: ProtocolName) -> list[Protocol]:
 
 
 def make_cases(number: int, seed: int, mechanisms: Sequence[str] = tuple(STRENGTHS)) -> list[Case]:
-    """Return cases: none, single effects, pairs, effects outside the library, shuffled; and twins."""
+    """Return cases without effect, with one, two, or one outside the library; and twins."""
     generator = np.random.default_rng([seed, 20])
     counts = {kind: round(share * number) for kind, share in SHARES.items()}
     counts["single"] += number - sum(counts.values())
@@ -127,7 +127,12 @@ def make_cases(number: int, seed: int, mechanisms: Sequence[str] = tuple(STRENGT
         for kind, turn in zip(kinds, within, strict=True)
     ]
     order = generator.permutation(len(cases))
-    return [Case(**{**cases[k].__dict__, "number": position}) for position, k in enumerate(order)]
+    made = [replace(cases[k], number=position) for position, k in enumerate(order)]
+    singles = [case for case in made if case.kind == "single"][: round(TWINS * number)]
+    return made + [
+        replace(case, number=number + k, noise_seed=case.noise_seed + 1, twin_of=case.number)
+        for k, case in enumerate(singles)
+    ]
 
 
 def _case(
