@@ -1,0 +1,1 @@
+"""Public recordings of meat and phantoms, diagnosed."""
