@@ -11,7 +11,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import groupby
+from itertools import groupby, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from legfem.units import FloatArray
 
 LOADING_STATIONS, HOLD_STATIONS, UNLOADING_STATIONS = 40, 12, 24
 _SHORTEST_SEGMENT = 8
+_CORNER_MM = 0.1
 # Trials whose durations and depths agree this well were driven alike.
 _DURATION_TOLERANCE, _DEPTH_TOLERANCE = 0.06, 0.03
 
@@ -118,7 +119,7 @@ def cut_trial(recording: Recording, contact: Contact) -> Trial:
     InputError
         If there is no loading after contact.
     """
-    labels = split_phases(recording, contact)
+    labels = _without_twitches(split_phases(recording, contact), recording.displacement)
     segments: list[Segment] = []
     edges = np.flatnonzero(np.diff(np.unique(labels, return_inverse=True)[1], prepend=-1))
     start_time = None
@@ -126,8 +127,9 @@ def cut_trial(recording: Recording, contact: Contact) -> Trial:
         phase = str(labels[start])
         if phase == AIR or end - start < _SHORTEST_SEGMENT:
             continue
-        # The corners between phases are known to a sample or so.
-        part = slice(start + (start > 0), end - (end < len(labels)))
+        part = _within_corners(recording, phase, start, end)
+        if part.stop - part.start < _SHORTEST_SEGMENT:
+            continue
         time, raw = recording.time[part], recording.displacement[part]
         smooth, leverage = (
             (np.full_like(raw, raw.mean()), np.full_like(raw, 1.0 / len(raw)))
@@ -152,6 +154,31 @@ def cut_trial(recording: Recording, contact: Contact) -> Trial:
         sample_noise(recording.force),
         sample_noise(recording.displacement),
     )
+
+
+def _without_twitches(labels: NDArray[np.str_], displacement: FloatArray) -> NDArray[np.str_]:
+    """Call a hold what hardly moves between two holds: noise, not motion."""
+    labels = labels.copy()
+    edges = [*np.flatnonzero(labels[1:] != labels[:-1]) + 1, len(labels)]
+    least = max(0.3, 0.02 * float(np.ptp(displacement)))
+    for first, last in pairwise(edges):
+        between_holds = labels[first - 1] == HOLD and last < len(labels) and labels[last] == HOLD
+        if between_holds and abs(displacement[last - 1] - displacement[first]) < least:
+            labels[first:last] = HOLD
+    return labels
+
+
+def _within_corners(recording: Recording, phase: str, start: int, end: int) -> slice:
+    """Return a segment without its ends next to other segments: corners are known roughly only.
+
+    A moving segment loses a tenth of a millimetre there, at least two samples.
+    """
+    cut = 2
+    if phase != HOLD:
+        way = abs(recording.displacement[end - 1] - recording.displacement[start])
+        cut = max(cut, int(np.ceil(_CORNER_MM * (end - start) / max(way, 1e-9))))
+    last = len(recording.time)
+    return slice(start + (cut if start > 0 else 0), end - (cut if end < last else 0))
 
 
 def changes_speed(segment: Segment) -> bool:

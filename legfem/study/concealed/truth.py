@@ -14,6 +14,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 from scipy.signal import lfilter
 
+from legfem.contact_settings import ContactSettings
 from legfem.correction import TabulatedCorrection
 from legfem.diagnose.diagnosis import mechanism_named
 from legfem.diagnose.observations import Observations
@@ -25,11 +26,17 @@ from legfem.protocol import Protocol
 from legfem.recording import Recording
 from legfem.recording.contact import contact_at_start
 from legfem.recording.phases import HOLD
+from legfem.stepping import StepSettings
 from legfem.study.concealed.cases import SAMPLING_HZ, Case, protocols_of
-from legfem.study.planted import TRUTH_SETTINGS
+from legfem.study.planted import TRUTH_SETTINGS as FINE
 from legfem.subject import Subject
 from legfem.units import FloatArray
 
+TRUTH_SETTINGS = replace(
+    FINE,
+    contact=ContactSettings(normal="exponential", stiffness=2000.0, onset=0.02),
+    steps=StepSettings(first=0.15, largest=1.2),
+)
 SLOW_S = 8.0
 """Time over which the load cell's slow error is correlated."""
 WANDER_MM = 4.0
