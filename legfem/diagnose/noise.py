@@ -142,17 +142,11 @@ def _trial_covariance(observed: Observations, noise: Noise, here: NDArray[np.int
         np.diag(observed.white_variance[here])
         + noise.slow_sd**2 * np.exp(-apart_s / noise.correlation_time)
         + noise.offset_sd**2
-        + noise.wander_sd**2 * both * _smooth(apart_mm / WANDER_LENGTH_MM)
+        + noise.wander_sd**2 * both * np.exp(-apart_mm / WANDER_LENGTH_MM)
         + both * np.outer(jitter, jitter) * np.exp(-apart_mm / 0.5)
         + noise.shift_sd**2 * both
     )
     return result
-
-
-def _smooth(apart: FloatArray) -> FloatArray:
-    """Return Matern's correlation of order 3/2: of an error without sudden changes."""
-    scaled = np.sqrt(3.0) * apart
-    return np.asarray((1 + scaled) * np.exp(-scaled))
 
 
 def _from_repeats(observed: Observations, expected: Noise) -> Noise:

@@ -44,11 +44,8 @@ class Segment:
     """N above the baseline."""
     leverage: FloatArray
     """Variance of the smoothed displacement over that of one reading."""
-
-    @property
-    def duration(self) -> float:
-        """Time it lasts, s."""
-        return float(self.time[-1] - self.time[0])
+    duration: float
+    """s, with the ends next to other segments that the arrays leave out."""
 
     @property
     def rate(self) -> float:
@@ -141,7 +138,8 @@ def cut_trial(recording: Recording, contact: Contact) -> Trial:
             speed = (smooth[-1] - smooth[0]) / (time[-1] - time[0])
             start_time = float(time[0] - max(smooth[0], 0.0) / max(speed, 1e-9))
         force = recording.force[part] - contact.baseline
-        segments.append(Segment(phase, time - start_time, smooth, force, leverage))
+        whole = float(recording.time[end - 1] - recording.time[start])
+        segments.append(Segment(phase, time - start_time, smooth, force, leverage, whole))
     if not segments or segments[0].phase != LOADING:
         raise InputError(
             recording.source or recording.trial, "displacement_mm",
@@ -233,7 +231,7 @@ def stations_of(trials: Sequence[Trial]) -> Stations:
             times.append(times[-1] + duration)
             displacements.append(before)
             sampling = float(np.median(np.diff(parts[0].time)))
-            since = np.geomspace(max(3 * sampling, duration / 150), 0.98 * duration, HOLD_STATIONS)
+            since = np.geomspace(max(3 * sampling, duration / 150), 0.97 * duration, HOLD_STATIONS)
             d: FloatArray = np.full(HOLD_STATIONS, before)
             t = times[-2] + since
         else:
@@ -251,7 +249,7 @@ def stations_of(trials: Sequence[Trial]) -> Stations:
             times.append(times[-1] + duration)
             displacements.append(end)
             way = (last - before) / (end - before)
-            fraction = way * (np.arange(count) + (1.0 if phase == LOADING else 0.5)) / count
+            fraction = way * (np.arange(count) + 0.6) / count
             d = before + fraction * (end - before)
             t = times[-2] + fraction * duration
         phases += [phase] * len(d)
