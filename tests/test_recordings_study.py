@@ -71,10 +71,10 @@ def test_the_force_scales_with_c10_and_branches_add_up():
     responses = ball_responses(12.0, 3.0, ball_radius=5.0, layer_radius=20.0)
     soft, stiff = responses.curve(2.0, 0.0), responses.curve(6.0, 0.0)
     np.testing.assert_allclose(stiff, 3 * soft, rtol=1e-12)
-    assert (responses.curve(2.0, 0.5) > soft).all()
-    observed = observe(
-        [_pressed()], Instrument(1e-3, 0.01), starts_at_contact=True
-    )  # to 5 mm, in a ramp and a hold
+    # The spline through the first steps, of up to 0.1 mm, can't tell a strain's stiffening.
+    beyond = responses.grid > 0.5
+    assert (responses.curve(2.0, 0.5) > soft)[beyond].all()
+    observed = observe([_pressed()], Instrument(1e-3, 0.01), starts_at_contact=True)
     one = {"ratio": 0.5, "relaxation_time": 2.0}
     none = {"ratio_2": 0.0, "relaxation_time_2": 5.0}
     single = responses.relative_change(Relaxation(), one, 5.0, 0.0, observed)

@@ -93,7 +93,7 @@ class AxisymmetricSettings:
     contact: ContactSettings | None = None
     newton: NewtonSettings = field(default_factory=NewtonSettings)
     linear: LinearSettings = field(default_factory=LinearSettings)
-    steps: StepSettings = field(default_factory=lambda: StepSettings(largest=0.5))
+    steps: StepSettings = field(default_factory=lambda: StepSettings(first=0.1, largest=0.5))
     formulation: Formulation = "mixed"
     quadrature_degree: int = 4
 
