@@ -17,15 +17,18 @@ ADEQUATE = 0.004
 """p-value below which a model's residual is called misfit."""
 BIC_MARGIN = 6.0
 """Difference of the criterion below which models aren't told apart (Raftery's strong evidence)."""
-CONFIRMED = 4
+CONFIRMED = 3
 """So many of the best refits at most are confirmed by full solutions."""
 PAIRS_FROM = 3
 """So many of the best single mechanisms are tried in pairs."""
 MISMATCH = 0.02
 """p-value of the base model below which there is a mismatch."""
 
-type Confirm = Callable[[Problem, Fit], tuple[Problem, Fit, bool]]
-"""Refits about a full solution: the problem shifted to it, the refit, and whether it was made."""
+type Confirm = Callable[[Problem, Fit, float], tuple[Problem, Fit, bool]]
+"""Refits about a full solution, up to a criterion from which it isn't worth it: the problem shifted
+to it, the refit, and whether it was made."""
+_HOPELESS = 30.0
+"""Difference of the criterion beyond which more full solutions don't help."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +64,7 @@ class Choice:
         return self.base.assessment.p_value < MISMATCH
 
 
-def unconfirmed(problem: Problem, fitted: Fit) -> tuple[Problem, Fit, bool]:
+def unconfirmed(problem: Problem, fitted: Fit, limit: float) -> tuple[Problem, Fit, bool]:
     """Return a refit as it is, where there is no full model."""
     return problem, fitted, False
 
@@ -94,9 +97,11 @@ def choose(
         return Choice(first, first, (), (base,))
 
     def judged(candidates: Sequence[tuple[Problem, Fit]]) -> list[Candidate]:
-        found = []
+        found: list[Candidate] = []
         for own, fitted in candidates:
-            shifted, refit, made = confirm(own, fitted)
+            known = [c.fit.bic for c in found if c.adequate]
+            limit = min(known, default=np.inf) + _HOPELESS
+            shifted, refit, made = confirm(own, fitted, limit)
             others = [m for m in mechanisms if m.name not in refit.names]
             found.append(Candidate(shifted, refit, assess(shifted, refit, others, seed), made))
         return sorted(found, key=lambda c: (not c.adequate, c.fit.bic))

@@ -158,9 +158,9 @@ def _offset(predictor: Predictor, fitted: Fit, solved: SolvedResponses) -> np.nd
 
 
 def _confirmed(
-    solved: SolvedResponses | None, problem: Problem, fitted: Fit
+    solved: SolvedResponses | None, problem: Problem, fitted: Fit, limit: float
 ) -> tuple[Problem, Fit, bool]:
-    """Refit about full solutions, until the refit stays where it was."""
+    """Refit about full solutions, until the refit stays or its criterion is hopeless."""
     if solved is None:
         return problem, fitted, False
     confirmed = False
@@ -172,6 +172,8 @@ def _confirmed(
         before = fitted.prediction
         fitted = fit(problem, fitted.mechanisms, fitted.values)
         confirmed = True
+        if fitted.bic > limit:
+            break
         if np.abs(fitted.prediction - before).max() < 0.25 * np.median(problem.errors.trial_sd):
             break
     return problem, fitted, confirmed
