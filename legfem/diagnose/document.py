@@ -6,7 +6,7 @@ import math
 import platform
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -14,12 +14,31 @@ from legfem.diagnose.diagnosis import Diagnosis, Repaired
 from legfem.diagnose.fit import Fit
 from legfem.diagnose.sentences import next_experiments
 from legfem.identify.forward import legfem_version, package_version
-from legfem.subject import Subject
+from legfem.subject import Origin
 
 SCHEMA = 1
 
 
-def document(found: Diagnosis, subject: Subject, seed: int, seconds: float) -> dict[str, Any]:
+class Recorded(Protocol):
+    """Whose recordings they are: a subject, or another body that was pressed."""
+
+    @property
+    def id(self) -> str:
+        """Short name."""
+        ...
+
+    @property
+    def title(self) -> str:
+        """In words."""
+        ...
+
+    @property
+    def origin(self) -> Origin:
+        """Of the recordings."""
+        ...
+
+
+def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> dict[str, Any]:
     """Return the diagnosis as JSON types; what isn't finite is null."""
     return _plain(
         {

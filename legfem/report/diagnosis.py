@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 
 from legfem.diagnose.diagnosis import Diagnosis
+from legfem.diagnose.document import Recorded
 from legfem.report.diagnosis_text import diagnosis_page
 from legfem.report.page import ReportFile
 from legfem.report.parameter_figure import parameter_figure
@@ -13,13 +14,12 @@ from legfem.report.ranking_figure import ranking_figure, score_figure
 from legfem.report.recording_figure import recording_figure
 from legfem.report.signature_figure import leading, signature_figure
 from legfem.report.style import save
-from legfem.subject import Subject
 
 REPORT = "report.txt"
 _UNFINISHED = ".report-unfinished"
 
 
-def write_diagnosis_report(diagnosis: Diagnosis, subject: Subject, out: Path) -> Path:
+def write_diagnosis_report(diagnosis: Diagnosis, subject: Recorded, out: Path) -> Path:
     """Write report.txt and the figures of a diagnosis.
 
     Everything is made in a hidden folder first and moved into place at the end, the report last:
@@ -54,7 +54,7 @@ def write_diagnosis_report(diagnosis: Diagnosis, subject: Subject, out: Path) ->
     return out / REPORT
 
 
-def _figures(found: Diagnosis, subject: Subject, folder: Path) -> list[ReportFile]:
+def _figures(found: Diagnosis, subject: Recorded, folder: Path) -> list[ReportFile]:
     whose = subject.title, subject.origin
     entries = []
     several = len(found.observed.protocols) > 1

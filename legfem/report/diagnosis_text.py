@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from legfem.diagnose.choose import BIC_MARGIN
 from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.document import r_squared
+from legfem.diagnose.document import Recorded, r_squared
 from legfem.diagnose.sentences import next_experiments, verdict_sentence
 from legfem.report import diagnosis_tables as tables
 from legfem.report.diagnosis_style import model_name, plain, shown_models
@@ -15,10 +15,9 @@ from legfem.report.page import ReportFile
 from legfem.report.style import LAW_NAMES
 from legfem.report.text import ORIGINS, WIDTH
 from legfem.report.words import probability
-from legfem.subject import Subject
 
 
-def diagnosis_page(found: Diagnosis, subject: Subject, files: Sequence[ReportFile]) -> str:
+def diagnosis_page(found: Diagnosis, subject: Recorded, files: Sequence[ReportFile]) -> str:
     """Return the text of ``report.txt``.
 
     Parameters

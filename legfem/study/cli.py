@@ -319,3 +319,40 @@ def recordings(
         check_out_folder(folder)
         assumed = Assumed(ball_radius, layer_radius)
         command.run(data, test or command.CHOSEN, assumed, folder, jobs or usable_cores())
+
+
+class WorkedExample(StrEnum):
+    """What the base model leaves out."""
+
+    STRAIN_STIFFENING = "strain-stiffening"
+    END_EFFECTS = "end-effects"
+
+
+@app.command()
+def worked(
+    example: Annotated[
+        list[WorkedExample] | None, typer.Option(help="Only this one; both by default.")
+    ] = None,
+    library: Annotated[
+        Path | None,
+        typer.Option(help="Folder of responses; ~/.cache/legfem/responses by default."),
+    ] = None,
+    out: Out = None,
+    jobs: Jobs = None,
+) -> None:
+    """Two worked diagnoses of what the first paper left out: strain stiffening and 3D ends.
+
+    Recordings are simulated on another discretisation and diagnosed end to end. Solutions are kept
+    as they are done: the same command goes on where it was stopped.
+
+    Example: python -m legfem.study worked
+    """
+    leave_to_first_rank()
+    with command_edge("run the same command again to go on; solutions that are done are kept"):
+        from legfem.diagnose.leg import library_folder
+        from legfem.study.worked import command
+
+        folder = out or Path("results") / "worked"
+        check_out_folder(folder)
+        chosen = [entry.value for entry in example or WorkedExample]
+        command.run(chosen, folder, library or library_folder(), jobs or usable_cores())
