@@ -23,6 +23,7 @@ import ffcx.naming
 import numpy as np
 from dolfinx import default_scalar_type, fem, jit
 from mpi4py import MPI
+from ufl.algorithms import expand_derivatives, strip_variables
 from ufl.domain import extract_unique_domain
 
 from legfem.units import FloatArray
@@ -39,6 +40,8 @@ def compiled(form: Any) -> Any:
 
 def expression(value: Any, points: FloatArray) -> Any:
     """Return a compiled expression at points of the reference cell; collective likewise."""
+    # The labels of variables count on through a process, and would make every signature new.
+    value = strip_variables(expand_derivatives(value))
     what = (value, np.asarray(points))
     return fem.Expression(*what, jit_options=_compile(what, extract_unique_domain(value)))
 
