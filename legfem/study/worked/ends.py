@@ -115,7 +115,7 @@ def run_ends(
     recordings = recorded(curve)
     (out / "recordings").mkdir(parents=True, exist_ok=True)
     for recording in recordings:
-        write_recording(recording, out / "recordings" / f"{recording.name}.csv")
+        write_recording(recording, out / "recordings" / f"{recording.trial}.csv")
     observed = observe(recordings, INSTRUMENT, True)
     solved = plane_responses(PLANE, library, correction)
     tables = plane_library(solved, observed, correction, jobs, progress)

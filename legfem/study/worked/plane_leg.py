@@ -9,14 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from legfem.correction import TabulatedCorrection
 from legfem.diagnose.library import Library, build_library, testable_mechanisms
-from legfem.diagnose.mechanisms import (
-    Compressibility,
-    EndEffects,
-    Mechanism,
-    Solution,
-    StrainStiffening,
-    TissueMechanism,
-)
+from legfem.diagnose.mechanisms import EndEffects, Mechanism, TissueMechanism
+from legfem.diagnose.mechanisms.base import Solution
+from legfem.diagnose.mechanisms.tissue import Compressibility, StrainStiffening
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses
 from legfem.diagnose.variants import SolutionStoppedError
