@@ -9,7 +9,7 @@ import numpy as np
 from making_diagnosis import INSTRUMENT, ClosedForm, noisy, observations, ramps
 
 from legfem.diagnose.diagnosis import Diagnosis, diagnose, mechanism_named
-from legfem.diagnose.library import testable_mechanisms
+from legfem.diagnose.library import shown_mechanisms
 from legfem.progress import Silent
 from legfem.recording import Recording
 
@@ -57,7 +57,7 @@ def diagnosed(
         observed, remarks=("trial1: 3.70 mm of air before first contact; displacement and force "
                            "are counted from there.",)
     )  # fmt: skip
-    able, _ = testable_mechanisms(observed, None)
+    able, _ = shown_mechanisms(observed, None)
     left = [
         m.name for m in able if m.name in UNANSWERED or (asked is not None and m.name not in asked)
     ]

@@ -9,7 +9,7 @@ from making_diagnosis import INSTRUMENT
 from legfem.correction import read_correction
 from legfem.diagnose.diagnosis import mechanism_named
 from legfem.diagnose.leg import SHIPPED_CORRECTION
-from legfem.diagnose.library import build_library, testable_mechanisms
+from legfem.diagnose.library import build_library, shown_mechanisms
 from legfem.diagnose.observations import observe
 from legfem.diagnose.solved import SolvedResponses
 from legfem.diagnose.variants import Variants
@@ -89,7 +89,7 @@ def test_a_solution_is_made_once(variants, tmp_path):
 def test_the_library_stands_in_for_solutions(variants, observed, tmp_path):
     correction = read_correction(SHIPPED_CORRECTION)
     solved = responses_in(tmp_path, variants, correction)
-    able, unable = testable_mechanisms(observed, correction)
+    able, unable = shown_mechanisms(observed, correction)
     assert "preconditioning" in unable
     quick = [m for m in able if m.name not in ("contact-slip", "poroelastic-drainage")]
     library = build_library(solved, solved, observed, quick, correction, 1, Silent())

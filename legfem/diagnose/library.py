@@ -185,7 +185,7 @@ def _work(
         return None
 
 
-def testable_mechanisms(
+def shown_mechanisms(
     observed: Observations, correction: TabulatedCorrection | None
 ) -> tuple[list[Mechanism], dict[str, str]]:
     """Return the mechanisms that recordings can show, and why the others can't be."""

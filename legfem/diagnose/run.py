@@ -9,7 +9,7 @@ from typing import Any
 from legfem.correction import TabulatedCorrection
 from legfem.diagnose.diagnosis import Diagnosis, diagnose
 from legfem.diagnose.leg import solved_responses
-from legfem.diagnose.library import Library, build_library, testable_mechanisms
+from legfem.diagnose.library import Library, build_library, shown_mechanisms
 from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.solved import SolvedResponses
 from legfem.progress import Progress
@@ -68,7 +68,7 @@ class Diagnoser:
         fine, coarse = self._legs.setdefault(leg, (fine, coarse))
         keys = leg + "".join(sorted(stations.key for stations in observed.protocols))
         if keys not in self._libraries:
-            able, _ = testable_mechanisms(observed, self.correction)
+            able, _ = shown_mechanisms(observed, self.correction)
             self._libraries[keys] = build_library(
                 fine, coarse, observed, able, self.correction, self.jobs, progress
             )

@@ -176,6 +176,7 @@ def _within_corners(recording: Recording, phase: str, start: int, end: int) -> s
         way = abs(recording.displacement[end - 1] - recording.displacement[start])
         cut = max(cut, int(np.ceil(_CORNER_MM * (end - start) / max(way, 1e-9))))
     last = len(recording.time)
+    cut = max(0, min(cut, (end - start - _SHORTEST_SEGMENT) // 2))
     return slice(start + (cut if start > 0 else 0), end - (cut if end < last else 0))
 
 

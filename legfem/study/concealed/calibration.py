@@ -16,7 +16,7 @@ from scipy.stats import kstest, norm
 from legfem.diagnose.choose import MISMATCH
 from legfem.diagnose.diagnosis import mechanism_named
 from legfem.diagnose.fit import Problem, fit
-from legfem.diagnose.library import Library, testable_mechanisms
+from legfem.diagnose.library import Library, shown_mechanisms
 from legfem.diagnose.noise import estimate_errors
 from legfem.diagnose.observations import observe
 from legfem.diagnose.predict import LawName, Predictor
@@ -63,7 +63,7 @@ def null_p_value(task: Emulated) -> tuple[float, float]:
     """Return the p-values of the verdict and of the lack of fit."""
     problem = emulated_problem(task)
     observed = problem.predictor.observed
-    able, _ = testable_mechanisms(observed, task.library.correction)
+    able, _ = shown_mechanisms(observed, task.library.correction)
     able = [m for m in able if m.name not in task.library.missing]
     base = fit(problem, (), {"C10": 1.0, "C20": 0.0 if task.law == "neo-hookean" else 1.0})
     assessment = assess(problem, base, able, task.seed)
@@ -118,7 +118,7 @@ def smallest_effects(task: Emulated, power: float = 0.8) -> Mapping[str, float]:
     """
     problem = emulated_problem(task)
     observed = problem.predictor.observed
-    able, _ = testable_mechanisms(observed, task.library.correction)
+    able, _ = shown_mechanisms(observed, task.library.correction)
     able = [m for m in able if m.name not in task.library.missing]
     base = fit(problem, (), {"C10": 1.0, "C20": 0.0 if task.law == "neo-hookean" else 1.0})
     found, _ = signatures_of(problem, base, able)
@@ -160,7 +160,7 @@ def detected(task: Planted) -> bool:
     change = predictor(values, [mechanism]) - predictor(base.values)
     moved = observed.with_force(observed.force + change)
     again = Problem(replace(predictor, observed=moved), estimate_errors(moved, INSTRUMENT))
-    able, _ = testable_mechanisms(moved, given.library.correction)
+    able, _ = shown_mechanisms(moved, given.library.correction)
     able = [m for m in able if m.name not in given.library.missing]
     refit = fit(again, (), base.values)
     return assess(again, refit, able, given.seed).p_value < MISMATCH

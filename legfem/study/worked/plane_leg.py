@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from legfem.correction import TabulatedCorrection
-from legfem.diagnose.library import Library, build_library, testable_mechanisms
+from legfem.diagnose.library import Library, build_library, shown_mechanisms
 from legfem.diagnose.mechanisms import EndEffects, Mechanism, TissueMechanism
 from legfem.diagnose.mechanisms.base import Solution
 from legfem.diagnose.mechanisms.tissue import Compressibility, StrainStiffening
@@ -113,7 +113,7 @@ def offered(
 
     A neo-Hookean base model's strain stiffening is its C20, which the elastic table has.
     """
-    able, _ = testable_mechanisms(observed, correction)
+    able, _ = shown_mechanisms(observed, correction)
     missing = {m.name: NOT_OFFERED[m.name] for m in able if m.name in NOT_OFFERED}
     tabulated = [m for m in able if isinstance(m, Compressibility)]
     unknown = [
