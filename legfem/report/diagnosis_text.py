@@ -249,9 +249,10 @@ def _noise(found: Diagnosis) -> str:
         + f"; known from {_source(noise.source)}. The {count} values compared are worth "
         f"{found.errors.effective_samples:.0f} independent ones. "
     )
-    if found.solutions:
+    if found.solutions or found.emulator_error:
         text += (
-            f"{found.solutions} full finite-element solutions were made beside the library's; "
+            f"{found.solutions} full finite-element solutions were made now, beside those kept "
+            "from before, to confirm the interpolated forces; "
             + (
                 f"interpolation differed from them by {found.emulator_error:.2%} of the largest "
                 "force at most."
