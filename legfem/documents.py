@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 
 def write_atomically(path: Path, text: str) -> None:
@@ -31,3 +34,14 @@ def write_document(path: Path, content: Mapping[str, Any] | list[Any]) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, json.dumps(content, indent=1) + "\n")
     return path
+
+
+def json_types(value: Any) -> Any:
+    """Return a value as JSON types; numbers that aren't finite become null."""
+    if isinstance(value, dict):
+        return {key: json_types(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_types(entry) for entry in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    return value

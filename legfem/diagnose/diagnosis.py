@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from legfem.diagnose.choose import Candidate, Choice, HeldOut, choose, held_out
 from legfem.diagnose.fit import Fit, Problem, fit
-from legfem.diagnose.library import Library, shown_mechanisms
+from legfem.diagnose.library import Library, tested_mechanisms
 from legfem.diagnose.mechanisms import MECHANISMS, Mechanism
 from legfem.diagnose.noise import ErrorModel, estimate_errors
 from legfem.diagnose.observations import Observations
@@ -98,9 +98,7 @@ def diagnose(
     seed
         Of the draws behind p-values.
     """
-    able, untested = shown_mechanisms(observed, library.correction)
-    able = [m for m in able if m.name not in library.missing]
-    untested |= library.missing
+    able, untested = tested_mechanisms(observed, library)
     errors = estimate_errors(observed, instrument)
     problem = Problem(Predictor(observed, library, law), errors)
     progress.stage("fitting the base model")

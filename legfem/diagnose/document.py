@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import platform
 from collections.abc import Sequence
 from itertools import pairwise
@@ -13,6 +12,7 @@ import numpy as np
 from legfem.diagnose.diagnosis import Diagnosis, Repaired
 from legfem.diagnose.fit import Fit
 from legfem.diagnose.sentences import next_experiments
+from legfem.documents import json_types
 from legfem.identify.forward import legfem_version, package_version
 from legfem.subject import Origin
 
@@ -40,7 +40,7 @@ class Recorded(Protocol):
 
 def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> dict[str, Any]:
     """Return the diagnosis as JSON types; what isn't finite is null."""
-    return _plain(
+    return json_types(
         {
             "schema": SCHEMA,
             "subject": subject.id,
@@ -188,13 +188,3 @@ def parameters(fitted: Fit) -> dict[str, Any]:
 def _parameter(fitted: Fit, name: str, unit: str) -> dict[str, Any]:
     low, high = fitted.interval(name)
     return {"value": fitted.values[name], "unit": unit, "ci95": [low, high]}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, float | np.floating):
-        return float(value) if math.isfinite(value) else None
-    return value

@@ -7,7 +7,7 @@ stiffness stand in for the finite elements, and a full solution confirms what is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -202,6 +202,14 @@ def shown_mechanisms(
     return able, unable
 
 
+def tested_mechanisms(
+    observed: Observations, library: Library
+) -> tuple[list[Mechanism], dict[str, str]]:
+    """Return the mechanisms to test with a library, and why the others aren't."""
+    able, unable = shown_mechanisms(observed, library.correction)
+    return [m for m in able if m.name not in library.missing], {**unable, **library.missing}
+
+
 def build_library(
     solved: SolvedResponses,
     coarse: SolvedResponses,
@@ -334,15 +342,3 @@ def _change_table(
         return None
     values = np.array(list(whole.values()))
     return Table(list(whole), values if mechanism.along_path else np.log1p(values))
-
-
-def elastic_error(
-    library: Library, solve: Callable[[float, float], FloatArray], points: Sequence[Point]
-) -> float:
-    """Return the greatest error of the emulated curve over its force at held-out stiffnesses."""
-    worst = 0.0
-    for point in points:
-        true = solve(*point)
-        deep = true > 0.05 * true.max()
-        worst = max(worst, float(np.abs(library.curve(*point) / true - 1)[deep].max()))
-    return worst

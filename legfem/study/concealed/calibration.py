@@ -7,16 +7,16 @@ sealed cases are recorded.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy.stats import kstest, norm
 
 from legfem.diagnose.choose import MISMATCH
-from legfem.diagnose.diagnosis import mechanism_named
-from legfem.diagnose.fit import Problem, fit
-from legfem.diagnose.library import Library, shown_mechanisms
+from legfem.diagnose.fit import Fit, Problem, fit
+from legfem.diagnose.library import Library, tested_mechanisms
+from legfem.diagnose.mechanisms import Mechanism
 from legfem.diagnose.noise import estimate_errors
 from legfem.diagnose.observations import observe
 from legfem.diagnose.predict import LawName, Predictor
@@ -59,15 +59,18 @@ def emulated_problem(task: Emulated) -> Problem:
     )
 
 
-def null_p_value(task: Emulated) -> tuple[float, float]:
-    """Return the p-values of the verdict and of the lack of fit."""
+def _tested(task: Emulated) -> tuple[Problem, Fit, list[Mechanism]]:
+    """Return an emulated recording's problem, its base fit and the mechanisms to test."""
     problem = emulated_problem(task)
-    observed = problem.predictor.observed
-    able, _ = shown_mechanisms(observed, task.library.correction)
-    able = [m for m in able if m.name not in task.library.missing]
-    base = fit(problem, (), {"C10": 1.0, "C20": 0.0 if task.law == "neo-hookean" else 1.0})
-    assessment = assess(problem, base, able, task.seed)
-    return assessment.p_value, assessment.lack_of_fit
+    able, _ = tested_mechanisms(problem.predictor.observed, task.library)
+    start = {"C10": 1.0, "C20": 0.0 if task.law == "neo-hookean" else 1.0}
+    return problem, fit(problem, (), start), able
+
+
+def null_p_value(task: Emulated) -> float:
+    """Return the p-value that the verdict rests on."""
+    problem, base, able = _tested(task)
+    return assess(problem, base, able, task.seed).p_value
 
 
 @dataclass(frozen=True)
@@ -116,11 +119,7 @@ def smallest_effects(task: Emulated, power: float = 0.8) -> Mapping[str, float]:
     The score statistic's square root is normal with mean strength times the length of the projected
     signature; the limit is that of the family of all mechanisms (Bonferroni) at the verdict's.
     """
-    problem = emulated_problem(task)
-    observed = problem.predictor.observed
-    able, _ = shown_mechanisms(observed, task.library.correction)
-    able = [m for m in able if m.name not in task.library.missing]
-    base = fit(problem, (), {"C10": 1.0, "C20": 0.0 if task.law == "neo-hookean" else 1.0})
+    problem, base, able = _tested(task)
     found, _ = signatures_of(problem, base, able)
     limit = float(norm.isf(MISMATCH / 2 / len(able)))
     needed = limit + float(norm.ppf(power))
@@ -130,37 +129,3 @@ def smallest_effects(task: Emulated, power: float = 0.8) -> Mapping[str, float]:
         name = signature.mechanism.name
         strengths[name] = min(strength, strengths.get(name, np.inf))
     return strengths
-
-
-@dataclass(frozen=True)
-class Planted:
-    """An effect of some strength in an emulated recording."""
-
-    emulated: Emulated
-    mechanism: str
-    strength: float
-
-
-def detected(task: Planted) -> bool:
-    """Return whether an emulated recording with an effect is called a mismatch."""
-    given = task.emulated
-    problem = emulated_problem(given)
-    observed = problem.predictor.observed
-    mechanism = mechanism_named(task.mechanism)
-    base = fit(problem, (), {"C10": 1.0, "C20": 0.0 if given.law == "neo-hookean" else 1.0})
-    shapes = mechanism.shape_choices(observed)
-    shape = shapes[len(shapes) // 2]
-    strength = f"{mechanism.name}.{mechanism.parameters[0].name}"
-    values = {
-        **base.values,
-        **{f"{mechanism.name}.{key}": value for key, value in shape.items()},
-        strength: mechanism.parameters[0].null + task.strength,
-    }
-    predictor = problem.predictor
-    change = predictor(values, [mechanism]) - predictor(base.values)
-    moved = observed.with_force(observed.force + change)
-    again = Problem(replace(predictor, observed=moved), estimate_errors(moved, INSTRUMENT))
-    able, _ = shown_mechanisms(moved, given.library.correction)
-    able = [m for m in able if m.name not in given.library.missing]
-    refit = fit(again, (), base.values)
-    return assess(again, refit, able, given.seed).p_value < MISMATCH

@@ -90,7 +90,7 @@ def calibrate(options: ConcealedOptions, diagnoser: Diagnoser, progress: Progres
     progress.stage("recordings without effect", len(tasks))
     found = {}
     with Workers(_null, None, options.jobs) as workers:
-        for task, (p_value, _) in workers.run(tasks):
+        for task, p_value in workers.run(tasks):
             found[task.seed] = p_value
             progress.advance(f"p = {p_value:.3f}")
     p_values = np.array([found[task.seed] for task in tasks])
@@ -101,7 +101,7 @@ def calibrate(options: ConcealedOptions, diagnoser: Diagnoser, progress: Progres
     return Calibrated(Calibration(p_values), smallest)
 
 
-def _null(context: None, task: Emulated) -> tuple[float, float]:
+def _null(context: None, task: Emulated) -> float:
     return null_p_value(task)
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from legfem.diagnose.choose import MISMATCH
 from legfem.diagnose.diagnosis import mechanism_named
+from legfem.documents import json_types
 from legfem.study.concealed.calibration import Calibrated
 from legfem.study.concealed.scoring import Scored, Summary
 
@@ -25,7 +26,7 @@ def scored_document(scored: Sequence[Scored], summary: Summary) -> dict[str, Any
             key: str(value) if not isinstance(value, float | dict) else value
             for key, value in vars(summary).items()
         },
-        "cases": [_finite(asdict(case)) for case in scored],
+        "cases": [json_types(asdict(case)) for case in scored],
     }
 
 
@@ -129,13 +130,3 @@ def _size(s: Scored) -> str:
 
 def _called(s: Scored) -> str:
     return " or ".join(" + ".join(model) for model in s.models) or s.verdict
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(entry) for entry in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
