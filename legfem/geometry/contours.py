@@ -16,6 +16,7 @@ from legfem.units import FloatArray
 
 __all__ = [
     "LegSection",
+    "check_girth",
     "check_section",
     "fat_thickness",
     "girth",
@@ -97,7 +98,7 @@ def check_section(section: LegSection, source: str | Path) -> None:
                 f"the contour crosses itself ({where})",
                 "give its points in order around it, once",
             )
-    _check_size(section, source)
+    check_girth(girth(section), source)
     _check_inside(source, polygons, "fascia", "skin")
     for bone in ("tibia", "fibula"):
         _check_inside(source, polygons, bone, "skin")
@@ -131,8 +132,14 @@ def _check_contour(path: Path, part: str, points: FloatArray) -> None:
         )
 
 
-def _check_size(section: LegSection, source: str | Path) -> None:
-    around = girth(section)
+def check_girth(around: float, source: str | Path) -> None:
+    """Check that a skin's perimeter is a leg's in mm.
+
+    Raises
+    ------
+    InputError
+        If it isn't; the line names the unit that the coordinates look like.
+    """
     low, high = GIRTH_RANGE_MM
     if low <= around <= high:
         return

@@ -1,0 +1,199 @@
+"""The shape of a segment of a leg: smooth closed contours of every part at levels along it.
+
+z points along the leg. The parts are ``skin``, ``hull`` (the outer face of the deep tissue) and the
+bones, which may have any names. A part's contours hold the same number of points at every level, in
+correspondence: counter-clockwise and evenly spaced, from where the ray from the contour's centroid
+along +x leaves it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import make_interp_spline
+from shapely import Polygon
+
+from legfem.errors import InputError
+from legfem.geometry.curve import smooth_closed_curve
+from legfem.units import FloatArray, frozen_array
+
+SKIN, HULL = "skin", "hull"
+
+
+@dataclass(frozen=True, eq=False)
+class LegShape:
+    """Contours of a leg's parts at levels along it.
+
+    Parameters
+    ----------
+    levels : (n_levels,) array
+        Increasing z, mm.
+    contours : mapping of str to (n_levels, n_points, 2) array
+        Part to its contours, mm; n_points may differ between parts. See `shape_of_contours` for
+        contours that do not correspond yet.
+
+    Raises
+    ------
+    InputError
+        If skin, hull or all bones are missing, the arrays do not fit, or the levels do not
+        increase.
+    """
+
+    levels: FloatArray
+    contours: Mapping[str, FloatArray]
+
+    def __post_init__(self) -> None:
+        """Copy and check the arrays."""
+        levels = frozen_array(self.levels)
+        contours = {part: frozen_array(xy) for part, xy in self.contours.items()}
+        object.__setattr__(self, "levels", levels)
+        object.__setattr__(self, "contours", MappingProxyType(contours))
+        if levels.ndim != 1 or len(levels) < 2 or not (np.diff(levels) > 0).all():
+            raise InputError(
+                "shape", "levels", "two or more increasing levels are needed", "sort them"
+            )
+        for part in (SKIN, HULL):
+            if part not in contours:
+                raise InputError("shape", part, "the part is missing", "give its contours")
+        if not self.bones:
+            raise InputError("shape", "bones", "there are none", "give the contours of one or more")
+        for part, xy in contours.items():
+            if xy.ndim != 3 or xy.shape[0] != len(levels) or xy.shape[2] != 2 or xy.shape[1] < 8:
+                raise InputError(
+                    "shape", part,
+                    f"contours of shape {xy.shape} do not fit {len(levels)} levels",
+                    "give one closed contour of 8 or more points a level",
+                )  # fmt: skip
+            if not np.isfinite(xy).all():
+                raise InputError("shape", part, "a coordinate is not finite", "remove the point")
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of all parts: skin, hull, and the bones in their order."""
+        return (SKIN, HULL, *self.bones)
+
+    @property
+    def bones(self) -> tuple[str, ...]:
+        """Names of the bones."""
+        return tuple(part for part in self.contours if part not in (SKIN, HULL))
+
+    @property
+    def length(self) -> float:
+        """Of the segment (mm)."""
+        return float(self.levels[-1] - self.levels[0])
+
+    @cached_property
+    def _splines(self) -> dict[str, Any]:
+        degree = min(3, len(self.levels) - 1)
+        return {
+            part: make_interp_spline(self.levels, xy, k=degree, axis=0)
+            for part, xy in self.contours.items()
+        }
+
+    def at(self, part: str, level: ArrayLike, slope: int = 0) -> FloatArray:
+        """Return the contour of a part at a level, or at several.
+
+        Parameters
+        ----------
+        part : str
+            One of `parts`.
+        level : float or (m,) array
+            z, mm; between levels the points follow cubic splines along the leg.
+        slope : int
+            Order of the derivative along z to return instead of the points.
+
+        Returns
+        -------
+        ndarray
+            (n_points, 2) or (m, n_points, 2), mm.
+
+        Raises
+        ------
+        InputError
+            If a level is outside the segment.
+        """
+        z = np.asarray(level, dtype=np.float64)
+        slack = 1e-9 * self.length
+        if z.size and (z.min() < self.levels[0] - slack or z.max() > self.levels[-1] + slack):
+            raise InputError(
+                "shape", "level",
+                f"{z.min():g} to {z.max():g} mm is not within the segment, "
+                f"{self.levels[0]:g} to {self.levels[-1]:g} mm",
+                "choose levels within it",
+            )  # fmt: skip
+        z = np.clip(z, self.levels[0], self.levels[-1])
+        return np.asarray(self._splines[part](z, nu=slope), dtype=np.float64)
+
+    def points(self, part: str) -> FloatArray:
+        """Return the points of a part in space, (n_levels, n_points, 3), mm."""
+        xy = self.contours[part]
+        z = np.broadcast_to(self.levels[:, None, None], (*xy.shape[:2], 1))
+        return np.concatenate([xy, z], axis=2)
+
+    def at_levels(self, levels: ArrayLike) -> LegShape:
+        """Return the shape at other levels (mm) within the segment."""
+        z = np.asarray(levels, dtype=np.float64)
+        return LegShape(z, {part: self.at(part, z) for part in self.contours})
+
+
+def corresponding(contour: ArrayLike, n_points: int) -> FloatArray:
+    """Return a closed contour as `LegShape` wants it: turned, started and spaced alike.
+
+    Parameters
+    ----------
+    contour : (n, 2) array
+        In order around it, either way, mm.
+    n_points : int
+        How many to return.
+
+    Raises
+    ------
+    ValueError
+        If it is no closed curve (see `legfem.geometry.curve.smooth_closed_curve`).
+    """
+    curve = smooth_closed_curve(contour)
+    turns = np.linspace(0.0, 1.0, max(8 * n_points, 1024) + 1)
+    fine = curve(turns)
+    polygon = Polygon(fine)
+    centre = np.asarray(polygon.centroid.coords[0])
+    if polygon.exterior.is_ccw is False:
+        turns, fine = turns[::-1], fine[::-1]
+    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(fine, axis=0), axis=1))])
+    x, y = (fine - centre).T
+    upwards = np.flatnonzero((y[:-1] <= 0) & (y[1:] > 0))
+    share = -y[upwards] / (y[upwards + 1] - y[upwards])
+    crossing = x[upwards] + share * (x[upwards + 1] - x[upwards])
+    outermost = int(np.argmax(crossing))
+    first = int(upwards[outermost])
+    start = arc[first] + share[outermost] * (arc[first + 1] - arc[first])
+    wanted = np.mod(start + np.arange(n_points) / n_points * arc[-1], arc[-1])
+    return curve(np.interp(wanted, arc, turns))
+
+
+def shape_of_contours(
+    levels: ArrayLike,
+    contours: Mapping[str, list[FloatArray]],
+    n_points: int | Mapping[str, int] = 180,
+) -> LegShape:
+    """Make a shape of contours that do not correspond yet.
+
+    Parameters
+    ----------
+    levels : (n_levels,) array
+        mm.
+    contours : mapping of str to list of (n, 2) array
+        Part to its contour at every level, mm.
+    n_points : int or mapping
+        Points a contour; by part if a mapping.
+    """
+    made = {}
+    for part, loops in contours.items():
+        n = n_points if isinstance(n_points, int) else n_points[part]
+        made[part] = np.stack([corresponding(loop, n) for loop in loops])
+    return LegShape(np.asarray(levels, dtype=np.float64), made)

@@ -1,0 +1,87 @@
+"""Moving a leg's shape: its points leave their levels, and are cut by levels anew."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import make_interp_spline
+
+from legfem.errors import InputError
+from legfem.geometry.leg_shape import LegShape, corresponding
+from legfem.units import FloatArray
+
+
+def resliced(points: Mapping[str, FloatArray], levels: ArrayLike | None = None) -> LegShape:
+    """Make a shape of points that moved out of their levels.
+
+    Every line of corresponding points along the leg is cut by the levels' planes.
+
+    Parameters
+    ----------
+    points : mapping of str to (n_levels, n_points, 3) array
+        Part to its points now, mm; see `LegShape.points`.
+    levels : (m,) array, optional
+        Where to cut; by default as many as there were, between the highest of the lowest points and
+        the lowest of the highest.
+
+    Raises
+    ------
+    InputError
+        If the points of a line do not ascend, or a level is not reached by all of them.
+    """
+    for part, xyz in points.items():
+        if not (np.diff(xyz[..., 2], axis=0) > 0).all():
+            raise InputError(
+                "shape", part, "its lines along the leg fold back", "check the motion given"
+            )
+    lowest = max(float(xyz[0, :, 2].max()) for xyz in points.values())
+    highest = min(float(xyz[-1, :, 2].min()) for xyz in points.values())
+    if levels is None:
+        count = next(iter(points.values())).shape[0]
+        levels = np.linspace(lowest, highest, count)
+    z = np.asarray(levels, dtype=np.float64)
+    slack = 1e-9 * (abs(highest) + abs(lowest))
+    if z.min() < lowest - slack or z.max() > highest + slack:
+        raise InputError(
+            "shape", "level",
+            f"{z.min():g} to {z.max():g} mm is not within what moved, {lowest:.4g} to "
+            f"{highest:.4g} mm",
+            "choose levels farther from the ends",
+        )  # fmt: skip
+    contours = {}
+    for part, xyz in points.items():
+        degree = min(3, len(xyz) - 1)
+        cut = [
+            make_interp_spline(line[:, 2], line[:, :2], k=degree)(z) for line in xyz.swapaxes(0, 1)
+        ]
+        loops = np.stack(cut, axis=1)
+        contours[part] = np.stack([corresponding(loop, loops.shape[1]) for loop in loops])
+    return LegShape(z, contours)
+
+
+def displaced(
+    shape: LegShape, displacement: Mapping[str, FloatArray], levels: ArrayLike | None = None
+) -> LegShape:
+    """Return a deformed shape.
+
+    Parameters
+    ----------
+    shape : LegShape
+        Undeformed.
+    displacement : mapping of str to (n_levels, n_points, 3) array
+        Of the points of `LegShape.points`, mm; parts not named stay.
+    levels : (m,) array, optional
+        Of the result; see `resliced`.
+    """
+    moved = {part: shape.points(part) + displacement.get(part, 0.0) for part in shape.contours}
+    return resliced(moved, levels)
+
+
+def rigidly_moved(
+    shape: LegShape, rotation: ArrayLike, translation: ArrayLike, levels: ArrayLike | None = None
+) -> LegShape:
+    """Return the shape after x -> R x + t, R (3, 3) and t (3,) in mm; levels as for `resliced`."""
+    turn, shift = np.asarray(rotation, dtype=np.float64), np.asarray(translation, dtype=np.float64)
+    return resliced({part: shape.points(part) @ turn.T + shift for part in shape.contours}, levels)
