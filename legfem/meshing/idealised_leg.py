@@ -24,6 +24,7 @@ from mpi4py import MPI
 from legfem.checks import check_positive
 from legfem.errors import InputError
 from legfem.meshing.grid import spaced, tagged
+from legfem.meshing.quality import MeshQuality
 from legfem.meshing.section import BONE, REGIONS, SKIN
 from legfem.spaces import Support
 from legfem.units import FloatArray
@@ -148,7 +149,7 @@ class LegMeshSettings:
 
 @dataclass(frozen=True, eq=False)
 class LegMesh:
-    """A meshed quarter of a leg, or half of its section."""
+    """A meshed leg, a quarter of one, or half of its section."""
 
     mesh: Any
     """`dolfinx.mesh.Mesh`, mm."""
@@ -159,6 +160,8 @@ class LegMesh:
     supports: tuple[Support, ...]
     copies: int
     """Number of mirror images that make the whole."""
+    quality: MeshQuality | None = None
+    """Of the elements, where the mesh is not a bent grid."""
 
 
 def mesh_leg(

@@ -28,14 +28,14 @@ class MeshQuality:
         return min(self.minimum, key=self.minimum.__getitem__)
 
 
-def element_quality(model: Any, regions: Mapping[str, int]) -> MeshQuality:
-    """Measure every region (name to physical tag) of a meshed two-dimensional gmsh model."""
+def element_quality(model: Any, regions: Mapping[str, int], dimension: int = 2) -> MeshQuality:
+    """Measure every region (name to physical tag) of a meshed gmsh model."""
     minimum, mean, count = {}, {}, {}
     for name, tag in regions.items():
         elements = [
             tags
-            for entity in model.getEntitiesForPhysicalGroup(2, tag)
-            for tags in model.mesh.getElements(2, entity)[1]
+            for entity in model.getEntitiesForPhysicalGroup(dimension, tag)
+            for tags in model.mesh.getElements(dimension, entity)[1]
         ]
         quality = np.asarray(model.mesh.getElementQualities(np.concatenate(elements), "minSICN"))
         minimum[name], mean[name] = float(quality.min()), float(quality.mean())

@@ -1,0 +1,163 @@
+"""Triangulated surfaces that bound the tissues of a leg: every part's tube, and the end faces.
+
+A tube is meshed where it is flat, unrolled to (turns x mean perimeter, z), with its two edges in
+correspondence, and put onto the part's smooth surface: no loft or boolean operation can fail. The
+end faces are meshed between the tubes' ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import gmsh
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from legfem.geometry.leg_shape import HULL, SKIN, LegShape
+from legfem.geometry.shape_surface import PartSurface
+from legfem.meshing.size_field import SizeField, bilinear
+from legfem.units import FloatArray
+
+type Triangles = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Shell:
+    """Closed surfaces of the tissues, welded."""
+
+    points: FloatArray
+    """(n, 3), mm."""
+    tubes: Mapping[str, Triangles]
+    """Part to its triangles, (m, 3)."""
+    fat_ends: Triangles
+    """Both end faces between skin and hull."""
+    deep_ends: Triangles
+    """Both end faces between hull and bones."""
+
+
+def mesh_shell(shape: LegShape, sizes: SizeField) -> Shell:
+    """Triangulate the surfaces of a leg with elements of given sizes."""
+    pieces: list[tuple[FloatArray, Triangles]] = []
+    rings: dict[str, tuple[FloatArray, FloatArray]] = {}
+    for part in shape.parts:
+        points, triangles, bottom, top = _tube(PartSurface(shape, part), shape, sizes)
+        pieces.append((points, triangles))
+        rings[part] = points[bottom], points[top]
+    for outer, inner in ((SKIN, (HULL,)), (HULL, shape.bones)):
+        for end in range(2):
+            pieces.append(_end_face(rings[outer][end], [rings[p][end] for p in inner], sizes))
+    offsets = np.cumsum([0, *(len(points) for points, _ in pieces)])
+    every = np.vstack([points for points, _ in pieces])
+    points, place = _welded(every)
+    faces = [place[t + offset] for (_, t), offset in zip(pieces, offsets[:-1], strict=True)]
+    n = len(shape.parts)
+    return Shell(
+        points,
+        dict(zip(shape.parts, faces[:n], strict=True)),
+        np.vstack(faces[n : n + 2]),
+        np.vstack(faces[n + 2 :]),
+    )
+
+
+@contextmanager
+def gmsh_model(name: str) -> Iterator[Any]:
+    """Open gmsh with an empty model, and close it."""
+    gmsh.initialize(interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
+        gmsh.model.add(name)
+        yield gmsh.model
+    finally:
+        gmsh.finalize()
+
+
+def _tube(
+    surface: PartSurface, shape: LegShape, sizes: SizeField
+) -> tuple[FloatArray, Triangles, NDArray[np.int64], NDArray[np.int64]]:
+    """Return a tube's points and triangles, and the numbers of its lowest and highest ring."""
+    around, low, high = surface.perimeter, float(shape.levels[0]), float(shape.levels[-1])
+    turns = np.linspace(0.0, 1.0, max(24, round(around / 4)) + 1)
+    levels = np.linspace(low, high, max(6, round((high - low) / 4)) + 1)
+    on_tube = surface(turns[:, None], levels[None, :])
+    grid = sizes(on_tube.reshape(-1, 3)).reshape(on_tube.shape[:2])
+    size = bilinear(grid, (0.0, low), (around * turns[1], float(levels[1] - levels[0])))
+    with gmsh_model("tube") as model:
+        flat, triangles = _unrolled(model, around, low, high, size)
+    points = surface(np.minimum(flat[:, 0] / around, 1.0), flat[:, 1])
+    rings = [
+        order[np.argsort(flat[order, 0])][:-1]  # the last one is the first one
+        for order in (np.flatnonzero(np.isclose(flat[:, 1], z, atol=1e-9)) for z in (low, high))
+    ]
+    return points, triangles, rings[0], rings[1]
+
+
+def _unrolled(
+    model: Any, width: float, low: float, high: float, size: Callable[[float, float], float]
+) -> tuple[FloatArray, Triangles]:
+    geometry = model.geo
+    corners = [geometry.addPoint(x, z, 0)
+               for x, z in ((0, low), (width, low), (width, high), (0, high))]  # fmt: skip
+    lines = [geometry.addLine(corners[k], corners[(k + 1) % 4]) for k in range(4)]
+    sides = lines[3], lines[1]
+    geometry.addPlaneSurface([geometry.addCurveLoop(lines)])
+    geometry.synchronize()
+    shift = [1, 0, 0, width, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+    model.mesh.setPeriodic(1, [sides[1]], [sides[0]], shift)
+    model.mesh.setSizeCallback(lambda dim, tag, x, y, z, lc: size(x, y))
+    gmsh.option.setNumber("Mesh.Algorithm", 6)
+    model.mesh.generate(2)
+    points, triangles = _triangles(model)
+    return points[:, :2], triangles
+
+
+def _end_face(
+    outer: FloatArray, inner: list[FloatArray], sizes: SizeField
+) -> tuple[FloatArray, Triangles]:
+    """Triangulate the plane between closed rings of nodes, which stay."""
+    level = float(outer[0, 2])
+    low, high = outer[:, :2].min(axis=0), outer[:, :2].max(axis=0)
+    nodes = [np.linspace(low[k], high[k], max(8, round((high[k] - low[k]) / 3))) for k in range(2)]
+    x, y = np.meshgrid(*nodes, indexing="ij")
+    grid = sizes(np.column_stack([x.ravel(), y.ravel(), np.full(x.size, level)])).reshape(x.shape)
+    steps = float(nodes[0][1] - nodes[0][0]), float(nodes[1][1] - nodes[1][0])
+    size = bilinear(grid, (float(low[0]), float(low[1])), steps)
+    with gmsh_model("end") as model:
+        geometry, loops = model.geo, []
+        for ring in (outer, *inner):
+            points = [geometry.addPoint(*xyz) for xyz in ring]
+            lines = [
+                geometry.addLine(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)
+            ]
+            for line in lines:
+                geometry.mesh.setTransfiniteCurve(line, 2)
+            loops.append(geometry.addCurveLoop(lines))
+        geometry.addPlaneSurface(loops)
+        geometry.synchronize()
+        model.mesh.setSizeCallback(lambda dim, tag, x, y, z, lc: size(x, y))
+        gmsh.option.setNumber("Mesh.Algorithm", 6)
+        model.mesh.generate(2)
+        return _triangles(model)
+
+
+def _triangles(model: Any) -> tuple[FloatArray, Triangles]:
+    tags, coordinates, _ = model.mesh.getNodes()
+    points = np.asarray(coordinates, dtype=np.float64).reshape(-1, 3)
+    number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
+    number[tags] = np.arange(len(tags))
+    _, corners = model.mesh.getElementsByType(2)
+    return points, number[corners].reshape(-1, 3)
+
+
+def _welded(points: FloatArray, tolerance: float = 1e-6) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Return the distinct points, and the number of each point among them."""
+    first = np.arange(len(points))
+    pairs = cKDTree(points).query_pairs(tolerance, output_type="ndarray")
+    # Never more than three at one place, all paired with one another: the lowest number stands.
+    np.minimum.at(first, pairs.max(axis=1), pairs.min(axis=1))
+    kept, place = np.unique(first, return_inverse=True)
+    return points[kept], place

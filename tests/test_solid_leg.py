@@ -1,0 +1,129 @@
+"""Tetrahedral meshes of a leg's segment."""
+
+from __future__ import annotations
+
+import dolfinx.fem
+import numpy as np
+import pytest
+import ufl
+from making import circle
+from making_ranks import run_on_ranks
+from mpi4py import MPI
+
+from legfem.errors import InputError
+from legfem.geometry.leg_shape import LegShape, shape_of_contours
+from legfem.geometry.parametric_leg import round_leg
+from legfem.meshing.idealised_leg import END, LegMesh
+from legfem.meshing.section import BONE, DEEP, SKIN, SUPERFICIAL
+from legfem.meshing.solid_leg import SolidMeshSettings, mesh_solid_leg, settings_for_cells
+
+
+def measure(leg: LegMesh, tag: int) -> float:
+    """Volume (mm3) of a region or area (mm2) of tagged facets."""
+    tags, kind = (leg.cell_tags, "dx") if tag in (SUPERFICIAL, DEEP) else (leg.facet_tags, "ds")
+    measure = ufl.Measure(kind, domain=leg.mesh, subdomain_data=tags)(tag)
+    one = dolfinx.fem.Constant(leg.mesh, 1.0)
+    return float(leg.mesh.comm.allreduce(
+        dolfinx.fem.assemble_scalar(dolfinx.fem.form(one * measure)), op=MPI.SUM))  # fmt: skip
+
+
+def calf() -> LegShape:
+    """A leg that tapers, with two bones and fat of 2 mm at the front (-y)."""
+    levels = np.arange(0.0, 81.0, 10.0)
+    parts = {
+        "skin": [circle(0, 0, 58 - 0.08 * z, 400) for z in levels],
+        "hull": [circle(0, -2.5, 53.5 - 0.08 * z, 300) for z in levels],
+        "tibia": [circle(-10, -35 + 0.1 * z, 13, 100) for z in levels],
+        "fibula": [circle(25, -20, 6, 100) for z in levels],
+    }
+    return shape_of_contours(levels, parts, 120)
+
+
+@pytest.fixture(scope="module")
+def round_mesh() -> LegMesh:
+    shape = round_leg(radius=50, hull_radius=42, core_radius=12, length=40)
+    return mesh_solid_leg(shape, SolidMeshSettings(skin_size=4, inside_size=5, bone_size=2.5))
+
+
+def test_a_round_leg_has_its_volumes_and_faces(round_mesh):
+    # Nodes stand on the surfaces, so chords cut off h^2 / (12 R) of a radius on average.
+    assert measure(round_mesh, SUPERFICIAL) == pytest.approx(np.pi * (50**2 - 42**2) * 40, rel=0.01)
+    assert measure(round_mesh, DEEP) == pytest.approx(np.pi * (42**2 - 12**2) * 40, rel=0.01)
+    assert measure(round_mesh, SKIN) == pytest.approx(2 * np.pi * 50 * 40, rel=0.005)
+    assert measure(round_mesh, BONE) == pytest.approx(2 * np.pi * 12 * 40, rel=0.01)
+    assert measure(round_mesh, END) == pytest.approx(2 * np.pi * (50**2 - 12**2), rel=0.005)
+
+
+def test_facets_and_cells_stand_where_their_tags_say(round_mesh):
+    mesh, x = round_mesh.mesh, round_mesh.mesh.geometry.x
+    mesh.topology.create_connectivity(2, 0)
+    vertices = mesh.topology.connectivity(2, 0)
+    mesh.topology.create_connectivity(3, 0)
+    # In first-order tetrahedra vertices are the geometry's nodes; their numbers may differ.
+    node = np.empty(mesh.topology.index_map(0).size_local, dtype=np.int64)
+    cells = mesh.topology.connectivity(3, 0).array.reshape(-1, 4)
+    node[cells.ravel()] = mesh.geometry.dofmap.ravel()
+    for tag, radius in ((SKIN, 50), (BONE, 12)):
+        facets = round_mesh.facet_tags.find(tag)
+        corners = node[np.concatenate([vertices.links(f) for f in facets])]
+        assert np.linalg.norm(x[corners, :2], axis=1) == pytest.approx(radius, abs=1e-4)
+    ends = round_mesh.facet_tags.find(END)
+    assert set(np.round(x[node[np.concatenate([vertices.links(f) for f in ends])], 2], 9)) == {
+        0,
+        40,
+    }
+    for tag, low, high in ((SUPERFICIAL, 42, 50), (DEEP, 12, 42)):
+        radius = np.linalg.norm(
+            x[mesh.geometry.dofmap[round_mesh.cell_tags.find(tag)], :2], axis=-1
+        )
+        assert radius.min() >= low - 0.01 * low
+        assert radius.max() <= high + 1e-4
+    assert [s.tag for s in round_mesh.supports] == [BONE]
+
+
+def test_a_leg_with_thin_fat_is_meshed_soundly():
+    shape = calf()
+    leg = mesh_solid_leg(shape, SolidMeshSettings(ends="held"))
+    assert leg.quality.worst > 0.1
+    assert min(leg.quality.mean.values()) > 0.7
+    assert [s.tag for s in leg.supports] == [BONE, END]
+    assert leg.copies == 1
+
+
+@pytest.mark.parametrize("cells", [8_000, 60_000])
+def test_about_as_many_tetrahedra_as_asked_for(cells):
+    shape = calf()
+    leg = mesh_solid_leg(shape, settings_for_cells(shape, cells))
+    assert sum(leg.quality.elements.values()) == pytest.approx(cells, rel=0.3)
+
+
+def test_part_of_the_leg_may_be_meshed():
+    leg = mesh_solid_leg(calf(), SolidMeshSettings(skin_size=8, z_range=(15.0, 55.0)))
+    z = leg.mesh.geometry.x[:, 2]
+    assert (z.min(), z.max()) == pytest.approx((15, 55))
+
+
+def test_bad_shapes_and_settings_give_one_line():
+    shape = calf()
+    crossing = LegShape(
+        shape.levels, {**shape.contours, "tibia": shape.contours["tibia"] + [0, -8]}
+    )
+    with pytest.raises(InputError, match="tibia, level 0 mm: is not inside the hull"):
+        mesh_solid_leg(crossing)
+    with pytest.raises(InputError, match="not within the segment"):
+        mesh_solid_leg(shape, SolidMeshSettings(z_range=(-5.0, 20.0)))
+    with pytest.raises(InputError, match="can't be had"):
+        settings_for_cells(shape, 10)
+    with pytest.raises(InputError, match="ends: unknown kind"):
+        SolidMeshSettings(ends="glued")
+
+
+@pytest.mark.mpi
+def test_two_ranks_have_the_same_mesh(tmp_path):
+    one, two = (
+        run_on_ranks(ranks, "ranks_solid_leg.py", tmp_path / f"{ranks}.npz") for ranks in (1, 2)
+    )
+    for name in ("cells", "volumes", "areas"):
+        assert two[name] == pytest.approx(one[name], rel=1e-12)
+    assert str(two["error"]) == str(one["error"])
+    assert "is not inside the skin" in str(two["error"])
