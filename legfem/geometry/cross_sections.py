@@ -42,6 +42,10 @@ class Clearances:
     smoothing: float = 0.1
     """Root-mean-square distance that the smoothed contours may keep from the surfaces."""
 
+    def fat(self, fascia_thickness: float) -> float:
+        """Return the least thickness of the fat over a fascia (mm)."""
+        return max(self.fascia_to_skin, 1.5 * fascia_thickness)
+
 
 def read_cross_section(path: Path, level: float) -> dict[str, Polygon]:
     """Read the outlines of one level; the largest loop of each part.
@@ -128,35 +132,65 @@ def section_from_outlines(
             f"{fascia_thickness:g} is not positive",
             "give it in mm (0.2-1.0 is usual)",
         )
-    fat = max(room.fascia_to_skin, 1.5 * fascia_thickness)
+    parts = nested_outlines(outlines, fascia_thickness, source, room)
+    section = LegSection(
+        skin=_ring(parts["skin"]),
+        fascia=_ring(parts["muscle_hull"]),
+        tibia=_ring(parts["tibia"]),
+        fibula=_ring(parts["fibula"]),
+        fascia_thickness=fascia_thickness,
+    )
+    check_section(section, source)
+    _check_clearances(section, room.bone_to_fascia, room.fat(fascia_thickness), source)
+    return section
+
+
+def nested_outlines(
+    outlines: Mapping[str, Polygon],
+    fascia_thickness: float,
+    source: str | Path,
+    room: Clearances,
+) -> dict[str, Polygon]:
+    """Return smoothed outlines that nest with clearances: bones in the muscle's hull in the skin.
+
+    Parameters
+    ----------
+    outlines : mapping of Polygon
+        ``skin``, ``muscle_hull`` and the bones, mm.
+    fascia_thickness : float
+        Of the layer that is to lie inwards of the hull's outline, mm; 0 without one.
+    source : str or Path
+        What errors name as the file.
+    room : Clearances
+        Room to keep between the parts.
+
+    Raises
+    ------
+    InputError
+        If nothing is left of a part.
+    """
+    fat = room.fat(fascia_thickness)
     skin = _smooth(outlines["skin"], room)
     # Smoothing moves the contours by some tenths of a mm: keep that much in hand.
     slack = 3 * room.smoothing
     bones = {}
     sheath = outlines["muscle_hull"]
     around = room.bone_to_fascia + fascia_thickness + slack
-    for bone in ("tibia", "fibula"):
+    for bone in (part for part in outlines if part not in ("skin", "muscle_hull")):
         inside = skin.buffer(-(fat + slack + around))
-        bones[bone] = _smooth(_largest(_opened(outlines[bone] & inside, 1.0), source, bone), room)
+        bones[bone] = _smooth(
+            largest_polygon(_opened(outlines[bone] & inside, 1.0), source, bone), room
+        )
         sheath = sheath | bones[bone].buffer(around)
-    sheath = _largest(_closed(sheath, room.fascia_bridge), source, "muscle_hull")
-    sheath = _largest(
+    sheath = largest_polygon(_closed(sheath, room.fascia_bridge), source, "muscle_hull")
+    sheath = largest_polygon(
         _opened(sheath, room.corner) & skin.buffer(-(fat + slack)), source, "muscle_hull"
     )
     # Bones may stick out of the hull's rounded corners; and cutting made new corners.
     for bone in bones.values():
         sheath = sheath | bone.buffer(around)
-    fascia = _smooth(_largest(_closed(sheath, room.corner), source, "muscle_hull"), room)
-    section = LegSection(
-        skin=_ring(skin),
-        fascia=_ring(fascia),
-        tibia=_ring(bones["tibia"]),
-        fibula=_ring(bones["fibula"]),
-        fascia_thickness=fascia_thickness,
-    )
-    check_section(section, source)
-    _check_clearances(section, room.bone_to_fascia, fat, source)
-    return section
+    hull = _smooth(largest_polygon(_closed(sheath, room.corner), source, "muscle_hull"), room)
+    return {"skin": skin, "muscle_hull": hull, **bones}
 
 
 def back_of_calf(section: LegSection) -> FloatArray:
@@ -189,10 +223,17 @@ def _check_clearances(section: LegSection, bone: float, fat: float, source: str 
 def _polygon(path: Path, part: str, points: FloatArray) -> Polygon:
     if len(points) < 4:
         raise InputError(path, part, f"{len(points)} points are too few", "give a closed outline")
-    return _largest(make_valid(Polygon(points)), path, part)
+    return largest_polygon(make_valid(Polygon(points)), path, part)
 
 
-def _largest(shape: object, source: str | Path, part: str) -> Polygon:
+def largest_polygon(shape: object, source: str | Path, part: str) -> Polygon:
+    """Return the largest of a geometry's polygons, without its holes.
+
+    Raises
+    ------
+    InputError
+        If it has none.
+    """
     pieces = [p for p in getattr(shape, "geoms", [shape]) if isinstance(p, Polygon) and p.area > 0]
     if not pieces:
         raise InputError(

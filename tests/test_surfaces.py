@@ -1,0 +1,103 @@
+"""A leg's shape from closed surfaces."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+import trimesh
+from making import SHARED
+
+from legfem.errors import InputError
+from legfem.geometry.shape_measures import fat_thickness_around, largest_girth, perimeter
+from legfem.imaging.surfaces import outlines_of_surface, read_surface, shape_of_surfaces
+
+REAL = SHARED / "data" / "leg_geometry"
+real_leg = pytest.mark.skipif(not REAL.is_dir(), reason="needs ../shared/data/leg_geometry")
+LEVELS = np.arange(20.0, 81.0, 5.0)
+
+
+def _cone(path: Path, x: float, y: float, radius: float, slope: float, **change: object) -> Path:
+    surface = trimesh.creation.cylinder(radius, height=100, sections=120).subdivide()
+    z = surface.vertices[:, 2:] + 50
+    grown = surface.vertices[:, :2] * (1 + slope / radius * z)
+    surface.vertices = np.column_stack([grown + np.array([x, y]), z])
+    if change.get("holes"):
+        surface.update_faces(np.arange(len(surface.faces)) != 7)
+    surface.apply_scale(change.get("scale", 1.0))
+    surface.export(path)
+    return path
+
+
+def _leg(folder: Path, **change: object) -> dict[str, Path]:
+    """A leg whose tibia stands out of the muscles' hull, as at the shin; the front is -y."""
+    return {
+        "skin": _cone(folder / "skin.stl", 0, 0, 55, 0.05, **change),
+        "muscle_hull": _cone(folder / "hull.stl", 0, 6, 42, 0.05, **change),
+        "tibia": _cone(folder / "tibia.stl", -5, -34, 13, 0, **change),
+        "fibula": _cone(folder / "fibula.stl", 25, -15, 6, 0, **change),
+    }
+
+
+def test_a_bone_outside_the_hull_is_taken_into_it(tmp_path):
+    shape = shape_of_surfaces(_leg(tmp_path), LEVELS)
+    assert shape.bones == ("tibia", "fibula")
+    assert perimeter(shape) == pytest.approx(2 * np.pi * (55 + 0.05 * LEVELS), rel=2e-3)
+    fat = fat_thickness_around(shape)
+    # 7 mm behind; at the front what the tibia with its 1.2 mm leaves.
+    behind = np.argmax(shape.contours["skin"][6][:, 1])
+    assert fat[6, behind] == pytest.approx(7.0, abs=0.15)
+    tibia, hull = (shapely.Polygon(shape.contours[part][6]) for part in ("tibia", "hull"))
+    assert hull.contains(tibia)
+    # 1.2 mm are asked for; smoothing may take a tenth.
+    assert 1.08 < hull.exterior.distance(tibia) < 1.6
+    assert tibia.area == pytest.approx(np.pi * 13**2, rel=0.02)
+
+
+def test_outlines_are_cut_at_any_level_also_through_vertices(tmp_path):
+    surface = read_surface(_cone(tmp_path / "s.stl", 3, 4, 20, 0.1))
+    levels = [1e-3, 50.0, 99.9]
+    outlines = outlines_of_surface(surface, levels, "s")
+    for outline, level in zip(outlines, levels, strict=True):
+        assert outline.area == pytest.approx(np.pi * (20 + 0.1 * level) ** 2, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("change", "levels", "message"),
+    [
+        ({"holes": True}, LEVELS, r"skin.stl: surface: has holes: 3 free edges, one near \("),
+        ({"scale": 0.1}, LEVELS, "look like centimetres; multiply the coordinates by 10"),
+        ({"scale": 10.0}, LEVELS, "not a leg's"),
+        ({"scale": 0.001}, LEVELS, "look like metres"),
+        ({}, LEVELS + 60, r"level 100 mm: no closed outline there; choose levels between 0.0 and"),
+    ],
+)
+def test_bad_surfaces_give_one_line(tmp_path, change, levels, message):
+    with pytest.raises(InputError, match=message) as caught:
+        shape_of_surfaces(_leg(tmp_path, **change), levels)
+    assert "\n" not in str(caught.value)
+
+
+def test_bad_files_give_one_line(tmp_path):
+    parts = _leg(tmp_path)
+    with pytest.raises(InputError, match="skin: the part is missing"):
+        shape_of_surfaces({k: v for k, v in parts.items() if k != "skin"}, LEVELS)
+    with pytest.raises(InputError, match="not found"):
+        shape_of_surfaces({**parts, "tibia": tmp_path / "none.stl"}, LEVELS)
+    (tmp_path / "text.stl").write_text("nothing")
+    with pytest.raises(InputError, match=r"text.stl: file"):
+        read_surface(tmp_path / "text.stl")
+
+
+@real_leg
+def test_a_real_leg_is_read():
+    parts = ("skin", "muscle_hull", "tibia", "fibula")
+    files = {part: REAL / f"right_{part}.stl" for part in parts}
+    shape = shape_of_surfaces(files, np.arange(260.0, 341.0, 5.0))
+    assert largest_girth(shape) == pytest.approx(300, abs=5)
+    assert perimeter(shape).max() == pytest.approx(378, abs=2)
+    fat = fat_thickness_around(shape)
+    assert 1.5 < fat.min() < 3.5
+    assert 15 < fat.max() < 25
