@@ -75,7 +75,7 @@ def calf_section(calf: Calf, points: int = 240) -> LegSection:
         If the numbers give contours that cross.
     """
     angle = 2 * np.pi * np.arange(points) / points
-    shape = _oval(angle, calf)
+    shape = oval(angle, calf.aspect, calf.bulge, calf.asymmetry)
     unit = np.column_stack([np.cos(angle), np.sin(angle)])
     outline = shape[:, None] * unit
     radius = calf.girth_mm / _perimeter(outline)
@@ -83,11 +83,11 @@ def calf_section(calf: Calf, points: int = 240) -> LegSection:
     # Thickest at the back (-y), thinnest over the tibia's face.
     over_tibia = np.cos(angle - (np.pi / 2 + 0.5 * calf.side))
     fat = calf.fat_mm * (1 - calf.fat_variation * over_tibia)
-    fascia = skin - fat[:, None] * _outward(skin)
-    tibia = _bone(
+    fascia = skin - fat[:, None] * outward_normals(skin)
+    tibia = bone_outline(
         calf.tibia_mm, (-0.20 * calf.side * radius, 0.46 * radius), 0.16, 3, 0.4 * calf.side
     )
-    fibula = _bone(calf.fibula_mm, (0.42 * calf.side * radius, 0.20 * radius), 0.10, 2, 0.9)
+    fibula = bone_outline(calf.fibula_mm, (0.42 * calf.side * radius, 0.20 * radius), 0.10, 2, 0.9)
     section = LegSection(skin, fascia, tibia, fibula, calf.fascia_thickness_mm)
     check_section(section, "Calf")
     if abs(girth(section) / calf.girth_mm - 1) > 1e-3:
@@ -95,17 +95,19 @@ def calf_section(calf: Calf, points: int = 240) -> LegSection:
     return section
 
 
-def _oval(angle: FloatArray, calf: Calf) -> FloatArray:
-    a, b = np.sqrt(calf.aspect), 1 / np.sqrt(calf.aspect)
+def oval(angle: FloatArray, aspect: float, bulge: float, asymmetry: float) -> FloatArray:
+    """Return how far a calf's skin reaches at an angle from +x, over its radius; see `Calf`."""
+    a, b = np.sqrt(aspect), 1 / np.sqrt(aspect)
     ellipse = 1 / np.sqrt((np.cos(angle) / a) ** 2 + (np.sin(angle) / b) ** 2)
-    bulged = -calf.bulge * np.sin(angle) + calf.asymmetry * np.cos(angle)
+    bulged = -bulge * np.sin(angle) + asymmetry * np.cos(angle)
     flattened = -0.012 * np.cos(3 * (angle - np.pi / 2))
     return ellipse * (1 + bulged + flattened)
 
 
-def _bone(
+def bone_outline(
     radius: float, centre: tuple[float, float], lobe: float, lobes: int, turn: float
 ) -> FloatArray:
+    """Return a bone's outline with rounded corners, one at the angle ``turn``; (60, 2), mm."""
     angle = 2 * np.pi * np.arange(60) / 60
     reach = radius * (1 + lobe * np.cos(lobes * (angle - turn)) / lobes)
     return np.asarray(centre) + reach[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
@@ -115,7 +117,8 @@ def _perimeter(closed: FloatArray) -> float:
     return float(np.linalg.norm(closed - np.roll(closed, 1, axis=0), axis=1).sum())
 
 
-def _outward(closed: FloatArray) -> FloatArray:
+def outward_normals(closed: FloatArray) -> FloatArray:
+    """Return unit normals at the points of a counter-clockwise contour, (n, 2)."""
     tangent = np.roll(closed, -1, axis=0) - np.roll(closed, 1, axis=0)
     normal = np.column_stack([tangent[:, 1], -tangent[:, 0]])
     return normal / np.linalg.norm(normal, axis=1, keepdims=True)
