@@ -7,14 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.spatial.distance import cdist
+from scipy.spatial import cKDTree
 
 from legfem.units import FloatArray
 
-_CHUNK = 4_000_000  # distances at a time
+_ALIKE = 1.1  # sizes within this ratio count as the same
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,12 +41,22 @@ class SizeField:
 
     def __call__(self, points: FloatArray) -> FloatArray:
         """Return the sizes at some points (m, 3); (m,), mm."""
-        rows = max(1, _CHUNK // len(self.points))
-        parts = [
-            (self.growth * cdist(points[k : k + rows], self.points) + self.sizes).min(axis=1)
-            for k in range(0, len(points), rows)
+        found = np.full(len(points), self.far_size)
+        for size, tree in self._trees:
+            if size < self.far_size:
+                reach = (self.far_size - size) / self.growth
+                distance, _ = tree.query(points, distance_upper_bound=reach)
+                found = np.minimum(found, size + self.growth * distance)
+        return found
+
+    @cached_property
+    def _trees(self) -> list[tuple[float, cKDTree]]:
+        """Trees of the points with about the same size."""
+        group = np.floor(np.log(self.sizes) / np.log(_ALIKE)).astype(int)
+        return [
+            (float(self.sizes[group == g].mean()), cKDTree(self.points[group == g]))
+            for g in np.unique(group)
         ]
-        return np.minimum(np.concatenate(parts), self.far_size)
 
 
 def bilinear(

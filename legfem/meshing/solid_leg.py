@@ -110,7 +110,7 @@ def settings_for_cells(
     """
     settings = settings or SolidMeshSettings()
     shape = _segment(shape, settings)
-    grid = _Grid.over(shape, spacing=4.0)
+    grid = _Grid.over(shape, spacing=5.0)
 
     def excess(log_factor: float) -> float:
         field = _size_field(shape, settings.refined(math.exp(log_factor)), spacing=6.0)

@@ -1,0 +1,189 @@
+"""Slices of a leg on which a simulated shape is compared with a target: the paper's contour cost.
+
+The second paper compares outer and inner contours of the superficial tissue (skin and hull) in five
+slices over 3 cm of the calf.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike
+
+from legfem.errors import InputError
+from legfem.geometry.curve import smooth_closed_curve
+from legfem.geometry.leg_shape import HULL, SKIN, LegShape
+from legfem.geometry.shape_measures import largest_girth
+from legfem.units import FloatArray, frozen_array
+
+CONTOURS = ("outer", "inner")
+_PART = {"outer": SKIN, "inner": HULL}
+_FINER = 8  # points of the contour that is met, for one of its own
+
+
+@dataclass(frozen=True, eq=False)
+class SliceSet:
+    """Outer and inner contours of the superficial tissue in a few slices.
+
+    Parameters
+    ----------
+    levels : (n_slices,) array
+        mm.
+    outer, inner : (n_slices, n_points, 2) array
+        Counter-clockwise and evenly spaced, mm; see `legfem.geometry.leg_shape`.
+    """
+
+    levels: FloatArray
+    outer: FloatArray
+    inner: FloatArray
+
+    def __post_init__(self) -> None:
+        """Copy the arrays."""
+        for name in ("levels", *CONTOURS):
+            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+
+    @staticmethod
+    def of(shape: LegShape, levels: ArrayLike) -> SliceSet:
+        """Return the slices of a shape at some levels (mm).
+
+        Raises
+        ------
+        InputError
+            If a level is outside the segment.
+        """
+        z = np.atleast_1d(np.asarray(levels, dtype=np.float64))
+        return SliceSet(z, shape.at(SKIN, z), shape.at(HULL, z))
+
+    def contours(self, name: str) -> FloatArray:
+        """Return the ``outer`` or ``inner`` contours."""
+        contours: FloatArray = getattr(self, name)
+        return contours
+
+
+def calf_levels(
+    shape: LegShape, count: int = 5, height: float = 30.0, centre: float | None = None
+) -> FloatArray:
+    """Return the levels of slices spread over a height of the calf, (count,), mm.
+
+    Parameters
+    ----------
+    shape : LegShape
+        The leg.
+    count : int
+        Number of slices.
+    height : float
+        From the lowest to the highest, mm.
+    centre : float, optional
+        Level of the middle (mm); by default where the girth is largest, moved as far as it takes to
+        keep all slices within the leg.
+
+    Raises
+    ------
+    InputError
+        If the segment is shorter than the slices need, or ends before a ``centre`` given.
+    """
+    low, high = float(shape.levels[0]), float(shape.levels[-1])
+    if high - low < height:
+        raise InputError(
+            "shape", "levels", f"{high - low:g} mm of leg cannot hold slices over {height:g} mm",
+            "give a longer segment, or spread the slices less",
+        )  # fmt: skip
+    if centre is None:
+        centre = float(np.clip(largest_girth(shape), low + height / 2, high - height / 2))
+    levels = centre + np.linspace(-height / 2, height / 2, count)
+    if levels[0] < low or levels[-1] > high:
+        raise InputError(
+            "slices", "centre", f"{levels[0]:g} to {levels[-1]:g} mm is not within the leg, "
+            f"{low:g} to {high:g} mm", "move the centre",
+        )  # fmt: skip
+    return levels
+
+
+def signed_distances(reference: FloatArray, other: FloatArray) -> FloatArray:
+    """Return how far another contour lies from points of a contour, along its normals.
+
+    Parameters
+    ----------
+    reference : (n, 2) array
+        Closed contour, counter-clockwise, mm.
+    other : (m, 2) array
+        Closed contour, mm.
+
+    Returns
+    -------
+    ndarray
+        (n,), mm; positive where ``other`` is outside. Where a normal does not meet it, the shortest
+        distance.
+    """
+    curve = smooth_closed_curve(reference)
+    steps = np.linalg.norm(np.diff(reference, axis=0), axis=1)
+    turns = np.concatenate([[0.0], np.cumsum(steps)])
+    turns /= turns[-1] + np.linalg.norm(reference[0] - reference[-1])
+    tangent = curve.tangent(turns)
+    normal = np.column_stack([tangent[:, 1], -tangent[:, 0]])
+    ring = smooth_closed_curve(other).evenly(_FINER * len(other))
+    edge = np.roll(ring, -1, axis=0) - ring
+    to_start = ring[None, :, :] - reference[:, None, :]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        across = _cross(normal[:, None, :], edge[None, :, :])
+        along_edge = _cross(to_start, normal[:, None, :]) / across
+        along_normal = _cross(to_start, edge[None, :, :]) / across
+    met = (along_edge >= -1e-12) & (along_edge < 1.0)
+    distance = np.where(met, along_normal, np.inf)
+    nearest = np.argmin(np.abs(distance), axis=1)
+    found: FloatArray = distance[np.arange(len(reference)), nearest]
+    missed = ~np.isfinite(found)
+    if missed.any():
+        points, polygon = shapely.points(reference[missed]), shapely.Polygon(ring)
+        inside = shapely.contains_xy(polygon, *reference[missed].T)
+        found[missed] = np.where(inside, 1, -1) * shapely.distance(points, polygon.exterior)
+    return found
+
+
+def slice_distances(reference: SliceSet, other: SliceSet) -> dict[str, FloatArray]:
+    """Return the signed distances of ``other`` from ``reference``, slice by slice.
+
+    Returns
+    -------
+    dict
+        ``outer`` and ``inner``: (n_slices, n_points) at the reference's points, mm.
+
+    Raises
+    ------
+    ValueError
+        If the two stand at different levels.
+    """
+    if reference.levels.shape != other.levels.shape or not np.allclose(
+        reference.levels, other.levels
+    ):
+        raise ValueError("slices at different levels can't be compared")
+    return {
+        name: np.stack(
+            [
+                signed_distances(*pair)
+                for pair in zip(reference.contours(name), other.contours(name), strict=True)
+            ]
+        )
+        for name in CONTOURS
+    }
+
+
+def contour_misfit(target: SliceSet, simulated: SliceSet) -> float:
+    """Return the sum of squared distances over both contours of all slices, mm2."""
+    return sum(float((d**2).sum()) for d in slice_distances(target, simulated).values())
+
+
+def contour_cost(target: SliceSet, simulated: SliceSet, start: SliceSet) -> float:
+    """Return the second paper's cost (Eq. 4).
+
+    The misfit over that of ``start``, the simulation at the start of the identification: 1 there, 0
+    at a perfect match.
+    """
+    return contour_misfit(target, simulated) / contour_misfit(target, start)
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    crossed: FloatArray = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return crossed
