@@ -1,0 +1,183 @@
+"""Label volumes: every voxel of a scan is background, superficial or deep tissue, or bone.
+
+Coordinates are those of DICOM, in mm: x to the patient's left, y to the back, z towards the head.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legfem.errors import InputError
+from legfem.units import FloatArray, frozen_array
+
+BACKGROUND, SUPERFICIAL, DEEP, BONE = 0, 1, 2, 3
+TISSUES = {"superficial": SUPERFICIAL, "deep": DEEP, "bone": BONE}
+_SQUARE = 1e-3  # of a direction's cosine
+
+
+@dataclass(frozen=True, eq=False)
+class LabelVolume:
+    """Labels on a regular grid whose axes are those of the coordinates.
+
+    Parameters
+    ----------
+    labels : (n_x, n_y, n_z) array of uint8
+        `BACKGROUND`, `SUPERFICIAL`, `DEEP` or `BONE`; both bones share a label.
+    spacing : (3,) array
+        Between voxels' centres, mm.
+    origin : (3,) array
+        Centre of the voxel [0, 0, 0], mm.
+    source : str
+        What errors name as the file.
+    """
+
+    labels: NDArray[np.uint8]
+    spacing: FloatArray
+    origin: FloatArray
+    source: str = "volume"
+
+    def __post_init__(self) -> None:
+        """Check the labels."""
+        for name in ("spacing", "origin"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+        if self.labels.ndim != 3:
+            raise InputError(
+                self.source, "shape", f"is {self.labels.ndim}-dimensional", "give one volume"
+            )
+        if not (self.spacing > 0).all():
+            raise InputError(self.source, "spacing", "is not positive", "correct the header")
+        present = np.bincount(self.labels.ravel(), minlength=4)
+        for name, label in TISSUES.items():
+            if not present[label]:
+                raise InputError(
+                    self.source, "labels", f"no voxel is labelled {label} ({name})",
+                    "segment it, or say which label it has",
+                )  # fmt: skip
+        if len(present) > 4 and present[4:].any():
+            other = 4 + int(np.argmax(present[4:] > 0))
+            raise InputError(
+                self.source, "labels", f"{present[other]} voxels are labelled {other}, which is "
+                "none of " + ", ".join(f"{v} ({k})" for k, v in TISSUES.items()),
+                "say which tissue it is",
+            )  # fmt: skip
+
+    @property
+    def affine(self) -> FloatArray:
+        """Voxel's numbers to mm, (4, 4)."""
+        affine = np.diag([*self.spacing, 1.0])
+        affine[:3, 3] = self.origin
+        return affine
+
+    @property
+    def levels(self) -> FloatArray:
+        """Level z of every slice, mm."""
+        levels: FloatArray = self.origin[2] + self.spacing[2] * np.arange(self.labels.shape[2])
+        return levels
+
+
+def volume_of_array(
+    array: NDArray[np.integer],
+    affine: FloatArray,
+    source: str,
+    meaning: Mapping[str, int | list[int]] | None = None,
+) -> LabelVolume:
+    """Make a volume of labels in any order and orientation along the axes.
+
+    Parameters
+    ----------
+    array : (n_1, n_2, n_3) array of integers
+        Labels.
+    affine : (4, 4) array
+        The array's indices to mm.
+    source : str
+        What errors name as the file.
+    meaning : mapping, optional
+        ``superficial``, ``deep`` and ``bone`` to the labels they have in the array (one or
+        several); 1, 2 and 3 by default.
+
+    Raises
+    ------
+    InputError
+        If a label is missing or unknown, or the grid is oblique or sheared.
+    """
+    array, affine = _along_axes(array, np.asarray(affine, dtype=np.float64), source)
+    if meaning is None:
+        if array.min(initial=0) < 0 or array.max(initial=0) > 255:
+            raise InputError(
+                source, "labels", f"range from {array.min()} to {array.max()}",
+                "give a label volume, not an image; 0 background, 1 superficial, 2 deep, 3 bone",
+            )  # fmt: skip
+        labels = array.astype(np.uint8)
+    else:
+        _check_meaning(meaning, source)
+        labels = np.full(array.shape, 255, dtype=np.uint8)
+        labels[array == 0] = BACKGROUND
+        for name, given in meaning.items():
+            labels[np.isin(array, given)] = TISSUES[name]
+        if (labels == 255).any():
+            raise InputError(
+                source, "labels", f"{array[labels == 255][0]} has no meaning given",
+                "say which tissue it is",
+            )  # fmt: skip
+    return LabelVolume(labels, np.diag(affine)[:3], affine[:3, 3], source)
+
+
+def check_same_spacing(first: LabelVolume, second: LabelVolume) -> None:
+    """Check that two volumes may be compared without a transform.
+
+    Raises
+    ------
+    InputError
+        If their spacing differs.
+    """
+    if not np.allclose(first.spacing, second.spacing, rtol=1e-3):
+        given = [" x ".join(f"{s:.4g}" for s in v.spacing) for v in (first, second)]
+        raise InputError(
+            second.source, "spacing", f"{given[1]} mm, but {given[0]} mm in {first.source}",
+            "register the two on the bones, give their transform, or resample one",
+        )  # fmt: skip
+
+
+def _along_axes(
+    array: NDArray[np.integer], affine: FloatArray, source: str
+) -> tuple[NDArray[np.integer], FloatArray]:
+    """Permute and flip an array so that its affine is diagonal and positive."""
+    if array.ndim != 3 or affine.shape != (4, 4):
+        raise InputError(source, "shape", f"{array.shape} is not a volume's", "give one volume")
+    spacing = np.linalg.norm(affine[:3, :3], axis=0)
+    if not (spacing > 0).all() or not np.isfinite(affine).all():
+        raise InputError(source, "affine", "is singular", "correct the header")
+    cosines = affine[:3, :3] / spacing
+    order = [int(np.argmax(np.abs(cosines[axis]))) for axis in range(3)]
+    aligned = np.abs(cosines[range(3), order])
+    if len(set(order)) < 3 or (aligned < 1 - _SQUARE).any():
+        tilt = float(np.degrees(np.arccos(min(1.0, aligned.min()))))
+        raise InputError(
+            source, "affine", f"the grid is oblique (by {tilt:.1f} degrees)",
+            "resample the volume along the scanner's axes",
+        )  # fmt: skip
+    array = array.transpose(order)
+    columns = affine[:3, order]
+    origin = affine[:3, 3].copy()
+    for axis in range(3):
+        if columns[axis, axis] < 0:
+            origin += columns[:, axis] * (array.shape[axis] - 1)
+            array = np.flip(array, axis)
+    straight = np.diag([*spacing[order], 1.0])
+    straight[:3, 3] = origin
+    return np.ascontiguousarray(array), straight
+
+
+def _check_meaning(meaning: Mapping[str, int | list[int]], source: str) -> None:
+    for name in meaning:
+        if name not in TISSUES:
+            raise InputError(
+                source, "labels", f"unknown tissue '{name}'", f"tissues are {', '.join(TISSUES)}"
+            )
+    for name in TISSUES:
+        if name not in meaning:
+            raise InputError(source, "labels", f"{name} has no label given", "give one")

@@ -1,0 +1,111 @@
+"""Reading and writing label volumes: NIfTI, NRRD and MetaImage, DICOM segmentations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import highdicom
+import nibabel
+import numpy as np
+import SimpleITK
+from numpy.typing import NDArray
+
+from legfem.errors import InputError
+from legfem.imaging.volume import TISSUES, LabelVolume, volume_of_array
+from legfem.units import FloatArray
+
+# NIfTI's axes point to the right and to the front; DICOM's to the left and to the back.
+_TO_DICOM = np.diag([-1.0, -1.0, 1.0, 1.0])
+_PER_MM = {"meter": 1000.0, "mm": 1.0, "micron": 1e-3, "unknown": 1.0}
+_NIFTI, _ITK, _DICOM = (".nii", ".nii.gz"), (".nrrd", ".nhdr", ".mha", ".mhd"), (".dcm",)
+
+type Meaning = Mapping[str, int | list[int]]
+
+
+def read_volume(path: Path, meaning: Meaning | None = None) -> LabelVolume:
+    """Read a label volume.
+
+    Parameters
+    ----------
+    path : Path
+        NIfTI (``.nii``, ``.nii.gz``), NRRD or MetaImage (``.nrrd``, ``.mha``, ...), or a DICOM
+        segmentation (``.dcm``).
+    meaning : mapping, optional
+        ``superficial``, ``deep`` and ``bone`` to the labels they have in the file, one or several.
+        By default 1, 2 and 3; in a DICOM segmentation by its segments' names, if these are they.
+
+    Raises
+    ------
+    InputError
+        If the file can't be read, or is not a label volume with these three tissues.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(path, "file", "not found", "check the path")
+    name = path.name.lower()
+    readers = {_NIFTI: _read_nifti, _ITK: _read_itk, _DICOM: _read_dicom}
+    reader = next((r for endings, r in readers.items() if name.endswith(endings)), None)
+    if reader is None:
+        raise InputError(
+            path, "file", "is of an unknown kind",
+            f"give one of {', '.join(e for endings in readers for e in endings)}",
+        )  # fmt: skip
+    try:
+        array, affine, named = reader(path)
+    except InputError:
+        raise
+    except Exception as error:  # the libraries raise all kinds
+        raise InputError(path, "file", f"can't be read ({error})", "save it again") from None
+    return volume_of_array(array, affine, str(path), meaning or named)
+
+
+def write_volume(volume: LabelVolume, path: Path) -> None:
+    """Write a label volume as NIfTI (``.nii`` or ``.nii.gz``)."""
+    image = nibabel.Nifti1Image(volume.labels, _TO_DICOM @ volume.affine)
+    image.header.set_xyzt_units("mm")
+    nibabel.save(image, path)
+
+
+type _Raw = tuple[NDArray[np.integer], FloatArray, Meaning | None]
+
+
+def _read_nifti(path: Path) -> _Raw:
+    image = nibabel.load(path)
+    array = np.asanyarray(image.dataobj)
+    length, _ = image.header.get_xyzt_units()
+    scale = np.diag([_PER_MM[length]] * 3 + [1.0])
+    return _integers(array, path), scale @ _TO_DICOM @ image.affine, None
+
+
+def _read_itk(path: Path) -> _Raw:
+    image = SimpleITK.ReadImage(str(path))
+    if image.GetNumberOfComponentsPerPixel() != 1 or image.GetDimension() != 3:
+        raise InputError(path, "labels", "overlap or are not one volume", "save a label map")
+    directions = np.array(image.GetDirection()).reshape(3, 3)
+    affine = np.eye(4)
+    affine[:3, :3] = directions * np.array(image.GetSpacing())
+    affine[:3, 3] = image.GetOrigin()
+    # SimpleITK's arrays are (z, y, x).
+    return _integers(SimpleITK.GetArrayFromImage(image).transpose(2, 1, 0), path), affine, None
+
+
+def _read_dicom(path: Path) -> _Raw:
+    segmentation = highdicom.seg.segread(path)
+    volume = segmentation.get_volume(combine_segments=True, skip_overlap_checks=False)
+    named = {}
+    for number in segmentation.segment_numbers:
+        label = segmentation.get_segment_description(number).segment_label.lower()
+        if label in TISSUES:
+            named[label] = int(number)
+    every = named if set(named) == set(TISSUES) else None
+    return _integers(volume.array, path), volume.affine, every
+
+
+def _integers(array: NDArray[np.generic], path: Path) -> NDArray[np.integer]:
+    rounded = np.rint(array).astype(np.int64)
+    if not np.array_equal(rounded, array):
+        raise InputError(
+            path, "labels", "are not whole numbers", "give a label volume, not an image"
+        )
+    return rounded
