@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -19,6 +20,9 @@ class StepSettings:
     A step grows by ``growth`` when Newton needed at most ``easy`` factorisations, shrinks when it
     needed ``hard`` or more, and is cut by ``cut`` when it failed. A hold starts with ``hold_first``
     of its duration, no more than ``hold_first_time`` (s), and its steps grow by ``hold_growth``.
+
+    What a contact remembers depends on the steps, a little. Where solvers that work differently are
+    to take the same ones, ``easy`` and ``hard`` have to be out of reach: see `regular`.
     """
 
     first: float = 0.2
@@ -32,6 +36,11 @@ class StepSettings:
     hold_first: float = 0.01
     hold_first_time: float = 0.1
     hold_growth: float = 1.3
+
+    @classmethod
+    def regular(cls, **sizes: float) -> StepSettings:
+        """Return steps that grow however much work they were, and shrink only after a failure."""
+        return cls(easy=sys.maxsize, hard=sys.maxsize, **sizes)
 
 
 @dataclass(frozen=True)

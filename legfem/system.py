@@ -10,6 +10,7 @@ import ufl
 from dolfinx import fem, la
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
+from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from legfem.compiled import compiled
@@ -129,6 +130,12 @@ class System:
         dofmap = spaces.space.dofmap
         self._owned = dofmap.index_map.size_local * dofmap.index_map_bs
         self.evaluations = 0
+
+    @property
+    def owned_supports(self) -> NDArray[np.int32]:
+        """The rank's own dofs that are held at zero."""
+        pinned = self.spaces.pinned
+        return pinned[pinned < self._owned]
 
     def set_parameters(self, values: dict[str, float]) -> None:
         """Change numbers of the model without compiling anew."""

@@ -113,6 +113,28 @@ def test_iterations_and_factors_give_the_same_force(formulation):
     assert forces[1] == pytest.approx(forces[0], rel=1e-6)
 
 
+def test_iterations_leave_the_supports_where_they_are():
+    test, _ = pressed(
+        IdealisedLeg(length=60), 3, linear=LinearSettings(solver="iterative", tolerance=1e-3)
+    )
+    system = test.system
+    assert len(system.owned_supports) > 0
+    assert np.all(system.unknown.x.array[system.owned_supports] == 0.0)
+
+
+def test_steps_do_not_depend_on_the_linear_solver():
+    walked = [
+        [
+            step.displacement
+            for step in pressed(
+                IdealisedLeg(length=60), 3, linear=LinearSettings(solver=solver), depth=4.0
+            )[1].report.steps
+        ]
+        for solver in ("direct", "iterative")
+    ]
+    assert walked[0] == walked[1]
+
+
 def test_at_depth_too_3d_without_ends_is_plane_strain():
     leg = IdealisedLeg(length=50, ends="held")
     settings = IdealisedLegSettings(mesh=TINY)

@@ -174,13 +174,7 @@ def mesh_leg(
     """Mesh a quarter of the leg, fine where the cylinder of given size (mm) will press."""
     settings = settings or LegMeshSettings()
     around, through, layer = _section_grid(leg, cylinder_radius, settings)
-    half, edge = leg.length / 2, min(cylinder_length, leg.length) / 2
-    along = spaced(
-        half,
-        lambda z: np.minimum(settings.edge_size + settings.growth * np.abs(z - edge),
-                             settings.far_size),
-        stops=(edge,),
-    )  # fmt: skip
+    along = _along(leg, cylinder_length, settings)
     hexahedra = settings.cells == "hexahedra"
     kinds = dolfinx_mesh.CellType
     counts = [len(around) - 1, len(through) - 1, len(along) - 1]
@@ -201,6 +195,15 @@ def mesh_leg(
     nodes[:, 2] = np.interp(nodes[:, 2], np.arange(len(along)), along)
     _bend(nodes, leg, around, through)
     return LegMesh(made, cell_tags, facet_tags, leg.regions, tuple(supports), 4)
+
+
+def grid_counts(
+    leg: IdealisedLeg, cylinder_radius: float, cylinder_length: float, settings: LegMeshSettings
+) -> tuple[int, int, int]:
+    """Return the numbers of hexahedra around, through and along the mesh of `mesh_leg`."""
+    around, through, _ = _section_grid(leg, cylinder_radius, settings)
+    along = _along(leg, cylinder_length, settings)
+    return len(around) - 1, len(through) - 1, len(along) - 1
 
 
 def mesh_leg_section(
@@ -269,6 +272,17 @@ def _section_grid(
         centre.extend(start * (1 - fraction[1:]))
         layer.extend([leg.regions[name]] * (len(fraction) - 1))
     return around, _Through(np.array(radius), np.array(centre)), layer
+
+
+def _along(leg: IdealisedLeg, cylinder_length: float, settings: LegMeshSettings) -> FloatArray:
+    """Return the heights of the nodes from mid-length on, finest at the cylinder's end."""
+    half, edge = leg.length / 2, min(cylinder_length, leg.length) / 2
+
+    def size(z: FloatArray) -> FloatArray:
+        growing = settings.edge_size + settings.growth * np.abs(z - edge)
+        return np.minimum(growing, settings.far_size)
+
+    return spaced(half, size, stops=(edge,))
 
 
 def _bend(nodes: FloatArray, leg: IdealisedLeg, around: FloatArray, through: _Through) -> None:

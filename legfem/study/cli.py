@@ -245,6 +245,44 @@ def correction(
 
 
 @app.command()
+def solvers(
+    sizes: Annotated[
+        list[int] | None,
+        typer.Option("--size", min=2000, help="Unknowns; several may be given."),
+    ] = None,
+    tetrahedra: Annotated[
+        int, typer.Option(min=0, help="Also so many tetrahedra of first order.")
+    ] = 0,
+    ranks: Annotated[
+        list[int] | None, typer.Option(min=1, help="Ranks of MPI; several may be given.")
+    ] = None,
+    direct_up_to: Annotated[
+        int, typer.Option(min=0, help="Greatest size to factorise: time grows as its square.")
+    ] = 200_000,
+    step: Annotated[float, typer.Option(min=0.1, help="Of the load (mm).")] = 0.5,
+    out: Out = None,
+) -> None:
+    """Measure factors and iterations in 3D: one load step by size, each in its own process.
+
+    Starts mpirun itself where --ranks asks for it.
+
+    Example: python -m legfem.study solvers --size 20000 --size 60000 --ranks 1 --ranks 2
+    """
+    leave_to_first_rank()
+    with command_edge("run the same command again to go on; measured cases are kept"):
+        from dataclasses import replace
+
+        from legfem.study import solvers_command
+
+        folder = out or Path("results") / "solvers"
+        check_out_folder(folder)
+        cases = solvers_command.cases_of(
+            sizes or [20_000, 60_000, 200_000], tetrahedra, ranks or [1], direct_up_to
+        )
+        solvers_command.run([replace(case, step=step) for case in cases], folder)
+
+
+@app.command()
 def concealed(
     make: Annotated[
         int | None, typer.Option(min=1, help="Make so many sealed cases (simulated).")

@@ -12,14 +12,11 @@ from legfem.correction import smooth_ratio
 from legfem.experiments.indentation_3d import IdealisedLegSettings
 from legfem.linear import LinearSettings
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
-from legfem.stepping import StepSettings
 from legfem.study.correction_cases import Case, solve_case
 
 mesh = LegMeshSettings(contact_size=8, depth_size=16, edge_size=8, growth=0.5, far_size=40)
 linear = replace(LinearSettings(), solver=sys.argv[1])
-# Iterations end elsewhere on other numbers of ranks, and steps are chosen by their work: fix them.
-steps = StepSettings(first=0.5, growth=1.0, shrink=1.0) if linear.solver == "iterative" else None
-settings = IdealisedLegSettings(mesh=mesh, linear=linear, steps=steps or StepSettings())
+settings = IdealisedLegSettings(mesh=mesh, linear=linear)
 outcome = solve_case(
     Case(IdealisedLeg(length=90), settings=settings, depth=6.0), comm=MPI.COMM_WORLD
 )

@@ -1,0 +1,76 @@
+"""The study of linear solvers: its meshes, one case, and what it says."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import pytest
+from mpi4py import MPI
+
+from legfem.experiments.indentation_3d import Cylinder
+from legfem.meshing.idealised_leg import IdealisedLeg, mesh_leg
+from legfem.study.solver_case import SolverCase, SolverWork, document, measure, mesh_of_size
+from legfem.study.solvers_command import cases_of, run, sentences, solvers_table
+
+SMALL = SolverCase(3000, "iterative")
+
+
+@pytest.mark.parametrize(("cells", "size"), [("hexahedra", 20_000), ("tetrahedra", 60_000)])
+def test_meshes_have_about_the_size_asked_for(cells, size):
+    case, leg, cylinder = SolverCase(size, "iterative", cells), IdealisedLeg(), Cylinder()
+    settings = mesh_of_size(case, leg, cylinder)
+    if cells == "tetrahedra":
+        made = mesh_leg(leg, cylinder.radius, cylinder.length, settings).mesh
+        assert made.topology.index_map(3).size_global == pytest.approx(size, rel=0.15)
+    else:
+        assert measure(replace(SMALL, size=3000)).unknowns == pytest.approx(3000, rel=0.15)
+
+
+def test_factors_and_iterations_are_measured_at_the_same_state():
+    direct, iterative = (
+        measure(replace(SMALL, solver=solver), MPI.COMM_SELF) for solver in ("direct", "iterative")
+    )
+    assert direct.complete and iterative.complete
+    assert iterative.force_N == pytest.approx(direct.force_N, rel=1e-7)
+    assert len(iterative.iterations) == iterative.solves == iterative.tangents
+    assert min(iterative.iterations) > 1 and max(direct.iterations) == 1
+    assert direct.tangents < direct.solves
+    assert direct.peak_GiB >= direct.start_GiB > 0.05
+    assert direct.linear_seconds > 0
+
+
+def test_cases_are_the_smallest_first_without_factors_of_the_largest():
+    cases = cases_of([60_000, 20_000], 500_000, [1, 2], direct_up_to=20_000)
+    direct = [case for case in cases if case.solver == "direct"]
+    assert [case.size for case in cases][:4] == [20_000] * 4
+    assert {case.size for case in direct} == {20_000}
+    assert [case.cells for case in cases].count("tetrahedra") == 2
+
+
+def made(iterations: int, seconds: float) -> SolverWork:
+    return SolverWork(
+        20_000, 900, 3_500_000, True, 8, 8, [iterations] * 8, 1.0, seconds, seconds, 0.3, 0.6, 0.2
+    )
+
+
+def test_the_report_tells_growth_and_what_is_cheaper():
+    measured = {
+        replace(SMALL, size=20_000): made(15, 10.0),
+        replace(SMALL, size=20_000, solver="direct"): made(1, 5.0),
+        replace(SMALL, size=20_000, ranks=2): made(16, 6.0),
+        replace(SMALL, size=60_000): replace(made(24, 40.0), unknowns=60_000),
+        replace(SMALL, size=200_000): None,
+    }
+    text = " ".join(sentences(measured))
+    assert "1.60-fold" in text and "factors 0.50 times" in text and "1.67 times less" in text
+    assert solvers_table(measured).row_count == 5
+
+
+def test_measured_cases_are_not_measured_again(tmp_path, capsys):
+    path = tmp_path / "result.json"
+    path.write_text(json.dumps({"schema": 1, "cases": [document(SMALL, made(15, 10.0))]}))
+    run([SMALL], tmp_path)
+    assert "20000" in capsys.readouterr().out
+    assert json.loads(path.read_text())["cases"] == [document(SMALL, made(15, 10.0))]
+    assert "20000" in (tmp_path / "report.txt").read_text()
