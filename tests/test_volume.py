@@ -68,7 +68,7 @@ def _dicom_segmentation(made: LabelVolume) -> highdicom.seg.Segmentation:
         slice_.file_meta.TransferSyntaxUID = ExplicitVRLittleEndian
         slice_.SOPClassUID, slice_.SOPInstanceUID = CTImageStorage, generate_uid()
         slice_.StudyInstanceUID, slice_.SeriesInstanceUID, slice_.FrameOfReferenceUID = uids
-        slice_.PatientID, slice_.PatientName, slice_.Modality = "made", "made", "CT"
+        slice_.PatientID, slice_.PatientName, slice_.Modality = "made", "Made^", "CT"
         for empty in ("PatientBirthDate", "PatientSex", "StudyDate", "StudyTime", "StudyID",
                       "AccessionNumber", "ReferringPhysicianName"):  # fmt: skip
             setattr(slice_, empty, "")

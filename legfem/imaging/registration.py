@@ -1,0 +1,291 @@
+r"""Rigid registration of a leg on its bones, in least squares.
+
+Where the points correspond, R and t that minimise :math:`\sum_i |R x_i + t - y_i|^2` have a closed
+form (the second paper's Eq. 1). Where they don't, as in two scans, they are found by iteration:
+every patch of one surface is paired with the nearest of the other, and
+
+.. math:: \sum_i \big(n_i \cdot (R x_i + t - c_i)\big)^2
+
+is minimised over a small motion at a time; x and c are the patches' centres, n the normal of the
+other's plane. Both surfaces are averaged over patches of one size: a centre lies inside a curved
+surface, and on a bone that tapers a difference there would pass for a shift along it. Patches that
+lie beyond the other surface's end, or far from it, are left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from legfem.checks import check_positive
+from legfem.errors import InputError
+from legfem.geometry.leg_shape import LegShape
+from legfem.geometry.rigid import RigidTransform
+from legfem.units import FloatArray
+
+LEAST_PATCH, LEAST_SURFACE = 6, 50  # points a patch, patches a surface
+
+
+@dataclass(frozen=True, eq=False)
+class Registration:
+    """What moves one set of bone points onto another, and how well."""
+
+    transform: RigidTransform
+    """Of the moving points."""
+    residual: float
+    """Root mean square of what is left between the two, mm: the distances of corresponding points,
+    or of the patches' centres from the other surface."""
+    pairs: int
+    """Points or patches that were used."""
+    left_out: int
+    """Those that found no partner."""
+    standard_error: FloatArray
+    """Of the moved bones' centre along x, y and z (mm), if errors of points, or of patches that do
+    not overlap, are independent. Shafts of bones leave the motion along them least certain."""
+    rotation_error: FloatArray
+    """Of the turns about x, y and z (degrees), likewise."""
+    iterations: int
+    converged: bool
+
+
+@dataclass(frozen=True)
+class IterationSettings:
+    """How points that don't correspond are registered.
+
+    Parameters
+    ----------
+    radius : float
+        Of the patches over which both surfaces are averaged (mm); small against the bones'.
+    spacing : float
+        Between points (mm); denser ones are thinned out.
+    reach : float
+        Distance (mm) along the surface beyond which a patch is no partner: at the surface's end.
+    outlier : float
+        Distance from the plane, in robust standard deviations, beyond which a patch is left out.
+    tolerance : float
+        Of the last motion (mm).
+    pairings : int
+        Iterations in which partners are looked for anew; then they stay.
+    iterations : int
+        Greatest number.
+    """
+
+    radius: float = 4.0
+    spacing: float = 0.5
+    reach: float = 1.2
+    outlier: float = 4.0
+    tolerance: float = 1e-5
+    pairings: int = 40
+    iterations: int = 60
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        check_positive(
+            self, "radius", "spacing", "reach", "outlier", "tolerance", "pairings", "iterations"
+        )
+
+
+def register_points(moving: FloatArray, fixed: FloatArray) -> Registration:
+    """Register points on their partners, in closed form.
+
+    Parameters
+    ----------
+    moving, fixed : (n, 3) array
+        Corresponding points, mm.
+
+    Raises
+    ------
+    InputError
+        If the numbers differ, or fewer than three points, or points on a line, are given.
+    """
+    moving, fixed = _points(moving, "moving"), _points(fixed, "fixed")
+    if len(moving) != len(fixed):
+        raise InputError(
+            "registration", "points", f"{len(moving)} do not correspond to {len(fixed)}",
+            "give as many of both, or register the surfaces",
+        )  # fmt: skip
+    middle, target = moving.mean(axis=0), fixed.mean(axis=0)
+    rotation, _ = Rotation.align_vectors(fixed - target, moving - middle)
+    turn = rotation.as_matrix()
+    transform = RigidTransform(turn, target - turn @ middle)
+    apart = transform(moving) - fixed
+    normals = np.broadcast_to(np.eye(3), (len(moving), 3, 3)).reshape(-1, 3)
+    rows = _rows(np.repeat(transform(moving) - target, 3, axis=0), normals)
+    return _report(transform, apart.ravel(), rows, float(np.sqrt((apart**2).sum(axis=1).mean())),
+                   len(moving), 0, 1, True)  # fmt: skip
+
+
+def register_surfaces(
+    moving: FloatArray,
+    fixed: FloatArray,
+    start: RigidTransform | None = None,
+    settings: IterationSettings | None = None,
+) -> Registration:
+    """Register points of a surface on points of the same surface that don't correspond.
+
+    Parameters
+    ----------
+    moving, fixed : (n, 3), (m, 3) array
+        Points of the bones' surfaces, mm.
+    start : RigidTransform, optional
+        Where to start; by default the shift between the points' centres.
+    settings : IterationSettings, optional
+        Of the iteration.
+
+    Raises
+    ------
+    InputError
+        If too few points are given, or too few of them find a partner.
+    """
+    settings = settings or IterationSettings()
+    moving, fixed = _points(moving, "moving"), _points(fixed, "fixed")
+    whole = moving
+    moving, _, share = _patches(moving, settings)
+    centres, normals, _ = _patches(fixed, settings)
+    tree = cKDTree(centres)
+    transform = start or RigidTransform(np.eye(3), fixed.mean(axis=0) - whole.mean(axis=0))
+    converged = False
+    for iteration in range(1, settings.iterations + 1):
+        moved = transform(moving)
+        if iteration <= settings.pairings:
+            nearest = tree.query(moved)[1]
+        normal, offset = normals[nearest], moved - centres[nearest]
+        off = (normal * offset).sum(axis=1)
+        if iteration <= settings.pairings:
+            sideways = np.linalg.norm(offset - off[:, None] * normal, axis=1)
+            used = sideways < settings.reach
+            if used.sum() >= 6:
+                spread = 1.4826 * float(np.median(np.abs(off[used]))) + 1e-9
+                used &= np.abs(off) < settings.outlier * spread
+        if used.sum() < max(6, len(moving) // 10):
+            raise InputError(
+                "registration", "bones", f"only {int(used.sum())} of {len(moving)} points find "
+                "a partner", "give both scans in about the same posture, or a start",
+            )  # fmt: skip
+        pivot = moved[used].mean(axis=0)
+        rows = _rows(moved[used] - pivot, normal[used])
+        step = np.linalg.lstsq(rows, -off[used], rcond=None)[0]
+        turn = Rotation.from_rotvec(step[:3]).as_matrix()
+        transform = RigidTransform(turn, pivot + step[3:] - turn @ pivot).after(transform)
+        reach = float(np.linalg.norm(moved[used] - pivot, axis=1).max())
+        if np.linalg.norm(step[:3]) * reach + np.linalg.norm(step[3:]) < settings.tolerance:
+            converged = True
+            break
+    left = off[used] + rows @ step
+    # Patches share points: as many as a patch has carry the information of one.
+    return _report(transform, left, rows / np.sqrt(share), float(np.sqrt((left**2).mean())),
+                   int(used.sum()), int((~used).sum()), iteration, converged)  # fmt: skip
+
+
+def register_shapes(
+    moving: LegShape, fixed: LegShape, settings: IterationSettings | None = None
+) -> Registration:
+    """Register a leg on another by the surfaces of all bones.
+
+    The start makes the bones' axes and their order round the leg the same, and the middles of what
+    is seen of them.
+
+    Raises
+    ------
+    InputError
+        If the two don't have the same bones, or see `register_surfaces`.
+    """
+    if set(moving.bones) != set(fixed.bones):
+        raise InputError(
+            "registration", "bones", f"{', '.join(moving.bones)} and {', '.join(fixed.bones)} "
+            "are not the same", "segment the same bones in both scans",
+        )  # fmt: skip
+    there, here = _frame(fixed), _frame(moving)
+    return register_surfaces(
+        bone_points(moving), bone_points(fixed), there.after(here.inverse()), settings
+    )
+
+
+def bone_points(shape: LegShape) -> FloatArray:
+    """Return the points of all bones, (n, 3), mm."""
+    return np.vstack([shape.points(bone).reshape(-1, 3) for bone in shape.bones])
+
+
+def _frame(shape: LegShape) -> RigidTransform:
+    """Return the motion of a frame at the origin to the bones' middle, axis and order."""
+    middles = {bone: shape.contours[bone].mean(axis=1) for bone in shape.bones}
+    first = middles[shape.bones[0]]
+    slope = np.polyfit(shape.levels, first, 1)[0]
+    axis = np.array([*slope, 1.0]) / np.sqrt(1 + slope @ slope)
+    middle = np.array([*first.mean(axis=0), shape.levels.mean()])
+    if len(shape.bones) > 1:
+        towards = np.array([*(middles[shape.bones[1]] - first).mean(axis=0), 0.0])
+    else:
+        towards = np.array([1.0, 0.0, 0.0])
+    across = np.cross(axis, towards)
+    across /= np.linalg.norm(across)
+    return RigidTransform(np.column_stack([np.cross(across, axis), across, axis]), middle)
+
+
+def _patches(
+    points: FloatArray, settings: IterationSettings
+) -> tuple[FloatArray, FloatArray, float]:
+    """Return centres and unit normals of the patches round all points, and points a patch."""
+    cells = np.floor(points / settings.spacing).astype(np.int64)
+    points = points[np.sort(np.unique(cells, axis=0, return_index=True)[1])]
+    most = min(len(points), int(4 * (settings.radius / settings.spacing) ** 2) + 8)
+    distance, index = cKDTree(points).query(points, k=most, distance_upper_bound=settings.radius)
+    near = np.isfinite(distance)
+    kept = near.sum(axis=1) >= LEAST_PATCH
+    if kept.sum() < LEAST_SURFACE:
+        raise InputError(
+            "registration", "points", f"{len(points)} are too few or too far apart",
+            f"give the bones' surfaces, a point every {settings.spacing:g} mm or so",
+        )  # fmt: skip
+    near, index = near[kept], np.where(near, index, 0)[kept]
+    weight = near / near.sum(axis=1, keepdims=True)
+    patch = points[index]
+    centres = np.einsum("nk,nki->ni", weight, patch)
+    apart = patch - centres[:, None, :]
+    _, vectors = np.linalg.eigh(np.einsum("nk,nki,nkj->nij", weight, apart, apart))
+    return centres, vectors[:, :, 0], float(near.sum(axis=1).mean())
+
+
+def _rows(arms: FloatArray, normals: FloatArray) -> FloatArray:
+    """Return how distances along normals change with small turns and shifts, (n, 6)."""
+    return np.hstack([np.cross(arms, normals), normals])
+
+
+def _report(
+    transform: RigidTransform,
+    left: FloatArray,
+    rows: FloatArray,
+    residual: float,
+    pairs: int,
+    left_out: int,
+    iterations: int,
+    converged: bool,
+) -> Registration:
+    variance = float((left**2).sum()) / max(len(left) - 6, 1)
+    covariance = variance * np.linalg.pinv(rows.T @ rows)
+    error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return Registration(
+        transform,
+        residual,
+        pairs,
+        left_out,
+        error[3:],
+        np.degrees(error[:3]),
+        iterations,
+        converged,
+    )
+
+
+def _points(points: FloatArray, name: str) -> FloatArray:
+    xyz = np.asarray(points, dtype=np.float64)
+    if xyz.ndim != 2 or xyz.shape[1] != 3 or not np.isfinite(xyz).all():
+        raise InputError("registration", name, "is not (n, 3) finite coordinates", "check them")
+    spread = np.linalg.svd(xyz - xyz.mean(axis=0), compute_uv=False) if len(xyz) > 2 else [0, 0]
+    if len(xyz) < 3 or spread[1] <= 1e-6 * spread[0]:
+        raise InputError(
+            "registration", name, "fewer than three points, or all on a line", "give more points"
+        )
+    return xyz

@@ -1,0 +1,135 @@
+"""Rigid registration on bones: planted motions come back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from legfem.errors import InputError
+from legfem.geometry.leg_shape import LegShape
+from legfem.geometry.parametric_leg import parametric_leg, read_legs
+from legfem.geometry.rigid import RigidTransform
+from legfem.geometry.shape_surface import PartSurface
+from legfem.imaging.outlines import shape_of_volume
+from legfem.imaging.registration import (
+    IterationSettings,
+    bone_points,
+    register_points,
+    register_shapes,
+    register_surfaces,
+)
+from legfem.imaging.voxelise import ScanSettings, SegmentationNoise, simulated_scan
+
+LEGS = Path(__file__).resolve().parents[1] / "studies" / "dubuis" / "legs.toml"
+PLANTED = RigidTransform.of_angles((4.0, -3.0, 12.0), np.array([6.0, -8.0, 15.0]))
+
+
+@pytest.fixture(scope="module")
+def leg() -> LegShape:
+    return parametric_leg(read_legs(LEGS)["3"], 120)
+
+
+def scattered(leg: LegShape, generator: np.random.Generator, per_mm2: float = 1.0) -> np.ndarray:
+    """Points anywhere on the bones."""
+    points = []
+    for bone in leg.bones:
+        surface = PartSurface(leg, bone)
+        number = int(per_mm2 * surface.perimeter * leg.length)
+        levels = generator.uniform(leg.levels[0], leg.levels[-1], number)
+        points.append(surface(generator.uniform(size=number), levels))
+    return np.vstack(points)
+
+
+def noisy(points: np.ndarray, generator: np.random.Generator, sd: float) -> np.ndarray:
+    return points + sd * generator.standard_normal(points.shape)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_closed_form_finds_a_planted_motion_to_a_twentieth_of_a_mm(leg, seed):
+    generator = np.random.default_rng(seed)
+    true = scattered(leg, generator)
+    moving, fixed = noisy(true, generator, 0.3), noisy(PLANTED(true), generator, 0.3)
+    found = register_points(moving, fixed)
+    error = found.transform(true) - PLANTED(true)
+    assert np.linalg.norm(error, axis=1).max() < 0.05
+    assert found.residual == pytest.approx(0.3 * np.sqrt(6), rel=0.02)
+    assert (np.abs(error.mean(axis=0)) < 4 * found.standard_error).all()
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_points_that_do_not_correspond_find_it_too(leg, seed):
+    generator = np.random.default_rng(seed)
+    true = scattered(leg, generator)
+    moving = noisy(true, generator, 0.2)
+    fixed = noisy(PLANTED(scattered(leg, generator)), generator, 0.2)
+    found = register_surfaces(moving, fixed)
+    error = found.transform(true) - PLANTED(true)
+    assert found.converged
+    assert np.linalg.norm(error, axis=1).max() < 0.05
+    assert (np.abs(error.mean(axis=0)) < 4 * found.standard_error).all()
+    assert found.residual < 0.2
+
+
+def test_another_stretch_of_the_bones_does_no_harm(leg):
+    generator = np.random.default_rng(3)
+    true = scattered(leg.at_levels(np.linspace(0, 110, 23)), generator)
+    other = scattered(leg.at_levels(np.linspace(25, 140, 24)), generator)
+    moving, fixed = noisy(true, generator, 0.1), noisy(PLANTED(other), generator, 0.1)
+    start = RigidTransform.of_angles((0.0, 0.0, 9.0), PLANTED.translation + 2.0)
+    found = register_surfaces(moving, fixed, start)
+    error = found.transform(true) - PLANTED(true)
+    assert np.linalg.norm(error, axis=1).max() < 0.05
+    assert found.left_out > 0.1 * found.pairs  # what only one of them shows
+
+
+@pytest.mark.parametrize(
+    ("noise", "across", "along"),
+    [(None, 0.05, 0.25), pytest.param(0.2, 0.2, 0.8, marks=pytest.mark.slow)],
+)
+def test_two_scans_are_registered(leg, noise, across, along):
+    errs = None if noise is None else SegmentationNoise(boundary_sd=noise)
+    motion = RigidTransform.of_angles((2.0, -3.0, 8.0), np.array([6.0, -8.0, 11.0]))
+    grid = ScanSettings(subslices=1)
+    if noise is None:
+        leg = leg.at_levels(np.linspace(30, 110, 17))
+        grid = ScanSettings(spacing=(0.93, 0.93, 2.0), subslices=1)
+    before = shape_of_volume(simulated_scan(leg, 1, errs, settings=grid))
+    after = shape_of_volume(simulated_scan(leg, 2, errs, motion, grid))
+    found = register_shapes(before, after)
+    error = found.transform(bone_points(before)) - motion(bone_points(before))
+    # What is seen of the bones is shafts: least is known along them.
+    assert np.abs(error[:, :2]).max() < across
+    assert np.abs(error[:, 2]).max() < along
+    assert found.standard_error[2] > 4 * found.standard_error[:2].max()
+
+
+def test_a_motion_and_its_inverse_cancel():
+    there_and_back = PLANTED.inverse().after(PLANTED)
+    assert there_and_back.rotation == pytest.approx(np.eye(3))
+    assert there_and_back.translation == pytest.approx(np.zeros(3), abs=1e-12)
+    assert there_and_back.angle_degrees == pytest.approx(0, abs=1e-5)
+
+
+def test_points_that_make_no_registration_give_one_line(leg):
+    line = np.column_stack([np.arange(50.0)] * 3)
+    cloud = np.random.default_rng(0).normal(size=(300, 3)) * 20
+    with pytest.raises(InputError, match="300 do not correspond to 299"):
+        register_points(cloud, cloud[1:])
+    with pytest.raises(InputError, match="on a line"):
+        register_points(line, line)
+    with pytest.raises(InputError, match="fewer than three points"):
+        register_points(cloud[:2], cloud[:2])
+    with pytest.raises(InputError, match="finite coordinates"):
+        register_points(cloud * np.nan, cloud)
+    with pytest.raises(InputError, match="too few or too far apart"):
+        register_surfaces(cloud, cloud)
+    near = scattered(leg, np.random.default_rng(1))
+    with pytest.raises(InputError, match="find a partner"):
+        register_surfaces(near, near, RigidTransform(np.eye(3), np.array([0, 0, 500.0])))
+    one = LegShape(leg.levels, {p: leg.contours[p] for p in ("skin", "hull", "tibia")})
+    with pytest.raises(InputError, match="are not the same"):
+        register_shapes(one, leg)
+    with pytest.raises(InputError, match="radius"):
+        IterationSettings(radius=0.0)
