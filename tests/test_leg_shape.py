@@ -196,3 +196,10 @@ def test_a_round_leg_is_round():
     assert leg.bones == ("core",)
     for part, radius in (("skin", 50), ("hull", 44), ("core", 12)):
         assert np.linalg.norm(leg.contours[part], axis=2) == pytest.approx(radius, abs=1e-5)
+
+
+def test_smoothing_may_leave_parts_as_they_are():
+    shape = cone()
+    smooth = smoothed(shape, around=60.0, parts=("tibia",))
+    assert np.array_equal(smooth.contours["skin"], shape.contours["skin"])
+    assert not np.array_equal(smooth.contours["tibia"], shape.contours["tibia"])

@@ -7,6 +7,8 @@ along the leg stays as it is, at the ends too. A contour's size is kept.
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 from scipy.linalg import solveh_banded
 
@@ -15,7 +17,12 @@ from legfem.geometry.leg_shape import LegShape, corresponding
 from legfem.units import FloatArray
 
 
-def smoothed(shape: LegShape, around: float = 0.0, along: float = 0.0) -> LegShape:
+def smoothed(
+    shape: LegShape,
+    around: float = 0.0,
+    along: float = 0.0,
+    parts: Collection[str] | None = None,
+) -> LegShape:
     """Return the shape without its short undulations.
 
     Parameters
@@ -26,6 +33,8 @@ def smoothed(shape: LegShape, around: float = 0.0, along: float = 0.0) -> LegSha
         Wavelength around the contours of which half is left (mm); 0 smooths nothing.
     along : float
         The same along the leg (mm).
+    parts : collection of str, optional
+        Which to smooth; all by default.
 
     Raises
     ------
@@ -35,6 +44,9 @@ def smoothed(shape: LegShape, around: float = 0.0, along: float = 0.0) -> LegSha
     contours = {}
     for part, xy in shape.contours.items():
         smooth = np.array(xy)
+        if parts is not None and part not in parts:
+            contours[part] = smooth
+            continue
         if around > 0:
             smooth = _around(smooth, around)
         if along > 0:

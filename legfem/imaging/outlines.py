@@ -37,21 +37,26 @@ class OutlineSettings:
         slice. The outline that is left of a disk of radius R lies blur^2 / (2 R) inwards; that is
         put right for a part's mean curvature.
     around, along : float
-        Wavelengths (mm) below which undulations are smoothed away, around the contours and along
-        the leg.
+        Wavelengths (mm) below which undulations of skin and hull are smoothed away, around the
+        contours and along the leg. The curvature of a noisy skin wants more
+        (see `legfem.geometry.shape_smoothing`).
+    bone_around, bone_along : float
+        The same of the bones.
     n_points : int
         Points a contour.
     """
 
     blur: float = 0.7
-    around: float = 12.0
-    along: float = 12.0
+    around: float = 25.0
+    along: float = 30.0
+    bone_around: float = 12.0
+    bone_along: float = 12.0
     n_points: int = 180
 
     def __post_init__(self) -> None:
         """Check the lengths."""
         check_positive(self, "blur", "n_points")
-        check_positive(self, "around", "along", zero_allowed=True)
+        check_positive(self, "around", "along", "bone_around", "bone_along", zero_allowed=True)
 
 
 def shape_of_volume(
@@ -97,7 +102,8 @@ def shape_of_volume(
         for part, polygon in here.items():
             found[part].append(np.asarray(polygon.exterior.coords)[:-1])
     shape = shape_of_contours(volume.levels[slices], found, settings.n_points)
-    shape = smoothed(shape, settings.around, settings.along)
+    shape = smoothed(shape, settings.around, settings.along, (SKIN, HULL))
+    shape = smoothed(shape, settings.bone_around, settings.bone_along, shape.bones)
     if clearances is not None:
         check_shape(shape, volume.source, clearance=0.5)
     return shape
