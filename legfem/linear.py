@@ -2,8 +2,9 @@
 
 Factors of a section's tangent are cheap at any size that is used. In 3D their cost grows with the
 square of the number of unknowns, and that of conjugate directions with algebraic multigrid in
-proportion to it. Any choice gives way to PETSc options: with the prefix ``legfem_`` for factors,
-``legfem_mixed_`` or ``legfem_displacement_`` for iterations on either form.
+proportion to it; ``python -m legfem.study solvers`` measures where they cross. Any choice gives way
+to PETSc options: with the prefix ``legfem_`` for factors, ``legfem_mixed_`` or
+``legfem_displacement_`` for iterations on either form.
 """
 
 from __future__ import annotations
@@ -29,13 +30,14 @@ class LinearSettings:
     direct_limit : int
         Number of unknowns.
     tolerance : float
-        Reduction of the residual of a linear system.
+        Reduction of the residual of a linear system. One tied to Newton's (Eisenstat and Walker)
+        takes as many linear iterations and more of Newton's, hence more tangents.
     max_iterations : int
         Of an iterative solver.
     """
 
     solver: Literal["auto", "direct", "iterative"] = "auto"
-    direct_limit: int = 100_000
+    direct_limit: int = 40_000
     tolerance: float = 1e-4
     max_iterations: int = 300
 

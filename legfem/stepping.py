@@ -5,8 +5,9 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
+from legfem.checkpoint import Checkpoint
 from legfem.newton import NewtonOutcome, NewtonSolver
 from legfem.protocol import Protocol, Segment
 from legfem.system import System
@@ -138,6 +139,8 @@ def follow(
     protocol: Protocol,
     settings: StepSettings | None = None,
     on_step: Callable[[float, float], None] | None = None,
+    checkpoint: Checkpoint | None = None,
+    recorded: dict[str, list[float]] | None = None,
 ) -> SolveReport:
     """Move the indenter along a protocol, each waypoint reached exactly, from the undeformed state.
 
@@ -152,6 +155,10 @@ def follow(
     on_step
         Called after every accepted step with its time (s) and displacement (mm), the system being
         in that state and its history not yet advanced.
+    checkpoint
+        Where states are kept; the last one there is gone on from.
+    recorded
+        What ``on_step`` appends to, which is kept with the states and replaced by what is found.
 
     Returns
     -------
@@ -161,7 +168,11 @@ def follow(
     started = time.perf_counter()
     system.reset()
     walk = _Walk(system, solver, settings or StepSettings(), on_step)
-    stopped = next(filter(None, map(walk.through, protocol.segments)), None)
+    recorded = {} if recorded is None else recorded
+    if checkpoint is not None:
+        walk.keep_in(checkpoint, recorded)
+    segments = tuple(enumerate(protocol.segments))[walk.segment :]
+    stopped = next(filter(None, (walk.through(number, one) for number, one in segments)), None)
     return SolveReport(
         reached=max((step.displacement for step in walk.steps if step.accepted), default=0.0),
         target=protocol.depth,
@@ -201,15 +212,58 @@ class _Walk:
         # Last change of the state, and over how many mm or s; of motion and of a hold apart.
         self._changes: dict[str, tuple[FloatArray, float]] = {}
         self._size = settings.first
+        self.segment = 0
+        """Number of the protocol's segment that it is in."""
+        self._resumed: tuple[float, float] | None = None
+        self._checkpoint: Checkpoint | None = None
+        self._recorded: dict[str, list[float]] = {}
 
-    def through(self, segment: Segment) -> str | None:
+    def keep_in(self, checkpoint: Checkpoint, recorded: dict[str, list[float]]) -> None:
+        """Go on from the last state kept, if there is one, and keep those to come."""
+        self._checkpoint, self._recorded = checkpoint, recorded
+        shapes = {name: values.shape for name, values in self._system.state().items()}
+        found = checkpoint.load(shapes)
+        if found is None:
+            return
+        arrays, plain = found
+        self._system.restore(arrays, plain["displacement"])
+        self._state = arrays["unknown"]
+        self._changes = {
+            unit: (arrays[f"change.{unit}"], over) for unit, over in plain["changes"].items()
+        }
+        self.steps = [Step(**step) for step in plain["steps"]]
+        self.segment, self._size = plain["segment"], plain["motion_size"]
+        self._resumed = plain["position"], plain["size"]
+        for name, values in plain["recorded"].items():
+            recorded[name][:] = values
+
+    def _keep(self, segment: Segment, position: float, size: float) -> None:
+        if self._checkpoint is None or not self._checkpoint.due:
+            return
+        changes = {f"change.{unit}": change for unit, (change, _) in self._changes.items()}
+        plain = {
+            "displacement": _place(segment, position)[1],
+            "changes": {unit: over for unit, (_, over) in self._changes.items()},
+            "steps": [asdict(step) for step in self.steps],
+            "segment": self.segment,
+            "motion_size": self._size,
+            "position": position,
+            "size": size,
+            "recorded": self._recorded,
+        }
+        self._checkpoint.save({**self._system.state(), **changes}, plain)
+
+    def through(self, number: int, segment: Segment) -> str | None:
         """Go to the end of a segment; return why that failed, or None."""
+        self.segment = number
         holds = segment.phase == "hold"
         sizes = self._sizes(segment)
         position, target = (segment.start, segment.end) if holds else (segment.first, segment.last)
-        if holds:
-            self._changes.pop(sizes.unit, None)
         size, sign = sizes.first, 1.0 if target > position else -1.0
+        if self._resumed is not None:
+            (position, size), self._resumed = self._resumed, None
+        elif holds:
+            self._changes.pop(sizes.unit, None)
         while position != target:
             length = _fitted(size, abs(target - position))
             end = target if length == abs(target - position) else position + sign * length
@@ -231,6 +285,7 @@ class _Walk:
                 size = length * self._settings.shrink
             if not holds:
                 self._size = size
+            self._keep(segment, position, size)
         return None
 
     def _sizes(self, segment: Segment) -> _Sizes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -72,6 +73,11 @@ class PlaceForms:
         """Make the present state the one that the next step starts from."""
         self.history.advance()
         self.before.x.array[:] = self.place.unknown.x.array
+
+    @property
+    def remembered(self) -> dict[str, Any]:
+        """Functions that hold what the next step starts from, by name."""
+        return {"before": self.before, **self.history.variables}
 
     def reset(self) -> None:
         """Return to the undeformed state."""
@@ -217,6 +223,27 @@ class System:
         self.set_time(0.0, 1.0)
         self.set_displacement(0.0)
         self._centre_before.value[:] = self._centre.value
+
+    def state(self) -> dict[str, FloatArray]:
+        """Return the rank's part of the state at the end of a step, by name."""
+        return {name: function.x.array.copy() for name, function in self._state().items()}
+
+    def restore(self, state: Mapping[str, FloatArray], displacement: float) -> None:
+        """Return to a state that ended a step at a displacement (mm)."""
+        for name, function in self._state().items():
+            function.x.array[:] = state[name]
+        self._trace()
+        self.set_displacement(displacement)
+        self._centre_before.value[:] = self._centre.value
+
+    def _state(self) -> dict[str, Any]:
+        places = {"body": self.body, "skin": self.skin}
+        remembered = {
+            f"{name}.{key}": function
+            for name, place in places.items()
+            for key, function in place.remembered.items()
+        }
+        return {"unknown": self.unknown, **remembered}
 
     def minimum_volume_ratio(self) -> float:
         """Return the least J over all quadrature points."""

@@ -89,9 +89,9 @@ def test_a_bad_file_is_one_line(tmp_path: Path, break_it: str):
 def test_a_calibration_is_kept_and_gone_on_with(tmp_path: Path):
     mesh = LegMeshSettings(contact_size=8, depth_size=16, edge_size=8, growth=0.5, far_size=40)
     case = Case(IdealisedLeg(length=90), settings=IdealisedLegSettings(mesh=mesh), depth=6.0)
-    given = Calibration(case, c10_kPa=(1.0, 4.0), stiffening=(0.0,), coarse=0.8)
+    given = Calibration(case, c10_kPa=(1.0, 4.0), stiffening=(0.0,), coarse=0.8, between=0.9)
     found = calibrate(given, tmp_path, 1, Silent())
-    assert len(list(tmp_path.glob("*.json"))) == len(found.outcomes) == 6
+    assert len(list(tmp_path.glob("*.json"))) == len(found.outcomes) == 7
     assert found.reference.balance < 1e-8
     again = calibrate(given, tmp_path, 1, Silent())
     assert again.correction.values == pytest.approx(found.correction.values)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from mpi4py import MPI
 
+from legfem.checkpoint import key_of
 from legfem.checks import check_positive
 from legfem.contact import FiniteCylinder, RigidCylinder, RigidIndenter
 from legfem.contact_settings import ContactSettings
@@ -160,16 +162,24 @@ class IdealisedLegIndentation:
         depth: float = 25.0,
         sensitivities: Sequence[str] = (),
         on_step: OnStep | None = None,
+        keep_in: Path | None = None,
     ) -> Indentation:
         """Press the cylinder in; arguments as those of `PlaneStrainIndentation.solve`.
 
-        Where that stops short, once more with a softer contact, which the report tells.
+        Where that stops short, once more with a softer contact, which the report tells. With a
+        folder to keep states in, a solution that was killed goes on from the last one, with the
+        same number of ranks; they are removed at its end.
         """
         asked = parameters, Protocol.ramp(depth, rate=1.0), sensitivities, on_step
-        attempts = [self._pressing.run(*asked)]
+        kept = None if keep_in is None else (keep_in, self._key())
+        attempts = [self._pressing.run(*asked, keep_in=kept)]
         if not attempts[-1].report.complete:
-            attempts.append(self._pressing.run(*asked, softness=SOFTER))
+            attempts.append(self._pressing.run(*asked, softness=SOFTER, keep_in=kept))
         return farthest(attempts)
+
+    def _key(self) -> str:
+        given = [asdict(self.leg), asdict(self.cylinder), asdict(self.settings)]
+        return key_of([self.dimension, *given, str(self.system.model)])
 
 
 def _check_ends(leg: IdealisedLeg, cylinder: Cylinder, mesh: LegMeshSettings) -> None:

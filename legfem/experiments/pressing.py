@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path as FilePath
 
 import numpy as np
 
+from legfem.checkpoint import Checkpoint, key_of
 from legfem.contact import RigidIndenter
 from legfem.contact_settings import ContactSettings
 from legfem.curve import ForceCurve
@@ -88,8 +90,13 @@ class Pressing:
         sensitivities: Sequence[str] = (),
         on_step: OnStep | None = None,
         softness: float = 1.0,
+        keep_in: tuple[FilePath, str] | None = None,
     ) -> Indentation:
-        """Follow a protocol, with a contact softened by a factor."""
+        """Follow a protocol, with a contact softened by a factor.
+
+        States are kept in a folder, with the hash of what else they depend on, if one is given;
+        derivatives aren't, so that a solution with sensitivities keeps none.
+        """
         model = self.system.model
         values = {**model.parameters, **(parameters or {})}
         unknown = set(values) - set(model.parameters)
@@ -101,7 +108,8 @@ class Pressing:
         values |= {name: penalty for name in ("friction.stiffness",) if name in values}
         self.system.set_parameters(values)
         tracker = self._tracker(tuple(sensitivities))
-        time, displacement, force = [protocol.time[0]], [protocol.displacement[0]], [0.0]
+        time, displacement = [float(protocol.time[0])], [float(protocol.displacement[0])]
+        force = [0.0]
         derivatives: list[FloatArray] = [np.zeros(len(sensitivities))]
 
         def record(now: float, at: float) -> None:
@@ -113,7 +121,17 @@ class Pressing:
             if on_step is not None:
                 on_step(at)
 
-        report = follow(self.system, self.solver, protocol, self.steps, on_step=record)
+        checkpoint = None
+        if keep_in is not None and not sensitivities:
+            folder, key = keep_in
+            given = key, values, protocol.time, protocol.displacement, asdict(self.steps)
+            checkpoint = Checkpoint(folder, key_of(given), self.system.comm)
+        report = follow(
+            self.system, self.solver, protocol, self.steps, record, checkpoint,
+            {"time": time, "displacement": displacement, "force": force},
+        )  # fmt: skip
+        if checkpoint is not None:
+            checkpoint.clear()
         report = replace(report, contact_stiffness_factor=softness)
         columns = np.array(derivatives)
         path = Path(

@@ -248,11 +248,14 @@ def correction(
 def solvers(
     sizes: Annotated[
         list[int] | None,
-        typer.Option("--size", min=2000, help="Unknowns; several may be given."),
+        typer.Option(
+            "--size",
+            min=2000,
+            help="Unknowns; several may be given. 20000, 60000 and 200000 by default, or none "
+            "with --tetrahedra.",
+        ),
     ] = None,
-    tetrahedra: Annotated[
-        int, typer.Option(min=0, help="Also so many tetrahedra of first order.")
-    ] = 0,
+    tetrahedra: Annotated[int, typer.Option(min=0, help="So many tetrahedra of first order.")] = 0,
     ranks: Annotated[
         list[int] | None, typer.Option(min=1, help="Ranks of MPI; several may be given.")
     ] = None,
@@ -277,7 +280,10 @@ def solvers(
         folder = out or Path("results") / "solvers"
         check_out_folder(folder)
         cases = solvers_command.cases_of(
-            sizes or [20_000, 60_000, 200_000], tetrahedra, ranks or [1], direct_up_to
+            sizes or ([] if tetrahedra else [20_000, 60_000, 200_000]),
+            tetrahedra,
+            ranks or [1],
+            direct_up_to,
         )
         solvers_command.run([replace(case, step=step) for case in cases], folder)
 

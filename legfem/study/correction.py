@@ -41,6 +41,8 @@ class Calibration:
         The table's axes; see `legfem.correction`.
     coarse
         Size of the fine mesh's elements over that of the coarse one's.
+    between
+        The same of a third mesh, which shows how P converges.
     spread
         Relative uncertainty of the leg's effective length, which nobody knows: P's error from it
         is half of the difference between lengths this much shorter and longer.
@@ -50,6 +52,7 @@ class Calibration:
     c10_kPa: tuple[float, ...] = (0.2, 0.7, 2.0, 5.0)
     stiffening: tuple[float, ...] = (0.0, 0.5, 0.8)
     coarse: float = 0.6
+    between: float = 0.8
     spread: float = 0.25
 
 
@@ -58,8 +61,15 @@ class Calibrated:
     """The correction and what it was made from."""
 
     correction: TabulatedCorrection
-    reference: CaseOutcome
+    meshes: tuple[CaseOutcome, ...]
+    """Of the reference, the finest mesh first."""
     outcomes: tuple[CaseOutcome, ...]
+    """Of all cases."""
+
+    @property
+    def reference(self) -> CaseOutcome:
+        """On the finest mesh."""
+        return self.meshes[0]
 
 
 def run_cases(
@@ -116,6 +126,7 @@ def calibrate(
     ]
     cases = [
         reference,
+        coarsened(reference, given.between),
         coarse,
         *(replace(coarse, leg=leg) for leg in legs),
         *(replace(coarse, material=material) for material in materials),
@@ -131,7 +142,7 @@ def calibrate(
                 "calibrate to a smaller --depth, or with a finer mesh",
             )  # fmt: skip
     displacement = np.linspace(0, reference.depth, round(reference.depth / GRID) + 1)
-    fine, rough, shorter, longer, *table = (
+    fine, middle, rough, shorter, longer, *table = (
         smooth_ratio(o.spatial, o.plane, displacement) for o in outcomes
     )
     shape = (len(given.c10_kPa), len(given.stiffening), len(displacement))
@@ -147,9 +158,9 @@ def calibrate(
         stiffening=np.array(given.stiffening),
         values=np.array(table).reshape(shape) + (fine - rough),
         errors=errors,
-        given=_description(given, outcomes),
+        given=_description(given, outcomes, (fine, middle, rough)),
     )
-    return Calibrated(correction, outcomes[0], tuple(outcomes))
+    return Calibrated(correction, tuple(outcomes[:3]), tuple(outcomes))
 
 
 def stiffened(material: Material, c10: float, stiffening: float) -> Material:
@@ -172,7 +183,9 @@ def _first_contact_error(
     return np.where(plane > 0, plain - smooth, 0.0)
 
 
-def _description(given: Calibration, outcomes: Sequence[CaseOutcome]) -> dict[str, object]:
+def _description(
+    given: Calibration, outcomes: Sequence[CaseOutcome], meshes: Sequence[FloatArray]
+) -> dict[str, object]:
     reference = given.reference
     return {
         "leg": asdict(reference.leg),
@@ -182,8 +195,13 @@ def _description(given: Calibration, outcomes: Sequence[CaseOutcome]) -> dict[st
         "trends_mesh": asdict(coarsened(reference, given.coarse).settings.mesh),
         "leg_length_spread": given.spread,
         "unknowns": outcomes[0].unknowns,
-        "trends_unknowns": outcomes[1].unknowns,
+        "trends_unknowns": outcomes[2].unknowns,
+        "P_by_unknowns": {
+            str(outcome.unknowns): np.round(values, 5).tolist()
+            for outcome, values in zip(outcomes, meshes, strict=False)
+        },
         "balance_of_forces": outcomes[0].balance,
-        "seconds": round(sum(outcome.seconds for outcome in outcomes), 1),
+        "factorisations": sum(outcome.factorisations for outcome in outcomes),
+        "processor_seconds": round(sum(outcome.seconds for outcome in outcomes), 1),
         "versions": {"dolfinx": dolfinx.__version__, "python": platform.python_version()},
     }

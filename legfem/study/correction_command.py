@@ -54,6 +54,7 @@ def run(given: Calibration, trends: bool, legs: bool, fields: bool, out: Path, j
     if comm.rank == 0:
         path = found.correction.write(out / "correction.json")
         Console(width=110).print(correction_table(found))
+        Console(width=110).print(meshes_table(found))
         print(f"correction: {path}", flush=True)
     progress.stage("cylinders of other lengths", len(LENGTHS))
     coarse = coarsened(given.reference, given.coarse)
@@ -178,6 +179,24 @@ def correction_table(found: Calibrated) -> Table:
             f"{depth:g}", f"{reference.spatial(depth):.3f}", f"{reference.plane(depth):.3f}",
             f"{smooth[k]:+.4f}", *(f"{mode[k]:+.4f}" for mode in modes), f"{spread[k]:.4f}",
         )  # fmt: skip
+    return table
+
+
+def meshes_table(found: Calibrated) -> Table:
+    """Return P on the meshes, a row a mesh, and the finest one's error by Richardson's estimate."""
+    displacement = found.correction.displacement
+    depths = SHOWN[SHOWN <= displacement[-1]]
+    table = Table(title="P on three meshes")
+    for column in ("unknowns", *(f"{depth:g} mm" for depth in depths), "tangents", "s"):
+        table.add_column(column, justify="right")
+    for outcome in reversed(found.meshes):
+        values = smooth_ratio(outcome.spatial, outcome.plane, depths)
+        table.add_row(
+            f"{outcome.unknowns}", *(f"{p:+.4f}" for p in values),
+            f"{outcome.factorisations}", f"{outcome.seconds:.0f}",
+        )  # fmt: skip
+    error = np.interp(depths, displacement, found.correction.errors["mesh"])
+    table.add_row("limit", *(f"{p:+.4f}" for p in values + error), "", "")
     return table
 
 
