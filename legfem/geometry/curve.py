@@ -82,6 +82,27 @@ def resample_closed_curve(points: ArrayLike, spacing: float, smoothing: float = 
     return curve.evenly(max(8, round(curve.length / spacing)))
 
 
+def area_and_centroid(ring: FloatArray) -> tuple[float, FloatArray]:
+    """Return the signed area of a closed polygon, positive counter-clockwise, and its centroid.
+
+    Parameters
+    ----------
+    ring : (n, 2) array
+        Its corners in order, mm; the first may be repeated at the end.
+
+    Returns
+    -------
+    float, ndarray
+        mm2; (2,), mm.
+    """
+    middle = ring.mean(axis=0)  # nearby, so that no digits are lost
+    x, y = (ring - middle).T
+    cross = x * np.roll(y, -1) - np.roll(x, -1) * y
+    area = 0.5 * float(cross.sum())
+    sums = np.array([((x + np.roll(x, -1)) * cross).sum(), ((y + np.roll(y, -1)) * cross).sum()])
+    return area, middle + sums / (6 * area)
+
+
 def _distinct(xy: FloatArray) -> FloatArray:
     if xy.ndim != 2 or xy.shape[1] != 2 or not np.isfinite(xy).all():
         raise ValueError("a contour is an (n, 2) array of finite numbers")

@@ -17,10 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
-from shapely import Polygon
 
 from legfem.errors import InputError
-from legfem.geometry.curve import smooth_closed_curve
+from legfem.geometry.curve import area_and_centroid, smooth_closed_curve
 from legfem.units import FloatArray, frozen_array
 
 SKIN, HULL = "skin", "hull"
@@ -160,9 +159,8 @@ def corresponding(contour: ArrayLike, n_points: int) -> FloatArray:
     curve = smooth_closed_curve(contour)
     turns = np.linspace(0.0, 1.0, max(8 * n_points, 1024) + 1)
     fine = curve(turns)
-    polygon = Polygon(fine)
-    centre = np.asarray(polygon.centroid.coords[0])
-    if polygon.exterior.is_ccw is False:
+    area, centre = area_and_centroid(fine[:-1])
+    if area < 0:
         turns, fine = turns[::-1], fine[::-1]
     arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(fine, axis=0), axis=1))])
     x, y = (fine - centre).T

@@ -15,6 +15,7 @@ from legfem.checks import check_positive
 from legfem.errors import InputError
 from legfem.geometry.contours import check_girth
 from legfem.geometry.cross_sections import Clearances, nested_outlines
+from legfem.geometry.curve import area_and_centroid
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, shape_of_contours
 from legfem.geometry.shape_checks import check_shape
 from legfem.geometry.shape_smoothing import smoothed
@@ -168,8 +169,7 @@ def _outline(
             volume.source, f"slice {k}", f"the {part} is too small to have an outline",
             "remove the specks, or use a finer volume",
         )  # fmt: skip
-    polygons = [Polygon(line) for line in closed]
-    index = np.asarray(max(polygons, key=lambda polygon: polygon.area).exterior.coords)
+    index = max(closed, key=lambda line: abs(area_and_centroid(line)[0]))
     outline = Polygon(volume.origin[:2] + volume.spacing[:2] * (index + np.array(low) - 4))
     blurred = settings.blur**2 * float(volume.spacing[0] * volume.spacing[1])
     return outline.buffer(blurred * np.pi / outline.length)

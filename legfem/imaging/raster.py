@@ -35,10 +35,16 @@ def coverage(
     ndarray
         (n_x, n_y), 0 to 1.
     """
-    n_x, n_y = shape
     # In pixels; pixel i reaches from i to i + 1.
     xy = (contour - origin) / spacing + 0.5
-    start, end = xy, np.roll(xy, -1, axis=0)
+    first = np.clip(np.floor(xy.min(axis=0)).astype(int), 0, shape)
+    last = np.clip(np.ceil(xy.max(axis=0)).astype(int), first, shape)
+    covered = np.zeros(shape)
+    n_x, n_y = last - first
+    if n_x == 0 or n_y == 0:
+        return covered
+    start = xy - first
+    end = np.roll(start, -1, axis=0)
     at = (np.arange(n_y * lines) + 0.5) / lines
     low, high = np.minimum(start[:, 1], end[:, 1]), np.maximum(start[:, 1], end[:, 1])
     edge, line = np.nonzero((low[:, None] <= at) & (at < high[:, None]))
@@ -51,5 +57,6 @@ def coverage(
     share = pixel + 1 - x
     np.add.at(steps, (pixel, line), sign * share)
     np.add.at(steps, (pixel + 1, line), sign * (1 - share))
-    covered: FloatArray = np.cumsum(steps, axis=0)[:n_x].reshape(n_x, n_y, lines).mean(axis=2)
+    shares = np.cumsum(steps, axis=0)[:n_x].reshape(n_x, n_y, lines).mean(axis=2)
+    covered[first[0] : last[0], first[1] : last[1]] = shares
     return covered
