@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legfem.diagnose.choose import Candidate, Choice, HeldOut, choose, held_out
-from legfem.diagnose.fit import Fit, Problem, fit
+from legfem.diagnose.fit import Fit, Problem, fit, fit_base
 from legfem.diagnose.library import Library, tested_mechanisms
 from legfem.diagnose.mechanisms import MECHANISMS, Mechanism
-from legfem.diagnose.noise import ErrorModel, estimate_errors
+from legfem.diagnose.noise import ErrorModel, estimate_noise
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.predict import LawName, Predictor
 from legfem.diagnose.solved import SolvedResponses
@@ -99,11 +99,11 @@ def diagnose(
         Of the draws behind p-values.
     """
     able, untested = tested_mechanisms(observed, library)
-    errors = estimate_errors(observed, instrument)
-    problem = Problem(Predictor(observed, library, law), errors)
     progress.stage("fitting the base model")
     made = solved.solutions if solved is not None else 0
-    base, problem, error = _base_fit(problem, solved)
+    noise, possible = estimate_noise(observed, instrument)
+    problem, base = fit_base(Predictor(observed, library, law), noise, possible, starts(law))
+    base, problem, error = _about_solution(problem, base, solved)
     progress.stage(f"testing {len(able)} mechanisms")
     choice = choose(problem, base, able, seed, partial(_confirmed, solved))
     models = _repaired(choice)
@@ -113,25 +113,30 @@ def diagnose(
         verdict,
         law,
         observed,
-        errors,
+        problem.errors,
         choice.base,
         held_out(problem, choice.base.fit),
         models,
         best,
         choice.tried,
         untested,
-        _located(choice, models, errors),
+        _located(choice, models, problem.errors),
         (solved.solutions if solved is not None else 0) - made,
         error,
     )
 
 
-def _base_fit(problem: Problem, solved: SolvedResponses | None) -> tuple[Fit, Problem, float]:
-    starts = [{"C10": c10, "C20": c20} for c10, c20 in _STARTS_KPA]
-    law = problem.predictor.law
+def starts(law: LawName) -> list[dict[str, float]]:
+    """Return where searches for the base parameters begin, kPa."""
     if law == "neo-hookean":
-        starts = [{"C10": start["C10"], "C20": 0.0} for start in starts]
-    base = min((fit(problem, (), start) for start in starts), key=lambda f: f.chi2)
+        return [{"C10": c10, "C20": 0.0} for c10, _ in _STARTS_KPA]
+    return [{"C10": c10, "C20": c20} for c10, c20 in _STARTS_KPA]
+
+
+def _about_solution(
+    problem: Problem, base: Fit, solved: SolvedResponses | None
+) -> tuple[Fit, Problem, float]:
+    """Refit the base model about a full solution; return also the emulator's error there."""
     if solved is None:
         return base, problem, 0.0
     offset = _offset(problem.predictor, base, solved)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
-from legfem.diagnose.mechanisms import Mechanism
-from legfem.diagnose.noise import ErrorModel
+from legfem.diagnose.mechanisms import Mechanism, Values
+from legfem.diagnose.noise import ErrorModel, Noise, error_model
 from legfem.diagnose.predict import Predictor
 from legfem.units import FloatArray
 
@@ -101,6 +101,10 @@ class Problem:
         """Return the problem with the predictor shifted to a full solution."""
         return Problem(self.predictor.corrected(offset), self.errors, self.kept)
 
+    def with_errors(self, errors: ErrorModel) -> Problem:
+        """Return the problem with other errors."""
+        return Problem(self.predictor, errors, self.kept)
+
     def whitened(self, values: FloatArray) -> FloatArray:
         """Return the kept part of vectors (n,) or (n, k), whitened."""
         if self.kept is None:
@@ -153,6 +157,20 @@ def fit(
     if free_shapes and any(len(m.parameters) > 1 for m in mechanisms):
         best = _fit_from(problem, mechanisms, best.values, shapes=True)
     return best
+
+
+def fit_base(
+    predictor: Predictor, noise: Noise, possible: Sequence[Noise], starts: Sequence[Values]
+) -> tuple[Problem, Fit]:
+    """Fit the base model from several starts, with errors that are shares of its own force."""
+    observed = predictor.observed
+    problem = Problem(predictor, error_model(observed, noise))
+    base = min((fit(problem, (), start) for start in starts), key=lambda f: f.chi2)
+    for others in ((), possible):
+        errors = error_model(observed, noise, others, force=base.prediction)
+        problem = problem.with_errors(errors)
+        base = fit(problem, (), base.values)
+    return problem, base
 
 
 def _starts(
@@ -228,6 +246,6 @@ def _scale(name: str, mechanisms: Sequence[Mechanism], start: Mapping[str, float
                 return (
                     max(abs(p.typical), 1e-6)
                     if p is mechanism.parameters[0]
-                    else max(abs(start.get(name, 1.0)), 1e-6)
+                    else abs(start.get(name, 1.0)) or abs(p.typical)
                 )
     return 1.0

@@ -2,12 +2,15 @@ r"""What the recordings' forces may err by, before any model is asked.
 
 A trial reads the true force plus white noise, a slow error of the load cell (correlated over time),
 an offset, and the slope dF/dd times a slow error of the displacement sensor (correlated over
-displacement). An offset and the model's numerical error, common to all trials, are added. Sizes
-come from the differences between repeats and from the instruments' stated figures.
+displacement). An offset, the load cell's gain and the model's numerical error, common to all
+trials, are added; the last two are shares of the model's force, not of the recorded one, lest a
+wrong model be drawn to one side of the data (Peelle's puzzle). Sizes come from the differences
+between repeats and from the instruments' stated figures.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -23,9 +26,18 @@ from legfem.units import FloatArray
 NUMERICAL_ERROR = 0.0015
 """Relative error of the model's force that the convergence study measures (0.02 to 0.2 %)."""
 NUMERICAL_LENGTH_MM = 3.0
+ROUGHNESS, ROUGHNESS_LENGTH_MM = 1e-4, 0.5
+"""Of the model's force along the way, over the largest: elements that come into contact."""
+GAIN_ERROR = 0.002
+"""Relative error of the load cell's calibration, the same in all trials."""
 WANDER_LENGTH_MM = 5.0
+CORNER_MM = 5.0
+"""Way that counts as walked between two phases: there the drive stops and turns, time passes, and
+the sensor's error is no longer that of a moment ago."""
 # Log-standard deviation of what is expected before looking at the repeats.
 _VAGUENESS = 1.0
+POSSIBLE_NOISES = 25
+"""Noises drawn from those that the repeats leave possible."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +51,7 @@ class Noise:
     correlation_time: float
     """s over which the slow error's correlation falls to 1/e."""
     offset_sd: float
-    """Of a trial's zero, and of the zero that all trials share, N."""
+    """Of a trial's zero, and as much again of the zero that all trials share, N."""
     wander_sd: float
     """Of the displacement sensor's slow error, mm."""
     shift_sd: float
@@ -60,7 +72,10 @@ class ErrorModel:
     covariance: FloatArray
     """(n, n), N^2."""
     trial_sd: FloatArray
-    """(n,), N: of one trial's values, without the model's numerical error."""
+    """(n,), N: of one trial's values, without what is common to all trials."""
+    possible: tuple[FloatArray, ...] = ()
+    """Covariances (n, n) of noises that the repeats leave possible; none where nothing was
+    estimated from repeats."""
 
     @cached_property
     def lower(self) -> FloatArray:
@@ -72,8 +87,17 @@ class ErrorModel:
         return np.asarray(solve_triangular(self.lower, values, lower=True))
 
     def draw(self, number: int, generator: np.random.Generator) -> FloatArray:
-        """Return error vectors (number, n), N."""
-        return np.asarray(generator.normal(size=(number, len(self.lower))) @ self.lower.T)
+        """Return error vectors (number, n), N, of the noises that are possible in turn."""
+        normal = generator.normal(size=(number, len(self.covariance)))
+        for k, factor in enumerate(self._factors):
+            normal[k :: len(self._factors)] = normal[k :: len(self._factors)] @ factor.T
+        return normal
+
+    @cached_property
+    def _factors(self) -> list[FloatArray]:
+        if not self.possible:
+            return [self.lower]
+        return [np.asarray(cholesky(covariance, lower=True)) for covariance in self.possible]
 
     @cached_property
     def effective_samples(self) -> float:
@@ -86,17 +110,29 @@ class ErrorModel:
         return float(np.sum(1.0 / (marginal * np.diag(inverse))))
 
 
-def estimate_errors(
-    observed: Observations, instrument: Instrument, numerical: float = NUMERICAL_ERROR
-) -> ErrorModel:
-    """Estimate the errors from repeats and instruments.
+def estimate_noise(observed: Observations, instrument: Instrument) -> tuple[Noise, list[Noise]]:
+    """Estimate the errors' sizes from repeats and instruments.
 
     Contrasts between repeats don't hold the true curve. What a mechanism might change from trial to
     trial (a constant, the force's own course, its slope, a drift) is projected out of them first,
     lest the effect be taken for noise.
+
+    Parameters
+    ----------
+    observed
+        The recordings.
+    instrument
+        Stated accuracy. What of the load cell's isn't white noise is a slow error, a trial's zero
+        and the common zero in equal parts.
+
+    Returns
+    -------
+    noise, possible
+        The most probable, and others that the repeats leave possible: none without repeats.
     """
     white, jitter = observed.white_sd, observed.jitter_sd**2
-    slow_expected = np.sqrt(max(instrument.force_sd**2 - white**2, 0.04 * instrument.force_sd**2))
+    rest = max(instrument.force_sd**2 - white**2, 0.12 * instrument.force_sd**2)
+    part = float(np.sqrt(rest / 3))
     wander_expected = np.sqrt(
         max(instrument.displacement_sd**2 - jitter, 0.04 * instrument.displacement_sd**2)
     )
@@ -104,36 +140,73 @@ def estimate_errors(
     rate = max(observed.rates)
     expected = Noise(
         white_sd=white,
-        slow_sd=float(slow_expected),
+        slow_sd=part,
         correlation_time=max(WANDER_LENGTH_MM / rate, 0.02 * duration),
-        offset_sd=instrument.force_sd,
+        offset_sd=part,
         wander_sd=float(wander_expected),
         shift_sd=max((c.displacement_error for c in observed.contacts if c.in_air), default=0.0),
         source="instrument" if observed.repeats < 2 else "repeats and instrument",
     )
-    found = expected if observed.repeats < 2 else _from_repeats(observed, expected)
-    return error_model(observed, found, numerical)
+    return (expected, []) if observed.repeats < 2 else _from_repeats(observed, expected)
+
+
+def estimate_errors(
+    observed: Observations, instrument: Instrument, numerical: float = NUMERICAL_ERROR
+) -> ErrorModel:
+    """Estimate the errors of recordings before a model is fitted; see `estimate_noise`."""
+    return error_model(observed, *estimate_noise(observed, instrument), numerical)
 
 
 def error_model(
-    observed: Observations, noise: Noise, numerical: float = NUMERICAL_ERROR
+    observed: Observations,
+    noise: Noise,
+    possible: Sequence[Noise] = (),
+    numerical: float = NUMERICAL_ERROR,
+    force: FloatArray | None = None,
 ) -> ErrorModel:
-    """Return the covariance that a noise makes at observations."""
-    trial = np.zeros((len(observed.force),) * 2)
+    """Return the covariance that a noise makes at observations.
+
+    Parameters
+    ----------
+    observed
+        The recordings.
+    noise, possible
+        See `estimate_noise`.
+    numerical
+        Relative error of the model's force.
+    force
+        (n,), N: of the model that was fitted, where there is one; else the recorded force.
+    """
+    size = np.abs(observed.force if force is None else force)
+    apart = np.abs(observed.displacement[:, None] - observed.displacement[None, :])
+    relative = GAIN_ERROR**2 + numerical**2 * np.exp(-0.5 * (apart / NUMERICAL_LENGTH_MM) ** 2)
+    rough = (ROUGHNESS * size.max()) ** 2
+    common = np.outer(size, size) * relative + noise.offset_sd**2
+    common += rough * np.exp(-0.5 * (apart / ROUGHNESS_LENGTH_MM) ** 2)
+    common[np.diag_indices_from(common)] += 1e-2 * rough
+    own = _of_trials(observed, noise)
+    return ErrorModel(
+        noise,
+        common + own,
+        np.sqrt(np.diag(own)),
+        tuple(common + _of_trials(observed, other) for other in possible),
+    )
+
+
+def _of_trials(observed: Observations, noise: Noise) -> FloatArray:
+    """Return the covariance (n, n) of the trials' own errors."""
+    result = np.zeros((len(observed.force),) * 2)
     for k in range(len(observed.trials)):
         here = np.flatnonzero(observed.trial == k)
-        trial[np.ix_(here, here)] = _trial_covariance(observed, noise, here)
-    apart = np.abs(observed.displacement[:, None] - observed.displacement[None, :])
-    size = numerical * np.abs(observed.force)
-    total = trial + np.outer(size, size) * np.exp(-0.5 * (apart / NUMERICAL_LENGTH_MM) ** 2)
-    total += noise.offset_sd**2
-    total[np.diag_indices_from(total)] += (1e-4 * np.abs(observed.force).max()) ** 2
-    return ErrorModel(noise, total, np.sqrt(np.diag(trial)))
+        result[np.ix_(here, here)] = _trial_covariance(observed, noise, here)
+    return result
 
 
 def _trial_covariance(observed: Observations, noise: Noise, here: NDArray[np.int_]) -> FloatArray:
     time, slope = observed.time[here], observed.stiffness[here]
-    walked = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(observed.displacement[here])))])
+    steps = np.abs(np.diff(observed.displacement[here]))
+    corners = np.diff(observed.segment[here]) != 0
+    walked = np.concatenate([[0.0], np.cumsum(steps + CORNER_MM * corners)])
     apart_s = np.abs(time[:, None] - time[None, :])
     apart_mm = np.abs(walked[:, None] - walked[None, :])
     both = np.outer(slope, slope)
@@ -149,8 +222,12 @@ def _trial_covariance(observed: Observations, noise: Noise, here: NDArray[np.int
     return result
 
 
-def _from_repeats(observed: Observations, expected: Noise) -> Noise:
-    """Maximise the contrasts' likelihood times log-normal expectations."""
+def _from_repeats(observed: Observations, expected: Noise) -> tuple[Noise, list[Noise]]:
+    """Maximise the contrasts' likelihood times log-normal expectations.
+
+    Returns the noise and others that are possible as well, drawn from the normal distribution that
+    the cost's curvature makes about it (Laplace).
+    """
     blocks = [
         _contrasts(observed, members)
         for p in range(len(observed.protocols))
@@ -179,7 +256,27 @@ def _from_repeats(observed: Observations, expected: Noise) -> Noise:
         return total
 
     fit = minimize(cost, np.zeros(3), method="L-BFGS-B", bounds=[(-4.0, 4.0)] * 3)
-    return noise_at(fit.x)
+    values, axes = np.linalg.eigh(_curvature(cost, fit.x))
+    # Nothing is known less well than what was expected beforehand.
+    sizes = 1.0 / np.sqrt(np.maximum(values, _VAGUENESS**-2))
+    normal = np.random.default_rng(0).normal(size=(POSSIBLE_NOISES, 3))
+    return noise_at(fit.x), [noise_at(fit.x + axes @ (sizes * row)) for row in normal]
+
+
+def _curvature(
+    cost: Callable[[FloatArray], float], at: FloatArray, step: float = 0.1
+) -> FloatArray:
+    """Return a function's second derivatives (k, k) by central differences."""
+    size = len(at)
+    moves = step * np.eye(size)
+    result = np.empty((size, size))
+    for i in range(size):
+        for j in range(i, size):
+            corners = [
+                a * b * cost(at + a * moves[i] + b * moves[j]) for a in (-1, 1) for b in (-1, 1)
+            ]
+            result[i, j] = result[j, i] = sum(corners) / (4 * step**2)
+    return result
 
 
 def _contrasts(

@@ -106,6 +106,19 @@ class Observations:
             slopes.append(slope)
         return self.spread(slopes)
 
+    @cached_property
+    def means(self) -> FloatArray:
+        """Matrix (m, n) that takes the mean over a protocol's trials at each of its stations."""
+        rows = []
+        for number, stations in enumerate(self.protocols):
+            trials = self.trials_of(number)
+            for k in range(len(stations.time)):
+                row = np.zeros(len(self.force))
+                for trial in trials:
+                    row[np.flatnonzero(self.trial == trial)[k]] = 1.0 / len(trials)
+                rows.append(row)
+        return np.array(rows)
+
     def trials_of(self, protocol: int) -> list[int]:
         """Return the numbers of a protocol's trials."""
         return [k for k, p in enumerate(self.protocol_of) if p == protocol]

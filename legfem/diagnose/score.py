@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.linalg import cholesky, solve_triangular
 
 from legfem.diagnose.fit import Fit, Problem
 from legfem.diagnose.mechanisms import Mechanism
@@ -55,7 +55,7 @@ class Assessment:
     """What the residual of a fit says."""
 
     lack_of_fit: float
-    """p-value of the sum of squares."""
+    """p-value of the trials' mean residuals' sum of squares."""
     scores: tuple[Score, ...]
     """Of the testable mechanisms, the strongest first."""
     windows: tuple[Window, ...]
@@ -63,6 +63,10 @@ class Assessment:
     p_value: float
     """That the errors alone make as strong a sign as the strongest of the three tests."""
     signatures: tuple[Signature, ...]
+    family_p_value: float
+    """Of the strongest mechanism, family-wise over all."""
+    windows_p_value: float
+    """Of the strongest window, family-wise over all."""
 
     def score(self, name: str) -> Score | None:
         """Return a mechanism's."""
@@ -110,14 +114,13 @@ def assess(
     windows, boxes = windows_of(problem.predictor.observed)
     white_boxes = problem.whitened(boxes)
     white_boxes -= basis @ (basis.T @ white_boxes)
-    draws = np.random.default_rng(seed).normal(size=(DRAWS, len(fitted.whitened)))
-    draws -= (draws @ basis) @ basis.T
-    everything = np.vstack([fitted.whitened - basis @ (basis.T @ fitted.whitened), draws])
+    errors = problem.errors.draw(DRAWS, np.random.default_rng(seed))
+    everything = np.vstack([fitted.whitened, problem.whitened(errors.T).T])
+    everything -= (everything @ basis) @ basis.T
 
     strength = _by_mechanism(found, everything)
     window_scores = _squares(everything, white_boxes.T, one_sided=np.zeros(len(boxes.T), bool))
-    dof = fitted.degrees_of_freedom
-    misfit = chi2.sf(np.sum(everything**2, axis=1), dof)
+    misfit = _rank(_lack_of_fit(problem, fitted, np.vstack([fitted.residual, errors])))
     names = list(strength)
     table = np.array([strength[name] for name in names]) if names else np.zeros((1, DRAWS + 1))
     each = np.array([_rank(row) for row in table])
@@ -138,7 +141,23 @@ def assess(
         windows.significant(window_scores[0], threshold, fitted.residual),
         float(_rank(-joint)[0]),
         tuple(found),
+        float(family[0]),
+        float(scan[0]),
     )
+
+
+def _lack_of_fit(problem: Problem, fitted: Fit, rows: FloatArray) -> FloatArray:
+    """Return the sums of squares of the trials' mean residuals, whitened, off the parameters.
+
+    Differences between repeats don't count: the errors' sizes were estimated from them.
+    """
+    observed, errors = problem.predictor.observed, problem.errors
+    means = observed.means
+    lower = cholesky(means @ errors.covariance @ means.T, lower=True)
+    moved = solve_triangular(lower, means @ errors.lower @ fitted.jacobian, lower=True)
+    basis = np.linalg.qr(moved)[0]
+    white = solve_triangular(lower, means @ rows.T, lower=True).T
+    return np.asarray(np.sum((white - (white @ basis) @ basis.T) ** 2, axis=1))
 
 
 def _by_mechanism(found: Sequence[Signature], rows: FloatArray) -> dict[str, FloatArray]:

@@ -225,7 +225,11 @@ def end_effect(
     """Return the relative change (n,) by a share of the idealised leg's correction."""
     if correction is None:
         raise ValueError("there is no 3D correction")
-    P = correction.correction(observed.displacement, np.asarray(c10), np.asarray(c20))
+    d = observed.displacement
+    P = correction.correction(d, np.asarray(c10), np.asarray(c20))
+    for name, mode in EndEffects.MODES.items():
+        if mode in correction.errors:
+            P = P + values[name] * np.interp(d, correction.displacement, correction.errors[mode])
     return np.asarray(-values["scale"] * P)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -232,7 +233,12 @@ class IndenterTilt(TissueMechanism):
 
 @dataclass(frozen=True)
 class EndEffects(TissueMechanism):
-    r"""The cylinder's ends: force times :math:`1 - s P(d)` with the idealised leg's P(d)."""
+    r"""The cylinder's ends: force times :math:`1 - s (P(d) + a p_1(d) + b p_2(d))`.
+
+    P is the idealised leg's correction, and its errors' modes :math:`p_1, p_2` are those of the
+    leg's effective length, which nobody knows, and of the mesh that P was calibrated on: far above
+    a recording's noise.
+    """
 
     name: ClassVar[str] = "end-effects"
     statement: ClassVar[str] = (
@@ -240,5 +246,13 @@ class EndEffects(TissueMechanism):
     )
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("scale", "-", "of the idealised leg's correction P(d)", 0.0, 3.0, start=0.5),
+        Parameter("leg_length", "-", "change of P by the leg's length, in its errors", -2.0, 2.0),
+        Parameter("calibration", "-", "change of P by its mesh, in its errors", -2.0, 2.0),
     )
+    MODES: ClassVar[Mapping[str, str]] = {"leg_length": "leg length", "calibration": "mesh"}
+    """Names of the correction's errors by parameter."""
     next_experiment: ClassVar[str] = "repeat with a cylinder of twice the length"
+
+    def shape_choices(self, observed: Observations) -> tuple[Values, ...]:
+        """Return the correction as it was calibrated."""
+        return (dict.fromkeys(self.MODES, 0.0),)

@@ -14,11 +14,18 @@ import numpy as np
 from scipy.stats import kstest, norm
 
 from legfem.diagnose.choose import MISMATCH
-from legfem.diagnose.fit import Fit, Problem, fit
+from legfem.diagnose.diagnosis import starts
+from legfem.diagnose.fit import Fit, Problem, fit_base
 from legfem.diagnose.library import Library, tested_mechanisms
 from legfem.diagnose.mechanisms import Mechanism
-from legfem.diagnose.noise import estimate_errors
-from legfem.diagnose.observations import observe
+from legfem.diagnose.noise import (
+    NUMERICAL_ERROR,
+    NUMERICAL_LENGTH_MM,
+    ROUGHNESS,
+    ROUGHNESS_LENGTH_MM,
+    estimate_noise,
+)
+from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.predict import LawName, Predictor
 from legfem.diagnose.score import assess, signatures_of
 from legfem.study.concealed.cases import (
@@ -32,6 +39,8 @@ from legfem.study.concealed.cases import (
 from legfem.study.concealed.truth import Truth, blank_observations, record
 from legfem.units import FloatArray
 
+_WAVES = 400
+
 
 @dataclass(frozen=True)
 class Emulated:
@@ -43,8 +52,12 @@ class Emulated:
     seed: int
 
 
-def emulated_problem(task: Emulated) -> Problem:
-    """Return the problem of diagnosing an emulated recording without effect."""
+def emulated_recordings(task: Emulated) -> tuple[Observations, Case]:
+    """Return recordings emulated without effect, and their case.
+
+    The model's own error is drawn too, as large as the diagnosis takes it to be: where it is
+    smaller, p-values are cautious.
+    """
     generator = np.random.default_rng([task.seed, 5])
     c10 = float(np.exp(generator.uniform(*np.log(C10_KPA))))
     c20 = 0.0 if task.law == "neo-hookean" else c10 * float(generator.uniform(*RATIO))
@@ -53,29 +66,38 @@ def emulated_problem(task: Emulated) -> Problem:
     )
     blank = blank_observations(protocols_of(task.protocol))
     force = Predictor(blank, task.library, task.law)({"C10": c10, "C20": c20})
-    observed = observe(record(Truth(blank, force), case), INSTRUMENT, starts_at_contact=True)
-    return Problem(
-        Predictor(observed, task.library, task.law), estimate_errors(observed, INSTRUMENT)
-    )
+    at = blank.displacement
+    force = force * (1 + NUMERICAL_ERROR * _smooth(at, NUMERICAL_LENGTH_MM, generator))
+    force += ROUGHNESS * force.max() * _smooth(at, ROUGHNESS_LENGTH_MM, generator)
+    return observe(record(Truth(blank, force), case), INSTRUMENT, starts_at_contact=True), case
+
+
+def _smooth(at: FloatArray, length: float, generator: np.random.Generator) -> FloatArray:
+    """Return a smooth random function of unit variance: many waves of random length and phase."""
+    waves = generator.normal(size=(_WAVES, 1)) / length
+    phases = generator.uniform(0, 2 * np.pi, size=(_WAVES, 1))
+    return np.asarray(np.sqrt(2 / _WAVES) * np.cos(waves * at + phases).sum(axis=0))
 
 
 def _tested(task: Emulated) -> tuple[Problem, Fit, list[Mechanism]]:
     """Return an emulated recording's problem, its base fit and the mechanisms to test."""
-    problem = emulated_problem(task)
-    able, _ = tested_mechanisms(problem.predictor.observed, task.library)
-    start = {"C10": 1.0, "C20": 0.0 if task.law == "neo-hookean" else 1.0}
-    return problem, fit(problem, (), start), able
+    observed, _ = emulated_recordings(task)
+    able, _ = tested_mechanisms(observed, task.library)
+    predictor = Predictor(observed, task.library, task.law)
+    problem, base = fit_base(predictor, *estimate_noise(observed, INSTRUMENT), starts(task.law))
+    return problem, base, able
 
 
-def null_p_value(task: Emulated) -> float:
-    """Return the p-value that the verdict rests on."""
+def null_p_values(task: Emulated) -> tuple[float, float]:
+    """Return the p-value that the verdict rests on, and the family-wise one of the windows."""
     problem, base, able = _tested(task)
-    return assess(problem, base, able, task.seed).p_value
+    found = assess(problem, base, able, task.seed)
+    return found.p_value, found.windows_p_value
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """Of the verdict's p-value over recordings without effect."""
+    """Of a p-value over recordings without effect."""
 
     p_values: FloatArray
     """(n,)."""
@@ -95,7 +117,10 @@ class Calibration:
 class Calibrated:
     """Calibration and detection on the study's legs."""
 
-    calibration: Calibration
+    verdict: Calibration
+    """The p-value that the verdict rests on."""
+    windows: Calibration
+    """The family-wise p-value of the strongest window."""
     smallest: Mapping[str, Mapping[str, list[float]]]
     """Strength found at 80 % power by mechanism and protocol, one a leg."""
 
@@ -104,9 +129,14 @@ class Calibrated:
         return {
             "schema": 1,
             "origin": "emulated",
-            "p_values": self.calibration.p_values.tolist(),
-            "uniform_p_value": self.calibration.uniform,
-            "alarms": self.calibration.alarms,
+            "p_values": {
+                name: {
+                    "values": own.p_values.tolist(),
+                    "uniform_p_value": own.uniform,
+                    "alarms": own.alarms,
+                }
+                for name, own in (("verdict", self.verdict), ("windows", self.windows))
+            },
             "smallest_effect_at_80_percent_power": {
                 name: dict(found) for name, found in self.smallest.items()
             },

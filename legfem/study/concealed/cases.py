@@ -135,6 +135,18 @@ def make_cases(number: int, seed: int, mechanisms: Sequence[str] = tuple(STRENGT
     ]
 
 
+def weakened(case: Case, factor: float) -> Case:
+    """Return the case with the strengths of its effects times a factor; shapes stay."""
+    return replace(
+        case,
+        effects=tuple(
+            (name, ((values[0][0], values[0][1] * factor), *values[1:]))
+            for name, values in case.effects
+        ),
+        outside=tuple((name, size * factor) for name, size in case.outside),
+    )
+
+
 def _case(
     number: int,
     kind: Kind,

@@ -19,11 +19,11 @@ from legfem.study.concealed.calibration import (
     Calibrated,
     Calibration,
     Emulated,
-    null_p_value,
+    null_p_values,
     smallest_effects,
 )
 from legfem.study.concealed.cases import Case, ProtocolName, make_cases
-from legfem.study.concealed.making import Maker, make
+from legfem.study.concealed.making import Maker, build_libraries, make
 from legfem.study.concealed.page import calibration_page, page, scored_document
 from legfem.study.concealed.running import case_folders, run_cases
 from legfem.study.concealed.scoring import score_cases, summarise
@@ -52,7 +52,7 @@ def run(options: ConcealedOptions, progress: Progress) -> list[str]:
     lines = []
     if options.make is not None:
         cases = make_cases(options.make, options.seed)
-        _make(cases, options, correction, progress)
+        _make(cases, options, diagnoser, correction, progress)
         lines.append(f"cases: {options.out / 'cases'}; keys, sealed: {options.out / 'keys'}")
     if options.run:
         run_cases(options.out, diagnoser, options.jobs, progress)
@@ -90,27 +90,30 @@ def calibrate(options: ConcealedOptions, diagnoser: Diagnoser, progress: Progres
     progress.stage("recordings without effect", len(tasks))
     found = {}
     with Workers(_null, None, options.jobs) as workers:
-        for task, p_value in workers.run(tasks):
-            found[task.seed] = p_value
-            progress.advance(f"p = {p_value:.3f}")
-    p_values = np.array([found[task.seed] for task in tasks])
+        for task, p_values in workers.run(tasks):
+            found[task.seed] = p_values
+            progress.advance(f"p = {p_values[0]:.3f}")
+    verdict, windows = np.array([found[task.seed] for task in tasks]).T
     smallest: dict[str, dict[str, list[float]]] = {}
     for library, law, protocol in kinds:
         for name, size in smallest_effects(Emulated(library, law, protocol, options.seed)).items():
             smallest.setdefault(name, {}).setdefault(protocol, []).append(size)
-    return Calibrated(Calibration(p_values), smallest)
+    return Calibrated(Calibration(verdict), Calibration(windows), smallest)
 
 
-def _null(context: None, task: Emulated) -> float:
-    return null_p_value(task)
+def _null(context: None, task: Emulated) -> tuple[float, float]:
+    return null_p_values(task)
 
 
 def _make(
     cases: Sequence[Case],
     options: ConcealedOptions,
+    diagnoser: Diagnoser,
     correction: TabulatedCorrection,
     progress: Progress,
 ) -> None:
     (options.out / "cases").mkdir(parents=True, exist_ok=True)
-    maker = Maker(options.out, options.library / "truth", options.seed, correction)
+    build_libraries(cases, diagnoser, progress)
+    alone = Diagnoser(diagnoser.folder, correction, 1)
+    maker = Maker(options.out, options.library / "truth", options.seed, correction, alone)
     make(cases, maker, options.jobs, progress)

@@ -42,8 +42,8 @@ SLOW_S = 8.0
 WANDER_MM = 4.0
 FORCE_SD_N, DISPLACEMENT_SD_MM = (0.009, 0.009), (0.005, 0.007)
 """White and slow part."""
-GAIN_SD, OFFSET_SD_N = 0.002, 0.008
-"""The instruments' bias, the same in all trials of a case."""
+GAIN_SD, ZERO_SD_N = 0.002, (0.0055, 0.0055)
+"""The instruments' bias: gain and zero, the same in all trials of a case, and each trial's zero."""
 
 
 def truth_responses(
@@ -62,8 +62,8 @@ def truth_responses(
 
 
 def of_another_leg(correction: TabulatedCorrection) -> TabulatedCorrection:
-    """Return a correction that is off by its own error: nobody knows the leg's effective length."""
-    return replace(correction, values=correction.values + correction.errors["leg length"])
+    """Return a correction that is off by its own errors, the leg's unknown length among them."""
+    return replace(correction, values=correction.values + sum(correction.errors.values()))
 
 
 def dense_stations(protocol: Protocol) -> Stations:
@@ -140,13 +140,13 @@ def record(truth: Truth, case: Case) -> list[Recording]:
     """Return the trials' recordings, with errors of the instruments."""
     generator = np.random.default_rng(case.noise_seed)
     gain = 1.0 + GAIN_SD * generator.normal()
-    zero = OFFSET_SD_N * generator.normal()
+    zero = ZERO_SD_N[0] * generator.normal()
     recordings = []
     for k, name in enumerate(truth.observed.trials):
         here = truth.observed.trial == k
         protocol = truth.observed.protocols[truth.observed.protocol_of[k]].protocol
         time = np.arange(0.0, protocol.duration + 0.5 / SAMPLING_HZ, 1 / SAMPLING_HZ)
-        force = force_at(truth, k, time) * gain + zero
+        force = force_at(truth, k, time) * gain + zero + ZERO_SD_N[1] * generator.normal()
         step = 1 / SAMPLING_HZ
         rate = abs(np.gradient(protocol.displacement_at(time), time)).max()
         force = force + _error(len(time), *FORCE_SD_N, step / SLOW_S, generator)

@@ -132,7 +132,7 @@ def _problem(observed: Observations, responses: SpecimenResponses) -> Problem:
     stated = Instrument(FORCE_SHARE * peak, DISPLACEMENT_SD_MM)
     errors = estimate_errors(observed, stated, numerical=0.0)
     scatter = (MODEL_SCATTER * peak) ** 2 * np.eye(len(observed.force))
-    errors = replace(errors, covariance=errors.covariance + scatter)
+    errors = replace(errors, covariance=errors.covariance + scatter, possible=())
     return Problem(Predictor(observed, responses, "neo-hookean"), errors)
 
 

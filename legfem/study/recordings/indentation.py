@@ -141,7 +141,7 @@ def problem_of(
     measured = estimate_errors(observed, instrument, numerical=0.0)
     scatter = (MODEL_SCATTER * np.abs(observed.force).max()) ** 2
     covariance = measured.covariance + scatter * np.eye(len(observed.force))
-    errors = replace(measured, covariance=covariance)
+    errors = replace(measured, covariance=covariance, possible=())
     return Problem(Predictor(observed, responses, "neo-hookean"), errors)
 
 
