@@ -18,6 +18,8 @@ LAWS: Mapping[str, str] = {
 }  # fmt: skip
 """Of the base model, by the subject whose section it is."""
 C10_KPA, RATIO = (0.45, 1.8), (0.4, 3.0)
+PEOPLE = 4
+"""Stiffnesses of the deep tissue that stand behind each section."""
 INSTRUMENT = Instrument(force_sd=0.015, displacement_sd=0.01)
 """A good load cell of 20 N (0.1 % of its range) and a good displacement sensor."""
 
@@ -118,12 +120,14 @@ def protocols_of(name: ProtocolName) -> list[Protocol]:
 def make_cases(number: int, seed: int, mechanisms: Sequence[str] = tuple(STRENGTHS)) -> list[Case]:
     """Return cases without effect, with one, two, or one outside the library; and twins."""
     generator = np.random.default_rng([seed, 20])
+    people = {subject: [_stiffness(law, generator) for _ in range(PEOPLE)]
+              for subject, law in LAWS.items()}  # fmt: skip
     counts = {kind: round(share * number) for kind, share in SHARES.items()}
     counts["single"] += number - sum(counts.values())
     kinds = [kind for kind, count in counts.items() for _ in range(count)]
     within = [k for count in counts.values() for k in range(count)]
     cases = [
-        _case(0, kind, turn, mechanisms, generator)
+        _case(0, kind, turn, mechanisms, people, generator)
         for kind, turn in zip(kinds, within, strict=True)
     ]
     order = generator.permutation(len(cases))
@@ -152,6 +156,7 @@ def _case(
     kind: Kind,
     turn: int,
     mechanisms: Sequence[str],
+    people: Mapping[str, Sequence[tuple[float, float]]],
     generator: np.random.Generator,
 ) -> Case:
     names: tuple[str, ...] = ()
@@ -169,8 +174,7 @@ def _case(
     subject = str(generator.choice(sorted(LAWS)))
     # A neo-Hookean base leaves out C20, which is then what stiffens.
     law = LAWS[subject]
-    c10 = float(np.exp(generator.uniform(*np.log(C10_KPA))))
-    c20 = 0.0 if law == "neo-hookean" else c10 * float(generator.uniform(*RATIO))
+    c10, c20 = people[subject][int(generator.integers(PEOPLE))]
     return Case(
         number,
         kind,
@@ -183,6 +187,12 @@ def _case(
         outside,
         int(generator.integers(2**31)),
     )
+
+
+def _stiffness(law: str, generator: np.random.Generator) -> tuple[float, float]:
+    """Return C10 and C20 of a person, kPa."""
+    c10 = float(np.exp(generator.uniform(*np.log(C10_KPA))))
+    return c10, 0.0 if law == "neo-hookean" else c10 * float(generator.uniform(*RATIO))
 
 
 def _values(
