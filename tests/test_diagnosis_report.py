@@ -11,10 +11,11 @@ from making_diagnosed import diagnosed
 from matplotlib.image import imread
 
 from legfem.diagnose.sentences import next_experiments, verdict_sentence
+from legfem.diagnose.windows import runs
 from legfem.report import diagnosis as report
 from legfem.report import diagnosis_tables as tables
 from legfem.report.diagnosis_text import diagnosis_page
-from legfem.report.located import places_of, runs
+from legfem.report.located import places_of
 from legfem.report.ranking_figure import ranking
 from legfem.report.signature_figure import leading, matched, strongest
 from legfem.report.words import number, probability

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any, Protocol
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy as np
 from legfem.diagnose.diagnosis import Diagnosis, Repaired
 from legfem.diagnose.fit import Fit
 from legfem.diagnose.sentences import next_experiments
+from legfem.diagnose.windows import runs
 from legfem.documents import json_types
 from legfem.identify.forward import legfem_version, package_version
 from legfem.subject import Origin
@@ -117,8 +117,9 @@ def mismatches(found: Diagnosis) -> list[dict[str, Any]]:
     for k, trial in enumerate(observed.trials):
         for segment in np.unique(observed.segment[observed.trial == k]):
             here = np.flatnonzero((observed.trial == k) & (observed.segment == segment))
-            for run in _runs(here, found.located[here]):
-                touching = [w.p_value for w in windows if set(w.stations) & set(run.tolist())]
+            for first, end in runs(found.located[here].astype(int)):
+                run = here[first:end]
+                touching = [w.p_value for w in windows if set(w.stations) & set(map(int, run))]
                 d, t = observed.displacement[run], observed.time[run]
                 result.append(
                     {
@@ -131,11 +132,6 @@ def mismatches(found: Diagnosis) -> list[dict[str, Any]]:
                     }
                 )
     return result
-
-
-def _runs(numbers: np.ndarray, marked: np.ndarray) -> list[np.ndarray]:  # type: ignore[type-arg]
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], marked.astype(int), [0]])))
-    return [numbers[a:b] for a, b in pairwise(edges) if marked[a]]
 
 
 def _physics(found: Diagnosis, model: Repaired) -> list[dict[str, Any]]:

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from legfem.diagnose.fit import Fit, Problem
-from legfem.diagnose.mechanisms import Mechanism
+from legfem.diagnose.mechanisms import Mechanism, Values
 from legfem.diagnose.windows import Window, windows_of
 from legfem.units import FloatArray
 
@@ -37,6 +37,8 @@ class Signature:
     one_sided: bool
     shown: FloatArray
     """(n,), N: the response before whitening, for a figure."""
+    shape: Values
+    """Of the parameters beyond the first."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +102,7 @@ def signatures_of(
             rest = float(np.linalg.norm(direction))
             if length == 0 or rest < 1e-6 * length:
                 continue
-            found.append(Signature(mechanism, direction, first.low >= first.null, change))
+            found.append(Signature(mechanism, direction, first.low >= first.null, change, shape))
             hidden.append(1.0 - rest / length)
     return found, hidden
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from legfem.diagnose.observations import Observations
 from legfem.units import FloatArray
@@ -104,3 +106,9 @@ def windows_of(observed: Observations) -> tuple[Windows, FloatArray]:
     for k, (_, where) in enumerate(members):
         boxes[where, k] = 1.0
     return Windows(observed, members), boxes
+
+
+def runs(marks: NDArray[np.int_]) -> list[tuple[int, int]]:
+    """Return the first number and the one after the last of each run of like marks but zero."""
+    edges = [0, *(int(k) + 1 for k in np.flatnonzero(np.diff(marks))), len(marks)]
+    return [(a, b) for a, b in pairwise(edges) if a < b and marks[a] != 0]

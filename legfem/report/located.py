@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from legfem.diagnose.diagnosis import Diagnosis
+from legfem.diagnose.windows import runs
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,12 +68,6 @@ def _signs(found: Diagnosis) -> NDArray[np.int_]:
     for window in found.base.assessment.windows:
         signs[list(window.stations)] = 1 if window.size > 0 else -1
     return np.where(found.located, signs, 0)
-
-
-def runs(marks: NDArray[np.int_]) -> list[tuple[int, int]]:
-    """Return the first number and the one after the last of each run of like marks but zero."""
-    edges = [0, *(int(k) + 1 for k in np.flatnonzero(np.diff(marks))), len(marks)]
-    return [(a, b) for a, b in pairwise(edges) if a < b and marks[a] != 0]
 
 
 def _place(

@@ -299,6 +299,10 @@ def concealed(
         int | None,
         typer.Option(min=10, help="Emulate so many recordings without effect: are p-values true?"),
     ] = None,
+    power: Annotated[
+        int | None,
+        typer.Option(min=3, help="Emulate so many recordings of each mechanism at each strength."),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the cases; opens the keys.")] = 1,
     library: Annotated[
         Path | None,
@@ -320,15 +324,15 @@ def concealed(
         from legfem.errors import InputError
         from legfem.study.concealed import command
 
-        if make is None and calibrate is None and not run and not score:
+        if make is None and calibrate is None and power is None and not run and not score:
             raise InputError(
                 "concealed", "step", "none is given",
-                "give --make N, --run, --score or --calibrate N",
+                "give --make N, --run, --score, --calibrate N or --power N",
             )  # fmt: skip
         folder = out or Path("results") / "concealed"
         check_out_folder(folder)
         options = command.ConcealedOptions(
-            folder, library or library_folder(), make, run, score, calibrate, seed,
+            folder, library or library_folder(), make, run, score, calibrate, power, seed,
             jobs or usable_cores(),
         )  # fmt: skip
         with progress_on() as progress:

@@ -1,20 +1,19 @@
-"""Whether p-values are what they say, and how large an effect has to be to be found.
+"""Whether p-values are what they say, on emulated recordings.
 
-Recordings without any effect are emulated: the library's forces with the instruments' errors, as
-sealed cases are recorded.
+These are the library's forces with the model's and the instruments' errors, as sealed cases are
+recorded.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import kstest, norm
+from scipy.stats import kstest
 
 from legfem.diagnose.choose import MISMATCH
-from legfem.diagnose.diagnosis import starts
+from legfem.diagnose.diagnosis import mechanism_named, starts
 from legfem.diagnose.fit import Fit, Problem, fit_base
 from legfem.diagnose.library import Library, tested_mechanisms
 from legfem.diagnose.mechanisms import Mechanism
@@ -27,7 +26,7 @@ from legfem.diagnose.noise import (
 )
 from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.predict import LawName, Predictor
-from legfem.diagnose.score import assess, signatures_of
+from legfem.diagnose.score import assess
 from legfem.study.concealed.cases import (
     C10_KPA,
     INSTRUMENT,
@@ -44,16 +43,18 @@ _WAVES = 400
 
 @dataclass(frozen=True)
 class Emulated:
-    """A recording without effect, to be emulated."""
+    """A recording to be emulated."""
 
     library: Library
     law: LawName
     protocol: ProtocolName
     seed: int
+    effect: tuple[str, float] | None = None
+    """A mechanism and its strength, its shape in the middle of those that are tried."""
 
 
-def emulated_recordings(task: Emulated) -> tuple[Observations, Case]:
-    """Return recordings emulated without effect, and their case.
+def emulated_recordings(task: Emulated) -> Observations:
+    """Return emulated recordings at their stations.
 
     The model's own error is drawn too, as large as the diagnosis takes it to be: where it is
     smaller, p-values are cautious.
@@ -65,11 +66,22 @@ def emulated_recordings(task: Emulated) -> tuple[Observations, Case]:
         0, "none", "", task.law, task.protocol, c10, c20, (), (), int(generator.integers(2**31))
     )
     blank = blank_observations(protocols_of(task.protocol))
-    force = Predictor(blank, task.library, task.law)({"C10": c10, "C20": c20})
+    values = {"C10": c10, "C20": c20}
+    force = Predictor(blank, task.library, task.law)(values)
     at = blank.displacement
     force = force * (1 + NUMERICAL_ERROR * _smooth(at, NUMERICAL_LENGTH_MM, generator))
     force += ROUGHNESS * force.max() * _smooth(at, ROUGHNESS_LENGTH_MM, generator)
-    return observe(record(Truth(blank, force), case), INSTRUMENT, starts_at_contact=True), case
+    observed = observe(record(Truth(blank, force), case), INSTRUMENT, starts_at_contact=True)
+    if task.effect is None:
+        return observed
+    # The library knows an effect at the stations alone.
+    name, strength = task.effect
+    mechanism = mechanism_named(name)
+    shapes = mechanism.shape_choices(observed)
+    own = {**shapes[len(shapes) // 2], mechanism.parameters[0].name: strength}
+    changed = {**values, **{f"{name}.{key}": value for key, value in own.items()}}
+    predictor = Predictor(observed, task.library, task.law)
+    return observed.with_force(observed.force + predictor(changed, [mechanism]) - predictor(values))
 
 
 def _smooth(at: FloatArray, length: float, generator: np.random.Generator) -> FloatArray:
@@ -79,9 +91,9 @@ def _smooth(at: FloatArray, length: float, generator: np.random.Generator) -> Fl
     return np.asarray(np.sqrt(2 / _WAVES) * np.cos(waves * at + phases).sum(axis=0))
 
 
-def _tested(task: Emulated) -> tuple[Problem, Fit, list[Mechanism]]:
+def tested(task: Emulated) -> tuple[Problem, Fit, list[Mechanism]]:
     """Return an emulated recording's problem, its base fit and the mechanisms to test."""
-    observed, _ = emulated_recordings(task)
+    observed = emulated_recordings(task)
     able, _ = tested_mechanisms(observed, task.library)
     predictor = Predictor(observed, task.library, task.law)
     problem, base = fit_base(predictor, *estimate_noise(observed, INSTRUMENT), starts(task.law))
@@ -90,7 +102,7 @@ def _tested(task: Emulated) -> tuple[Problem, Fit, list[Mechanism]]:
 
 def null_p_values(task: Emulated) -> tuple[float, float]:
     """Return the p-value that the verdict rests on, and the family-wise one of the windows."""
-    problem, base, able = _tested(task)
+    problem, base, able = tested(task)
     found = assess(problem, base, able, task.seed)
     return found.p_value, found.windows_p_value
 
@@ -115,19 +127,17 @@ class Calibration:
 
 @dataclass(frozen=True)
 class Calibrated:
-    """Calibration and detection on the study's legs."""
+    """Calibration on the study's legs."""
 
     verdict: Calibration
     """The p-value that the verdict rests on."""
     windows: Calibration
     """The family-wise p-value of the strongest window."""
-    smallest: Mapping[str, Mapping[str, list[float]]]
-    """Strength found at 80 % power by mechanism and protocol, one a leg."""
 
     def document(self) -> dict[str, Any]:
         """Return it as JSON types."""
         return {
-            "schema": 1,
+            "schema": 2,
             "origin": "emulated",
             "p_values": {
                 name: {
@@ -137,25 +147,4 @@ class Calibrated:
                 }
                 for name, own in (("verdict", self.verdict), ("windows", self.windows))
             },
-            "smallest_effect_at_80_percent_power": {
-                name: dict(found) for name, found in self.smallest.items()
-            },
         }
-
-
-def smallest_effects(task: Emulated, power: float = 0.8) -> Mapping[str, float]:
-    """Return the strength of each mechanism that is found with a power.
-
-    The score statistic's square root is normal with mean strength times the length of the projected
-    signature; the limit is that of the family of all mechanisms (Bonferroni) at the verdict's.
-    """
-    problem, base, able = _tested(task)
-    found, _ = signatures_of(problem, base, able)
-    limit = float(norm.isf(MISMATCH / 2 / len(able)))
-    needed = limit + float(norm.ppf(power))
-    strengths: dict[str, float] = {}
-    for signature in found:
-        strength = needed / float(np.linalg.norm(signature.direction))
-        name = signature.mechanism.name
-        strengths[name] = min(strength, strengths.get(name, np.inf))
-    return strengths

@@ -8,12 +8,13 @@ from typing import Any, Literal
 
 import numpy as np
 
+from legfem.diagnose.predict import LawName
 from legfem.protocol import Protocol
 from legfem.recording import Instrument
 
 DEPTH_MM, SLOW, FAST, HOLD_S = 19.0, 0.4, 2.0, 60.0
 SAMPLING_HZ = 20.0
-LAWS: Mapping[str, str] = {
+LAWS: Mapping[str, LawName] = {
     "1": "reduced-polynomial", "2": "neo-hookean", "3": "reduced-polynomial",
 }  # fmt: skip
 """Of the base model, by the subject whose section it is."""

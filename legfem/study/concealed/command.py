@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -11,24 +12,35 @@ import numpy as np
 from legfem.correction import TabulatedCorrection, read_correction
 from legfem.diagnose.leg import SHIPPED_CORRECTION
 from legfem.diagnose.library import Library
+from legfem.diagnose.mechanisms import MECHANISMS
 from legfem.diagnose.predict import LawName
 from legfem.diagnose.run import Diagnoser
 from legfem.documents import write_atomically, write_document
 from legfem.progress import Progress
+from legfem.report.style import save
 from legfem.study.concealed.calibration import (
     Calibrated,
     Calibration,
     Emulated,
     null_p_values,
-    smallest_effects,
 )
-from legfem.study.concealed.cases import Case, ProtocolName, make_cases
-from legfem.study.concealed.making import Maker, build_libraries, make
+from legfem.study.concealed.cases import LAWS, Case, ProtocolName, make_cases
+from legfem.study.concealed.making import Maker, leg_library, make
 from legfem.study.concealed.page import calibration_page, page, scored_document
-from legfem.study.concealed.running import case_folders, run_cases
+from legfem.study.concealed.power import (
+    RATIOS,
+    PowerCurve,
+    Trial,
+    Tried,
+    power_curve,
+    try_effect,
+)
+from legfem.study.concealed.power_page import power_document, power_figure, power_page
+from legfem.study.concealed.running import run_cases
 from legfem.study.concealed.scoring import score_cases, summarise
-from legfem.subject import load_subject
 from legfem.workers import Workers
+
+PROTOCOLS: tuple[ProtocolName, ...] = ("rates", "ramps")
 
 
 @dataclass(frozen=True)
@@ -41,6 +53,7 @@ class ConcealedOptions:
     run: bool
     score: bool
     calibrate: int | None
+    power: int | None
     seed: int
     jobs: int
 
@@ -65,44 +78,81 @@ def run(options: ConcealedOptions, progress: Progress) -> list[str]:
         write_atomically(options.out / "report.md", text)
         lines += [text, f"result: {path}"]
     if options.calibrate is not None:
-        calibration = calibrate(options, diagnoser, progress)
+        kinds = _kinds(diagnoser, progress)
+        calibration = calibrate(kinds, options.calibrate, options.seed, options.jobs, progress)
         path = write_document(options.out / "calibration.json", calibration.document())
         text = calibration_page(calibration)
         write_atomically(options.out / "calibration.md", text)
         lines += [text, f"result: {path}"]
+    if options.power is not None:
+        kinds = _kinds(diagnoser, progress)
+        curves = count_power(kinds, options.power, options.seed, options.jobs, progress)
+        path = write_document(options.out / "power.json", power_document(curves))
+        text = power_page(curves)
+        write_atomically(options.out / "power.md", text)
+        save(power_figure(curves), options.out, "power")
+        lines += [text, f"result: {path}"]
     return lines
 
 
-def calibrate(options: ConcealedOptions, diagnoser: Diagnoser, progress: Progress) -> Calibrated:
-    """Return p-values without effect and smallest effects, on the cases' legs and protocols."""
-    assert options.calibrate is not None
-    libraries: dict[tuple[str, str], tuple[Library, LawName, ProtocolName]] = {}
-    for folder in case_folders(options.out):
-        subject = load_subject(folder)
-        observed = diagnoser.observations(subject)
-        protocol: ProtocolName = "rates" if len(observed.protocols) > 1 else "ramps"
-        leg = (folder / "contours.csv").read_text(), protocol
-        if leg not in libraries:
-            library, _ = diagnoser.library(subject, observed, progress)
-            libraries[leg] = (library, subject.tissues["deep"].law, protocol)
-    kinds = list(libraries.values())
-    tasks = [Emulated(*kinds[k % len(kinds)], options.seed + k) for k in range(options.calibrate)]
+type Kind = tuple[Library, LawName, ProtocolName]
+
+
+def _kinds(diagnoser: Diagnoser, progress: Progress) -> list[Kind]:
+    """Return the libraries of the study's legs and protocols."""
+    return [
+        (leg_library(name, protocol, diagnoser, progress), LAWS[name], protocol)
+        for protocol in PROTOCOLS
+        for name in LAWS
+    ]
+
+
+def calibrate(
+    kinds: Sequence[Kind], number: int, seed: int, jobs: int, progress: Progress
+) -> Calibrated:
+    """Return p-values of emulated recordings without effect, on the cases' legs and protocols."""
+    tasks = [Emulated(*kinds[k % len(kinds)], seed + k) for k in range(number)]
     progress.stage("recordings without effect", len(tasks))
     found = {}
-    with Workers(_null, None, options.jobs) as workers:
+    with Workers(_null, None, jobs) as workers:
         for task, p_values in workers.run(tasks):
             found[task.seed] = p_values
             progress.advance(f"p = {p_values[0]:.3f}")
     verdict, windows = np.array([found[task.seed] for task in tasks]).T
-    smallest: dict[str, dict[str, list[float]]] = {}
-    for library, law, protocol in kinds:
-        for name, size in smallest_effects(Emulated(library, law, protocol, options.seed)).items():
-            smallest.setdefault(name, {}).setdefault(protocol, []).append(size)
-    return Calibrated(Calibration(verdict), Calibration(windows), smallest)
+    return Calibrated(Calibration(verdict), Calibration(windows))
 
 
 def _null(context: None, task: Emulated) -> tuple[float, float]:
     return null_p_values(task)
+
+
+def count_power(
+    kinds: Sequence[Kind], number: int, seed: int, jobs: int, progress: Progress
+) -> list[PowerCurve]:
+    """Return every mechanism's power from so many recordings a strength and protocol."""
+    tasks = []
+    for protocol in PROTOCOLS:
+        mine = [kind for kind in kinds if kind[2] == protocol]
+        for mechanism, ratio, k in product(MECHANISMS, RATIOS, range(number if mine else 0)):
+            emulated = Emulated(*mine[k % len(mine)], seed + 1000 + k)
+            tasks.append(Trial(emulated, mechanism.name, ratio))
+    progress.stage("recordings with an effect", len(tasks))
+    found: dict[tuple[ProtocolName, str], list[tuple[Trial, Tried]]] = {}
+    with Workers(_tried, None, jobs) as workers:
+        for task, tried in workers.run(tasks):
+            if tried is not None:
+                found.setdefault((task.emulated.protocol, task.mechanism), []).append((task, tried))
+            progress.advance(f"{task.mechanism} times {task.ratio:g}: {tried}")
+    return [
+        power_curve(m.name, protocol, found[protocol, m.name])
+        for m in MECHANISMS
+        for protocol in PROTOCOLS
+        if (protocol, m.name) in found
+    ]
+
+
+def _tried(context: None, task: Trial) -> Tried | None:
+    return try_effect(task)
 
 
 def _make(
@@ -113,7 +163,8 @@ def _make(
     progress: Progress,
 ) -> None:
     (options.out / "cases").mkdir(parents=True, exist_ok=True)
-    build_libraries(cases, diagnoser, progress)
+    for name, protocol in sorted({(case.subject, case.protocol) for case in cases}):
+        leg_library(name, protocol, diagnoser, progress)
     alone = Diagnoser(diagnoser.folder, correction, 1)
     maker = Maker(options.out, options.library / "truth", options.seed, correction, alone)
     make(cases, maker, options.jobs, progress)

@@ -12,6 +12,7 @@ import numpy as np
 from legfem.correction import TabulatedCorrection
 from legfem.diagnose.diagnosis import starts
 from legfem.diagnose.fit import fit_base
+from legfem.diagnose.library import Library
 from legfem.diagnose.noise import estimate_noise
 from legfem.diagnose.observations import observe
 from legfem.diagnose.predict import LawName, Predictor
@@ -20,7 +21,15 @@ from legfem.diagnose.solved import SolvedResponses
 from legfem.diagnose.variants import SolutionStoppedError
 from legfem.geometry.subject_folder import write_subject_folder
 from legfem.progress import Progress, Silent
-from legfem.study.concealed.cases import DEPTH_MM, INSTRUMENT, Case, protocols_of, weakened
+from legfem.study.concealed.cases import (
+    DEPTH_MM,
+    INSTRUMENT,
+    LAWS,
+    Case,
+    ProtocolName,
+    protocols_of,
+    weakened,
+)
 from legfem.study.concealed.seal import write_sealed
 from legfem.study.concealed.truth import (
     Truth,
@@ -138,16 +147,18 @@ def with_deep_law(subject: Subject, law: str) -> Subject:
     return replace(subject, tissues=MappingProxyType({**subject.tissues, "deep": tissue}))
 
 
-def build_libraries(cases: Sequence[Case], diagnoser: Diagnoser, progress: Progress) -> None:
-    """Solve the libraries of all cases' legs and protocols, on several processes."""
-    for name, protocol in sorted({(case.subject, case.protocol) for case in cases}):
-        case = next(c for c in cases if (c.subject, c.protocol) == (name, protocol))
-        subject = with_deep_law(load_subject(find_subject(name), need_recordings=False), case.law)
-        blank = blank_observations(protocols_of(protocol))
-        # The stations follow from the displacements alone.
-        pressed = record(Truth(blank, blank.displacement), case)
-        observed = observe(pressed, INSTRUMENT, starts_at_contact=True)
-        diagnoser.library(subject, observed, progress)
+def leg_library(
+    name: str, protocol: ProtocolName, diagnoser: Diagnoser, progress: Progress
+) -> Library:
+    """Return the library of a leg and protocol of the study, solved where it isn't kept."""
+    subject = load_subject(find_subject(name), need_recordings=False)
+    blank = blank_observations(protocols_of(protocol))
+    # The stations follow from the displacements alone.
+    case = Case(0, "none", name, LAWS[name], protocol, 1.0, 0.0, (), (), 0)
+    pressed = record(Truth(blank, blank.displacement), case)
+    observed = observe(pressed, INSTRUMENT, starts_at_contact=True)
+    library, _ = diagnoser.library(with_deep_law(subject, LAWS[name]), observed, progress)
+    return library
 
 
 def make(cases: Sequence[Case], maker: Maker, jobs: int, progress: Progress) -> None:

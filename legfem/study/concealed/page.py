@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from legfem.diagnose.choose import MISMATCH
-from legfem.diagnose.diagnosis import mechanism_named
 from legfem.documents import json_types
 from legfem.study.concealed.calibration import Calibrated
 from legfem.study.concealed.scoring import Scored, Summary
@@ -111,17 +110,7 @@ def calibration_page(found: Calibrated) -> str:
                 ("of the strongest window, family-wise", found.windows),
             )
         ),
-        "",
-        "| mechanism | parameter | unit | found at 80 % power: two rates with holds | ramps |",
-        "|---|---|---|---|---|",
     ]
-    for name, sizes in found.smallest.items():
-        first = mechanism_named(name).parameters[0]
-        cells = [
-            f"{min(sizes[k]):.2g} to {max(sizes[k]):.2g}" if k in sizes else "not testable"
-            for k in ("rates", "ramps")
-        ]
-        lines.append(f"| {name} | {first.name} | {first.unit} | {cells[0]} | {cells[1]} |")
     return "\n".join(lines) + "\n"
 
 

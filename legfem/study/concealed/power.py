@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from scipy.optimize import minimize
 from scipy.stats import norm
 
 from legfem.diagnose.choose import MISMATCH
+from legfem.diagnose.diagnosis import mechanism_named
 from legfem.diagnose.score import assess, signatures_of
 from legfem.study.concealed.calibration import Emulated, tested
 from legfem.study.concealed.cases import ProtocolName
@@ -45,15 +46,16 @@ class Tried:
     """Whether a mismatch was called; None if the mechanism can't be so strong."""
 
 
-def linear_estimate(emulated: Emulated, power: float = POWER) -> dict[str, float]:
-    """Return the strength of each mechanism that is found with a power, by the middle shape.
+@lru_cache(maxsize=64)
+def linear_estimate(emulated: Emulated) -> dict[str, float]:
+    """Return the strength of each mechanism that is found with 80 % power, by the middle shape.
 
     The score statistic's square root is normal with mean strength times the length of the projected
     signature; the limit is that of the family of all mechanisms (Bonferroni) at the verdict's.
     """
     problem, base, able = tested(emulated)
     limit = float(norm.isf(MISMATCH / 2 / len(able)))
-    needed = limit + float(norm.ppf(power))
+    needed = limit + float(norm.ppf(POWER))
     found, _ = signatures_of(problem, base, able)
     middle = {m.name: m.shape_choices(problem.predictor.observed) for m in able}
     return {
@@ -69,9 +71,7 @@ def try_effect(trial: Trial) -> Tried | None:
     strength = trial.ratio * linear_estimate(trial.emulated).get(name, np.nan)
     if not np.isfinite(strength):
         return None
-    _, _, able = tested(trial.emulated)
-    mechanism = next(m for m in able if m.name == name)
-    first = mechanism.parameters[0]
+    first = mechanism_named(name).parameters[0]
     if first.null + strength > first.high:
         return Tried(strength, None)
     problem, base, able = tested(replace(trial.emulated, effect=(name, first.null + strength)))
