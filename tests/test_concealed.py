@@ -6,9 +6,11 @@ import json
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from legfem.errors import InputError
-from legfem.study.concealed.cases import INSTRUMENT, Case, make_cases, protocols_of
+from legfem.study.concealed.cases import INSTRUMENT, Case, make_cases, protocols_of, weakened
+from legfem.study.concealed.power import RATIOS, Trial, Tried, power_curve
 from legfem.study.concealed.seal import read_sealed, write_sealed
 from legfem.study.concealed.truth import Truth, blank_observations, force_at, record
 
@@ -64,3 +66,25 @@ def test_recordings_err_as_their_instruments_do():
     protocol = blank.protocols[0].protocol
     away = recordings[0].displacement - protocol.displacement_at(recordings[0].time)
     assert np.std(away) == pytest.approx(INSTRUMENT.displacement_sd, rel=0.5)
+
+
+def test_a_weakened_case_keeps_its_shape():
+    case = next(c for c in make_cases(80, 1) if c.names == ("viscoelasticity",))
+    half = weakened(case, 0.5)
+    before, after = dict(case.effects[0][1]), dict(half.effects[0][1])
+    assert after["ratio"] == pytest.approx(0.5 * before["ratio"])
+    assert after["relaxation_time"] == before["relaxation_time"]
+
+
+def test_power_is_read_from_counts():
+    generator = np.random.default_rng(3)
+    outcomes = []
+    for ratio in RATIOS:
+        for _ in range(300):
+            found = bool(np.log(ratio) + 0.4 * generator.normal() > 0.1)
+            outcomes.append((Trial(None, "force-drift", ratio), Tried(ratio * 0.01, found)))
+    curve = power_curve("force-drift", "ramps", outcomes)
+    expected = np.exp(0.1 + 0.4 * norm.ppf(0.8))
+    assert curve.ratio_found == pytest.approx(expected, rel=0.08)
+    assert curve.smallest[0] == pytest.approx(0.01 * expected, rel=0.08)
+    assert curve.counted(RATIOS[0])[1] == 300

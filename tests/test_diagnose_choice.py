@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from making_diagnosis import NOISE, noisy, observations, ramps, two_rates
+from making_diagnosis import INSTRUMENT, NOISE, noisy, observations, ramps, two_rates
 from scipy.stats import kstest
 
 from legfem.diagnose.choose import choose, folds_of, held_out
 from legfem.diagnose.diagnosis import mechanism_named
 from legfem.diagnose.fit import Problem, fit
 from legfem.diagnose.mechanisms import MECHANISMS
-from legfem.diagnose.noise import error_model
+from legfem.diagnose.noise import error_model, estimate_noise
 from legfem.diagnose.score import assess
 
 TRUTH = {"C10": 1.0, "C20": 0.8}
@@ -139,3 +139,40 @@ def test_held_out_data_are_predicted_better_with_the_right_mechanism():
     before, after = held_out(problem, base), held_out(problem, repaired)
     assert after.rmse < 0.5 * before.rmse
     assert after.rmse < 1.2 * after.noise
+
+
+def test_a_common_relative_error_does_not_draw_a_fit_below_all_data():
+    """Peelle's puzzle: two trials that differ by more than their own errors."""
+    observed, _ = observations(ramps()[:2])
+    curve = 0.05 * observed.displacement**2
+    seen = observed.with_force(curve * np.where(observed.trial == 0, 1.0, 1.15))
+    share = 0.1
+
+    def scale(force):
+        errors = error_model(seen, replace(NOISE, offset_sd=0.001), numerical=share, force=force)
+        basis, data = errors.whitened(curve), errors.whitened(seen.force)
+        return float(basis @ data / (basis @ basis))
+
+    assert scale(None) < 1.0
+    assert 1.0 < scale(1.075 * curve) < 1.15
+
+
+def test_repeats_leave_several_noises_possible():
+    problem, _, _ = problem_of(ramps(), seed=6)
+    seen = problem.predictor.observed
+    noise, possible = estimate_noise(seen, INSTRUMENT)
+    slow = np.log([other.slow_sd for other in possible])
+    assert slow.min() < np.log(noise.slow_sd) < slow.max()
+    assert np.std(slow) < 1.0
+    alone, _ = observations(ramps()[:1])
+    assert estimate_noise(alone, INSTRUMENT)[1] == []
+
+
+def test_drawn_errors_have_the_spread_of_all_possible_noises():
+    problem, _, _ = problem_of(ramps(), seed=6)
+    seen = problem.predictor.observed
+    twice = replace(NOISE, slow_sd=2 * NOISE.slow_sd, wander_sd=2 * NOISE.wander_sd)
+    errors = error_model(seen, NOISE, [NOISE, twice])
+    drawn = errors.draw(4000, np.random.default_rng(1)).var(axis=0)
+    expected = (np.diag(errors.possible[0]) + np.diag(errors.possible[1])) / 2
+    np.testing.assert_allclose(drawn, expected, rtol=0.15)

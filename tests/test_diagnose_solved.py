@@ -11,8 +11,9 @@ from legfem.diagnose.diagnosis import mechanism_named
 from legfem.diagnose.leg import SHIPPED_CORRECTION
 from legfem.diagnose.library import build_library, shown_mechanisms
 from legfem.diagnose.observations import observe
-from legfem.diagnose.solved import SolvedResponses
-from legfem.diagnose.variants import Variants
+from legfem.diagnose.predict import Predictor
+from legfem.diagnose.solved import SolvedResponses, end_effect
+from legfem.diagnose.variants import Stopped, Variants
 from legfem.progress import Silent
 from legfem.protocol import Protocol
 from legfem.recording import Recording
@@ -104,3 +105,34 @@ def test_the_library_stands_in_for_solutions(variants, observed, tmp_path):
         true = solved.relative_change(mechanism, values, *SOFT, observed)
         deep = observed.displacement > 0.3 * DEPTH
         assert np.abs(emulated - true)[deep].max() < 0.12 * np.abs(true[deep]).max()
+
+
+class Stopping:
+    """A leg whose solutions never come to their end."""
+
+    def follow(self, protocol, deep, solution, sensitivities=()):
+        return Stopped("the step became too small")
+
+
+def test_what_stopped_is_not_a_number_and_is_not_tested(tmp_path, observed):
+    responses = responses_in(tmp_path, Stopping())
+    assert np.isnan(responses.curve(*SOFT)).all()
+    assert responses.solutions == 1
+    again = responses_in(tmp_path, Stopping())
+    assert np.isnan(again.curve(*SOFT)).all()
+    assert again.solutions == 0
+    force = Predictor(observed, responses, "reduced-polynomial")({"C10": 0.8, "C20": 0.9})
+    assert np.isnan(force).all()
+
+
+def test_end_effects_may_err_as_the_correction_does(observed):
+    correction = read_correction(SHIPPED_CORRECTION)
+    asked = observed, np.asarray(0.8), np.asarray(0.9)
+    plain = {"scale": 2.0, "leg_length": 0.0, "calibration": 0.0}
+    longer = end_effect(correction, {**plain, "leg_length": 1.0}, 0.8, 0.9, observed)
+    mode = np.interp(
+        observed.displacement, correction.displacement, correction.errors["leg length"]
+    )
+    as_shipped = correction.correction(asked[0].displacement, *asked[1:])
+    np.testing.assert_allclose(end_effect(correction, plain, 0.8, 0.9, observed), -2.0 * as_shipped)
+    np.testing.assert_allclose(longer, -2.0 * (as_shipped + mode))

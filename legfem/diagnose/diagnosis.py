@@ -18,7 +18,6 @@ from legfem.diagnose.noise import ErrorModel, estimate_noise
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.predict import LawName, Predictor
 from legfem.diagnose.solved import SolvedResponses
-from legfem.diagnose.variants import SolutionStoppedError
 from legfem.progress import Progress
 from legfem.recording import Instrument
 
@@ -151,13 +150,8 @@ def _offset(predictor: Predictor, fitted: Fit, solved: SolvedResponses) -> np.nd
     """Return the full prediction less the emulated one (n,), N; None where it stopped."""
     plain = replace(predictor, offset=0.0)
     full = replace(plain, responses=solved)
-    try:
-        difference = full(fitted.values, fitted.mechanisms) - plain(
-            fitted.values, fitted.mechanisms
-        )
-    except SolutionStoppedError:
-        return None
-    return difference
+    difference = full(fitted.values, fitted.mechanisms) - plain(fitted.values, fitted.mechanisms)
+    return None if np.isnan(difference).any() else difference
 
 
 def _confirmed(

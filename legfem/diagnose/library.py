@@ -26,7 +26,6 @@ from legfem.diagnose.mechanisms import (
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses, end_effect
 from legfem.diagnose.stations import Stations
-from legfem.diagnose.variants import SolutionStoppedError
 from legfem.identify.emulator import Emulator, Samples
 from legfem.progress import Progress
 from legfem.units import FloatArray
@@ -168,21 +167,23 @@ class _Task:
 def _work(
     responses: tuple[SolvedResponses, SolvedResponses], task: _Task
 ) -> Mapping[str, FloatArray] | None:
-    solved, coarse = responses
-    try:
-        if task.kind == "elastic":
-            return solved.elastic(*task.point)
-        assert task.mechanism is not None
-        solution = task.mechanism.solution(
-            {p.name: task.strength for p in task.mechanism.parameters}
-        )
-        if task.stations is None:
-            return {"change": coarse.elastic_change(solution, *task.point)}
-        if task.kind == "relaxation":
-            return coarse.relaxation(task.stations, *task.point)
-        return {"change": coarse.path_change(solution, task.stations, *task.point)}
-    except SolutionStoppedError:
-        return None
+    """Return an entry; None where its solution stopped."""
+    found = _solved(*responses, task)
+    return None if any(np.isnan(values).any() for values in found.values()) else found
+
+
+def _solved(
+    solved: SolvedResponses, coarse: SolvedResponses, task: _Task
+) -> Mapping[str, FloatArray]:
+    if task.kind == "elastic":
+        return solved.elastic(*task.point)
+    assert task.mechanism is not None
+    solution = task.mechanism.solution({p.name: task.strength for p in task.mechanism.parameters})
+    if task.stations is None:
+        return {"change": coarse.elastic_change(solution, *task.point)}
+    if task.kind == "relaxation":
+        return coarse.relaxation(task.stations, *task.point)
+    return {"change": coarse.path_change(solution, task.stations, *task.point)}
 
 
 def shown_mechanisms(

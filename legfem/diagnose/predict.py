@@ -6,7 +6,7 @@ arithmetic on it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
@@ -77,7 +77,7 @@ class Predictor:
     def __call__(
         self, values: Mapping[str, float], mechanisms: Sequence[Mechanism] = ()
     ) -> FloatArray:
-        """Return the forces (n,), N."""
+        """Return the forces (n,), N; NaN where a full solution stopped."""
         observed = self.observed
         own = {m.name: values_of(values, m) for m in mechanisms}
         c10, c20 = values["C10"], values.get("C20", 0.0)
@@ -116,6 +116,8 @@ class Predictor:
         scale = factor[0] if at_null else 1.0
         grid = np.concatenate([[0.0], self.responses.grid])
         curves = [self.responses.curve(c10 * scale * n, c20 * scale * n) for n in nodes]
+        if np.isnan(curves).any():
+            return _Elastic([_unknown], np.array([1.0]), None)
         splines = [CubicSpline(grid, np.concatenate([[0.0], curve])) for curve in curves]
         return _Elastic(splines, nodes, None if at_null else _lagrange(nodes, factor))
 
@@ -124,7 +126,7 @@ class Predictor:
 class _Elastic:
     """Curves at several factors on the deep stiffness, interpolated to every station's."""
 
-    splines: Sequence[CubicSpline]
+    splines: Sequence[Callable[[FloatArray, int], FloatArray]]
     nodes: FloatArray
     weights: FloatArray | None
 
@@ -135,6 +137,11 @@ class _Elastic:
         if self.weights is not None:
             total = np.einsum("ij,ij->j", self.weights, np.array(values))
         return np.where(displacement > 0, total, 0.0)
+
+
+def _unknown(displacement: FloatArray, derivative: int) -> FloatArray:
+    """Return the force of a solution that stopped."""
+    return np.full(len(displacement), np.nan)
 
 
 def _lagrange(nodes: FloatArray, at: FloatArray) -> FloatArray:

@@ -1,4 +1,8 @@
-"""Responses by finite elements: each solution made once and kept on disk."""
+"""Responses by finite elements: each solution made once and kept on disk.
+
+A solution that doesn't follow its protocol to the end, now or before, has NaN for its values, and
+so has all that is computed from them.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +26,7 @@ from legfem.diagnose.mechanisms import (
 )
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.stations import Stations
-from legfem.diagnose.variants import SolutionStoppedError, Variants
+from legfem.diagnose.variants import Stopped, Variants
 from legfem.documents import write_document
 from legfem.protocol import Protocol
 from legfem.units import FloatArray, kpa_to_mpa
@@ -71,13 +75,7 @@ class SolvedResponses:
         return GRID_STEP_MM * np.arange(1, round(self.depth / GRID_STEP_MM) + 1)
 
     def curve(self, c10: float, c20: float) -> FloatArray:
-        """Return the elastic force at the grid, N.
-
-        Raises
-        ------
-        SolutionStoppedError
-            If the solution doesn't come to the depth.
-        """
+        """Return the elastic force at the grid, N."""
         return self._ramp(c10, c20, Solution())
 
     def _ramp(self, c10: float, c20: float, solution: Solution) -> FloatArray:
@@ -154,13 +152,7 @@ class SolvedResponses:
         solution: Solution,
         derivatives: tuple[str, ...],
     ) -> Columns:
-        """Return force and derivatives at times of a protocol.
-
-        Raises
-        ------
-        SolutionStoppedError
-            If this solution, now or before, didn't follow the protocol to its end.
-        """
+        """Return force and derivatives at times of a protocol."""
         asked = {
             "protocol": [list(protocol.time), list(protocol.displacement)],
             "at": np.round(at, 9).tolist(),
@@ -179,7 +171,7 @@ class SolvedResponses:
             )
         columns = self._known[key]
         if columns is None or "force" not in columns:
-            raise SolutionStoppedError(f"C10 {c10:.3g} kPa, C20 {c20:.3g} kPa, {solution.variant}")
+            return {name: np.full(len(at), np.nan) for name in ("force", *derivatives)}
         return columns
 
     def _recalled(self, key: str) -> Columns | None:
@@ -203,12 +195,12 @@ class SolvedResponses:
     ) -> Columns:
         self.solutions += 1
         deep = {"deep.C10": kpa_to_mpa(c10), "deep.C20": kpa_to_mpa(c20)}
-        try:
-            path = self.variants.follow(protocol, deep, solution, derivatives)
+        path = self.variants.follow(protocol, deep, solution, derivatives)
+        if isinstance(path, Stopped):
+            columns: Columns = {"stopped": np.zeros(0)}
+        else:
             columns = {"force": path.force_at(at)}
             columns |= {name: path.sensitivity_at(name, at) for name in derivatives}
-        except SolutionStoppedError:
-            columns = {"stopped": np.zeros(0)}
         if self.folder is not None:
             content = {name: values.tolist() for name, values in columns.items()}
             write_document(self.folder / f"{key}.json", {"columns": content})
@@ -245,6 +237,8 @@ def _at_displacement(
     grid: FloatArray, values: FloatArray, at: FloatArray, level: bool = False
 ) -> FloatArray:
     """Interpolate from the grid; towards zero to nothing, or level from the first point on."""
+    if np.isnan(values).any():
+        return np.full(len(at), np.nan)
     if level:
         return np.asarray(CubicSpline(grid, values)(np.maximum(at, grid[0])))
     spline = CubicSpline(np.concatenate([[0.0], grid]), np.concatenate([[0.0], values]))

@@ -20,8 +20,11 @@ if TYPE_CHECKING:
     from legfem.subject import Indenter
 
 
-class SolutionStoppedError(Exception):
-    """A solution that didn't follow its protocol to the end; caught where solutions are kept."""
+@dataclass(frozen=True)
+class Stopped:
+    """A solution that didn't follow its protocol to the end."""
+
+    why: str
 
 
 @dataclass(eq=False)
@@ -55,8 +58,8 @@ class Variants:
         deep: Mapping[str, float],
         solution: Solution,
         sensitivities: Sequence[str] = (),
-    ) -> Path:
-        """Solve a protocol.
+    ) -> Path | Stopped:
+        """Solve a protocol; say why where it isn't followed to its end.
 
         Parameters
         ----------
@@ -68,11 +71,6 @@ class Variants:
             The mechanism.
         sensitivities
             Parameters to differentiate by.
-
-        Raises
-        ------
-        SolutionStoppedError
-            If it isn't followed to its end.
         """
         from legfem.experiments.placement import Placement
 
@@ -84,9 +82,7 @@ class Variants:
         solved = model.follow(
             protocol, values, sensitivities, placement=Placement(tilt_deg=solution.tilt_deg)
         )
-        if not solved.report.complete:
-            raise SolutionStoppedError(str(solved.report))
-        return solved.path
+        return solved.path if solved.report.complete else Stopped(str(solved.report))
 
     def model(self, variant: str) -> PlaneStrainIndentation:
         """Return a model by its name."""

@@ -18,7 +18,6 @@ from legfem.diagnose.observations import observe
 from legfem.diagnose.predict import LawName, Predictor
 from legfem.diagnose.run import Diagnoser
 from legfem.diagnose.solved import SolvedResponses
-from legfem.diagnose.variants import SolutionStoppedError
 from legfem.geometry.subject_folder import write_subject_folder
 from legfem.progress import Progress, Silent
 from legfem.study.concealed.cases import (
@@ -71,10 +70,9 @@ class Maker:
         if (self.out / "keys" / f"{case.name}.json").is_file() and folder.is_dir():
             return "made before"
         subject, responses = self._leg(case)
-        try:
-            case, truth = self._concealed(case, subject, responses)
-        except SolutionStoppedError as stopped:
-            return f"LEFT OUT: {stopped}"
+        case, truth = self._concealed(case, subject, responses)
+        if np.isnan(truth.force).any():
+            return "LEFT OUT: a finite-element solution stopped"
         if not folder.is_dir():
             write_subject_folder(
                 subject.section,
@@ -99,15 +97,11 @@ class Maker:
     def _concealed(
         self, case: Case, subject: Subject, responses: SolvedResponses
     ) -> tuple[Case, Truth]:
-        """Return a case weakened until a refit of the base model looks good, and its truth.
-
-        Raises
-        ------
-        SolutionStoppedError
-            If a finite-element solution doesn't follow its protocol to the end.
-        """
+        """Return a case weakened until a refit of the base model looks good, and its truth."""
         for _ in range(_WEAKENINGS):
             truth = simulate(case, responses, case.law)
+            if np.isnan(truth.force).any():
+                break
             unexplained = 1.0 - self._base_r_squared(case, subject, truth)
             if unexplained < _UNEXPLAINED:
                 break

@@ -116,13 +116,7 @@ class Truth:
 
 
 def simulate(case: Case, responses: SolvedResponses, law: str) -> Truth:
-    """Return what a case's leg did.
-
-    Raises
-    ------
-    SolutionStoppedError
-        If a finite-element solution doesn't follow its protocol to the end.
-    """
+    """Return what a case's leg did; NaN if a finite-element solution stopped."""
     blank = blank_observations(protocols_of(case.protocol))
     values = {"C10": case.c10_kpa, "C20": case.c20_kpa}
     mechanisms = []

@@ -14,7 +14,7 @@ from legfem.diagnose.mechanisms.base import Solution
 from legfem.diagnose.mechanisms.tissue import Compressibility, StrainStiffening
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses
-from legfem.diagnose.variants import SolutionStoppedError
+from legfem.diagnose.variants import Stopped
 from legfem.identify.forward import code_fingerprint
 from legfem.progress import Progress
 from legfem.protocol import Protocol
@@ -57,13 +57,11 @@ class PlaneLegVariants:
         deep: Mapping[str, float],
         solution: Solution,
         sensitivities: Sequence[str] = (),
-    ) -> SolvedPath:
+    ) -> SolvedPath | Stopped:
         """Solve one loading at 1 mm/s; arguments are those of `Variants.follow`.
 
         Raises
         ------
-        SolutionStoppedError
-            If it isn't followed to its end.
         ValueError
             For a mechanism or protocol that this model doesn't have.
         """
@@ -76,9 +74,7 @@ class PlaneLegVariants:
         for name, factor in solution.scaled.items():
             values[name] = factor * values.get(name, self.model.system.model.parameters[name])
         solved = self.model.solve(values, depth, sensitivities)
-        if not solved.report.complete:
-            raise SolutionStoppedError(str(solved.report))
-        return solved.path
+        return solved.path if solved.report.complete else Stopped(str(solved.report))
 
     @property
     def model(self) -> IdealisedLegIndentation:
