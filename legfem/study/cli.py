@@ -17,15 +17,16 @@ from legfem.cli import (
     usable_cores,
 )
 from legfem.progress import progress_on
+from legfem.study.concealed.cli import concealed
+from legfem.study.options import Jobs, Out
+from legfem.study.recordings.cli import recordings
+from legfem.study.worked.cli import worked
 
 app = typer.Typer(
     add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
     no_args_is_help=True,
     help="Studies of the model. Example: python -m legfem.study convergence --corners",
 )  # fmt: skip
-
-Jobs = Annotated[int | None, typer.Option(min=1, help="Processes; all cores by default.")]
-Out = Annotated[Path | None, typer.Option(help="Folder for results; results/STUDY by default.")]
 
 
 @app.command()
@@ -288,119 +289,5 @@ def solvers(
         solvers_command.run([replace(case, step=step) for case in cases], folder)
 
 
-@app.command()
-def concealed(
-    make: Annotated[
-        int | None, typer.Option(min=1, help="Make so many sealed cases (simulated).")
-    ] = None,
-    run: Annotated[bool, typer.Option("--run", help="Diagnose the cases, blind.")] = False,
-    score: Annotated[bool, typer.Option("--score", help="Open the keys and score.")] = False,
-    calibrate: Annotated[
-        int | None,
-        typer.Option(min=10, help="Emulate so many recordings without effect: are p-values true?"),
-    ] = None,
-    power: Annotated[
-        int | None,
-        typer.Option(min=3, help="Emulate so many recordings of each mechanism at each strength."),
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the cases; opens the keys.")] = 1,
-    library: Annotated[
-        Path | None,
-        typer.Option(help="Folder of responses; ~/.cache/legfem/responses by default."),
-    ] = None,
-    out: Out = None,
-    jobs: Jobs = None,
-) -> None:
-    """Prove the diagnosis on sealed cases: make them, diagnose them blind, open the keys.
-
-    Cases, diagnoses and solutions are kept as they are done: the same command goes on where it was
-    stopped.
-
-    Example: python -m legfem.study concealed --make 80 --run --score --seed 1
-    """
-    leave_to_first_rank()
-    with command_edge("run the same command again to go on; what is done is kept"):
-        from legfem.diagnose.leg import library_folder
-        from legfem.errors import InputError
-        from legfem.study.concealed import command
-
-        if make is None and calibrate is None and power is None and not run and not score:
-            raise InputError(
-                "concealed", "step", "none is given",
-                "give --make N, --run, --score, --calibrate N or --power N",
-            )  # fmt: skip
-        folder = out or Path("results") / "concealed"
-        check_out_folder(folder)
-        options = command.ConcealedOptions(
-            folder, library or library_folder(), make, run, score, calibrate, power, seed,
-            jobs or usable_cores(),
-        )  # fmt: skip
-        with progress_on() as progress:
-            lines = command.run(options, progress)
-        for line in lines:
-            typer.echo(line)
-
-
-@app.command()
-def recordings(
-    data: Annotated[Path, typer.Option(help="Folder with the two public sets of recordings.")],
-    test: Annotated[
-        list[str] | None, typer.Option(help="Indentation by its name; a chosen set by default.")
-    ] = None,
-    ball_radius: Annotated[
-        float, typer.Option(min=0.1, help="Of the indenter, which the data don't state (mm).")
-    ] = 5.0,
-    layer_radius: Annotated[float, typer.Option(min=1.0, help="Of the specimens (mm).")] = 40.0,
-    out: Out = None,
-    jobs: Jobs = None,
-) -> None:
-    """Diagnose public recordings of beef and silicone: what the elastic model leaves out.
-
-    Example: python -m legfem.study recordings --data ../shared/data
-    """
-    leave_to_first_rank()
-    with command_edge():
-        from legfem.study.recordings import command
-        from legfem.study.recordings.indentation import Assumed
-
-        folder = out or Path("results") / "recordings"
-        check_out_folder(folder)
-        assumed = Assumed(ball_radius, layer_radius)
-        command.run(data, test or command.CHOSEN, assumed, folder, jobs or usable_cores())
-
-
-class WorkedExample(StrEnum):
-    """What the base model leaves out."""
-
-    STRAIN_STIFFENING = "strain-stiffening"
-    END_EFFECTS = "end-effects"
-
-
-@app.command()
-def worked(
-    example: Annotated[
-        list[WorkedExample] | None, typer.Option(help="Only this one; both by default.")
-    ] = None,
-    library: Annotated[
-        Path | None,
-        typer.Option(help="Folder of responses; ~/.cache/legfem/responses by default."),
-    ] = None,
-    out: Out = None,
-    jobs: Jobs = None,
-) -> None:
-    """Two worked diagnoses of what the first paper left out: strain stiffening and 3D ends.
-
-    Recordings are simulated on another discretisation and diagnosed end to end. Solutions are kept
-    as they are done: the same command goes on where it was stopped.
-
-    Example: python -m legfem.study worked
-    """
-    leave_to_first_rank()
-    with command_edge("run the same command again to go on; solutions that are done are kept"):
-        from legfem.diagnose.leg import library_folder
-        from legfem.study.worked import command
-
-        folder = out or Path("results") / "worked"
-        check_out_folder(folder)
-        chosen = [entry.value for entry in example or WorkedExample]
-        command.run(chosen, folder, library or library_folder(), jobs or usable_cores())
+for command in (concealed, recordings, worked):
+    app.command()(command)
