@@ -16,10 +16,9 @@ from legfem._compat import evaluate
 from legfem.compiled import expression
 from legfem.kinematics import Expr, volume_ratio
 from legfem.materials import Hyperelastic
-from legfem.meshing.section import REGIONS
 from legfem.places import Body, Skin
 from legfem.system import SKIN_DEGREE, System
-from legfem.terms import NormalContact, Tissue
+from legfem.terms import NormalContact, SkinPressure, Tissue
 from legfem.units import FloatArray, mpa_to_kpa
 
 
@@ -32,7 +31,7 @@ class LegFields:
     """
 
     displacement: Any
-    """mm, continuous, of second order."""
+    """mm, continuous, of the order that was solved for."""
     pressure: Any
     """Hydrostatic Cauchy pressure ``-tr(sigma)/3`` (kPa), positive in compression."""
     von_mises: Any
@@ -43,12 +42,13 @@ class LegFields:
     """J, dimensionless."""
     region: Any
     """Tag of the tissue, constant in every cell: the values of `legfem.meshing.section.REGIONS`."""
-    contact_pressure: Any
-    """On the skin's mesh, per unit of deformed area (kPa)."""
+    skin_pressure: Any
+    """On the skin's mesh, per unit of deformed area (kPa): that of the contact, or the given one;
+    its name tells which."""
     skin_displacement: Any
     """mm, on the skin's mesh."""
     indenter_centre: FloatArray
-    """(dimension,), mm."""
+    """(dimension,), mm; without an indenter it means nothing."""
 
 
 def cauchy_stress(law: Hyperelastic, F: Expr, pressure: Expr | None = None) -> Expr:
@@ -113,10 +113,10 @@ def fields_of(system: System) -> LegFields:
     for tissue in system.model.at("body"):
         if not isinstance(tissue, Tissue):
             continue
-        cells = spaces.cell_tags.find(REGIONS[tissue.region]).astype(np.int32)
+        cells = spaces.cell_tags.find(spaces.regions[tissue.region]).astype(np.int32)
         law = body.symbols.of(tissue.region, tissue.law)
         F = body.deformation_gradient
-        sigma = cauchy_stress(law, F, body.pressure_in(tissue.region))
+        sigma = cauchy_stress(law, F, body.pressures.get(tissue.region))
         both = ufl.as_tensor([[[m[i, j] for j in range(3)] for i in range(3)] for m in (F, sigma)])
         values = _at_points(both, spaces.mesh, cells, degree).reshape(-1, 2, 3, 3)
         gradient, stress = values[:, 0], mpa_to_kpa(values[:, 1])
@@ -133,11 +133,11 @@ def fields_of(system: System) -> LegFields:
 
     region = fem.Function(fem.functionspace(spaces.mesh, ("DG", 0)), name="region")
     region.x.array[spaces.cell_tags.indices] = spaces.cell_tags.values
-    contact, skin_displacement = _on_skin(system, skin)
+    skin_pressure, skin_displacement = _on_skin(system, skin)
     return LegFields(
         displacement=displacement,
         region=region,
-        contact_pressure=contact,
+        skin_pressure=skin_pressure,
         skin_displacement=skin_displacement,
         indenter_centre=np.array(skin.centre.value),
         **measures,
@@ -168,25 +168,28 @@ def fit_in_cells(function: Any, values: FloatArray, cells: NDArray[np.int32], de
 
 
 def _on_skin(system: System, place: Skin) -> tuple[Any, Any]:
-    """Return contact pressure per deformed area (kPa) and displacement on the skin's mesh."""
+    """Return pressure per deformed area (kPa) and displacement on the skin's mesh."""
     mesh = system.spaces.skin
     place.unknown.x.array[:] = system.unknown.x.array[system.spaces.trace]
     displacement = fem.Function(system.spaces.skin_space, name="displacement")
     displacement.x.array[:] = place.unknown.x.array
-    contact = fem.Function(fem.functionspace(mesh, ("DG", 1)), name="contact_pressure")
-    laws = [term for term in system.model.at("skin") if isinstance(term, NormalContact)]
-    if not laws:
-        return contact, displacement
+    contacts = [term for term in system.model.at("skin") if isinstance(term, NormalContact)]
+    given = [term for term in system.model.at("skin") if isinstance(term, SkinPressure)]
     before = ufl.Jacobian(mesh)
     after = before + ufl.dot(ufl.grad(place.displacement), before)
     growth = ufl.sqrt(ufl.det(after.T * after) / ufl.det(before.T * before))
-    pressure = sum(term.pressure(place) for term in laws) / growth
+    name = "interface_pressure" if given and not contacts else "contact_pressure"
+    function = fem.Function(fem.functionspace(mesh, ("DG", 1)), name=name)
+    if not contacts and not given:
+        return function, displacement
+    pressure = sum(term.pressure(place) for term in contacts) / growth
+    pressure += sum(term.pressure(place, growth) for term in given)
     index_map = mesh.topology.index_map(mesh.topology.dim)
     cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
     values = mpa_to_kpa(_at_points(pressure, mesh, cells, SKIN_DEGREE))
-    fit_in_cells(contact, values, cells, SKIN_DEGREE)
-    _drop_negative(contact)
-    return contact, displacement
+    fit_in_cells(function, values, cells, SKIN_DEGREE)
+    _drop_negative(function)
+    return function, displacement
 
 
 def _drop_negative(function: Any) -> None:

@@ -56,6 +56,41 @@ def displacement_gradient(u: Expr, radius: Expr | None = None) -> Expr:
     )
 
 
+def surface_vector(position: Expr, displacement: Expr | None = None) -> Expr:
+    r"""Return the normal of a surface in its own orientation, times the change of its area.
+
+    With the tangents :math:`T_\alpha` of the facet's own coordinates and
+    :math:`t_\alpha = T_\alpha + \nabla_s u\, T_\alpha`, in 3D
+    :math:`t_1 \times t_2 / |T_1 \times T_2|` (Nanson's formula), in 2D the tangent turned by a
+    right angle, clockwise, over :math:`|T_1|`.
+
+    Parameters
+    ----------
+    position
+        Spatial coordinate of the surface's mesh (mm).
+    displacement
+        On that mesh (mm); none for the reference surface.
+
+    Returns
+    -------
+    ufl.core.expr.Expr
+        Shape (2,) or (3,), dimensionless.
+    """
+    reference = ufl.Jacobian(ufl.domain.extract_unique_domain(position))
+    tangents = reference
+    if displacement is not None:
+        tangents = reference + ufl.dot(ufl.grad(displacement), reference)
+    if reference.ufl_shape == (2, 1):
+        length = ufl.sqrt(reference[0, 0] ** 2 + reference[1, 0] ** 2)
+        return ufl.as_vector([tangents[1, 0], -tangents[0, 0]]) / length
+
+    def crossed(columns: Expr) -> Expr:
+        return ufl.cross(*(ufl.as_vector([columns[i, k] for i in range(3)]) for k in range(2)))
+
+    before = crossed(reference)
+    return crossed(tangents) / ufl.sqrt(ufl.dot(before, before))
+
+
 def volume_ratio(F: Expr) -> Expr:
     """Return J = det F."""
     return ufl.det(F)

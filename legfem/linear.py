@@ -9,6 +9,7 @@ to PETSc options: with the prefix ``legfem_`` for factors, ``legfem_mixed_`` or
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -68,10 +69,10 @@ def configure(linear: PETSc.KSP, spaces: LegSpaces, settings: LinearSettings) ->
 def prepare(matrix: PETSc.Mat, spaces: LegSpaces, settings: LinearSettings) -> None:
     """Give a tangent what multigrid needs to know of it."""
     if settings.iterates(spaces) and spaces.formulation == "displacement":
-        matrix.setNearNullSpace(_rigid_motions(spaces))
+        matrix.setNearNullSpace(rigid_motions(spaces))
 
 
-_MULTIGRID = {
+MULTIGRID: Mapping[str, str | float] = {
     "pc_type": "gamg",
     "pc_gamg_threshold": 0.01,
     "mg_levels_ksp_type": "chebyshev",
@@ -80,7 +81,7 @@ _MULTIGRID = {
 }
 # The pressures of a cell belong to it alone: their exact elimination leaves a matrix for the
 # displacements with the pattern of a displacement form's.
-_ELIMINATION = {
+_ELIMINATION: Mapping[str, str | float] = {
     "pc_type": "fieldsplit",
     "pc_fieldsplit_type": "schur",
     "pc_fieldsplit_schur_fact_type": "full",
@@ -89,7 +90,7 @@ _ELIMINATION = {
     "fieldsplit_pressure_pc_type": "pbjacobi",
     "fieldsplit_displacement_mat_schur_complement_ainv_type": "blockdiag",
     "fieldsplit_displacement_ksp_type": "preonly",
-    **{f"fieldsplit_displacement_{name}": value for name, value in _MULTIGRID.items()},
+    **{f"fieldsplit_displacement_{name}": value for name, value in MULTIGRID.items()},
 }
 
 
@@ -98,30 +99,42 @@ def _iterate(linear: PETSc.KSP, spaces: LegSpaces, settings: LinearSettings) -> 
     linear.setGMRESRestart(100)
     linear.setTolerances(rtol=settings.tolerance, max_it=settings.max_iterations)
     mixed = spaces.formulation == "mixed"
-    # A prefix of their own, since PETSc's options are global: direct solvers must not read them.
     prefix = "legfem_mixed_" if mixed else "legfem_displacement_"
-    linear.setOptionsPrefix(prefix)
-    options = PETSc.Options(prefix)
-    for name, value in (_ELIMINATION if mixed else _MULTIGRID).items():
-        if not options.hasName(name):
-            options.setValue(name, value)
+    set_defaults(linear, prefix, _ELIMINATION if mixed else MULTIGRID)
     if not mixed:
         return
-    owned = _owned_size(spaces)
-    displacement = _displacements(spaces)
-    pressure = np.setdiff1d(np.arange(owned), displacement)
+    displacement, pressure = fields(spaces)
     first = spaces.space.dofmap.index_map.local_range[0] * spaces.space.dofmap.index_map_bs
     sets = []
     for dofs, block in ((pressure, spaces.dimension + 1), (displacement, spaces.dimension)):
         indices = (first + dofs).astype(np.int32)
         sets.append(PETSc.IS().createGeneral(indices, comm=spaces.mesh.comm))
         sets[-1].setBlockSize(block)
-    sets[1].compose("nearnullspace", _rigid_motions(spaces))
+    sets[1].compose("nearnullspace", rigid_motions(spaces))
     linear.getPC().setType("fieldsplit")
     linear.getPC().setFieldSplitIS(("pressure", sets[0]), ("displacement", sets[1]))
 
 
-def _rigid_motions(spaces: LegSpaces) -> PETSc.NullSpace:
+def set_defaults(linear: PETSc.KSP, prefix: str, defaults: Mapping[str, str | float]) -> None:
+    """Give a solver a prefix of its own, and options that a user's under it go before.
+
+    PETSc's options are global: direct solvers must not read those of iterations.
+    """
+    linear.setOptionsPrefix(prefix)
+    options = PETSc.Options(prefix)
+    for name, value in defaults.items():
+        if not options.hasName(name):
+            options.setValue(name, value)
+
+
+def fields(spaces: LegSpaces) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return the rank's own dofs that are displacements, and those that are pressures; sorted."""
+    displacement = _displacements(spaces)
+    owned = np.arange(_owned_size(spaces), dtype=np.int32)
+    return displacement, np.setdiff1d(owned, displacement)
+
+
+def rigid_motions(spaces: LegSpaces) -> PETSc.NullSpace:
     """Return translations and rotations, orthonormal, which multigrid's coarse levels must hold."""
     dimension = spaces.dimension
     x = spaces.displacement_space.tabulate_dof_coordinates()[:, :dimension]

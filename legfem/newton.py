@@ -18,6 +18,7 @@ from petsc4py import PETSc
 
 from legfem._compat import RESIDUAL_NOT_FINITE
 from legfem.linear import LinearSettings, configure, prepare
+from legfem.saddle import SaddlePreconditioner
 from legfem.system import System
 
 
@@ -104,9 +105,14 @@ class NewtonSolver:
         snes.setLineSearchPreCheck(self._shorten)
         snes.setConvergenceTest(self._converged)
         snes.setTolerances(max_it=60, stol=0.0)
-        configure(snes.getKSP(), system.spaces, linear)
         self._iterates = linear.iterates(system.spaces)
         self._held = system.owned_supports
+        self._saddle = None
+        if self._iterates and system.spaces.formulation == "continuous":
+            self._saddle = SaddlePreconditioner(system)
+            self._saddle.configure(snes.getKSP(), linear)
+        else:
+            configure(snes.getKSP(), system.spaces, linear)
         prepare(matrix, system.spaces, linear)
         snes.setFromOptions()
         self._snes = snes
@@ -137,8 +143,13 @@ class NewtonSolver:
 
     def refactor(self) -> None:
         """Factorise the tangent at the present state."""
-        self._system.assemble_tangent()
+        self._assemble_tangent()
         self.linear_solver.setUp()
+
+    def _assemble_tangent(self) -> None:
+        self._system.assemble_tangent()
+        if self._saddle is not None:
+            self._saddle.update()
 
     def _load(self, vector: PETSc.Vec) -> None:
         unknown = self._system.unknown
@@ -172,7 +183,7 @@ class NewtonSolver:
         if gained and self._factorisations and not self._iterates:
             return
         self._load(state)
-        self._system.assemble_tangent()
+        self._assemble_tangent()
         self._factorisations += 1
 
     def _shorten(self, state: PETSc.Vec, update: PETSc.Vec) -> bool:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
-from legfem.kinematics import Expr, deformation_gradient, displacement_gradient
+from legfem.kinematics import Expr, deformation_gradient, displacement_gradient, surface_vector
 from legfem.symbols import Symbols
 
 
@@ -53,12 +54,12 @@ class Body(Place):
 
     regions: dict[str, Any]
     """Measure of every region."""
-    pressure: Expr | None = None
-    """The unknown of a mixed form (MPa), positive in tension; None in a displacement form."""
-    pressure_variation: Expr | None = None
-    """Its test function."""
-    porous: tuple[str, ...] | None = None
-    """Regions where that pressure is continuous and acts; None where it isn't and acts in all."""
+    pressures: Mapping[str, Expr] = field(default_factory=dict)
+    """By region, the pressure that is an unknown there (MPa), positive in tension."""
+    pressure_variations: Mapping[str, Expr] = field(default_factory=dict)
+    """Their test functions."""
+    porous: bool = False
+    """Whether the pressures let fluid flow from element to element."""
     radius: Expr | None = None
     """Reference distance from the axis of symmetry (mm); None without one."""
 
@@ -79,10 +80,6 @@ class Body(Place):
         hoop = ((2, 2),) if self.radius is not None else ()
         return (*((i, j) for i in range(d) for j in range(i, d)), *hoop)
 
-    def pressure_in(self, region: str) -> Expr | None:
-        """Return the pressure (MPa) that is an unknown in a region, or None."""
-        return self.pressure if self.porous is None or region in self.porous else None
-
 
 @dataclass(frozen=True, eq=False)
 class Skin(Place):
@@ -96,6 +93,10 @@ class Skin(Place):
     centre_before: Expr
     dimension: int
     """2 or 3."""
+    outward: Expr
+    """1 or -1: what turns the normal of a facet's own orientation out of the body."""
+    applied_pressure: Expr
+    """Given on the skin (MPa), positive inwards."""
 
     @property
     def relative_position(self) -> Expr:
@@ -106,3 +107,8 @@ class Skin(Place):
     def relative_position_before(self) -> Expr:
         """Return the same at the end of the last step (mm)."""
         return self.position + self.displacement_before - self.centre_before
+
+    def area_vector(self, deformed: bool = True) -> Expr:
+        """Return the outward normal times deformed area per reference area, (dimension,)."""
+        displacement = self.displacement if deformed else None
+        return self.outward * surface_vector(self.position, displacement)

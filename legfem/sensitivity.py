@@ -80,6 +80,10 @@ class SensitivityTracker:
             self._skin.update(index, trace)
         return np.array(forces)
 
+    def state_rates(self) -> dict[str, FloatArray]:
+        """Return the derivatives of the system's unknown at the last step, ghosts included."""
+        return {name: self._body.state(k).copy() for k, name in enumerate(self.parameters)}
+
 
 class _PlaceSensitivity:
     """Directional derivatives of one place's residual and history."""
@@ -120,6 +124,10 @@ class _PlaceSensitivity:
             before[:] = 0.0
             for values in history.values():
                 values[:] = 0.0
+
+    def state(self, index: int) -> FloatArray:
+        """Return the derivative of the state that the next step starts from."""
+        return self._states[index][0]
 
     def partial(self, index: int) -> FloatArray:
         """Return the residual's derivative at a fixed present state."""

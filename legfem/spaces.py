@@ -13,7 +13,8 @@ from typing import Any, Literal
 
 import basix.ufl
 import numpy as np
-from dolfinx import fem
+from dolfinx import fem, la
+from dolfinx import mesh as dolfinx_mesh
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -21,7 +22,7 @@ from legfem._compat import collapse, surface_mesh
 from legfem.errors import InputError
 from legfem.meshing.section import BONE, REGIONS, SKIN
 
-Formulation = Literal["displacement", "mixed", "porous"]
+Formulation = Literal["displacement", "mixed", "continuous", "porous"]
 Symmetry = Literal["plane", "axial"]
 POROUS = ("superficial", "deep")
 """Regions with a pressure in a porous form."""
@@ -48,6 +49,8 @@ class LegSpaces:
     skin: Any
     """Mesh of the skin."""
     skin_space: Any
+    skin_outward: NDArray[np.float64]
+    """1 or -1 a cell of the skin: what turns its own orientation's normal out of the body."""
     trace: NDArray[np.int32]
     """Dofs of ``space`` in the order of the dofs of ``skin_space``."""
     displacement_dofs: NDArray[np.int32]
@@ -93,9 +96,12 @@ def build_spaces(
     formulation
         ``"displacement"``, or ``"mixed"``: displacements enriched by bubbles with a pressure that
         is discontinuous between elements, since layers of different stiffness meet in the leg, or
-        ``"porous"``: a continuous pressure in the regions of `POROUS`, so that fluid can flow from
-        element to element, and none in the others. The thin layer of the fascia, much stiffer and
-        more compressible, keeps the two pressures apart; all its nodes have to be on its faces.
+        ``"continuous"``: a pressure of its own in every region, continuous there, one degree below
+        the displacement's and at least of the first (which at degree 1 needs
+        `legfem.terms.PressureStabilisation`), or ``"porous"``: a continuous pressure in the regions
+        of `POROUS`, so that fluid can flow from element to element, and none in the others. The
+        thin layer of the fascia, much stiffer and more compressible, keeps the two pressures apart;
+        all its nodes have to be on its faces.
     degree
         Of the displacement.
     regions
@@ -125,8 +131,7 @@ def build_spaces(
         space = displacement
         dofs: NDArray[np.int32] = np.arange(_local_size(space), dtype=np.int32)
     else:
-        element = _mixed_element if formulation == "mixed" else _porous_element
-        space = fem.functionspace(mesh, element(mesh, degree))
+        space = fem.functionspace(mesh, _element(formulation, mesh, degree, len(regions)))
         dofs = _shared_dofs(space, displacement, dimension)
 
     skin = surface_mesh(mesh, np.sort(facet_tags.find(SKIN)))
@@ -145,6 +150,7 @@ def build_spaces(
 
     found = [(support.tag, held(support)) for support in supports]
     bone = [held for tag, held in found if tag == BONE]
+    dropped = [] if formulation != "continuous" else _elsewhere(space, cell_tags, regions)
     return LegSpaces(
         mesh,
         cell_tags,
@@ -153,14 +159,41 @@ def build_spaces(
         space,
         skin,
         skin_space,
+        _outward(mesh, facet_tags.find(SKIN), skin),
         dofs[_blocks(_trace_nodes(displacement, skin_space), dimension)],
         dofs,
         displacement,
-        np.unique(np.concatenate([held for _, held in found] + [dry(tag) for tag in drained])),
+        np.unique(
+            np.concatenate([held for _, held in found] + [dry(tag) for tag in drained] + dropped)
+        ),
         np.unique(np.concatenate(bone)) if bone else np.empty(0, dtype=np.int32),
         regions,
         symmetry,
     )
+
+
+def _element(formulation: Formulation, mesh: Any, degree: int, regions: int) -> Any:
+    if formulation == "mixed":
+        return _mixed_element(mesh, degree)
+    cell, dimension = mesh.basix_cell(), mesh.geometry.dim
+    displacement = basix.ufl.element("Lagrange", cell, degree, shape=(dimension,))
+    pressure = basix.ufl.element("Lagrange", cell, max(degree - 1, 1))
+    fields = regions if formulation == "continuous" else 1
+    return basix.ufl.mixed_element([displacement, *[pressure] * fields])
+
+
+def _elsewhere(space: Any, cell_tags: Any, regions: Mapping[str, int]) -> list[NDArray[np.int32]]:
+    """Return the dofs of every region's pressure that no cell of the region has."""
+    used, unused = fem.Function(space), []
+    for number, tag in enumerate(regions.values(), 1):
+        used.x.array[space.sub(number).dofmap.list[cell_tags.find(tag)]] = 1.0
+    # Another rank may hold the only cell of a region at a node.
+    used.x.scatter_reverse(la.InsertMode.add)
+    used.x.scatter_forward()
+    for number in range(1, len(regions) + 1):
+        dofs = np.unique(space.sub(number).dofmap.list)
+        unused.append(dofs[used.x.array[dofs] == 0].astype(np.int32))
+    return unused
 
 
 def _mixed_element(mesh: Any, degree: int) -> Any:
@@ -177,24 +210,13 @@ def _mixed_element(mesh: Any, degree: int) -> Any:
     return basix.ufl.mixed_element([displacement, pressure])
 
 
-def _porous_element(mesh: Any, degree: int) -> Any:
-    cell, dimension = mesh.basix_cell(), mesh.geometry.dim
-    displacement = basix.ufl.element("Lagrange", cell, degree, shape=(dimension,))
-    return basix.ufl.mixed_element([displacement, basix.ufl.element("Lagrange", cell, degree - 1)])
-
-
 def _shared_dofs(mixed: Any, displacement: Any, dimension: int) -> NDArray[np.int32]:
     """Return the dofs of a mixed space at the nodes of its Lagrange displacement."""
     collapsed, parent = collapse(mixed.sub(0))
-    mesh = displacement.mesh
-    cells = mesh.topology.index_map(mesh.topology.dim)
+    nodes = displacement.dofmap.list
+    enriched = collapsed.dofmap.list[:, : nodes.shape[1]]
     dofs = np.full(_local_size(displacement), -1, dtype=np.int32)
-    components = np.arange(dimension)
-    for cell in range(cells.size_local + cells.num_ghosts):
-        nodes = displacement.dofmap.cell_dofs(cell)
-        enriched = collapsed.dofmap.cell_dofs(cell)[: len(nodes)]
-        here = (nodes[:, None] * dimension + components).ravel()
-        dofs[here] = parent[(enriched[:, None] * dimension + components).ravel()]
+    dofs[_blocks(nodes.ravel(), dimension)] = parent[_blocks(enriched.ravel(), dimension)]
     return dofs
 
 
@@ -207,6 +229,28 @@ def _trace_nodes(displacement: Any, skin_space: Any) -> NDArray[np.int64]:
     if distance.max() > 1e-6:
         raise RuntimeError("the skin's nodes are not nodes of the body")
     return np.asarray(index)
+
+
+def _outward(mesh: Any, facets: NDArray[np.int32], skin: Any) -> NDArray[np.float64]:
+    """Return the sign of every cell of the skin."""
+    local = skin.topology.index_map(skin.topology.dim)
+    cells = np.arange(local.size_local + local.num_ghosts, dtype=np.int32)
+    if len(cells) == 0:
+        return np.empty(0)
+    surface = mesh.topology.dim - 1
+    mesh.topology.create_connectivity(surface, mesh.topology.dim)
+    behind = mesh.topology.connectivity(surface, mesh.topology.dim)
+    middle = dolfinx_mesh.compute_midpoints(skin, skin.topology.dim, cells)
+    _, facet = cKDTree(dolfinx_mesh.compute_midpoints(mesh, surface, facets)).query(middle)
+    inside = np.array([behind.links(f)[0] for f in facets], dtype=np.int32)[facet]
+    away = middle - dolfinx_mesh.compute_midpoints(mesh, mesh.topology.dim, inside)
+    corner = skin.geometry.x[skin.geometry.dofmap]
+    along = corner[:, 1] - corner[:, 0]
+    if surface == 1:
+        normal = np.stack([along[:, 1], -along[:, 0], np.zeros(len(along))], axis=1)
+    else:
+        normal = np.cross(along, corner[:, 2] - corner[:, 0])
+    return np.sign(np.einsum("ij,ij->i", normal, away))
 
 
 def _blocks(nodes: NDArray[Any], size: int) -> NDArray[np.int32]:

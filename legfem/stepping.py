@@ -141,6 +141,7 @@ def follow(
     on_step: Callable[[float, float], None] | None = None,
     checkpoint: Checkpoint | None = None,
     recorded: dict[str, list[float]] | None = None,
+    guess: FloatArray | None = None,
 ) -> SolveReport:
     """Move the indenter along a protocol, each waypoint reached exactly, from the undeformed state.
 
@@ -159,6 +160,8 @@ def follow(
         Where states are kept; the last one there is gone on from.
     recorded
         What ``on_step`` appends to, which is kept with the states and replaced by what is found.
+    guess
+        Of the unknown at the end of the first step, where the path to it doesn't matter.
 
     Returns
     -------
@@ -167,6 +170,8 @@ def follow(
     """
     started = time.perf_counter()
     system.reset()
+    if guess is not None:
+        system.unknown.x.array[:] = guess
     walk = _Walk(system, solver, settings or StepSettings(), on_step)
     recorded = {} if recorded is None else recorded
     if checkpoint is not None:

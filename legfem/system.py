@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -96,7 +96,8 @@ class System:
     model
         The sum of terms.
     start, direction
-        Centre of the indenter at zero displacement (mm) and unit vector of its travel.
+        Centre of the indenter at zero displacement (mm) and unit vector of its travel; none for a
+        model without one.
     quadrature_degree
         In the body.
     """
@@ -105,11 +106,13 @@ class System:
         self,
         spaces: LegSpaces,
         model: LegModel,
-        start: FloatArray,
-        direction: FloatArray,
+        start: FloatArray | None = None,
+        direction: FloatArray | None = None,
         quadrature_degree: int = 4,
     ) -> None:
         self.spaces, self.model = spaces, model
+        start = np.zeros(spaces.dimension) if start is None else start
+        direction = np.zeros(spaces.dimension) if direction is None else direction
         self.comm = spaces.mesh.comm
         self._start, self.direction = start, direction
         self.body_symbols, self.skin_symbols = Symbols(spaces.mesh), Symbols(spaces.skin)
@@ -117,6 +120,7 @@ class System:
         self.unknown = fem.Function(spaces.space)
         self._centre = fem.Constant(spaces.skin, start.copy())
         self._centre_before = fem.Constant(spaces.skin, start.copy())
+        self.applied_pressure = fem.Function(fem.functionspace(spaces.skin, ("Lagrange", 1)))
         self.body = self._body(quadrature_degree)
         self.skin = self._skin()
         self.tangent_matrix = fem_petsc.create_matrix(self.body.tangent)
@@ -318,6 +322,14 @@ class System:
     def _swept(measure: Any, radius: Expr | None) -> Any:
         return measure if radius is None else Swept(measure, radius)
 
+    def _by_region(self, pressures: Sequence[Expr]) -> dict[str, Expr]:
+        """Return the pressure of every region that has one."""
+        regions = self.spaces.regions
+        if self.spaces.formulation == "continuous":
+            return dict(zip(regions, pressures, strict=True))
+        porous = self.spaces.formulation == "porous"
+        return {r: p for p in pressures for r in regions if not porous or r in POROUS}
+
     def _body(self, degree: int) -> PlaceForms:
         space = self.spaces.space
         before = fem.Function(space)
@@ -330,8 +342,9 @@ class System:
         test = ufl.TestFunction(space)
         radius = self._radius(self.spaces.mesh)
         mixed = self.spaces.formulation != "displacement"
-        now = ufl.split(self.unknown) if mixed else (self.unknown, None)
-        varied = ufl.split(test) if mixed else (test, None)
+        now = ufl.split(self.unknown) if mixed else (self.unknown,)
+        varied = ufl.split(test) if mixed else (test,)
+        pressures, variations = map(self._by_region, (now[1:], varied[1:]))
         place = Body(
             self.body_symbols,
             self.unknown,
@@ -343,9 +356,9 @@ class System:
             self._clocks[0].time,
             self._clocks[0].step,
             {name: self._swept(measure(tag), radius) for name, tag in self.spaces.regions.items()},
-            now[1],
-            varied[1],
-            POROUS if self.spaces.formulation == "porous" else None,
+            pressures,
+            variations,
+            self.spaces.formulation == "porous",
             radius,
         )
         return PlaceForms(place, before, self.model.at("body"), degree)
@@ -355,6 +368,8 @@ class System:
         unknown, before = fem.Function(space), fem.Function(space)
         test = ufl.TestFunction(space)
         metadata = {"quadrature_degree": SKIN_DEGREE, "quadrature_rule": "default"}
+        outward = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+        outward.x.array[:] = self.spaces.skin_outward
         place = Skin(
             self.skin_symbols,
             unknown,
@@ -370,5 +385,7 @@ class System:
             self._centre,
             self._centre_before,
             self.spaces.dimension,
+            outward,
+            self.applied_pressure,
         )
         return PlaceForms(place, before, self.model.at("skin"), SKIN_DEGREE)

@@ -195,10 +195,14 @@ def pressed_block(
 
 
 def free_of_contact(
-    meshed: tuple, tissues: Tissues, formulation: str, mechanisms: Sequence[Term] = ()
+    meshed: tuple,
+    tissues: Tissues,
+    formulation: str,
+    mechanisms: Sequence[Term] = (),
+    degree: int = 2,
 ) -> System:
     """A solid with its indenter out of reach."""
-    spaces = build_spaces(*meshed, formulation)
+    spaces = build_spaces(*meshed, formulation, degree)
     model = leg_model(tissues, 1.0, ContactSettings(), 1.0, formulation, mechanisms)
     return System(spaces, model, np.array([0.0, 1e3]), np.array([0.0, -1.0]))
 
@@ -209,7 +213,8 @@ def boundary_pinned(spaces: LegSpaces) -> LegSpaces:
     facets = mesh.exterior_facet_indices(domain.topology)
     nodes = fem.locate_dofs_topological(spaces.displacement_space, 1, facets)
     dofs = spaces.displacement_dofs.reshape(-1, spaces.dimension)[nodes].ravel()
-    return replace(spaces, pinned=dofs)
+    pressures = np.setdiff1d(spaces.pinned, spaces.displacement_dofs)
+    return replace(spaces, pinned=np.concatenate([dofs, pressures]).astype(np.int32))
 
 
 def nodal(system: System) -> tuple[np.ndarray, np.ndarray]:

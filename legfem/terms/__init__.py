@@ -8,7 +8,9 @@ Parameters are named ``<where>.<field>`` for what every leg has (``deep.C10``,
 from legfem.terms.contraction import Contraction
 from legfem.terms.drainage import Drainage
 from legfem.terms.normal_contact import NormalContact
+from legfem.terms.pressure_stabilisation import PressureStabilisation
 from legfem.terms.prestress import Prestress
+from legfem.terms.skin_pressure import SkinPressure
 from legfem.terms.tangential_contact import TangentialContact
 from legfem.terms.tissue import Tissue
 from legfem.terms.viscoelasticity import Viscoelasticity
@@ -17,7 +19,9 @@ __all__ = [
     "Contraction",
     "Drainage",
     "NormalContact",
+    "PressureStabilisation",
     "Prestress",
+    "SkinPressure",
     "TangentialContact",
     "Tissue",
     "Viscoelasticity",

@@ -87,7 +87,7 @@ class Drainage:
         """Return the change of volume by seepage, and the part of the energy that is moved."""
         law = body.symbols.of(self.region, self.law)
         s = body.symbols.scalar(f"{self.name}.skeleton", self.skeleton)
-        p, q = self._pressure(body), body.pressure_variation
+        p, q = self._pressure(body), body.pressure_variations[self.region]
         J = volume_ratio(body.deformation_gradient)
         region = body.regions[self.region]
         moved = s * (J - 1) ** 2 / law.D1 - s / (1 - s) * law.D1 * p**2 / 4
@@ -103,9 +103,9 @@ class Drainage:
         return history["seepage"] + body.time_step * k * ufl.grad(self._pressure(body))
 
     def _pressure(self, body: Body) -> Expr:
-        if body.porous is None or self.region not in body.porous:
+        if not body.porous or self.region not in body.pressures:
             raise InputError(
                 "formulation", self.name, "fluid flows between elements, which needs a continuous "
                 "pressure", 'choose the formulation "porous", and superficial or deep',
             )  # fmt: skip
-        return body.pressure
+        return body.pressures[self.region]

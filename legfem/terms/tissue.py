@@ -38,7 +38,7 @@ class Tissue:
         """
         law = body.symbols.of(self.region, self.law)
         F = body.deformation_gradient
-        pressure = body.pressure_in(self.region)
+        pressure = body.pressures.get(self.region)
         if pressure is None:
             return law.strain_energy(F)
         J = volume_ratio(F)

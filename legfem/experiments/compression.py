@@ -1,0 +1,193 @@
+"""A leg's segment in 3D under a pressure on its skin."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from mpi4py import MPI
+
+from legfem.checks import check_positive
+from legfem.errors import InputError
+from legfem.linear import LinearSettings
+from legfem.materials import Hyperelastic
+from legfem.meshing.idealised_leg import END, LegMesh
+from legfem.model import LegModel
+from legfem.newton import NewtonSettings, NewtonSolver
+from legfem.protocol import Protocol
+from legfem.sensitivity import SensitivityTracker
+from legfem.spaces import Formulation, Support, build_spaces
+from legfem.stepping import SolveReport, StepSettings, follow
+from legfem.system import System
+from legfem.terms import PressureStabilisation, SkinPressure, Tissue
+from legfem.units import FloatArray
+
+
+@dataclass(frozen=True)
+class CompressionSettings:
+    """Numerical settings of a compressed leg.
+
+    Parameters
+    ----------
+    formulation : {"continuous", "displacement"}
+        Of displacements and pressures, or of displacements alone, which locks.
+    degree : int
+        Of the displacement; at 1 the pressures are stabilised.
+    follower : bool
+        Whether the pressure follows the deformed skin; else it is a dead load.
+    ends : {"held", "free"}
+        Whether the end faces of the segment stay in their planes: the leg goes on beyond them.
+    stabilisation : float
+        Factor on the stabilisation.
+    newton, linear
+        Of the solvers.
+    first : float
+        Share of the pressure in the first step.
+    """
+
+    formulation: Formulation = "continuous"
+    degree: int = 1
+    follower: bool = True
+    ends: Literal["held", "free"] = "held"
+    stabilisation: float = 1.0
+    newton: NewtonSettings = field(default_factory=lambda: NewtonSettings(relative_tolerance=1e-8))
+    linear: LinearSettings = field(
+        default_factory=lambda: LinearSettings(direct_limit=5_000, tolerance=1e-5)
+    )
+    first: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check the choices."""
+        check_positive(self, "first", "stabilisation")
+        for name, choices in (("ends", ("held", "free")),
+                              ("formulation", ("continuous", "displacement"))):  # fmt: skip
+            if getattr(self, name) not in choices:
+                raise InputError(
+                    "compression", name, f"unknown kind {getattr(self, name)!r}",
+                    f"choose {' or '.join(choices)}",
+                )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Compressed:
+    """A compressed state; ``report.complete`` tells whether it was found.
+
+    Arrays are the rank's own, as of `LegCompression`; None of them means anything otherwise.
+    """
+
+    report: SolveReport
+    unknown: FloatArray
+    """Of the system, ghosts included."""
+    sensitivities: Mapping[str, FloatArray]
+    """Derivatives of the unknown by parameters at the given pressure, per unit of each."""
+
+
+class LegCompression:
+    """Solves for any pressure and stiffness without meshing or compiling again.
+
+    Parameters
+    ----------
+    leg_mesh
+        Of the leg's segment.
+    tissues
+        Law of every region the leg has.
+    settings
+        Numerical.
+    """
+
+    def __init__(
+        self,
+        leg_mesh: LegMesh,
+        tissues: Mapping[str, Hyperelastic],
+        settings: CompressionSettings | None = None,
+    ) -> None:
+        self.settings = settings or CompressionSettings()
+        self.leg_mesh = leg_mesh
+        supports = [s for s in leg_mesh.supports if s.tag != END]
+        if self.settings.ends == "held":
+            supports.append(Support(END, (2,)))
+        self.spaces = build_spaces(
+            leg_mesh.mesh,
+            leg_mesh.cell_tags,
+            leg_mesh.facet_tags,
+            self.settings.formulation,
+            self.settings.degree,
+            leg_mesh.regions,
+            tuple(supports),
+        )
+        self.system = System(
+            self.spaces, self._model(tissues), quadrature_degree=2 * self.settings.degree
+        )
+        self.solver = NewtonSolver(self.system, self.settings.newton, self.settings.linear)
+        self._trackers: dict[tuple[str, ...], SensitivityTracker] = {}
+
+    @property
+    def comm(self) -> MPI.Intracomm:
+        """The ranks over which the leg is spread."""
+        return self.spaces.mesh.comm
+
+    @property
+    def skin_points(self) -> FloatArray:
+        """Reference positions (mm) of the rank's points at which pressure is given, (n, 3)."""
+        space = self.system.applied_pressure.function_space
+        return np.asarray(space.tabulate_dof_coordinates())
+
+    def solve(
+        self,
+        pressure: FloatArray,
+        parameters: Mapping[str, float] | None = None,
+        sensitivities: Sequence[str] = (),
+        start: Compressed | None = None,
+    ) -> Compressed:
+        """Find the state under a pressure.
+
+        Parameters
+        ----------
+        pressure
+            At `skin_points` (MPa), positive inwards.
+        parameters
+            Of the model, by full name, other than those of the tissues given (MPa, 1/MPa).
+        sensitivities
+            Full names of parameters by which to differentiate the state.
+        start
+            A state near the one sought, from which a single step is tried first.
+        """
+        system = self.system
+        values = {**system.model.parameters, **(parameters or {})}
+        unknown = set(values) - set(system.model.parameters)
+        if unknown:
+            raise KeyError(f"the model has no parameter {sorted(unknown)[0]!r}")
+        system.set_parameters(values)
+        system.applied_pressure.x.array[:] = pressure
+        steps = StepSettings(hold_first=self.settings.first, hold_first_time=self.settings.first)
+        tracker = self._tracker(tuple(sensitivities))
+        load = Protocol((0.0, 1.0), (0.0, 0.0))
+        guess = None if start is None else start.unknown
+        report = follow(system, self.solver, load, steps, guess=guess)
+        found = {}
+        if report.complete and tracker is not None:
+            tracker.step(self.solver)
+            found = tracker.state_rates()
+        return Compressed(report, system.unknown.x.array.copy(), found)
+
+    def _model(self, tissues: Mapping[str, Hyperelastic]) -> LegModel:
+        regions = tuple(self.leg_mesh.regions)
+        missing = [region for region in regions if region not in tissues]
+        if missing:
+            raise InputError("tissues", missing[0], "its law is missing", "give it")
+        terms: list[Any] = [Tissue(region, tissues[region]) for region in regions]
+        if self.settings.formulation == "continuous" and self.settings.degree == 1:
+            strength = self.settings.stabilisation
+            terms += [PressureStabilisation(r, tissues[r], strength) for r in regions]
+        terms.append(SkinPressure(1.0 if self.settings.follower else 0.0))
+        return LegModel(tuple(terms), self.settings.formulation)
+
+    def _tracker(self, names: tuple[str, ...]) -> SensitivityTracker | None:
+        if not names:
+            return None
+        if names not in self._trackers:
+            self._trackers[names] = SensitivityTracker(self.system, names)
+        self._trackers[names].reset()
+        return self._trackers[names]
