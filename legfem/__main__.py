@@ -10,6 +10,7 @@ COMMANDS = {
     "identify": "the deep tissue's stiffness from a subject's recordings",
     "study": "design of experiments, 3D correction, convergence, reproduction",
     "diagnose": "where model and recordings differ, and which physics is missing",
+    "stocking": "pressures inside a leg in a compression stocking, from its scans",
     "geometry": "a subject folder from cross-sections",
 }
 

@@ -92,7 +92,7 @@ def test_uniform_state_has_the_closed_form_von_mises_stress(fields):
 def test_contact_pressure_is_per_deformed_area(fields):
     # A chord of 1.1 mm leaves a disk of 10 m by 1.5e-5 mm.
     expected = 1e3 * STIFFNESS * OVERLAP / STRETCH[0]
-    np.testing.assert_allclose(fields.contact_pressure.x.array, expected, rtol=1e-3)
+    np.testing.assert_allclose(fields.skin_pressure.x.array, expected, rtol=1e-3)
 
 
 def test_displacement_and_region_are_those_of_the_model(fields):

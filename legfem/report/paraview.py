@@ -26,7 +26,7 @@ def write_fields(fields: LegFields, out: Path, displacement: float = 0.0) -> lis
     out
         Existing folder.
     displacement
-        The indenter's (mm); stands as the time.
+        The indenter's (mm), if there is one; stands as the time.
 
     Returns
     -------
@@ -36,11 +36,10 @@ def write_fields(fields: LegFields, out: Path, displacement: float = 0.0) -> lis
     written = []
     scalars = (fields.pressure, fields.von_mises, fields.stretch, fields.volume_ratio)
     mesh = fields.displacement.function_space.mesh
-    # A VTX file holds functions of one element: all go to discontinuous quadratics, without loss.
-    inside = [_interpolated(f, ("DG", 2)) for f in (fields.displacement, *scalars, fields.region)]
-    skin = [
-        _interpolated(f, ("DG", 2)) for f in (fields.skin_displacement, fields.contact_pressure)
-    ]
+    # A VTX file holds functions of one element: all go to a discontinuous one, without loss.
+    element = ("DG", fields.displacement.function_space.element.basix_element.degree)
+    inside = [_interpolated(f, element) for f in (fields.displacement, *scalars, fields.region)]
+    skin = [_interpolated(f, element) for f in (fields.skin_displacement, fields.skin_pressure)]
     for path, functions in ((out / "fields.bp", inside), (out / "skin.bp", skin)):
         writer = vtx_writer(mesh.comm, path, functions)
         if writer is None:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any, Literal
 
 import matplotlib
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
+from legfem.units import mmhg_to_mpa, mpa_to_kpa
 
 # Okabe and Ito's colours, which the colour-blind can tell apart.
 LAW_COLOURS = {"neo-hookean": "#D55E00", "reduced-polynomial": "#0072B2"}
@@ -48,6 +52,15 @@ def title(figure: Figure, what: str, subject: str, origin: str) -> None:
 def panel(axes: Axes, letter: str, name: str) -> None:
     """Title a panel."""
     axes.set_title(f"$\\bf{{{letter}}}$  {name}")
+
+
+def scale_in_kpa(bar: Any, side: Literal["left", "right"]) -> None:
+    """Add a scale in kPa to the other side of a colour bar in mmHg."""
+    unit = mpa_to_kpa(mmhg_to_mpa(1.0))
+    scale = bar.ax.secondary_yaxis(
+        side, functions=(lambda p: np.asarray(p) * unit, lambda p: np.asarray(p) / unit)
+    )
+    scale.set_ylabel("kPa")
 
 
 @styled

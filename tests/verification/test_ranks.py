@@ -56,3 +56,21 @@ def _check_correction(ranks: int, solver: str, folder: Path) -> None:
     print(solver, ranks, f"{np.abs(more['P'] - one['P']).max():.1e}")
     assert np.abs(more["P"] - one["P"]).max() < 1e-6
     assert difference(np.sort(more["pressure"]), np.sort(one["pressure"])) < 1e-6
+
+
+@pytest.mark.parametrize(
+    "ranks, solver",
+    [
+        (2, "iterative"),
+        pytest.param(4, "iterative", marks=pytest.mark.slow),
+        pytest.param(4, "direct", marks=pytest.mark.slow),
+    ],
+)
+def test_a_leg_in_its_stocking_is_the_same_on_several_ranks(tmp_path, ranks, solver):
+    one, more = (
+        run_on_ranks(number, "ranks_compression.py", tmp_path / f"{number}.npz", solver)
+        for number in (1, ranks)
+    )
+    for name in ("skin", "hull", "rate", "veins", "fat"):
+        print(solver, ranks, name, f"{difference(more[name], one[name]):.1e}")
+        assert difference(more[name], one[name]) < 1e-6, name

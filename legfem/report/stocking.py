@@ -1,0 +1,138 @@
+"""The report of a leg in its stocking: text, figures, numbers and fields in one folder."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from legfem.documents import write_atomically, write_document
+from legfem.fields import fields_of
+from legfem.geometry.leg_shape import LegShape
+from legfem.report.page import ReportFile
+from legfem.report.paraview import write_fields
+from legfem.report.stocking_contours_figure import stocking_contours_figure
+from legfem.report.stocking_fat_figure import stocking_fat_figure
+from legfem.report.stocking_pressure_figure import stocking_pressure_figure
+from legfem.report.stocking_section_figure import stocking_section_figure
+from legfem.report.stocking_text import stocking_page
+from legfem.report.style import save
+from legfem.stocking.document import stocking_document
+from legfem.stocking.fat_pressures import FatPressures, fat_pressures
+from legfem.stocking.pressures import PressureProbe
+from legfem.stocking.run import StockingResult
+from legfem.stocking.section_pressures import SectionPressures, section_pressures
+
+REPORT, NUMBERS = "report.txt", "result.json"
+_UNFINISHED = ".report-unfinished"
+
+
+@dataclass(frozen=True, eq=False)
+class _Sampled:
+    """What is taken from the mesh for the report, whole on every rank."""
+
+    section: SectionPressures | None
+    fat: FatPressures | None
+    simulated: LegShape | None
+
+
+def write_stocking_report(result: StockingResult, folder: Path) -> Path:
+    """Write report.txt, result.json, the figures and the fields of a run.
+
+    Figures and fields are made in a hidden folder first and moved into place at the end, then the
+    numbers, the report last: whoever stops the run in between finds no half-written file.
+
+    Parameters
+    ----------
+    result
+        Of a run; under MPI all ranks of its communicator call.
+    folder
+        Made if missing.
+
+    Returns
+    -------
+    Path
+        Of report.txt.
+    """
+    folder = Path(folder)
+    comm, hidden = result.model.compression.comm, folder / _UNFINISHED
+    sampled = _sample(result)
+    if comm.rank == 0:
+        shutil.rmtree(hidden, ignore_errors=True)
+        hidden.mkdir(parents=True)
+    comm.barrier()
+    entries = _fields(result, hidden)
+    if comm.rank == 0:
+        entries = [*_figures(result, sampled, hidden), *entries]
+        for path in [path for entry in entries for path in entry.paths]:
+            _move(path, folder / path.name)
+        shutil.rmtree(hidden)
+        numbers = write_document(folder / NUMBERS, stocking_document(result, sampled.fat))
+        entries.append(ReportFile([numbers], "all numbers with their units"))
+        write_atomically(folder / REPORT, stocking_page(result, sampled.fat, entries))
+    comm.barrier()
+    return folder / REPORT
+
+
+def _sample(result: StockingResult) -> _Sampled:
+    simulated = result.simulated_scan
+    if result.pressures is None:
+        return _Sampled(None, None, simulated)
+    probe, shape = PressureProbe(result.model.compression), result.leg.bare
+    level = float(np.median(result.leg.slices))
+    return _Sampled(
+        section_pressures(shape, level, result.worn, probe),
+        fat_pressures(shape, result.worn, probe),
+        simulated,
+    )
+
+
+def _figures(result: StockingResult, sampled: _Sampled, folder: Path) -> list[ReportFile]:
+    entries = []
+    if sampled.section is not None and sampled.fat is not None:
+        entries = [
+            ReportFile(
+                save(stocking_pressure_figure(result), folder, "interface-pressure"),
+                "pressure of the stocking on the skin, unrolled and on the leg (the second paper's "
+                "Fig. 4)",
+            ),
+            ReportFile(
+                save(stocking_section_figure(result, sampled.section), folder, "mid-calf"),
+                "hydrostatic pressure in the section at mid calf, with the veins (Figs. 5 and 6); "
+                "the outlines before and in the stocking",
+            ),
+            ReportFile(
+                save(
+                    stocking_fat_figure(result, sampled.fat, sampled.section.level), folder, "fat"
+                ),
+                "fat thickness round the leg against the pressures over it and in it",
+            ),
+        ]
+    best = result.best
+    if best is not None and sampled.simulated is not None:
+        figure = stocking_contours_figure(result, best, sampled.simulated)
+        shows = "the slices that were compared: outlines, and distances of model and bare leg"
+        entries.append(ReportFile(save(figure, folder, "contours"), shows))
+    return entries
+
+
+def _fields(result: StockingResult, folder: Path) -> list[ReportFile]:
+    if not result.worn.state.report.complete:
+        return []
+    result.model.put_in(result.worn, result.parameters)
+    written = write_fields(fields_of(result.model.compression.system), folder)
+    shows = (
+        "the leg in its stocking for ParaView: displacement (mm), hydrostatic pressure and von "
+        "Mises stress (kPa), greatest stretch, J, tissue (1 fat, 3 muscle); interface pressure on "
+        "the skin (kPa)"
+    )
+    return [ReportFile(written, shows)]
+
+
+def _move(source: Path, target: Path) -> None:
+    """Put a file or folder in another's place."""
+    if target.is_dir():
+        shutil.rmtree(target)
+    source.replace(target)

@@ -1,0 +1,98 @@
+"""The parts of a stocking's page on the pressures on the skin and inside the leg."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from legfem.geometry.leg_shape import SKIN
+from legfem.report.leg_directions import Directions, angle_round
+from legfem.report.stocking_words import both_units, fill, place_in_fat, table
+from legfem.stocking.fat_pressures import FatPressures
+from legfem.stocking.run import StockingResult
+from legfem.stocking.warnings import unloaded_skin
+
+
+def interface_section(result: StockingResult) -> str:
+    """Return what the stocking does to the skin, and to itself."""
+    load, stocking, bare = result.worn.load, result.leg.stocking, result.leg.bare
+    by_level = load.pressure.mean(axis=1)
+    unloaded = unloaded_skin(bare, load)
+    low, high = stocking.unstretched.min(), stocking.unstretched.max()
+    width = f"{low:.0f} mm" if high - low < 0.5 else f"{low:.0f} to {high:.0f} mm"
+    rows = [
+        ("mean over the skin", both_units(load.mean_pressure)),
+        ("least", f"{both_units(float(load.pressure.min()))}"
+         + (f"; {100 * unloaded.mean():.0f} % of the skin bears none" if unloaded.any() else "")),
+        ("greatest", f"{both_units(float(load.pressure.max()))}, {_highest(result)}"),
+        ("mean at the lower end", f"{both_units(float(by_level[0]))}"),
+        ("mean at the upper end", f"{both_units(float(by_level[-1]))}"),
+        ("fabric", f"{stocking.stiffness:g} N/mm per unit of strain, unstretched {width} round"),
+        ("its strain", f"{100 * load.strain.min():.1f} to {100 * load.strain.max():.1f} %"),
+        ("its tension", f"{load.tension.min():.4f} to {load.tension.max():.4f} N/mm"),
+    ]  # fmt: skip
+    if not result.worn.state.report.complete:
+        note = "Of the bare leg's shape, since the leg in its stocking could not be computed:"
+    else:
+        note = (
+            "By Laplace's law, from the fabric's tension and the curvature of the leg as it is "
+            "compressed; the fabric spans hollows and presses on nothing there."
+        )
+    if result.scan_load is not None:
+        rows.insert(
+            1, ("by the scanned shape", f"{both_units(result.scan_load.mean_pressure)} (mean)")
+        )
+    return f"{fill(note)}\n\n{table(rows)}"
+
+
+def _highest(result: StockingResult) -> str:
+    pressure, bare = result.worn.load.pressure, result.leg.bare
+    level, point = np.unravel_index(int(np.argmax(pressure)), pressure.shape)
+    skin = bare.contours[SKIN][level]
+    direction = Directions.of(bare).at(float(angle_round(skin[point], skin.mean(axis=0))))
+    return f"{direction}, z = {bare.levels[level]:g} mm"
+
+
+def inside_section(result: StockingResult, fat: FatPressures | None) -> str:
+    """Return the pressures at the veins, in the muscle and in the fat; nothing if not found."""
+    found = result.pressures
+    if found is None:
+        return ""
+    mean, where = found.mean_interface, place_in_fat(result.leg.bare, found.greatest_in_fat_at)
+    rows = [
+        (vein.name,
+         f"{both_units(p)}, {100 * p / mean:.0f} % of the mean on the skin" if np.isfinite(p)
+         else "not in the tissues: check the vein's position")
+        for vein, p in zip(result.leg.veins, found.at_veins, strict=True)
+    ]  # fmt: skip
+    rows.append(("muscle, mean", f"{both_units(found.mean_in_muscle)}"))
+    rows.append(
+        ("fat, greatest",
+         f"{both_units(found.greatest_in_fat)}, {100 * found.greatest_in_fat / mean:.0f} % of the "
+         "mean on the skin")
+    )  # fmt: skip
+    blocks = [
+        fill(
+            "Hydrostatic pressure, positive in compression; at the veins in tissue without a vein "
+            f"in it, at z = {result.leg.veins[0].position[2]:g} mm."
+            if result.leg.veins
+            else "Hydrostatic pressure, positive in compression. No veins were given or placed."
+        ),
+        table(rows),
+        fill(
+            "The greatest pressure in the fat, where the receptors of pain are, is the second "
+            f"paper's measure of discomfort. It is {where}."
+        ),
+    ]
+    if fat is not None:
+        thickness = fat.rank_correlation(fat.greatest, fat.thickness)
+        interface = fat.rank_correlation(fat.greatest, fat.interface)
+        blocks.append(
+            fill(
+                f"Round this leg the fat is {fat.thickness.min():.1f} to {fat.thickness.max():.1f} "
+                f"mm thick. The greatest pressure in the fat under a place on the skin goes with "
+                f"the fat's thickness with a rank correlation of {thickness:.2f}, and with the "
+                f"pressure on the skin there with {interface:.2f}. That is within one leg; it says "
+                "nothing of differences between legs."
+            )
+        )
+    return "\n\n".join(blocks)

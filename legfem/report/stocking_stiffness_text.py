@@ -1,0 +1,165 @@
+"""The part of a stocking's page on the stiffness of muscle and fat, and how well it is known."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from legfem.report.stocking_words import fill, stiffness_values
+from legfem.stocking.identification import PARAMETERS, Identified
+from legfem.stocking.judgement import (
+    IDENTIFIABLE_WITHIN,
+    SAME_WITHIN,
+    WEAKLY_WITHIN,
+    Known,
+    expected_rms,
+    judge,
+    starts_agree,
+)
+from legfem.stocking.run import StockingResult
+from legfem.stocking.warnings import TISSUES, best_complete
+from legfem.units import mpa_to_kpa
+
+
+def verdict_sentence(known: Known) -> str:
+    """Return in plain words how well a stiffness is known."""
+    tissue = TISSUES[known.name]
+    share = f"within {100 * known.half_width:.2g} %"
+    if known.half_width >= 1:
+        share = "not even within 100 %"
+    limit = {
+        "identifiable": f"at most {100 * IDENTIFIABLE_WITHIN:.0f} %",
+        "weakly identifiable": f"at most {100 * WEAKLY_WITHIN:.0f} %",
+    }
+    if known.at_bound:
+        return (
+            f"The stiffness of the {tissue} is not identifiable: the best value stands at the "
+            f"search's {known.at_bound} bound."
+        )
+    if known.verdict == "not identifiable":
+        return (
+            f"The stiffness of the {tissue} is not identifiable from these scans: known {share} "
+            "(95 %). Don't use the value by itself."
+        )
+    if known.verdict == "weakly identifiable" and known.half_width <= IDENTIFIABLE_WITHIN:
+        return (
+            f"The stiffness of the {tissue} is weakly identifiable at best: its interval is narrow "
+            f"({share}), but the fit is not sound (see Warnings)."
+        )
+    return (
+        f"The stiffness of the {tissue} is {known.verdict}: known {share} (95 %; "
+        f"{limit[known.verdict]} is called so)."
+    )
+
+
+def stiffness_section(result: StockingResult) -> str:
+    """Return the values, how well they are known, how well they fit, and what each search found."""
+    leg = result.leg
+    if not result.searches:
+        return fill(
+            f"Not identified: the leg was not scanned in its stocking. Given: "
+            f"{stiffness_values(result.parameters)}."
+        )
+    best = best_complete(result)
+    blocks = []
+    if best is not None:
+        blocks += [fill(verdict_sentence(known)) for known in judge(best, leg.accuracy)]
+        blocks.append(fill(_goodness(result, best)))
+    blocks.append(_searches(result))
+    blocks.append(fill(_agreement(result)))
+    if leg.known:
+        blocks.append(
+            fill(
+                f"The pressures below are not of these values but of those given: "
+                f"{stiffness_values(result.parameters)}."
+            )
+        )
+    laws = {law.D1 for law in leg.tissues.values()}
+    bulk = ", ".join(f"{2 / D1:.3g}" for D1 in sorted(laws))
+    blocks.append(
+        fill(
+            "Both tissues are neo-Hookean, U = C10 (I1 - 3) + (J - 1)^2 / D1, with a given bulk "
+            f"modulus of {bulk} MPa; the initial shear modulus is 2 C10."
+        )
+    )
+    return "\n\n".join(blocks)
+
+
+def _goodness(result: StockingResult, best: Identified) -> str:
+    leg, misfit = result.leg, result.misfit
+    assert misfit is not None
+    bare = misfit.distances(leg.bare)
+    moved = ""
+    if best.rigid is not None:
+        shift = ", ".join(f"{value:.2f}" for value in best.rigid[:3])
+        turn = ", ".join(f"{value:.2f}" for value in np.degrees(best.rigid[3:]))
+        moved = (
+            f" For that the fit moves the model by {shift} mm along x, y, z and turns it by {turn} "
+            "degrees about them, as far as the registration leaves room."
+        )
+    return (
+        f"The model's contours of skin and hull meet the scan's in {len(misfit.target.levels)} "
+        f"slices to {best.rms:.3f} mm (root mean square); errors of the contours alone make "
+        f"{expected_rms(leg.accuracy):.3f} mm, and the bare leg is "
+        f"{float(np.sqrt(np.mean(bare**2))):.3f} mm off. The weighted misfit a point is "
+        f"{best.chi_square:.2f}; errors of the size and roughness assumed make 1, smoother ones "
+        f"less.{moved}"
+    )
+
+
+def _searches(result: StockingResult) -> str:
+    rows = [
+        f"{'search':<12} {'from (kPa)':>13} {'muscle C10':>11} {'fat C10 (kPa)':>14} "
+        f"{'rms (mm)':>9} {'misfit':>8} {'solves':>7}  ended"
+    ]
+    for search in result.searches:
+        start = ", ".join(f"{mpa_to_kpa(float(value)):.3g}" for value in search.start)
+        muscle, fat = (mpa_to_kpa(float(value)) for value in search.parameters)
+        found = search.state.report.complete and np.isfinite(search.rms)
+        misfit = f"{search.chi_square:.3f}" if np.isfinite(search.chi_square) else "-"
+        if not found:
+            rows.append(f"{search.method:<12} {start:>13} {'-':>11} {'-':>14} {'-':>9} {'-':>8} "
+                        f"{search.solves:>7}  no state found")  # fmt: skip
+            continue
+        ended = "settled" if search.converged else "NOT SETTLED"
+        rows.append(
+            f"{search.method:<12} {start:>13} {muscle:>11.4g} {fat:>14.4g} {search.rms:>9.3f} "
+            f"{misfit:>8} {search.solves:>7}  {ended}"
+        )
+    return "\n".join(rows)
+
+
+def _agreement(result: StockingResult) -> str:
+    weighted = [search for search in result.searches if search.method == "weighted"]
+    paper = [search for search in result.searches if search.method == "nelder-mead"]
+    apart = float(np.ptp(np.log([search.parameters for search in weighted]), axis=0).max())
+    if len(weighted) == 1:
+        text = "One start was tried."
+    elif starts_agree(weighted):
+        text = f"All {len(weighted)} starts led to the same stiffness (within {100 * apart:.1g} %)."
+    else:
+        text = (
+            f"The {len(weighted)} starts did not all settle at the same stiffness (within "
+            f"{100 * SAME_WITHIN:g} %): they are up to {100 * np.expm1(apart):.2g} % apart."
+        )
+    best = best_complete(result)
+    for search in paper:
+        text += (
+            f" Nelder-Mead, the second paper's way, minimises plain distances and not weighted "
+            f"ones: it took {search.solves} solves and leaves {search.cost:.2f} of its cost at the "
+            "start (1 is the start, 0 a perfect match)."
+        )
+        if best is not None and (intervals := best.interval95) is not None:
+            inside = [
+                low <= value <= high
+                for value, (low, high) in zip(search.parameters, intervals, strict=True)
+            ]
+            text += (
+                " Its values are within the intervals above."
+                if all(inside)
+                else " Its value of the "
+                + " and the ".join(
+                    TISSUES[name] for name, ok in zip(PARAMETERS, inside, strict=True) if not ok
+                )
+                + " is outside the interval above."
+            )
+    return text

@@ -1,0 +1,84 @@
+"""Numbers, places and lists of a stocking's page in words."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+
+import numpy as np
+
+from legfem.geometry.leg_shape import SKIN, LegShape
+from legfem.geometry.shape_measures import fat_thickness_around
+from legfem.report.leg_directions import Directions, angle_round
+from legfem.report.text import WIDTH
+from legfem.stocking.judgement import Known
+from legfem.stocking.warnings import TISSUES
+from legfem.units import FloatArray, mpa_to_kpa, mpa_to_mmhg
+
+
+def both_units(pressure: float) -> str:
+    """Return a pressure (MPa) in mmHg and kPa."""
+    return f"{mpa_to_mmhg(pressure):.1f} mmHg ({mpa_to_kpa(pressure):.2f} kPa)"
+
+
+def share_of(pressures: Sequence[float], mean: float) -> str:
+    """Return the range of pressures over a mean, in per cent."""
+    shares = sorted(100 * p / mean for p in pressures if np.isfinite(p))
+    if not shares:
+        return "an unknown share"
+    low, high = f"{shares[0]:.0f}", f"{shares[-1]:.0f}"
+    return f"{low} %" if low == high else f"{low} to {high} %"
+
+
+def stiffness_values(parameters: dict[str, float]) -> str:
+    """Return stiffnesses (MPa) by name, in kPa."""
+    return ", ".join(
+        f"{TISSUES[name]} C10 = {mpa_to_kpa(value):.3g} kPa" for name, value in parameters.items()
+    )
+
+
+def interval(known: Known) -> str:
+    """Return a 95 % interval in kPa."""
+    low, high = (mpa_to_kpa(value) for value in known.interval95)
+    return f"95 % interval {low:.3g} to {high:.3g}"
+
+
+def place_in_fat(bare: LegShape, point: FloatArray) -> str:
+    """Return where a point of the bare leg is, in words."""
+    level = float(point[2])
+    skin = bare.at(SKIN, level)
+    direction = Directions.of(bare).at(float(angle_round(point[:2], skin.mean(axis=0))))
+    depth = np.linalg.norm(skin - point[:2], axis=1)
+    row = int(np.argmin(np.abs(bare.levels - level)))
+    thick = float(fat_thickness_around(bare)[row, int(np.argmin(depth))])
+    return (
+        f"at z = {level:.0f} mm on the {direction} side, {depth.min():.1f} mm under the skin where "
+        f"the fat is {thick:.1f} mm thick"
+    )
+
+
+def fill(text: str) -> str:
+    """Return text in lines of the page's width."""
+    return textwrap.fill(text, WIDTH, break_on_hyphens=False, break_long_words=False)
+
+
+def bullets(lines: Sequence[str]) -> str:
+    """Return lines as a list."""
+    return "\n".join(
+        textwrap.fill(
+            line, WIDTH, initial_indent="- ", subsequent_indent="  ", break_on_hyphens=False
+        )
+        for line in lines
+    )
+
+
+def table(rows: Sequence[tuple[str, str]]) -> str:
+    """Return names and values as a table without rules."""
+    width = max(len(name) for name, _ in rows)
+    return "\n".join(
+        textwrap.fill(
+            f"{name:<{width}}  {value}", WIDTH, subsequent_indent=" " * (width + 2),
+            break_on_hyphens=False,
+        )
+        for name, value in rows
+    )  # fmt: skip

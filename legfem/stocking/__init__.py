@@ -1,0 +1,1 @@
+"""Compression stockings: what they do to a leg, and what images of it tell of its tissues."""

@@ -1,0 +1,242 @@
+"""``result.json`` of a leg in its stocking: everything that was found, with units."""
+
+from __future__ import annotations
+
+import platform
+from typing import Any
+
+import numpy as np
+
+from legfem.documents import json_types
+from legfem.geometry.shape_measures import fat_thickness_around
+from legfem.identify.forward import legfem_version, package_version
+from legfem.stocking.fat_pressures import FatPressures
+from legfem.stocking.identification import PARAMETERS, Identified
+from legfem.stocking.judgement import Known, expected_rms, judge, starts_agree
+from legfem.stocking.run import StockingResult
+from legfem.stocking.warnings import best_complete, stocking_warnings, unloaded_skin
+from legfem.units import FloatArray, mpa_to_kpa
+
+SCHEMA = "legfem.stocking/1"
+
+
+def stocking_document(result: StockingResult, fat: FatPressures | None = None) -> dict[str, Any]:
+    """Return a result as JSON types; what isn't finite is null.
+
+    Parameters
+    ----------
+    result
+        Of a run.
+    fat
+        Pressures in the fat, if the worn state was found.
+    """
+    leg, solves = result.leg, sum(search.solves for search in result.searches)
+    return json_types(
+        {
+            "schema": SCHEMA,
+            "leg": leg.id,
+            "title": leg.title,
+            "origin": leg.origin,
+            "stiffness": _stiffness(result),
+            "searches": [_search(search) for search in result.searches],
+            "starts_agree": _starts_agree(result),
+            "contours": _contours(result),
+            "registration": _registration(result),
+            "stocking": _stocking(result),
+            "pressures": _pressures(result),
+            "fat": _fat(result, fat),
+            "worn_state": {
+                "found": result.worn.state.report.complete,
+                "reason": result.worn.state.report.reason,
+                "converged": result.worn.converged,
+                "relative_pressure_changes": list(result.worn.changes),
+            },
+            "warnings": list(stocking_warnings(result)),
+            "model": _model(result),
+            "solves": {
+                "identification": solves,
+                "worn_state": len(result.worn.changes) + (not result.worn.state.report.complete),
+            },
+            "wall_s": result.wall_s,
+            "versions": {
+                "legfem": legfem_version(),
+                "dolfinx": package_version("fenics-dolfinx"),
+                "numpy": package_version("numpy"),
+                "scipy": package_version("scipy"),
+                "python": platform.python_version(),
+            },
+        }
+    )
+
+
+def _stiffness(result: StockingResult) -> dict[str, Any]:
+    best = best_complete(result)
+    judged = {} if best is None else {k.name: k for k in judge(best, result.leg.accuracy)}
+    return {
+        _key(name): {
+            "used_for_pressures": {"value": mpa_to_kpa(value), "unit": "kPa"},
+            "given": result.leg.known,
+            "identified": _known(judged[name]) if name in judged else None,
+        }
+        for name, value in result.parameters.items()
+    }
+
+
+def _known(known: Known) -> dict[str, Any]:
+    return {
+        "value": mpa_to_kpa(known.value),
+        "unit": "kPa",
+        "ci95": [mpa_to_kpa(value) for value in known.interval95],
+        "relative_half_width": known.half_width,
+        "at_bound": known.at_bound,
+        "identifiability": known.verdict,
+    }
+
+
+def _search(search: Identified) -> dict[str, Any]:
+    def both(values: FloatArray) -> dict[str, float]:
+        return {
+            f"{_key(name)}_kPa": mpa_to_kpa(float(value))
+            for name, value in zip(PARAMETERS, values, strict=True)
+        }
+
+    return {
+        "method": search.method,
+        "start": both(search.start),
+        "found": both(search.parameters),
+        "state_found": search.state.report.complete,
+        "converged": search.converged,
+        "solves": search.solves,
+        "rms_distance_mm": search.rms,
+        "cost": search.cost,
+        "cost_unit": "1 at the start" if search.method == "nelder-mead" else "mm2",
+        "weighted_misfit_per_point": search.chi_square,
+        "rigid_motion": None
+        if search.rigid is None
+        else {
+            "shift_mm": search.rigid[:3].tolist(),
+            "turn_rad": search.rigid[3:].tolist(),
+        },
+        "log_covariance": None if search.log_covariance is None else search.log_covariance.tolist(),
+    }
+
+
+def _starts_agree(result: StockingResult) -> bool | None:
+    weighted = [search for search in result.searches if search.method == "weighted"]
+    return starts_agree(weighted) if weighted else None
+
+
+def _contours(result: StockingResult) -> dict[str, Any] | None:
+    misfit, accuracy = result.misfit, result.leg.accuracy
+    if misfit is None:
+        return None
+    bare = misfit.distances(result.leg.bare)
+    return {
+        "levels_mm": misfit.target.levels.tolist(),
+        "expected_rms_distance_mm": expected_rms(accuracy),
+        "bare_rms_distance_mm": float(np.sqrt(np.mean(bare**2))),
+        "contour_sd_mm": accuracy.sd,
+        "contour_correlation_mm": accuracy.correlation,
+        "model_sd_mm": accuracy.model_sd,
+        "shift_sd_mm": list(accuracy.shift_sd),
+        "turn_sd_rad": list(accuracy.turn_sd),
+    }
+
+
+def _registration(result: StockingResult) -> dict[str, Any] | None:
+    found = result.leg.registration
+    if found is None:
+        return None
+    return {
+        "rotation": found.transform.rotation.tolist(),
+        "translation_mm": found.transform.translation.tolist(),
+        "residual_rms_mm": found.residual,
+        "pairs": found.pairs,
+        "left_out": found.left_out,
+        "shift_standard_error_mm": found.standard_error.tolist(),
+        "turn_standard_error_deg": found.rotation_error.tolist(),
+        "iterations": found.iterations,
+        "converged": found.converged,
+    }
+
+
+def _stocking(result: StockingResult) -> dict[str, Any]:
+    stocking, load, shape = result.leg.stocking, result.worn.load, result.leg.bare
+    return {
+        "stiffness_N_per_mm": stocking.stiffness,
+        "bending_length_mm": stocking.bending_length,
+        "unstretched": {
+            "levels_mm": stocking.levels.tolist(),
+            "perimeters_mm": stocking.unstretched.tolist(),
+        },
+        "levels_mm": shape.levels.tolist(),
+        "perimeter_mm": load.perimeter.tolist(),
+        "strain": load.strain.tolist(),
+        "tension_N_per_mm": load.tension.tolist(),
+        "mean_pressure_kPa": mpa_to_kpa(load.pressure.mean(axis=1)).tolist(),
+        "share_of_skin_without_pressure": unloaded_skin(shape, load).tolist(),
+    }
+
+
+def _pressures(result: StockingResult) -> dict[str, Any] | None:
+    found = result.pressures
+    if found is None:
+        return None
+    scanned = None if result.scan_load is None else mpa_to_kpa(result.scan_load.mean_pressure)
+    return {
+        "mean_interface_kPa": mpa_to_kpa(found.mean_interface),
+        "least_interface_kPa": mpa_to_kpa(float(result.worn.load.pressure.min())),
+        "greatest_interface_kPa": mpa_to_kpa(found.greatest_interface),
+        "mean_interface_of_scanned_shape_kPa": scanned,
+        "mean_in_muscle_kPa": mpa_to_kpa(found.mean_in_muscle),
+        "greatest_in_fat_kPa": mpa_to_kpa(found.greatest_in_fat),
+        "greatest_in_fat_at_mm": found.greatest_in_fat_at.tolist(),
+        "veins": [
+            {
+                "name": vein.name,
+                "position_mm": vein.position.tolist(),
+                "pressure_kPa": mpa_to_kpa(pressure),
+                "share_of_mean_interface": pressure / found.mean_interface,
+            }
+            for vein, pressure in zip(result.leg.veins, found.at_veins, strict=True)
+        ],
+    }
+
+
+def _fat(result: StockingResult, fat: FatPressures | None) -> dict[str, Any]:
+    shape = result.leg.bare
+    middle = int(np.argmin(np.abs(shape.levels - np.median(result.leg.slices))))
+    thickness = fat_thickness_around(shape)
+    pressed = {} if fat is None else {
+        "rank_correlation_of_greatest_pressure_with_thickness":
+            fat.rank_correlation(fat.greatest, fat.thickness),
+        "rank_correlation_of_greatest_pressure_with_interface":
+            fat.rank_correlation(fat.greatest, fat.interface),
+    }  # fmt: skip
+    return {
+        "level_mm": float(shape.levels[middle]),
+        "mean_thickness_mm": float(thickness[middle].mean()),
+        "least_thickness_mm": float(thickness[middle].min()),
+        "greatest_thickness_mm": float(thickness[middle].max()),
+        "thickness_round_the_leg_mm": thickness[middle].tolist(),
+        **pressed,
+    }
+
+
+def _model(result: StockingResult) -> dict[str, Any]:
+    spaces, settings = result.model.compression.spaces, result.model.compression.settings
+    return {
+        "tetrahedra": int(spaces.mesh.topology.index_map(3).size_global),
+        "unknowns": spaces.unknowns,
+        "formulation": settings.formulation,
+        "degree": settings.degree,
+        "follower_load": settings.follower,
+        "ends": settings.ends,
+        "D1_per_MPa": {name: float(law.D1) for name, law in result.leg.tissues.items()},
+    }
+
+
+def _key(name: str) -> str:
+    """Return a parameter's key: ``c10_deep`` of ``deep.C10``."""
+    tissue, _, symbol = name.partition(".")
+    return f"{symbol.lower()}_{tissue}"

@@ -1,0 +1,79 @@
+"""How well the stiffness of muscle and fat is known, and whether all starts found the same."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from legfem.identify.result import Bound, Identifiability
+from legfem.stocking.identification import BOUNDS, PARAMETERS, Identified
+from legfem.stocking.misfit import ContourAccuracy
+
+IDENTIFIABLE_WITHIN, WEAKLY_WITHIN = 0.1, 0.5
+"""Half width of the 95 % interval over the value, up to which a stiffness is known."""
+SAME_WITHIN = 0.02
+"""Relative difference up to which two searches found the same stiffness."""
+MISSED_BEYOND = 1.5
+"""Root-mean-square distance, over that of the outlines' errors, beyond which the model misses the
+scan: then its intervals don't hold."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """How well one stiffness is known; MPa."""
+
+    name: str
+    """Of `PARAMETERS`."""
+    value: float
+    interval95: tuple[float, float]
+    half_width: float
+    """Of the interval, over the value."""
+    at_bound: Bound
+    verdict: Identifiability
+
+
+def expected_rms(accuracy: ContourAccuracy) -> float:
+    """Return the root-mean-square distance (mm) that errors of the contours alone make."""
+    return math.sqrt(2 * accuracy.sd**2 + accuracy.model_sd**2)
+
+
+def model_misses(found: Identified, accuracy: ContourAccuracy) -> bool:
+    """Tell whether the best fit is farther from the scan than errors of the contours explain."""
+    return not found.rms <= MISSED_BEYOND * expected_rms(accuracy)
+
+
+def judge(found: Identified, accuracy: ContourAccuracy) -> tuple[Known, ...]:
+    """Return how well each stiffness is known, in the order of `PARAMETERS`.
+
+    Its interval decides. One at a bound of the search isn't known; one of a model that misses the
+    scan, or of a search that didn't end, is weakly so at best.
+    """
+    intervals = found.interval95
+    missed = not found.converged or model_misses(found, accuracy)
+    known = []
+    for number, name in enumerate(PARAMETERS):
+        value = float(found.parameters[number])
+        low, high = (math.nan, math.nan) if intervals is None else map(float, intervals[number])
+        half = 0.5 * (high - low) / value
+        bound: Bound = ""
+        if value <= BOUNDS[0] * (1 + 1e-6):
+            bound = "lower"
+        elif value >= BOUNDS[1] * (1 - 1e-6):
+            bound = "upper"
+        verdict: Identifiability = "not identifiable"
+        if not bound and half <= WEAKLY_WITHIN:
+            sure = half <= IDENTIFIABLE_WITHIN and not missed
+            verdict = "identifiable" if sure else "weakly identifiable"
+        known.append(Known(name, value, (low, high), half, bound, verdict))
+    return tuple(known)
+
+
+def starts_agree(searches: Sequence[Identified]) -> bool:
+    """Tell whether searches ended, all at the same stiffness."""
+    values = np.log([search.parameters for search in searches])
+    return all(search.converged for search in searches) and bool(
+        (np.ptp(values, axis=0) <= SAME_WITHIN).all()
+    )

@@ -1,0 +1,203 @@
+"""A leg with and without its stocking, as a folder gives it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from legfem.errors import InputError
+from legfem.geometry.cross_sections import Clearances
+from legfem.geometry.leg_shape import LegShape
+from legfem.geometry.shape_file import read_shape
+from legfem.geometry.shape_motion import rigidly_moved
+from legfem.geometry.slices import calf_levels
+from legfem.imaging.outlines import shape_of_volume
+from legfem.imaging.registration import Registration, register_shapes
+from legfem.imaging.surfaces import shape_of_surfaces
+from legfem.imaging.volume_file import read_volume
+from legfem.materials import NeoHookean
+from legfem.stocking.classes import CompressionClass, Fit, fitted_stocking
+from legfem.stocking.laplace import Stocking
+from legfem.stocking.leg_file import LegFile, ShapeEntry, StockingEntry, parse_leg_file
+from legfem.stocking.misfit import ContourAccuracy
+from legfem.stocking.veins import Vein, default_veins
+from legfem.tables import read_table
+from legfem.units import FloatArray, kpa_to_mpa
+
+LEVEL_SPACING = 5.0
+"""Of the contours between which the leg's surfaces are smooth (mm)."""
+ROOM = Clearances(bone_to_fascia=1.5, fascia_to_skin=1.5)
+SHIPPED = Path(__file__).resolve().parents[2] / "studies" / "dubuis" / "subjects"
+
+
+@dataclass(frozen=True, eq=False)
+class StockingLeg:
+    """What is known of one leg; mm, MPa."""
+
+    id: str
+    title: str
+    origin: Literal["measured", "simulated"]
+    bare: LegShape
+    """To be meshed: its parts keep clear of each other."""
+    scanned_bare: LegShape
+    """The same as the scan has it."""
+    compressed: LegShape | None
+    """In the stocking, in the bare leg's coordinates; None if it wasn't scanned."""
+    registration: Registration | None
+    stocking: Stocking
+    accuracy: ContourAccuracy
+    tissues: dict[str, NeoHookean]
+    known: bool
+    """Whether the tissues' stiffness is given; else C10 is a start."""
+    ends: Literal["held", "free"]
+    slices: FloatArray
+    """Levels of the five slices (mm)."""
+    veins: tuple[Vein, ...]
+
+
+def load_leg(directory: Path) -> StockingLeg:
+    """Load the folder of a leg: ``leg.toml`` and the files it names.
+
+    Raises
+    ------
+    InputError
+        If anything in the folder is missing or wrong; names file, field and remedy.
+    """
+    directory = Path(directory)
+    if not directory.is_dir():
+        raise InputError(directory, "folder", "not found", "give a folder that holds leg.toml")
+    toml = directory / "leg.toml"
+    given = parse_leg_file(toml)
+    bare = _shape(directory, toml, "bare", given.bare, given, ROOM)
+    scanned_bare = _shape(directory, toml, "bare", given.bare, given, None)
+    shapes, registration = [bare, scanned_bare], None
+    if given.compressed is not None:
+        scanned = _shape(directory, toml, "compressed", given.compressed, given, None)
+        registration = register_shapes(_dense(scanned), _dense(scanned_bare))
+        motion = registration.transform
+        shapes.append(rigidly_moved(scanned, motion.rotation, motion.translation))
+    bare, scanned_bare, *others = _segment(toml, given, shapes)
+    compressed = others[0] if others else None
+    slices = calf_levels(bare)
+    tissues = {
+        name: NeoHookean(kpa_to_mpa(entry.C10_kPa or 3.0), entry.D1_per_MPa)
+        for name, entry in (("deep", given.tissues.deep),
+                            ("superficial", given.tissues.superficial))
+    }  # fmt: skip
+    return StockingLeg(
+        given.id, given.title, given.origin, bare, scanned_bare, compressed, registration,
+        _stocking(directory, toml, given.stocking, bare),
+        _accuracy(given, registration),
+        tissues,
+        None not in (given.tissues.deep.C10_kPa, given.tissues.superficial.C10_kPa),
+        given.segment.ends, slices, _veins(given, bare, float(np.median(slices))),
+    )  # fmt: skip
+
+
+def find_leg(name: str) -> Path:
+    """Return the folder of a leg that comes with legfem.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name.
+    """
+    known = sorted(p.name for p in SHIPPED.glob("*") if (p / "leg.toml").is_file())
+    if name in known:
+        return SHIPPED / name
+    raise InputError(
+        "--subject", name, "unknown leg",
+        f"known are {', '.join(known)}; for a folder of your own give --subject-dir PATH",
+    )  # fmt: skip
+
+
+def _shape(
+    directory: Path, toml: Path, field: str, entry: ShapeEntry, given: LegFile,
+    room: Clearances | None,
+) -> LegShape:  # fmt: skip
+    def path(name: str) -> Path:
+        found = directory / name
+        if not found.is_file():
+            raise InputError(toml, field, f"there is no file '{name}'", f"put it at {found}")
+        return found
+
+    if entry.scan is not None:
+        labels = given.labels
+        meaning = {"superficial": labels.superficial, "deep": labels.deep, "bone": labels.bone}
+        return shape_of_volume(read_volume(path(entry.scan), meaning), clearances=room)
+    if entry.contours is not None:
+        return read_shape(path(entry.contours))
+    assert entry.surfaces is not None
+    if given.segment.from_mm is None or given.segment.to_mm is None:
+        raise InputError(
+            toml, "segment", "surfaces need the part of the leg to model", "add from_mm and to_mm"
+        )
+    count = 1 + round((given.segment.to_mm - given.segment.from_mm) / LEVEL_SPACING)
+    levels = np.linspace(given.segment.from_mm, given.segment.to_mm, max(count, 2))
+    files = {part: path(name) for part, name in entry.surfaces.items()}
+    return shape_of_surfaces(files, levels, room)
+
+
+def _dense(shape: LegShape) -> LegShape:
+    """Return the shape at a level a millimetre: registration wants the bones' surfaces."""
+    return shape.at_levels(np.linspace(shape.levels[0], shape.levels[-1], 1 + round(shape.length)))
+
+
+def _segment(toml: Path, given: LegFile, shapes: Sequence[LegShape]) -> list[LegShape]:
+    """Cut shapes to the levels that they share and the file asks for, evenly spaced."""
+    low = max(shape.levels[0] for shape in shapes)
+    high = min(shape.levels[-1] for shape in shapes)
+    asked = given.segment
+    for name, value in (("from_mm", asked.from_mm), ("to_mm", asked.to_mm)):
+        if value is not None and not low - 1e-6 <= value <= high + 1e-6:
+            raise InputError(
+                toml, f"segment.{name}", f"{value:g} mm is not in what the scans share, "
+                f"{low:.4g} to {high:.4g} mm", "choose a level within it",
+            )  # fmt: skip
+    low = low if asked.from_mm is None else max(low, asked.from_mm)
+    high = high if asked.to_mm is None else min(high, asked.to_mm)
+    if high - low < 40.0:
+        raise InputError(
+            toml, "segment", f"is {high - low:.3g} mm long", "give scans that share 40 mm or more"
+        )
+    levels = np.linspace(low, high, 1 + max(2, round((high - low) / LEVEL_SPACING)))
+    return [shape.at_levels(levels) for shape in shapes]
+
+
+def _stocking(directory: Path, toml: Path, entry: StockingEntry, bare: LegShape) -> Stocking:
+    if entry.compression_class is not None:
+        chosen = CompressionClass(entry.compression_class)
+        return fitted_stocking(bare, Fit(chosen, entry.stiffness_N_per_mm))
+    if entry.unstretched_mm is not None:
+        return Stocking(entry.stiffness_N_per_mm, bare.levels[:1], np.array([entry.unstretched_mm]))
+    assert entry.unstretched is not None
+    path = directory / entry.unstretched
+    if not path.is_file():
+        raise InputError(
+            toml, "stocking.unstretched", f"there is no file '{path.name}'", f"put it at {path}"
+        )
+    table = read_table(path, ("level_mm", "perimeter_mm"))
+    return Stocking(
+        entry.stiffness_N_per_mm,
+        table["level_mm"].to_numpy(np.float64),
+        table["perimeter_mm"].to_numpy(np.float64),
+    )
+
+
+def _accuracy(given: LegFile, registration: Registration | None) -> ContourAccuracy:
+    accuracy = ContourAccuracy(given.accuracy.contour_sd_mm, given.accuracy.correlation_mm)
+    if registration is None:
+        return accuracy
+    sx, sy, sz = map(float, np.maximum(registration.standard_error, 0.02))
+    tx, ty, tz = map(float, np.maximum(np.radians(registration.rotation_error), 1e-4))
+    return replace(accuracy, shift_sd=(sx, sy, sz), turn_sd=(tx, ty, tz))
+
+
+def _veins(given: LegFile, bare: LegShape, level: float) -> tuple[Vein, ...]:
+    if given.veins:
+        return tuple(Vein(vein.name, np.array(vein.position_mm)) for vein in given.veins)
+    return default_veins(bare, level) if {"tibia", "fibula"} <= set(bare.bones) else ()

@@ -1,0 +1,128 @@
+"""The schema of ``leg.toml``: a leg with and without its stocking."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from legfem.toml_file import Entry, Finite, Positive, Text, parse_toml, trouble
+
+Labels = int | list[int]
+
+
+class ShapeEntry(Entry):
+    """``[bare]`` or ``[compressed]``: one of a label volume, contours, or closed surfaces."""
+
+    scan: Text | None = None
+    contours: Text | None = None
+    surfaces: dict[str, Text] | None = None
+
+    @model_validator(mode="after")
+    def _one_source(self) -> ShapeEntry:
+        given = [name for name in ("scan", "contours", "surfaces") if getattr(self, name)]
+        if len(given) != 1:
+            raise trouble(
+                "scan",
+                f"{len(given)} sources of the leg's shape are given",
+                "give one of scan (label volume), contours (CSV) and surfaces (STL files by part)",
+            )
+        return self
+
+
+class LabelsEntry(Entry):
+    """``[labels]``: which labels a scan has for a tissue."""
+
+    superficial: Labels = 1
+    deep: Labels = 2
+    bone: Labels = 3
+
+
+class StockingEntry(Entry):
+    """``[stocking]``: a compression class, or the fabric's unstretched perimeter."""
+
+    compression_class: Literal["1", "2", "3", "4"] | None = None
+    stiffness_N_per_mm: Positive = 0.3
+    unstretched_mm: Annotated[float, Field(ge=20.0, le=2000.0)] | None = None
+    unstretched: Text | None = None
+
+    @model_validator(mode="after")
+    def _one_size(self) -> StockingEntry:
+        sizes = ("compression_class", "unstretched_mm", "unstretched")
+        given = [name for name in sizes if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise trouble(
+                "compression_class",
+                f"{len(given)} sizes of the stocking are given",
+                f"give one of {', '.join(sizes)} (a CSV file with level_mm,perimeter_mm)",
+            )
+        return self
+
+
+class AccuracyEntry(Entry):
+    """``[accuracy]`` of the outlines."""
+
+    contour_sd_mm: Positive = 0.2
+    correlation_mm: Positive = 8.0
+
+
+class TissueStiffness(Entry):
+    """``[tissues.deep]`` or ``[tissues.superficial]``: C10 is known, or identified."""
+
+    C10_kPa: Positive | None = None
+    D1_per_MPa: Positive = 2.0
+
+
+class StockingTissues(Entry):
+    """``[tissues]``."""
+
+    deep: TissueStiffness = TissueStiffness()
+    superficial: TissueStiffness = TissueStiffness()
+
+
+class SegmentEntry(Entry):
+    """``[segment]``: the part of the leg that is modelled (mm), and what its ends do."""
+
+    from_mm: Finite | None = None
+    to_mm: Finite | None = None
+    ends: Literal["held", "free"] = "held"
+
+
+class VeinEntry(Entry):
+    """One of ``[[veins]]``: a name, and its position in the bare leg (mm)."""
+
+    name: Text
+    position_mm: Annotated[list[Finite], Field(min_length=3, max_length=3)]
+
+
+class LegFile(Entry):
+    """``leg.toml`` as it is written, in the file's units."""
+
+    id: Text
+    title: Text
+    origin: Literal["measured", "simulated"]
+    bare: ShapeEntry
+    compressed: ShapeEntry | None = None
+    stocking: StockingEntry
+    labels: LabelsEntry = LabelsEntry()
+    accuracy: AccuracyEntry = AccuracyEntry()
+    tissues: StockingTissues = StockingTissues()
+    segment: SegmentEntry = SegmentEntry()
+    veins: list[VeinEntry] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _stiffness_is_known_or_shown(self) -> LegFile:
+        known = [t.C10_kPa for t in (self.tissues.deep, self.tissues.superficial)]
+        if self.compressed is None and None in known:
+            raise trouble(
+                "compressed",
+                "missing, and the tissues' C10_kPa aren't given either",
+                "give the leg scanned in its stocking, or C10_kPa of both tissues",
+            )
+        return self
+
+
+def parse_leg_file(path: Path) -> LegFile:
+    """Read and check ``leg.toml``; see `legfem.toml_file.parse_toml`."""
+    return parse_toml(path, LegFile, "the folder of a leg in a stocking")

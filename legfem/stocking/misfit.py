@@ -1,0 +1,139 @@
+r"""How far the contours of a simulated leg are from those of the leg scanned in its stocking.
+
+The residuals are the distances along the scanned contours' normals, skin and hull, in a few slices
+of the calf. Their errors come from the outlines of two scans, alike over some way along the
+contours and from slice to slice, with the covariance :math:`2 \sigma^2 \exp(-(s + z) / l)` where s
+is the way along a contour and z between slices, and from the model itself, which is white. What is
+left of a rigid motion between the scans is a nuisance with a prior: bones are nearly prisms, so
+that they hardly fix the scans along the leg.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+from scipy.spatial.transform import Rotation
+
+from legfem.checks import check_positive
+from legfem.geometry.leg_shape import LegShape
+from legfem.geometry.shape_motion import rigidly_moved
+from legfem.geometry.slices import CONTOURS, SliceSet, slice_distances
+from legfem.units import FloatArray
+
+SHIFT, TURN = 0.05, 0.001
+"""Of differences: mm, rad."""
+
+
+@dataclass(frozen=True)
+class ContourAccuracy:
+    """Errors of the contours that are compared.
+
+    Parameters
+    ----------
+    sd : float
+        Of a contour's points off the true outline, in one scan (mm).
+    correlation : float
+        Length over which these errors are alike (mm).
+    model_sd : float
+        Of the simulated contours, by mesh and interpolation (mm).
+    shift_sd : (float, float, float)
+        Of the registration's translation along x, y and z (mm).
+    turn_sd : (float, float, float)
+        Of its rotation about x, y and z (rad).
+    """
+
+    sd: float = 0.2
+    correlation: float = 8.0
+    model_sd: float = 0.02
+    shift_sd: tuple[float, float, float] = (0.05, 0.05, 0.5)
+    turn_sd: tuple[float, float, float] = (0.002, 0.002, 0.002)
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        check_positive(self, "sd", "correlation", "model_sd")
+
+
+@dataclass(frozen=True, eq=False)
+class ContourMisfit:
+    """The scanned contours, and how well a simulated shape meets them.
+
+    Parameters
+    ----------
+    target : SliceSet
+        Scanned, in the stocking.
+    accuracy : ContourAccuracy
+        Of both scans.
+    offset : (n,) array or float
+        How far the bare leg that is meshed lies outside the bare leg that was scanned, where its
+        parts had to be moved apart (mm); what simulated distances are taken less of.
+    """
+
+    target: SliceSet
+    accuracy: ContourAccuracy
+    offset: FloatArray | float = 0.0
+
+    @classmethod
+    def between(
+        cls, target: SliceSet, accuracy: ContourAccuracy, scanned: LegShape, meshed: LegShape
+    ) -> ContourMisfit:
+        """Return the misfit of a leg that was scanned bare, and meshed a little otherwise."""
+        plain = cls(target, accuracy)
+        return cls(target, accuracy, plain.distances(meshed) - plain.distances(scanned))
+
+    def distances(self, shape: LegShape) -> FloatArray:
+        """Return how far a simulated shape lies outside the target (mm), skin first, (n,)."""
+        found = slice_distances(self.target, SliceSet.of(shape, self.target.levels))
+        return np.concatenate([found[name].ravel() for name in CONTOURS]) - self.offset
+
+    def cost(self, distances: FloatArray) -> float:
+        """Return the paper's cost before it is normalised: the sum of squares (mm2)."""
+        return float(distances @ distances)
+
+    def rigid_slopes(self, shape: LegShape) -> FloatArray:
+        """Return the distances' slopes by rigid motions of a simulated shape, (n, 6).
+
+        Three translations (mm), then turns about x, y and z through the slices' middle (rad).
+        """
+        here = self.distances(shape)
+        middle = np.array([*self.target.outer.mean(axis=(0, 1)), self.target.levels.mean()])
+        columns = []
+        for number in range(6):
+            shift, turn = np.zeros(3), np.zeros(3)
+            step = SHIFT if number < 3 else TURN
+            (shift if number < 3 else turn)[number % 3] = step
+            rotation = Rotation.from_rotvec(turn).as_matrix()
+            moved = rigidly_moved(shape, rotation, middle - rotation @ middle + shift)
+            columns.append((self.distances(moved) - here) / step)
+        return np.stack(columns, axis=1)
+
+    @property
+    def rigid_sd(self) -> FloatArray:
+        """Standard deviations of the rigid motions, (6,)."""
+        return np.array([*self.accuracy.shift_sd, *self.accuracy.turn_sd])
+
+    def whitened(self, values: FloatArray) -> FloatArray:
+        """Return distances (n,) or derivatives (n, k) in units of independent errors."""
+        return np.asarray(solve_triangular(self._factor, values, lower=True))
+
+    @cached_property
+    def _factor(self) -> FloatArray:
+        """Cholesky factor of the covariance of the outlines' errors, (n, n) mm."""
+        accuracy = self.accuracy
+        _, count = self.target.outer.shape[:2]
+        blocks = []
+        for name in CONTOURS:
+            contours = self.target.contours(name)
+            closed = np.concatenate([contours, contours[:, :1]], axis=1)
+            lengths = np.linalg.norm(np.diff(closed, axis=1), axis=2).sum(axis=1)
+            way = np.abs(np.subtract.outer(np.arange(count), np.arange(count))) / count
+            way = np.minimum(way, 1 - way) * lengths.mean()
+            height = np.abs(np.subtract.outer(self.target.levels, self.target.levels))
+            around, along = (np.exp(-d / accuracy.correlation) for d in (way, height))
+            blocks.append(np.kron(along, around))
+        zero = np.zeros_like(blocks[0])
+        covariance = 2 * accuracy.sd**2 * np.block([[blocks[0], zero], [zero, blocks[1]]])
+        covariance += accuracy.model_sd**2 * np.eye(len(covariance))
+        return np.asarray(cholesky(covariance, lower=True))

@@ -1,0 +1,117 @@
+"""From a leg's folder to the stiffness of its tissues and the pressures of its stocking."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+from mpi4py import MPI
+
+from legfem.experiments.compression import CompressionSettings
+from legfem.geometry.leg_shape import LegShape
+from legfem.geometry.slices import SliceSet
+from legfem.meshing.solid_leg import SolidMeshSettings, settings_for_cells
+from legfem.progress import Progress
+from legfem.stocking.identification import PARAMETERS, Identified, Search, SearchSettings
+from legfem.stocking.laplace import StockingLoad, stocking_load
+from legfem.stocking.leg import StockingLeg
+from legfem.stocking.leg_model import LegModel3D, Worn
+from legfem.stocking.misfit import ContourMisfit
+from legfem.stocking.pressures import PressureProbe, TissuePressures, tissue_pressures
+
+
+@dataclass(frozen=True)
+class StockingSettings:
+    """Of a whole run.
+
+    Parameters
+    ----------
+    cells : int
+        About how many tetrahedra.
+    nelder_mead : bool
+        Whether to search as the paper does too; its solutions are many.
+    search : SearchSettings
+        Of the searches.
+    """
+
+    cells: int = 25_000
+    nelder_mead: bool = False
+    search: SearchSettings = field(default_factory=SearchSettings)
+
+
+@dataclass(frozen=True, eq=False)
+class StockingResult:
+    """What a run found.
+
+    ``searches`` holds the weighted search from every start, the best first, then Nelder-Mead's if
+    it was asked for; nothing where the stiffness was given. ``scan_load`` is the pressure of the
+    scanned shape that the searches used. ``worn`` is the leg in equilibrium with its stocking at
+    the stiffness found, or given.
+    """
+
+    leg: StockingLeg
+    model: LegModel3D
+    scan_load: StockingLoad | None
+    misfit: ContourMisfit | None
+    searches: tuple[Identified, ...]
+    parameters: dict[str, float]
+    """C10 by name, MPa."""
+    worn: Worn
+    pressures: TissuePressures | None
+    """None if the worn state was not found."""
+    wall_s: float
+
+    @property
+    def best(self) -> Identified | None:
+        """The best weighted search."""
+        weighted = [search for search in self.searches if search.method == "weighted"]
+        return weighted[0] if weighted else None
+
+    @property
+    def simulated_scan(self) -> LegShape | None:
+        """Shape in the state that fits the scan best."""
+        best = self.best
+        if best is None or not best.state.report.complete:
+            return None
+        return self.model.deformed_shape(best.state.unknown)
+
+
+def run_leg(
+    leg: StockingLeg,
+    settings: StockingSettings,
+    progress: Progress,
+    comm: MPI.Intracomm = MPI.COMM_SELF,
+    mesh: SolidMeshSettings | None = None,
+) -> StockingResult:
+    """Mesh a leg, identify its tissues if it was scanned in its stocking, and put that on."""
+    started = time.perf_counter()
+    progress.stage("mesh")
+    mesh = mesh or settings_for_cells(leg.bare, settings.cells)
+    model = LegModel3D(leg.bare, leg.tissues, mesh, CompressionSettings(ends=leg.ends), comm)
+    progress.advance(f"{model.compression.spaces.unknowns} unknowns")
+    searches: tuple[Identified, ...] = ()
+    parameters = {f"{name}.C10": float(law.C10) for name, law in leg.tissues.items()}
+    load = misfit = None
+    if leg.compressed is not None:
+        load = stocking_load(leg.compressed, leg.stocking)
+        misfit = ContourMisfit.between(
+            SliceSet.of(leg.compressed, leg.slices), leg.accuracy, leg.scanned_bare, leg.bare
+        )
+        search = Search(model, load.pressure, misfit, settings.search, progress.advance)
+        progress.stage("identification, weighted")
+        searches = search.weighted()
+        if settings.nelder_mead:
+            progress.stage("identification, Nelder-Mead")
+            searches = (*searches, search.nelder_mead())
+        if not leg.known:
+            parameters = dict(zip(PARAMETERS, map(float, searches[0].parameters), strict=True))
+    progress.stage("the leg in equilibrium with its stocking")
+    worn = model.wear(leg.stocking, parameters, on_state=progress.advance)
+    pressures = None
+    if worn.state.report.complete:
+        probe = PressureProbe(model.compression)
+        pressures = tissue_pressures(probe, worn.state, worn.load, leg.veins)
+    return StockingResult(
+        leg, model, load, misfit, searches, parameters, worn, pressures,
+        time.perf_counter() - started,
+    )  # fmt: skip

@@ -1,0 +1,68 @@
+"""Where the main deep veins of the calf run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from legfem.errors import InputError
+from legfem.geometry.leg_shape import HULL, LegShape
+from legfem.units import FloatArray
+
+GAP = 7.0
+"""Distance (mm) of a vein's axis from the bone beside it, by default."""
+
+
+@dataclass(frozen=True, eq=False)
+class Vein:
+    """A vein in the level of interest; ``position`` (x, y, z) in mm, of the bare leg."""
+
+    name: str
+    position: FloatArray
+
+
+def default_veins(shape: LegShape, level: float) -> tuple[Vein, ...]:
+    """Place the main deep veins beside the bones they run along.
+
+    The posterior tibial veins stand behind the tibia, the fibular ones behind the fibula towards
+    the tibia, the anterior tibial ones before the membrane between the bones. Behind is where most
+    of the muscle is.
+
+    Raises
+    ------
+    InputError
+        If the leg has no tibia and fibula: positions have to be given then.
+    """
+    if not {"tibia", "fibula"} <= set(shape.bones):
+        raise InputError(
+            "veins", "positions", f"no default places beside {', '.join(shape.bones)}",
+            "give positions, or name the bones tibia and fibula",
+        )  # fmt: skip
+    bones = {name: shapely.Polygon(shape.at(name, level)) for name in ("tibia", "fibula")}
+    tibia, fibula = (np.array(bones[name].centroid.coords[0]) for name in ("tibia", "fibula"))
+    across = (fibula - tibia) / np.linalg.norm(fibula - tibia)
+    muscle = np.array(shapely.Polygon(shape.at(HULL, level)).centroid.coords[0])
+    behind = muscle - 0.5 * (tibia + fibula)
+    behind -= (behind @ across) * across
+    behind /= np.linalg.norm(behind)
+    between = 0.5 * (_edge(bones["tibia"], across) + _edge(bones["fibula"], -across))
+    places = {
+        "posterior tibial": _beside(bones["tibia"], behind),
+        "fibular": _beside(bones["fibula"], (behind - across) / np.sqrt(2)),
+        "anterior tibial": between - GAP * behind,
+    }
+    return tuple(Vein(name, np.array([*place, level])) for name, place in places.items())
+
+
+def _beside(bone: shapely.Polygon, direction: FloatArray) -> FloatArray:
+    return _edge(bone, direction) + GAP * direction
+
+
+def _edge(bone: shapely.Polygon, direction: FloatArray) -> FloatArray:
+    """Return where the ray from a bone's centroid leaves it, (2,)."""
+    centre = np.array(bone.centroid.coords[0])
+    ray = shapely.LineString([centre, centre + 1e3 * direction])
+    inside = shapely.intersection(ray, bone)
+    return np.array(inside.coords[-1])

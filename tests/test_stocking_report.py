@@ -1,0 +1,274 @@
+"""The report of a leg in its stocking: what it says, its numbers, its pictures and fields."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from legfem.fields import fields_of
+from legfem.geometry.leg_shape import SKIN
+from legfem.geometry.parametric_leg import parametric_leg, read_legs, round_leg
+from legfem.geometry.rigid import RigidTransform
+from legfem.geometry.slices import calf_levels
+from legfem.imaging.registration import Registration
+from legfem.materials import NeoHookean
+from legfem.meshing.solid_leg import SolidMeshSettings
+from legfem.progress import Silent
+from legfem.report.leg_directions import Directions, angle_round, unwrapped
+from legfem.report.stocking import write_stocking_report
+from legfem.report.stocking_stiffness_text import verdict_sentence
+from legfem.report.stocking_text import stocking_page
+from legfem.stocking.classes import CompressionClass, Fit, fitted_stocking
+from legfem.stocking.document import stocking_document
+from legfem.stocking.fat_pressures import fat_pressures
+from legfem.stocking.identification import SearchSettings
+from legfem.stocking.judgement import expected_rms, judge, starts_agree
+from legfem.stocking.laplace import Stocking, stocking_load
+from legfem.stocking.leg import StockingLeg
+from legfem.stocking.leg_model import FixedPointSettings, LegModel3D
+from legfem.stocking.misfit import ContourAccuracy
+from legfem.stocking.pressures import PressureProbe
+from legfem.stocking.run import StockingSettings, run_leg
+from legfem.stocking.veins import default_veins
+from legfem.stocking.warnings import stocking_warnings, unloaded_skin
+from legfem.units import mpa_to_kpa, mpa_to_mmhg
+
+LEGS = Path(__file__).resolve().parents[1] / "studies" / "dubuis" / "legs.toml"
+MESH = SolidMeshSettings(
+    skin_size=12, inside_size=16, bone_size=10, layer_elements=0.4, turn_elements=10
+)
+
+
+@pytest.fixture(scope="module")
+def result():
+    """50 mm of the first leg, its scan in the stocking made by the model itself."""
+    bare = parametric_leg(read_legs(LEGS)["1"]).at_levels(np.linspace(50.0, 100.0, 11))
+    stocking = fitted_stocking(bare, Fit(CompressionClass.MODERATE))
+    true = {"deep": NeoHookean(2.6e-3, 2.0), "superficial": NeoHookean(6e-3, 2.0)}
+    made = LegModel3D(bare, true, MESH).wear(stocking, settings=FixedPointSettings(max_states=2))
+    registration = Registration(
+        RigidTransform(), 0.11, 2000, 120, np.array([0.012, 0.011, 0.05]),
+        np.array([0.03, 0.02, 0.09]), 23, True,
+    )  # fmt: skip
+    slices = calf_levels(bare)
+    leg = StockingLeg(
+        "s1", "leg of the tests", "simulated", bare, made.shape, registration, stocking,
+        ContourAccuracy(), {name: NeoHookean(3e-3, 2.0) for name in true}, False, "held", slices,
+        default_veins(bare, float(np.median(slices))),
+    )  # fmt: skip
+    search = SearchSettings(starts_kPa=((3.0, 3.0), (2.2, 8.0)), max_steps=4, max_evaluations=3)
+    return run_leg(leg, StockingSettings(nelder_mead=True, search=search), Silent(), mesh=MESH)
+
+
+@pytest.fixture(scope="module")
+def fat(result):
+    return fat_pressures(result.leg.bare, result.worn, PressureProbe(result.model.compression))
+
+
+@pytest.fixture(scope="module")
+def folder(result, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    assert write_stocking_report(result, folder) == folder / "report.txt"
+    return folder
+
+
+def widened(result, half_width: float):
+    """The result with other intervals, as wide as is said (over the value)."""
+    best = result.best
+    sd = math.asinh(half_width) / 1.96
+    covariance = np.diag([sd**2, sd**2, *6 * [1e-4]])
+    other = replace(best, log_covariance=covariance, converged=True)
+    return replace(result, searches=(other, *result.searches[1:]))
+
+
+def test_page_says_who_what_and_that_it_is_simulated(result, folder):
+    text = (folder / "report.txt").read_text()
+    assert text.startswith("Leg s1 (leg of the tests) in its compression stocking")
+    assert "*** SIMULATED DATA *** (the scans were computed by a model" in text
+    assert "0.110 mm (root mean square of 2000 patches, 120 left out)" in " ".join(text.split())
+    measured = replace(result, leg=replace(result.leg, origin="measured"))
+    assert "*** MEASURED DATA ***" in (page := stocking_page(measured, None, []))
+    assert "imulated" not in page
+    assert max(map(len, text.splitlines())) <= 100
+
+
+def test_page_gives_stiffness_with_intervals_and_every_search(result, folder):
+    text = " ".join((folder / "report.txt").read_text().split())
+    for known, tissue in zip(
+        judge(result.best, result.leg.accuracy), ("Muscle", "Fat"), strict=True
+    ):
+        low, high = mpa_to_kpa(np.array(known.interval95))
+        assert (
+            f"{tissue} C10 = {mpa_to_kpa(known.value):.3g} kPa (95 % interval {low:.3g} to "
+            f"{high:.3g}; {known.verdict})" in text
+        )
+        assert verdict_sentence(known) in text
+    nelder = result.searches[-1]
+    assert f"it took {nelder.solves} solves and leaves {nelder.cost:.2f} of its cost" in text
+    assert f"errors of the contours alone make {expected_rms(result.leg.accuracy):.3f} mm" in text
+
+
+def test_page_gives_pressures_in_both_units(result, folder):
+    text = (folder / "report.txt").read_text()
+    found = result.pressures
+    for pressure in (found.mean_interface, found.greatest_interface, found.greatest_in_fat):
+        assert f"{mpa_to_mmhg(pressure):.1f} mmHg ({mpa_to_kpa(pressure):.2f} kPa)" in text
+    for vein, pressure in zip(result.leg.veins, found.at_veins, strict=True):
+        share = 100 * pressure / found.mean_interface
+        assert f"{vein.name}" in text and f"{share:.0f} % of the mean on the skin" in text
+    assert "nan" not in text
+
+
+@pytest.mark.parametrize(
+    "half_width, verdict",
+    [(0.05, "identifiable"), (0.3, "weakly identifiable"), (0.8, "not identifiable")],
+)
+def test_verdict_follows_the_interval(result, half_width, verdict):
+    other = widened(result, half_width)
+    for known in judge(other.best, result.leg.accuracy):
+        assert known.half_width == pytest.approx(half_width)
+        assert known.verdict == verdict
+        assert verdict in verdict_sentence(known)
+    page = stocking_page(other, None, [])
+    assert f"; {verdict})" in page
+
+
+def test_a_fit_that_misses_the_scan_is_weak_at_best_and_warned_of(result):
+    other = widened(result, 0.05)
+    missed = replace(other.best, rms=2 * expected_rms(result.leg.accuracy))
+    assert {k.verdict for k in judge(missed, result.leg.accuracy)} == {"weakly identifiable"}
+    other = replace(other, searches=(missed, *other.searches[1:]))
+    assert any("The model misses the scan" in text for text in stocking_warnings(other))
+    assert not any("misses the scan" in text for text in stocking_warnings(result))
+
+
+def test_a_stiffness_at_a_bound_is_not_known(result):
+    best = widened(result, 0.05).best
+    at_bound = replace(best, parameters=np.array([best.parameters[0], 0.1]))
+    muscle, fat = judge(at_bound, result.leg.accuracy)
+    assert (muscle.verdict, fat.verdict, fat.at_bound) == (
+        "identifiable", "not identifiable", "upper",
+    )  # fmt: skip
+    assert "upper bound" in verdict_sentence(fat)
+
+
+def test_starts_that_disagree_are_told(result):
+    best = replace(result.best, converged=True)
+    other = replace(best, parameters=best.parameters * [1.0, 1.3])
+    assert starts_agree([best, best]) and not starts_agree([best, other])
+    apart = replace(result, searches=(best, other))
+    assert any("did not all lead to the same" in text for text in stocking_warnings(apart))
+    assert "30 % apart" in stocking_page(apart, None, [])
+    assert "All 2 starts led to the same" in stocking_page(
+        replace(result, searches=(best, best)), None, []
+    )
+
+
+def test_what_did_not_settle_or_was_not_found_is_warned_of(result):
+    unsettled = replace(result, worn=replace(result.worn, converged=False, changes=(0.1, 0.04)))
+    assert "still changed by 4 %" in " ".join(stocking_warnings(unsettled))
+    report = replace(result.worn.state.report, complete=False, reason="step too small")
+    state = replace(result.worn.state, report=report)
+    lost = replace(result, worn=replace(result.worn, state=state), pressures=None)
+    assert "could not be computed (step too small)" in stocking_warnings(lost)[0]
+    page = stocking_page(lost, None, [])
+    assert "Pressure inside the leg" not in page and "nan" not in page
+    assert stocking_document(lost)["pressures"] is None
+    failed = replace(result.best, state=state, converged=False)
+    assert any(
+        "met a state that could not be computed" in text
+        for text in stocking_warnings(replace(result, searches=(failed,)))
+    )
+
+
+def test_slack_heights_and_spanned_hollows_are_warned_of(result):
+    bare = result.leg.bare
+    spans = stocking_load(bare, result.leg.stocking).perimeter
+    wide = Stocking(0.3, bare.levels, np.where(bare.levels < 70.0, 1.1, 0.9) * spans)
+    worn = replace(result.worn, load=stocking_load(bare, wide))
+    texts = " ".join(stocking_warnings(replace(result, worn=worn)))
+    assert "slack, and presses on nothing, at 4 of 11 heights, between 50 and 65 mm" in texts
+    assert (unloaded_skin(bare, worn.load)[:4] == 0).all(), "slack is no hollow"
+    assert "as if the leg went on alike" in texts
+    free = replace(result, leg=replace(result.leg, ends="free"))
+    assert not any("went on alike" in text for text in stocking_warnings(free))
+
+
+def test_document_has_every_number_with_its_unit(result, fat):
+    document = stocking_document(result, fat)
+    read = json.loads(json.dumps(document, allow_nan=False))
+    assert read["schema"] == "legfem.stocking/1" and read["origin"] == "simulated"
+    found = read["stiffness"]["c10_superficial"]["identified"]
+    assert found["unit"] == "kPa" and found["ci95"][0] < found["value"] < found["ci95"][1]
+    assert found["value"] == pytest.approx(1e3 * result.best.parameters[1])
+    assert read["solves"]["identification"] == sum(s.solves for s in result.searches)
+    assert read["registration"]["residual_rms_mm"] == 0.11
+    pressures = read["pressures"]
+    assert pressures["mean_interface_kPa"] == pytest.approx(1e3 * result.pressures.mean_interface)
+    assert [vein["name"] for vein in pressures["veins"]] == [v.name for v in result.leg.veins]
+    assert read["warnings"] == list(stocking_warnings(result))
+    assert {"legfem", "dolfinx", "python"} <= set(read["versions"])
+
+
+def test_a_leg_without_a_scan_in_its_stocking_is_reported(result, fat):
+    given = replace(
+        result, leg=replace(result.leg, compressed=None, registration=None, known=True),
+        searches=(), misfit=None, scan_load=None,
+    )  # fmt: skip
+    page = stocking_page(given, fat, [])
+    assert "Not identified: the leg was not scanned in its stocking" in page
+    document = stocking_document(given, fat)
+    assert document["stiffness"]["c10_deep"]["identified"] is None
+    assert document["contours"] is None and document["registration"] is None
+
+
+def test_pictures_and_fields_are_written_and_nothing_else_is_left(folder):
+    for name in ("interface-pressure", "mid-calf", "contours", "fat"):
+        image = imread(folder / f"{name}.png")
+        assert image.shape[0] > 800 and image[..., :3].std() > 0.05
+    text = (folder / "report.txt").read_text()
+    there = {path.name for path in folder.iterdir()}
+    assert {"report.txt", "result.json", "fields.xdmf", "fields.h5"} <= there
+    assert not any(name.startswith(".") for name in there)
+    assert all(name in text for name in there - {"report.txt"})
+
+
+def test_fields_hold_the_stocking_s_pressure(result):
+    result.model.put_in(result.worn, result.parameters)
+    fields = fields_of(result.model.compression.system)
+    assert fields.skin_pressure.name == "interface_pressure"
+    highest = 1e3 * result.worn.load.pressure.max()
+    assert fields.skin_pressure.x.array.max() == pytest.approx(highest, rel=0.1)
+    skin = fields.skin_pressure.x.array.mean()
+    assert skin == pytest.approx(1e3 * result.pressures.mean_interface, rel=0.1)
+
+
+def test_pressure_in_columns_of_fat_is_the_probe_s(result, fat):
+    bare = result.leg.bare
+    assert fat.levels.min() >= bare.levels[0] + 10.0
+    assert np.isfinite(fat.greatest).all()
+    assert (fat.greatest >= fat.mean).all()
+    # The extreme over the nodes isn't below that over the columns, which lie between them.
+    assert fat.greatest.max() <= 1.05 * result.pressures.greatest_in_fat
+    assert 2.0 < fat.thickness.min() < fat.thickness.max() < 14.0
+
+
+def test_directions_round_the_leg():
+    bare = parametric_leg(read_legs(LEGS)["1"])
+    directions = Directions.of(bare)
+    # A right leg: the fibula is at the patient's right, x < 0.
+    assert [directions.at(a) for a in (0, 90, 180, -90)] == [
+        "anterior", "medial", "posterior", "lateral",
+    ]  # fmt: skip
+    assert directions.at(-130) == "posterior-lateral"
+    assert directions.at(40) == "anterior-medial"
+    assert Directions.of(round_leg()).at(91) == "left"
+    sides = np.array([[0.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
+    np.testing.assert_allclose(angle_round(sides, np.zeros(2)), [0.0, 90.0, 180.0])
+    assert (np.diff(unwrapped(bare.contours[SKIN]), axis=1) > 0).all()
