@@ -20,6 +20,7 @@ from legfem.progress import progress_on
 from legfem.study.concealed.cli import concealed
 from legfem.study.options import Jobs, Out
 from legfem.study.recordings.cli import recordings
+from legfem.study.stockings.cli import stockings
 from legfem.study.worked.cli import worked
 
 app = typer.Typer(
@@ -289,5 +290,5 @@ def solvers(
         solvers_command.run([replace(case, step=step) for case in cases], folder)
 
 
-for command in (concealed, recordings, worked):
+for command in (concealed, recordings, stockings, worked):
     app.command()(command)

@@ -246,20 +246,8 @@ class EndEffects(TissueMechanism):
     )
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("scale", "-", "of the idealised leg's correction P(d)", 0.0, 3.0, start=0.5),
-        Parameter(
-            "leg_length",
-            "-",
-            "P's error for the leg's unknown length, in its sd",
-            -2.0,
-            2.0,
-        ),
-        Parameter(
-            "calibration",
-            "-",
-            "P's error by the mesh it was found on, in its sd",
-            -2.0,
-            2.0,
-        ),
+        Parameter("leg_length", "-", "change of P by the leg's length, in its errors", -2.0, 2.0),
+        Parameter("calibration", "-", "change of P by its mesh, in its errors", -2.0, 2.0),
     )
     MODES: ClassVar[Mapping[str, str]] = {"leg_length": "leg length", "calibration": "mesh"}
     """Names of the correction's errors by parameter."""

@@ -1,0 +1,1 @@
+"""The second paper's six legs: simulated scans, identification, and its claims."""
