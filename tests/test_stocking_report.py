@@ -58,7 +58,7 @@ def result():
     )  # fmt: skip
     slices = calf_levels(bare)
     leg = StockingLeg(
-        "s1", "leg of the tests", "simulated", bare, made.shape, registration, stocking,
+        "s1", "leg of the tests", "simulated", bare, bare, made.shape, registration, stocking,
         ContourAccuracy(), {name: NeoHookean(3e-3, 2.0) for name in true}, False, "held", slices,
         default_veins(bare, float(np.median(slices))),
     )  # fmt: skip
