@@ -48,16 +48,21 @@ def power_page(curves: Sequence[PowerCurve]) -> str:
 
 @styled
 def power_figure(curves: Sequence[PowerCurve]) -> Figure:
-    """Draw the share that was found against the effect's strength, a panel a mechanism."""
-    names = list(dict.fromkeys(curve.mechanism for curve in curves))
+    """Draw the share that was found against the effect's strength, a panel a mechanism.
+
+    Mechanisms that can't be strong enough to be found have none.
+    """
+    names = list(dict.fromkeys(curve.mechanism for curve in curves if len(curve.ratios)))
     rows = -(-len(names) // _COLUMNS)
     figure = new_figure(11, 2.2 * rows + 0.8)
     panels = figure.subplots(rows, _COLUMNS, sharex=True, sharey=True, squeeze=False)
     fine = np.geomspace(0.8 * RATIOS[0], 1.2 * RATIOS[-1], 200)
     for axes in panels.flat[len(names) :]:
         axes.set_visible(False)
-    for axes, name in zip(panels.flat, names, strict=False):
+    for number, name in enumerate(names):
+        axes = panels.flat[number]
         axes.set_title(plain(name), fontsize=9)
+        axes.tick_params(labelbottom=number + _COLUMNS >= len(names))
         axes.axhline(POWER, color=FAINT, lw=0.8, ls=":")
         axes.axvline(1.0, color=FAINT, lw=0.8, ls=":")
         for curve in (c for c in curves if c.mechanism == name):
@@ -72,8 +77,12 @@ def power_figure(curves: Sequence[PowerCurve]) -> Figure:
         axes.set_xticks(RATIOS, [f"{ratio:g}" for ratio in RATIOS])
         axes.minorticks_off()
         axes.set_ylim(-0.05, 1.05)
-    handles, labels = panels.flat[min(5, len(names) - 1)].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2)
+    drawn = {
+        label: handle
+        for axes in panels.flat[: len(names)]
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(drawn.values(), drawn.keys(), loc="outside upper right", ncols=2)
     figure.supxlabel("strength over the linear estimate of what is found at 80 % power")
     figure.supylabel("share in which a mismatch was called")
     figure.suptitle(
