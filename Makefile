@@ -3,13 +3,16 @@ RESULTS = results
 ARGS =
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint format verify test-next bench clean
+.PHONY: help demo demo-stocking test lint format verify test-next bench clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' Makefile | expand -t 12
 
 demo: ## identify subject 3, from nothing
 	$(RUN) python -m legfem.identify --subject 3 $(ARGS)
+
+demo-stocking: ## a leg in a compression stocking, from its scans
+	$(RUN) python -m legfem.stocking --subject 1 $(ARGS)
 
 test: lint ## lint, types and the fast tests
 	$(RUN) python -m pytest -n 2 $(ARGS)

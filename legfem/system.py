@@ -180,6 +180,16 @@ class System:
         self.evaluations += 1
         return residual
 
+    def assemble_skin_load(self) -> Any:
+        """Assemble what the skin's terms alone add to the residual at the present unknown."""
+        self._trace()
+        residual = self.residual_vector
+        residual.x.array[:] = 0.0
+        np.add.at(residual.x.array, self.spaces.trace, self._assemble_skin())
+        residual.x.scatter_reverse(la.InsertMode.add)
+        residual.x.array[self.spaces.pinned] = 0.0
+        return residual
+
     def residual_norm(self) -> float:
         """Return the norm of the residual last assembled.
 

@@ -56,7 +56,8 @@ def result(shape: LegShape, truth: tuple[LegModel3D, Worn]) -> StockingResult:
     slices = calf_levels(shape)
     leg = StockingLeg(
         "t", "Test", "simulated", shape, shape, truth[1].shape, None,
-        fitted_stocking(shape, Fit(CompressionClass.STRONG)), ContourAccuracy(sd=0.05),
+        fitted_stocking(shape, Fit(CompressionClass.STRONG)),
+        ContourAccuracy(sd=0.05, pressure_sd=0.003),
         _tissues(3.0, 3.0), False, "held", slices, default_veins(shape, float(slices[2])),
     )  # fmt: skip
     settings = StockingSettings(search=SearchSettings(starts_kPa=((3.0, 3.0),)))
@@ -116,7 +117,7 @@ def test_a_motion_left_between_the_scans_is_found(result, truth):
 
     shift = np.array([0.3, -0.2, 0.0])
     moved = rigidly_moved(truth[1].shape, np.eye(3), shift)
-    accuracy = replace(ContourAccuracy(sd=0.05), shift_sd=(0.5, 0.5, 0.5))
+    accuracy = replace(ContourAccuracy(sd=0.05, pressure_sd=0.003), shift_sd=(0.5, 0.5, 0.5))
     misfit = ContourMisfit(SliceSet.of(moved, result.leg.slices), accuracy)
     settings = SearchSettings(starts_kPa=((2.5, 6.0),))
     found = Search(result.model, result.scan_load.pressure, misfit, settings).weighted()[0]

@@ -31,7 +31,7 @@ from legfem.stocking.identification import SearchSettings
 from legfem.stocking.judgement import expected_rms, judge, starts_agree
 from legfem.stocking.laplace import Stocking, stocking_load
 from legfem.stocking.leg import StockingLeg
-from legfem.stocking.leg_model import FixedPointSettings, LegModel3D
+from legfem.stocking.leg_model import LegModel3D
 from legfem.stocking.misfit import ContourAccuracy
 from legfem.stocking.pressures import PressureProbe
 from legfem.stocking.run import StockingSettings, run_leg
@@ -51,7 +51,7 @@ def result():
     bare = parametric_leg(read_legs(LEGS)["1"]).at_levels(np.linspace(50.0, 100.0, 11))
     stocking = fitted_stocking(bare, Fit(CompressionClass.MODERATE))
     true = {"deep": NeoHookean(2.6e-3, 2.0), "superficial": NeoHookean(6e-3, 2.0)}
-    made = LegModel3D(bare, true, MESH).wear(stocking, settings=FixedPointSettings(max_states=2))
+    made = LegModel3D(bare, true, MESH).wear(stocking)
     registration = Registration(
         RigidTransform(), 0.11, 2000, 120, np.array([0.012, 0.011, 0.05]),
         np.array([0.03, 0.02, 0.09]), 23, True,
@@ -159,15 +159,19 @@ def test_a_stiffness_at_a_bound_is_not_known(result):
 
 
 def test_starts_that_disagree_are_told(result):
-    best = replace(result.best, converged=True)
+    best = widened(result, 0.2).best
     other = replace(best, parameters=best.parameters * [1.0, 1.3])
-    assert starts_agree([best, best]) and not starts_agree([best, other])
+    near = replace(best, parameters=best.parameters * [1.0, 1.03])
+    assert starts_agree([best, near]) and not starts_agree([best, other])
+    sure = widened(result, 0.05).best
+    assert not starts_agree([sure, replace(near, log_covariance=None)]), "the best one's interval"
     apart = replace(result, searches=(best, other))
     assert any("did not all lead to the same" in text for text in stocking_warnings(apart))
     assert "30 % apart" in stocking_page(apart, None, [])
-    assert "All 2 starts led to the same" in stocking_page(
-        replace(result, searches=(best, best)), None, []
-    )
+    page = stocking_page(replace(result, searches=(best, near)), None, [])
+    assert "All 2 starts led to the same stiffness (within 3 %)." in page
+    page = stocking_page(replace(result, searches=(best, replace(near, converged=False))), None, [])
+    assert "(within 3 %), though not all had settled." in page
 
 
 def test_what_did_not_settle_or_was_not_found_is_warned_of(result):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
+from dolfinx import fem
 from mpi4py import MPI
 
 from legfem.checks import check_positive
@@ -14,7 +15,7 @@ from legfem.errors import InputError
 from legfem.linear import LinearSettings
 from legfem.materials import Hyperelastic
 from legfem.meshing.idealised_leg import END, LegMesh
-from legfem.model import LegModel
+from legfem.model import LegModel, Term
 from legfem.newton import NewtonSettings, NewtonSolver
 from legfem.protocol import Protocol
 from legfem.sensitivity import SensitivityTracker
@@ -95,6 +96,8 @@ class LegCompression:
         Law of every region the leg has.
     settings
         Numerical.
+    mechanisms
+        Terms beyond elasticity, at their nulls until `solve` is given other parameters.
     """
 
     def __init__(
@@ -102,8 +105,10 @@ class LegCompression:
         leg_mesh: LegMesh,
         tissues: Mapping[str, Hyperelastic],
         settings: CompressionSettings | None = None,
+        mechanisms: Sequence[Term] = (),
     ) -> None:
         self.settings = settings or CompressionSettings()
+        self._mechanisms = tuple(mechanisms)
         self.leg_mesh = leg_mesh
         supports = [s for s in leg_mesh.supports if s.tag != END]
         if self.settings.ends == "held":
@@ -172,6 +177,31 @@ class LegCompression:
             found = tracker.state_rates()
         return Compressed(report, system.unknown.x.array.copy(), found)
 
+    def pressure_rates(self, state: Compressed, changes: Sequence[FloatArray]) -> list[FloatArray]:
+        """Return the unknown's derivatives at a state by shares of changes of the pressure.
+
+        Parameters
+        ----------
+        state
+            The last one solved for.
+        changes
+            Of the pressure, at `skin_points` (MPa).
+        """
+        system = self.system
+        system.unknown.x.array[:] = state.unknown
+        self.solver.refactor()
+        given, rates = system.applied_pressure.x.array.copy(), []
+        for change in changes:
+            system.applied_pressure.x.array[:] = change
+            right = system.assemble_skin_load().x.petsc_vec
+            right.scale(-1.0)
+            rate = fem.Function(self.spaces.space)
+            self.solver.linear_solver.solve(right, rate.x.petsc_vec)
+            rate.x.scatter_forward()
+            rates.append(np.asarray(rate.x.array).copy())
+        system.applied_pressure.x.array[:] = given
+        return rates
+
     def _model(self, tissues: Mapping[str, Hyperelastic]) -> LegModel:
         regions = tuple(self.leg_mesh.regions)
         missing = [region for region in regions if region not in tissues]
@@ -182,7 +212,7 @@ class LegCompression:
             strength = self.settings.stabilisation
             terms += [PressureStabilisation(r, tissues[r], strength) for r in regions]
         terms.append(SkinPressure(1.0 if self.settings.follower else 0.0))
-        return LegModel(tuple(terms), self.settings.formulation)
+        return LegModel((*terms, *self._mechanisms), self.settings.formulation)
 
     def _tracker(self, names: tuple[str, ...]) -> SensitivityTracker | None:
         if not names:

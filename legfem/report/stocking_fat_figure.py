@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from legfem.report.leg_directions import Directions, unwrapped
 from legfem.report.style import DATA_COLOUR, FAINT, REGION_COLOURS, new_figure, panel, styled, title
+from legfem.report.words import number
 from legfem.stocking.fat_pressures import FatPressures
 from legfem.stocking.run import StockingResult
 from legfem.units import mpa_to_mmhg
@@ -57,7 +58,7 @@ def stocking_fat_figure(result: StockingResult, fat: FatPressures, level: float)
     by_thickness.set(xlabel="fat thickness (mm)", xlim=(0, None),
                      ylabel="greatest hydrostatic pressure\nin the fat (mmHg)")  # fmt: skip
     panel(by_thickness, "B", f"all columns: rank correlation "
-          f"{fat.rank_correlation(fat.greatest, fat.thickness):.2f}")  # fmt: skip
+          f"{number(fat.rank_correlation(fat.greatest, fat.thickness))}")  # fmt: skip
     image = by_interface.scatter(interface, greatest, c=thickness, cmap="cividis", **dots)
     bar = figure.colorbar(image, ax=by_interface, location="bottom", shrink=0.9)
     bar.set_label("fat thickness there (mm)")
@@ -68,7 +69,7 @@ def stocking_fat_figure(result: StockingResult, fat: FatPressures, level: float)
     for axes in (by_thickness, by_interface):
         axes.set_ylim(low, top)
     panel(by_interface, "C", f"all columns: rank correlation "
-          f"{fat.rank_correlation(fat.greatest, fat.interface):.2f}")  # fmt: skip
+          f"{number(fat.rank_correlation(fat.greatest, fat.interface))}")  # fmt: skip
     mean = mpa_to_mmhg(result.worn.load.mean_pressure)
     for axes in (by_thickness, by_interface):
         axes.axhline(mean, color=DATA_COLOUR, linewidth=0.8, linestyle=":")

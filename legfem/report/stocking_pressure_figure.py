@@ -22,8 +22,6 @@ COLOURS = "viridis"
 BARE_COLOUR = "#D9D9D9"
 NO_PRESSURE = 0.01
 """Of the greatest, below which there is none to speak of."""
-CONTOURS_EVERY = 5.0
-"""mmHg."""
 _MAP_POINTS = 361
 
 
@@ -93,8 +91,9 @@ def _unrolled(
     )
     hatched.set_edgecolor("#777777")
     hatched.set_linewidth(0.0)
-    every = np.arange(CONTOURS_EVERY, pressure.max(), CONTOURS_EVERY)
-    lines = axes.contour(angle, levels, rows, levels=every, colors="white", linewidths=0.6)
+    apart = 5.0 if pressure.max() < 35.0 else 10.0
+    drawn = np.arange(apart, pressure.max(), apart)
+    lines = axes.contour(angle, levels, rows, levels=drawn, colors="white", linewidths=0.6)
     axes.clabel(lines, fmt="%g", fontsize=8)
     return image
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from legfem.geometry.leg_shape import SKIN
 from legfem.report.leg_directions import Directions, angle_round
-from legfem.report.stocking_words import both_units, fill, place_in_fat, table
+from legfem.report.stocking_words import both_units, correlation, fill, place_in_fat, table
 from legfem.stocking.fat_pressures import FatPressures
 from legfem.stocking.run import StockingResult
 from legfem.stocking.warnings import unloaded_skin
@@ -89,10 +89,10 @@ def inside_section(result: StockingResult, fat: FatPressures | None) -> str:
         blocks.append(
             fill(
                 f"Round this leg the fat is {fat.thickness.min():.1f} to {fat.thickness.max():.1f} "
-                f"mm thick. The greatest pressure in the fat under a place on the skin goes with "
-                f"the fat's thickness with a rank correlation of {thickness:.2f}, and with the "
-                f"pressure on the skin there with {interface:.2f}. That is within one leg; it says "
-                "nothing of differences between legs."
+                "mm thick. The greatest pressure in the fat under a place on the skin goes with "
+                f"the fat's thickness with a rank correlation of {correlation(thickness)}, with "
+                f"the pressure on the skin there with {correlation(interface)}. That is within one "
+                "leg; it says nothing of differences between legs."
             )
         )
     return "\n\n".join(blocks)

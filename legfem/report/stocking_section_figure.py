@@ -34,12 +34,12 @@ def stocking_section_figure(result: StockingResult, section: SectionPressures) -
     """Return the pressure in a section, and the outlines before and after, with their load."""
     assert result.pressures is not None
     leg, level = result.leg, section.level
-    figure = new_figure(13.0, 7.4)
+    figure = new_figure(13.0, 8.2)
     title(figure, f"Inside the leg at mid calf (z = {level:g} mm)", leg.title, leg.origin)
-    inside, outside = figure.subplots(1, 2)
-    _draw_pressure(figure, inside, result, section)
+    (inside, outside), below = figure.subplots(2, 2, height_ratios=(5, 1))
+    _keys(below[0], _draw_pressure(figure, inside, result, section))
     panel(inside, "A", "hydrostatic pressure in fat and muscle")
-    _draw_outlines(outside, result, level)
+    _keys(below[1], _draw_outlines(outside, result, level))
     panel(outside, "B", "before and in the stocking")
     names = Directions.of(leg.bare).names
     for axes in (inside, outside):
@@ -59,7 +59,8 @@ def stocking_section_figure(result: StockingResult, section: SectionPressures) -
 
 def _draw_pressure(
     figure: Figure, axes: Axes, result: StockingResult, section: SectionPressures
-) -> None:
+) -> list[Any]:
+    """Draw the pressure and the veins; return what the keys are."""
     pressure = mpa_to_mmhg(section.pressure)
     low, high = np.nanpercentile(pressure, [0.5, 99.5])
     image = axes.pcolormesh(
@@ -100,10 +101,11 @@ def _draw_pressure(
                label=f"on the scale: mean pressure on the skin, {mean:.1f} mmHg"),
         *veins,
     ]  # fmt: skip
-    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.1))
+    return handles
 
 
-def _draw_outlines(axes: Axes, result: StockingResult, level: float) -> None:
+def _draw_outlines(axes: Axes, result: StockingResult, level: float) -> list[Any]:
+    """Draw the outlines and the pressure on the skin; return what the keys are."""
     bare, worn = result.leg.bare, result.worn.shape
     before, after = (shape.at(SKIN, level) for shape in (bare, worn))
     number = np.interp(level, bare.levels, np.arange(len(bare.levels)))
@@ -137,8 +139,14 @@ def _draw_outlines(axes: Axes, result: StockingResult, level: float) -> None:
             label=f"pressure on the skin, up to {pressure.max():.0f} mmHg here",
         ),
     ]
-    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.1))
     _frame(axes, out)
+    return handles
+
+
+def _keys(axes: Axes, handles: list[Any]) -> None:
+    """Explain the panel above."""
+    axes.axis("off")
+    axes.legend(handles=handles, loc="upper center")
 
 
 def _frame(axes: Axes, outermost: FloatArray) -> None:

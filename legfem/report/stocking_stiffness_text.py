@@ -8,7 +8,6 @@ from legfem.report.stocking_words import fill, stiffness_values
 from legfem.stocking.identification import PARAMETERS, Identified
 from legfem.stocking.judgement import (
     IDENTIFIABLE_WITHIN,
-    SAME_WITHIN,
     WEAKLY_WITHIN,
     Known,
     expected_rms,
@@ -63,6 +62,13 @@ def stiffness_section(result: StockingResult) -> str:
     blocks = []
     if best is not None:
         blocks += [fill(verdict_sentence(known)) for known in judge(best, leg.accuracy)]
+        blocks.append(
+            fill(
+                "The intervals count errors of the contours and of the registration. They do not "
+                "count errors of the pressure: one that is 10 % higher makes both tissues about "
+                "10 % stiffer, and curvature is sensitive to rough contours."
+            )
+        )
         blocks.append(fill(_goodness(result, best)))
     blocks.append(_searches(result))
     blocks.append(fill(_agreement(result)))
@@ -135,11 +141,13 @@ def _agreement(result: StockingResult) -> str:
     if len(weighted) == 1:
         text = "One start was tried."
     elif starts_agree(weighted):
-        text = f"All {len(weighted)} starts led to the same stiffness (within {100 * apart:.1g} %)."
+        text = f"All {len(weighted)} starts led to the same stiffness (within {100 * apart:.1g} %)"
+        settled = all(search.converged for search in weighted)
+        text += "." if settled else ", though not all had settled."
     else:
         text = (
-            f"The {len(weighted)} starts did not all settle at the same stiffness (within "
-            f"{100 * SAME_WITHIN:g} %): they are up to {100 * np.expm1(apart):.2g} % apart."
+            f"The {len(weighted)} starts did not all lead to the same stiffness: they are up to "
+            f"{100 * np.expm1(apart):.2g} % apart."
         )
     best = best_complete(result)
     for search in paper:
@@ -153,13 +161,10 @@ def _agreement(result: StockingResult) -> str:
                 low <= value <= high
                 for value, (low, high) in zip(search.parameters, intervals, strict=True)
             ]
+            outside = [TISSUES[name] for name, ok in zip(PARAMETERS, inside, strict=True) if not ok]
             text += (
-                " Its values are within the intervals above."
-                if all(inside)
-                else " Its value of the "
-                + " and the ".join(
-                    TISSUES[name] for name, ok in zip(PARAMETERS, inside, strict=True) if not ok
-                )
-                + " is outside the interval above."
+                f" Its C10 of {' and '.join(outside)} is outside the interval above."
+                if outside
+                else " Its values are within the intervals above."
             )
     return text

@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Sequence
 
 from legfem.report.page import ReportFile
+from legfem.report.stocking_mismatch_text import mismatch_section
 from legfem.report.stocking_pressure_text import inside_section, interface_section
 from legfem.report.stocking_stiffness_text import stiffness_section
 from legfem.report.stocking_words import (
@@ -52,6 +53,7 @@ def stocking_page(
         "Summary": _summary(result),
         "What was scanned": _scanned(result),
         "Stiffness of muscle and fat": stiffness_section(result),
+        "Where model and scan differ": mismatch_section(result),
         "Pressure of the stocking on the skin": interface_section(result),
         "Pressure inside the leg": inside_section(result, fat),
         "Warnings": bullets(stocking_warnings(result)) or "None.",

@@ -57,6 +57,11 @@ def place_in_fat(bare: LegShape, point: FloatArray) -> str:
     )
 
 
+def correlation(value: float) -> str:
+    """Return a rank correlation, if there is one."""
+    return f"{value:.2f}" if np.isfinite(value) else "- (one of them is the same all round)"
+
+
 def fill(text: str) -> str:
     """Return text in lines of the page's width."""
     return textwrap.fill(text, WIDTH, break_on_hyphens=False, break_long_words=False)

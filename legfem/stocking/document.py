@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,7 @@ def stocking_document(result: StockingResult, fat: FatPressures | None = None) -
             "searches": [_search(search) for search in result.searches],
             "starts_agree": _starts_agree(result),
             "contours": _contours(result),
+            "mismatch": _mismatch(result),
             "registration": _registration(result),
             "stocking": _stocking(result),
             "pressures": _pressures(result),
@@ -140,6 +142,22 @@ def _contours(result: StockingResult) -> dict[str, Any] | None:
         "model_sd_mm": accuracy.model_sd,
         "shift_sd_mm": list(accuracy.shift_sd),
         "turn_sd_rad": list(accuracy.turn_sd),
+    }
+
+
+def _mismatch(result: StockingResult) -> dict[str, Any] | None:
+    found = result.mismatch
+    if found is None:
+        return None
+    after = found.parameters_after
+    return {
+        "verdict": found.verdict,
+        "named": list(found.named),
+        "scores": [asdict(score) for score in found.scores],
+        "places": [asdict(place) for place in found.places],
+        "rms_before_mm": found.rms_before,
+        "rms_after_mm": found.rms_after,
+        "c10_after_kPa": None if after is None else [float(c) for c in mpa_to_kpa(after)],
     }
 
 

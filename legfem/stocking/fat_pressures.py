@@ -43,7 +43,12 @@ class FatPressures:
     mean: FloatArray
 
     def rank_correlation(self, what: FloatArray, by: FloatArray) -> float:
-        """Return Spearman's rank correlation of two of the arrays over all columns."""
+        """Return Spearman's rank correlation of two of the arrays over all columns.
+
+        NaN where one of them is the same everywhere, as on a round leg.
+        """
+        if np.nanmax(by) == np.nanmin(by) or np.nanmax(what) == np.nanmin(what):
+            return np.nan
         return float(spearmanr(by.ravel(), what.ravel(), nan_policy="omit").statistic)
 
 

@@ -18,12 +18,15 @@ from scipy.optimize import minimize
 from legfem.experiments.compression import Compressed
 from legfem.stocking.leg_model import LegModel3D
 from legfem.stocking.misfit import ContourMisfit
+from legfem.stocking.nuisance import RIGID, Nuisances, distance_slope, nuisances
 from legfem.units import FloatArray, kpa_to_mpa
 
 PARAMETERS = ("deep.C10", "superficial.C10")
 START = kpa_to_mpa(np.array([3.0, 3.0]))
 """The paper's start (MPa)."""
 BOUNDS = (kpa_to_mpa(0.1), kpa_to_mpa(100.0))
+STALE = 0.3
+"""Change of a log parameter after which the nuisances' slopes are taken anew."""
 type OnSolve = Callable[[str], None]
 
 
@@ -57,7 +60,7 @@ class Identified:
     """What a search found; parameters in the order of `PARAMETERS`, in MPa.
 
     ``converged`` is False where it stopped for another reason; ``log_covariance`` (of the
-    parameters' logarithms and the six rigid motions) belongs to the weighted search.
+    parameters' logarithms and the nuisances) belongs to the weighted search.
     """
 
     method: Literal["nelder-mead", "weighted"]
@@ -68,14 +71,19 @@ class Identified:
     cost: float
     """The paper's, 1 at its start."""
     rms: float
-    """Root-mean-square distance, after the rigid motion (mm)."""
+    """Root-mean-square distance, after motion and pressure are allowed for (mm)."""
     distances: FloatArray
     state: Compressed
     chi_square: float = np.nan
     """Of the weighted distances, over their effective number."""
-    rigid: FloatArray | None = None
-    """What is left of a motion between the scans: three shifts (mm), three turns (rad)."""
+    nuisance: FloatArray | None = None
+    """See `legfem.stocking.nuisance`."""
     log_covariance: FloatArray | None = None
+
+    @property
+    def rigid(self) -> FloatArray | None:
+        """What is left of a motion between the scans: three shifts (mm), three turns (rad)."""
+        return None if self.nuisance is None else self.nuisance[:RIGID]
 
     @property
     def interval95(self) -> FloatArray | None:
@@ -161,20 +169,20 @@ class Search:
     def _from(self, start: FloatArray) -> Identified:
         """Minimise the weighted distances and the prior of the rigid motions, with damping."""
         before, settings = self.solves, self._settings
-        prior = np.concatenate([np.zeros(2), 1 / self._misfit.rigid_sd])
-        theta = np.concatenate([np.log(start), np.zeros(6)])
         damping, converged = 1e-3, False
         state, residual, slopes = self._weighted_at(start)
         if residual is None or slopes is None:
             return self._unsolved(start, before, state)
-        rigid_slopes = self._misfit.rigid_slopes(self._model.deformed_shape(state.unknown))
-        motions = self._misfit.whitened(rigid_slopes)
+        known = self._nuisances(state)
+        prior = np.concatenate([np.zeros(2), 1 / known.sd])
+        theta = np.concatenate([np.log(start), np.zeros(len(known.sd))])
+        others, taken_at = self._misfit.whitened(known.slopes), theta[:2]
 
         def total(residual: FloatArray, theta: FloatArray) -> FloatArray:
-            return np.concatenate([residual + motions @ theta[2:], prior * theta])
+            return np.concatenate([residual + others @ theta[2:], prior * theta])
 
         for _ in range(settings.max_steps):
-            jacobian = np.vstack([np.hstack([slopes, motions]), np.diag(prior)])
+            jacobian = np.vstack([np.hstack([slopes, others]), np.diag(prior)])
             now = total(residual, theta)
             normal = jacobian.T @ jacobian
             step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal)), jacobian.T @ now)
@@ -191,15 +199,20 @@ class Search:
             change = np.abs(proposed[:2] - theta[:2]).max()
             theta, state, residual, slopes = proposed, new_state, new_residual, new_slopes
             damping = damping / 10
+            if np.abs(theta[:2] - taken_at).max() > STALE:
+                # The pressure's slopes fall with the stiffness.
+                known = self._nuisances(state)
+                others, taken_at = self._misfit.whitened(known.slopes), theta[:2]
+                continue
             if change < settings.tolerance:
                 converged = True
                 break
-        jacobian = np.vstack([np.hstack([slopes, motions]), np.diag(prior)])
+        jacobian = np.vstack([np.hstack([slopes, others]), np.diag(prior)])
         distances = self._distances(state)
-        weighted = residual + motions @ theta[2:]
+        weighted = residual + others @ theta[2:]
         return Identified(
             "weighted", np.exp(theta[:2]), start, converged, self.solves - before,
-            self._misfit.cost(distances), _rms(distances + rigid_slopes @ theta[2:]), distances,
+            self._misfit.cost(distances), _rms(distances + known.slopes @ theta[2:]), distances,
             state, float(weighted @ weighted) / len(weighted), theta[2:],
             np.linalg.pinv(jacobian.T @ jacobian),
         )  # fmt: skip
@@ -235,15 +248,14 @@ class Search:
         self._last = state
         if not differentiate:
             return state, None
-        here = self._distances(state)
-        columns = []
-        for name, value in values.items():
-            rate = value * state.sensitivities[name]
-            # Distances are smooth in the displacement: a hundredth of a millimetre is small.
-            step = 1e-2 / max(float(np.abs(self._model.displacement("skin", rate)).max()), 1e-12)
-            ahead = self._misfit.distances(self._model.deformed_shape(state.unknown + step * rate))
-            columns.append((ahead - here) / step)
+        columns = [
+            value * distance_slope(self._model, self._misfit, state, state.sensitivities[name])
+            for name, value in values.items()
+        ]
         return state, np.stack(columns, axis=1)
+
+    def _nuisances(self, state: Compressed) -> Nuisances:
+        return nuisances(self._model, self._pressure, self._misfit, state)
 
     def _distances(self, state: Compressed) -> FloatArray:
         return self._misfit.distances(self._model.deformed_shape(state.unknown))

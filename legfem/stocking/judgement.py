@@ -14,8 +14,9 @@ from legfem.stocking.misfit import ContourAccuracy
 
 IDENTIFIABLE_WITHIN, WEAKLY_WITHIN = 0.1, 0.5
 """Half width of the 95 % interval over the value, up to which a stiffness is known."""
-SAME_WITHIN = 0.02
-"""Relative difference up to which two searches found the same stiffness."""
+SAME_WITHIN, SAME_WITHIN_INTERVAL = 0.02, 0.2
+"""Relative difference up to which two searches found the same stiffness: either of a share of it,
+and of the half width of its 95 % interval."""
 MISSED_BEYOND = 1.5
 """Root-mean-square distance, over that of the outlines' errors, beyond which the model misses the
 scan: then its intervals don't hold."""
@@ -72,8 +73,10 @@ def judge(found: Identified, accuracy: ContourAccuracy) -> tuple[Known, ...]:
 
 
 def starts_agree(searches: Sequence[Identified]) -> bool:
-    """Tell whether searches ended, all at the same stiffness."""
+    """Tell whether searches, the best first, led to the same stiffness."""
     values = np.log([search.parameters for search in searches])
-    return all(search.converged for search in searches) and bool(
-        (np.ptp(values, axis=0) <= SAME_WITHIN).all()
-    )
+    allowed = np.full(len(PARAMETERS), SAME_WITHIN)
+    if (intervals := searches[0].interval95) is not None:
+        half = 0.5 * np.diff(np.log(intervals), axis=1)[:, 0]
+        allowed = np.maximum(allowed, SAME_WITHIN_INTERVAL * half)
+    return bool((np.ptp(values, axis=0) <= allowed).all())

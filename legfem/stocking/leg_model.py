@@ -19,6 +19,7 @@ from legfem.geometry.surface import TriangleSurface, tube
 from legfem.materials import Hyperelastic
 from legfem.meshing.solid_leg import SolidMeshSettings, mesh_solid_leg
 from legfem.stocking.laplace import Stocking, StockingLoad, stocking_load
+from legfem.terms import StiffnessGradient, VolumeLoss
 from legfem.units import FloatArray
 
 SURFACES = (SKIN, HULL)
@@ -80,7 +81,13 @@ class LegModel3D:
         comm: MPI.Intracomm = MPI.COMM_SELF,
     ) -> None:
         self.shape = shape
-        self.compression = LegCompression(mesh_solid_leg(shape, mesh, comm), tissues, settings)
+        mechanisms = (
+            VolumeLoss("deep"),
+            StiffnessGradient("deep", tissues["deep"], level=float(shape.levels.mean())),
+        )
+        self.compression = LegCompression(
+            mesh_solid_leg(shape, mesh, comm), tissues, settings, mechanisms
+        )
 
     def solve(
         self,
@@ -92,6 +99,12 @@ class LegModel3D:
         """Find the state under a pressure at the skin's points, (n_levels, n_points), MPa."""
         nodal = self._to_mesh @ pressure.ravel()
         return self.compression.solve(nodal, parameters, sensitivities, start)
+
+    def pressure_rates(self, state: Compressed, changes: Sequence[FloatArray]) -> list[FloatArray]:
+        """Return the unknown's derivatives at the last state by changes of the skin's pressure."""
+        return self.compression.pressure_rates(
+            state, [self._to_mesh @ change.ravel() for change in changes]
+        )
 
     def displacement(self, part: str, unknown: FloatArray) -> FloatArray:
         """Return the displacement (mm) of the points of skin or hull, (n_levels, n_points, 3).

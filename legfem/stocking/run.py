@@ -17,6 +17,7 @@ from legfem.stocking.laplace import StockingLoad, stocking_load
 from legfem.stocking.leg import StockingLeg
 from legfem.stocking.leg_model import LegModel3D, Worn
 from legfem.stocking.misfit import ContourMisfit
+from legfem.stocking.mismatch import Mismatch, mismatch_of
 from legfem.stocking.pressures import PressureProbe, TissuePressures, tissue_pressures
 
 
@@ -54,6 +55,8 @@ class StockingResult:
     scan_load: StockingLoad | None
     misfit: ContourMisfit | None
     searches: tuple[Identified, ...]
+    mismatch: Mismatch | None
+    """What the best fit leaves; None without a settled one."""
     parameters: dict[str, float]
     """C10 by name, MPa."""
     worn: Worn
@@ -91,7 +94,7 @@ def run_leg(
     progress.advance(f"{model.compression.spaces.unknowns} unknowns")
     searches: tuple[Identified, ...] = ()
     parameters = {f"{name}.C10": float(law.C10) for name, law in leg.tissues.items()}
-    load = misfit = None
+    load = misfit = mismatch = None
     if leg.compressed is not None:
         load = stocking_load(leg.compressed, leg.stocking)
         misfit = ContourMisfit.between(
@@ -103,6 +106,10 @@ def run_leg(
         if settings.nelder_mead:
             progress.stage("identification, Nelder-Mead")
             searches = (*searches, search.nelder_mead())
+        if searches[0].converged:
+            progress.stage("where model and scan differ")
+            mismatch = mismatch_of(model, load.pressure, misfit, searches[0])
+            progress.advance(mismatch.verdict)
         if not leg.known:
             parameters = dict(zip(PARAMETERS, map(float, searches[0].parameters), strict=True))
     progress.stage("the leg in equilibrium with its stocking")
@@ -112,6 +119,6 @@ def run_leg(
         probe = PressureProbe(model.compression)
         pressures = tissue_pressures(probe, worn.state, worn.load, leg.veins)
     return StockingResult(
-        leg, model, load, misfit, searches, parameters, worn, pressures,
+        leg, model, load, misfit, searches, mismatch, parameters, worn, pressures,
         time.perf_counter() - started,
     )  # fmt: skip

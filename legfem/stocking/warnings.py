@@ -10,7 +10,6 @@ from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.stocking.identification import PARAMETERS, Identified
 from legfem.stocking.judgement import (
     MISSED_BEYOND,
-    SAME_WITHIN,
     expected_rms,
     judge,
     model_misses,
@@ -82,8 +81,8 @@ def _of_the_searches(result: StockingResult) -> Iterator[str]:
             yield f"{name} from {start} ended before it had settled."
     if not starts_agree(weighted):
         yield (
-            f"The starts did not all lead to the same stiffness (within {100 * SAME_WITHIN:g} %): "
-            "the one that fits the scan best counts."
+            "The starts did not all lead to the same stiffness: the one that fits the scan best "
+            "counts."
         )
     if not best.state.report.complete:
         return

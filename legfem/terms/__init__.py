@@ -11,9 +11,11 @@ from legfem.terms.normal_contact import NormalContact
 from legfem.terms.pressure_stabilisation import PressureStabilisation
 from legfem.terms.prestress import Prestress
 from legfem.terms.skin_pressure import SkinPressure
+from legfem.terms.stiffness_gradient import StiffnessGradient
 from legfem.terms.tangential_contact import TangentialContact
 from legfem.terms.tissue import Tissue
 from legfem.terms.viscoelasticity import Viscoelasticity
+from legfem.terms.volume_loss import VolumeLoss
 
 __all__ = [
     "Contraction",
@@ -22,7 +24,9 @@ __all__ = [
     "PressureStabilisation",
     "Prestress",
     "SkinPressure",
+    "StiffnessGradient",
     "TangentialContact",
     "Tissue",
     "Viscoelasticity",
+    "VolumeLoss",
 ]

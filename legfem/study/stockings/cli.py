@@ -18,6 +18,7 @@ class Part(StrEnum):
     MAKE = "make"
     IDENTIFY = "identify"
     CLAIMS = "claims"
+    SIZES = "sizes"
 
 
 def stockings(
@@ -25,7 +26,8 @@ def stockings(
         Part,
         typer.Argument(
             help="make: simulate six legs' scans; identify: find the planted stiffnesses; claims: "
-            "the paper's two claims on legs of different shape."
+            "the paper's two claims on legs of different shape; sizes: one state by size of mesh, "
+            "under mpirun on its ranks."
         ),
     ],
     legs: Annotated[
@@ -41,7 +43,8 @@ def stockings(
 
     Example: python -m legfem.study stockings make; python -m legfem.study stockings identify
     """
-    leave_to_first_rank()
+    if part is not Part.SIZES:
+        leave_to_first_rank()
     with command_edge():
         from legfem.stocking.run import StockingSettings
         from legfem.study.stockings import command
@@ -53,5 +56,7 @@ def stockings(
             command.make(legs, seed, processes)
         elif part is Part.IDENTIFY:
             command.identify(legs, out, StockingSettings(cells, nelder_mead), processes)
-        else:
+        elif part is Part.CLAIMS:
             command.claims(out, cells, processes)
+        else:
+            command.sizes(cells)

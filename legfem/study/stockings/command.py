@@ -7,9 +7,11 @@ from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
 
+from mpi4py import MPI
+
 from legfem.documents import json_types, write_atomically, write_document
 from legfem.errors import InputError
-from legfem.geometry.parametric_leg import read_legs
+from legfem.geometry.parametric_leg import parametric_leg, read_legs
 from legfem.imaging.voxelise import SegmentationNoise
 from legfem.progress import Progress, progress_on
 from legfem.stocking.leg import SHIPPED
@@ -24,6 +26,7 @@ from legfem.study.stockings.claims import (
     variants,
 )
 from legfem.study.stockings.recovery import KINDS, read_recovery, recover, recovery_file
+from legfem.study.stockings.sizes import sized_state
 from legfem.study.stockings.truth import TRUTHS, true_leg, write_subject
 from legfem.workers import Workers
 
@@ -69,6 +72,14 @@ def claims(out: Path, cells: int, jobs: int) -> None:
     )
     write_atomically(out / "claims.md", text)
     print(f"{text}report: {out / 'claims.md'}")
+
+
+def sizes(cells: int) -> None:
+    """Solve for one state of leg 1 on this run's ranks, and print what it took."""
+    shape = parametric_leg(read_legs(LEGS)["1"])
+    found = sized_state(shape, cells, MPI.COMM_WORLD)
+    if MPI.COMM_WORLD.rank == 0:
+        print(found)
 
 
 def _folder(out: Path, kind: str, leg: str) -> Path:

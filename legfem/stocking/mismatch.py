@@ -1,0 +1,295 @@
+r"""Where the contours of model and scan differ, and which physics would explain it.
+
+The best fit leaves whitened distances :math:`w`. What the stiffnesses, a motion within the
+registration's errors and errors of the pressure can explain is projected off; a mechanism has a
+signature :math:`S`, the distances' slopes by its parameters at their null, projected likewise, and
+the score
+
+.. math:: T = w^T S (S^T S)^{-1} S^T w \sim \chi^2_k
+
+where nothing is wrong. Places are tested in the same way, with a bump of distance as signature. All
+p-values are family-wise over the mechanisms, or over the places (Holm). The mechanism with the
+least p-value is put into the model, and the leg is solved anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.stats import chi2
+from statsmodels.stats.multitest import multipletests
+
+from legfem.experiments.compression import Compressed
+from legfem.geometry.slices import CONTOURS
+from legfem.stocking.identification import PARAMETERS, Identified
+from legfem.stocking.leg_model import LegModel3D
+from legfem.stocking.misfit import ContourMisfit
+from legfem.stocking.nuisance import RIGID, SECTORS, distance_slope, nuisances, sectors
+from legfem.units import FloatArray
+
+SIGNIFICANT = 0.05
+REPAIRS = 5
+"""Solutions with the named mechanism in the model."""
+TERMS = {
+    "volume-loss": "deep.volume_loss.share",
+    "stiffness-gradient": "deep.stiffness_gradient.gradient",
+}
+"""Parameters of the mechanisms that are terms of the model, zero at their null."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """What may be wrong, with the distances' slopes by its parameters, (n, k)."""
+
+    name: str
+    statement: str
+    labels: tuple[str, ...]
+    slopes: FloatArray
+
+
+@dataclass(frozen=True)
+class MechanismScore:
+    """A mechanism's test; ``strengths`` by label, with their standard errors."""
+
+    name: str
+    statement: str
+    statistic: float
+    degrees: int
+    p_value: float
+    """Family-wise."""
+    strengths: Mapping[str, tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class MisfitPlace:
+    """A part of a contour that differs more than errors allow."""
+
+    contour: Literal["outer", "inner"]
+    levels: tuple[float, float]
+    """mm."""
+    angle_deg: float
+    """Middle of the sector, counter-clockwise from +x about the contour's middle."""
+    distance: float
+    """Mean, of the model outside the scan (mm)."""
+    p_value: float
+    """Family-wise."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mismatch:
+    """What the contours say of the model."""
+
+    verdict: Literal["consistent", "named", "ambiguous", "unexplained"]
+    named: tuple[str, ...]
+    """One mechanism, or those that the contours can't tell apart."""
+    scores: tuple[MechanismScore, ...]
+    """The strongest first."""
+    places: tuple[MisfitPlace, ...]
+    rms_before: float
+    """mm."""
+    rms_after: float | None
+    """With the named mechanism in the model, solved anew (mm)."""
+    parameters_after: FloatArray | None
+    """C10 of muscle and fat then, MPa."""
+
+
+def mismatch_of(
+    model: LegModel3D, pressure: FloatArray, misfit: ContourMisfit, best: Identified
+) -> Mismatch:
+    """Locate and name what the best fit leaves.
+
+    Parameters
+    ----------
+    model, pressure, misfit
+        Of the identification.
+    best
+        Its best weighted result, converged.
+    """
+    state = _solve(model, pressure, best.parameters, {})
+    base, prior, mechanisms = _slopes(model, pressure, misfit, state, best.parameters)
+    basis = np.vstack([misfit.whitened(base), np.diag(prior)])
+    orthonormal = np.linalg.qr(basis)[0]
+    distances = misfit.distances(model.deformed_shape(state.unknown))
+    white = _projected(
+        np.concatenate([misfit.whitened(distances), np.zeros(len(prior))]), orthonormal
+    )
+    scores = _scores(mechanisms, misfit, white, orthonormal)
+    places = _places(misfit, white, orthonormal, distances)
+    left = np.zeros(len(prior) - 2) if best.nuisance is None else best.nuisance
+    rms = float(np.sqrt(np.mean((distances + base[:, 2:] @ left) ** 2)))
+    strongest = scores[0]
+    if min([strongest.p_value, *(p.p_value for p in places)]) > SIGNIFICANT:
+        return Mismatch("consistent", (), scores, places, rms, None, None)
+    if strongest.p_value > SIGNIFICANT:
+        return Mismatch("unexplained", (), scores, places, rms, None, None)
+    alike = tuple(s.name for s in scores if s.p_value < SIGNIFICANT and _as_good(s, strongest))
+    chosen = next(m for m in mechanisms if m.name == strongest.name)
+    after, parameters = _repaired(model, pressure, misfit, best, base, prior, chosen, distances)
+    verdict: Literal["named", "ambiguous"] = "named" if len(alike) == 1 else "ambiguous"
+    return Mismatch(verdict, alike, scores, places, rms, after, parameters)
+
+
+def _slopes(
+    model: LegModel3D,
+    pressure: FloatArray,
+    misfit: ContourMisfit,
+    state: Compressed,
+    parameters: FloatArray,
+) -> tuple[FloatArray, FloatArray, tuple[Mechanism, ...]]:
+    """Return the slopes by log stiffness and nuisances, (n, 16), priors, and the mechanisms."""
+
+    def slope(name: str) -> FloatArray:
+        return distance_slope(model, misfit, state, state.sensitivities[name])
+
+    stiffness = [v * slope(name) for name, v in zip(PARAMETERS, parameters, strict=True)]
+    known = nuisances(model, pressure, misfit, state)
+    rigid, local = known.slopes[:, :RIGID], known.slopes[:, RIGID:]
+    prior = np.concatenate([np.zeros(2), 1 / known.sd])
+    return np.column_stack([*stiffness, known.slopes]), prior, (
+        Mechanism(
+            "local-pressure", "the pressure on the skin is wrong on one side of the leg",
+            tuple(f"at {360 * k / SECTORS:.0f} degrees" for k in range(SECTORS)), local,
+        ),
+        Mechanism(
+            "volume-loss", "the deep tissue has lost volume: blood has drained from it",
+            ("share",), slope("deep.volume_loss.share")[:, None],
+        ),
+        Mechanism(
+            "stiffness-gradient", "the muscle's stiffness changes along the leg",
+            ("gradient a 100 mm",), slope("deep.stiffness_gradient.gradient")[:, None],
+        ),
+        Mechanism(
+            "misregistration", "the two scans lie farther apart than the bones' registration says",
+            ("x (mm)", "y (mm)", "z (mm)", "about x (rad)", "about y (rad)", "about z (rad)"),
+            rigid,
+        ),
+    )  # fmt: skip
+
+
+def _scores(
+    mechanisms: Sequence[Mechanism],
+    misfit: ContourMisfit,
+    white: FloatArray,
+    orthonormal: FloatArray,
+) -> tuple[MechanismScore, ...]:
+    found = []
+    for mechanism in mechanisms:
+        signature = _signature(mechanism.slopes, misfit, orthonormal)
+        strengths, _, rank, _ = np.linalg.lstsq(signature, -white, rcond=1e-4)
+        statistic = float(np.sum((signature @ strengths) ** 2))
+        errors = np.sqrt(np.diag(np.linalg.pinv(signature.T @ signature, rcond=1e-8)))
+        found.append((mechanism, statistic, int(rank), strengths, errors))
+    raw = [float(chi2.sf(statistic, rank)) for _, statistic, rank, _, _ in found]
+    corrected = multipletests(raw, method="holm")[1]
+    scores = [
+        MechanismScore(
+            mechanism.name, mechanism.statement, statistic, rank, float(p),
+            {
+                label: (float(s), float(e))
+                for label, s, e in zip(mechanism.labels, strengths, errors, strict=True)
+            },
+        )
+        for (mechanism, statistic, rank, strengths, errors), p in zip(found, corrected, strict=True)
+    ]  # fmt: skip
+    return tuple(sorted(scores, key=lambda s: (s.p_value, s.degrees - s.statistic)))
+
+
+def _places(
+    misfit: ContourMisfit, white: FloatArray, orthonormal: FloatArray, distances: FloatArray
+) -> tuple[MisfitPlace, ...]:
+    """Test sectors of both contours, in the lower slices, the upper ones, and all."""
+    levels = misfit.target.levels
+    half = len(levels) // 2
+    spans = (slice(0, half), slice(half + 1, None), slice(None))
+    tests: list[tuple[Literal["outer", "inner"], slice, int, FloatArray]] = []
+    for number, name in enumerate(CONTOURS):
+        contours = misfit.target.contours(name)
+        middle = contours.mean(axis=1, keepdims=True)
+        angle = np.arctan2(*np.moveaxis(contours - middle, 2, 0)[::-1])
+        width = 2 * np.pi / SECTORS
+        for span in spans:
+            for sector in range(SECTORS):
+                away = np.abs(np.mod(angle - sector * width + np.pi, 2 * np.pi) - np.pi)
+                box = np.zeros((2, *angle.shape))
+                box[number, span] = (away < 0.5 * width)[span]
+                which: Literal["outer", "inner"] = "outer" if name == "outer" else "inner"
+                tests.append((which, span, sector, box.ravel()))
+    boxes = _signature(np.stack([box for *_, box in tests], axis=1), misfit, orthonormal)
+    scores = (white @ boxes) ** 2 / np.sum(boxes**2, axis=0)
+    corrected = multipletests(chi2.sf(scores, 1), method="holm")[1]
+    found = [
+        MisfitPlace(
+            name, (float(levels[span][0]), float(levels[span][-1])), 360.0 * sector / SECTORS,
+            float(distances[box > 0].mean()), float(p),
+        )
+        for (name, span, sector, box), p in zip(tests, corrected, strict=True)
+        if p < SIGNIFICANT
+    ]  # fmt: skip
+    return tuple(sorted(found, key=lambda place: place.p_value))
+
+
+def _repaired(
+    model: LegModel3D,
+    pressure: FloatArray,
+    misfit: ContourMisfit,
+    best: Identified,
+    base: FloatArray,
+    prior: FloatArray,
+    mechanism: Mechanism,
+    distances: FloatArray,
+) -> tuple[float | None, FloatArray]:
+    """Fit stiffnesses, nuisances and mechanism together; the slopes stay those of the best fit."""
+    released = {"misregistration": slice(2, 2 + RIGID), "local-pressure": slice(2 + RIGID, None)}
+    weights = prior.copy()
+    slopes = base
+    if mechanism.name in released:
+        weights[released[mechanism.name]] = 0.0
+    else:
+        slopes = np.column_stack([base, mechanism.slopes])
+        weights = np.append(weights, 0.0)
+    rows = np.vstack([misfit.whitened(slopes), np.diag(weights)])
+    bumps = sectors(model.shape)
+    total = np.zeros(len(weights))
+    parameters, left = best.parameters, distances
+    for _ in range(REPAIRS):
+        right = np.concatenate([misfit.whitened(left), weights * total])
+        total -= np.linalg.lstsq(rows, right, rcond=1e-8)[0]
+        total[:2] = np.clip(total[:2], -1.5, 1.5)
+        parameters = best.parameters * np.exp(total[:2])
+        local = total[2 + RIGID : 2 + RIGID + SECTORS]
+        changed = pressure * (1 + sum(c * b for c, b in zip(local, bumps, strict=True)))
+        extra = {TERMS[mechanism.name]: float(total[-1])} if mechanism.name in TERMS else {}
+        state = _solve(model, np.maximum(changed, 0.0), parameters, extra)
+        if not state.report.complete:
+            return None, parameters
+        moved = base[:, 2 : 2 + RIGID] @ total[2 : 2 + RIGID]
+        left = misfit.distances(model.deformed_shape(state.unknown)) + moved
+    return float(np.sqrt(np.mean(left**2))), parameters
+
+
+def _solve(
+    model: LegModel3D, pressure: FloatArray, parameters: FloatArray, extra: Mapping[str, float]
+) -> Compressed:
+    values = dict(zip(PARAMETERS, map(float, parameters), strict=True))
+    nulls = dict.fromkeys(TERMS.values(), 0.0)
+    return model.solve(pressure, {**values, **nulls, **extra}, (*PARAMETERS, *nulls))
+
+
+def _signature(slopes: FloatArray, misfit: ContourMisfit, orthonormal: FloatArray) -> FloatArray:
+    padding = np.zeros((len(orthonormal) - len(slopes), slopes.shape[1]))
+    rows = np.vstack([misfit.whitened(slopes), padding])
+    return _projected(rows, orthonormal)
+
+
+def _projected(values: FloatArray, orthonormal: FloatArray) -> FloatArray:
+    return np.asarray(values - orthonormal @ (orthonormal.T @ values))
+
+
+def _as_good(score: MechanismScore, strongest: MechanismScore) -> bool:
+    """Tell whether a score is as good by BIC's measure: within 6, parameters counted."""
+    penalty = np.log(1800.0)
+    gain, best = (s.statistic - penalty * s.degrees for s in (score, strongest))
+    return bool(gain > best - 6.0)
