@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
-from making_diagnosis import INSTRUMENT, NOISE, noisy, observations, ramps, two_rates
+from making_diagnosis import INSTRUMENT, NOISE, ClosedForm, noisy, observations, ramps, two_rates
 from scipy.stats import kstest
 
 from legfem.diagnose.choose import choose, folds_of, held_out
 from legfem.diagnose.diagnosis import mechanism_named
 from legfem.diagnose.fit import Problem, fit
-from legfem.diagnose.mechanisms import MECHANISMS
+from legfem.diagnose.mechanisms import MECHANISMS, Mechanism, Parameter
 from legfem.diagnose.noise import error_model, estimate_noise
 from legfem.diagnose.score import assess
 
@@ -176,3 +177,67 @@ def test_drawn_errors_have_the_spread_of_all_possible_noises():
     drawn = errors.draw(4000, np.random.default_rng(1)).var(axis=0)
     expected = (np.diag(errors.possible[0]) + np.diag(errors.possible[1])) / 2
     np.testing.assert_allclose(drawn, expected, rtol=0.15)
+
+
+@dataclass(frozen=True)
+class Drag(Mechanism):
+    """A constant force, and one part of it that no recording shows."""
+
+    name: ClassVar[str] = "drag"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("size", "N", "of the force", 0.0, 5.0, start=0.5),
+        Parameter("unseen", "-", "of nothing", -3.0, 3.0, known_to=0.7),
+        Parameter("share", "-", "more of it late in the trial", -3.0, 3.0, known_to=0.5),
+    )
+
+    def shape_choices(self, observed):
+        """Return the nulls."""
+        return ({"unseen": 0.0, "share": 0.0},)
+
+    def added_force(self, values, observed):
+        """Return the force (n,), N."""
+        late = observed.displacement / observed.depth
+        return values["size"] * (1 + values["share"] * late**2)
+
+
+def test_what_is_known_beforehand_holds_a_parameter_and_costs_what_data_add():
+    problem, base, _ = problem_of(ramps(), seed=7)
+    observed = problem.predictor.observed
+    loaded = observed.with_force(observed.force + Drag().added_force(
+        {"size": 0.4, "share": 0.5}, observed))  # fmt: skip
+    problem = Problem(replace(problem.predictor, observed=loaded), problem.errors)
+    found = fit(problem, [Drag()], base.values)
+    assert found.values["drag.unseen"] == pytest.approx(0.0, abs=1e-6)
+    assert found.sd("drag.unseen") == pytest.approx(0.7, rel=1e-6)
+    assert 0.0 < found.sd("drag.share") < 0.5
+    assert found.departure == pytest.approx((found.values["drag.share"] / 0.5) ** 2, rel=1e-6)
+    costs = found.bic - found.chi2 - found.departure
+    every = np.log(found.effective_samples)
+    assert 3 * every < costs < 5 * every
+    # An unseen parameter tells nothing and costs nothing.
+    without = replace(found, jacobian=found.jacobian[:, [0, 1, 2, 4]],
+                      free=tuple(n for n in found.free if n != "drag.unseen"),
+                      known_to=found.known_to[:3] + found.known_to[4:])  # fmt: skip
+    assert without.bic == pytest.approx(found.bic, abs=1e-6)
+
+
+class TwoMinima(ClosedForm):
+    """A response that turns back: small strengths lower what large ones raise."""
+
+    def relative_change(self, mechanism, values, c10, c20, observed):
+        """Return it (n,)."""
+        excess = values["excess"]
+        return 2.4e-4 * ((excess - 4.0) ** 2 - 16.0) * np.cos(0.12 * observed.displacement)
+
+
+def test_a_search_begins_on_both_sides_of_a_hill():
+    problem, base, _ = problem_of(two_rates(), seed=8)
+    responses = TwoMinima(problem.predictor.responses.grid)
+    predictor = replace(problem.predictor, responses=responses)
+    mechanism = mechanism_named("compressibility")
+    force = predictor({**TRUTH, "compressibility.excess": 24.0}, [mechanism])
+    seen, _ = noisy(predictor.observed, force, 8)
+    problem = Problem(replace(predictor, observed=seen), problem.errors)
+    found = fit(problem, [mechanism], base.values)
+    assert found.values["compressibility.excess"] == pytest.approx(24.0, abs=1.0)
+    assert found.values["C10"] == pytest.approx(TRUTH["C10"], rel=0.03)

@@ -13,6 +13,7 @@ from scipy.stats import chi2
 
 from legfem.diagnose.mechanisms import Mechanism, Values
 from legfem.diagnose.noise import ErrorModel, Noise, error_model
+from legfem.diagnose.observations import Observations
 from legfem.diagnose.predict import Predictor
 from legfem.units import FloatArray
 
@@ -36,6 +37,11 @@ class Fit:
     """(k, p): whitened derivatives of the prediction by the free parameters."""
     effective_samples: float
     at_bound: tuple[str, ...] = ()
+    known_to: tuple[float, ...] = ()
+    """(p,): standard deviations of what was known of the free parameters beforehand; infinite where
+    nothing was."""
+    departure: float = 0.0
+    """Sum of squares of their departures from that, over its standard deviations."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -57,10 +63,22 @@ class Fit:
         """Probability of so much misfit by errors alone."""
         return float(chi2.sf(self.chi2, self.degrees_of_freedom))
 
-    @property
+    @cached_property
     def bic(self) -> float:
-        """Schwarz' criterion with the effective number of observations."""
-        return self.chi2 + len(self.free) * float(np.log(self.effective_samples))
+        """Schwarz' criterion with the effective number of observations.
+
+        A parameter of which something was known beforehand costs what the data add to that, not
+        the logarithm of their number (Laplace's approximation of the evidence).
+        """
+        known_to = np.array(self.known_to or [np.inf] * len(self.free))
+        known = np.isfinite(known_to)
+        penalty = float((~known).sum() * np.log(self.effective_samples))
+        if known.any():
+            basis = np.linalg.qr(self.jacobian[:, ~known])[0]
+            told = self.jacobian[:, known] * known_to[known]
+            told = told - basis @ (basis.T @ told)
+            penalty += float(np.linalg.slogdet(np.eye(int(known.sum())) + told.T @ told)[1])
+        return self.chi2 + self.departure + penalty
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -68,7 +86,8 @@ class Fit:
         scale = np.linalg.norm(self.jacobian, axis=0)
         scale = np.where(scale > 0, scale, 1.0)
         scaled = self.jacobian / scale
-        return np.asarray(np.linalg.pinv(scaled.T @ scaled) / np.outer(scale, scale))
+        known = np.diag((np.array(self.known_to or np.inf) * scale) ** -2.0)
+        return np.asarray(np.linalg.pinv(scaled.T @ scaled + known) / np.outer(scale, scale))
 
     def sd(self, name: str) -> float:
         """Return the standard error of a parameter; infinite where the data don't see it."""
@@ -177,21 +196,24 @@ def _starts(
     problem: Problem, mechanisms: Sequence[Mechanism], start: Mapping[str, float]
 ) -> list[dict[str, float]]:
     starts = [dict(start)]
-    observed = problem.predictor.observed
     for mechanism in mechanisms:
-        first = mechanism.parameters[0]
-        known = f"{mechanism.name}.{first.name}" in start
-        shapes = ({},) if known else mechanism.shape_choices(observed)
-        starts = [
-            {
-                **{f"{mechanism.name}.{first.name}": first.typical},
-                **before,
-                **{f"{mechanism.name}.{key}": value for key, value in shape.items()},
-            }
-            for before in starts
-            for shape in shapes
-        ]
+        own = _own_starts(mechanism, problem.predictor.observed, start)
+        starts = [{**mine, **before} for before in starts for mine in own]
     return starts
+
+
+def _own_starts(
+    mechanism: Mechanism, observed: Observations, start: Mapping[str, float]
+) -> list[dict[str, float]]:
+    """Return values of a mechanism's own parameters to search from; one where it is known."""
+    strength = f"{mechanism.name}.{mechanism.parameters[0].name}"
+    if strength in start:
+        return [{}]
+    return [
+        {strength: size} | {f"{mechanism.name}.{key}": value for key, value in shape.items()}
+        for shape in mechanism.shape_choices(observed)
+        for size in mechanism.starting_strengths
+    ]
 
 
 def _fit_from(
@@ -215,13 +237,19 @@ def _fit_from(
     def values_at(x: FloatArray) -> dict[str, float]:
         return {**fixed, **dict(zip(free, (x * scale).tolist(), strict=True))}
 
+    beliefs = [_belief(name, mechanisms) for name in free]
+    null, known = np.array(beliefs).T
+    held = np.isfinite(known)
+
     def misfit(x: FloatArray) -> FloatArray:
-        return problem.whitened(predictor.observed.force - predictor(values_at(x), mechanisms))
+        left = predictor.observed.force - predictor(values_at(x), mechanisms)
+        return np.concatenate([problem.whitened(left), ((x * scale - null) / known)[held]])
 
     found = least_squares(
         misfit, x0, bounds=(low, high), x_scale="jac", xtol=1e-8, ftol=1e-9, gtol=1e-10,
         max_nfev=60, diff_step=1e-5,
     )  # fmt: skip
+    data = len(found.fun) - int(held.sum())
     values = values_at(found.x)
     prediction = predictor(values, mechanisms)
     close = 1e-4 * (high - low)
@@ -232,11 +260,22 @@ def _fit_from(
         tuple(free),
         prediction,
         predictor.observed.force - prediction,
-        found.fun,
-        -found.jac / scale,
+        found.fun[:data],
+        -found.jac[:data] / scale,
         problem.errors.effective_samples,
         tuple(np.array(free)[edge].tolist()),
+        tuple(known.tolist()),
+        float(np.sum(found.fun[data:] ** 2)),
     )
+
+
+def _belief(name: str, mechanisms: Sequence[Mechanism]) -> tuple[float, float]:
+    """Return what is known of a parameter beforehand: its value and the standard deviation."""
+    for mechanism in mechanisms:
+        for p in mechanism.parameters:
+            if name == f"{mechanism.name}.{p.name}" and p.known_to is not None:
+                return p.null, p.known_to
+    return 0.0, np.inf
 
 
 def _scale(name: str, mechanisms: Sequence[Mechanism], start: Mapping[str, float]) -> float:

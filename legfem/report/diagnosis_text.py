@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 
-from legfem.diagnose.choose import BIC_MARGIN
+from legfem.diagnose.choose import ADEQUATE, BIC_MARGIN
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.document import Recorded, r_squared
 from legfem.diagnose.sentences import next_experiments, verdict_sentence
@@ -138,7 +138,7 @@ def _physics(found: Diagnosis) -> str:
         _fill(
             f"{tables.held_out_note(found.base_held_out)} BIC better by more than {BIC_MARGIN:g} "
             "counts as strong evidence. p of what is left: that noise alone leaves as strong a "
-            "sign (below 0.01 a model is contradicted)."
+            f"sign (below {ADEQUATE:g} a model is contradicted)."
         )
     )
     return "\n\n".join(blocks)

@@ -31,6 +31,8 @@ class Parameter:
     null: float = 0.0
     start: float | None = None
     """Where a search begins; a little off the null without it."""
+    known_to: float | None = None
+    """Standard deviation about the null of what is known beforehand; nothing is without it."""
 
     @property
     def typical(self) -> float:
@@ -59,6 +61,11 @@ class Mechanism:
     def shape_choices(self, observed: Observations) -> tuple[Values, ...]:
         """Return values of the parameters beyond the first to try."""
         return ({},)
+
+    @property
+    def starting_strengths(self) -> tuple[float, ...]:
+        """Return strengths that searches begin at: the misfit may have several minima."""
+        return (self.parameters[0].typical,)
 
     def displacement_loss(
         self, values: Values, observed: Observations, force: FloatArray
@@ -105,6 +112,12 @@ class TissueMechanism(Mechanism):
     """Whether its solutions take so long that one stiffness stands for all in the table."""
     strengths: ClassVar[tuple[float, ...]] = ()
     """Where the response is tabulated, beside the null."""
+
+    @property
+    def starting_strengths(self) -> tuple[float, ...]:
+        """Return the usual strength and the ends of the tabulated ones."""
+        ends = {min(self.strengths), max(self.strengths)} if self.strengths else set()
+        return (*super().starting_strengths, *sorted(ends))
 
     def solution(self, values: Values) -> Solution:
         """Return the solution that shows the mechanism at values."""

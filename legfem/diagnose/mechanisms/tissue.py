@@ -233,11 +233,12 @@ class IndenterTilt(TissueMechanism):
 
 @dataclass(frozen=True)
 class EndEffects(TissueMechanism):
-    r"""The cylinder's ends: force times :math:`1 - s (P(d) + a p_1(d) + b p_2(d))`.
+    r"""The cylinder's ends: force times :math:`1 - s (P(d) + \sum_k a_k p_k(d))`.
 
-    P is the idealised leg's correction, and its errors' modes :math:`p_1, p_2` are those of the
-    leg's effective length, which nobody knows, and of the mesh that P was calibrated on: far above
-    a recording's noise.
+    P is the idealised leg's correction, and :math:`p_k` its errors' modes: of the leg's effective
+    length, which nobody knows, of the mesh that P was calibrated on, and of where contact begins,
+    far above a recording's noise. They are standard deviations, so each :math:`a_k` is known to
+    one beforehand.
     """
 
     name: ClassVar[str] = "end-effects"
@@ -246,10 +247,22 @@ class EndEffects(TissueMechanism):
     )
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("scale", "-", "of the idealised leg's correction P(d)", 0.0, 3.0, start=0.5),
-        Parameter("leg_length", "-", "change of P by the leg's length, in its errors", -2.0, 2.0),
-        Parameter("calibration", "-", "change of P by its mesh, in its errors", -2.0, 2.0),
-    )
-    MODES: ClassVar[Mapping[str, str]] = {"leg_length": "leg length", "calibration": "mesh"}
+        Parameter(
+            "leg_length", "-", "P's error for the leg's unknown length, in its sd", -3.0, 3.0,
+            known_to=1.0,
+        ),
+        Parameter(
+            "calibration", "-", "P's error by the mesh it was found on, in its sd", -3.0, 3.0,
+            known_to=1.0,
+        ),
+        Parameter(
+            "first_contact", "-", "P's error where contact begins, in its sd", -3.0, 3.0,
+            known_to=1.0,
+        ),
+    )  # fmt: skip
+    MODES: ClassVar[Mapping[str, str]] = {
+        "leg_length": "leg length", "calibration": "mesh", "first_contact": "first contact",
+    }  # fmt: skip
     """Names of the correction's errors by parameter."""
     next_experiment: ClassVar[str] = "repeat with a cylinder of twice the length"
 

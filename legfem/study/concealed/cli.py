@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +11,13 @@ import typer
 from legfem.cli import check_out_folder, command_edge, leave_to_first_rank, usable_cores
 from legfem.progress import progress_on
 from legfem.study.options import Jobs, Out
+
+
+class ProtocolChoice(StrEnum):
+    """How a case is recorded."""
+
+    RAMPS = "ramps"
+    RATES = "rates"
 
 
 def concealed(
@@ -25,6 +33,10 @@ def concealed(
     power: Annotated[
         int | None,
         typer.Option(min=3, help="Emulate so many recordings of each mechanism at each strength."),
+    ] = None,
+    protocol: Annotated[
+        ProtocolChoice | None,
+        typer.Option(help="Only loadings alone, or two rates with holds, for --power."),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the cases; opens the keys.")] = 1,
     library: Annotated[
@@ -55,7 +67,8 @@ def concealed(
         folder = out or Path("results") / "concealed"
         check_out_folder(folder)
         options = command.ConcealedOptions(
-            folder, library or library_folder(), make, run, score, calibrate, power, seed,
+            folder, library or library_folder(), make, run, score, calibrate, power,
+            (protocol.value,) if protocol else command.PROTOCOLS, seed,
             jobs or usable_cores(),
         )  # fmt: skip
         with progress_on() as progress:

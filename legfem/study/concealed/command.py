@@ -54,6 +54,7 @@ class ConcealedOptions:
     score: bool
     calibrate: int | None
     power: int | None
+    power_protocols: Sequence[str]
     seed: int
     jobs: int
 
@@ -85,7 +86,7 @@ def run(options: ConcealedOptions, progress: Progress) -> list[str]:
         write_atomically(options.out / "calibration.md", text)
         lines += [text, f"result: {path}"]
     if options.power is not None:
-        kinds = _kinds(diagnoser, progress)
+        kinds = _kinds(diagnoser, progress, options.power_protocols)
         curves = count_power(kinds, options.power, options.seed, options.jobs, progress)
         path = write_document(options.out / "power.json", power_document(curves))
         text = power_page(curves)
@@ -98,11 +99,14 @@ def run(options: ConcealedOptions, progress: Progress) -> list[str]:
 type Kind = tuple[Library, LawName, ProtocolName]
 
 
-def _kinds(diagnoser: Diagnoser, progress: Progress) -> list[Kind]:
+def _kinds(
+    diagnoser: Diagnoser, progress: Progress, protocols: Sequence[str] = PROTOCOLS
+) -> list[Kind]:
     """Return the libraries of the study's legs and protocols."""
     return [
         (leg_library(name, protocol, diagnoser, progress), LAWS[name], protocol)
         for protocol in PROTOCOLS
+        if protocol in protocols
         for name in LAWS
     ]
 

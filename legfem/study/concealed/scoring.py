@@ -192,7 +192,9 @@ class Summary:
     held_out: Rate
     """Of those named rightly, within 1.2 times the noise."""
     same_name: Rate
-    """Of twins, with other noise on the same physics."""
+    """Of twins, with other noise on the same physics: the same first name."""
+    same_answer: Rate
+    """Of twins: each one's first name is among the other's, or neither has any."""
 
 
 def summarise(everything: Sequence[Scored]) -> Summary:
@@ -220,7 +222,16 @@ def summarise(everything: Sequence[Scored]) -> Summary:
         _median_bias(repaired, "bias_after"),
         Rate(sum(s.held_out[1] <= 1.2 * s.held_out[2] for s in repaired), len(repaired)),
         Rate(sum(a.models[:1] == b.models[:1] for a, b in twins), len(twins)),
+        Rate(sum(_agree(a, b) for a, b in twins), len(twins)),
     )
+
+
+def _agree(one: Scored, other: Scored) -> bool:
+    """Return whether each one's first model is among the other's; sets of two have no order."""
+    a, b = ([frozenset(model) for model in s.models] for s in (one, other))
+    if not a or not b:
+        return one.verdict == other.verdict
+    return a[0] in b and b[0] in a
 
 
 def _median_bias(scored: Sequence[Scored], which: str) -> dict[str, float]:
