@@ -10,6 +10,7 @@ from legfem.correction import read_correction
 from legfem.diagnose.diagnosis import mechanism_named
 from legfem.diagnose.leg import SHIPPED_CORRECTION
 from legfem.diagnose.library import build_library, shown_mechanisms
+from legfem.diagnose.mechanisms import EndEffects
 from legfem.diagnose.observations import observe
 from legfem.diagnose.predict import Predictor
 from legfem.diagnose.solved import SolvedResponses, end_effect
@@ -128,7 +129,7 @@ def test_what_stopped_is_not_a_number_and_is_not_tested(tmp_path, observed):
 def test_end_effects_may_err_as_the_correction_does(observed):
     correction = read_correction(SHIPPED_CORRECTION)
     asked = observed, np.asarray(0.8), np.asarray(0.9)
-    plain = {"scale": 2.0, "leg_length": 0.0, "calibration": 0.0}
+    plain = {"scale": 2.0, **dict.fromkeys(EndEffects.MODES, 0.0)}
     longer = end_effect(correction, {**plain, "leg_length": 1.0}, 0.8, 0.9, observed)
     mode = np.interp(
         observed.displacement, correction.displacement, correction.errors["leg length"]

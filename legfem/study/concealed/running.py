@@ -69,10 +69,15 @@ def _contours(folder: Path) -> str:
 
 def _diagnose(context: tuple[Diagnoser, Path, int], folder: Path) -> str:
     diagnoser, out, seed = context
-    started = time.perf_counter()
+    begun = time.perf_counter(), time.process_time()
     subject = load_subject(folder)
     found = diagnoser.diagnose(subject, Silent(), seed)
-    seconds = time.perf_counter() - started
-    write_document(diagnosis_file(out, folder), document(found, subject, seed, seconds))
+    seconds = time.perf_counter() - begun[0]
+    processor = time.process_time() - begun[1]
+    content = {**document(found, subject, seed, seconds), "processor_s": processor}
+    write_document(diagnosis_file(out, folder), content)
     names = " | ".join("+".join(model.fit.names) for model in found.models)
-    return f"{found.verdict} {names} ({seconds:.0f} s, {found.solutions} full solutions)"
+    return (
+        f"{found.verdict} {names} ({seconds:.0f} s, of a processor {processor:.0f} s, "
+        f"{found.solutions} full solutions)"
+    )

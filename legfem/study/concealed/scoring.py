@@ -46,6 +46,7 @@ class Scored:
     held_out: tuple[float, float, float]
     """Held-out error before and after repair, and the noise, N."""
     seconds: float
+    """Of a processor."""
     full_solutions: int
 
     @property
@@ -114,7 +115,7 @@ def _scored(
             found["models"][0]["held_out_rmse_N"] if found["models"] else float("nan"),
             found["base_model"]["held_out_noise_N"],
         ),
-        found["wall_s"],
+        found["processor_s"],
         found["full_solutions"],
     )
 
