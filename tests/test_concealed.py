@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from scipy.stats import norm
 
 from legfem.errors import InputError
+from legfem.progress import Silent
+from legfem.study.concealed import command
 from legfem.study.concealed.cases import INSTRUMENT, Case, make_cases, protocols_of, weakened
+from legfem.study.concealed.kept import Kept
 from legfem.study.concealed.power import RATIOS, Trial, Tried, power_curve
 from legfem.study.concealed.seal import read_sealed, write_sealed
 from legfem.study.concealed.truth import Truth, blank_observations, force_at, record
@@ -88,3 +92,50 @@ def test_power_is_read_from_counts():
     assert curve.ratio_found == pytest.approx(expected, rel=0.08)
     assert curve.smallest[0] == pytest.approx(0.01 * expected, rel=0.08)
     assert curve.counted(RATIOS[0])[1] == 300
+
+
+def test_a_count_goes_on_where_it_was_stopped(tmp_path):
+    library = _Library(np.arange(3.0), {("contact-slip", ""): _Values(np.ones(4))})
+    kept = Kept(tmp_path, "power", [library])
+    kept.add("a", {"strength": 0.5, "found": True})
+    kept.add("b", None)
+    with kept.path.open("a") as file:
+        file.write('\n["c", {"stren')
+    again = Kept(tmp_path, "power", [library])
+    assert again["a"] == {"strength": 0.5, "found": True}
+    assert "b" in again
+    assert "c" not in again
+    again.add("c", 1.0)
+    assert Kept(tmp_path, "power", [library])["c"] == 1.0
+    other = replace(library, changes={("contact-slip", ""): _Values(np.zeros(4))})
+    assert "a" not in Kept(tmp_path, "power", [other])
+
+
+def test_p_values_are_not_drawn_twice(tmp_path, monkeypatch):
+    drawn = []
+
+    def p_values(context, task):
+        drawn.append(task.seed)
+        return task.seed / 100, 0.5
+
+    monkeypatch.setattr(command, "_null", p_values)
+    kinds = [(_Library(np.arange(3.0), {}), "neo-hookean", "ramps")]
+    command.calibrate(kinds, 10, 3, 1, Silent(), tmp_path)
+    found = command.calibrate(kinds, 14, 3, 1, Silent(), tmp_path)
+    assert drawn == list(range(3, 17))
+    np.testing.assert_allclose(found.verdict.p_values, np.arange(3, 17) / 100)
+
+
+@dataclass(frozen=True)
+class _Values:
+    values: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Library:
+    grid: np.ndarray
+    changes: dict
+
+    def curve(self, c10, c20):
+        """Return a force (3,)."""
+        return c10 * self.grid + c20

@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -158,11 +158,13 @@ class PlaneStrainForward:
         }
 
 
-def code_fingerprint() -> str:
-    """Return a hash of the sources that a forward solve runs through, and of DOLFINx's version."""
+_MECHANICS = (".", "experiments", "geometry", "materials", "meshing", "terms")
+
+
+def code_fingerprint(folders: Sequence[str] = _MECHANICS) -> str:
+    """Return a hash of sources, those of a forward solve by default, and of DOLFINx's version."""
     root = Path(__file__).resolve().parents[1]
     digest = hashlib.sha256(package_version("fenics-dolfinx").encode())
-    folders = (".", "experiments", "geometry", "materials", "meshing", "terms")
     # What deals with users and files doesn't touch the mechanics.
     aside = {"__main__.py", "cli.py", "progress.py", "tables.py", "subject_schema.py"}
     for path in sorted(path for name in folders for path in (root / name).glob("*.py")):

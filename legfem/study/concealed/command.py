@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import product
 from pathlib import Path
 
@@ -25,6 +25,7 @@ from legfem.study.concealed.calibration import (
     null_p_values,
 )
 from legfem.study.concealed.cases import LAWS, Case, ProtocolName, make_cases
+from legfem.study.concealed.kept import Kept
 from legfem.study.concealed.making import Maker, leg_library, make
 from legfem.study.concealed.page import calibration_page, page, scored_document
 from legfem.study.concealed.power import (
@@ -80,14 +81,18 @@ def run(options: ConcealedOptions, progress: Progress) -> list[str]:
         lines += [text, f"result: {path}"]
     if options.calibrate is not None:
         kinds = _kinds(diagnoser, progress)
-        calibration = calibrate(kinds, options.calibrate, options.seed, options.jobs, progress)
+        calibration = calibrate(
+            kinds, options.calibrate, options.seed, options.jobs, progress, options.out / "emulated"
+        )
         path = write_document(options.out / "calibration.json", calibration.document())
         text = calibration_page(calibration)
         write_atomically(options.out / "calibration.md", text)
         lines += [text, f"result: {path}"]
     if options.power is not None:
         kinds = _kinds(diagnoser, progress, options.power_protocols)
-        curves = count_power(kinds, options.power, options.seed, options.jobs, progress)
+        curves = count_power(
+            kinds, options.power, options.seed, options.jobs, progress, options.out / "emulated"
+        )
         path = write_document(options.out / "power.json", power_document(curves))
         text = power_page(curves)
         write_atomically(options.out / "power.md", text)
@@ -112,17 +117,18 @@ def _kinds(
 
 
 def calibrate(
-    kinds: Sequence[Kind], number: int, seed: int, jobs: int, progress: Progress
+    kinds: Sequence[Kind], number: int, seed: int, jobs: int, progress: Progress, folder: Path
 ) -> Calibrated:
     """Return p-values of emulated recordings without effect, on the cases' legs and protocols."""
+    kept = Kept(folder, "calibration", [library for library, *_ in kinds])
     tasks = [Emulated(*kinds[k % len(kinds)], seed + k) for k in range(number)]
-    progress.stage("recordings without effect", len(tasks))
-    found = {}
+    left = [task for task in tasks if str(task.seed) not in kept]
+    progress.stage("recordings without effect", len(left))
     with Workers(_null, None, jobs) as workers:
-        for task, p_values in workers.run(tasks):
-            found[task.seed] = p_values
+        for task, p_values in workers.run(left):
+            kept.add(str(task.seed), p_values)
             progress.advance(f"p = {p_values[0]:.3f}")
-    verdict, windows = np.array([found[task.seed] for task in tasks]).T
+    verdict, windows = np.array([kept[str(task.seed)] for task in tasks]).T
     return Calibrated(Calibration(verdict), Calibration(windows))
 
 
@@ -131,22 +137,27 @@ def _null(context: None, task: Emulated) -> tuple[float, float]:
 
 
 def count_power(
-    kinds: Sequence[Kind], number: int, seed: int, jobs: int, progress: Progress
+    kinds: Sequence[Kind], number: int, seed: int, jobs: int, progress: Progress, folder: Path
 ) -> list[PowerCurve]:
     """Return every mechanism's power from so many recordings a strength and protocol."""
+    kept = Kept(folder, "power", [library for library, *_ in kinds])
     tasks = []
     for protocol in PROTOCOLS:
         mine = [kind for kind in kinds if kind[2] == protocol]
         for mechanism, ratio, k in product(MECHANISMS, RATIOS, range(number if mine else 0)):
             emulated = Emulated(*mine[k % len(mine)], seed + 1000 + k)
             tasks.append(Trial(emulated, mechanism.name, ratio))
-    progress.stage("recordings with an effect", len(tasks))
-    found: dict[tuple[ProtocolName, str], list[tuple[Trial, Tried]]] = {}
+    left = [task for task in tasks if task.name not in kept]
+    progress.stage("recordings with an effect", len(left))
     with Workers(_tried, None, jobs) as workers:
-        for task, tried in workers.run(tasks):
-            if tried is not None:
-                found.setdefault((task.emulated.protocol, task.mechanism), []).append((task, tried))
+        for task, tried in workers.run(left):
+            kept.add(task.name, None if tried is None else asdict(tried))
             progress.advance(f"{task.mechanism} times {task.ratio:g}: {tried}")
+    found: dict[tuple[ProtocolName, str], list[tuple[Trial, Tried]]] = {}
+    for task in tasks:
+        if kept[task.name] is not None:
+            outcomes = found.setdefault((task.emulated.protocol, task.mechanism), [])
+            outcomes.append((task, Tried(**kept[task.name])))
     return [
         power_curve(m.name, protocol, found[protocol, m.name])
         for m in MECHANISMS

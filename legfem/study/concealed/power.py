@@ -35,6 +35,11 @@ class Trial:
     mechanism: str
     ratio: float
 
+    @property
+    def name(self) -> str:
+        """By which its outcome is kept."""
+        return f"{self.emulated.protocol} {self.emulated.seed} {self.mechanism} {self.ratio:g}"
+
 
 @dataclass(frozen=True)
 class Tried:
