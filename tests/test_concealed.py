@@ -14,7 +14,9 @@ from legfem.progress import Silent
 from legfem.study.concealed import command
 from legfem.study.concealed.cases import INSTRUMENT, Case, make_cases, protocols_of, weakened
 from legfem.study.concealed.kept import Kept
+from legfem.study.concealed.page import cases_page, page
 from legfem.study.concealed.power import RATIOS, Trial, Tried, power_curve
+from legfem.study.concealed.scoring import Scored, summarise
 from legfem.study.concealed.seal import read_sealed, write_sealed
 from legfem.study.concealed.truth import Truth, blank_observations, force_at, record
 
@@ -124,6 +126,41 @@ def test_p_values_are_not_drawn_twice(tmp_path, monkeypatch):
     found = command.calibrate(kinds, 14, 3, 1, Silent(), tmp_path)
     assert drawn == list(range(3, 17))
     np.testing.assert_allclose(found.verdict.p_values, np.arange(3, 17) / 100)
+
+
+def scored(number, names, *models, kind="single", twin_of=None, covered=True, after=0.01):
+    """Return a scored case; its C10 was 20 % off before repair."""
+    case = replace(make_cases(20, 1)[0], number=number, kind=kind, twin_of=twin_of, outside=(),
+                   effects=tuple((name, (("size", 1.0),)) for name in names))  # fmt: skip
+    verdict = ("consistent", "named", "ambiguous")[min(len(models), 2)]
+    return Scored(case, verdict, models, 0.995, (8, 1, 1), {"c10_deep": 0.2}, {"c10_deep": after},
+                  covered, (0.1, 0.01, 0.01), 12.0, 3)  # fmt: skip
+
+
+def test_scores_count_what_they_say():
+    everything = [
+        scored(0, ["a"], ("a",)),
+        scored(1, ["a"], ("b",), ("a",), after=0.05),
+        scored(2, ["a"], ("b",)),
+        scored(3, ["a", "b"], ("b", "a"), kind="pair", covered=False),
+        scored(4, [], kind="none"),
+        scored(5, [], kind="outside"),
+        scored(6, ["a"], ("a",), twin_of=0),
+        scored(7, ["a"], ("a",), ("b",), twin_of=1),
+    ]
+    summary = summarise(everything)
+    assert (summary.first.count, summary.first.total) == (1, 3)
+    assert summary.in_set.count == 2
+    assert (summary.pairs.count, summary.false_alarms.count, summary.outside.count) == (1, 0, 0)
+    assert (summary.same_name.count, summary.same_answer.count) == (1, 2)
+    assert summary.f1 == pytest.approx(0.8 * 2 / (0.8 * 2 + 0.2))
+    assert summary.bias_before["c10_deep"] == pytest.approx(0.2)
+    assert summary.bias_after["c10_deep"] == pytest.approx(0.01)
+    assert (summary.covered.count, summary.covered.total) == (1, 2)
+    assert "| a | 3 | 1 | 2 |" in page(everything, summary)
+    assert "| ambiguous: b or a | ambiguous: a or b | +20.0%, +5.0% | yes |" in cases_page(
+        everything
+    )
 
 
 @dataclass(frozen=True)

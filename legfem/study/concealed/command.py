@@ -27,7 +27,7 @@ from legfem.study.concealed.calibration import (
 from legfem.study.concealed.cases import LAWS, Case, ProtocolName, make_cases
 from legfem.study.concealed.kept import Kept
 from legfem.study.concealed.making import Maker, leg_library, make
-from legfem.study.concealed.page import calibration_page, page, scored_document
+from legfem.study.concealed.page import calibration_page, cases_page, page, scored_document
 from legfem.study.concealed.power import (
     RATIOS,
     PowerCurve,
@@ -78,6 +78,7 @@ def run(options: ConcealedOptions, progress: Progress) -> list[str]:
         path = write_document(options.out / "result.json", scored_document(scored, summary))
         text = page(scored, summary)
         write_atomically(options.out / "report.md", text)
+        write_atomically(options.out / "cases.md", cases_page(scored))
         lines += [text, f"result: {path}"]
     if options.calibrate is not None:
         kinds = _kinds(diagnoser, progress)

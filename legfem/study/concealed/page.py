@@ -1,4 +1,4 @@
-"""The study's page: what was concealed, what was found, case by case."""
+"""The study's pages: what was concealed, what was found, and case by case."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def scored_document(scored: Sequence[Scored], summary: Summary) -> dict[str, Any
 
 
 def page(everything: Sequence[Scored], summary: Summary) -> str:
-    """Return the page in Markdown; twins aren't listed."""
+    """Return the page in Markdown; twins count for the name's stability alone."""
     scored = [s for s in everything if s.case.twin_of is None]
-    return "\n\n".join([_summary(scored, summary), _confusion(scored), _cases(scored)]) + "\n"
+    return "\n\n".join([_summary(scored, summary), _confusion(scored)]) + "\n"
 
 
 def _summary(scored: Sequence[Scored], summary: Summary) -> str:
@@ -58,6 +58,7 @@ def _summary(scored: Sequence[Scored], summary: Summary) -> str:
             )
             for name in ("c10_deep", "c20_deep")
         ),
+        ("C10 within its 95 % interval after repair, where named rightly", str(summary.covered)),
         ("held-out error within 1.2 times the noise, where named rightly", str(summary.held_out)),
         ("same first name with other noise on the same physics", str(summary.same_name)),
         ("each one's first name in the other's set, with other noise", str(summary.same_answer)),
@@ -81,19 +82,29 @@ def _confusion(scored: Sequence[Scored]) -> str:
     return "\n".join(lines)
 
 
-def _cases(scored: Sequence[Scored]) -> str:
+def cases_page(everything: Sequence[Scored]) -> str:
+    """Return the list of cases in Markdown; twins stand beside the case that they repeat."""
+    scored = [s for s in everything if s.case.twin_of is None]
+    again = {s.case.twin_of: s for s in everything if s.case.twin_of is not None}
     lines = [
-        "| case | leg, protocol | concealed | verdict | C10 error before, after | right |",
-        "|---|---|---|---|---|---|",
+        "| case | leg, protocol | concealed | verdict | with other noise | C10 error before, after "
+        "| right |",
+        "|---|---|---|---|---|---|---|",
     ]
     for s in scored:
         before, after = (b.get("c10_deep", math.nan) for b in (s.bias_before, s.bias_after))
         lines.append(
             f"| {s.case.number} | {s.case.subject}, {s.case.protocol} | {_truth(s)}{_size(s)} | "
-            f"{s.verdict}: {_called(s)} | {before:+.1%}, {after:+.1%} | "
+            f"{_verdict(s)} | {_verdict(again.get(s.case.number))} | {before:+.1%}, {after:+.1%} | "
             f"{'yes' if s.right else 'no'} |"
         )
-    return "\n".join(lines)
+    return "\n".join(lines) + "\n"
+
+
+def _verdict(s: Scored | None) -> str:
+    if s is None:
+        return ""
+    return f"{s.verdict}: {_called(s)}" if s.models else s.verdict
 
 
 def calibration_page(found: Calibrated) -> str:

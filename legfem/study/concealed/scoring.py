@@ -43,6 +43,8 @@ class Scored:
     bias_before: dict[str, float]
     """Relative errors of C10 and C20 by the base model."""
     bias_after: dict[str, float]
+    covered_after: bool | None
+    """Whether C10's 95 % interval after repair holds the truth; None where there is none."""
     held_out: tuple[float, float, float]
     """Held-out error before and after repair, and the noise, N."""
     seconds: float
@@ -110,6 +112,7 @@ def _scored(
         _overlap(marked(found, observed), wrong),
         _bias(found["parameters_before"], case),
         _bias(found["parameters_after"], case),
+        _covered(found["parameters_after"], case),
         (
             found["base_model"]["held_out_rmse_N"],
             found["models"][0]["held_out_rmse_N"] if found["models"] else float("nan"),
@@ -155,6 +158,11 @@ def _bias(parameters: dict[str, Any], case: Case) -> dict[str, float]:
     }
 
 
+def _covered(parameters: dict[str, Any], case: Case) -> bool | None:
+    low, high = parameters["c10_deep"]["ci95"]
+    return None if low is None or high is None else bool(low <= case.c10_kpa <= high)
+
+
 @dataclass(frozen=True)
 class Rate:
     """A share with its 95 % interval (Clopper and Pearson)."""
@@ -190,6 +198,8 @@ class Summary:
     """Median of the absolute relative error, single effects and pairs."""
     bias_after: dict[str, float]
     bias_after_named_rightly: dict[str, float]
+    covered: Rate
+    """Of those named rightly, C10 within its 95 % interval after repair."""
     held_out: Rate
     """Of those named rightly, within 1.2 times the noise."""
     same_name: Rate
@@ -221,6 +231,7 @@ def summarise(everything: Sequence[Scored]) -> Summary:
         _median_bias(effects, "bias_before"),
         _median_bias(effects, "bias_after"),
         _median_bias(repaired, "bias_after"),
+        Rate(sum(bool(s.covered_after) for s in repaired), len(repaired)),
         Rate(sum(s.held_out[1] <= 1.2 * s.held_out[2] for s in repaired), len(repaired)),
         Rate(sum(a.models[:1] == b.models[:1] for a, b in twins), len(twins)),
         Rate(sum(_agree(a, b) for a, b in twins), len(twins)),
