@@ -17,6 +17,7 @@ CONDA = {
     "python3-gmsh": "python-gmsh",
     "python3-matplotlib": "matplotlib-base",
     "openmpi-bin": "openmpi",
+    "libopenblas0-serial": "libblas",
     "gcc": "c-compiler",
 }
 # On conda python and c-compiler bring the former; the latter asks for PETSc with real numbers.
