@@ -181,6 +181,7 @@ def test_linear_tetrahedra_are_stiffer():
     [
         (lambda: IdealisedLeg(bone_radius=60.0), "bone"),
         (lambda: IdealisedLeg(bone_offset=45.0), "bone"),
+        (lambda: Case(depth=45.0), "bone"),
         (lambda: pressed(IdealisedLeg(length=50), 3), "free"),
         (lambda: pressed(IdealisedLeg(), 3, cylinder=Cylinder(edge_radius=0.3)), "resolved"),
         (lambda: pressed(IdealisedLeg(), 3, replace(TINY, cells="tetrahedra")), "mixed"),

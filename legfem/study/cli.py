@@ -214,6 +214,9 @@ def correction(
     legs: Annotated[
         bool, typer.Option("--legs", help="Also a table of P for legs of other girth and bone.")
     ] = False,
+    checks: Annotated[
+        bool, typer.Option("--checks", help="Also how far the mesh goes, and P with tetrahedra.")
+    ] = False,
     fields: Annotated[
         bool, typer.Option("--fields", help="Also the 3D model's fields for ParaView.")
     ] = False,
@@ -243,7 +246,8 @@ def correction(
             depth,
         )
         processes = (jobs or usable_cores()) if MPI.COMM_WORLD.size == 1 else 1
-        correction_command.run(Calibration(case), trends, legs, fields, folder, processes)
+        asked = correction_command.Asked(trends, legs, checks, fields)
+        correction_command.run(Calibration(case), asked, folder, processes)
 
 
 @app.command()

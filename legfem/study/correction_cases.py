@@ -17,6 +17,7 @@ from mpi4py import MPI
 from legfem._compat import evaluate
 from legfem.curve import ForceCurve
 from legfem.documents import write_document
+from legfem.errors import InputError
 from legfem.experiments.indentation_3d import (
     Cylinder,
     IdealisedLegIndentation,
@@ -68,6 +69,16 @@ class Case:
     depth: float = 25.0
     """mm."""
 
+    def __post_init__(self) -> None:
+        """Check that the cylinder stays off the bone."""
+        if self.depth >= self.leg.depth_to_bone:
+            raise InputError(
+                "correction", "depth",
+                f"the cylinder would meet the bone, which lies {self.leg.depth_to_bone:g} mm deep, "
+                f"before {self.depth:g} mm",
+                "press less deep, or make the bone smaller or deeper",
+            )  # fmt: skip
+
     @property
     def key(self) -> str:
         """Hash of all that the outcome depends on."""
@@ -89,6 +100,12 @@ class CaseOutcome:
     reached: float
     """Displacement (mm) that both reached."""
     unknowns: int
+    steps: int
+    """Of the 3D model."""
+    rejected: int
+    """Of these."""
+    softened: bool
+    """Whether a contact had to be softened to get there."""
     factorisations: int
     seconds: float
     """Of the processor."""
@@ -108,10 +125,10 @@ def solve_case(
     started = time.process_time()
     # The section is small: every rank solves all of it.
     flat = IdealisedLegIndentation(case.leg, case.cylinder, case.material.laws, 2, case.settings)
-    plane = flat.solve(depth=case.depth)
     experiment = IdealisedLegIndentation(
         case.leg, case.cylinder, case.material.laws, 3, case.settings, comm
     )
+    plane = flat.solve(depth=case.depth)
     spatial = experiment.solve(depth=case.depth, keep_in=keep_in)
     balance = experiment.system.balance()
     # The mirror planes take nothing along the travel.
@@ -122,6 +139,9 @@ def solve_case(
         plane.report.complete and spatial.report.complete,
         min(plane.curve.depth, spatial.curve.depth),
         spatial.report.unknowns,
+        len(spatial.report.steps),
+        spatial.report.rejected,
+        any(solved.report.contact_stiffness_factor < 1 for solved in (plane, spatial)),
         spatial.report.factorisations,
         time.process_time() - started,
         float(unbalanced / abs(balance.contact_force[1])),
@@ -169,7 +189,10 @@ def _document(outcome: CaseOutcome) -> dict[str, Any]:
     }
 
 
-_PLAIN = ("complete", "reached", "unknowns", "factorisations", "seconds", "balance")
+_PLAIN = (
+    "complete", "reached", "unknowns", "steps", "rejected", "softened", "factorisations", "seconds",
+    "balance",
+)  # fmt: skip
 
 
 def _outcome(known: Mapping[str, Any]) -> CaseOutcome:

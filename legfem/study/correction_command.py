@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from legfem.progress import Lines, Progress, Silent
 from legfem.report.paraview import write_fields
 from legfem.study.correction import Calibrated, Calibration, calibrate, coarsened, run_cases
 from legfem.study.correction_cases import Case, CaseOutcome
+from legfem.study.correction_checks import check
 from legfem.study.correction_figure import draw_correction, draw_trends
 from legfem.study.correction_legs import LegTable, tabulate_legs
 from legfem.units import FloatArray
@@ -26,22 +27,33 @@ from legfem.units import FloatArray
 Trend = dict[str, dict[str, FloatArray]]
 """P by the value of what is varied, by what that is."""
 
+
+@dataclass(frozen=True)
+class Asked:
+    """What is wanted besides the calibration and Fig. 4."""
+
+    trends: bool = False
+    """What P depends on."""
+    legs: bool = False
+    """The table of P over legs of several sizes."""
+    checks: bool = False
+    """How far the default mesh goes, and what first-order tetrahedra make of P."""
+    fields: bool = False
+    """Fields of the reference leg in 3D for ParaView, which solves it once more."""
+
+
 SHOWN = np.array([2.5, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0])
 
 
-def run(given: Calibration, trends: bool, legs: bool, fields: bool, out: Path, jobs: int) -> None:
+def run(given: Calibration, asked: Asked, out: Path, jobs: int) -> None:
     """Calibrate, draw Fig. 4, and look at what P depends on; collective over all ranks.
 
     Parameters
     ----------
     given
         What is calibrated.
-    trends
-        Whether to look at what P depends on.
-    legs
-        Whether to tabulate P over legs of several sizes.
-    fields
-        Whether to write fields of the reference leg in 3D for ParaView, which solves it once more.
+    asked
+        What else is wanted.
     out
         Folder; solved models are kept there.
     jobs
@@ -62,15 +74,17 @@ def run(given: Calibration, trends: bool, legs: bool, fields: bool, out: Path, j
     if comm.rank == 0:
         figure = draw_correction(given.reference, found, lengths, out)
         print(f"figure: {figure[0]}", flush=True)
-    if fields:
+    if asked.fields:
         written = write_leg_fields(given.reference, out, comm)
         if comm.rank == 0:
             print(f"fields: {', '.join(map(str, written))}", flush=True)
-    if legs:
+    if asked.legs:
         table = tabulate_legs(LegTable(given), kept, jobs, progress, comm)
         if comm.rank == 0:
             print(f"legs: {table.write(out / 'correction-legs.json')}", flush=True)
-    if not trends:
+    if asked.checks:
+        check(given.reference, out, kept, jobs, progress, comm)
+    if not asked.trends:
         return
     studied: Trend = {"cylinder's length (mm)": lengths}
     for name, cases in _trend_cases(coarse).items():

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.tri import Triangulation
 
 from legfem.report.style import FAINT, REGION_COLOURS, new_figure, panel, save, styled
 from legfem.study.correction import Calibrated
@@ -21,7 +22,7 @@ def draw_correction(
 ) -> list[Path]:
     """Draw the models, the pressure along and across the cylinder, and P(d)."""
     figure = new_figure(13, 7.5)
-    grid = figure.add_gridspec(2, 3)
+    grid = figure.add_gridspec(2, 3, width_ratios=(1.3, 1, 1))
     _draw_spatial(figure.add_subplot(grid[:, 0], projection="3d"), case, found)
     across = figure.add_subplot(grid[0, 1])
     panel(across, "A2", "plane strain: the section")
@@ -36,14 +37,20 @@ def draw_correction(
 
 
 def _draw_spatial(axes: Any, case: Case, found: Calibrated) -> None:
-    """Draw the deformed skin's points, coloured by pressure, and the cylinder."""
-    skin = found.reference.skin
+    """Draw the upper half of the deformed skin, coloured by pressure, and the cylinder."""
+    quarter = found.reference.skin
+    quarter = quarter[quarter[:, 1] > 0]
+    mirrored = [quarter * (x, 1, z, x, 1, z, 1) for x in (1, -1) for z in (1, -1)]
+    skin = np.concatenate(mirrored)
     deformed, pressure = skin[:, 3:6], skin[:, 6]
-    for x, z in ((1, 1), (-1, 1), (1, -1), (-1, -1)):
-        shown = axes.scatter(
-            x * deformed[:, 0], z * deformed[:, 2], deformed[:, 1],
-            c=pressure, s=3, cmap="viridis", vmin=0, rasterized=True,
-        )  # fmt: skip
+    triangles = Triangulation(_around(skin), skin[:, 2]).triangles
+    shown = axes.plot_trisurf(
+        deformed[:, 0], deformed[:, 2], deformed[:, 1],
+        triangles=triangles, cmap="viridis", shade=False, edgecolor="none",
+    )  # fmt: skip
+    shown.set_array(pressure[triangles].mean(axis=1))
+    shown.set_clim(0, pressure.max())
+    shown.set_rasterized(True)
     cylinder, leg = case.cylinder, case.leg
     angle, along = np.meshgrid(np.linspace(0, 2 * np.pi, 40), [-0.5, 0.5])
     centre = leg.radius + cylinder.radius - case.depth
@@ -51,12 +58,20 @@ def _draw_spatial(axes: Any, case: Case, found: Calibrated) -> None:
         cylinder.radius * np.sin(angle), along * cylinder.length,
         centre + cylinder.radius * np.cos(angle), color=FAINT, alpha=0.35,
     )  # fmt: skip
-    axes.set_box_aspect((2 * leg.radius, leg.length, 2 * leg.radius))
+    sides = [np.ptp(limits()) for limits in (axes.get_xlim, axes.get_ylim, axes.get_zlim)]
+    axes.set_box_aspect(sides, zoom=0.8)
+    axes.view_init(elev=30, azim=-50)
     axes.set_xlabel("x (mm)")
-    axes.set_ylabel("along the leg (mm)")
+    axes.set_ylabel("along the leg (mm)", labelpad=8)
     axes.set_zlabel("y (mm)")
-    panel(axes, "A1", f"3D: skin at {case.depth:g} mm")
+    panel(axes, "A1", f"3D: the skin at {case.depth:g} mm")
+    axes.computed_zorder = False  # the cylinder in front
     axes.figure.colorbar(shown, ax=axes, shrink=0.5, label="pressure (kPa)", location="bottom")
+
+
+def _around(skin: FloatArray) -> FloatArray:
+    """Return the length along the undeformed skin from under the cylinder (mm)."""
+    return np.arctan2(skin[:, 0], skin[:, 1]) * np.hypot(skin[:, 0], skin[:, 1]).mean()
 
 
 def _draw_section(axes: Any, case: Case) -> None:
@@ -79,7 +94,7 @@ def _draw_section(axes: Any, case: Case) -> None:
 
 def _draw_pressure(axes: Any, skin: FloatArray) -> None:
     """Draw the pressure on the lines of quadrature points next to the two mirror planes."""
-    around = np.arctan2(skin[:, 0], skin[:, 1]) * np.hypot(skin[:, 0], skin[:, 1]).mean()
+    around = _around(skin)
     for name, place, beside, colour in (
         ("along the cylinder", skin[:, 2], around, _COLOURS[0]),
         ("across it", around, skin[:, 2], _COLOURS[1]),
@@ -103,7 +118,9 @@ def _draw_curves(axes: Any, case: Case, found: Calibrated, lengths: dict[str, Fl
     axes.fill_between(displacement, P - spread, P + spread, color="#DDDDDD", label=label)
     axes.plot(displacement, P, color="#111111", lw=2)
     for (length, curve), colour in zip(lengths.items(), _COLOURS, strict=False):
-        axes.plot(displacement, curve, "--", color=colour, label=f"cylinder {length} mm long")
+        axes.plot(
+            displacement, curve, "--", color=colour, label=f"cylinder of {length} mm, coarse mesh"
+        )
     axes.axhline(0, color=FAINT, lw=0.8)
     axes.set_xlabel("displacement of the cylinder (mm)")
     axes.set_ylabel("P")
