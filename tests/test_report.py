@@ -14,6 +14,7 @@ from matplotlib.image import imread
 from scipy.stats import chi2
 
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.identify.result import AppliedCorrection
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report.cost_figure import confidence_ellipse, cost_figure, linear_cost
 from legfem.report.fit_figure import fit_figure
@@ -47,6 +48,15 @@ def test_fit_report_states_values_errors_and_units(both):
 
 def test_one_parameter_has_no_correlations(both):
     assert "[[Correlations]]" not in fit_report(both[0])
+
+
+def test_the_correction_is_named_with_its_size_and_error(both):
+    grid = both[0].measured.displacement
+    applied = AppliedCorrection("a leg's", np.full(len(grid), -0.15), np.full(len(grid), 0.04))
+    text = fit_report(replace(both[0], correction=applied))
+    assert "3D correction      a leg's" in text
+    assert "P -0.15 ± 0.04 at 5 mm" in text
+    assert "3D correction      none" in fit_report(both[0])
 
 
 @pytest.mark.parametrize("origin", ["reconstructed", "simulated", "measured"])

@@ -20,6 +20,7 @@ from legfem.identify.identifiability import Evidence, judge
 from legfem.identify.intervals import gain_matrix, profile_interval, quantile
 from legfem.identify.misfit import Prediction
 from legfem.identify.result import (
+    AppliedCorrection,
     Bound,
     Cost,
     CostMap,
@@ -91,7 +92,7 @@ def assess(given: Assessment) -> IdentificationResult:
         wall_s=given.wall_s,
         seed=settings.seed,
         emulator_error=search.emulator_error,
-        correction=None if given.correction is None else given.correction.name,
+        correction=_applied(given),
         weighting=settings.weighting,
         converged=search.converged,
         neo_hookean_limit=given.neo_hookean_limit,
@@ -99,6 +100,16 @@ def assess(given: Assessment) -> IdentificationResult:
         settings=_settings(given),
         versions=_versions(),
     )
+
+
+def _applied(given: Assessment) -> AppliedCorrection | None:
+    correction, displacement = given.correction, given.measured.displacement
+    if correction is None:
+        return None
+    c10, c20 = given.best.stiffness
+    factor = correction.factor(displacement, np.asarray(c10), np.asarray(c20))
+    sd = factor * np.sqrt(np.diag(correction.covariance(displacement, c10, c20)))
+    return AppliedCorrection(correction.name, 1 - factor, sd)
 
 
 def _covariance(given: Assessment) -> FloatArray:

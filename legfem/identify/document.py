@@ -38,7 +38,7 @@ def result_document(result: IdentificationResult) -> dict[str, Any]:
         "wall_s": result.wall_s,
         "seed": result.seed,
         "emulator_error_N": result.emulator_error,
-        "correction": result.correction,
+        "correction": None if result.correction is None else result.correction.name,
         "weighting": result.weighting,
         "curve": {
             "displacement_mm": result.predicted.displacement,
@@ -46,6 +46,8 @@ def result_document(result: IdentificationResult) -> dict[str, Any]:
             "measured_force_N": result.measured.force,
             "measured_force_standard_error_N": result.measured.force_sd,
             "force_derivative_N_per_kPa": dict(result.predicted.sensitivities),
+            "correction_P": None if result.correction is None else result.correction.P,
+            "correction_P_sd": None if result.correction is None else result.correction.sd,
         },
         "noise": {
             "reading_force_sd_N": result.measured.noise.force_sd,

@@ -146,6 +146,17 @@ class SearchPath:
 
 
 @dataclass(frozen=True, eq=False)
+class AppliedCorrection:
+    """The 3D correction that the force was multiplied with, at the identified stiffness."""
+
+    name: str
+    P: FloatArray
+    """On the curve's grid, (n,); the factor is ``1 - P``."""
+    sd: FloatArray
+    """Of P's error, (n,), which the intervals carry."""
+
+
+@dataclass(frozen=True, eq=False)
 class IdentificationResult:
     """One law identified from one subject's recordings."""
 
@@ -173,8 +184,7 @@ class IdentificationResult:
     emulator_error: float
     """N: greatest difference between the emulator before the last solve, and that solve, at the
     optimum; NaN without an emulator."""
-    correction: str | None
-    """Name of the 3D correction applied."""
+    correction: AppliedCorrection | None
     weighting: Literal["paper", "covariance"]
     converged: bool
     neo_hookean_limit: bool

@@ -67,7 +67,7 @@ def _headline(name: str) -> str:
 def _procedure(result: IdentificationResult, subject: Subject) -> str:
     measured, indenter = result.measured, subject.indenter
     correction = (
-        f"with the 3D correction {result.correction}"
+        f"with the 3D correction {result.correction.name}"
         if result.correction
         else "without a correction for 3D effects"
     )

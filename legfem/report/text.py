@@ -6,6 +6,7 @@ import math
 import textwrap
 from collections.abc import Iterable, Sequence
 
+import numpy as np
 from scipy.stats import chi2
 
 from legfem.identify.result import Estimate, IdentificationResult
@@ -116,7 +117,6 @@ def comparison(results: Sequence[IdentificationResult]) -> list[str]:
 
 def _model(result: IdentificationResult) -> list[str]:
     measured = result.measured
-    correction = result.correction or "none (plane strain times the cylinder's length)"
     return [
         f"subject            {result.subject_title}",
         f"deep tissue        {LAW_NAMES[result.law]}: {ENERGIES[result.law]}",
@@ -124,11 +124,29 @@ def _model(result: IdentificationResult) -> list[str]:
         f"{measured.displacement[-1]:.2f} mm after first contact",
         f"noise of a reading {measured.noise.force_sd:.3g} N (from {measured.noise.source}), "
         f"correlated over {measured.noise.correlation_length:.2g} mm",
-        f"3D correction      {correction}",
+        *_correction(result),
         f"weighting          {_WEIGHTINGS[result.weighting]}",
     ]
 
 
+def _correction(result: IdentificationResult) -> list[str]:
+    applied = result.correction
+    if applied is None:
+        return ["3D correction      none (plane strain times the cylinder's length)"]
+    grid = result.measured.displacement
+    depths = [d for d in _CORRECTED_AT if grid[0] <= d <= grid[-1]] or [float(grid[-1])]
+    values = [
+        f"{np.interp(d, grid, applied.P):+.2f} ± {np.interp(d, grid, applied.sd):.2f} at {d:.3g} mm"
+        for d in depths
+    ]
+    return [
+        f"3D correction      {applied.name}",
+        f"                   force = (1 - P) x plane strain; P {', '.join(values)}",
+        "                   (one standard deviation; the intervals carry it)",
+    ]
+
+
+_CORRECTED_AT = (5.0, 15.0, 25.0)
 _WEIGHTINGS = {
     "paper": "none: every point of the curve counts alike, as in the paper",
     "covariance": "by the inverse of the curve's covariance",
