@@ -70,7 +70,9 @@ def run(given: Calibration, asked: Asked, out: Path, jobs: int) -> None:
         print(f"correction: {path}", flush=True)
     progress.stage("cylinders of other lengths", len(LENGTHS))
     coarse = coarsened(given.reference, given.coarse)
-    lengths = _vary(_of_other_cylinders(coarse), kept, jobs, progress, comm)
+    # The coarse mesh doesn't carry the longest one to 25 mm.
+    others = _of_other_cylinders(coarsened(given.reference, given.between))
+    lengths = _vary(others, kept, jobs, progress, comm)
     if comm.rank == 0:
         figure = draw_correction(given.reference, found, lengths, out)
         print(f"figure: {figure[0]}", flush=True)
@@ -117,10 +119,10 @@ def write_leg_fields(case: Case, out: Path, comm: MPI.Intracomm = MPI.COMM_SELF)
 LENGTHS = (30.0, 50.0, 70.0)
 
 
-def _of_other_cylinders(coarse: Case) -> dict[str, Case]:
-    fitting = [length for length in LENGTHS if length < coarse.leg.length]
+def _of_other_cylinders(case: Case) -> dict[str, Case]:
+    fitting = [length for length in LENGTHS if length < case.leg.length]
     return {
-        f"{length:g}": replace(coarse, cylinder=replace(coarse.cylinder, length=length))
+        f"{length:g}": replace(case, cylinder=replace(case.cylinder, length=length))
         for length in fitting
     }
 

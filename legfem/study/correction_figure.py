@@ -119,7 +119,7 @@ def _draw_curves(axes: Any, case: Case, found: Calibrated, lengths: dict[str, Fl
     axes.plot(displacement, P, color="#111111", lw=2)
     for (length, curve), colour in zip(lengths.items(), _COLOURS, strict=False):
         axes.plot(
-            displacement, curve, "--", color=colour, label=f"cylinder of {length} mm, coarse mesh"
+            displacement, curve, "--", color=colour, label=f"cylinder of {length} mm, coarser mesh"
         )
     axes.axhline(0, color=FAINT, lw=0.8)
     axes.set_xlabel("displacement of the cylinder (mm)")
