@@ -10,6 +10,7 @@ from making import write_subject
 from making_diagnosed import diagnosed
 from matplotlib.image import imread
 
+from legfem.diagnose.document import document
 from legfem.diagnose.sentences import next_experiments, verdict_sentence
 from legfem.diagnose.windows import runs
 from legfem.report import diagnosis as report
@@ -174,6 +175,14 @@ def test_nothing_is_written_when_drawing_fails(found, subject, tmp_path, monkeyp
     with pytest.raises(RuntimeError, match="no ink"):
         report.write_diagnosis_report(found["named"], subject, tmp_path / "out")
     assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_the_same_recordings_get_the_same_diagnosis(found, subject):
+    again = diagnosed(CASES["ambiguous"][0], asked=ASKED)
+    one, other = (document(d, subject, 0, 1.0) for d in (found["ambiguous"], again))
+    assert one == other
+    noisier = diagnosed(CASES["ambiguous"][0], asked=ASKED, seed=2)
+    assert document(noisier, subject, 0, 1.0) != one
 
 
 def test_numbers_have_the_digits_that_their_errors_leave():
