@@ -21,7 +21,7 @@ from legfem.diagnose.stations import (
 )
 from legfem.recording import Instrument, Recording
 from legfem.recording.contact import Contact, contact_at_start, find_first_contact
-from legfem.recording.phases import HOLD
+from legfem.recording.phases import HOLD, LOADING, UNLOADING
 from legfem.units import FloatArray
 
 
@@ -142,15 +142,39 @@ class Observations:
     def rates(self) -> list[float]:
         """Loading rates, mm/s, rising; those within 20 % count as one."""
         found: list[float] = []
-        for stations in self.protocols:
-            rate = float(stations.protocol.displacement[1] / stations.protocol.time[1])
-            if all(abs(rate / other - 1) > 0.2 for other in found):
-                found.append(rate)
+        parts = [part for s in self.protocols for part in s.protocol.segments]
+        for part in (p for p in parts if p.phase == LOADING):
+            if all(abs(part.rate / other - 1) > 0.2 for other in found):
+                found.append(part.rate)
         return sorted(found)
 
     def with_force(self, force: FloatArray) -> Observations:
         """Return the same stations with other forces (N)."""
         return replace(self, force=force)
+
+
+def _on_driving(trial: Trial) -> list[str]:
+    """Return what a reader should know of how a trial was driven."""
+    remarks = [
+        f"{trial.name}: {segment.phase} was driven at more than one speed; it is simulated at its "
+        "mean speed, so effects of rate can't be told from it. Give each speed a file of its own."
+        for segment in trial.segments
+        if changes_speed(segment)
+    ]
+    if trial.pressed_again:
+        remarks.append(
+            f"{trial.name}: after the cylinder had left the skin it was pressed in again; that "
+            "part is left out. Give each loading a file of its own."
+        )
+    phases = trial.phases
+    again = [k for k, p in enumerate(phases) if p == LOADING and UNLOADING in phases[:k]]
+    if again:
+        remarks.append(
+            f"{trial.name}: {len(again) + 1} loadings in one file; they are simulated one after "
+            "the other as they were driven, but count as one trial, so they tell nothing of the "
+            "errors between trials. Give each a file of its own if they are repeats."
+        )
+    return remarks
 
 
 def observe(
@@ -177,13 +201,7 @@ def observe(
                 f"{trial.name}: {contact.displacement:.2f} mm of air before first contact; "
                 "displacement and force are counted from there."
             )
-        for segment in trial.segments:
-            if changes_speed(segment):
-                remarks.append(
-                    f"{trial.name}: {segment.phase} was driven at more than one speed; it is "
-                    "simulated at its mean speed, so effects of rate can't be told from it. Give "
-                    "each speed a file of its own."
-                )
+        remarks += _on_driving(trial)
         trials.append(trial)
     groups = group_trials(trials)
     protocols = tuple(stations_of([trials[k] for k in group]) for group in groups)

@@ -11,7 +11,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import groupby, pairwise
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,6 +64,8 @@ class Trial:
     """N, of one reading."""
     jitter_sd: float
     """mm, of one reading."""
+    pressed_again: bool
+    """Whether the skin was left and pressed once more, which the segments leave out."""
 
     @property
     def depth(self) -> float:
@@ -103,9 +105,10 @@ class Stations:
     @property
     def label(self) -> str:
         """What a reader knows it by."""
-        rate = self.protocol.displacement[1] / self.protocol.time[1]
-        others = [name for name, _ in groupby(self.phase) if name != LOADING]
-        return f"{rate:.2g} mm/s to {self.depth:.3g} mm" + "".join(f", {o}" for o in others)
+        return ", ".join(
+            f"{p.rate:.2g} mm/s to {p.last:.3g} mm" if p.phase == LOADING else p.phase
+            for p in self.protocol.segments
+        )
 
 
 def cut_trial(recording: Recording, contact: Contact) -> Trial:
@@ -145,12 +148,16 @@ def cut_trial(recording: Recording, contact: Contact) -> Trial:
             recording.source or recording.trial, "displacement_mm",
             "the trial does not begin with loading", "take it out, or start it at first contact",
         )  # fmt: skip
+    touched = np.maximum.accumulate(labels != AIR)
+    out = recording.displacement[touched & (labels == AIR)] - contact.displacement
+    depth = max(float(segment.displacement.max()) for segment in segments)
     return Trial(
         recording.trial,
         tuple(segments),
         contact,
         sample_noise(recording.force),
         sample_noise(recording.displacement),
+        bool((out > 0.5 * depth).any()),
     )
 
 

@@ -1,0 +1,77 @@
+"""What recordings are seen as: protocols, rates, and remarks on what can't be told from them."""
+
+from __future__ import annotations
+
+import numpy as np
+from making_diagnosis import INSTRUMENT
+
+from legfem.diagnose.mechanisms import MECHANISMS
+from legfem.diagnose.observations import Observations, observe
+from legfem.protocol import Protocol
+from legfem.recording import Recording
+
+
+def observed(*protocols: Protocol, air: float = -1.0) -> Observations:
+    """Return observations of a force of 0.05 d^2 (N), some mm of air before it."""
+    recordings = []
+    for k, protocol in enumerate(protocols):
+        time = np.arange(0.0, protocol.duration + 1e-9, 0.05)
+        at = protocol.displacement_at(time)
+        force = 0.05 * np.maximum(at - air, 0.0) ** 2 + 0.2 * (at > air)
+        recordings.append(Recording(time, at, force, f"trial{k + 1}"))
+    return observe(recordings, INSTRUMENT, starts_at_contact=True)
+
+
+def untestable(found: Observations) -> dict[str, str]:
+    """Return the mechanisms that can't be shown, and why."""
+    reasons = {m.name: m.untestable(found) for m in MECHANISMS}
+    return {name: why for name, why in reasons.items() if why is not None}
+
+
+def joined(*protocols: Protocol) -> Protocol:
+    """Return protocols in one file, one after the other."""
+    time, displacement = list(protocols[0].time), list(protocols[0].displacement)
+    for protocol in protocols[1:]:
+        time += [t + time[-1] for t in protocol.time[1:]]
+        displacement += list(protocol.displacement[1:])
+    return Protocol(tuple(time), tuple(displacement))
+
+
+def test_one_loading_tells_nothing_of_rate_or_of_repeats():
+    found = observed(Protocol.ramp(15.0, 0.5))
+    why = untestable(found)
+    assert {"viscoelasticity", "poroelastic-drainage", "preconditioning"} <= set(why)
+    assert "one loading ramp" in why["viscoelasticity"]
+    assert "repeats" in why["preconditioning"]
+
+
+def test_two_rates_in_one_file_are_both_seen_and_remarked_on():
+    times, depths = (0.0, 30.0, 50.0, 76.0, 82.5, 102.5), (0.0, 15.0, 15.0, 2.0, 15.0, 15.0)
+    found = observed(Protocol(times, depths))
+    np.testing.assert_allclose(found.rates, [0.5, 2.0], rtol=0.02)
+    label = found.protocols[0].label
+    assert label.startswith("0.5 mm/s to 15 mm, hold, unloading, 2 mm/s to 15 mm, hold")
+    assert any("2 loadings in one file" in remark for remark in found.remarks)
+    assert "preconditioning" in untestable(found)
+
+
+def test_a_loading_whose_speed_changes_is_remarked_on():
+    found = observed(Protocol((0.0, 16.0, 19.5), (0.0, 8.0, 15.0)))
+    assert any("more than one speed" in remark for remark in found.remarks)
+    assert "viscoelasticity" in untestable(found)
+
+
+def test_a_file_a_trial_is_not_remarked_on():
+    found = observed(*[Protocol.cycle(15.0, rate, 20.0) for rate in (0.5, 0.5, 2.0, 2.0)])
+    assert found.remarks == ()
+    assert [p.label for p in found.protocols] == [
+        "0.5 mm/s to 15 mm, hold, unloading", "2 mm/s to 15 mm, hold, unloading",
+    ]  # fmt: skip
+    assert untestable(found) == {}
+
+
+def test_a_loading_after_air_is_left_out_and_that_is_said():
+    both = joined(Protocol.cycle(15.0, 0.5, 20.0), Protocol.cycle(15.0, 2.0, 20.0))
+    found = observed(both, air=3.0)
+    assert len(found.rates) == 1
+    assert any("pressed in again; that part is left out" in remark for remark in found.remarks)
