@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from making_diagnosis import INSTRUMENT
 
 from legfem.diagnose.mechanisms import MECHANISMS
+from legfem.diagnose.noise import estimate_noise
 from legfem.diagnose.observations import Observations, observe
 from legfem.protocol import Protocol
 from legfem.recording import Recording
@@ -75,3 +78,14 @@ def test_a_loading_after_air_is_left_out_and_that_is_said():
     found = observed(both, air=3.0)
     assert len(found.rates) == 1
     assert any("pressed in again; that part is left out" in remark for remark in found.remarks)
+
+
+def test_where_errors_are_known_from_is_said():
+    alone = observed(Protocol.ramp(15.0, 0.5))
+    twice = observed(Protocol.ramp(15.0, 0.5), Protocol.ramp(15.0, 0.5))
+    unstated = replace(INSTRUMENT, stated=False)
+    assert "no repeats" in estimate_noise(alone, INSTRUMENT)[0].source
+    assert estimate_noise(twice, INSTRUMENT)[0].source == (
+        "the repeats and the instrument's stated accuracy"
+    )
+    assert "stated accuracy" not in estimate_noise(twice, unstated)[0].source

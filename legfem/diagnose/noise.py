@@ -57,6 +57,7 @@ class Noise:
     shift_sd: float
     """Of first contact, where it was found after air, mm."""
     source: str
+    """What the sizes are known from."""
 
     @property
     def force_sd(self) -> float:
@@ -145,9 +146,14 @@ def estimate_noise(observed: Observations, instrument: Instrument) -> tuple[Nois
         offset_sd=part,
         wander_sd=float(wander_expected),
         shift_sd=max((c.displacement_error for c in observed.contacts if c.in_air), default=0.0),
-        source="instrument" if observed.repeats < 2 else "repeats and instrument",
+        source=_source(observed.repeats, instrument.stated),
     )
     return (expected, []) if observed.repeats < 2 else _from_repeats(observed, expected)
+
+
+def _source(repeats: int, stated: bool) -> str:
+    figures = "the instrument's stated accuracy" if stated else "differences from sample to sample"
+    return f"{figures} only (there are no repeats)" if repeats < 2 else f"the repeats and {figures}"
 
 
 def estimate_errors(

@@ -46,7 +46,7 @@ class Diagnoser:
         """Return a subject's recordings at their stations."""
         observed = observe(subject.recordings, subject.instrument, subject.starts_at_contact)
         remarks = list(observed.remarks)
-        if not subject.instrument_stated:
+        if not subject.instrument.stated:
             remarks.append(
                 "subject.toml states no instrument accuracy: errors are those seen from sample to "
                 "sample and between repeats. What drifts slowly or is alike in all trials can't be "
@@ -54,8 +54,8 @@ class Diagnoser:
             )
         if observed.repeats < 2:
             remarks.append(
-                "No protocol was repeated: errors between trials come from the instruments' "
-                "figures alone."
+                "No protocol was repeated: errors between trials aren't seen, and come from "
+                "the instruments' figures alone."
             )
         return replace(observed, remarks=tuple(remarks))
 

@@ -23,6 +23,8 @@ class Instrument:
     """N."""
     displacement_sd: float
     """mm."""
+    stated: bool = True
+    """Whether a data sheet says so; else seen in the recordings, see `seen_instrument`."""
 
 
 def seen_instrument(recordings: Sequence[Recording]) -> Instrument:
@@ -36,4 +38,5 @@ def seen_instrument(recordings: Sequence[Recording]) -> Instrument:
     return Instrument(
         max(0.01, float(np.sqrt(np.mean(force or [0.0])))),
         max(0.01, float(np.sqrt(np.mean(displacement or [0.0])))),
+        stated=False,
     )

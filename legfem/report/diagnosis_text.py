@@ -246,7 +246,7 @@ def _noise(found: Diagnosis) -> str:
         f"{noise.correlation_time:.2g} s), a trial's zero by {noise.offset_sd:.2g} N, the "
         f"displacement by {noise.wander_sd:.2g} mm"
         + (f", first contact by {noise.shift_sd:.2g} mm" if noise.shift_sd else "")
-        + f"; known from {_source(noise.source)}. The {count} values compared are worth "
+        + f"; known from {noise.source}. The {count} values compared are worth "
         f"{found.errors.effective_samples:.0f} independent ones. "
     )
     if found.solutions or found.emulator_error:
@@ -263,13 +263,6 @@ def _noise(found: Diagnosis) -> str:
     else:
         text += "No full finite-element solution was made to confirm the interpolated forces."
     return _fill(text)
-
-
-def _source(source: str) -> str:
-    return {
-        "instrument": "the instrument's stated accuracy only (there are no repeats)",
-        "repeats and instrument": "the repeats and the instrument's stated accuracy",
-    }.get(source, source)
 
 
 def _listing(files: Sequence[ReportFile]) -> str:
