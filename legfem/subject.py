@@ -14,24 +14,23 @@ from legfem.errors import InputError
 from legfem.geometry.contours import read_contours
 from legfem.geometry.section import LegSection, first_crossing
 from legfem.recording import Instrument, Recording, read_recording, seen_instrument
+from legfem.shipped import STUDIES, Shelf
 from legfem.subject_schema import SubjectFile, TissueEntry, parse_subject_file
 from legfem.units import FloatArray, frozen_array, kpa_to_mpa
 
 __all__ = [
+    "SUBJECTS",
     "Indenter",
     "Instrument",
     "Subject",
     "TissueParameters",
-    "find_subject",
     "load_subject",
-    "named_folder",
-    "shipped_subjects",
 ]
 
 Law = Literal["neo-hookean", "reduced-polynomial"]
 Origin = Literal["measured", "reconstructed", "simulated"]
 
-SHIPPED = Path(__file__).resolve().parents[1] / "studies" / "frauziols" / "subjects"
+SUBJECTS = Shelf(STUDIES / "frauziols" / "subjects", "subject.toml")
 
 
 @dataclass(frozen=True)
@@ -116,11 +115,7 @@ def load_subject(
         If anything in the folder is missing or wrong; names file, field and remedy.
     """
     directory = Path(directory)
-    if not directory.is_dir():
-        raise InputError(
-            directory, "subject folder", "not found", "give a folder that holds subject.toml"
-        )
-    toml = directory / "subject.toml"
+    toml = SUBJECTS.opened(directory)
     given = parse_subject_file(toml)
     contours = directory / given.section.contours
     if not contours.is_file():
@@ -161,50 +156,6 @@ def load_subject(
             if given.recordings.plane_strain is None
             else given.recordings.plane_strain
         ),
-    )
-
-
-def named_folder(subject: str | None, subject_dir: Path | None) -> Path:
-    """Return the folder that a command's --subject or --subject-dir names.
-
-    Raises
-    ------
-    InputError
-        If both or none are given, or the subject isn't known.
-    """
-    if subject is not None and subject_dir is not None:
-        raise InputError("--subject", subject, "--subject-dir is given too", "give one of them")
-    if subject_dir is not None:
-        return subject_dir
-    if subject is None:
-        raise InputError(
-            "--subject", "missing", "no subject is given", "give --subject ID or --subject-dir PATH"
-        )
-    return find_subject(subject)
-
-
-def shipped_subjects() -> tuple[str, ...]:
-    """Return the ids of the subjects that come with legfem."""
-    return tuple(sorted(folder.parent.name for folder in SHIPPED.glob("*/subject.toml")))
-
-
-def find_subject(name: str) -> Path:
-    """Return the folder of a shipped subject.
-
-    Raises
-    ------
-    InputError
-        If there is none of that name; lists those there are.
-    """
-    known = shipped_subjects()
-    if name in known:
-        return SHIPPED / name
-    there = f"known subjects are {', '.join(known)}" if known else f"none are in {SHIPPED}"
-    raise InputError(
-        "--subject",
-        name,
-        "unknown subject",
-        f"{there}; for a folder of your own give --subject-dir PATH",
     )
 
 

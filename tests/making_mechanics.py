@@ -24,9 +24,10 @@ from legfem.materials import NeoHookean, ReducedPolynomial
 from legfem.meshing.section import BONE, DEEP, SKIN, SectionMeshSettings
 from legfem.model import LegModel, Term
 from legfem.newton import NewtonOutcome, NewtonSettings, NewtonSolver
+from legfem.shipped import STUDIES
 from legfem.spaces import LegSpaces, build_spaces
 from legfem.stepping import StepSettings
-from legfem.subject import SHIPPED, Indenter
+from legfem.subject import Indenter
 from legfem.system import System
 from legfem.terms import NormalContact, TangentialContact, Tissue
 
@@ -46,7 +47,7 @@ def fixed_steps(size: float) -> StepSettings:
 
 def subject_3() -> tuple[LegSection, Indenter, Tissues]:
     """Section, indenter and Table 5's parameters of subject 3."""
-    shapes = tomllib.loads((SHIPPED.parent / "reconstruction.toml").read_text())
+    shapes = tomllib.loads((STUDIES / "frauziols" / "reconstruction.toml").read_text())
     subject = shapes["subjects"]["3"]
     indenter = Indenter(15.0, 50.0, np.array(subject["aim_mm"]), subject["direction_deg"])
     tissues = Tissues(

@@ -15,7 +15,7 @@ from legfem.correction_legs import LegCorrections, read_leg_corrections
 from legfem.errors import InputError
 from legfem.geometry.section import depth_to_bone
 from legfem.identify.correction import choose_correction, correction_of, why_uncorrected
-from legfem.subject import Subject, find_subject, load_subject, shipped_subjects
+from legfem.subject import SUBJECTS, Subject, load_subject
 
 GRID = np.linspace(0, 25, 51)
 BASE = TabulatedCorrection(
@@ -118,9 +118,9 @@ def test_another_cylinder_gets_none_by_default(tmp_path: Path):
     assert "--cylinder-length" in (why_uncorrected(longer) or "")
 
 
-@pytest.mark.parametrize("name", shipped_subjects())
+@pytest.mark.parametrize("name", SUBJECTS.names)
 def test_the_shipped_subjects_get_none_unless_asked(name: str):
-    subject = load_subject(find_subject(name), need_recordings=False)
+    subject = load_subject(SUBJECTS.find(name), need_recordings=False)
     assert choose_correction("auto", subject) is None
     assert choose_correction("own", subject) is not None
     assert "beyond" not in correction_of(subject).name

@@ -7,7 +7,8 @@ import pytest
 from making import SHARED, TOML, write_subject
 
 from legfem.errors import InputError
-from legfem.subject import find_subject, load_subject
+from legfem.shipped import Shelf
+from legfem.subject import load_subject
 
 
 def test_a_folder_loads_in_internal_units(tmp_path):
@@ -111,13 +112,13 @@ def test_missing_folder_and_file_are_named(tmp_path):
         load_subject(tmp_path)
 
 
-def test_an_unknown_subject_is_told_of_the_known(tmp_path, monkeypatch):
+def test_an_unknown_subject_is_told_of_the_known(tmp_path):
     write_subject(tmp_path / "1")
     write_subject(tmp_path / "2")
-    monkeypatch.setattr("legfem.subject.SHIPPED", tmp_path)
-    assert find_subject("2") == tmp_path / "2"
+    shelf = Shelf(tmp_path, "subject.toml")
+    assert shelf.find("2") == tmp_path / "2"
     with pytest.raises(InputError, match="known subjects are 1, 2"):
-        find_subject("5")
+        shelf.find("5")
 
 
 @pytest.mark.skipif(not (SHARED / "crosscheck").is_dir(), reason="needs ../shared/crosscheck")

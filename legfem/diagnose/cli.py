@@ -19,7 +19,7 @@ from legfem.cli import (
 )
 from legfem.errors import InputError
 from legfem.progress import progress_on
-from legfem.subject import named_folder
+from legfem.subject import SUBJECTS
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -72,7 +72,7 @@ def diagnose(
 
         if seed < 0:
             raise InputError("--seed", f"{seed}", "is negative", "give 0 or more")
-        found = load_subject(named_folder(subject, subject_dir), need_instrument=False)
+        found = load_subject(SUBJECTS.named(subject, subject_dir), need_instrument=False)
         ends = read_correction(correction or SHIPPED_CORRECTION)
         folder = out or Path("results") / f"diagnose-{found.id}"
         check_out_folder(folder)

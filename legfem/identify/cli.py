@@ -103,9 +103,9 @@ def identify(
         from legfem.identify.settings import Bounds, IdentificationSettings
         from legfem.report.identification import write_identification_report
         from legfem.report.text import fit_report
-        from legfem.subject import load_subject, named_folder
+        from legfem.subject import SUBJECTS, load_subject
 
-        found = load_subject(named_folder(subject, subject_dir))
+        found = load_subject(SUBJECTS.named(subject, subject_dir))
         if seed < 0:
             raise InputError("--seed", f"{seed}", "is negative", "give 0 or more")
         settings = IdentificationSettings(

@@ -11,10 +11,11 @@ import numpy as np
 from legfem.correction import TabulatedCorrection, read_correction
 from legfem.correction_legs import read_leg_corrections
 from legfem.geometry.section import depth_to_bone, girth
+from legfem.shipped import STUDIES
 from legfem.subject import Subject
 from legfem.units import FloatArray
 
-STUDY = Path(__file__).resolve().parents[2] / "studies" / "frauziols"
+STUDY = STUDIES / "frauziols"
 REFERENCE, LEGS = STUDY / "correction.json", STUDY / "correction-legs.json"
 AUTO, OWN, NONE = "auto", "own", "none"
 

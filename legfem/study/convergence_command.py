@@ -16,7 +16,7 @@ from legfem.progress import progress_on
 from legfem.study.convergence import WINDOWS, Convergence, study_convergence
 from legfem.study.convergence_figure import draw_convergence
 from legfem.study.corners import CornerOutcome, study_corners, table_2_points
-from legfem.subject import Subject, find_subject, load_subject
+from legfem.subject import SUBJECTS, Subject, load_subject
 from legfem.units import kpa_to_mpa
 
 
@@ -30,7 +30,7 @@ def run(
     jobs: int,
 ) -> None:
     """Study a subject's section, print the table and write it to a folder."""
-    subject = load_subject(subject_dir or find_subject(subject_id), need_recordings=False)
+    subject = load_subject(subject_dir or SUBJECTS.find(subject_id), need_recordings=False)
     if corners:
         _corners(subject, depth, out, jobs)
     else:

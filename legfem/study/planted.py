@@ -24,7 +24,7 @@ from legfem.meshing.section import SectionMeshSettings
 from legfem.recording.synthesis import InstrumentNoise, record_path
 from legfem.stepping import StepSettings
 from legfem.study.sweep import sweep
-from legfem.subject import Subject, find_subject, load_subject
+from legfem.subject import SUBJECTS, Subject, load_subject
 from legfem.units import kpa_to_mpa
 
 C10_KPA = (0.1, 5.0)
@@ -131,7 +131,7 @@ def _depth(subject: Subject) -> float:
 
 @cache
 def _subject(name: str) -> Subject:
-    return load_subject(find_subject(name), need_recordings=False)
+    return load_subject(SUBJECTS.find(name), need_recordings=False)
 
 
 @cache

@@ -13,12 +13,12 @@ from rich.table import Table
 from legfem.documents import write_document
 from legfem.progress import progress_on
 from legfem.study.planted import Planted, Truth, coverage, planted_truths, study_planted
-from legfem.subject import shipped_subjects
+from legfem.subject import SUBJECTS
 
 
 def run(number: int, seed: int, out: Path, jobs: int) -> None:
     """Identify planted truths, print the table and write it; a rerun goes on."""
-    truths = planted_truths(number, seed, shipped_subjects())
+    truths = planted_truths(number, seed, SUBJECTS.names)
     path = out / "result.json"
     done = _recall(path, truths)
     waiting = [truth for truth in truths if truth.number not in done]

@@ -24,12 +24,13 @@ from legfem.meshing.section import SectionMeshSettings
 from legfem.progress import Progress
 from legfem.recording import Instrument
 from legfem.recording.synthesis import InstrumentNoise, record_path
+from legfem.shipped import STUDIES
 from legfem.stepping import StepSettings
 from legfem.study.sweep import Run, RunOutcome, simulate, sweep
 from legfem.subject import Indenter
 from legfem.units import kpa_to_mpa
 
-DEFINITION = Path(__file__).resolve().parents[2] / "studies" / "frauziols" / "reconstruction.toml"
+DEFINITION = STUDIES / "frauziols" / "reconstruction.toml"
 PAPER_D = 28.0
 FAT_D = 22.5
 

@@ -12,7 +12,7 @@ from legfem.identify.result import IdentificationResult
 from legfem.identify.run import identify_subject
 from legfem.identify.settings import IdentificationSettings
 from legfem.progress import progress_on
-from legfem.subject import find_subject, load_subject
+from legfem.subject import SUBJECTS, load_subject
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def run(seed: int, out: Path, jobs: int, corrected: bool = False) -> None:
 
         def identify(name: str, correction: Correction | None) -> list[IdentificationResult]:
             return identify_subject(
-                load_subject(find_subject(name)),
+                load_subject(SUBJECTS.find(name)),
                 ["neo-hookean", "reduced-polynomial"],
                 IdentificationSettings(seed=seed),
                 correction,
@@ -66,7 +66,7 @@ def run(seed: int, out: Path, jobs: int, corrected: bool = False) -> None:
         for name in PAPER:
             found[name] = identify(name, None)
             if corrected:
-                subject = load_subject(find_subject(name), need_recordings=False)
+                subject = load_subject(SUBJECTS.find(name), need_recordings=False)
                 with_correction[name] = identify(name, correction_of(subject))
     tables = neo_hookean_table(found) + "\n" + polynomial_table(found) + "\n" + effort_table(found)
     if corrected:

@@ -37,7 +37,7 @@ from legfem.study.concealed.truth import (
     simulate,
     truth_responses,
 )
-from legfem.subject import Subject, find_subject, load_subject
+from legfem.subject import SUBJECTS, Subject, load_subject
 from legfem.workers import Workers
 
 _UNEXPLAINED, _AIM, _WEAKENINGS = 0.01, 0.8, 8
@@ -124,7 +124,7 @@ class Maker:
     def _leg(self, case: Case) -> tuple[Subject, SolvedResponses]:
         key = case.subject, case.law
         if key not in self._legs:
-            subject = load_subject(find_subject(case.subject), need_recordings=False)
+            subject = load_subject(SUBJECTS.find(case.subject), need_recordings=False)
             subject = with_deep_law(subject, case.law)
             responses = truth_responses(subject, DEPTH_MM, self.folder, self.correction)
             self._legs[key] = subject, responses
@@ -145,7 +145,7 @@ def leg_library(
     name: str, protocol: ProtocolName, diagnoser: Diagnoser, progress: Progress
 ) -> Library:
     """Return the library of a leg and protocol of the study, solved where it isn't kept."""
-    subject = load_subject(find_subject(name), need_recordings=False)
+    subject = load_subject(SUBJECTS.find(name), need_recordings=False)
     blank = blank_observations(protocols_of(protocol))
     # The stations follow from the displacements alone.
     case = Case(0, "none", name, LAWS[name], protocol, 1.0, 0.0, (), (), 0)

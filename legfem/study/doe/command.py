@@ -13,8 +13,9 @@ import pandas as pd
 
 from legfem.documents import write_atomically, write_document
 from legfem.progress import progress_on
+from legfem.shipped import STUDIES
 from legfem.study.doe.anova import Counting
-from legfem.study.doe.definition import SHIPPED, Definition, read_definition
+from legfem.study.doe.definition import Definition, read_definition
 from legfem.study.doe.document import study_document, verdict_documents
 from legfem.study.doe.figures import draw_half_normal, draw_normality, draw_response
 from legfem.study.doe.figures_beyond import draw_information, draw_sobol
@@ -27,9 +28,9 @@ from legfem.study.doe.store import RunStore
 from legfem.study.doe.study import StudyResult, study
 from legfem.study.doe.tables import anova_table, beside_table_3
 from legfem.study.doe.verdict import verdicts
-from legfem.subject import Subject, find_subject, load_subject
+from legfem.subject import SUBJECTS, Subject, load_subject
 
-CHECKOUT = SHIPPED.parents[1]
+CHECKOUT = STUDIES.parent
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ def run(options: DoeOptions, comm: Any, simulator: Simulator | None = None) -> N
 
     def work(runner: Runner) -> None:
         definitions = [read_definition(path) for path in options.definitions]
-        folder = options.subject_dir or find_subject(options.subject_id)
+        folder = options.subject_dir or SUBJECTS.find(options.subject_id)
         subject = load_subject(folder, need_recordings=False)
         _write_all(options, definitions, subject, runner, simulator)
 

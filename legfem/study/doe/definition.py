@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any, get_args
 
 from legfem.errors import InputError
+from legfem.shipped import STUDIES
 from legfem.study.doe.factors import PARAMETERS, UNITS, Coding, Factor
 
-SHIPPED = Path(__file__).resolve().parents[3] / "studies" / "frauziols"
-PAPER, IDENTIFIED = SHIPPED / "doe.toml", SHIPPED / "doe-identified.toml"
+PAPER, IDENTIFIED = (STUDIES / "frauziols" / name for name in ("doe.toml", "doe-identified.toml"))
 MOST_FACTORS = 8
 
 _KEYS = ("title", "depth_mm", "windows_mm", "coding", "factors", "fixed", "nominal", "emulator")

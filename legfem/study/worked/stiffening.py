@@ -13,7 +13,7 @@ from legfem.study.concealed.cases import DEPTH_MM, INSTRUMENT, Case, ProtocolNam
 from legfem.study.concealed.making import with_deep_law
 from legfem.study.concealed.truth import record, simulate, truth_responses
 from legfem.study.worked.example import Row, Truth, diagnosed
-from legfem.subject import find_subject, load_subject
+from legfem.subject import SUBJECTS, load_subject
 
 C10_KPA, C20_KPA = 0.82, 2.61
 """Identified for subject 1 in the first paper's Table 5."""
@@ -51,7 +51,7 @@ def make_recordings(
     case: Case, folder: Path, library: Path, correction: TabulatedCorrection
 ) -> Path:
     """Simulate a case, record it with noise, and write the subject folder anew."""
-    leg = load_subject(find_subject(case.subject), need_recordings=False)
+    leg = load_subject(SUBJECTS.find(case.subject), need_recordings=False)
     leg = with_deep_law(leg, case.law)
     responses = truth_responses(leg, DEPTH_MM, library / "truth", correction)
     recordings = record(simulate(case, responses, case.law), case)
