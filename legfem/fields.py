@@ -16,8 +16,9 @@ from legfem._compat import evaluate
 from legfem.compiled import expression
 from legfem.kinematics import Expr, volume_ratio
 from legfem.materials import Hyperelastic
+from legfem.place_forms import SKIN_DEGREE
 from legfem.places import Body, Skin
-from legfem.system import SKIN_DEGREE, System
+from legfem.system import System
 from legfem.terms import NormalContact, SkinPressure, Tissue
 from legfem.units import FloatArray, mpa_to_kpa
 

@@ -51,6 +51,20 @@ class LegModel:
         """All parameters by full name."""
         return {k: v for term in self.terms for k, v in term.parameters.items()}
 
+    def values(self, given: Mapping[str, float] | None) -> dict[str, float]:
+        """Return all parameters by full name, those given in the place of the terms' own.
+
+        Raises
+        ------
+        KeyError
+            For a name that the model has not.
+        """
+        own = self.parameters
+        for name in given or {}:
+            if name not in own:
+                raise KeyError(f"the model has no parameter {name!r}")
+        return {**own, **(given or {})}
+
     def at(self, place: str) -> tuple[Term, ...]:
         """Return the terms that act at a place."""
         return tuple(term for term in self.terms if term.place == place)

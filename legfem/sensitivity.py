@@ -23,7 +23,8 @@ from ufl.constantvalue import Zero
 
 from legfem.compiled import compiled
 from legfem.newton import NewtonSolver
-from legfem.system import PlaceForms, System
+from legfem.place_forms import PlaceForms
+from legfem.system import System
 from legfem.units import FloatArray
 
 
@@ -83,6 +84,30 @@ class SensitivityTracker:
     def state_rates(self) -> dict[str, FloatArray]:
         """Return the derivatives of the system's unknown at the last step, ghosts included."""
         return {name: self._body.state(k).copy() for k, name in enumerate(self.parameters)}
+
+
+class Trackers:
+    """Trackers of one system by what they differentiate by, since each compiles its forms.
+
+    Parameters
+    ----------
+    system
+        The model.
+    """
+
+    def __init__(self, system: System) -> None:
+        self._system = system
+        self._known: dict[tuple[str, ...], SensitivityTracker] = {}
+
+    def fresh(self, parameters: Sequence[str]) -> SensitivityTracker | None:
+        """Return a tracker that has seen no step; None for no parameters."""
+        names = tuple(parameters)
+        if not names:
+            return None
+        if names not in self._known:
+            self._known[names] = SensitivityTracker(self._system, names)
+        self._known[names].reset()
+        return self._known[names]
 
 
 class _PlaceSensitivity:

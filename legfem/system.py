@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import ufl
 from dolfinx import fem, la
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from legfem.compiled import compiled
-from legfem.history import History
-from legfem.kinematics import Expr, volume_ratio
+from legfem.kinematics import volume_ratio
 from legfem.model import LegModel
-from legfem.places import Body, Place, Skin, Swept
-from legfem.spaces import POROUS, LegSpaces
+from legfem.place_forms import body_forms, skin_forms
+from legfem.places import Body
+from legfem.spaces import LegSpaces
 from legfem.symbols import Clock, Symbols
 from legfem.units import FloatArray
-
-SKIN_DEGREE = 3
 
 
 @dataclass(frozen=True)
@@ -38,52 +34,6 @@ class Balance:
     """Virtual work of the contact forces over the displacement."""
     internal_work: float
     """Virtual work of the stresses over the displacement."""
-
-
-class PlaceForms:
-    """Unknown, history and forms of one place."""
-
-    def __init__(self, place: Place, before: Any, model_terms: Any, degree: int) -> None:
-        self.place, self.before = place, before
-        mesh = place.unknown.function_space.mesh
-        shapes = {
-            f"{term.name}.{name}": shape
-            for term in model_terms
-            for name, shape in term.history(place).items()
-        }
-        self.history = History(mesh, degree, shapes)
-
-        def of(term: Any) -> dict[str, Any]:
-            return {
-                name: self.history.variables[f"{term.name}.{name}"] for name in term.history(place)
-            }
-
-        self.residual_form = sum(term.residual(place, of(term)) for term in model_terms)
-        trial = ufl.TrialFunction(place.unknown.function_space)
-        self.residual = compiled(self.residual_form)
-        self.tangent = compiled(ufl.derivative(self.residual_form, place.unknown, trial))
-        self.updated = {
-            f"{term.name}.{name}": value
-            for term in model_terms
-            for name, value in term.updated(place, of(term)).items()
-        }
-        self.history.compile_update(self.updated)
-
-    def advance(self) -> None:
-        """Make the present state the one that the next step starts from."""
-        self.history.advance()
-        self.before.x.array[:] = self.place.unknown.x.array
-
-    @property
-    def remembered(self) -> dict[str, Any]:
-        """Functions that hold what the next step starts from, by name."""
-        return {"before": self.before, **self.history.variables}
-
-    def reset(self) -> None:
-        """Return to the undeformed state."""
-        self.history.reset()
-        self.before.x.array[:] = 0.0
-        self.place.unknown.x.array[:] = 0.0
 
 
 class System:
@@ -121,8 +71,13 @@ class System:
         self._centre = fem.Constant(spaces.skin, start.copy())
         self._centre_before = fem.Constant(spaces.skin, start.copy())
         self.applied_pressure = fem.Function(fem.functionspace(spaces.skin, ("Lagrange", 1)))
-        self.body = self._body(quadrature_degree)
-        self.skin = self._skin()
+        self.body = body_forms(
+            spaces, model, self.unknown, self.body_symbols, self._clocks[0], quadrature_degree
+        )
+        self.skin = skin_forms(
+            spaces, model, self.skin_symbols, self._clocks[1], (self._centre, self._centre_before),
+            self.applied_pressure,
+        )  # fmt: skip
         self.tangent_matrix = fem_petsc.create_matrix(self.body.tangent)
         self._skin_matrix = fem.create_matrix(self.skin.tangent)
         self._skin_force = fem.Function(spaces.skin_space)
@@ -170,21 +125,20 @@ class System:
 
     def assemble_residual(self) -> Any:
         """Assemble the residual at the present unknown; returns a ghosted function."""
-        self._trace()
-        residual = self.residual_vector
-        residual.x.array[:] = 0.0
-        fem.assemble_vector(residual.x.array, self.body.residual)
-        np.add.at(residual.x.array, self.spaces.trace, self._assemble_skin())
-        residual.x.scatter_reverse(la.InsertMode.add)
-        residual.x.array[self.spaces.pinned] = 0.0
+        self.residual_vector.x.array[:] = 0.0
+        fem.assemble_vector(self.residual_vector.x.array, self.body.residual)
         self.evaluations += 1
-        return residual
+        return self._with_skin()
 
     def assemble_skin_load(self) -> Any:
         """Assemble what the skin's terms alone add to the residual at the present unknown."""
+        self.residual_vector.x.array[:] = 0.0
+        return self._with_skin()
+
+    def _with_skin(self) -> Any:
+        """Add the skin's part to the residual, and gather it over the ranks."""
         self._trace()
         residual = self.residual_vector
-        residual.x.array[:] = 0.0
         np.add.at(residual.x.array, self.spaces.trace, self._assemble_skin())
         residual.x.scatter_reverse(la.InsertMode.add)
         residual.x.array[self.spaces.pinned] = 0.0
@@ -323,79 +277,3 @@ class System:
             fem.dirichletbc(PETSc.ScalarType(0), pinned[pinned % size == k], space.sub(k))
             for k in range(size)
         ]
-
-    def _radius(self, mesh: Any) -> Expr | None:
-        """Return the reference distance from the axis of symmetry, or None without one."""
-        return ufl.SpatialCoordinate(mesh)[0] if self.spaces.symmetry == "axial" else None
-
-    @staticmethod
-    def _swept(measure: Any, radius: Expr | None) -> Any:
-        return measure if radius is None else Swept(measure, radius)
-
-    def _by_region(self, pressures: Sequence[Expr]) -> dict[str, Expr]:
-        """Return the pressure of every region that has one."""
-        regions = self.spaces.regions
-        if self.spaces.formulation == "continuous":
-            return dict(zip(regions, pressures, strict=True))
-        porous = self.spaces.formulation == "porous"
-        return {r: p for p in pressures for r in regions if not porous or r in POROUS}
-
-    def _body(self, degree: int) -> PlaceForms:
-        space = self.spaces.space
-        before = fem.Function(space)
-        measure = ufl.Measure(
-            "dx",
-            domain=self.spaces.mesh,
-            subdomain_data=self.spaces.cell_tags,
-            metadata={"quadrature_degree": degree},
-        )
-        test = ufl.TestFunction(space)
-        radius = self._radius(self.spaces.mesh)
-        mixed = self.spaces.formulation != "displacement"
-        now = ufl.split(self.unknown) if mixed else (self.unknown,)
-        varied = ufl.split(test) if mixed else (test,)
-        pressures, variations = map(self._by_region, (now[1:], varied[1:]))
-        place = Body(
-            self.body_symbols,
-            self.unknown,
-            test,
-            now[0],
-            ufl.split(before)[0] if mixed else before,
-            varied[0],
-            degree,
-            self._clocks[0].time,
-            self._clocks[0].step,
-            {name: self._swept(measure(tag), radius) for name, tag in self.spaces.regions.items()},
-            pressures,
-            variations,
-            self.spaces.formulation == "porous",
-            radius,
-        )
-        return PlaceForms(place, before, self.model.at("body"), degree)
-
-    def _skin(self) -> PlaceForms:
-        mesh, space = self.spaces.skin, self.spaces.skin_space
-        unknown, before = fem.Function(space), fem.Function(space)
-        test = ufl.TestFunction(space)
-        metadata = {"quadrature_degree": SKIN_DEGREE, "quadrature_rule": "default"}
-        outward = fem.Function(fem.functionspace(mesh, ("DG", 0)))
-        outward.x.array[:] = self.spaces.skin_outward
-        place = Skin(
-            self.skin_symbols,
-            unknown,
-            test,
-            unknown,
-            before,
-            test,
-            SKIN_DEGREE,
-            self._clocks[1].time,
-            self._clocks[1].step,
-            self._swept(ufl.Measure("dx", domain=mesh, metadata=metadata), self._radius(mesh)),
-            ufl.SpatialCoordinate(mesh),
-            self._centre,
-            self._centre_before,
-            self.spaces.dimension,
-            outward,
-            self.applied_pressure,
-        )
-        return PlaceForms(place, before, self.model.at("skin"), SKIN_DEGREE)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -17,7 +18,7 @@ from legfem.model import LegModel
 from legfem.newton import NewtonSolver
 from legfem.path import Path
 from legfem.protocol import Protocol
-from legfem.sensitivity import SensitivityTracker
+from legfem.sensitivity import Trackers
 from legfem.spaces import Formulation
 from legfem.stepping import SolveReport, StepSettings, follow
 from legfem.symbols import named
@@ -81,7 +82,10 @@ class Pressing:
     radius: float
     whole: float
     steps: StepSettings
-    _trackers: dict[tuple[str, ...], SensitivityTracker] = field(default_factory=dict)
+
+    @cached_property
+    def _trackers(self) -> Trackers:
+        return Trackers(self.system)
 
     def run(
         self,
@@ -98,16 +102,13 @@ class Pressing:
         derivatives aren't, so that a solution with sensitivities keeps none.
         """
         model = self.system.model
-        values = {**model.parameters, **(parameters or {})}
-        unknown = set(values) - set(model.parameters)
-        if unknown:
-            raise KeyError(f"the model has no parameter {sorted(unknown)[0]!r}")
+        values = model.values(parameters)
         penalty = softness * self.contact.penalty(values, self.radius)
         normal = _normal_contact(model)
         values |= named(normal.name, self.contact.pressure_law(penalty))
         values |= {name: penalty for name in ("friction.stiffness",) if name in values}
         self.system.set_parameters(values)
-        tracker = self._tracker(tuple(sensitivities))
+        tracker = self._trackers.fresh(sensitivities)
         time, displacement = [float(protocol.time[0])], [float(protocol.displacement[0])]
         force = [0.0]
         derivatives: list[FloatArray] = [np.zeros(len(sensitivities))]
@@ -141,14 +142,6 @@ class Pressing:
             {name: columns[:, k] for k, name in enumerate(sensitivities)},
         )
         return Indentation(values, path.loading, path, report)
-
-    def _tracker(self, names: tuple[str, ...]) -> SensitivityTracker | None:
-        if not names:
-            return None
-        if names not in self._trackers:
-            self._trackers[names] = SensitivityTracker(self.system, names)
-        self._trackers[names].reset()
-        return self._trackers[names]
 
 
 def farthest(attempts: Sequence[Indentation]) -> Indentation:

@@ -8,10 +8,11 @@ import ufl
 from dolfinx import fem
 from making_mechanics import FORMULATIONS, fixed_steps, pressed_block
 
+from legfem.compiled import compiled
 from legfem.contact_settings import ContactSettings
 from legfem.newton import NewtonSettings, NewtonSolver
 from legfem.stepping import press
-from legfem.system import System, compiled
+from legfem.system import System
 from legfem.terms import Tissue
 
 

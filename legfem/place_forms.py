@@ -1,0 +1,151 @@
+"""Unknown, history and forms of a model's body and of its skin."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import ufl
+from dolfinx import fem
+
+from legfem.compiled import compiled
+from legfem.history import History
+from legfem.kinematics import Expr
+from legfem.model import LegModel
+from legfem.places import Body, Place, Skin, Swept
+from legfem.spaces import POROUS, LegSpaces
+from legfem.symbols import Clock, Symbols
+
+SKIN_DEGREE = 3
+
+
+class PlaceForms:
+    """Unknown, history and forms of one place."""
+
+    def __init__(self, place: Place, before: Any, model_terms: Any, degree: int) -> None:
+        self.place, self.before = place, before
+        mesh = place.unknown.function_space.mesh
+        shapes = {
+            f"{term.name}.{name}": shape
+            for term in model_terms
+            for name, shape in term.history(place).items()
+        }
+        self.history = History(mesh, degree, shapes)
+
+        def of(term: Any) -> dict[str, Any]:
+            return {
+                name: self.history.variables[f"{term.name}.{name}"] for name in term.history(place)
+            }
+
+        self.residual_form = sum(term.residual(place, of(term)) for term in model_terms)
+        trial = ufl.TrialFunction(place.unknown.function_space)
+        self.residual = compiled(self.residual_form)
+        self.tangent = compiled(ufl.derivative(self.residual_form, place.unknown, trial))
+        self.updated = {
+            f"{term.name}.{name}": value
+            for term in model_terms
+            for name, value in term.updated(place, of(term)).items()
+        }
+        self.history.compile_update(self.updated)
+
+    def advance(self) -> None:
+        """Make the present state the one that the next step starts from."""
+        self.history.advance()
+        self.before.x.array[:] = self.place.unknown.x.array
+
+    @property
+    def remembered(self) -> dict[str, Any]:
+        """Functions that hold what the next step starts from, by name."""
+        return {"before": self.before, **self.history.variables}
+
+    def reset(self) -> None:
+        """Return to the undeformed state."""
+        self.history.reset()
+        self.before.x.array[:] = 0.0
+        self.place.unknown.x.array[:] = 0.0
+
+
+def body_forms(
+    spaces: LegSpaces, model: LegModel, unknown: Any, symbols: Symbols, clock: Clock, degree: int
+) -> PlaceForms:
+    """Return the forms of the body, with quadrature of a degree."""
+    space = spaces.space
+    before, test = fem.Function(space), ufl.TestFunction(space)
+    measure = ufl.Measure(
+        "dx",
+        domain=spaces.mesh,
+        subdomain_data=spaces.cell_tags,
+        metadata={"quadrature_degree": degree},
+    )
+    radius = _radius(spaces, spaces.mesh)
+    mixed = spaces.formulation != "displacement"
+    now = ufl.split(unknown) if mixed else (unknown,)
+    varied = ufl.split(test) if mixed else (test,)
+    place = Body(
+        symbols,
+        unknown,
+        test,
+        now[0],
+        ufl.split(before)[0] if mixed else before,
+        varied[0],
+        degree,
+        clock.time,
+        clock.step,
+        {name: _swept(measure(tag), radius) for name, tag in spaces.regions.items()},
+        _by_region(spaces, now[1:]),
+        _by_region(spaces, varied[1:]),
+        spaces.formulation == "porous",
+        radius,
+    )
+    return PlaceForms(place, before, model.at("body"), degree)
+
+
+def skin_forms(
+    spaces: LegSpaces,
+    model: LegModel,
+    symbols: Symbols,
+    clock: Clock,
+    centres: tuple[Any, Any],
+    applied_pressure: Any,
+) -> PlaceForms:
+    """Return the forms of the skin; ``centres`` are the indenter's, now and before the step."""
+    mesh, space = spaces.skin, spaces.skin_space
+    unknown, before, test = fem.Function(space), fem.Function(space), ufl.TestFunction(space)
+    metadata = {"quadrature_degree": SKIN_DEGREE, "quadrature_rule": "default"}
+    outward = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+    outward.x.array[:] = spaces.skin_outward
+    place = Skin(
+        symbols,
+        unknown,
+        test,
+        unknown,
+        before,
+        test,
+        SKIN_DEGREE,
+        clock.time,
+        clock.step,
+        _swept(ufl.Measure("dx", domain=mesh, metadata=metadata), _radius(spaces, mesh)),
+        ufl.SpatialCoordinate(mesh),
+        *centres,
+        spaces.dimension,
+        outward,
+        applied_pressure,
+    )
+    return PlaceForms(place, before, model.at("skin"), SKIN_DEGREE)
+
+
+def _radius(spaces: LegSpaces, mesh: Any) -> Expr | None:
+    """Return the reference distance from the axis of symmetry, or None without one."""
+    return ufl.SpatialCoordinate(mesh)[0] if spaces.symmetry == "axial" else None
+
+
+def _swept(measure: Any, radius: Expr | None) -> Any:
+    return measure if radius is None else Swept(measure, radius)
+
+
+def _by_region(spaces: LegSpaces, pressures: Sequence[Expr]) -> dict[str, Expr]:
+    """Return the pressure of every region that has one."""
+    if spaces.formulation == "continuous":
+        return dict(zip(spaces.regions, pressures, strict=True))
+    porous = spaces.formulation == "porous"
+    return {r: p for p in pressures for r in spaces.regions if not porous or r in POROUS}
