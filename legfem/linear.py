@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
+from legfem.kept_factors import KeptFactors
 from legfem.spaces import LegSpaces
 
 
@@ -36,12 +37,16 @@ class LinearSettings:
         takes as many linear iterations and more of Newton's, hence more tangents.
     max_iterations : int
         Of an iterative solver.
+    kept_iterations : int
+        Iterations with factors of an earlier tangent that are worth less than new factors; 0
+        factorises every tangent.
     """
 
     solver: Literal["auto", "direct", "iterative"] = "auto"
     direct_limit: int = 200_000
     tolerance: float = 1e-4
     max_iterations: int = 300
+    kept_iterations: int = 0
 
     def iterates(self, spaces: LegSpaces) -> bool:
         """Tell whether the leg's tangent is to be solved by iterations; a porous one never is."""
@@ -56,6 +61,14 @@ def configure(linear: PETSc.KSP, spaces: LegSpaces, settings: LinearSettings) ->
     """Set a solver up for a leg; PETSc options are read afterwards, by the caller."""
     if settings.iterates(spaces):
         _iterate(linear, spaces, settings)
+        return
+    if settings.kept_iterations > 0:
+        linear.setType("gmres")
+        # Preconditioned by a near tangent's factors the residual is nearly the error.
+        linear.setPCSide(PETSc.PC.Side.LEFT)
+        linear.setGMRESRestart(settings.max_iterations)
+        linear.setTolerances(rtol=settings.tolerance, max_it=settings.max_iterations)
+        KeptFactors(settings.kept_iterations).attach(linear)
         return
     preconditioner = linear.getPC()
     linear.setType("preonly")
@@ -104,16 +117,9 @@ def _iterate(linear: PETSc.KSP, spaces: LegSpaces, settings: LinearSettings) -> 
     set_defaults(linear, prefix, _ELIMINATION if mixed else MULTIGRID)
     if not mixed:
         return
-    displacement, pressure = fields(spaces)
-    first = spaces.space.dofmap.index_map.local_range[0] * spaces.space.dofmap.index_map_bs
-    sets = []
-    for dofs, block in ((pressure, spaces.dimension + 1), (displacement, spaces.dimension)):
-        indices = (first + dofs).astype(np.int32)
-        sets.append(PETSc.IS().createGeneral(indices, comm=spaces.mesh.comm))
-        sets[-1].setBlockSize(block)
-    sets[1].compose("nearnullspace", rigid_motions(spaces))
+    displacement, pressure = field_sets(spaces, spaces.dimension + 1)
     linear.getPC().setType("fieldsplit")
-    linear.getPC().setFieldSplitIS(("pressure", sets[0]), ("displacement", sets[1]))
+    linear.getPC().setFieldSplitIS(("pressure", pressure), ("displacement", displacement))
 
 
 def set_defaults(linear: PETSc.KSP, prefix: str, defaults: Mapping[str, str | float]) -> None:
@@ -133,6 +139,21 @@ def fields(spaces: LegSpaces) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     displacement = _displacements(spaces)
     owned = np.arange(_owned_size(spaces), dtype=np.int32)
     return displacement, np.setdiff1d(owned, displacement)
+
+
+def field_sets(spaces: LegSpaces, pressure_block: int) -> tuple[PETSc.IS, PETSc.IS]:
+    """Return the index sets of displacements, with their rigid motions, and of pressures.
+
+    ``pressure_block`` is the number of pressures that belong together.
+    """
+    first = spaces.space.dofmap.index_map.local_range[0] * spaces.space.dofmap.index_map_bs
+    sets = []
+    for dofs, block in zip(fields(spaces), (spaces.dimension, pressure_block), strict=True):
+        indices = (first + dofs).astype(np.int32)
+        sets.append(PETSc.IS().createGeneral(indices, comm=spaces.mesh.comm))
+        sets[-1].setBlockSize(block)
+    sets[0].compose("nearnullspace", rigid_motions(spaces))
+    return sets[0], sets[1]
 
 
 def rigid_motions(spaces: LegSpaces) -> PETSc.NullSpace:

@@ -15,13 +15,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 import ufl
 from dolfinx import fem, la
 from petsc4py import PETSc
 
 from legfem.compiled import compiled
-from legfem.linear import MULTIGRID, LinearSettings, fields, rigid_motions, set_defaults
+from legfem.linear import MULTIGRID, LinearSettings, field_sets, fields, set_defaults
 from legfem.places import Body
 from legfem.system import System
 from legfem.terms.tissue import Tissue
@@ -47,7 +46,7 @@ class SaddlePreconditioner:
 
     def __init__(self, system: System) -> None:
         self._system = system
-        self._displacement, self._pressure = fields(system.spaces)
+        _, self._pressure = fields(system.spaces)
         self._lumped = fem.Function(system.spaces.space)
         self._lumping = compiled(_lumped_over_modulus(system))
         owned = len(self._pressure)
@@ -62,22 +61,10 @@ class SaddlePreconditioner:
         linear.setGMRESRestart(60)
         linear.setTolerances(rtol=settings.tolerance, max_it=settings.max_iterations)
         set_defaults(linear, "legfem_continuous_", _TRIANGLE)
-        first = spaces.space.dofmap.index_map.local_range[0] * spaces.space.dofmap.index_map_bs
-        sets = {}
-        for name, dofs, block in (
-            ("pressure", self._pressure, 1),
-            ("displacement", self._displacement, spaces.dimension),
-        ):
-            sets[name] = PETSc.IS().createGeneral(
-                (first + dofs).astype(np.int32), comm=self._system.comm
-            )
-            sets[name].setBlockSize(block)
-        sets["displacement"].compose("nearnullspace", rigid_motions(spaces))
+        displacement, pressure = field_sets(spaces, 1)
         preconditioner = linear.getPC()
         preconditioner.setType("fieldsplit")
-        preconditioner.setFieldSplitIS(
-            *[(name, sets[name]) for name in ("displacement", "pressure")]
-        )
+        preconditioner.setFieldSplitIS(("displacement", displacement), ("pressure", pressure))
         preconditioner.setFieldSplitSchurPreType(PETSc.PC.FieldSplitSchurPreType.USER, self._schur)
 
     def update(self) -> None:

@@ -18,7 +18,7 @@ from legfem.diagnose.variants import Stopped, Variants
 from legfem.progress import Silent
 from legfem.protocol import Protocol
 from legfem.recording import Recording
-from legfem.subject import find_subject, load_subject
+from legfem.subject import SUBJECTS, load_subject
 
 DEPTH = 6.0
 SOFT = (0.8, 0.9)
@@ -28,7 +28,7 @@ SOFT = (0.8, 0.9)
 def variants():
     from legfem.experiments.plane_strain import PlaneStrainSettings, tissues_of
 
-    subject = load_subject(find_subject("3"), need_recordings=False)
+    subject = load_subject(SUBJECTS.find("3"), need_recordings=False)
     settings = PlaneStrainSettings()
     coarse = PlaneStrainSettings(mesh=settings.mesh.refined(0.4))
     return Variants(subject.section, subject.indenter, tissues_of(subject), coarse)

@@ -14,7 +14,8 @@ from legfem.geometry.parametric_leg import parametric_leg, read_legs
 from legfem.geometry.rigid import RigidTransform
 from legfem.geometry.shape_file import write_shape
 from legfem.geometry.shape_motion import rigidly_moved
-from legfem.stocking.leg import SHIPPED, find_leg, load_leg
+from legfem.shipped import STUDIES
+from legfem.stocking.leg import LEGS, load_leg
 from legfem.stocking.veins import GAP, default_veins
 
 TOML = """id = "a"
@@ -31,7 +32,7 @@ compression_class = "2"
 
 @pytest.fixture(scope="module")
 def shape() -> LegShape:
-    return parametric_leg(read_legs(SHIPPED.parent / "legs.toml")["1"], n_points=90)
+    return parametric_leg(read_legs(STUDIES / "dubuis" / "legs.toml")["1"], n_points=90)
 
 
 @pytest.fixture
@@ -99,8 +100,8 @@ def test_without_the_second_scan_known_stiffness_serves(folder):
 
 
 def test_an_unknown_leg_names_those_there_are():
-    with pytest.raises(InputError, match="known are"):
-        find_leg("nobody")
+    with pytest.raises(InputError, match="known subjects are"):
+        LEGS.find("nobody")
 
 
 def test_veins_stand_beside_the_bones_in_the_muscle(shape):

@@ -24,6 +24,7 @@ from legfem.report.leg_directions import Directions, angle_round, unwrapped
 from legfem.report.stocking import write_stocking_report
 from legfem.report.stocking_stiffness_text import verdict_sentence
 from legfem.report.stocking_text import stocking_page
+from legfem.stocking.accuracy import ContourAccuracy
 from legfem.stocking.classes import CompressionClass, Fit, fitted_stocking
 from legfem.stocking.document import stocking_document
 from legfem.stocking.fat_pressures import fat_pressures
@@ -32,11 +33,11 @@ from legfem.stocking.judgement import expected_rms, judge, starts_agree
 from legfem.stocking.laplace import Stocking, stocking_load
 from legfem.stocking.leg import StockingLeg
 from legfem.stocking.leg_model import LegModel3D
-from legfem.stocking.misfit import ContourAccuracy
 from legfem.stocking.pressures import PressureProbe
 from legfem.stocking.run import StockingSettings, run_leg
 from legfem.stocking.veins import default_veins
 from legfem.stocking.warnings import stocking_warnings, unloaded_skin
+from legfem.stocking.worn import WornLeg
 from legfem.units import mpa_to_kpa, mpa_to_mmhg
 
 LEGS = Path(__file__).resolve().parents[1] / "studies" / "dubuis" / "legs.toml"
@@ -51,7 +52,7 @@ def result():
     bare = parametric_leg(read_legs(LEGS)["1"]).at_levels(np.linspace(50.0, 100.0, 11))
     stocking = fitted_stocking(bare, Fit(CompressionClass.MODERATE))
     true = {"deep": NeoHookean(2.6e-3, 2.0), "superficial": NeoHookean(6e-3, 2.0)}
-    made = LegModel3D(bare, true, MESH).wear(stocking)
+    made = WornLeg(LegModel3D(bare, true, MESH), stocking).find()
     registration = Registration(
         RigidTransform(), 0.11, 2000, 120, np.array([0.012, 0.011, 0.05]),
         np.array([0.03, 0.02, 0.09]), 23, True,
@@ -244,7 +245,7 @@ def test_pictures_and_fields_are_written_and_nothing_else_is_left(folder):
 
 
 def test_fields_hold_the_stocking_s_pressure(result):
-    result.model.put_in(result.worn, result.parameters)
+    result.model.put_in(result.worn.state, result.worn.pressure, result.parameters)
     fields = fields_of(result.model.compression.system)
     assert fields.skin_pressure.name == "interface_pressure"
     highest = 1e3 * result.worn.load.pressure.max()

@@ -18,7 +18,7 @@ from legfem.meshing.idealised_leg import END, LegMesh
 from legfem.model import LegModel, Term
 from legfem.newton import NewtonSettings, NewtonSolver
 from legfem.protocol import Protocol
-from legfem.sensitivity import SensitivityTracker
+from legfem.sensitivity import Trackers
 from legfem.spaces import Formulation, Support, build_spaces
 from legfem.stepping import SolveReport, StepSettings, follow
 from legfem.system import System
@@ -55,7 +55,7 @@ class CompressionSettings:
     stabilisation: float = 1.0
     newton: NewtonSettings = field(default_factory=lambda: NewtonSettings(relative_tolerance=1e-8))
     linear: LinearSettings = field(
-        default_factory=lambda: LinearSettings(direct_limit=5_000, tolerance=1e-5)
+        default_factory=lambda: LinearSettings(tolerance=1e-5, kept_iterations=15)
     )
     first: float = 1.0
 
@@ -126,7 +126,8 @@ class LegCompression:
             self.spaces, self._model(tissues), quadrature_degree=2 * self.settings.degree
         )
         self.solver = NewtonSolver(self.system, self.settings.newton, self.settings.linear)
-        self._trackers: dict[tuple[str, ...], SensitivityTracker] = {}
+        self._trackers = Trackers(self.system)
+        self._tangent_of: Compressed | None = None
 
     @property
     def comm(self) -> MPI.Intracomm:
@@ -160,24 +161,24 @@ class LegCompression:
             A state near the one sought, from which a single step is tried first.
         """
         system = self.system
-        values = {**system.model.parameters, **(parameters or {})}
-        unknown = set(values) - set(system.model.parameters)
-        if unknown:
-            raise KeyError(f"the model has no parameter {sorted(unknown)[0]!r}")
-        system.set_parameters(values)
+        system.set_parameters(system.model.values(parameters))
         system.applied_pressure.x.array[:] = pressure
         steps = StepSettings(hold_first=self.settings.first, hold_first_time=self.settings.first)
-        tracker = self._tracker(tuple(sensitivities))
+        tracker = self._trackers.fresh(sensitivities)
         load = Protocol((0.0, 1.0), (0.0, 0.0))
         guess = None if start is None else start.unknown
+        self._tangent_of = None
         report = follow(system, self.solver, load, steps, guess=guess)
-        found = {}
-        if report.complete and tracker is not None:
-            tracker.step(self.solver)
-            found = tracker.state_rates()
-        return Compressed(report, system.unknown.x.array.copy(), found)
+        if not report.complete or tracker is None:
+            return Compressed(report, system.unknown.x.array.copy(), {})
+        tracker.step(self.solver)
+        state = Compressed(report, system.unknown.x.array.copy(), tracker.state_rates())
+        self._tangent_of = state
+        return state
 
-    def pressure_rates(self, state: Compressed, changes: Sequence[FloatArray]) -> list[FloatArray]:
+    def pressure_rates(
+        self, state: Compressed, changes: Sequence[FloatArray], tolerance: float | None = None
+    ) -> list[FloatArray]:
         """Return the unknown's derivatives at a state by shares of changes of the pressure.
 
         Parameters
@@ -186,20 +187,26 @@ class LegCompression:
             The last one solved for.
         changes
             Of the pressure, at `skin_points` (MPa).
+        tolerance
+            Of the linear solutions, where they are iterative; that of the settings by default.
         """
-        system = self.system
-        system.unknown.x.array[:] = state.unknown
-        self.solver.refactor()
+        system, linear = self.system, self.solver.linear_solver
+        if self._tangent_of is not state:
+            system.unknown.x.array[:] = state.unknown
+            self.solver.refactor()
+            self._tangent_of = state
+        linear.setTolerances(rtol=tolerance or self.settings.linear.tolerance)
         given, rates = system.applied_pressure.x.array.copy(), []
         for change in changes:
             system.applied_pressure.x.array[:] = change
             right = system.assemble_skin_load().x.petsc_vec
             right.scale(-1.0)
             rate = fem.Function(self.spaces.space)
-            self.solver.linear_solver.solve(right, rate.x.petsc_vec)
+            linear.solve(right, rate.x.petsc_vec)
             rate.x.scatter_forward()
             rates.append(np.asarray(rate.x.array).copy())
         system.applied_pressure.x.array[:] = given
+        linear.setTolerances(rtol=self.settings.linear.tolerance)
         return rates
 
     def _model(self, tissues: Mapping[str, Hyperelastic]) -> LegModel:
@@ -213,11 +220,3 @@ class LegCompression:
             terms += [PressureStabilisation(r, tissues[r], strength) for r in regions]
         terms.append(SkinPressure(1.0 if self.settings.follower else 0.0))
         return LegModel((*terms, *self._mechanisms), self.settings.formulation)
-
-    def _tracker(self, names: tuple[str, ...]) -> SensitivityTracker | None:
-        if not names:
-            return None
-        if names not in self._trackers:
-            self._trackers[names] = SensitivityTracker(self.system, names)
-        self._trackers[names].reset()
-        return self._trackers[names]

@@ -39,8 +39,8 @@ class OutlineSettings:
         put right for a part's mean curvature.
     around, along : float
         Wavelengths (mm) below which undulations of skin and hull are smoothed away, around the
-        contours and along the leg. The curvature of a noisy skin wants more
-        (see `legfem.geometry.shape_smoothing`).
+        contours and along the leg, which hardly undulates (see
+        `legfem.geometry.shape_smoothing`).
     bone_around, bone_along : float
         The same of the bones.
     n_points : int
@@ -49,7 +49,7 @@ class OutlineSettings:
 
     blur: float = 0.7
     around: float = 25.0
-    along: float = 30.0
+    along: float = 80.0
     bone_around: float = 12.0
     bone_along: float = 12.0
     n_points: int = 180

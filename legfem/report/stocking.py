@@ -121,7 +121,7 @@ def _figures(result: StockingResult, sampled: _Sampled, folder: Path) -> list[Re
 def _fields(result: StockingResult, folder: Path) -> list[ReportFile]:
     if not result.worn.state.report.complete:
         return []
-    result.model.put_in(result.worn, result.parameters)
+    result.model.put_in(result.worn.state, result.worn.pressure, result.parameters)
     written = write_fields(fields_of(result.model.compression.system), folder)
     shows = (
         "the leg in its stocking for ParaView: displacement (mm), hydrostatic pressure and von "

@@ -120,7 +120,7 @@ def _searches(result: StockingResult) -> str:
     for search in result.searches:
         start = ", ".join(f"{mpa_to_kpa(float(value)):.3g}" for value in search.start)
         muscle, fat = (mpa_to_kpa(float(value)) for value in search.parameters)
-        found = search.state.report.complete and np.isfinite(search.rms)
+        found = search.worn.state.report.complete and np.isfinite(search.rms)
         misfit = f"{search.chi_square:.3f}" if np.isfinite(search.chi_square) else "-"
         if not found:
             rows.append(f"{search.method:<12} {start:>13} {'-':>11} {'-':>14} {'-':>9} {'-':>8} "

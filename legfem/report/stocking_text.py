@@ -135,8 +135,11 @@ def _scanned(result: StockingResult) -> str:
     accuracy = leg.accuracy
     if leg.compressed is not None:
         lines.append(
-            f"Each scan's contours are taken to be {accuracy.sd:g} mm off (standard deviation, "
-            f"alike over {accuracy.correlation:g} mm); the intervals of the stiffness rest on that."
+            f"Each scan's segmentation is taken to be {accuracy.sd:g} mm off (standard deviation, "
+            f"alike over {accuracy.correlation:g} mm), which leaves {accuracy.smoothed_sd:.2g} mm "
+            "in its contours, and the stocking's pressure to be "
+            f"{100 * accuracy.pressure_sd:g} % off over an eighth of the girth; the intervals of "
+            "the stiffness rest on that."
         )
     return "\n\n".join(map(fill, lines))
 
@@ -152,8 +155,7 @@ def _computed(result: StockingResult) -> str:
         ("load", "follows the deformed skin" if settings.follower else "dead load"),
         ("ends of the segment", "held in their planes" if settings.ends == "held" else "free"),
         ("bones", "rigid and fixed"),
-        ("solved states", f"{solves} to identify, {len(result.worn.changes)} to settle shape and "
-         "pressure"),
+        ("solved states", f"{result.states}, {solves} of them to identify"),
         ("wall time", f"{result.wall_s:.0f} s"),
     ]  # fmt: skip
     return table(rows)

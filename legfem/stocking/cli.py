@@ -25,7 +25,7 @@ def stocking(
         Path | None,
         typer.Option(help="Folder for results; results/stocking-ID by default."),
     ] = None,
-    cells: Annotated[int, typer.Option(help="About how many tetrahedra.")] = 25_000,
+    cells: Annotated[int, typer.Option(help="About how many tetrahedra.")] = 15_000,
     nelder_mead: Annotated[
         bool, typer.Option("--nelder-mead", help="Search as the paper does too; some 50 solutions.")
     ] = False,
@@ -39,21 +39,15 @@ def stocking(
     Example: python -m legfem.stocking --subject 1 --out results/leg-1
     """
     with command_edge("run the same command again"):
-        if (subject is None) == (subject_dir is None):
-            raise InputError(
-                "--subject", "leg", "give one of --subject and --subject-dir",
-                "for example --subject 1",
-            )  # fmt: skip
         if not 2_000 <= cells <= 5_000_000:
             raise InputError("--cells", f"{cells}", "is out of range", "give 2000 to 5000000")
         from mpi4py import MPI
 
         from legfem.report.stocking import write_stocking_report
-        from legfem.stocking.leg import find_leg, load_leg
+        from legfem.stocking.leg import LEGS, load_leg
         from legfem.stocking.run import StockingSettings, run_leg
 
-        folder = subject_dir if subject_dir is not None else find_leg(str(subject))
-        leg = load_leg(folder)
+        leg = load_leg(LEGS.named(subject, subject_dir))
         results = out or Path("results") / f"stocking-{leg.id}"
         check_out_folder(results)
         comm = MPI.COMM_WORLD

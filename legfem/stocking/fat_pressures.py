@@ -9,8 +9,8 @@ import shapely
 from scipy.stats import spearmanr
 
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
-from legfem.stocking.leg_model import Worn
 from legfem.stocking.pressures import END_ZONE, PressureProbe
+from legfem.stocking.worn import Worn
 from legfem.units import FloatArray
 
 AROUND, DEPTHS = 60, np.linspace(0.06, 0.94, 9)

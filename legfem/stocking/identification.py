@@ -2,24 +2,24 @@
 
 Two ways to the same answer. The paper's is Nelder-Mead on the sum of squared distances. The other
 minimises the distances weighted with their errors, by Gauss and Newton's method with the
-derivatives of the finite-element model: it takes a sixth of the solutions and says how sure the
-values are.
+derivatives of the finite-element model and its stocking: it takes a fraction of the solutions and
+says how sure the values are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from scipy.optimize import minimize
 
-from legfem.experiments.compression import Compressed
-from legfem.stocking.leg_model import LegModel3D
+from legfem.stocking.linearised import LinearisedContours
 from legfem.stocking.misfit import ContourMisfit
-from legfem.stocking.nuisance import RIGID, Nuisances, distance_slope, nuisances
-from legfem.units import FloatArray, kpa_to_mpa
+from legfem.stocking.nuisance import RIGID, nuisance_sd
+from legfem.stocking.worn import Worn, WornLeg
+from legfem.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 
 PARAMETERS = ("deep.C10", "superficial.C10")
 START = kpa_to_mpa(np.array([3.0, 3.0]))
@@ -28,6 +28,7 @@ BOUNDS = (kpa_to_mpa(0.1), kpa_to_mpa(100.0))
 STALE = 0.3
 """Change of a log parameter after which the nuisances' slopes are taken anew."""
 type OnSolve = Callable[[str], None]
+type Method = Literal["nelder-mead", "weighted"]
 
 
 @dataclass(frozen=True)
@@ -67,17 +68,18 @@ class Identified:
     parameters' logarithms and the nuisances) belongs to the weighted search.
     """
 
-    method: Literal["nelder-mead", "weighted"]
+    method: Method
     parameters: FloatArray
     start: FloatArray
     converged: bool
     solves: int
+    """Compressed states solved for; an equilibrium takes a few."""
     cost: float
     """The paper's, 1 at its start."""
     rms: float
     """Root-mean-square distance, after motion and pressure are allowed for (mm)."""
     distances: FloatArray
-    state: Compressed
+    worn: Worn
     chi_square: float = np.nan
     """Of the weighted distances, over their effective number."""
     nuisance: FloatArray | None = None
@@ -99,55 +101,53 @@ class Identified:
 
 
 class Search:
-    """Solves a leg for stiffnesses and compares it with its scan.
+    """Puts a stocking on a leg of many stiffnesses and compares it with its scan.
 
     Parameters
     ----------
-    model
-        The leg.
-    pressure
-        At its skin's points (MPa), (n_levels, n_points): that of the scanned shape.
+    leg
+        The leg and its stocking.
     misfit
         The scanned contours.
     settings
         Of the searches.
     on_solve
-        Called with a line after every solution.
+        Called with a line after every equilibrium.
     """
 
     def __init__(
         self,
-        model: LegModel3D,
-        pressure: FloatArray,
+        leg: WornLeg,
         misfit: ContourMisfit,
         settings: SearchSettings | None = None,
         on_solve: OnSolve | None = None,
     ) -> None:
-        self._model, self._pressure, self._misfit = model, pressure, misfit
+        self._leg, self._misfit = leg, misfit
         self._settings = settings or SearchSettings()
         self._on_solve = on_solve
-        self._last: Compressed | None = None
-        self.solves = 0
+        self._last: Worn | None = None
 
     def nelder_mead(self) -> Identified:
         """Search as the paper does, from 3 kPa in both tissues."""
-        first, _ = self._solve(START)
-        scale = self._misfit.cost(self._distances(first)) if first.report.complete else np.nan
-        best: dict[float, tuple[FloatArray, Compressed]] = {}
-        before = self.solves - 1
+        before = self._leg.states
+        best = self._solve(START)
+        if not best.state.report.complete:
+            return self._unsolved("nelder-mead", START, before, best)
+        scale = least = self._misfit.cost(self._misfit.distances(best.shape))
+        found = START
 
         def cost(log_parameters: FloatArray) -> float:
+            nonlocal best, least, found
             parameters = np.exp(log_parameters)
             if not (parameters > BOUNDS[0]).all() or not (parameters < BOUNDS[1]).all():
                 return np.inf
-            state, _ = self._solve(parameters)
-            if not state.report.complete:
+            worn = self._solve(parameters)
+            if not worn.state.report.complete:
                 return np.inf
-            value = self._misfit.cost(self._distances(state)) / scale
-            if not best or value < min(best):
-                best.clear()
-                best[value] = (parameters, state)
-            return value
+            value = self._misfit.cost(self._misfit.distances(worn.shape))
+            if value < least:
+                best, least, found = worn, value, parameters
+            return value / scale
 
         settings = self._settings
         done = minimize(
@@ -158,11 +158,10 @@ class Search:
                 "maxfev": settings.max_evaluations,
             },
         )  # fmt: skip
-        (value, (parameters, state)) = next(iter(best.items()))
-        distances = self._distances(state)
+        distances = self._misfit.distances(best.shape)
         return Identified(
-            "nelder-mead", parameters, START, bool(done.success), self.solves - before, value,
-            _rms(distances), distances, state,
+            "nelder-mead", found, START, bool(done.success), self._leg.states - before,
+            least / scale, _rms(distances), distances, best,
         )  # fmt: skip
 
     def weighted(self) -> tuple[Identified, ...]:
@@ -171,98 +170,89 @@ class Search:
         return tuple(sorted(found, key=lambda result: result.chi_square))
 
     def _from(self, start: FloatArray) -> Identified:
-        """Minimise the weighted distances and the prior of the rigid motions, with damping."""
-        before, settings = self.solves, self._settings
+        """Minimise the weighted distances and the priors of the nuisances, with damping."""
+        before, settings, misfit = self._leg.states, self._settings, self._misfit
         damping, converged = 1e-3, False
-        state, residual, slopes = self._weighted_at(start)
-        if residual is None or slopes is None:
-            return self._unsolved(start, before, state)
-        known = self._nuisances(state)
-        prior = np.concatenate([np.zeros(2), 1 / known.sd])
-        theta = np.concatenate([np.log(start), np.zeros(len(known.sd))])
-        others, taken_at = self._misfit.whitened(known.slopes), theta[:2]
+        worn = self._solve(start, differentiate=True)
+        if not worn.state.report.complete:
+            return self._unsolved("weighted", start, before, worn)
+        contours = LinearisedContours(self._leg, misfit, worn)
+        slopes = _by_log_stiffness(contours, start)
+        others, taken_at = _by_nuisance(contours), np.log(start)
+        sd = nuisance_sd(misfit)
+        prior = np.concatenate([np.zeros(2), 1 / sd])
+        theta = np.concatenate([np.log(start), np.zeros(len(sd))])
 
-        def total(residual: FloatArray, theta: FloatArray) -> FloatArray:
-            return np.concatenate([residual + others @ theta[2:], prior * theta])
+        def weighted(contours: LinearisedContours, theta: FloatArray) -> FloatArray:
+            return misfit.whitened(contours.distances + others @ theta[2:])
+
+        def total(contours: LinearisedContours, theta: FloatArray) -> FloatArray:
+            return np.concatenate([weighted(contours, theta), prior * theta])
+
+        def jacobian() -> FloatArray:
+            return np.vstack([misfit.whitened(np.hstack([slopes, others])), np.diag(prior)])
 
         for _ in range(settings.max_steps):
-            jacobian = np.vstack([np.hstack([slopes, others]), np.diag(prior)])
-            now = total(residual, theta)
-            normal = jacobian.T @ jacobian
-            step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal)), jacobian.T @ now)
+            rows, now = jacobian(), total(contours, theta)
+            normal = rows.T @ rows
+            step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal)), rows.T @ now)
             step[:2] = np.clip(step[:2], -1.0, 1.0)
             proposed = theta + step
             proposed[:2] = np.clip(proposed[:2], *np.log(BOUNDS))
-            new_state, new_residual, new_slopes = self._weighted_at(np.exp(proposed[:2]))
-            if new_residual is None or new_slopes is None:
+            stiffness = np.exp(proposed[:2])
+            new = self._solve(stiffness, differentiate=True)
+            if not new.state.report.complete:
                 damping = max(10 * damping, 1.0)
                 continue
-            gain = float(np.sum(now**2) - np.sum(total(new_residual, proposed) ** 2))
+            new_contours = LinearisedContours(self._leg, misfit, new)
+            gain = float(np.sum(now**2) - np.sum(total(new_contours, proposed) ** 2))
             if gain < -1e-9 * np.sum(now**2):
                 damping = max(10 * damping, 0.1)
                 continue
             change = np.abs(proposed[:2] - theta[:2]).max()
-            theta, state, residual, slopes = proposed, new_state, new_residual, new_slopes
+            theta, worn, contours = proposed, new, new_contours
+            slopes = _by_log_stiffness(contours, stiffness)
             damping = damping / 10
             if np.abs(theta[:2] - taken_at).max() > STALE:
                 # The pressure's slopes fall with the stiffness.
-                known = self._nuisances(state)
-                others, taken_at = self._misfit.whitened(known.slopes), theta[:2]
+                others, taken_at = _by_nuisance(contours), theta[:2]
             if change < settings.tolerance or gain < settings.least_gain:
                 converged = True
                 break
-        jacobian = np.vstack([np.hstack([slopes, others]), np.diag(prior)])
-        distances = self._distances(state)
-        weighted = residual + others @ theta[2:]
+        rows, distances = jacobian(), contours.distances
+        white = weighted(contours, theta)
         return Identified(
-            "weighted", np.exp(theta[:2]), start, converged, self.solves - before,
-            self._misfit.cost(distances), _rms(distances + known.slopes @ theta[2:]), distances,
-            state, float(weighted @ weighted) / len(weighted), theta[2:],
-            np.linalg.pinv(jacobian.T @ jacobian),
+            "weighted", np.exp(theta[:2]), start, converged, self._leg.states - before,
+            misfit.cost(distances), _rms(distances + others @ theta[2:]), distances, worn,
+            float(white @ white) / len(white), theta[2:], np.linalg.pinv(rows.T @ rows),
         )  # fmt: skip
 
-    def _unsolved(self, start: FloatArray, before: int, state: Compressed) -> Identified:
+    def _unsolved(self, method: Method, start: FloatArray, before: int, worn: Worn) -> Identified:
         return Identified(
-            "weighted", start, start, False, self.solves - before, np.inf, np.inf, np.array([]),
-            state, np.inf,
+            method, start, start, False, self._leg.states - before, np.inf, np.inf, np.array([]),
+            worn, np.inf,
         )  # fmt: skip
 
-    def _weighted_at(
-        self, parameters: FloatArray
-    ) -> tuple[Compressed, FloatArray | None, FloatArray | None]:
-        """Return the state, its weighted distances, and their slopes by log parameters."""
-        state, slopes = self._solve(parameters, differentiate=True)
-        if not state.report.complete or slopes is None:
-            return state, None, None
-        return state, self._misfit.whitened(self._distances(state)), self._misfit.whitened(slopes)
-
-    def _solve(
-        self, parameters: FloatArray, differentiate: bool = False
-    ) -> tuple[Compressed, FloatArray | None]:
-        """Return the state, and the distances' slopes by the parameters' logarithms, (n, 2)."""
+    def _solve(self, parameters: FloatArray, differentiate: bool = False) -> Worn:
         values = dict(zip(PARAMETERS, map(float, parameters), strict=True))
-        names: Sequence[str] = PARAMETERS if differentiate else ()
-        state = self._model.solve(self._pressure, values, names, self._last)
-        self.solves += 1
+        worn = self._leg.find(values, PARAMETERS if differentiate else (), self._last)
         if self._on_solve is not None:
-            deep, fat = 1e3 * parameters
-            self._on_solve(f"muscle {deep:.3g} kPa, fat {fat:.3g} kPa: {state.report}")
-        if not state.report.complete:
-            return state, None
-        self._last = state
-        if not differentiate:
-            return state, None
-        columns = [
-            value * distance_slope(self._model, self._misfit, state, state.sensitivities[name])
-            for name, value in values.items()
-        ]
-        return state, np.stack(columns, axis=1)
+            deep, fat = mpa_to_kpa(parameters)
+            self._on_solve(
+                f"muscle {deep:.3g} kPa, fat {fat:.3g} kPa: {len(worn.changes)} states, the last "
+                f"{worn.state.report}"
+            )
+        if worn.state.report.complete:
+            self._last = worn
+        return worn
 
-    def _nuisances(self, state: Compressed) -> Nuisances:
-        return nuisances(self._model, self._pressure, self._misfit, state)
 
-    def _distances(self, state: Compressed) -> FloatArray:
-        return self._misfit.distances(self._model.deformed_shape(state.unknown))
+def _by_log_stiffness(contours: LinearisedContours, parameters: FloatArray) -> FloatArray:
+    return np.stack([contours.by_parameter(name) for name in PARAMETERS], axis=1) * parameters
+
+
+def _by_nuisance(contours: LinearisedContours) -> FloatArray:
+    return np.column_stack([contours.by_motion(), contours.by_pressure()])
 
 
 def _rms(distances: FloatArray) -> float:

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from legfem.identify.result import Bound, Identifiability
+from legfem.stocking.accuracy import ContourAccuracy
 from legfem.stocking.identification import BOUNDS, PARAMETERS, Identified
-from legfem.stocking.misfit import ContourAccuracy
 
 IDENTIFIABLE_WITHIN, WEAKLY_WITHIN = 0.1, 0.5
 """Half width of the 95 % interval over the value, up to which a stiffness is known."""
@@ -38,7 +38,7 @@ class Known:
 
 def expected_rms(accuracy: ContourAccuracy) -> float:
     """Return the root-mean-square distance (mm) that errors of the contours alone make."""
-    return math.sqrt(2 * accuracy.sd**2 + accuracy.model_sd**2)
+    return math.sqrt(2 * accuracy.smoothed_sd**2 + accuracy.model_sd**2)
 
 
 def model_misses(found: Identified, accuracy: ContourAccuracy) -> bool:

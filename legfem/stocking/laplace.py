@@ -12,7 +12,8 @@ Where the leg is concave (at the shin) the fabric doesn't follow it: it spans th
 tangent point to tangent point, and presses on nothing in between. So the perimeter and the
 curvature are those of the contour's convex hull, and the skin off the hull bears no pressure.
 A flat part has no curvature and no pressure. Corners are rounded over the fabric's
-``bending_length``.
+``bending_length``, on the skin that bears: whatever the leg's shape, the pressure around a level
+sums to :math:`2 \pi T`.
 """
 
 from __future__ import annotations
@@ -71,13 +72,16 @@ class Stocking:
                 "stocking", "unstretched", "a perimeter is not positive", "give perimeters in mm"
             )
 
-    def tension(self, perimeter: FloatArray, levels: FloatArray) -> FloatArray:
-        """Return the tension (N/mm) at heights of a leg with given perimeters (mm).
+    def strain(self, perimeter: FloatArray, levels: FloatArray) -> FloatArray:
+        """Return the fabric's strain at heights of a leg with given perimeters (mm).
 
-        A fabric wider than the leg is slack and has none.
+        It is negative where the fabric is wider than the leg and slack.
         """
-        unstretched = np.interp(levels, self.levels, self.unstretched)
-        return self.stiffness * np.maximum(perimeter / unstretched - 1, 0.0)
+        return perimeter / np.interp(levels, self.levels, self.unstretched) - 1
+
+    def tension(self, strain: FloatArray) -> FloatArray:
+        """Return the tension (N/mm) by the strain; a slack fabric has none."""
+        return self.stiffness * np.maximum(strain, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,8 +126,8 @@ def stocking_load(shape: LegShape, stocking: Stocking) -> StockingLoad:
     curvature = np.empty(shape.contours[SKIN].shape[:2])
     for number, contour in enumerate(shape.contours[SKIN]):
         perimeter[number], curvature[number] = _spanned(contour, stocking.bending_length)
-    tension = stocking.tension(perimeter, shape.levels)
-    strain = perimeter / np.interp(shape.levels, stocking.levels, stocking.unstretched) - 1
+    strain = stocking.strain(perimeter, shape.levels)
+    tension = stocking.tension(strain)
     if (tension == 0).all():
         raise InputError(
             "stocking", "unstretched",
@@ -145,17 +149,18 @@ def _spanned(contour: FloatArray, span: float) -> tuple[float, FloatArray]:
     turn = np.mod(heading - np.roll(heading, 1), 2 * np.pi)
     corner = np.concatenate([[0.0], np.cumsum(length)[:-1]])
     at, distance = _along(ring, contour)
-    # Each corner's turn is spread over the span by a raised cosine, whose integral is one.
+    # Each corner's turn is spread over the span by a raised cosine, where the fabric bears.
     offset = np.abs(at[:, None] - corner)
     offset = np.minimum(offset, perimeter - offset)
-    near = offset < span
-    spread = np.where(near, (1 + np.cos(np.pi * offset / span)) / (2 * span), 0.0)
-    touching = distance < TOUCHING
-    return perimeter, np.where(touching, spread @ turn, 0.0)
+    cosine = np.where(offset < span, 1 + np.cos(np.pi * offset / span), 0.0)
+    bearing = np.where(distance < OFF, 0.5 * (1 + np.cos(np.pi * distance / OFF)), 0.0)
+    spread = bearing[:, None] * cosine
+    around = np.linalg.norm(np.roll(contour, -1, axis=0) - np.roll(contour, 1, axis=0), axis=1) / 2
+    return perimeter, (spread / (around @ spread)) @ turn
 
 
-TOUCHING = 0.2
-"""Distance (mm) off the hull up to which the fabric bears on the skin."""
+OFF = 0.4
+"""Distance (mm) off the hull over which the fabric ceases to bear on the skin."""
 
 
 def _along(ring: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -15,15 +15,16 @@ from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.shape_file import read_shape
 from legfem.geometry.shape_motion import rigidly_moved
 from legfem.geometry.slices import calf_levels
-from legfem.imaging.outlines import shape_of_volume
+from legfem.imaging.outlines import OutlineSettings, shape_of_volume
 from legfem.imaging.registration import Registration, register_shapes
 from legfem.imaging.surfaces import shape_of_surfaces
 from legfem.imaging.volume_file import read_volume
 from legfem.materials import NeoHookean
+from legfem.shipped import STUDIES, Shelf
+from legfem.stocking.accuracy import ContourAccuracy
 from legfem.stocking.classes import CompressionClass, Fit, fitted_stocking
 from legfem.stocking.laplace import Stocking
 from legfem.stocking.leg_file import LegFile, ShapeEntry, StockingEntry, parse_leg_file
-from legfem.stocking.misfit import ContourAccuracy
 from legfem.stocking.veins import Vein, default_veins
 from legfem.tables import read_table
 from legfem.units import FloatArray, kpa_to_mpa
@@ -31,7 +32,7 @@ from legfem.units import FloatArray, kpa_to_mpa
 LEVEL_SPACING = 5.0
 """Of the contours between which the leg's surfaces are smooth (mm)."""
 ROOM = Clearances(bone_to_fascia=1.5, fascia_to_skin=1.5)
-SHIPPED = Path(__file__).resolve().parents[2] / "studies" / "dubuis" / "subjects"
+LEGS = Shelf(STUDIES / "dubuis" / "subjects", "leg.toml")
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,9 +69,7 @@ def load_leg(directory: Path) -> StockingLeg:
         If anything in the folder is missing or wrong; names file, field and remedy.
     """
     directory = Path(directory)
-    if not directory.is_dir():
-        raise InputError(directory, "folder", "not found", "give a folder that holds leg.toml")
-    toml = directory / "leg.toml"
+    toml = LEGS.opened(directory)
     given = parse_leg_file(toml)
     bare = _shape(directory, toml, "bare", given.bare, given, ROOM)
     scanned_bare = _shape(directory, toml, "bare", given.bare, given, None)
@@ -98,32 +97,12 @@ def load_leg(directory: Path) -> StockingLeg:
     )  # fmt: skip
 
 
-def find_leg(name: str) -> Path:
-    """Return the folder of a leg that comes with legfem.
-
-    Raises
-    ------
-    InputError
-        If there is none of that name.
-    """
-    known = sorted(p.name for p in SHIPPED.glob("*") if (p / "leg.toml").is_file())
-    if name in known:
-        return SHIPPED / name
-    raise InputError(
-        "--subject", name, "unknown leg",
-        f"known are {', '.join(known)}; for a folder of your own give --subject-dir PATH",
-    )  # fmt: skip
-
-
 def _shape(
     directory: Path, toml: Path, field: str, entry: ShapeEntry, given: LegFile,
     room: Clearances | None,
 ) -> LegShape:  # fmt: skip
     def path(name: str) -> Path:
-        found = directory / name
-        if not found.is_file():
-            raise InputError(toml, field, f"there is no file '{name}'", f"put it at {found}")
-        return found
+        return _existing(directory, name, toml, field)
 
     if entry.scan is not None:
         labels = given.labels
@@ -140,6 +119,13 @@ def _shape(
     levels = np.linspace(given.segment.from_mm, given.segment.to_mm, max(count, 2))
     files = {part: path(name) for part, name in entry.surfaces.items()}
     return shape_of_surfaces(files, levels, room)
+
+
+def _existing(directory: Path, name: str, toml: Path, field: str) -> Path:
+    found = directory / name
+    if not found.is_file():
+        raise InputError(toml, field, f"there is no file '{name}'", f"put it at {found}")
+    return found
 
 
 def _dense(shape: LegShape) -> LegShape:
@@ -175,11 +161,7 @@ def _stocking(directory: Path, toml: Path, entry: StockingEntry, bare: LegShape)
     if entry.unstretched_mm is not None:
         return Stocking(entry.stiffness_N_per_mm, bare.levels[:1], np.array([entry.unstretched_mm]))
     assert entry.unstretched is not None
-    path = directory / entry.unstretched
-    if not path.is_file():
-        raise InputError(
-            toml, "stocking.unstretched", f"there is no file '{path.name}'", f"put it at {path}"
-        )
+    path = _existing(directory, entry.unstretched, toml, "stocking.unstretched")
     table = read_table(path, ("level_mm", "perimeter_mm"))
     return Stocking(
         entry.stiffness_N_per_mm,
@@ -189,7 +171,15 @@ def _stocking(directory: Path, toml: Path, entry: StockingEntry, bare: LegShape)
 
 
 def _accuracy(given: LegFile, registration: Registration | None) -> ContourAccuracy:
-    accuracy = ContourAccuracy(given.accuracy.contour_sd_mm, given.accuracy.correlation_mm)
+    outlines = OutlineSettings()
+    smoothed = given.bare.scan is not None
+    accuracy = ContourAccuracy(
+        given.accuracy.contour_sd_mm,
+        given.accuracy.correlation_mm,
+        outlines.around if smoothed else 0.0,
+        outlines.along if smoothed else 0.0,
+        pressure_sd=given.accuracy.pressure_relative_sd,
+    )
     if registration is None:
         return accuracy
     sx, sy, sz = map(float, np.maximum(registration.standard_error, 0.02))

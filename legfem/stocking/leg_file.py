@@ -65,6 +65,7 @@ class AccuracyEntry(Entry):
 
     contour_sd_mm: Positive = 0.2
     correlation_mm: Positive = 8.0
+    pressure_relative_sd: Positive = 0.01
 
 
 class TissueStiffness(Entry):

@@ -1,58 +1,24 @@
-"""A leg's segment that wears a stocking: its shape, its mesh, and its shape when compressed."""
+"""A leg's segment under pressures on its skin: its shape, its mesh, its shape when compressed."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 
-import numpy as np
 from mpi4py import MPI
 from scipy.sparse import csr_matrix
 
 from legfem.body_surfaces import BodySurface, hull_surface, skin_surface
 from legfem.experiments.compression import Compressed, CompressionSettings, LegCompression
-from legfem.fixed_point import AndersonMixing
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.shape_motion import displaced
 from legfem.geometry.surface import TriangleSurface, tube
 from legfem.materials import Hyperelastic
 from legfem.meshing.solid_leg import SolidMeshSettings, mesh_solid_leg
-from legfem.stocking.laplace import Stocking, StockingLoad, stocking_load
 from legfem.terms import StiffnessGradient, VolumeLoss
 from legfem.units import FloatArray
 
 SURFACES = (SKIN, HULL)
-
-
-@dataclass(frozen=True)
-class FixedPointSettings:
-    """Of the pressure that depends on the shape that it makes.
-
-    Parameters
-    ----------
-    tolerance : float
-        Change of the pressure from one state to the next, over its greatest value.
-    max_states : int
-        Compressed states to solve for.
-    """
-
-    tolerance: float = 2e-3
-    max_states: int = 12
-
-
-@dataclass(frozen=True, eq=False)
-class Worn:
-    """A leg in a stocking, in equilibrium with it."""
-
-    state: Compressed
-    shape: LegShape
-    """Compressed."""
-    load: StockingLoad
-    """At the reference shape's levels and points."""
-    changes: tuple[float, ...]
-    """Of the pressure between states, relative."""
-    converged: bool
 
 
 class LegModel3D:
@@ -100,10 +66,15 @@ class LegModel3D:
         nodal = self._to_mesh @ pressure.ravel()
         return self.compression.solve(nodal, parameters, sensitivities, start)
 
-    def pressure_rates(self, state: Compressed, changes: Sequence[FloatArray]) -> list[FloatArray]:
-        """Return the unknown's derivatives at the last state by changes of the skin's pressure."""
+    def pressure_rates(
+        self, state: Compressed, changes: Sequence[FloatArray], tolerance: float | None = None
+    ) -> list[FloatArray]:
+        """Return the unknown's derivatives at the last state by changes of the skin's pressure.
+
+        ``tolerance`` is that of the linear solutions, by default as in solving.
+        """
         return self.compression.pressure_rates(
-            state, [self._to_mesh @ change.ravel() for change in changes]
+            state, [self._to_mesh @ change.ravel() for change in changes], tolerance
         )
 
     def displacement(self, part: str, unknown: FloatArray) -> FloatArray:
@@ -125,43 +96,18 @@ class LegModel3D:
         moved = {part: self.displacement(part, unknown) for part in SURFACES}
         return displaced(self.shape, moved, levels)
 
-    def wear(
+    def put_in(
         self,
-        stocking: Stocking,
+        state: Compressed,
+        pressure: FloatArray,
         parameters: Mapping[str, float] | None = None,
-        settings: FixedPointSettings | None = None,
-        on_state: Callable[[str], None] | None = None,
-    ) -> Worn:
-        """Find the state in which the stocking's pressure is that of the shape it makes.
-
-        ``on_state`` is called with a line after every state.
-        """
-        settings = settings or FixedPointSettings()
-        load, state = stocking_load(self.shape, stocking), None
-        pressure, mixing = load.pressure, AndersonMixing()
-        changes: list[float] = []
-        while True:
-            state = self.solve(pressure, parameters, start=state)
-            if not state.report.complete:
-                return Worn(state, self.shape, load, tuple(changes), False)
-            shape = self.deformed_shape(state.unknown)
-            load = stocking_load(shape, stocking)
-            difference = np.abs(load.pressure - pressure).max()
-            changes.append(float(difference / load.pressure.max()))
-            if on_state is not None:
-                on_state(f"the pressure changes by {100 * changes[-1]:.2g} % of its greatest")
-            converged = changes[-1] < settings.tolerance
-            if converged or len(changes) == settings.max_states:
-                return Worn(state, shape, load, tuple(changes), converged)
-            pressure = np.maximum(mixing.next(pressure, load.pressure), 0.0)
-
-    def put_in(self, worn: Worn, parameters: Mapping[str, float] | None = None) -> None:
-        """Bring the system into a worn state, for what is evaluated there."""
+    ) -> None:
+        """Bring the system into a state under its pressure, for what is evaluated there."""
         system = self.compression.system
-        system.set_parameters({**system.model.parameters, **(parameters or {})})
-        system.applied_pressure.x.array[:] = self._to_mesh @ worn.load.pressure.ravel()
+        system.set_parameters(system.model.values(parameters))
+        system.applied_pressure.x.array[:] = self._to_mesh @ pressure.ravel()
         system.set_time(1.0, 1.0)
-        system.unknown.x.array[:] = worn.state.unknown
+        system.unknown.x.array[:] = state.unknown
 
     @cached_property
     def _surfaces(self) -> dict[str, BodySurface]:

@@ -2,10 +2,9 @@ r"""How far the contours of a simulated leg are from those of the leg scanned in
 
 The residuals are the distances along the scanned contours' normals, skin and hull, in a few slices
 of the calf. Their errors come from the outlines of two scans, alike over some way along the
-contours and from slice to slice, with the covariance :math:`2 \sigma^2 \exp(-(s + z) / l)` where s
-is the way along a contour and z between slices, and from the model itself, which is white. What is
-left of a rigid motion between the scans is a nuisance with a prior: bones are nearly prisms, so
-that they hardly fix the scans along the leg.
+contours and from slice to slice (`legfem.stocking.accuracy`), and from the model itself, which is
+white. What is left of a rigid motion between the scans is a nuisance with a prior: bones are nearly
+prisms, so that they hardly fix the scans along the leg.
 """
 
 from __future__ import annotations
@@ -17,49 +16,14 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 from scipy.spatial.transform import Rotation
 
-from legfem.checks import check_positive
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.shape_motion import rigidly_moved
 from legfem.geometry.slices import CONTOURS, SliceSet, slice_distances
+from legfem.stocking.accuracy import ContourAccuracy
 from legfem.units import FloatArray
 
 SHIFT, TURN = 0.05, 0.001
 """Of differences: mm, rad."""
-
-
-@dataclass(frozen=True)
-class ContourAccuracy:
-    """Errors of the contours that are compared.
-
-    Parameters
-    ----------
-    sd : float
-        Of a contour's points off the true outline, in one scan (mm).
-    correlation : float
-        Length over which these errors are alike (mm).
-    model_sd : float
-        Of the simulated contours, by mesh and interpolation (mm).
-    pressure_sd : float
-        Relative, of the stocking's pressure over an eighth of the girth: what the curvature of
-        scanned outlines leaves unknown. Outlines 0.2 mm off over some 9 mm turn by 0.03 rad, which
-        is 4 % of an eighth of a girth's turn. A leg of soft tissue gives way by some 0.2 mm a
-        per cent.
-    shift_sd : (float, float, float)
-        Of the registration's translation along x, y and z (mm).
-    turn_sd : (float, float, float)
-        Of its rotation about x, y and z (rad).
-    """
-
-    sd: float = 0.2
-    correlation: float = 8.0
-    model_sd: float = 0.02
-    pressure_sd: float = 0.03
-    shift_sd: tuple[float, float, float] = (0.05, 0.05, 0.5)
-    turn_sd: tuple[float, float, float] = (0.002, 0.002, 0.002)
-
-    def __post_init__(self) -> None:
-        """Check the numbers."""
-        check_positive(self, "sd", "correlation", "model_sd", "pressure_sd")
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,9 +101,9 @@ class ContourMisfit:
             way = np.abs(np.subtract.outer(np.arange(count), np.arange(count))) / count
             way = np.minimum(way, 1 - way) * lengths.mean()
             height = np.abs(np.subtract.outer(self.target.levels, self.target.levels))
-            around, along = (np.exp(-d / accuracy.correlation) for d in (way, height))
-            blocks.append(np.kron(along, around))
+            blocks.append(2 * accuracy.covariance(way[None, :, None, :], height[:, None, :, None]))
+        blocks = [block.reshape(2 * (len(self.target.levels) * count,)) for block in blocks]
         zero = np.zeros_like(blocks[0])
-        covariance = 2 * accuracy.sd**2 * np.block([[blocks[0], zero], [zero, blocks[1]]])
+        covariance = np.block([[blocks[0], zero], [zero, blocks[1]]])
         covariance += accuracy.model_sd**2 * np.eye(len(covariance))
         return np.asarray(cholesky(covariance, lower=True))

@@ -22,15 +22,18 @@ import numpy as np
 from scipy.stats import chi2
 from statsmodels.stats.multitest import multipletests
 
-from legfem.experiments.compression import Compressed
 from legfem.geometry.slices import CONTOURS
-from legfem.stocking.identification import PARAMETERS, Identified
-from legfem.stocking.leg_model import LegModel3D
+from legfem.stocking.identification import BOUNDS, PARAMETERS, Identified
+from legfem.stocking.linearised import LinearisedContours
 from legfem.stocking.misfit import ContourMisfit
-from legfem.stocking.nuisance import RIGID, SECTORS, distance_slope, nuisances, sectors
-from legfem.units import FloatArray
+from legfem.stocking.nuisance import RIGID, SECTORS, from_sector, nuisance_sd, sectors
+from legfem.stocking.worn import Worn, WornLeg
+from legfem.units import FloatArray, kpa_to_mpa
 
 SIGNIFICANT = 0.05
+PLAUSIBLE = kpa_to_mpa(np.array([[1.3, 3.3], [8.1, 20.4]]))
+"""C10 of muscle and fat (MPa) at which mechanisms are tested, at the least and at most: the second
+paper's means over and times 2.5. Where one is left out, the best fit may lie far off."""
 REPAIRS = 5
 """Solutions with the named mechanism in the model."""
 TERMS = {
@@ -96,70 +99,62 @@ class Mismatch:
     """C10 of muscle and fat then, MPa."""
 
 
-def mismatch_of(
-    model: LegModel3D, pressure: FloatArray, misfit: ContourMisfit, best: Identified
-) -> Mismatch:
+def mismatch_of(leg: WornLeg, misfit: ContourMisfit, best: Identified) -> Mismatch:
     """Locate and name what the best fit leaves.
 
     Parameters
     ----------
-    model, pressure, misfit
+    leg, misfit
         Of the identification.
     best
-        Its best weighted result, converged.
+        Its best weighted result, of a state that was found.
     """
-    state = _solve(model, pressure, best.parameters, {})
-    base, prior, mechanisms = _slopes(model, pressure, misfit, state, best.parameters)
+    tested_at = np.clip(best.parameters, *PLAUSIBLE)
+    worn = _solve(leg, tested_at, best.worn)
+    contours = LinearisedContours(leg, misfit, worn)
+    distances = contours.distances
+    prior = np.concatenate([np.zeros(2), 1 / nuisance_sd(misfit)])
+    base, mechanisms = _slopes(contours, tested_at)
     basis = np.vstack([misfit.whitened(base), np.diag(prior)])
     orthonormal = np.linalg.qr(basis)[0]
-    distances = misfit.distances(model.deformed_shape(state.unknown))
     white = _projected(
         np.concatenate([misfit.whitened(distances), np.zeros(len(prior))]), orthonormal
     )
     scores = _scores(mechanisms, misfit, white, orthonormal)
     places = _places(misfit, white, orthonormal, distances)
-    left = np.zeros(len(prior) - 2) if best.nuisance is None else best.nuisance
-    rms = float(np.sqrt(np.mean((distances + base[:, 2:] @ left) ** 2)))
     strongest = scores[0]
     if min([strongest.p_value, *(p.p_value for p in places)]) > SIGNIFICANT:
-        return Mismatch("consistent", (), scores, places, rms, None, None)
+        return Mismatch("consistent", (), scores, places, best.rms, None, None)
     if strongest.p_value > SIGNIFICANT:
-        return Mismatch("unexplained", (), scores, places, rms, None, None)
-    alike = tuple(s.name for s in scores if s.p_value < SIGNIFICANT and _as_good(s, strongest))
+        return Mismatch("unexplained", (), scores, places, best.rms, None, None)
+    penalty = float(np.log(len(distances)))
+    alike = tuple(
+        s.name for s in scores if s.p_value < SIGNIFICANT and _as_good(s, strongest, penalty)
+    )
     chosen = next(m for m in mechanisms if m.name == strongest.name)
-    after, parameters = _repaired(model, pressure, misfit, best, base, prior, chosen, distances)
+    after, parameters = _repaired(leg, misfit, tested_at, worn, base, prior, chosen, distances)
     verdict: Literal["named", "ambiguous"] = "named" if len(alike) == 1 else "ambiguous"
-    return Mismatch(verdict, alike, scores, places, rms, after, parameters)
+    return Mismatch(verdict, alike, scores, places, best.rms, after, parameters)
 
 
 def _slopes(
-    model: LegModel3D,
-    pressure: FloatArray,
-    misfit: ContourMisfit,
-    state: Compressed,
-    parameters: FloatArray,
-) -> tuple[FloatArray, FloatArray, tuple[Mechanism, ...]]:
-    """Return the slopes by log stiffness and nuisances, (n, 16), priors, and the mechanisms."""
-
-    def slope(name: str) -> FloatArray:
-        return distance_slope(model, misfit, state, state.sensitivities[name])
-
-    stiffness = [v * slope(name) for name, v in zip(PARAMETERS, parameters, strict=True)]
-    known = nuisances(model, pressure, misfit, state)
-    rigid, local = known.slopes[:, :RIGID], known.slopes[:, RIGID:]
-    prior = np.concatenate([np.zeros(2), 1 / known.sd])
-    return np.column_stack([*stiffness, known.slopes]), prior, (
+    contours: LinearisedContours, parameters: FloatArray
+) -> tuple[FloatArray, tuple[Mechanism, ...]]:
+    """Return the slopes by log stiffness and nuisances, (n, 16), and the mechanisms."""
+    stiffness = [v * contours.by_parameter(n) for n, v in zip(PARAMETERS, parameters, strict=True)]
+    rigid, local = contours.by_motion(), contours.by_pressure()
+    return np.column_stack([*stiffness, rigid, local]), (
         Mechanism(
             "local-pressure", "the pressure on the skin is wrong on one side of the leg",
             tuple(f"at {360 * k / SECTORS:.0f} degrees" for k in range(SECTORS)), local,
         ),
         Mechanism(
             "volume-loss", "the deep tissue has lost volume: blood has drained from it",
-            ("share",), slope("deep.volume_loss.share")[:, None],
+            ("share",), contours.by_parameter(TERMS["volume-loss"])[:, None],
         ),
         Mechanism(
             "stiffness-gradient", "the muscle's stiffness changes along the leg",
-            ("gradient a 100 mm",), slope("deep.stiffness_gradient.gradient")[:, None],
+            ("gradient a 100 mm",), contours.by_parameter(TERMS["stiffness-gradient"])[:, None],
         ),
         Mechanism(
             "misregistration", "the two scans lie farther apart than the bones' registration says",
@@ -207,14 +202,11 @@ def _places(
     tests: list[tuple[Literal["outer", "inner"], slice, int, FloatArray]] = []
     for number, name in enumerate(CONTOURS):
         contours = misfit.target.contours(name)
-        middle = contours.mean(axis=1, keepdims=True)
-        angle = np.arctan2(*np.moveaxis(contours - middle, 2, 0)[::-1])
-        width = 2 * np.pi / SECTORS
         for span in spans:
             for sector in range(SECTORS):
-                away = np.abs(np.mod(angle - sector * width + np.pi, 2 * np.pi) - np.pi)
-                box = np.zeros((2, *angle.shape))
-                box[number, span] = (away < 0.5 * width)[span]
+                within = from_sector(contours, sector) < np.pi / SECTORS
+                box = np.zeros((2, *within.shape))
+                box[number, span] = within[span]
                 which: Literal["outer", "inner"] = "outer" if name == "outer" else "inner"
                 tests.append((which, span, sector, box.ravel()))
     boxes = _signature(np.stack([box for *_, box in tests], axis=1), misfit, orthonormal)
@@ -232,10 +224,10 @@ def _places(
 
 
 def _repaired(
-    model: LegModel3D,
-    pressure: FloatArray,
+    leg: WornLeg,
     misfit: ContourMisfit,
-    best: Identified,
+    tested_at: FloatArray,
+    worn: Worn,
     base: FloatArray,
     prior: FloatArray,
     mechanism: Mechanism,
@@ -251,31 +243,36 @@ def _repaired(
         slopes = np.column_stack([base, mechanism.slopes])
         weights = np.append(weights, 0.0)
     rows = np.vstack([misfit.whitened(slopes), np.diag(weights)])
-    bumps = sectors(model.shape)
+    bumps = sectors(leg.model.shape)
     total = np.zeros(len(weights))
-    parameters, left = best.parameters, distances
+    parameters, left = tested_at, distances
     for _ in range(REPAIRS):
         right = np.concatenate([misfit.whitened(left), weights * total])
         total -= np.linalg.lstsq(rows, right, rcond=1e-8)[0]
         total[:2] = np.clip(total[:2], -1.5, 1.5)
-        parameters = best.parameters * np.exp(total[:2])
+        parameters = np.clip(tested_at * np.exp(total[:2]), *BOUNDS)
         local = total[2 + RIGID : 2 + RIGID + SECTORS]
-        changed = pressure * (1 + sum(c * b for c, b in zip(local, bumps, strict=True)))
+        error = np.maximum(sum(c * b for c, b in zip(local, bumps, strict=True)), -1.0)
         extra = {TERMS[mechanism.name]: float(total[-1])} if mechanism.name in TERMS else {}
-        state = _solve(model, np.maximum(changed, 0.0), parameters, extra)
-        if not state.report.complete:
+        worn = _solve(leg, parameters, worn, extra, error)
+        if not worn.state.report.complete:
             return None, parameters
         moved = base[:, 2 : 2 + RIGID] @ total[2 : 2 + RIGID]
-        left = misfit.distances(model.deformed_shape(state.unknown)) + moved
+        left = misfit.distances(worn.shape) + moved
     return float(np.sqrt(np.mean(left**2))), parameters
 
 
 def _solve(
-    model: LegModel3D, pressure: FloatArray, parameters: FloatArray, extra: Mapping[str, float]
-) -> Compressed:
+    leg: WornLeg,
+    parameters: FloatArray,
+    start: Worn,
+    extra: Mapping[str, float] | None = None,
+    error: FloatArray | float = 0.0,
+) -> Worn:
     values = dict(zip(PARAMETERS, map(float, parameters), strict=True))
     nulls = dict.fromkeys(TERMS.values(), 0.0)
-    return model.solve(pressure, {**values, **nulls, **extra}, (*PARAMETERS, *nulls))
+    names = () if extra is not None else (*PARAMETERS, *nulls)
+    return leg.find({**values, **nulls, **(extra or {})}, names, start, error)
 
 
 def _signature(slopes: FloatArray, misfit: ContourMisfit, orthonormal: FloatArray) -> FloatArray:
@@ -288,8 +285,7 @@ def _projected(values: FloatArray, orthonormal: FloatArray) -> FloatArray:
     return np.asarray(values - orthonormal @ (orthonormal.T @ values))
 
 
-def _as_good(score: MechanismScore, strongest: MechanismScore) -> bool:
+def _as_good(score: MechanismScore, strongest: MechanismScore, penalty: float) -> bool:
     """Tell whether a score is as good by BIC's measure: within 6, parameters counted."""
-    penalty = np.log(1800.0)
     gain, best = (s.statistic - penalty * s.degrees for s in (score, strongest))
     return bool(gain > best - 6.0)

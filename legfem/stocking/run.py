@@ -15,10 +15,11 @@ from legfem.progress import Progress
 from legfem.stocking.identification import PARAMETERS, Identified, Search, SearchSettings
 from legfem.stocking.laplace import StockingLoad, stocking_load
 from legfem.stocking.leg import StockingLeg
-from legfem.stocking.leg_model import LegModel3D, Worn
+from legfem.stocking.leg_model import LegModel3D
 from legfem.stocking.misfit import ContourMisfit
 from legfem.stocking.mismatch import Mismatch, mismatch_of
 from legfem.stocking.pressures import PressureProbe, TissuePressures, tissue_pressures
+from legfem.stocking.worn import Worn, WornLeg
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ class StockingSettings:
         Of the searches.
     """
 
-    cells: int = 25_000
+    cells: int = 15_000
     nelder_mead: bool = False
     search: SearchSettings = field(default_factory=SearchSettings)
 
@@ -45,9 +46,9 @@ class StockingResult:
     """What a run found.
 
     ``searches`` holds the weighted search from every start, the best first, then Nelder-Mead's if
-    it was asked for; nothing where the stiffness was given. ``scan_load`` is the pressure of the
-    scanned shape that the searches used. ``worn`` is the leg in equilibrium with its stocking at
-    the stiffness found, or given.
+    it was asked for; nothing where the stiffness was given. ``scan_load`` is the pressure that the
+    scanned shape would bear. ``worn`` is the leg in equilibrium with its stocking at the stiffness
+    found, or given.
     """
 
     leg: StockingLeg
@@ -56,12 +57,14 @@ class StockingResult:
     misfit: ContourMisfit | None
     searches: tuple[Identified, ...]
     mismatch: Mismatch | None
-    """What the best fit leaves; None without a settled one."""
+    """What the best fit leaves; None where no state was found."""
     parameters: dict[str, float]
     """C10 by name, MPa."""
     worn: Worn
     pressures: TissuePressures | None
     """None if the worn state was not found."""
+    states: int
+    """Compressed states solved for."""
     wall_s: float
 
     @property
@@ -74,9 +77,9 @@ class StockingResult:
     def simulated_scan(self) -> LegShape | None:
         """Shape in the state that fits the scan best."""
         best = self.best
-        if best is None or not best.state.report.complete:
+        if best is None or not best.worn.state.report.complete:
             return None
-        return self.model.deformed_shape(best.state.unknown)
+        return best.worn.shape
 
 
 def run_leg(
@@ -95,30 +98,33 @@ def run_leg(
     searches: tuple[Identified, ...] = ()
     parameters = {f"{name}.C10": float(law.C10) for name, law in leg.tissues.items()}
     load = misfit = mismatch = None
+    worn_leg = WornLeg(model, leg.stocking)
+    compared = WornLeg(model, leg.stocking, scanned=leg.compressed)
     if leg.compressed is not None:
         load = stocking_load(leg.compressed, leg.stocking)
         misfit = ContourMisfit.between(
             SliceSet.of(leg.compressed, leg.slices), leg.accuracy, leg.scanned_bare, leg.bare
         )
-        search = Search(model, load.pressure, misfit, settings.search, progress.advance)
+        search = Search(compared, misfit, settings.search, progress.advance)
         progress.stage("identification, weighted")
         searches = search.weighted()
         if settings.nelder_mead:
             progress.stage("identification, Nelder-Mead")
             searches = (*searches, search.nelder_mead())
-        if searches[0].converged:
+        if searches[0].worn.state.report.complete:
             progress.stage("where model and scan differ")
-            mismatch = mismatch_of(model, load.pressure, misfit, searches[0])
+            mismatch = mismatch_of(compared, misfit, searches[0])
             progress.advance(mismatch.verdict)
         if not leg.known:
             parameters = dict(zip(PARAMETERS, map(float, searches[0].parameters), strict=True))
     progress.stage("the leg in equilibrium with its stocking")
-    worn = model.wear(leg.stocking, parameters, on_state=progress.advance)
+    worn = worn_leg.find(parameters)
+    progress.advance(f"{len(worn.changes)} states")
     pressures = None
     if worn.state.report.complete:
         probe = PressureProbe(model.compression)
         pressures = tissue_pressures(probe, worn.state, worn.load, leg.veins)
     return StockingResult(
         leg, model, load, misfit, searches, mismatch, parameters, worn, pressures,
-        time.perf_counter() - started,
+        worn_leg.states + compared.states, time.perf_counter() - started,
     )  # fmt: skip

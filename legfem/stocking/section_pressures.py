@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from legfem.geometry.leg_shape import SKIN, LegShape
-from legfem.stocking.leg_model import Worn
 from legfem.stocking.pressures import PressureProbe
+from legfem.stocking.worn import Worn
 from legfem.units import FloatArray
 
 SPACING = 0.5

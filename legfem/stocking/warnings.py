@@ -16,8 +16,8 @@ from legfem.stocking.judgement import (
     starts_agree,
 )
 from legfem.stocking.laplace import StockingLoad
-from legfem.stocking.leg_model import FixedPointSettings
 from legfem.stocking.run import StockingResult
+from legfem.stocking.worn import FixedPointSettings
 from legfem.units import FloatArray, mpa_to_kpa
 
 TISSUES = dict(zip(PARAMETERS, ("muscle", "fat"), strict=True))
@@ -72,10 +72,10 @@ def _of_the_searches(result: StockingResult) -> Iterator[str]:
             f"{mpa_to_kpa(float(value)):.3g} kPa in the {TISSUES[parameter]}"
             for parameter, value in zip(PARAMETERS, search.start, strict=True)
         )
-        if not search.state.report.complete:
+        if not search.worn.state.report.complete:
             yield (
                 f"{name} from {start} met a state that could not be computed "
-                f"({search.state.report.reason})."
+                f"({search.worn.state.report.reason})."
             )
         elif not search.converged:
             yield f"{name} from {start} ended before it had settled."
@@ -84,7 +84,7 @@ def _of_the_searches(result: StockingResult) -> Iterator[str]:
             "The starts did not all lead to the same stiffness: the one that fits the scan best "
             "counts."
         )
-    if not best.state.report.complete:
+    if not best.worn.state.report.complete:
         return
     if model_misses(best, accuracy):
         yield (
@@ -143,4 +143,4 @@ def _of_the_load(result: StockingResult) -> Iterator[str]:
 def best_complete(result: StockingResult) -> Identified | None:
     """Return the best weighted search, if its state was found."""
     best = result.best
-    return best if best is not None and best.state.report.complete else None
+    return best if best is not None and best.worn.state.report.complete else None

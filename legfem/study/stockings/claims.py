@@ -25,6 +25,7 @@ from legfem.stocking.classes import CompressionClass, Fit, fitted_stocking
 from legfem.stocking.leg_model import LegModel3D
 from legfem.stocking.pressures import PressureProbe, tissue_pressures
 from legfem.stocking.veins import default_veins
+from legfem.stocking.worn import WornLeg
 from legfem.study.stockings.truth import D1
 from legfem.units import kpa_to_mpa, mpa_to_kpa
 
@@ -106,7 +107,7 @@ def solve_variant(leg: ParametricLeg, variant: Variant, out: Path, cells: int) -
     )
     model = LegModel3D(shape, laws, settings_for_cells(shape, cells))
     chosen = CompressionClass(variant.compression_class)
-    worn = model.wear(fitted_stocking(shape, Fit(chosen)))
+    worn = WornLeg(model, fitted_stocking(shape, Fit(chosen))).find()
     level = float(np.median(calf_levels(shape)))
     calf = int(np.argmin(np.abs(shape.levels - level)))
     probe = PressureProbe(model.compression)

@@ -34,7 +34,7 @@ def stockings(
         Path, typer.Option(help="Folder of the simulated scans: made there, read from there.")
     ] = Path("results/stockings/legs"),
     out: Annotated[Path, typer.Option(help="Folder for results.")] = Path("results/stockings"),
-    cells: Annotated[int, typer.Option(min=10_000, help="About how many tetrahedra.")] = 25_000,
+    cells: Annotated[int, typer.Option(min=10_000, help="About how many tetrahedra.")] = 15_000,
     nelder_mead: Annotated[bool, typer.Option(help="Search as the paper does, too.")] = True,
     seed: Annotated[int, typer.Option(min=0, help="Of the scans' noise.")] = 1,
     jobs: Jobs = None,

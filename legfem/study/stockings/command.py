@@ -14,7 +14,7 @@ from legfem.errors import InputError
 from legfem.geometry.parametric_leg import parametric_leg, read_legs
 from legfem.imaging.voxelise import SegmentationNoise
 from legfem.progress import Progress, progress_on
-from legfem.stocking.leg import SHIPPED
+from legfem.shipped import STUDIES
 from legfem.stocking.run import StockingSettings
 from legfem.study.stockings import page
 from legfem.study.stockings.claims import (
@@ -30,7 +30,7 @@ from legfem.study.stockings.sizes import sized_state
 from legfem.study.stockings.truth import TRUTHS, true_leg, write_subject
 from legfem.workers import Workers
 
-LEGS = SHIPPED.parent / "legs.toml"
+LEGS = STUDIES / "dubuis" / "legs.toml"
 NOISE = {"perfect": None, "noisy": SegmentationNoise()}
 
 

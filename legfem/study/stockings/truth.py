@@ -24,11 +24,13 @@ from legfem.materials import NeoHookean
 from legfem.meshing.solid_leg import settings_for_cells
 from legfem.stocking.classes import CompressionClass, Fit, fitted_stocking
 from legfem.stocking.laplace import Stocking
-from legfem.stocking.leg_model import LegModel3D, Worn
+from legfem.stocking.leg_model import LegModel3D
+from legfem.stocking.worn import Worn, WornLeg
 from legfem.units import kpa_to_mpa
 
-VOXEL_SD = 0.09
-"""Error (mm) of outlines of a perfect segmentation on the paper's voxels, measured on leg 1."""
+VOXEL_SD = 0.15
+"""Error (mm) of outlines of a perfect segmentation on the paper's voxels, before smoothing, which
+leaves 0.09 mm of it: that was measured on leg 1."""
 D1 = 2.0
 """1/MPa: a bulk modulus of 1 MPa, the second paper's."""
 
@@ -73,7 +75,7 @@ def true_leg(leg: ParametricLeg, truth: TrueTissues, cells: int = 80_000) -> Tru
     }
     settings = CompressionSettings(stabilisation=0.3)
     model = LegModel3D(bare, tissues, settings_for_cells(bare, cells), settings)
-    return TrueLeg(bare, stocking, model.wear(stocking), model)
+    return TrueLeg(bare, stocking, WornLeg(model, stocking).find(), model)
 
 
 def write_subject(

@@ -1,0 +1,56 @@
+"""The contours of a leg in its stocking near a state: how far off they are, and their slopes.
+
+Slopes are those of the equilibrium: what changes the shape changes the pressure too.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from legfem.stocking.misfit import ContourMisfit
+from legfem.stocking.nuisance import sectors
+from legfem.stocking.worn import Feedback, Worn, WornLeg, slope_step
+from legfem.units import FloatArray
+
+
+class LinearisedContours:
+    """Distances (mm) of a worn leg from its scan, and their derivatives, (n,) each.
+
+    Parameters
+    ----------
+    leg
+        The leg.
+    misfit
+        The scanned contours.
+    worn
+        The equilibrium that was found last.
+    """
+
+    def __init__(self, leg: WornLeg, misfit: ContourMisfit, worn: Worn) -> None:
+        self._model, self._misfit, self._worn = leg.model, misfit, worn
+        self._feedback = Feedback(leg, worn)
+
+    @cached_property
+    def distances(self) -> FloatArray:
+        """How far the leg lies outside its scan."""
+        return self._misfit.distances(self._worn.shape)
+
+    def by_parameter(self, name: str) -> FloatArray:
+        """Return the slope by a parameter of the model by which the state was differentiated."""
+        return self._slope(self._feedback.to_rate(self._worn.state.sensitivities[name]))
+
+    def by_pressure(self) -> FloatArray:
+        """Return the slopes by relative errors of the pressure in every sector, (n, SECTORS)."""
+        changes = [self._worn.pressure * bump for bump in sectors(self._model.shape)]
+        return np.stack([self._slope(r) for r in self._feedback.to_pressures(changes)], axis=1)
+
+    def by_motion(self) -> FloatArray:
+        """Return the slopes by rigid motions, (n, 6): three shifts (mm), three turns (rad)."""
+        return self._misfit.rigid_slopes(self._worn.shape)
+
+    def _slope(self, rate: FloatArray) -> FloatArray:
+        step = slope_step(self._model, rate)
+        ahead = self._model.deformed_shape(self._worn.state.unknown + step * rate)
+        return (self._misfit.distances(ahead) - self.distances) / step

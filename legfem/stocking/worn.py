@@ -1,0 +1,220 @@
+r"""A leg in equilibrium with its stocking: pressure and shape make each other.
+
+The pressure is that of the compressed shape. It answers to the shape so strongly that it can't be
+taken from a scan: a bump of 0.3 mm over a few millimetres changes the curvature by as much as the
+stocking does, and the leg would give way to it by :math:`K > 1` times its height. In equilibrium
+with the simulated shape it gives way by :math:`K/(1 + K)` only.
+
+Where stiffness is identified, errors :math:`n_b` of the bare outline and :math:`n_c` of the one in
+the stocking should favour none. With the pressure of a blend, a share :math:`\lambda` of the
+scanned shape and the rest of the simulated one, the difference of both shapes is
+
+.. math:: \frac{n_b - (1 + K)\, n_c}{1 + (1 - \lambda) K}
+
+besides that of a wrong stiffness. With the simulated shape alone it falls with the softness K, so
+that soft tissue fits noise; with the scanned shape alone it grows, and stiff tissue does. At the
+true stiffness, without errors, both shapes agree and the blend changes nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from legfem.experiments.compression import Compressed
+from legfem.fixed_point import AndersonMixing
+from legfem.geometry.leg_shape import SKIN, LegShape
+from legfem.stocking.laplace import Stocking, StockingLoad, stocking_load
+from legfem.stocking.leg_model import LegModel3D
+from legfem.units import FloatArray
+
+BLEND = 0.1
+"""Share of the scanned shape in that which makes the pressure of an identification: with 0 noisy
+legs came out too soft in their fat, with 0.25 too stiff (studies/dubuis/README.md)."""
+SLOPE_STEP = 1e-2
+"""Greatest displacement (mm) of a difference of pressures or distances."""
+RATE_TOLERANCE, FEEDBACK_TOLERANCE = 1e-3, 3e-2
+"""Of the linear solutions of a pressure's changes, and of the stocking's answer to them."""
+MAX_DIRECTIONS = 40
+
+
+@dataclass(frozen=True)
+class FixedPointSettings:
+    """Of the pressure that depends on the shape that it makes.
+
+    Parameters
+    ----------
+    tolerance : float
+        Change of the pressure from one state to the next, over its greatest value.
+    max_states : int
+        Compressed states to solve for.
+    """
+
+    tolerance: float = 2e-3
+    max_states: int = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Worn:
+    """A leg in a stocking, in equilibrium with it."""
+
+    state: Compressed
+    pressure: FloatArray
+    """On the skin's points (MPa), with which the state was found."""
+    shape: LegShape
+    """Compressed."""
+    load: StockingLoad
+    """Of that shape, or of its blend with a scan, at the reference shape's levels and points."""
+    changes: tuple[float, ...]
+    """Of the pressure between states, relative."""
+    converged: bool
+
+
+class WornLeg:
+    """Puts a stocking on a leg.
+
+    Parameters
+    ----------
+    model
+        The leg.
+    stocking
+        What it wears.
+    settings
+        Of the equilibrium.
+    scanned
+        The leg's shape as scanned in the stocking, at the model's levels, to be blended with the
+        simulated one.
+    """
+
+    def __init__(
+        self,
+        model: LegModel3D,
+        stocking: Stocking,
+        settings: FixedPointSettings | None = None,
+        scanned: LegShape | None = None,
+    ) -> None:
+        self.model, self.stocking, self._scanned = model, stocking, scanned
+        self._settings = settings or FixedPointSettings()
+        self.states = 0
+
+    def find(
+        self,
+        parameters: Mapping[str, float] | None = None,
+        sensitivities: Sequence[str] = (),
+        start: Worn | None = None,
+        error: FloatArray | float = 0.0,
+    ) -> Worn:
+        """Find the state in which the pressure is that of the shape it makes.
+
+        Parameters
+        ----------
+        parameters
+            Of the model, by full name, other than those of the tissues given (MPa, 1/MPa).
+        sensitivities
+            Full names of parameters by which to differentiate the state at its pressure; see
+            `Feedback` for the derivatives in equilibrium.
+        start
+            A state near the one sought.
+        error
+            By which the pressure exceeds Laplace's law, relative, at the skin's points.
+        """
+        load = self.load(self.model.shape) if start is None else start.load
+        pressure, state = load.pressure * (1 + error), None if start is None else start.state
+        shape, mixing = self.model.shape, AndersonMixing()
+        changes: list[float] = []
+        converged = False
+        while True:
+            names = sensitivities if converged else ()
+            state = self.model.solve(pressure, parameters, names, state)
+            self.states += 1
+            if not state.report.complete:
+                return Worn(state, pressure, shape, load, tuple(changes), False)
+            shape = self.model.deformed_shape(state.unknown)
+            load = self.load(shape)
+            aimed = load.pressure * (1 + error)
+            changes.append(float(np.abs(aimed - pressure).max() / aimed.max()))
+            ended = converged or len(changes) >= self._settings.max_states
+            converged = converged or changes[-1] < self._settings.tolerance
+            # A last state, nearer still, bears the derivatives.
+            if ended or (converged and not sensitivities):
+                return Worn(state, pressure, shape, load, tuple(changes), converged)
+            pressure = np.maximum(mixing.next(pressure, aimed), 0.0)
+
+    def load(self, shape: LegShape) -> StockingLoad:
+        """Return the load of the stocking on a simulated shape, or on its blend with the scan."""
+        if self._scanned is None:
+            return stocking_load(shape, self.stocking)
+        blend = (1 - BLEND) * shape.contours[SKIN] + BLEND * self._scanned.contours[SKIN]
+        return stocking_load(LegShape(shape.levels, {**shape.contours, SKIN: blend}), self.stocking)
+
+
+class Feedback:
+    r"""Derivatives of an equilibrium, of those at its pressure.
+
+    A change moves the unknown by :math:`x_0` at a given pressure; the shape's change alters the
+    pressure, by :math:`\delta p = L'(x_0 + S\,\delta p)`, where :math:`S` is the leg's answer to a
+    pressure and :math:`L'` the derivative of Laplace's law. The directions in which
+    :math:`\delta p - L' S\,\delta p` was taken serve all further changes (GCR with recycling: M. L.
+    Parks et al., SIAM J. Sci. Comput. 28 (2006) 1651-1674).
+
+    Parameters
+    ----------
+    leg
+        The leg.
+    worn
+        The equilibrium that was found last.
+    error
+        As given to `WornLeg.find`.
+    """
+
+    def __init__(self, leg: WornLeg, worn: Worn, error: FloatArray | float = 0.0) -> None:
+        self._leg, self._worn, self._factor = leg, worn, 1 + error
+        self._images: list[FloatArray] = []
+        self._answers: list[FloatArray] = []
+
+    def to_pressures(self, changes: Sequence[FloatArray]) -> list[FloatArray]:
+        """Return the unknown's derivatives by shares of changes of the pressure (MPa)."""
+        rates = self._leg.model.pressure_rates(self._worn.state, changes, RATE_TOLERANCE)
+        return [self.to_rate(rate) for rate in rates]
+
+    def to_rate(self, rate: FloatArray) -> FloatArray:
+        """Return the unknown's derivative in equilibrium, of that at a fixed pressure."""
+        left = self._pressure_slope(rate)
+        enough = FEEDBACK_TOLERANCE * np.linalg.norm(left)
+        total = rate.copy()
+        for image, answer in zip(self._images, self._answers, strict=True):
+            share = np.vdot(image, left)
+            left, total = left - share * image, total + share * answer
+        while np.linalg.norm(left) > enough and len(self._images) < MAX_DIRECTIONS:
+            self._extend(left)
+            share = np.vdot(self._images[-1], left)
+            left = left - share * self._images[-1]
+            total = total + share * self._answers[-1]
+        return total
+
+    def _extend(self, direction: FloatArray) -> None:
+        """Add a change of pressure, and keep what remains of it without the answer's own."""
+        model, state = self._leg.model, self._worn.state
+        (answer,) = model.pressure_rates(state, [direction], RATE_TOLERANCE)
+        image = direction - self._pressure_slope(answer)
+        for known, known_answer in zip(self._images, self._answers, strict=True):
+            share = np.vdot(known, image)
+            image, answer = image - share * known, answer - share * known_answer
+        size = float(np.linalg.norm(image))
+        self._images.append(image / size)
+        self._answers.append(answer / size)
+
+    def _pressure_slope(self, rate: FloatArray) -> FloatArray:
+        """Return the change of the stocking's pressure along a derivative of the unknown."""
+        model, worn = self._leg.model, self._worn
+        step = slope_step(model, rate)
+        shape = model.deformed_shape(worn.state.unknown + step * rate)
+        ahead = self._leg.load(shape).pressure
+        return np.asarray((ahead - worn.load.pressure) * self._factor / step)
+
+
+def slope_step(model: LegModel3D, rate: FloatArray) -> float:
+    """Return by how much to follow a derivative of the unknown, for a difference."""
+    return SLOPE_STEP / max(float(np.abs(model.displacement(SKIN, rate)).max()), 1e-12)
