@@ -185,7 +185,7 @@ def test_what_did_not_settle_or_was_not_found_is_warned_of(result):
     page = stocking_page(lost, None, [])
     assert "Pressure inside the leg" not in page and "nan" not in page
     assert stocking_document(lost)["pressures"] is None
-    failed = replace(result.best, state=state, converged=False)
+    failed = replace(result.best, worn=replace(result.worn, state=state), converged=False)
     assert any(
         "met a state that could not be computed" in text
         for text in stocking_warnings(replace(result, searches=(failed,)))
