@@ -89,8 +89,6 @@ class Subject:
     directory: Path
     starts_at_contact: bool = False
     """Whether the recordings' displacement is known to count from first touch."""
-    instrument_stated: bool = True
-    """Whether the subject file states the instruments' errors; else they are those seen."""
     plane_strain: bool = False
     """Whether the recordings come from a plane-strain model: they know no end effects."""
 
@@ -147,7 +145,6 @@ def load_subject(
             }
         ),
         instrument=_instrument(toml, given, recordings, need_instrument),
-        instrument_stated=given.instrument is not None,
         recordings=recordings,
         directory=directory,
         starts_at_contact=given.recordings.starts_at_contact,

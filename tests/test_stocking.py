@@ -7,15 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from making import SHARED
+from making_stocking import COARSE, PLANTED_KPA, laws, short_leg
 
 from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.parametric_leg import parametric_leg, read_legs
 from legfem.geometry.slices import SliceSet, calf_levels
-from legfem.materials import NeoHookean
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.progress import Silent
-from legfem.shipped import STUDIES
 from legfem.stocking.accuracy import ContourAccuracy
 from legfem.stocking.classes import CompressionClass, Fit, fitted_stocking
 from legfem.stocking.identification import Identified, Search, SearchSettings
@@ -29,29 +27,19 @@ from legfem.stocking.run import StockingResult, StockingSettings, run_leg
 from legfem.stocking.veins import default_veins
 from legfem.stocking.worn import Feedback, FixedPointSettings, Worn, WornLeg
 
-PLANTED = (2.5, 6.0)
 FINE = SolidMeshSettings(skin_size=6, inside_size=8, bone_size=6)
-COARSE = SolidMeshSettings(skin_size=9, inside_size=11, bone_size=8)
-
-
-def _tissues(deep_kpa: float, fat_kpa: float) -> dict[str, NeoHookean]:
-    return {
-        "deep": NeoHookean(1e-3 * deep_kpa, 2.0),
-        "superficial": NeoHookean(1e-3 * fat_kpa, 2.0),
-    }
 
 
 @pytest.fixture(scope="module")
 def shape() -> LegShape:
-    whole = parametric_leg(read_legs(STUDIES / "dubuis" / "legs.toml")["4"], n_points=90)
-    return whole.at_levels(np.linspace(50, 110, 13))
+    return short_leg()
 
 
 @pytest.fixture(scope="module")
 def truth(shape: LegShape) -> tuple[LegModel3D, Worn]:
     """Another mesh and stabilisation than identification has."""
     stocking = fitted_stocking(shape, Fit(CompressionClass.STRONG))
-    model = LegModel3D(shape, _tissues(*PLANTED), FINE, CompressionSettings(stabilisation=0.3))
+    model = LegModel3D(shape, laws(*PLANTED_KPA), FINE, CompressionSettings(stabilisation=0.3))
     return model, WornLeg(model, stocking).find()
 
 
@@ -62,7 +50,7 @@ def result(shape: LegShape, truth: tuple[LegModel3D, Worn]) -> StockingResult:
         "t", "Test", "simulated", shape, shape, truth[1].shape, None,
         fitted_stocking(shape, Fit(CompressionClass.STRONG)),
         ContourAccuracy(sd=0.05, pressure_sd=0.003),
-        _tissues(3.0, 3.0), False, "held", slices, default_veins(shape, float(slices[2])),
+        laws(3.0, 3.0), False, "held", slices, default_veins(shape, float(slices[2])),
     )  # fmt: skip
     settings = StockingSettings(search=SearchSettings(starts_kPa=((3.0, 3.0),)))
     return run_leg(leg, settings, Silent(), mesh=COARSE)
@@ -92,9 +80,9 @@ def test_planted_stiffness_lies_in_its_interval(result):
     assert best is not None and best.converged and best.solves <= 30
     interval = 1e3 * best.interval95
     print(1e3 * best.parameters, interval, best.rms, best.solves)
-    for (low, high), planted in zip(interval, PLANTED, strict=True):
+    for (low, high), planted in zip(interval, PLANTED_KPA, strict=True):
         assert low < planted < high
-    assert 1e3 * best.parameters[0] == pytest.approx(PLANTED[0], rel=0.1)
+    assert 1e3 * best.parameters[0] == pytest.approx(PLANTED_KPA[0], rel=0.1)
     assert best.rms < 0.05 and best.chi_square < 1.5
 
 
@@ -128,6 +116,13 @@ def test_a_wrong_pressure_moves_the_leg_as_its_slope_says(result):
     moved = result.model.displacement("skin", wrong.state.unknown - plain.state.unknown)
     expected = 0.02 * result.model.displacement("skin", rate)
     assert np.abs(moved - expected).max() < 0.1 * np.abs(expected).max()
+
+
+def test_an_equilibrium_that_does_not_settle_still_bears_derivatives(result):
+    hasty = FixedPointSettings(tolerance=1e-12, max_states=2)
+    found = WornLeg(result.model, result.leg.stocking, hasty).find(sensitivities=("deep.C10",))
+    assert not found.converged and len(found.changes) == 2
+    assert found.state.report.complete and "deep.C10" in found.state.sensitivities
 
 
 def test_a_wrong_stiffness_fits_worse(result):
@@ -191,7 +186,7 @@ def test_a_finer_mesh_has_the_same_pressures(shape, truth, result):
     fine_model, worn = truth
     model = result.model
     stocking = fitted_stocking(shape, Fit(CompressionClass.STRONG))
-    names = dict(zip(("deep.C10", "superficial.C10"), 1e-3 * np.array(PLANTED), strict=True))
+    names = dict(zip(("deep.C10", "superficial.C10"), 1e-3 * np.array(PLANTED_KPA), strict=True))
     coarse = WornLeg(model, stocking).find(names)
     fine, rough = (
         tissue_pressures(PressureProbe(m.compression), w.state, w.load, result.leg.veins)

@@ -8,15 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from making_stocking import COARSE, PLANTED_KPA, laws, short_leg
 
 from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.parametric_leg import parametric_leg, read_legs
 from legfem.geometry.shape_motion import rigidly_moved
 from legfem.geometry.slices import CONTOURS, SliceSet, calf_levels
-from legfem.materials import NeoHookean
 from legfem.meshing.solid_leg import SolidMeshSettings
-from legfem.shipped import STUDIES
 from legfem.stocking.accuracy import ContourAccuracy
 from legfem.stocking.classes import CompressionClass, Fit, fitted_stocking
 from legfem.stocking.identification import Search, SearchSettings
@@ -26,16 +24,13 @@ from legfem.stocking.mismatch import Mismatch, mismatch_of
 from legfem.stocking.worn import WornLeg
 
 ACCURACY = ContourAccuracy(sd=0.05, correlation=6.0, pressure_sd=0.003, shift_sd=(0.03, 0.03, 0.05))
-PLANTED = {"deep.C10": 2.5e-3, "superficial.C10": 6e-3}
-COARSE = SolidMeshSettings(skin_size=9, inside_size=11, bone_size=8)
 FINE = SolidMeshSettings(skin_size=7, inside_size=9, bone_size=7)
-LAWS = {"deep": NeoHookean(2.5e-3, 2.0), "superficial": NeoHookean(6e-3, 2.0)}
+LAWS = laws(*PLANTED_KPA)
 
 
 @pytest.fixture(scope="module")
 def shape() -> LegShape:
-    whole = parametric_leg(read_legs(STUDIES / "dubuis" / "legs.toml")["4"], n_points=90)
-    return whole.at_levels(np.linspace(50, 110, 13))
+    return short_leg()
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +52,7 @@ def _diagnosed(
     truth, model = models
     stocking = fitted_stocking(shape, Fit(CompressionClass.STRONG))
     extra = {f"deep.{name}": value for name, value in mechanism.items()}
-    worn = WornLeg(truth, stocking).find(PLANTED | extra, error=factor - 1)
+    worn = WornLeg(truth, stocking).find(extra, error=factor - 1)
     assert worn.converged
     scanned = rigidly_moved(worn.shape, np.eye(3), np.array(shift))
     clean = ContourMisfit(SliceSet.of(scanned, calf_levels(shape)), ACCURACY)

@@ -70,15 +70,18 @@ class Fit:
         A parameter of which something was known beforehand costs what the data add to that, not
         the logarithm of their number (Laplace's approximation of the evidence).
         """
-        known_to = np.array(self.known_to or [np.inf] * len(self.free))
-        known = np.isfinite(known_to)
+        known = np.isfinite(self._known_to)
         penalty = float((~known).sum() * np.log(self.effective_samples))
         if known.any():
             basis = np.linalg.qr(self.jacobian[:, ~known])[0]
-            told = self.jacobian[:, known] * known_to[known]
+            told = self.jacobian[:, known] * self._known_to[known]
             told = told - basis @ (basis.T @ told)
             penalty += float(np.linalg.slogdet(np.eye(int(known.sum())) + told.T @ told)[1])
         return self.chi2 + self.departure + penalty
+
+    @cached_property
+    def _known_to(self) -> FloatArray:
+        return np.array(self.known_to or [np.inf] * len(self.free))
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -86,7 +89,7 @@ class Fit:
         scale = np.linalg.norm(self.jacobian, axis=0)
         scale = np.where(scale > 0, scale, 1.0)
         scaled = self.jacobian / scale
-        known = np.diag((np.array(self.known_to or np.inf) * scale) ** -2.0)
+        known = np.diag((self._known_to * scale) ** -2.0)
         return np.asarray(np.linalg.pinv(scaled.T @ scaled + known) / np.outer(scale, scale))
 
     def sd(self, name: str) -> float:

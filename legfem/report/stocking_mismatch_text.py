@@ -5,6 +5,7 @@ from __future__ import annotations
 from legfem.report.stocking_words import fill
 from legfem.stocking.mismatch import Mismatch
 from legfem.stocking.run import StockingResult
+from legfem.units import mpa_to_kpa
 
 CONTOURS = {"outer": "skin", "inner": "hull of the muscle"}
 
@@ -32,7 +33,7 @@ def _verdict(found: Mismatch) -> str:
     named = " or ".join(f"{name} ({statements[name]})" for name in found.named)
     text = f"{'Named' if found.verdict == 'named' else 'Ambiguous'}: {named}."
     if found.rms_after is not None and found.parameters_after is not None:
-        muscle, fat = 1e3 * found.parameters_after
+        muscle, fat = mpa_to_kpa(found.parameters_after)
         text += (
             f" With {found.named[0]} in the model, solved anew, the contours are met to "
             f"{found.rms_after:.3f} mm instead of {found.rms_before:.3f} mm, and C10 is "

@@ -64,9 +64,10 @@ def stiffness_section(result: StockingResult) -> str:
         blocks += [fill(verdict_sentence(known)) for known in judge(best, leg.accuracy)]
         blocks.append(
             fill(
-                "The intervals count errors of the contours and of the registration. They do not "
-                "count errors of the pressure: one that is 10 % higher makes both tissues about "
-                "10 % stiffer, and curvature is sensitive to rough contours."
+                "The intervals count errors of the contours, of the registration, and of a "
+                "pressure that is wrong here and there round the leg. They do not count a fabric "
+                "whose stiffness or size is wrong: a pressure 10 % higher everywhere makes both "
+                "tissues about 10 % stiffer."
             )
         )
         blocks.append(fill(_goodness(result, best)))

@@ -27,7 +27,8 @@ def stocking(
     ] = None,
     cells: Annotated[int, typer.Option(help="About how many tetrahedra.")] = 15_000,
     nelder_mead: Annotated[
-        bool, typer.Option("--nelder-mead", help="Search as the paper does too; some 50 solutions.")
+        bool,
+        typer.Option("--nelder-mead", help="Search as the paper does, too: some 50 equilibria."),
     ] = False,
 ) -> None:
     """Stiffness of fat and muscle, and pressures inside a leg in a compression stocking.

@@ -31,6 +31,7 @@ from legfem.units import FloatArray, kpa_to_mpa
 
 LEVEL_SPACING = 5.0
 """Of the contours between which the leg's surfaces are smooth (mm)."""
+OUTLINES = OutlineSettings()
 ROOM = Clearances(bone_to_fascia=1.5, fascia_to_skin=1.5)
 LEGS = Shelf(STUDIES / "dubuis" / "subjects", "leg.toml")
 
@@ -107,7 +108,7 @@ def _shape(
     if entry.scan is not None:
         labels = given.labels
         meaning = {"superficial": labels.superficial, "deep": labels.deep, "bone": labels.bone}
-        return shape_of_volume(read_volume(path(entry.scan), meaning), clearances=room)
+        return shape_of_volume(read_volume(path(entry.scan), meaning), OUTLINES, room)
     if entry.contours is not None:
         return read_shape(path(entry.contours))
     assert entry.surfaces is not None
@@ -171,13 +172,12 @@ def _stocking(directory: Path, toml: Path, entry: StockingEntry, bare: LegShape)
 
 
 def _accuracy(given: LegFile, registration: Registration | None) -> ContourAccuracy:
-    outlines = OutlineSettings()
     smoothed = given.bare.scan is not None
     accuracy = ContourAccuracy(
         given.accuracy.contour_sd_mm,
         given.accuracy.correlation_mm,
-        outlines.around if smoothed else 0.0,
-        outlines.along if smoothed else 0.0,
+        OUTLINES.around if smoothed else 0.0,
+        OUTLINES.along if smoothed else 0.0,
         pressure_sd=given.accuracy.pressure_relative_sd,
     )
     if registration is None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg import block_diag, cholesky, solve_triangular
 from scipy.spatial.transform import Rotation
 
 from legfem.geometry.leg_shape import LegShape
@@ -101,9 +101,8 @@ class ContourMisfit:
             way = np.abs(np.subtract.outer(np.arange(count), np.arange(count))) / count
             way = np.minimum(way, 1 - way) * lengths.mean()
             height = np.abs(np.subtract.outer(self.target.levels, self.target.levels))
-            blocks.append(2 * accuracy.covariance(way[None, :, None, :], height[:, None, :, None]))
-        blocks = [block.reshape(2 * (len(self.target.levels) * count,)) for block in blocks]
-        zero = np.zeros_like(blocks[0])
-        covariance = np.block([[blocks[0], zero], [zero, blocks[1]]])
+            one_scan = accuracy.covariance(way[None, :, None, :], height[:, None, :, None])
+            blocks.append(2 * one_scan.reshape(len(height) * count, -1))
+        covariance = block_diag(*blocks)
         covariance += accuracy.model_sd**2 * np.eye(len(covariance))
         return np.asarray(cholesky(covariance, lower=True))

@@ -125,8 +125,9 @@ class WornLeg:
         shape, mixing = self.model.shape, AndersonMixing()
         changes: list[float] = []
         converged = False
+        last = self._settings.max_states
         while True:
-            names = sensitivities if converged else ()
+            names = sensitivities if converged or len(changes) + 1 == last else ()
             state = self.model.solve(pressure, parameters, names, state)
             self.states += 1
             if not state.report.complete:
@@ -135,9 +136,9 @@ class WornLeg:
             load = self.load(shape)
             aimed = load.pressure * (1 + error)
             changes.append(float(np.abs(aimed - pressure).max() / aimed.max()))
-            ended = converged or len(changes) >= self._settings.max_states
+            ended = converged or len(changes) == last
             converged = converged or changes[-1] < self._settings.tolerance
-            # A last state, nearer still, bears the derivatives.
+            # One state more, nearer still, bears the derivatives.
             if ended or (converged and not sensitivities):
                 return Worn(state, pressure, shape, load, tuple(changes), converged)
             pressure = np.maximum(mixing.next(pressure, aimed), 0.0)
@@ -165,12 +166,10 @@ class Feedback:
         The leg.
     worn
         The equilibrium that was found last.
-    error
-        As given to `WornLeg.find`.
     """
 
-    def __init__(self, leg: WornLeg, worn: Worn, error: FloatArray | float = 0.0) -> None:
-        self._leg, self._worn, self._factor = leg, worn, 1 + error
+    def __init__(self, leg: WornLeg, worn: Worn) -> None:
+        self._leg, self._worn = leg, worn
         self._images: list[FloatArray] = []
         self._answers: list[FloatArray] = []
 
@@ -212,7 +211,7 @@ class Feedback:
         step = slope_step(model, rate)
         shape = model.deformed_shape(worn.state.unknown + step * rate)
         ahead = self._leg.load(shape).pressure
-        return np.asarray((ahead - worn.load.pressure) * self._factor / step)
+        return (ahead - worn.load.pressure) / step
 
 
 def slope_step(model: LegModel3D, rate: FloatArray) -> float:

@@ -1,0 +1,28 @@
+"""A short leg for stockings: 60 mm of the fourth shipped one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from legfem.geometry.leg_shape import LegShape
+from legfem.geometry.parametric_leg import parametric_leg, read_legs
+from legfem.materials import NeoHookean
+from legfem.meshing.solid_leg import SolidMeshSettings
+from legfem.shipped import STUDIES
+
+PLANTED_KPA = (2.5, 6.0)
+COARSE = SolidMeshSettings(skin_size=9, inside_size=11, bone_size=8)
+
+
+def short_leg() -> LegShape:
+    """Return the leg."""
+    whole = parametric_leg(read_legs(STUDIES / "dubuis" / "legs.toml")["4"], n_points=90)
+    return whole.at_levels(np.linspace(50, 110, 13))
+
+
+def laws(deep_kpa: float, fat_kpa: float) -> dict[str, NeoHookean]:
+    """Return the tissues' laws by their C10."""
+    return {
+        "deep": NeoHookean(1e-3 * deep_kpa, 2.0),
+        "superficial": NeoHookean(1e-3 * fat_kpa, 2.0),
+    }
