@@ -142,6 +142,19 @@ def test_held_out_data_are_predicted_better_with_the_right_mechanism():
     assert after.rmse < 1.2 * after.noise
 
 
+@pytest.mark.parametrize("recordings", [two_rates, ramps])
+def test_trials_before_the_tissue_settled_do_not_spoil_what_is_held_out(recordings):
+    """Earlier trials can't be predicted from later ones: the first is never held out."""
+    strengths = {"preconditioning.softening": 0.12}
+    problem, base, _ = problem_of(recordings(), ["preconditioning"], strengths, seed=6)
+    _, folds = folds_of(problem.predictor.observed)
+    assert not any(fold[problem.predictor.observed.trial == 0].any() for fold in folds)
+    repaired = fit(problem, [mechanism_named("preconditioning")], base.values)
+    before, after = held_out(problem, base), held_out(problem, repaired)
+    assert after.rmse < 0.7 * before.rmse
+    assert after.rmse < 1.2 * after.noise
+
+
 def test_a_common_relative_error_does_not_draw_a_fit_below_all_data():
     """Peelle's puzzle: two trials that differ by more than their own errors."""
     observed, _ = observations(ramps()[:2])

@@ -165,14 +165,23 @@ class HeldOut:
 
 
 def folds_of(observed: Observations) -> tuple[str, list[NDArray[np.bool_]]]:
-    """Return what is held out in turn: protocols, else trials, else later phases, else depth."""
-    if len(observed.protocols) > 1:
+    """Return what is held out in turn: protocols, else trials, else later phases, else depth.
+
+    Of repeats the first trial is always seen: it alone tells how the leg was before it was pressed,
+    which can't be predicted from later trials.
+    """
+    if observed.repeats > 1:
+        later = observed.trial > 0
+        if len(observed.protocols) > 1:
+            how = "each protocol in turn, but for the first trial"
+            each = (later & (observed.protocol == p) for p in range(len(observed.protocols)))
+            folds = [fold for fold in each if fold.any()]
+        else:
+            how = "each trial in turn, but for the first"
+            folds = [observed.trial == k for k in range(1, len(observed.trials))]
+    elif len(observed.protocols) > 1:
         how, folds = "each protocol in turn", [
             observed.protocol == p for p in range(len(observed.protocols))
-        ]  # fmt: skip
-    elif observed.repeats > 1:
-        how, folds = "each trial in turn", [
-            observed.trial == k for k in range(len(observed.trials))
         ]  # fmt: skip
     elif len(observed.phases) > 1:
         how, folds = "hold and unloading", [observed.phase != "loading"]
