@@ -11,22 +11,25 @@ from making_stocking import COARSE, PLANTED_KPA, laws, short_leg
 
 from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.slices import SliceSet, calf_levels
+from legfem.geometry.slices import SliceSet, calf_levels, outward_normals
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.progress import Silent
 from legfem.stocking.accuracy import ContourAccuracy
 from legfem.stocking.classes import CompressionClass, Fit, fitted_stocking
-from legfem.stocking.identification import Identified, Search, SearchSettings
+from legfem.stocking.identification import LEARNT_AT, Identified, Search, SearchSettings
 from legfem.stocking.laplace import stocking_load
 from legfem.stocking.leg import StockingLeg
-from legfem.stocking.leg_model import LegModel3D
+from legfem.stocking.leg_model import PARAMETERS, LegModel3D
 from legfem.stocking.misfit import ContourMisfit
-from legfem.stocking.nuisance import sectors
+from legfem.stocking.nuisance import RIGID, SECTORS, sectors
+from legfem.stocking.nuisance_slopes import NuisanceSlopes
 from legfem.stocking.pressures import PressureProbe, tissue_pressures
 from legfem.stocking.run import StockingResult, StockingSettings, run_leg
 from legfem.stocking.veins import default_veins
 from legfem.stocking.worn import Feedback, FixedPointSettings, Worn, WornLeg
 
+PLANTED = 1e-3 * np.array(PLANTED_KPA)
+ACCURACY = ContourAccuracy(sd=0.1, around=25.0, along=40.0, pressure_sd=0.003)
 FINE = SolidMeshSettings(skin_size=6, inside_size=8, bone_size=6)
 
 
@@ -49,7 +52,7 @@ def result(shape: LegShape, truth: tuple[LegModel3D, Worn]) -> StockingResult:
     leg = StockingLeg(
         "t", "Test", "simulated", shape, shape, truth[1].shape, None,
         fitted_stocking(shape, Fit(CompressionClass.STRONG)),
-        ContourAccuracy(sd=0.05, pressure_sd=0.003),
+        ACCURACY,
         laws(3.0, 3.0), False, "held", slices, default_veins(shape, float(slices[2])),
     )  # fmt: skip
     settings = StockingSettings(search=SearchSettings(starts_kPa=((3.0, 3.0),)))
@@ -106,16 +109,55 @@ def test_slopes_in_equilibrium_are_those_between_equilibria(result):
         assert np.abs(skin[1] - skin[0]).max() > 0.2 * size
 
 
-def test_a_wrong_pressure_moves_the_leg_as_its_slope_says(result):
+@pytest.fixture(scope="module")
+def answering(result) -> tuple[WornLeg, Worn, NuisanceSlopes]:
+    """A leg in an exact equilibrium, and what moves its contours there."""
     exact = FixedPointSettings(tolerance=1e-5, max_states=30)
     leg = WornLeg(result.model, result.leg.stocking, exact)
-    plain = leg.find(sensitivities=("deep.C10",))
+    nuisances = NuisanceSlopes(leg, result.misfit)
+    at = dict(zip(PARAMETERS, PLANTED, strict=True))
+    worn = leg.find(at)
+    nuisances.learn(PLANTED, worn)
+    return leg, worn, nuisances
+
+
+def test_a_wrong_pressure_moves_the_leg_as_its_slope_says(result, answering):
+    leg, plain, nuisances = answering
     bump = sectors(result.model.shape)[2]
-    (rate,) = Feedback(leg, plain).to_pressures([plain.pressure * bump])
-    wrong = leg.find(start=plain, error=0.02 * bump)
-    moved = result.model.displacement("skin", wrong.state.unknown - plain.state.unknown)
-    expected = 0.02 * result.model.displacement("skin", rate)
+    at = dict(zip(PARAMETERS, PLANTED, strict=True))
+    wrong = leg.find(at, start=plain, error=0.02 * bump)
+    moved = result.misfit.distances(wrong.shape) - result.misfit.distances(plain.shape)
+    expected = 0.02 * nuisances.at(PLANTED)[:, RIGID + 2]
     assert np.abs(moved - expected).max() < 0.1 * np.abs(expected).max()
+
+
+def test_an_error_of_the_bare_skin_is_answered_as_its_slope_says(result, answering):
+    """On another mesh, of a leg with a bump; without the stocking's answer it would not fit."""
+    _, plain, nuisances = answering
+    shape, at = result.model.shape, dict(zip(PARAMETERS, PLANTED, strict=True))
+    modes = nuisances.errors["skin"].modes
+    waves = np.abs(np.fft.rfft(modes[len(modes) // 2], axis=0))
+    number = int(np.flatnonzero(np.argmax(waves, axis=0) == 4)[0])
+    size = 0.5 / float(np.abs(modes[..., number]).max())
+    outwards = size * modes[..., number, None] * outward_normals(shape.contours["skin"])
+    bumped = LegShape(shape.levels, {**shape.contours, "skin": shape.contours["skin"] + outwards})
+    other = LegModel3D(bumped, laws(*PLANTED_KPA), COARSE)
+    found = WornLeg(other, result.leg.stocking, FixedPointSettings(1e-5, 30)).find(at)
+    moved = result.misfit.distances(found.shape) - result.misfit.distances(plain.shape)
+    expected = size * nuisances.at(PLANTED)[:, RIGID + SECTORS + number]
+    bare = result.misfit.distances(bumped) - result.misfit.distances(shape)
+    print(np.std(moved), np.std(expected), np.std(bare), np.std(moved - expected))
+    assert np.std(moved - expected) < 0.2 * np.std(moved)
+    assert np.std(moved - bare) > 0.4 * np.std(moved)
+
+
+def test_answers_at_another_stiffness_are_those_of_the_stiffnesses_around_it(result, answering):
+    leg, _, exact = answering
+    between = NuisanceSlopes(leg, result.misfit)
+    for parameters in LEARNT_AT:
+        between.learn(parameters, leg.find(dict(zip(PARAMETERS, parameters, strict=True))))
+    known, found = exact.at(PLANTED), between.at(PLANTED)
+    assert np.linalg.norm(found - known) < 0.05 * np.linalg.norm(known)
 
 
 def test_an_equilibrium_that_does_not_settle_still_bears_derivatives(result):
@@ -148,7 +190,7 @@ def test_a_motion_left_between_the_scans_is_found(result, truth):
 
     shift = np.array([0.3, -0.2, 0.0])
     moved = rigidly_moved(truth[1].shape, np.eye(3), shift)
-    accuracy = replace(ContourAccuracy(sd=0.05, pressure_sd=0.003), shift_sd=(0.5, 0.5, 0.5))
+    accuracy = replace(ACCURACY, shift_sd=(0.5, 0.5, 0.5))
     misfit = ContourMisfit(SliceSet.of(moved, result.leg.slices), accuracy)
     settings = SearchSettings(starts_kPa=((2.5, 6.0),))
     worn_leg = WornLeg(result.model, result.leg.stocking)

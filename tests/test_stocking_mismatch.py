@@ -21,9 +21,12 @@ from legfem.stocking.identification import Search, SearchSettings
 from legfem.stocking.leg_model import LegModel3D
 from legfem.stocking.misfit import ContourMisfit
 from legfem.stocking.mismatch import Mismatch, mismatch_of
+from legfem.stocking.outline_errors import outline_errors
 from legfem.stocking.worn import WornLeg
 
-ACCURACY = ContourAccuracy(sd=0.05, correlation=6.0, pressure_sd=0.003, shift_sd=(0.03, 0.03, 0.05))
+ACCURACY = ContourAccuracy(
+    sd=0.1, correlation=6.0, around=25.0, along=40.0, pressure_sd=0.003, shift_sd=(0.03, 0.03, 0.05)
+)
 FINE = SolidMeshSettings(skin_size=7, inside_size=9, bone_size=7)
 LAWS = laws(*PLANTED_KPA)
 
@@ -60,15 +63,17 @@ def _diagnosed(
     leg = WornLeg(model, stocking)
     search = Search(leg, noisy, SearchSettings(starts_kPa=((3.0, 3.0),), max_steps=3))
     best = search.weighted()[0]
-    return mismatch_of(leg, noisy, best)
+    return mismatch_of(leg, noisy, search.nuisances, best)
 
 
 def _noise(misfit: ContourMisfit, seed: int) -> np.ndarray:
-    """Draw outlines' errors with the covariance that the misfit assumes (mm)."""
-    count = sum(misfit.target.contours(name).shape[0] for name in CONTOURS) * 90
-    draw = np.random.default_rng(seed).standard_normal(count)
-    unit = misfit.whitened(np.eye(count))
-    return np.linalg.solve(unit, draw)
+    """Draw the errors of both scans' outlines that the misfit assumes (mm)."""
+    rng, target = np.random.default_rng(seed), misfit.target
+    drawn = []
+    for name in CONTOURS:
+        modes = outline_errors(misfit.accuracy, target.contours(name), target.levels).modes
+        drawn.append((modes @ rng.normal(scale=np.sqrt(2), size=modes.shape[-1])).ravel())
+    return np.concatenate(drawn)
 
 
 def test_nothing_wrong_is_called_consistent(shape, models):

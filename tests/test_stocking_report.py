@@ -83,7 +83,7 @@ def widened(result, half_width: float):
     """The result with other intervals, as wide as is said (over the value)."""
     best = result.best
     sd = math.asinh(half_width) / 1.96
-    covariance = np.diag([sd**2, sd**2, *6 * [1e-4]])
+    covariance = np.diag([sd**2, sd**2])
     other = replace(best, log_covariance=covariance, converged=True)
     return replace(result, searches=(other, *result.searches[1:]))
 

@@ -6,11 +6,13 @@ slices over 3 cm of the calf.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike
+from scipy.interpolate import make_interp_spline
 
 from legfem.errors import InputError
 from legfem.geometry.curve import smooth_closed_curve
@@ -168,6 +170,62 @@ def slice_distances(reference: SliceSet, other: SliceSet) -> dict[str, FloatArra
         )
         for name in CONTOURS
     }
+
+
+def distance_rates(
+    reference: SliceSet, shape: LegShape, rates: Mapping[str, FloatArray]
+) -> FloatArray:
+    """Return the rates of the signed distances of a moving shape.
+
+    To first order in its distance from the reference and in the difference of their normals.
+
+    Parameters
+    ----------
+    reference : SliceSet
+        Whose points the distances are from.
+    shape : LegShape
+        Near it.
+    rates : mapping of str to (n_levels, n_points, 3, m) array
+        Velocities of the points of skin and hull, in m motions.
+
+    Returns
+    -------
+    ndarray
+        (n, m): skin first, slice by slice, at the reference's points.
+    """
+    found = []
+    for name in CONTOURS:
+        part = _PART[name]
+        moved = rates[part]
+        lines = shape.at(part, shape.levels, slope=1)
+        # What leaves a level's plane moves the contour in it where lines along the leg slant.
+        level = moved[:, :, :2] - moved[:, :, 2:] * lines[..., None]
+        outwards = outward_normals(shape.contours[part])
+        across = np.einsum("lpd,lpdm->lpm", outwards, level)
+        degree = min(3, len(shape.levels) - 1)
+        sliced = make_interp_spline(shape.levels, across, k=degree)(reference.levels)
+        for contour, own, values in zip(
+            reference.contours(name), shape.at(part, reference.levels), sliced, strict=True
+        ):
+            found.append(_at_nearest(contour, own, values))
+    return np.concatenate(found)
+
+
+def outward_normals(contours: FloatArray) -> FloatArray:
+    """Return the unit normals of counter-clockwise contours, (..., n_points, 2), by chords."""
+    tangent = np.roll(contours, -1, axis=-2) - np.roll(contours, 1, axis=-2)
+    outwards = np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1)
+    unit: FloatArray = outwards / np.linalg.norm(outwards, axis=-1, keepdims=True)
+    return unit
+
+
+def _at_nearest(points: FloatArray, contour: FloatArray, values: FloatArray) -> FloatArray:
+    """Return values given at a closed contour's points where it is nearest to others, (n, m)."""
+    ring = shapely.LinearRing(contour)
+    at = shapely.line_locate_point(ring, shapely.points(points))
+    steps = np.linalg.norm(np.roll(contour, -1, axis=0) - contour, axis=1)
+    arc = np.concatenate([[0.0], np.cumsum(steps)])
+    return np.asarray(make_interp_spline(arc, np.concatenate([values, values[:1]]), k=1)(at))
 
 
 def contour_misfit(target: SliceSet, simulated: SliceSet) -> float:

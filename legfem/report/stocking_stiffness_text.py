@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from legfem.report.stocking_words import fill, stiffness_values
-from legfem.stocking.identification import PARAMETERS, Identified
+from legfem.stocking.identification import Identified
 from legfem.stocking.judgement import (
     IDENTIFIABLE_WITHIN,
     WEAKLY_WITHIN,
@@ -14,6 +14,7 @@ from legfem.stocking.judgement import (
     judge,
     starts_agree,
 )
+from legfem.stocking.leg_model import PARAMETERS
 from legfem.stocking.run import StockingResult
 from legfem.stocking.warnings import TISSUES, best_complete
 from legfem.units import mpa_to_kpa
@@ -107,9 +108,8 @@ def _goodness(result: StockingResult, best: Identified) -> str:
         f"The model's contours of skin and hull meet the scan's in {len(misfit.target.levels)} "
         f"slices to {best.rms:.3f} mm (root mean square); errors of the contours alone make "
         f"{expected_rms(leg.accuracy):.3f} mm, and the bare leg is "
-        f"{float(np.sqrt(np.mean(bare**2))):.3f} mm off. The weighted misfit a point is "
-        f"{best.chi_square:.2f}; errors of the size and roughness assumed make 1, smoother ones "
-        f"less.{moved}"
+        f"{float(np.sqrt(np.mean(bare**2))):.3f} mm off. The weighted misfit is "
+        f"{best.chi_square:.2f}; errors of the size and roughness assumed make 1.{moved}"
     )
 
 

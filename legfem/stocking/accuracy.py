@@ -30,7 +30,7 @@ class ContourAccuracy:
     around, along : float
         Wavelengths at which smoothing halved the outlines' undulations (mm); 0 for none.
     model_sd : float
-        Of the simulated contours from point to point, by mesh and interpolation (mm).
+        Of the simulated contours, by mesh and interpolation (mm).
     pressure_sd : float
         By which the stocking's pressure may differ from Laplace's law over an eighth of the girth,
         relative. A leg of soft tissue gives way by some 0.1 mm a per cent.
@@ -44,7 +44,7 @@ class ContourAccuracy:
     correlation: float = 8.0
     around: float = 0.0
     along: float = 0.0
-    model_sd: float = 0.05
+    model_sd: float = 0.03
     pressure_sd: float = 0.01
     shift_sd: tuple[float, float, float] = (0.05, 0.05, 0.5)
     turn_sd: tuple[float, float, float] = (0.002, 0.002, 0.002)

@@ -12,8 +12,9 @@ from legfem.documents import json_types
 from legfem.geometry.shape_measures import fat_thickness_around
 from legfem.identify.forward import legfem_version, package_version
 from legfem.stocking.fat_pressures import FatPressures
-from legfem.stocking.identification import PARAMETERS, Identified
+from legfem.stocking.identification import Identified
 from legfem.stocking.judgement import Known, expected_rms, judge, starts_agree
+from legfem.stocking.leg_model import PARAMETERS
 from legfem.stocking.run import StockingResult
 from legfem.stocking.warnings import best_complete, stocking_warnings, unloaded_skin
 from legfem.units import FloatArray, mpa_to_kpa
@@ -112,7 +113,7 @@ def _search(search: Identified) -> dict[str, Any]:
         "rms_distance_mm": search.rms,
         "cost": search.cost,
         "cost_unit": "1 at the start" if search.method == "nelder-mead" else "mm2",
-        "weighted_misfit_per_point": search.chi_square,
+        "weighted_misfit": search.chi_square,
         "rigid_motion": None
         if search.rigid is None
         else {

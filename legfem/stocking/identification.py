@@ -1,9 +1,9 @@
 """Stiffness of fat and muscle from the contours of a leg with and without its stocking.
 
-Two ways to the same answer. The paper's is Nelder-Mead on the sum of squared distances. The other
-minimises the distances weighted with their errors, by Gauss and Newton's method with the
-derivatives of the finite-element model and its stocking: it takes a fraction of the solutions and
-says how sure the values are.
+Two ways. The paper's is Nelder-Mead on the sum of squared distances. The other minimises the
+distances weighted with their errors, those of the bare outlines included (as in total least
+squares), by Gauss and Newton's method with the derivatives of the finite-element model and its
+stocking: it takes a fraction of the solutions and says how sure the values are.
 """
 
 from __future__ import annotations
@@ -15,18 +15,19 @@ from typing import Literal
 import numpy as np
 from scipy.optimize import minimize
 
-from legfem.stocking.linearised import LinearisedContours
+from legfem.stocking.leg_model import PARAMETERS
 from legfem.stocking.misfit import ContourMisfit
-from legfem.stocking.nuisance import RIGID, nuisance_sd
+from legfem.stocking.nuisance import RIGID
+from legfem.stocking.nuisance_slopes import NuisanceSlopes
+from legfem.stocking.profiled import Profiled, profiled
 from legfem.stocking.worn import Worn, WornLeg
 from legfem.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 
-PARAMETERS = ("deep.C10", "superficial.C10")
 START = kpa_to_mpa(np.array([3.0, 3.0]))
 """The paper's start (MPa)."""
 BOUNDS = (kpa_to_mpa(0.1), kpa_to_mpa(100.0))
-STALE = 0.3
-"""Change of a log parameter after which the nuisances' slopes are taken anew."""
+LEARNT_AT = kpa_to_mpa(np.array([[3.0, 3.0], [1.5, 12.0], [6.0, 1.5]]))
+"""C10 of muscle and fat (MPa) at which the nuisances' slopes are taken."""
 type OnSolve = Callable[[str], None]
 type Method = Literal["nelder-mead", "weighted"]
 
@@ -65,7 +66,7 @@ class Identified:
     """What a search found; parameters in the order of `PARAMETERS`, in MPa.
 
     ``converged`` is False where it stopped for another reason; ``log_covariance`` (of the
-    parameters' logarithms and the nuisances) belongs to the weighted search.
+    parameters' logarithms) belongs to the weighted search.
     """
 
     method: Method
@@ -81,7 +82,8 @@ class Identified:
     distances: FloatArray
     worn: Worn
     chi_square: float = np.nan
-    """Of the weighted distances, over their effective number."""
+    """Least sum of squares of weighted distances and nuisances, over the number of the former: 1
+    where errors are as large as was assumed."""
     nuisance: FloatArray | None = None
     """See `legfem.stocking.nuisance`."""
     log_covariance: FloatArray | None = None
@@ -96,7 +98,7 @@ class Identified:
         """95 % intervals of the parameters, (2, 2), MPa."""
         if self.log_covariance is None:
             return None
-        half = 1.96 * np.sqrt(np.diag(self.log_covariance)[:2])
+        half = 1.96 * np.sqrt(np.diag(self.log_covariance))
         return self.parameters[:, None] * np.exp(np.stack([-half, half], axis=1))
 
 
@@ -126,6 +128,7 @@ class Search:
         self._settings = settings or SearchSettings()
         self._on_solve = on_solve
         self._last: Worn | None = None
+        self.nuisances = NuisanceSlopes(leg, misfit)
 
     def nelder_mead(self) -> Identified:
         """Search as the paper does, from 3 kPa in both tissues."""
@@ -166,66 +169,53 @@ class Search:
 
     def weighted(self) -> tuple[Identified, ...]:
         """Search from every start; the best first."""
+        if not self.nuisances.learnt:
+            self._learn()
         found = [self._from(kpa_to_mpa(np.array(start))) for start in self._settings.starts_kPa]
         return tuple(sorted(found, key=lambda result: result.chi_square))
 
+    def _learn(self) -> None:
+        for parameters in LEARNT_AT:
+            worn = self._solve(parameters)
+            if worn.state.report.complete:
+                self.nuisances.learn(parameters, worn)
+
     def _from(self, start: FloatArray) -> Identified:
-        """Minimise the weighted distances and the priors of the nuisances, with damping."""
+        """Minimise what the best nuisances leave, by Gauss and Newton's method with damping."""
         before, settings, misfit = self._leg.states, self._settings, self._misfit
         damping, converged = 1e-3, False
         worn = self._solve(start, differentiate=True)
-        if not worn.state.report.complete:
+        if not worn.state.report.complete or not self.nuisances.learnt:
             return self._unsolved("weighted", start, before, worn)
-        contours = LinearisedContours(self._leg, misfit, worn)
-        slopes = _by_log_stiffness(contours, start)
-        others, taken_at = _by_nuisance(contours), np.log(start)
-        sd = nuisance_sd(misfit)
-        prior = np.concatenate([np.zeros(2), 1 / sd])
-        theta = np.concatenate([np.log(start), np.zeros(len(sd))])
-
-        def weighted(contours: LinearisedContours, theta: FloatArray) -> FloatArray:
-            return misfit.whitened(contours.distances + others @ theta[2:])
-
-        def total(contours: LinearisedContours, theta: FloatArray) -> FloatArray:
-            return np.concatenate([weighted(contours, theta), prior * theta])
-
-        def jacobian() -> FloatArray:
-            return np.vstack([misfit.whitened(np.hstack([slopes, others])), np.diag(prior)])
-
+        parameters, here = start, self._profiled(start, worn)
         for _ in range(settings.max_steps):
-            rows, now = jacobian(), total(contours, theta)
-            normal = rows.T @ rows
-            step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal)), rows.T @ now)
-            step[:2] = np.clip(step[:2], -1.0, 1.0)
-            proposed = theta + step
-            proposed[:2] = np.clip(proposed[:2], *np.log(BOUNDS))
-            stiffness = np.exp(proposed[:2])
-            new = self._solve(stiffness, differentiate=True)
-            if not new.state.report.complete:
+            normal = here.jacobian.T @ here.jacobian
+            damped = normal + damping * np.diag(np.diag(normal))
+            step = -np.linalg.solve(damped, here.jacobian.T @ here.residual)
+            proposed = np.clip(parameters * np.exp(np.clip(step, -1.0, 1.0)), *BOUNDS)
+            worn = self._solve(proposed, differentiate=True)
+            if not worn.state.report.complete:
                 damping = max(10 * damping, 1.0)
                 continue
-            new_contours = LinearisedContours(self._leg, misfit, new)
-            gain = float(np.sum(now**2) - np.sum(total(new_contours, proposed) ** 2))
-            if gain < -1e-9 * np.sum(now**2):
+            new = self._profiled(proposed, worn)
+            gain = here.objective - new.objective
+            if gain < -1e-9 * here.objective:
                 damping = max(10 * damping, 0.1)
                 continue
-            change = np.abs(proposed[:2] - theta[:2]).max()
-            theta, worn, contours = proposed, new, new_contours
-            slopes = _by_log_stiffness(contours, stiffness)
-            damping = damping / 10
-            if np.abs(theta[:2] - taken_at).max() > STALE:
-                # The pressure's slopes fall with the stiffness.
-                others, taken_at = _by_nuisance(contours), theta[:2]
+            change = np.abs(np.log(proposed / parameters)).max()
+            parameters, here, damping = proposed, new, damping / 10
             if change < settings.tolerance or gain < settings.least_gain:
                 converged = True
                 break
-        rows, distances = jacobian(), contours.distances
-        white = weighted(contours, theta)
         return Identified(
-            "weighted", np.exp(theta[:2]), start, converged, self._leg.states - before,
-            misfit.cost(distances), _rms(distances + others @ theta[2:]), distances, worn,
-            float(white @ white) / len(white), theta[2:], np.linalg.pinv(rows.T @ rows),
+            "weighted", parameters, start, converged, self._leg.states - before,
+            misfit.cost(here.distances), _rms(here.moved), here.distances, here.worn,
+            here.objective / (len(here.residual) - len(here.nuisance)), here.nuisance,
+            np.linalg.pinv(here.jacobian.T @ here.jacobian),
         )  # fmt: skip
+
+    def _profiled(self, parameters: FloatArray, worn: Worn) -> Profiled:
+        return profiled(self._leg, self._misfit, self.nuisances, parameters, worn)
 
     def _unsolved(self, method: Method, start: FloatArray, before: int, worn: Worn) -> Identified:
         return Identified(
@@ -245,14 +235,6 @@ class Search:
         if worn.state.report.complete:
             self._last = worn
         return worn
-
-
-def _by_log_stiffness(contours: LinearisedContours, parameters: FloatArray) -> FloatArray:
-    return np.stack([contours.by_parameter(name) for name in PARAMETERS], axis=1) * parameters
-
-
-def _by_nuisance(contours: LinearisedContours) -> FloatArray:
-    return np.column_stack([contours.by_motion(), contours.by_pressure()])
 
 
 def _rms(distances: FloatArray) -> float:

@@ -10,7 +10,8 @@ import numpy as np
 
 from legfem.identify.result import Bound, Identifiability
 from legfem.stocking.accuracy import ContourAccuracy
-from legfem.stocking.identification import BOUNDS, PARAMETERS, Identified
+from legfem.stocking.identification import BOUNDS, Identified
+from legfem.stocking.leg_model import PARAMETERS
 
 IDENTIFIABLE_WITHIN, WEAKLY_WITHIN = 0.1, 0.5
 """Half width of the 95 % interval over the value, up to which a stiffness is known."""

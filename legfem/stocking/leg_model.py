@@ -19,6 +19,8 @@ from legfem.terms import StiffnessGradient, VolumeLoss
 from legfem.units import FloatArray
 
 SURFACES = (SKIN, HULL)
+PARAMETERS = ("deep.C10", "superficial.C10")
+"""The stiffnesses of muscle and fat."""
 
 
 class LegModel3D:

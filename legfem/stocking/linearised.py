@@ -7,10 +7,7 @@ from __future__ import annotations
 
 from functools import cached_property
 
-import numpy as np
-
 from legfem.stocking.misfit import ContourMisfit
-from legfem.stocking.nuisance import sectors
 from legfem.stocking.worn import Feedback, Worn, WornLeg, slope_step
 from legfem.units import FloatArray
 
@@ -40,15 +37,6 @@ class LinearisedContours:
     def by_parameter(self, name: str) -> FloatArray:
         """Return the slope by a parameter of the model by which the state was differentiated."""
         return self._slope(self._feedback.to_rate(self._worn.state.sensitivities[name]))
-
-    def by_pressure(self) -> FloatArray:
-        """Return the slopes by relative errors of the pressure in every sector, (n, SECTORS)."""
-        changes = [self._worn.pressure * bump for bump in sectors(self._model.shape)]
-        return np.stack([self._slope(r) for r in self._feedback.to_pressures(changes)], axis=1)
-
-    def by_motion(self) -> FloatArray:
-        """Return the slopes by rigid motions, (n, 6): three shifts (mm), three turns (rad)."""
-        return self._misfit.rigid_slopes(self._worn.shape)
 
     def _slope(self, rate: FloatArray) -> FloatArray:
         step = slope_step(self._model, rate)

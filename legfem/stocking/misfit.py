@@ -1,10 +1,11 @@
 r"""How far the contours of a simulated leg are from those of the leg scanned in its stocking.
 
 The residuals are the distances along the scanned contours' normals, skin and hull, in a few slices
-of the calf. Their errors come from the outlines of two scans, alike over some way along the
-contours and from slice to slice (`legfem.stocking.accuracy`), and from the model itself, which is
-white. What is left of a rigid motion between the scans is a nuisance with a prior: bones are nearly
-prisms, so that they hardly fix the scans along the leg.
+of the calf. Their errors come from the outlines of the scan, alike over some way along the contours
+and from slice to slice (`legfem.stocking.accuracy`), and from the model itself, which is taken to
+be off alike. The bare outlines' errors are nuisances, since the stocking answers to them
+(`legfem.stocking.nuisance_slopes`); so is what is left of a rigid motion between the scans: bones
+are nearly prisms, so that they hardly fix the scans along the leg.
 """
 
 from __future__ import annotations
@@ -13,13 +14,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import block_diag, cholesky, solve_triangular
 from scipy.spatial.transform import Rotation
 
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.shape_motion import rigidly_moved
 from legfem.geometry.slices import CONTOURS, SliceSet, slice_distances
 from legfem.stocking.accuracy import ContourAccuracy
+from legfem.stocking.outline_errors import HELD, OutlineErrors, outline_errors
 from legfem.units import FloatArray
 
 SHIFT, TURN = 0.05, 0.001
@@ -85,24 +86,31 @@ class ContourMisfit:
         return np.array([*self.accuracy.shift_sd, *self.accuracy.turn_sd])
 
     def whitened(self, values: FloatArray) -> FloatArray:
-        """Return distances (n,) or derivatives (n, k) in units of independent errors."""
-        return np.asarray(solve_triangular(self._factor, values, lower=True))
+        """Return distances (n,) or derivatives (n, k) in units of independent errors, (m,), (m, k).
+
+        Only undulations that the outlines have errors of are compared: the model's own are not
+        known finer than that.
+        """
+        columns = values.reshape(len(values), -1)
+        parts = np.split(columns, len(CONTOURS))
+        shares = [
+            errors.shares(part.reshape(*errors.modes.shape[:2], -1))
+            for errors, part in zip(self._errors, parts, strict=True)
+        ]
+        white = np.concatenate(shares) / self._sd
+        return white.reshape(-1, *values.shape[1:])
+
+    @property
+    def _sd(self) -> float:
+        """Of the errors that are no nuisances, over that of one scan's outlines."""
+        accuracy = self.accuracy
+        model = accuracy.model_sd / accuracy.smoothed_sd
+        return float(np.sqrt(1.0 + (1.0 - HELD) + model**2))
 
     @cached_property
-    def _factor(self) -> FloatArray:
-        """Cholesky factor of the covariance of the outlines' errors, (n, n) mm."""
-        accuracy = self.accuracy
-        _, count = self.target.outer.shape[:2]
-        blocks = []
-        for name in CONTOURS:
-            contours = self.target.contours(name)
-            closed = np.concatenate([contours, contours[:, :1]], axis=1)
-            lengths = np.linalg.norm(np.diff(closed, axis=1), axis=2).sum(axis=1)
-            way = np.abs(np.subtract.outer(np.arange(count), np.arange(count))) / count
-            way = np.minimum(way, 1 - way) * lengths.mean()
-            height = np.abs(np.subtract.outer(self.target.levels, self.target.levels))
-            one_scan = accuracy.covariance(way[None, :, None, :], height[:, None, :, None])
-            blocks.append(2 * one_scan.reshape(len(height) * count, -1))
-        covariance = block_diag(*blocks)
-        covariance += accuracy.model_sd**2 * np.eye(len(covariance))
-        return np.asarray(cholesky(covariance, lower=True))
+    def _errors(self) -> tuple[OutlineErrors, ...]:
+        """Of the target, outer and inner contours."""
+        target = self.target
+        return tuple(
+            outline_errors(self.accuracy, target.contours(name), target.levels) for name in CONTOURS
+        )

@@ -23,10 +23,12 @@ from scipy.stats import chi2
 from statsmodels.stats.multitest import multipletests
 
 from legfem.geometry.slices import CONTOURS
-from legfem.stocking.identification import BOUNDS, PARAMETERS, Identified
+from legfem.stocking.identification import BOUNDS, Identified
+from legfem.stocking.leg_model import PARAMETERS
 from legfem.stocking.linearised import LinearisedContours
 from legfem.stocking.misfit import ContourMisfit
-from legfem.stocking.nuisance import RIGID, SECTORS, from_sector, nuisance_sd, sectors
+from legfem.stocking.nuisance import RIGID, SECTORS, from_sector, sectors
+from legfem.stocking.nuisance_slopes import NuisanceSlopes
 from legfem.stocking.worn import Worn, WornLeg
 from legfem.units import FloatArray, kpa_to_mpa
 
@@ -99,12 +101,14 @@ class Mismatch:
     """C10 of muscle and fat then, MPa."""
 
 
-def mismatch_of(leg: WornLeg, misfit: ContourMisfit, best: Identified) -> Mismatch:
+def mismatch_of(
+    leg: WornLeg, misfit: ContourMisfit, nuisances: NuisanceSlopes, best: Identified
+) -> Mismatch:
     """Locate and name what the best fit leaves.
 
     Parameters
     ----------
-    leg, misfit
+    leg, misfit, nuisances
         Of the identification.
     best
         Its best weighted result, of a state that was found.
@@ -113,8 +117,8 @@ def mismatch_of(leg: WornLeg, misfit: ContourMisfit, best: Identified) -> Mismat
     worn = _solve(leg, tested_at, best.worn)
     contours = LinearisedContours(leg, misfit, worn)
     distances = contours.distances
-    prior = np.concatenate([np.zeros(2), 1 / nuisance_sd(misfit)])
-    base, mechanisms = _slopes(contours, tested_at)
+    prior = np.concatenate([np.zeros(2), 1 / nuisances.sd])
+    base, mechanisms = _slopes(contours, nuisances.at(tested_at), tested_at)
     basis = np.vstack([misfit.whitened(base), np.diag(prior)])
     orthonormal = np.linalg.qr(basis)[0]
     white = _projected(
@@ -127,7 +131,7 @@ def mismatch_of(leg: WornLeg, misfit: ContourMisfit, best: Identified) -> Mismat
         return Mismatch("consistent", (), scores, places, best.rms, None, None)
     if strongest.p_value > SIGNIFICANT:
         return Mismatch("unexplained", (), scores, places, best.rms, None, None)
-    penalty = float(np.log(len(distances)))
+    penalty = float(np.log(len(white) - len(prior)))
     alike = tuple(
         s.name for s in scores if s.p_value < SIGNIFICANT and _as_good(s, strongest, penalty)
     )
@@ -138,12 +142,12 @@ def mismatch_of(leg: WornLeg, misfit: ContourMisfit, best: Identified) -> Mismat
 
 
 def _slopes(
-    contours: LinearisedContours, parameters: FloatArray
+    contours: LinearisedContours, nuisances: FloatArray, parameters: FloatArray
 ) -> tuple[FloatArray, tuple[Mechanism, ...]]:
-    """Return the slopes by log stiffness and nuisances, (n, 16), and the mechanisms."""
+    """Return the slopes by log stiffness and nuisances, (n, 2 + k), and the mechanisms."""
     stiffness = [v * contours.by_parameter(n) for n, v in zip(PARAMETERS, parameters, strict=True)]
-    rigid, local = contours.by_motion(), contours.by_pressure()
-    return np.column_stack([*stiffness, rigid, local]), (
+    rigid, local = nuisances[:, :RIGID], nuisances[:, RIGID : RIGID + SECTORS]
+    return np.column_stack([*stiffness, nuisances]), (
         Mechanism(
             "local-pressure", "the pressure on the skin is wrong on one side of the leg",
             tuple(f"at {360 * k / SECTORS:.0f} degrees" for k in range(SECTORS)), local,
@@ -234,7 +238,10 @@ def _repaired(
     distances: FloatArray,
 ) -> tuple[float | None, FloatArray]:
     """Fit stiffnesses, nuisances and mechanism together; the slopes stay those of the best fit."""
-    released = {"misregistration": slice(2, 2 + RIGID), "local-pressure": slice(2 + RIGID, None)}
+    motion = slice(2, 2 + RIGID)
+    pressure = slice(2 + RIGID, 2 + RIGID + SECTORS)
+    outlines = slice(2 + RIGID + SECTORS, base.shape[1])
+    released = {"misregistration": motion, "local-pressure": pressure}
     weights = prior.copy()
     slopes = base
     if mechanism.name in released:
@@ -251,15 +258,14 @@ def _repaired(
         total -= np.linalg.lstsq(rows, right, rcond=1e-8)[0]
         total[:2] = np.clip(total[:2], -1.5, 1.5)
         parameters = np.clip(tested_at * np.exp(total[:2]), *BOUNDS)
-        local = total[2 + RIGID : 2 + RIGID + SECTORS]
-        error = np.maximum(sum(c * b for c, b in zip(local, bumps, strict=True)), -1.0)
+        error = np.maximum(sum(c * b for c, b in zip(total[pressure], bumps, strict=True)), -1.0)
         extra = {TERMS[mechanism.name]: float(total[-1])} if mechanism.name in TERMS else {}
         worn = _solve(leg, parameters, worn, extra, error)
         if not worn.state.report.complete:
             return None, parameters
-        moved = base[:, 2 : 2 + RIGID] @ total[2 : 2 + RIGID]
-        left = misfit.distances(worn.shape) + moved
-    return float(np.sqrt(np.mean(left**2))), parameters
+        moved = misfit.distances(worn.shape) + base[:, motion] @ total[motion]
+        left = moved + base[:, outlines] @ total[outlines]
+    return float(np.sqrt(np.mean(moved**2))), parameters
 
 
 def _solve(
@@ -276,9 +282,9 @@ def _solve(
 
 
 def _signature(slopes: FloatArray, misfit: ContourMisfit, orthonormal: FloatArray) -> FloatArray:
-    padding = np.zeros((len(orthonormal) - len(slopes), slopes.shape[1]))
-    rows = np.vstack([misfit.whitened(slopes), padding])
-    return _projected(rows, orthonormal)
+    white = misfit.whitened(slopes)
+    padding = np.zeros((len(orthonormal) - len(white), slopes.shape[1]))
+    return _projected(np.vstack([white, padding]), orthonormal)
 
 
 def _projected(values: FloatArray, orthonormal: FloatArray) -> FloatArray:

@@ -1,7 +1,8 @@
-"""What else moves the contours: the scans' places, and errors of the pressure round the leg.
+"""What else moves the contours: the scans' places, errors of the pressure and of the bare outlines.
 
-Neither is known exactly. Both go into the fit as parameters with a prior, so that the stiffnesses'
-intervals carry them.
+None is known exactly. All go into the fit as parameters with a prior, so that the stiffnesses'
+intervals carry them: RIGID motions, the pressure in SECTORS, then the modes of the outlines' errors
+(`legfem.stocking.outline_errors`).
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ RIGID, SECTORS = 6, 8
 
 
 def nuisance_sd(misfit: ContourMisfit) -> FloatArray:
-    """Return the priors' standard deviations, (14,): the rigid motions' (mm, rad) first."""
+    """Return the standard deviations of motions (mm, rad) and pressure, (RIGID + SECTORS,)."""
     return np.concatenate([misfit.rigid_sd, np.full(SECTORS, misfit.accuracy.pressure_sd)])
 
 

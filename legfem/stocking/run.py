@@ -12,10 +12,10 @@ from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.slices import SliceSet
 from legfem.meshing.solid_leg import SolidMeshSettings, settings_for_cells
 from legfem.progress import Progress
-from legfem.stocking.identification import PARAMETERS, Identified, Search, SearchSettings
+from legfem.stocking.identification import Identified, Search, SearchSettings
 from legfem.stocking.laplace import StockingLoad, stocking_load
 from legfem.stocking.leg import StockingLeg
-from legfem.stocking.leg_model import LegModel3D
+from legfem.stocking.leg_model import PARAMETERS, LegModel3D
 from legfem.stocking.misfit import ContourMisfit
 from legfem.stocking.mismatch import Mismatch, mismatch_of
 from legfem.stocking.pressures import PressureProbe, TissuePressures, tissue_pressures
@@ -99,13 +99,12 @@ def run_leg(
     parameters = {f"{name}.C10": float(law.C10) for name, law in leg.tissues.items()}
     load = misfit = mismatch = None
     worn_leg = WornLeg(model, leg.stocking)
-    compared = WornLeg(model, leg.stocking, scanned=leg.compressed)
     if leg.compressed is not None:
         load = stocking_load(leg.compressed, leg.stocking)
         misfit = ContourMisfit.between(
             SliceSet.of(leg.compressed, leg.slices), leg.accuracy, leg.scanned_bare, leg.bare
         )
-        search = Search(compared, misfit, settings.search, progress.advance)
+        search = Search(worn_leg, misfit, settings.search, progress.advance)
         progress.stage("identification, weighted")
         searches = search.weighted()
         if settings.nelder_mead:
@@ -113,7 +112,7 @@ def run_leg(
             searches = (*searches, search.nelder_mead())
         if searches[0].worn.state.report.complete:
             progress.stage("where model and scan differ")
-            mismatch = mismatch_of(compared, misfit, searches[0])
+            mismatch = mismatch_of(worn_leg, misfit, search.nuisances, searches[0])
             progress.advance(mismatch.verdict)
         if not leg.known:
             parameters = dict(zip(PARAMETERS, map(float, searches[0].parameters), strict=True))
@@ -126,5 +125,5 @@ def run_leg(
         pressures = tissue_pressures(probe, worn.state, worn.load, leg.veins)
     return StockingResult(
         leg, model, load, misfit, searches, mismatch, parameters, worn, pressures,
-        worn_leg.states + compared.states, time.perf_counter() - started,
+        worn_leg.states, time.perf_counter() - started,
     )  # fmt: skip

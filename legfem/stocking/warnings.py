@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from legfem.geometry.leg_shape import SKIN, LegShape
-from legfem.stocking.identification import PARAMETERS, Identified
+from legfem.stocking.identification import Identified
 from legfem.stocking.judgement import (
     MISSED_BEYOND,
     expected_rms,
@@ -16,6 +16,7 @@ from legfem.stocking.judgement import (
     starts_agree,
 )
 from legfem.stocking.laplace import StockingLoad
+from legfem.stocking.leg_model import PARAMETERS
 from legfem.stocking.run import StockingResult
 from legfem.stocking.worn import FixedPointSettings
 from legfem.units import FloatArray, mpa_to_kpa

@@ -4,16 +4,6 @@ The pressure is that of the compressed shape. It answers to the shape so strongl
 taken from a scan: a bump of 0.3 mm over a few millimetres changes the curvature by as much as the
 stocking does, and the leg would give way to it by :math:`K > 1` times its height. In equilibrium
 with the simulated shape it gives way by :math:`K/(1 + K)` only.
-
-Where stiffness is identified, errors :math:`n_b` of the bare outline and :math:`n_c` of the one in
-the stocking should favour none. With the pressure of a blend, a share :math:`\lambda` of the
-scanned shape and the rest of the simulated one, the difference of both shapes is
-
-.. math:: \frac{n_b - (1 + K)\, n_c}{1 + (1 - \lambda) K}
-
-besides that of a wrong stiffness. With the simulated shape alone it falls with the softness K, so
-that soft tissue fits noise; with the scanned shape alone it grows, and stiff tissue does. At the
-true stiffness, without errors, both shapes agree and the blend changes nothing.
 """
 
 from __future__ import annotations
@@ -30,9 +20,6 @@ from legfem.stocking.laplace import Stocking, StockingLoad, stocking_load
 from legfem.stocking.leg_model import LegModel3D
 from legfem.units import FloatArray
 
-BLEND = 0.1
-"""Share of the scanned shape in that which makes the pressure of an identification: with 0 noisy
-legs came out too soft in their fat, with 0.25 too stiff (studies/dubuis/README.md)."""
 SLOPE_STEP = 1e-2
 """Greatest displacement (mm) of a difference of pressures or distances."""
 RATE_TOLERANCE, FEEDBACK_TOLERANCE = 1e-3, 3e-2
@@ -66,7 +53,7 @@ class Worn:
     shape: LegShape
     """Compressed."""
     load: StockingLoad
-    """Of that shape, or of its blend with a scan, at the reference shape's levels and points."""
+    """Of that shape, at the reference shape's levels and points."""
     changes: tuple[float, ...]
     """Of the pressure between states, relative."""
     converged: bool
@@ -83,9 +70,6 @@ class WornLeg:
         What it wears.
     settings
         Of the equilibrium.
-    scanned
-        The leg's shape as scanned in the stocking, at the model's levels, to be blended with the
-        simulated one.
     """
 
     def __init__(
@@ -93,9 +77,8 @@ class WornLeg:
         model: LegModel3D,
         stocking: Stocking,
         settings: FixedPointSettings | None = None,
-        scanned: LegShape | None = None,
     ) -> None:
-        self.model, self.stocking, self._scanned = model, stocking, scanned
+        self.model, self.stocking = model, stocking
         self._settings = settings or FixedPointSettings()
         self.states = 0
 
@@ -144,11 +127,8 @@ class WornLeg:
             pressure = np.maximum(mixing.next(pressure, aimed), 0.0)
 
     def load(self, shape: LegShape) -> StockingLoad:
-        """Return the load of the stocking on a simulated shape, or on its blend with the scan."""
-        if self._scanned is None:
-            return stocking_load(shape, self.stocking)
-        blend = (1 - BLEND) * shape.contours[SKIN] + BLEND * self._scanned.contours[SKIN]
-        return stocking_load(LegShape(shape.levels, {**shape.contours, SKIN: blend}), self.stocking)
+        """Return the load of the stocking on a shape of the leg."""
+        return stocking_load(shape, self.stocking)
 
 
 class Feedback:
@@ -172,11 +152,6 @@ class Feedback:
         self._leg, self._worn = leg, worn
         self._images: list[FloatArray] = []
         self._answers: list[FloatArray] = []
-
-    def to_pressures(self, changes: Sequence[FloatArray]) -> list[FloatArray]:
-        """Return the unknown's derivatives by shares of changes of the pressure (MPa)."""
-        rates = self._leg.model.pressure_rates(self._worn.state, changes, RATE_TOLERANCE)
-        return [self.to_rate(rate) for rate in rates]
 
     def to_rate(self, rate: FloatArray) -> FloatArray:
         """Return the unknown's derivative in equilibrium, of that at a fixed pressure."""

@@ -1,0 +1,173 @@
+r"""How the contours of a worn leg answer to errors of its bare outlines and of the pressure.
+
+The stocking presses on bumps and lets go of hollows, so that it flattens what is wrong with the
+bare outline, the more the softer the tissue. Stiffness that is sought in contours has to allow for
+that: else soft tissue fits the outlines' errors best. With :math:`e` the errors of the bare skin,
+:math:`L'` the derivative of Laplace's law and :math:`S` the leg's answer to a pressure, the skin
+ends up wrong by
+
+.. math:: a = (1 - S L')^{-1} e
+
+and the rest of the leg by :math:`S L' a`; errors of the hull stay as they are. :math:`S` is taken
+at a few stiffnesses of muscle and fat, :math:`m` and :math:`f`, and is
+
+.. math:: S = S_1 / m + S_2 / f + S_3 / \sqrt{m f}
+
+between them: half the pressure on a leg half as stiff does the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from legfem.geometry.leg_shape import SKIN, LegShape
+from legfem.geometry.slices import distance_rates, outward_normals
+from legfem.stocking.leg_model import SURFACES
+from legfem.stocking.misfit import ContourMisfit
+from legfem.stocking.nuisance import RIGID, nuisance_sd, sectors
+from legfem.stocking.outline_errors import outline_errors
+from legfem.stocking.worn import RATE_TOLERANCE, Worn, WornLeg
+from legfem.units import FloatArray
+
+NEAR, FAR = 10.0, 35.0
+"""Distance (mm) from the slices up to which errors of the bare outlines count in full, from which
+not at all: what is wrong with the leg farther off hardly moves the slices."""
+BUMP = 0.01
+"""Greatest height (mm) of a mode, for a difference of pressures."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Answer:
+    """To changes of the pressure at fixed outlines, first the skin's modes', then the sectors'."""
+
+    parameters: FloatArray
+    """C10 of muscle and fat, MPa."""
+    skin: FloatArray
+    """In shares of its modes, (k, m)."""
+    distances: FloatArray
+    """(n, m)."""
+
+
+class NuisanceSlopes:
+    """Slopes of the distances between a worn leg and its scan, by the tissues' stiffness.
+
+    In the order of `legfem.stocking.nuisance`.
+
+    Parameters
+    ----------
+    leg, misfit
+        The leg and its scanned contours.
+
+    Attributes
+    ----------
+    errors : dict of str to OutlineErrors
+        Of the bare skin and hull near the slices.
+    """
+
+    def __init__(self, leg: WornLeg, misfit: ContourMisfit) -> None:
+        self._leg, self._misfit = leg, misfit
+        shape = leg.model.shape
+        near = _near(shape.levels, misfit.target.levels)
+        self.errors = {
+            part: outline_errors(misfit.accuracy, shape.contours[part], shape.levels, near)
+            for part in SURFACES
+        }
+        self._known: list[_Answer] = []
+        self._rigid: FloatArray = np.empty((0, RIGID))
+        self._direct: FloatArray = np.empty((0, 0))
+
+    @property
+    def sd(self) -> FloatArray:
+        """Standard deviations of the priors, (RIGID + SECTORS + k,)."""
+        outlines = sum(errors.count for errors in self.errors.values())
+        return np.concatenate([nuisance_sd(self._misfit), np.ones(outlines)])
+
+    @property
+    def learnt(self) -> int:
+        """At how many stiffnesses the leg's answers were taken."""
+        return len(self._known)
+
+    def learn(self, parameters: FloatArray, worn: Worn) -> None:
+        """Take the answers at a stiffness of muscle and fat (MPa), in the state found last."""
+        model, shape = self._leg.model, worn.shape
+        bumps = [worn.pressure * bump for bump in sectors(model.shape)]
+        changes = [*self._pressures(worn), *bumps]
+        rates = model.pressure_rates(worn.state, changes, RATE_TOLERANCE)
+        moved = {
+            part: np.stack([model.displacement(part, rate) for rate in rates], axis=-1)
+            for part in SURFACES
+        }
+        outwards = np.einsum(
+            "lpd,lpdm->lpm", outward_normals(shape.contours[SKIN]), moved[SKIN][:, :, :2]
+        )
+        if not self._known:
+            self._rigid = self._misfit.rigid_slopes(shape)
+            self._direct = self._as_they_are(shape)
+        self._known.append(
+            _Answer(
+                np.array(parameters), self.errors[SKIN].shares(outwards),
+                distance_rates(self._misfit.target, shape, moved),
+            )
+        )  # fmt: skip
+
+    def at(self, parameters: FloatArray) -> FloatArray:
+        """Return the slopes at a stiffness of muscle and fat (MPa), (n, RIGID + SECTORS + k).
+
+        Raises
+        ------
+        ValueError
+            If none was learnt.
+        """
+        if not self._known:
+            raise ValueError("the leg's answers were not learnt at any stiffness")
+        basis = _compliances(np.array([answer.parameters for answer in self._known]))
+        weights = np.linalg.lstsq(basis.T, _compliances(parameters[None])[0], rcond=None)[0]
+        skin = np.tensordot(weights, [answer.skin for answer in self._known], axes=1)
+        distances = np.tensordot(weights, [answer.distances for answer in self._known], axes=1)
+        count = self.errors[SKIN].count
+        feedback = np.linalg.solve(np.eye(count) - skin[:, :count].T, distances[:, :count].T).T
+        outlines = self._direct.copy()
+        outlines[:, :count] += feedback
+        pressure = distances[:, count:] + feedback @ skin[:, count:]
+        return np.hstack([self._rigid, pressure, outlines])
+
+    def _pressures(self, worn: Worn) -> list[FloatArray]:
+        """Return the changes of Laplace's pressure by the skin's modes (MPa)."""
+        errors, changes = self.errors[SKIN], []
+        contours = worn.shape.contours[SKIN]
+        normals = outward_normals(contours)
+        for number in range(errors.count):
+            mode = errors.modes[..., number]
+            step = BUMP / float(np.abs(mode).max())
+            bumped = {**worn.shape.contours, SKIN: contours + step * mode[..., None] * normals}
+            ahead = self._leg.load(LegShape(worn.shape.levels, bumped))
+            changes.append((ahead.pressure - worn.load.pressure) / step)
+        return changes
+
+    def _as_they_are(self, shape: LegShape) -> FloatArray:
+        """Return the distances' slopes by errors of the outlines that nothing answers to."""
+        slopes = []
+        for part in SURFACES:
+            modes = self.errors[part].modes
+            rates = {p: np.zeros((*shape.contours[p].shape[:2], 3, modes.shape[-1]))
+                     for p in SURFACES}  # fmt: skip
+            rates[part][:, :, :2] = (
+                outward_normals(shape.contours[part])[..., None] * modes[:, :, None]
+            )
+            slopes.append(distance_rates(self._misfit.target, shape, rates))
+        return np.hstack(slopes)
+
+
+def _near(levels: FloatArray, slices: FloatArray) -> FloatArray:
+    """Return 1 at levels near the slices, 0 far from them, (n_levels,)."""
+    off = np.maximum(slices.min() - levels, levels - slices.max())
+    share = np.clip((off - NEAR) / (FAR - NEAR), 0.0, 1.0)
+    return np.asarray(0.5 * (1 + np.cos(np.pi * share)))
+
+
+def _compliances(parameters: FloatArray) -> FloatArray:
+    """Return the compliances of the formula's three terms, relative to 1 kPa, (m, 3)."""
+    muscle, fat = parameters.T
+    return np.stack([1 / muscle, 1 / fat, 1 / np.sqrt(muscle * fat)], axis=1) * 1e-3

@@ -1,0 +1,103 @@
+r"""A worn leg against its scan at a stiffness, with the nuisances at their best there.
+
+With :math:`w` whitened distances, :math:`N` their slopes by the nuisances :math:`u` and
+:math:`P` the priors' weights, :math:`u(\theta)` minimises
+:math:`|w + N u|^2 + |P u|^2`, and what is left depends on the stiffness :math:`\theta` alone
+(variable projection: G. H. Golub, V. Pereyra, Inverse Problems 19 (2003) R1; the derivative is
+L. Kaufman's). The nuisances' slopes change with the stiffness, and their derivative counts: without
+it noise would draw the stiffness towards where the leg answers less to it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from legfem.stocking.leg_model import PARAMETERS
+from legfem.stocking.linearised import LinearisedContours
+from legfem.stocking.misfit import ContourMisfit
+from legfem.stocking.nuisance import RIGID, SECTORS
+from legfem.stocking.nuisance_slopes import NuisanceSlopes
+from legfem.stocking.worn import Worn, WornLeg
+from legfem.units import FloatArray
+
+STEP = 0.01
+"""Of log parameters, for a difference of the nuisances' slopes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Profiled:
+    """One stiffness.
+
+    Parameters
+    ----------
+    worn : Worn
+        The equilibrium there.
+    distances : (n,) array
+        mm.
+    nuisance : (k,) array
+        See `legfem.stocking.nuisance`.
+    moved : (n,) array
+        Distances after motions and pressure are allowed for (mm).
+    residual : (m + k,) array
+        Whitened distances and nuisances.
+    jacobian : (m + k, 2) array
+        Derivatives by the logarithms of the stiffnesses, nuisances following.
+    """
+
+    worn: Worn
+    distances: FloatArray
+    nuisance: FloatArray
+    moved: FloatArray
+    residual: FloatArray
+    jacobian: FloatArray
+
+    @property
+    def objective(self) -> float:
+        """The least sum of squares."""
+        return float(self.residual @ self.residual)
+
+
+def profiled(
+    leg: WornLeg,
+    misfit: ContourMisfit,
+    nuisances: NuisanceSlopes,
+    parameters: FloatArray,
+    worn: Worn,
+) -> Profiled:
+    """Fit the nuisances at a stiffness.
+
+    Parameters
+    ----------
+    leg, misfit, nuisances
+        Of the leg.
+    parameters : (2,) array
+        C10 of muscle and fat (MPa).
+    worn
+        The equilibrium there, differentiated by `PARAMETERS`; the last that was found.
+    """
+    contours = LinearisedContours(leg, misfit, worn)
+    slopes, sd = nuisances.at(parameters), nuisances.sd
+    basis = np.vstack([misfit.whitened(slopes), np.diag(1 / sd)])
+    orthonormal, triangle = np.linalg.qr(basis)
+    white = misfit.whitened(contours.distances)
+    right = np.concatenate([white, np.zeros(len(sd))])
+    nuisance = -solve_triangular(triangle, orthonormal.T @ right)
+    by_stiffness = []
+    for number, name in enumerate(PARAMETERS):
+        ahead, behind = (
+            nuisances.at(parameters * np.exp(sign * STEP * np.eye(2)[number])) for sign in (1, -1)
+        )
+        change = (ahead - behind) @ nuisance / (2 * STEP)
+        by_stiffness.append(parameters[number] * contours.by_parameter(name) + change)
+    rows = np.zeros((len(right), 2))
+    rows[: len(white)] = misfit.whitened(np.stack(by_stiffness, axis=1))
+    shown = RIGID + SECTORS
+    return Profiled(
+        worn, contours.distances, nuisance,
+        contours.distances + slopes[:, :shown] @ nuisance[:shown],
+        right + basis @ nuisance,
+        rows - orthonormal @ (orthonormal.T @ rows),
+    )  # fmt: skip
