@@ -78,12 +78,16 @@ def correction_of(subject: Subject) -> TabulatedCorrection:
 
     Without a table of legs that of the reference leg, which its name says.
     """
-    section, indenter = subject.section, subject.indenter
     base = read_correction(REFERENCE)
     if not LEGS.exists():
         return replace(base, name=f"{base.name}, of the reference leg's girth and bone")
-    return read_leg_corrections(LEGS).of_leg(
-        base,
+    return read_leg_corrections(LEGS).of_leg(base, *size_of(subject))
+
+
+def size_of(subject: Subject) -> tuple[float, float]:
+    """Return a leg's girth over 2 pi, and how deep its bones lie under the cylinder (mm)."""
+    section, indenter = subject.section, subject.indenter
+    return (
         girth(section) / (2 * np.pi),
         depth_to_bone(section, indenter.aim, indenter.direction),
     )

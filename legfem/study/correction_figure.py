@@ -133,14 +133,16 @@ def draw_trends(
 ) -> list[Path]:
     """Draw P(d) for values of each thing it depends on."""
     figure = new_figure(13, 7.5)
-    panels = figure.subplots(2, 3, sharex=True, sharey=True).flat
+    panels = figure.subplots(2, 3, sharex=True, sharey=True).ravel()
     for axes, letter, (name, curves) in zip(panels, "ABCDEF", trends.items(), strict=False):
         panel(axes, letter, f"P against the {name}")
         for (value, curve), colour in zip(curves.items(), _COLOURS, strict=False):
             axes.plot(displacement, curve, color=colour, label=value)
         axes.axhline(0, color=FAINT, lw=0.8)
         axes.set_xlabel("displacement of the cylinder (mm)")
-        axes.legend(fontsize=8)
-    for axes in panels:
+        axes.legend(fontsize=8, loc="upper left", ncols=2)
+    for axes in panels[len(trends) - 3 : len(trends)]:
+        axes.tick_params(labelbottom=True)
+    for axes in panels[len(trends) :]:
         axes.set_visible(False)
     return save(figure, out, "trends", svg=True)

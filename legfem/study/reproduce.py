@@ -6,8 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from legfem.documents import write_atomically, write_document
-from legfem.identify.correction import Correction, correction_of
+from legfem.identify.correction import Correction, correction_of, size_of
 from legfem.identify.result import IdentificationResult
 from legfem.identify.run import identify_subject
 from legfem.identify.settings import IdentificationSettings
@@ -70,7 +72,7 @@ def run(seed: int, out: Path, jobs: int, corrected: bool = False) -> None:
                 with_correction[name] = identify(name, correction_of(subject))
     tables = neo_hookean_table(found) + "\n" + polynomial_table(found) + "\n" + effort_table(found)
     if corrected:
-        tables += "\n" + correction_table(found, with_correction)
+        tables += "\n" + correction_table(found, with_correction) + "\n" + own_corrections_table()
     documents: list[Any] = [
         result.to_json() for pair in (*found.values(), *with_correction.values()) for result in pair
     ]
@@ -147,6 +149,27 @@ def correction_table(
         ]
         rms = f"{pair[1].cost.rms:.3f}, {corrected[name][1].cost.rms:.3f}"
         lines.append(f"| {name} | {' | '.join(cells)} | {rms} |")
+    return "\n".join(lines) + "\n"
+
+
+def own_corrections_table() -> str:
+    """Return P of each subject's leg at Table 5's stiffness, with its error, in Markdown."""
+    depths = np.array([5.0, 10.0, 15.0, 20.0, 25.0])
+    lines = [
+        "| subject | radius, depth to bone (mm) | "
+        + " | ".join(f"P at {d:g} mm (sd)" for d in depths)
+        + " |",
+        "|---|---|" + "---|" * len(depths),
+    ]
+    for name, paper in PAPER.items():
+        subject = load_subject(SUBJECTS.find(name), need_recordings=False)
+        own = correction_of(subject)
+        P = own.correction(depths, np.array(paper.c10), np.array(paper.c20))
+        cells = [
+            f"{p:+.2f} ({sd:.2f})" for p, sd in zip(P, own.standard_deviation(depths), strict=True)
+        ]
+        radius, depth = size_of(subject)
+        lines.append(f"| {name} | {radius:.1f}, {depth:.1f} | {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
 
 
