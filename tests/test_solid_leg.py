@@ -83,10 +83,10 @@ def test_facets_and_cells_stand_where_their_tags_say(round_mesh):
 
 def test_a_leg_with_thin_fat_is_meshed_soundly():
     shape = calf()
-    leg = mesh_solid_leg(shape, SolidMeshSettings(skin_size=7.0, ends="held"))
+    leg = mesh_solid_leg(shape, SolidMeshSettings(skin_size=7.0))
     assert leg.quality.worst > 0.1
     assert min(leg.quality.mean.values()) > 0.7
-    assert [s.tag for s in leg.supports] == [BONE, END]
+    assert [s.tag for s in leg.supports] == [BONE]
     assert leg.copies == 1
 
 
@@ -114,8 +114,6 @@ def test_bad_shapes_and_settings_give_one_line():
         mesh_solid_leg(shape, SolidMeshSettings(z_range=(-5.0, 20.0)))
     with pytest.raises(InputError, match="can't be had"):
         settings_for_cells(shape, 10)
-    with pytest.raises(InputError, match="ends: unknown kind"):
-        SolidMeshSettings(ends="glued")
 
 
 @pytest.mark.mpi

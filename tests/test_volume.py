@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import highdicom
 import nibabel
 import numpy as np
@@ -175,5 +177,17 @@ def test_volumes_of_different_spacing_need_a_transform():
     made = volume()
     check_same_spacing(made, made)
     other = LabelVolume(made.labels, [0.5, 0.5, 1.0], made.origin, "other.nii")
+    check_same_spacing(made, other)
+    lost = replace(other, transform=False)
     with pytest.raises(InputError, match=r"other.nii: spacing: 0.5 x 0.5 x 1 mm, but 0.93 x 0.95"):
-        check_same_spacing(made, other)
+        check_same_spacing(made, lost)
+
+
+def test_a_nifti_that_says_nowhere_where_it_lies_is_told_from_others(tmp_path):
+    made = volume()
+    write_volume(made, tmp_path / "stated.nii")
+    assert read_volume(tmp_path / "stated.nii").transform
+    image = nibabel.Nifti1Image(made.labels, None)
+    image.header.set_zooms(made.spacing)
+    nibabel.save(image, tmp_path / "lost.nii")
+    assert not read_volume(tmp_path / "lost.nii").transform

@@ -110,7 +110,7 @@ class LegCompression:
         self.settings = settings or CompressionSettings()
         self._mechanisms = tuple(mechanisms)
         self.leg_mesh = leg_mesh
-        supports = [s for s in leg_mesh.supports if s.tag != END]
+        supports = list(leg_mesh.supports)
         if self.settings.ends == "held":
             supports.append(Support(END, (2,)))
         self.spaces = build_spaces(

@@ -33,12 +33,15 @@ class LabelVolume:
         Centre of the voxel [0, 0, 0], mm.
     source : str
         What errors name as the file.
+    transform : bool
+        Whether the file states where the volume lies; else its spacing may be lost too.
     """
 
     labels: NDArray[np.uint8]
     spacing: FloatArray
     origin: FloatArray
     source: str = "volume"
+    transform: bool = True
 
     def __post_init__(self) -> None:
         """Check the labels."""
@@ -127,18 +130,21 @@ def volume_of_array(
 
 
 def check_same_spacing(first: LabelVolume, second: LabelVolume) -> None:
-    """Check that two volumes may be compared without a transform.
+    """Check that two volumes are of one size, where one of them states no transform.
 
     Raises
     ------
     InputError
         If their spacing differs.
     """
+    if first.transform and second.transform:
+        return
     if not np.allclose(first.spacing, second.spacing, rtol=1e-3):
         given = [" x ".join(f"{s:.4g}" for s in v.spacing) for v in (first, second)]
         raise InputError(
-            second.source, "spacing", f"{given[1]} mm, but {given[0]} mm in {first.source}",
-            "register the two on the bones, give their transform, or resample one",
+            second.source, "spacing",
+            f"{given[1]} mm, but {given[0]} mm in {first.source}, and a header states no transform",
+            "save the volumes with their transforms, or correct the spacing",
         )  # fmt: skip
 
 

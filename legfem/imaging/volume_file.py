@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import highdicom
@@ -52,12 +53,13 @@ def read_volume(path: Path, meaning: Meaning | None = None) -> LabelVolume:
             f"give one of {', '.join(e for endings in readers for e in endings)}",
         )  # fmt: skip
     try:
-        array, affine, named = reader(path)
+        array, affine, named, transform = reader(path)
     except InputError:
         raise
     except Exception as error:  # the libraries raise all kinds
         raise InputError(path, "file", f"can't be read ({error})", "save it again") from None
-    return volume_of_array(array, affine, str(path), meaning or named)
+    volume = volume_of_array(array, affine, str(path), meaning or named)
+    return replace(volume, transform=transform)
 
 
 def write_volume(volume: LabelVolume, path: Path) -> None:
@@ -67,7 +69,7 @@ def write_volume(volume: LabelVolume, path: Path) -> None:
     nibabel.save(image, path)
 
 
-type _Raw = tuple[NDArray[np.integer], FloatArray, Meaning | None]
+type _Raw = tuple[NDArray[np.integer], FloatArray, Meaning | None, bool]
 
 
 def _read_nifti(path: Path) -> _Raw:
@@ -75,7 +77,8 @@ def _read_nifti(path: Path) -> _Raw:
     array = np.asanyarray(image.dataobj)
     length, _ = image.header.get_xyzt_units()
     scale = np.diag([_PER_MM[length]] * 3 + [1.0])
-    return _integers(array, path), scale @ _TO_DICOM @ image.affine, None
+    stated = bool(image.header["sform_code"] or image.header["qform_code"])
+    return _integers(array, path), scale @ _TO_DICOM @ image.affine, None, stated
 
 
 def _read_itk(path: Path) -> _Raw:
@@ -87,7 +90,8 @@ def _read_itk(path: Path) -> _Raw:
     affine[:3, :3] = directions * np.array(image.GetSpacing())
     affine[:3, 3] = image.GetOrigin()
     # SimpleITK's arrays are (z, y, x).
-    return _integers(SimpleITK.GetArrayFromImage(image).transpose(2, 1, 0), path), affine, None
+    array = SimpleITK.GetArrayFromImage(image).transpose(2, 1, 0)
+    return _integers(array, path), affine, None, True
 
 
 def _read_dicom(path: Path) -> _Raw:
@@ -99,7 +103,7 @@ def _read_dicom(path: Path) -> _Raw:
         if label in TISSUES:
             named[label] = int(number)
     every = named if set(named) == set(TISSUES) else None
-    return _integers(volume.array, path), volume.affine, every
+    return _integers(volume.array, path), volume.affine, every, True
 
 
 def _integers(array: NDArray[np.generic], path: Path) -> NDArray[np.integer]:

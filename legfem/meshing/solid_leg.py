@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import gmsh
 import numpy as np
@@ -63,8 +63,6 @@ class SolidMeshSettings:
         Least distance between the parts' surfaces that is meshed.
     z_range : (float, float), optional
         Part of the leg to mesh; the whole by default.
-    ends : {"free", "held"}
-        Whether the end faces may move along the leg.
     """
 
     skin_size: float = 5.0
@@ -75,7 +73,6 @@ class SolidMeshSettings:
     growth: float = 0.25
     clearance: float = 0.5
     z_range: tuple[float, float] | None = None
-    ends: Literal["free", "held"] = "free"
 
     def __post_init__(self) -> None:
         """Check the sizes."""
@@ -83,8 +80,6 @@ class SolidMeshSettings:
             self, "skin_size", "inside_size", "bone_size", "layer_elements", "turn_elements",
             "growth", "clearance",
         )  # fmt: skip
-        if self.ends not in ("free", "held"):
-            raise InputError("mesh", "ends", f"unknown kind {self.ends!r}", "choose free or held")
 
     def refined(self, factor: float) -> SolidMeshSettings:
         """Return settings with all edges ``factor`` times shorter."""
@@ -172,10 +167,8 @@ def mesh_solid_leg(
         _raise_everywhere(comm, error)
         mesh, cell_tags, facet_tags = mesh_from_gmsh(model, comm, gdim=3)
     quality = comm.bcast(quality, root=0)
-    supports = [Support(BONE, (0, 1, 2))]
-    if settings.ends == "held":
-        supports.append(Support(END, (2,)))
-    return LegMesh(mesh, cell_tags, facet_tags, SOLID_REGIONS, tuple(supports), 1, quality)
+    supports = (Support(BONE, (0, 1, 2)),)
+    return LegMesh(mesh, cell_tags, facet_tags, SOLID_REGIONS, supports, 1, quality)
 
 
 def _segment(shape: LegShape, settings: SolidMeshSettings) -> LegShape:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -18,6 +18,7 @@ from legfem.geometry.slices import calf_levels
 from legfem.imaging.outlines import OutlineSettings, shape_of_volume
 from legfem.imaging.registration import Registration, register_shapes
 from legfem.imaging.surfaces import shape_of_surfaces
+from legfem.imaging.volume import LabelVolume, check_same_spacing
 from legfem.imaging.volume_file import read_volume
 from legfem.materials import NeoHookean
 from legfem.shipped import STUDIES, Shelf
@@ -72,11 +73,14 @@ def load_leg(directory: Path) -> StockingLeg:
     directory = Path(directory)
     toml = LEGS.opened(directory)
     given = parse_leg_file(toml)
-    bare = _shape(directory, toml, "bare", given.bare, given, ROOM)
-    scanned_bare = _shape(directory, toml, "bare", given.bare, given, None)
+    bare_scan = _Scan.opened(directory, toml, "bare", given.bare, given)
+    bare, scanned_bare = bare_scan.shape(ROOM), bare_scan.shape()
     shapes, registration = [bare, scanned_bare], None
     if given.compressed is not None:
-        scanned = _shape(directory, toml, "compressed", given.compressed, given, None)
+        scan = _Scan.opened(directory, toml, "compressed", given.compressed, given)
+        if bare_scan.volume is not None and scan.volume is not None:
+            check_same_spacing(bare_scan.volume, scan.volume)
+        scanned = scan.shape()
         registration = register_shapes(_dense(scanned), _dense(scanned_bare))
         motion = registration.transform
         shapes.append(rigidly_moved(scanned, motion.rotation, motion.translation))
@@ -98,28 +102,46 @@ def load_leg(directory: Path) -> StockingLeg:
     )  # fmt: skip
 
 
-def _shape(
-    directory: Path, toml: Path, field: str, entry: ShapeEntry, given: LegFile,
-    room: Clearances | None,
-) -> LegShape:  # fmt: skip
-    def path(name: str) -> Path:
-        return _existing(directory, name, toml, field)
+@dataclass(frozen=True, eq=False)
+class _Scan:
+    """What a leg's shape is taken from, read; one of its kinds is there."""
 
-    if entry.scan is not None:
-        labels = given.labels
-        meaning = {"superficial": labels.superficial, "deep": labels.deep, "bone": labels.bone}
-        return shape_of_volume(read_volume(path(entry.scan), meaning), OUTLINES, room)
-    if entry.contours is not None:
-        return read_shape(path(entry.contours))
-    assert entry.surfaces is not None
-    if given.segment.from_mm is None or given.segment.to_mm is None:
-        raise InputError(
-            toml, "segment", "surfaces need the part of the leg to model", "add from_mm and to_mm"
-        )
-    count = 1 + round((given.segment.to_mm - given.segment.from_mm) / LEVEL_SPACING)
-    levels = np.linspace(given.segment.from_mm, given.segment.to_mm, max(count, 2))
-    files = {part: path(name) for part, name in entry.surfaces.items()}
-    return shape_of_surfaces(files, levels, room)
+    volume: LabelVolume | None = None
+    contours: Path | None = None
+    surfaces: tuple[Mapping[str, Path], FloatArray] | None = None
+    """Files by part, and the levels at which to cut them (mm)."""
+
+    @classmethod
+    def opened(
+        cls, directory: Path, toml: Path, field: str, entry: ShapeEntry, given: LegFile
+    ) -> _Scan:
+        def path(name: str) -> Path:
+            return _existing(directory, name, toml, field)
+
+        if entry.scan is not None:
+            labels = given.labels
+            meaning = {"superficial": labels.superficial, "deep": labels.deep, "bone": labels.bone}
+            return cls(volume=read_volume(path(entry.scan), meaning))
+        if entry.contours is not None:
+            return cls(contours=path(entry.contours))
+        assert entry.surfaces is not None
+        if given.segment.from_mm is None or given.segment.to_mm is None:
+            raise InputError(
+                toml, "segment", "surfaces need the part of the leg to model",
+                "add from_mm and to_mm",
+            )  # fmt: skip
+        count = 1 + round((given.segment.to_mm - given.segment.from_mm) / LEVEL_SPACING)
+        levels = np.linspace(given.segment.from_mm, given.segment.to_mm, max(count, 2))
+        return cls(surfaces=({part: path(n) for part, n in entry.surfaces.items()}, levels))
+
+    def shape(self, room: Clearances | None = None) -> LegShape:
+        """Return the shape, its parts moved apart where they lack room."""
+        if self.volume is not None:
+            return shape_of_volume(self.volume, OUTLINES, room)
+        if self.contours is not None:
+            return read_shape(self.contours)
+        assert self.surfaces is not None
+        return shape_of_surfaces(*self.surfaces, room)
 
 
 def _existing(directory: Path, name: str, toml: Path, field: str) -> Path:

@@ -10,7 +10,7 @@ import typer
 
 from legfem.cli import check_out_folder, command_edge, leave_to_first_rank, usable_cores
 from legfem.progress import progress_on
-from legfem.study.options import Jobs, Out
+from legfem.study.options import Jobs, Library, Out
 
 
 class ProtocolChoice(StrEnum):
@@ -39,10 +39,7 @@ def concealed(
         typer.Option(help="Only loadings alone, or two rates with holds, for --power."),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the cases; opens the keys.")] = 1,
-    library: Annotated[
-        Path | None,
-        typer.Option(help="Folder of responses; ~/.cache/legfem/responses by default."),
-    ] = None,
+    library: Library = None,
     out: Out = None,
     jobs: Jobs = None,
 ) -> None:

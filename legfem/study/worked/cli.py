@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from legfem.cli import check_out_folder, command_edge, leave_to_first_rank, usable_cores
-from legfem.study.options import Jobs, Out
+from legfem.study.options import Jobs, Library, Out
 
 
 class WorkedExample(StrEnum):
@@ -23,10 +23,7 @@ def worked(
     example: Annotated[
         list[WorkedExample] | None, typer.Option(help="Only this one; both by default.")
     ] = None,
-    library: Annotated[
-        Path | None,
-        typer.Option(help="Folder of responses; ~/.cache/legfem/responses by default."),
-    ] = None,
+    library: Library = None,
     out: Out = None,
     jobs: Jobs = None,
 ) -> None:
