@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 import ufl
 from dolfinx import fem
 
 from legfem.compiled import compiled
 from legfem.history import History
 from legfem.kinematics import Expr
+from legfem.meshing.section import HULL
 from legfem.model import LegModel
 from legfem.places import Body, Place, Skin, Swept
 from legfem.spaces import POROUS, LegSpaces
@@ -96,6 +98,7 @@ def body_forms(
         _by_region(spaces, varied[1:]),
         spaces.formulation == "porous",
         radius,
+        _hull(spaces, degree),
     )
     return PlaceForms(place, before, model.at("body"), degree)
 
@@ -132,6 +135,32 @@ def skin_forms(
         applied_pressure,
     )
     return PlaceForms(place, before, model.at("skin"), SKIN_DEGREE)
+
+
+def _hull(spaces: LegSpaces, degree: int) -> Any:
+    """Return the measure of the deep tissue's face, or None where no facets are tagged so."""
+    mesh, dimension = spaces.mesh, spaces.mesh.topology.dim
+    facets = spaces.facet_tags.find(HULL)
+    if mesh.comm.allreduce(len(facets)) == 0:
+        return None
+    mesh.topology.create_connectivity(dimension - 1, dimension)
+    mesh.topology.create_connectivity(dimension, dimension - 1)
+    cells_of = mesh.topology.connectivity(dimension - 1, dimension)
+    facets_of = mesh.topology.connectivity(dimension, dimension - 1)
+    deep = set(spaces.cell_tags.find(spaces.regions["deep"]).tolist())
+    owned = mesh.topology.index_map(dimension).size_local
+    pairs = [
+        (cell, int(np.flatnonzero(facets_of.links(cell) == facet)[0]))
+        for facet in facets
+        for cell in cells_of.links(facet)
+        if cell < owned and int(cell) in deep
+    ]
+    return ufl.Measure(
+        "ds",
+        domain=mesh,
+        subdomain_data=[(HULL, np.array(pairs, dtype=np.int32).ravel())],
+        metadata={"quadrature_degree": degree},
+    )(HULL)
 
 
 def _radius(spaces: LegSpaces, mesh: Any) -> Expr | None:

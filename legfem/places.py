@@ -62,6 +62,9 @@ class Body(Place):
     """Whether the pressures let fluid flow from element to element."""
     radius: Expr | None = None
     """Reference distance from the axis of symmetry (mm); None without one."""
+    hull: Any = None
+    """Measure of the deep tissue's face towards the superficial one, seen from within; None where
+    the mesh doesn't tag it."""
 
     @property
     def deformation_gradient(self) -> Expr:

@@ -6,6 +6,8 @@ that it is told.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from making_stocking import COARSE, PLANTED_KPA, laws, short_leg
@@ -20,7 +22,7 @@ from legfem.stocking.classes import CompressionClass, Fit, fitted_stocking
 from legfem.stocking.identification import Search, SearchSettings
 from legfem.stocking.leg_model import LegModel3D
 from legfem.stocking.misfit import ContourMisfit
-from legfem.stocking.mismatch import Mismatch, mismatch_of
+from legfem.stocking.mismatch import TERMS, Mismatch, mismatch_of
 from legfem.stocking.outline_errors import outline_errors
 from legfem.stocking.worn import WornLeg
 
@@ -49,17 +51,17 @@ def _diagnosed(
     factor: np.ndarray | float = 1.0,
     shift: tuple[float, float, float] = (0.0, 0.0, 0.0),
     seed: int = 3,
+    accuracy: ContourAccuracy = ACCURACY,
     **mechanism: float,
 ) -> Mismatch:
     """Diagnose a leg whose truth has other pressures, another position, or a mechanism."""
     truth, model = models
     stocking = fitted_stocking(shape, Fit(CompressionClass.STRONG))
-    extra = {f"deep.{name}": value for name, value in mechanism.items()}
-    worn = WornLeg(truth, stocking).find(extra, error=factor - 1)
+    worn = WornLeg(truth, stocking).find(mechanism, error=factor - 1)
     assert worn.converged
     scanned = rigidly_moved(worn.shape, np.eye(3), np.array(shift))
-    clean = ContourMisfit(SliceSet.of(scanned, calf_levels(shape)), ACCURACY)
-    noisy = ContourMisfit(clean.target, ACCURACY, _noise(clean, seed))
+    clean = ContourMisfit(SliceSet.of(scanned, calf_levels(shape)), accuracy)
+    noisy = ContourMisfit(clean.target, accuracy, _noise(clean, seed))
     leg = WornLeg(model, stocking)
     search = Search(leg, noisy, SearchSettings(starts_kPa=((3.0, 3.0),), max_steps=3))
     best = search.weighted()[0]
@@ -96,7 +98,7 @@ def test_a_pressure_too_low_on_one_side_is_named_and_mended(shape, models):
 
 def test_drained_blood_is_named(shape, models):
     """2 % of the deep tissue's volume is gone."""
-    found = _diagnosed(shape, models, **{"volume_loss.share": 0.02})
+    found = _diagnosed(shape, models, **{TERMS["volume-loss"]: 0.02})
     print(found)
     assert found.named and found.named[0] == "volume-loss"
     share, error = next(s for s in found.scores if s.name == "volume-loss").strengths["share"]
@@ -109,4 +111,18 @@ def test_scans_farther_apart_than_the_registration_says_are_named(shape, models)
     found = _diagnosed(shape, models, shift=(0.5, -0.4, 0.0))
     print(found)
     assert "misregistration" in found.named
+    assert found.rms_after is not None and found.rms_after < found.rms_before
+
+
+@pytest.mark.slow
+def test_a_fascia_that_the_model_lacks_is_named(shape, models):
+    """Of C10 100 kPa and 0.8 mm; behind outlines 0.1 mm off the muscle's stiffness hides it."""
+    accuracy = replace(ACCURACY, sd=0.02, model_sd=0.01)
+    found = _diagnosed(shape, models, accuracy=accuracy, **{TERMS["fascia"]: 0.16})
+    print(found)
+    assert "fascia" in found.named
+    stiffness, error = next(s for s in found.scores if s.name == "fascia").strengths[
+        "stiffness (N/mm)"
+    ]
+    assert stiffness > 2 * error
     assert found.rms_after is not None and found.rms_after < found.rms_before

@@ -28,6 +28,8 @@ from legfem.units import FloatArray
 
 SUPERFICIAL, FASCIA, DEEP = 1, 2, 3
 SKIN, BONE = 11, 12
+HULL = 16
+"""Facets between deep and superficial tissue, where they meet without a layer between."""
 REGIONS = {"superficial": SUPERFICIAL, "fascia": FASCIA, "deep": DEEP}
 
 

@@ -28,6 +28,7 @@ from legfem.geometry.shape_surface import PartSurface
 from legfem.meshing.idealised_leg import END, LegMesh
 from legfem.meshing.quality import MeshQuality, element_quality
 from legfem.meshing.section import BONE, DEEP, SUPERFICIAL
+from legfem.meshing.section import HULL as HULL_TAG
 from legfem.meshing.section import SKIN as SKIN_TAG
 from legfem.meshing.shell import Shell, Triangles, gmsh_model, mesh_shell
 from legfem.meshing.size_field import SizeField, trilinear
@@ -139,7 +140,7 @@ def mesh_solid_leg(
     Returns
     -------
     LegMesh
-        Facets `SKIN`, `BONE` (held) and `END`; regions superficial and deep.
+        Facets `SKIN`, `HULL`, `BONE` (held) and `END`; regions superficial and deep.
 
     Raises
     ------
@@ -221,7 +222,10 @@ def _fill(
         )  # fmt: skip
     for volume, tag in ((fat, SUPERFICIAL), (deep, DEEP)):
         model.addPhysicalGroup(3, [volume], tag)
-    for surfaces, tag in (([tubes[SKIN]], SKIN_TAG), (bones, BONE), ([fat_ends, deep_ends], END)):
+    for surfaces, tag in (
+        ([tubes[SKIN]], SKIN_TAG), ([tubes[HULL]], HULL_TAG), (bones, BONE),
+        ([fat_ends, deep_ends], END),
+    ):  # fmt: skip
         model.addPhysicalGroup(2, surfaces, tag)
     return None
 

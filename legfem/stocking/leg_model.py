@@ -15,7 +15,7 @@ from legfem.geometry.shape_motion import displaced
 from legfem.geometry.surface import TriangleSurface, tube
 from legfem.materials import Hyperelastic
 from legfem.meshing.solid_leg import SolidMeshSettings, mesh_solid_leg
-from legfem.terms import StiffnessGradient, VolumeLoss
+from legfem.terms import Fascia, StiffnessGradient, VolumeLoss
 from legfem.units import FloatArray
 
 SURFACES = (SKIN, HULL)
@@ -52,6 +52,7 @@ class LegModel3D:
         mechanisms = (
             VolumeLoss("deep"),
             StiffnessGradient("deep", tissues["deep"], level=float(shape.levels.mean())),
+            Fascia(),
         )
         self.compression = LegCompression(
             mesh_solid_leg(shape, mesh, comm), tissues, settings, mechanisms

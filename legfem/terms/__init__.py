@@ -7,6 +7,7 @@ Parameters are named ``<where>.<field>`` for what every leg has (``deep.C10``,
 
 from legfem.terms.contraction import Contraction
 from legfem.terms.drainage import Drainage
+from legfem.terms.fascia import Fascia
 from legfem.terms.normal_contact import NormalContact
 from legfem.terms.pressure_stabilisation import PressureStabilisation
 from legfem.terms.prestress import Prestress
@@ -20,6 +21,7 @@ from legfem.terms.volume_loss import VolumeLoss
 __all__ = [
     "Contraction",
     "Drainage",
+    "Fascia",
     "NormalContact",
     "PressureStabilisation",
     "Prestress",

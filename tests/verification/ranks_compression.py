@@ -35,7 +35,8 @@ def main(solver: str, out: str) -> None:
     mesh = SolidMeshSettings(skin_size=8, inside_size=10, bone_size=8)
     model = LegModel3D(shape, tissues, mesh, settings, comm)
     load = stocking_load(shape, fitted_stocking(shape, Fit(CompressionClass.STRONG)))
-    solved = model.solve(load.pressure, sensitivities=("deep.C10",))
+    fascia = {"fascia.membrane.stiffness": 0.05}
+    solved = model.solve(load.pressure, fascia, sensitivities=("deep.C10",))
     assert solved.report.complete
     probe = PressureProbe(model.compression)
     pressures = tissue_pressures(probe, solved, load, default_veins(shape, 80.0))
