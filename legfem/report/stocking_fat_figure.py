@@ -47,7 +47,7 @@ def stocking_fat_figure(result: StockingResult, fat: FatPressures, level: float)
     around.set_ylim(0.0, 1.3 * around.get_ylim()[1])
     around.set_xticks(*Directions.of(leg.bare).sides())
     around.legend(loc="upper left")
-    panel(around, "A", f"round the leg at z = {fat.levels[row]:g} mm")
+    panel(around, "A", f"round the leg at z = {fat.levels[row]:.1f} mm")
 
     greatest, interface = mpa_to_mmhg(fat.greatest).ravel(), mpa_to_mmhg(fat.interface).ravel()
     thickness = fat.thickness.ravel()

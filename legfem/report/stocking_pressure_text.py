@@ -49,7 +49,7 @@ def _highest(result: StockingResult) -> str:
     level, point = np.unravel_index(int(np.argmax(pressure)), pressure.shape)
     skin = bare.contours[SKIN][level]
     direction = Directions.of(bare).at(float(angle_round(skin[point], skin.mean(axis=0))))
-    return f"{direction}, z = {bare.levels[level]:g} mm"
+    return f"{direction}, z = {bare.levels[level]:.0f} mm"
 
 
 def inside_section(result: StockingResult, fat: FatPressures | None) -> str:
@@ -73,7 +73,7 @@ def inside_section(result: StockingResult, fat: FatPressures | None) -> str:
     blocks = [
         fill(
             "Hydrostatic pressure, positive in compression; at the veins in tissue without a vein "
-            f"in it, at z = {result.leg.veins[0].position[2]:g} mm."
+            f"in it, at z = {result.leg.veins[0].position[2]:.1f} mm."
             if result.leg.veins
             else "Hydrostatic pressure, positive in compression. No veins were given or placed."
         ),

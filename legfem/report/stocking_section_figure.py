@@ -35,7 +35,7 @@ def stocking_section_figure(result: StockingResult, section: SectionPressures) -
     assert result.pressures is not None
     leg, level = result.leg, section.level
     figure = new_figure(13.0, 8.2)
-    title(figure, f"Inside the leg at mid calf (z = {level:g} mm)", leg.title, leg.origin)
+    title(figure, f"Inside the leg at mid calf (z = {level:.1f} mm)", leg.title, leg.origin)
     (inside, outside), below = figure.subplots(2, 2, height_ratios=(5, 1))
     _keys(below[0], _draw_pressure(figure, inside, result, section))
     panel(inside, "A", "hydrostatic pressure in fat and muscle")

@@ -116,8 +116,8 @@ def _scanned(result: StockingResult) -> str:
     made = "Simulated scans" if leg.origin == "simulated" else "Scans"
     which = "without" if leg.compressed is None else "without and with"
     lines = [
-        f"{made} of {leg.bare.length:g} mm of the leg, z = {leg.bare.levels[0]:g} to "
-        f"{leg.bare.levels[-1]:g} mm, {which} the stocking. Bones: "
+        f"{made} of {leg.bare.length:.0f} mm of the leg, z = {leg.bare.levels[0]:.0f} to "
+        f"{leg.bare.levels[-1]:.0f} mm, {which} the stocking. Bones: "
         f"{', '.join(leg.bare.bones)}. Coordinates are taken as DICOM's: x to the patient's left, "
         "y to the back, z upwards."
     ]
@@ -135,8 +135,8 @@ def _scanned(result: StockingResult) -> str:
     accuracy = leg.accuracy
     if leg.compressed is not None:
         lines.append(
-            f"Each scan's segmentation is taken to be {accuracy.sd:g} mm off (standard deviation, "
-            f"alike over {accuracy.correlation:g} mm), which leaves {accuracy.smoothed_sd:.2g} mm "
+            f"Each scan's segmentation is taken to be {accuracy.sd:.2g} mm off (standard "
+            f"deviation, alike over {accuracy.correlation:g} mm), which leaves {accuracy.smoothed_sd:.2g} mm "
             "in its contours, and the stocking's pressure to be "
             f"{100 * accuracy.pressure_sd:g} % off over an eighth of the girth; the intervals of "
             "the stiffness rest on that."

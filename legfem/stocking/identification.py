@@ -228,10 +228,12 @@ class Search:
         worn = self._leg.find(values, PARAMETERS if differentiate else (), self._last)
         if self._on_solve is not None:
             deep, fat = mpa_to_kpa(parameters)
-            self._on_solve(
-                f"muscle {deep:.3g} kPa, fat {fat:.3g} kPa: {len(worn.changes)} states, the last "
-                f"{worn.state.report}"
+            ended = (
+                f"in equilibrium after {len(worn.changes)} states"
+                if worn.state.report.complete
+                else f"no state found; {worn.state.report}"
             )
+            self._on_solve(f"muscle {deep:.3g} kPa, fat {fat:.3g} kPa: {ended}")
         if worn.state.report.complete:
             self._last = worn
         return worn
