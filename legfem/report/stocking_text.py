@@ -136,8 +136,8 @@ def _scanned(result: StockingResult) -> str:
     if leg.compressed is not None:
         lines.append(
             f"Each scan's segmentation is taken to be {accuracy.sd:.2g} mm off (standard "
-            f"deviation, alike over {accuracy.correlation:g} mm), which leaves {accuracy.smoothed_sd:.2g} mm "
-            "in its contours, and the stocking's pressure to be "
+            f"deviation, alike over {accuracy.correlation:g} mm), which leaves "
+            f"{accuracy.smoothed_sd:.2g} mm in its contours, and the stocking's pressure to be "
             f"{100 * accuracy.pressure_sd:g} % off over an eighth of the girth; the intervals of "
             "the stiffness rest on that."
         )
