@@ -153,6 +153,7 @@ def test_scores_count_what_they_say():
     assert summary.in_set.count == 2
     assert (summary.pairs.count, summary.false_alarms.count, summary.outside.count) == (1, 0, 0)
     assert (summary.same_name.count, summary.same_answer.count) == (1, 2)
+    assert summary.same_verdict.count == 2
     assert summary.f1 == pytest.approx(0.8 * 2 / (0.8 * 2 + 0.2))
     assert summary.bias_before["c10_deep"] == pytest.approx(0.2)
     assert summary.bias_after["c10_deep"] == pytest.approx(0.01)

@@ -62,6 +62,7 @@ def _summary(scored: Sequence[Scored], summary: Summary) -> str:
         ("held-out error within 1.2 times the noise, where named rightly", str(summary.held_out)),
         ("same first name with other noise on the same physics", str(summary.same_name)),
         ("each one's first name in the other's set, with other noise", str(summary.same_answer)),
+        ("same verdict on the same name or set, with other noise", str(summary.same_verdict)),
         ("processor seconds a diagnosis, median and longest",
          f"{sorted(seconds)[len(seconds) // 2]:.0f}, {max(seconds):.0f}"),
     ]  # fmt: skip

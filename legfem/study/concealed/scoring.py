@@ -206,6 +206,8 @@ class Summary:
     """Of twins, with other noise on the same physics: the same first name."""
     same_answer: Rate
     """Of twins: each one's first name is among the other's, or neither has any."""
+    same_verdict: Rate
+    """Of twins: the same verdict on the same mechanisms, a set where it is ambiguous."""
 
 
 def summarise(everything: Sequence[Scored]) -> Summary:
@@ -235,7 +237,14 @@ def summarise(everything: Sequence[Scored]) -> Summary:
         Rate(sum(s.held_out[1] <= 1.2 * s.held_out[2] for s in repaired), len(repaired)),
         Rate(sum(a.models[:1] == b.models[:1] for a, b in twins), len(twins)),
         Rate(sum(_agree(a, b) for a, b in twins), len(twins)),
+        Rate(sum(_alike(a, b) for a, b in twins), len(twins)),
     )
+
+
+def _alike(one: Scored, other: Scored) -> bool:
+    """Tell whether two diagnoses say the same, whatever the order within a set or a pair."""
+    sets = [{frozenset(names) for names in s.models} for s in (one, other)]
+    return one.verdict == other.verdict and sets[0] == sets[1]
 
 
 def _agree(one: Scored, other: Scored) -> bool:
