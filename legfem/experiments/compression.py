@@ -55,7 +55,9 @@ class CompressionSettings:
     stabilisation: float = 1.0
     newton: NewtonSettings = field(default_factory=lambda: NewtonSettings(relative_tolerance=1e-8))
     linear: LinearSettings = field(
-        default_factory=lambda: LinearSettings(tolerance=1e-6, kept_iterations=15)
+        default_factory=lambda: LinearSettings(
+            tolerance=1e-6, kept_iterations=15, direct_limit=100_000
+        )
     )
     first: float = 1.0
 
