@@ -102,6 +102,7 @@ def test_the_library_stands_in_for_solutions(variants, observed, tmp_path):
         ("end-effects", {"scale": 0.7}),
     ):
         mechanism = mechanism_named(name)
+        values = {parameter.name: parameter.null for parameter in mechanism.parameters} | values
         emulated = library.relative_change(mechanism, values, *SOFT, observed)
         true = solved.relative_change(mechanism, values, *SOFT, observed)
         deep = observed.displacement > 0.3 * DEPTH
