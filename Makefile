@@ -15,7 +15,7 @@ demo-stocking: ## a leg in a compression stocking, from its scans
 	$(RUN) python -m legfem.stocking --subject 1 $(ARGS)
 
 test: lint ## lint, types and the fast tests
-	$(RUN) python -m pytest -n 2 $(ARGS)
+	$(RUN) python -m pytest -n 2 --dist worksteal $(ARGS)
 
 lint: ## ruff and mypy
 	$(RUN) ruff check

@@ -151,6 +151,7 @@ def test_an_error_of_the_bare_skin_is_answered_as_its_slope_says(result, answeri
     assert np.std(moved - bare) > 0.4 * np.std(moved)
 
 
+@pytest.mark.slow
 def test_answers_at_another_stiffness_are_those_of_the_stiffnesses_around_it(result, answering):
     leg, _, exact = answering
     between = NuisanceSlopes(leg, result.misfit)
@@ -184,6 +185,7 @@ def test_nelder_mead_finds_the_same(result):
     assert found.parameters[0] == pytest.approx(result.best.parameters[0], rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_motion_left_between_the_scans_is_found(result, truth):
     """Shifted by 0.3 mm, the target is met again with that shift."""
     from legfem.geometry.shape_motion import rigidly_moved

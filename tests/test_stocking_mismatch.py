@@ -96,6 +96,7 @@ def test_a_pressure_too_low_on_one_side_is_named_and_mended(shape, models):
     assert any(abs(place.angle_deg - 90.0) <= 45.0 for place in found.places)
 
 
+@pytest.mark.slow
 def test_drained_blood_is_named(shape, models):
     """2 % of the deep tissue's volume is gone."""
     found = _diagnosed(shape, models, **{TERMS["volume-loss"]: 0.02})
