@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from dolfinx import fem, la
 from mpi4py import MPI
 from numpy.typing import NDArray
 
 from legfem.geometry.surface import TriangleSurface
-from legfem.meshing.section import SKIN
+from legfem.meshing.section import HULL, SKIN
 from legfem.spaces import LegSpaces
 from legfem.units import FloatArray
 
@@ -46,36 +45,7 @@ def skin_surface(spaces: LegSpaces) -> BodySurface:
 
 def hull_surface(spaces: LegSpaces) -> BodySurface:
     """Return the border between the deep tissue and the superficial one."""
-    mesh = spaces.mesh
-    dimension = mesh.topology.dim
-    shared = _in_both(spaces)
-    mesh.topology.create_connectivity(dimension - 1, dimension)
-    mesh.topology.create_connectivity(dimension, dimension - 1)
-    around = mesh.topology.connectivity(dimension - 1, dimension)
-    count = np.diff(around.offsets)
-    tags = np.zeros(mesh.geometry.dofmap.shape[0], dtype=np.int32)
-    tags[spaces.cell_tags.indices] = spaces.cell_tags.values
-    deep = tags[around.array[around.offsets[:-1]]] == spaces.regions["deep"]
-    last = tags[around.array[around.offsets[1:] - 1]] == spaces.regions["deep"]
-    # A facet between two ranks has a single cell on either.
-    candidates = np.flatnonzero(((count == 2) & (deep != last)) | (count == 1)).astype(np.int32)
-    nodes = _facet_nodes(spaces, candidates)
-    return _gathered(spaces, nodes[shared[nodes].all(axis=1)])
-
-
-def _in_both(spaces: LegSpaces) -> NDArray[np.bool_]:
-    """Tell of every node whether deep and superficial cells share it."""
-    space = spaces.displacement_space
-    both = np.ones(len(space.tabulate_dof_coordinates()), dtype=bool)
-    mark = fem.Function(space)
-    for region in ("deep", "superficial"):
-        mark.x.array[:] = 0.0
-        cells = spaces.cell_tags.find(spaces.regions[region])
-        mark.x.array[np.unique(space.dofmap.list[cells]) * spaces.dimension] = 1.0
-        mark.x.scatter_reverse(la.InsertMode.add)
-        mark.x.scatter_forward()
-        both &= mark.x.array[:: spaces.dimension] > 0
-    return both
+    return _of_facets(spaces, spaces.facet_tags.find(HULL))
 
 
 def _of_facets(spaces: LegSpaces, facets: NDArray[np.int32]) -> BodySurface:

@@ -8,13 +8,13 @@ from making_diagnosis import INSTRUMENT
 
 from legfem.correction import read_correction
 from legfem.diagnose.diagnosis import mechanism_named
-from legfem.diagnose.leg import SHIPPED_CORRECTION
 from legfem.diagnose.library import build_library, shown_mechanisms
 from legfem.diagnose.mechanisms import EndEffects
 from legfem.diagnose.observations import observe
 from legfem.diagnose.predict import Predictor
 from legfem.diagnose.solved import SolvedResponses, end_effect
 from legfem.diagnose.variants import Stopped, Variants
+from legfem.identify.correction import REFERENCE
 from legfem.progress import Silent
 from legfem.protocol import Protocol
 from legfem.recording import Recording
@@ -89,7 +89,7 @@ def test_a_solution_is_made_once(variants, tmp_path):
 
 @pytest.mark.slow
 def test_the_library_stands_in_for_solutions(variants, observed, tmp_path):
-    correction = read_correction(SHIPPED_CORRECTION)
+    correction = read_correction(REFERENCE)
     solved = responses_in(tmp_path, variants, correction)
     able, unable = shown_mechanisms(observed, correction)
     assert "preconditioning" in unable
@@ -128,7 +128,7 @@ def test_what_stopped_is_not_a_number_and_is_not_tested(tmp_path, observed):
 
 
 def test_end_effects_may_err_as_the_correction_does(observed):
-    correction = read_correction(SHIPPED_CORRECTION)
+    correction = read_correction(REFERENCE)
     asked = observed, np.asarray(0.8), np.asarray(0.9)
     plain = {"scale": 2.0, **dict.fromkeys(EndEffects.MODES, 0.0)}
     longer = end_effect(correction, {**plain, "leg_length": 1.0}, 0.8, 0.9, observed)

@@ -10,8 +10,9 @@ from making import SHARED
 from making_stocking import COARSE, PLANTED_KPA, laws, short_leg
 
 from legfem.experiments.compression import CompressionSettings
+from legfem.geometry.curve import outward_normals
 from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.slices import SliceSet, calf_levels, outward_normals
+from legfem.geometry.slices import SliceSet, calf_levels
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.progress import Silent
 from legfem.stocking.accuracy import ContourAccuracy

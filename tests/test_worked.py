@@ -11,9 +11,9 @@ from typer.testing import CliRunner
 
 from legfem.correction import read_correction
 from legfem.curve import ForceCurve
-from legfem.diagnose.leg import SHIPPED_CORRECTION
 from legfem.diagnose.mechanisms import Solution
 from legfem.diagnose.observations import observe
+from legfem.identify.correction import REFERENCE
 from legfem.protocol import Protocol
 from legfem.study.cli import app
 from legfem.study.concealed.cases import DEPTH_MM, INSTRUMENT
@@ -40,7 +40,7 @@ def test_what_stiffens_is_concealed_from_the_base_model():
 
 
 def test_the_leg_in_3d_is_that_of_the_correction_but_for_mesh_and_stiffness():
-    shipped = read_correction(SHIPPED_CORRECTION).given
+    shipped = read_correction(REFERENCE).given
     assert shipped["leg"]["radius"] == SPATIAL.leg.radius
     assert SPATIAL.leg == PLANE.leg and SPATIAL.cylinder == PLANE.cylinder
     assert SPATIAL.material.C10_kPa != shipped["material"]["C10_kPa"]
@@ -58,7 +58,7 @@ def test_recordings_in_3d_are_three_loadings_with_noise():
 
 def test_mechanisms_that_the_idealised_leg_lacks_are_missing_with_a_reason():
     observed = observe(recorded(CURVE), INSTRUMENT, True)
-    tabulated, missing = offered(observed, read_correction(SHIPPED_CORRECTION))
+    tabulated, missing = offered(observed, read_correction(REFERENCE))
     assert [m.name for m in tabulated] == ["compressibility"]
     assert missing == dict(NOT_OFFERED)
 

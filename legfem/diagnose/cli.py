@@ -64,16 +64,17 @@ def diagnose(
         processes = process_count(jobs, ranks)
         from legfem.correction import read_correction
         from legfem.diagnose.document import document
-        from legfem.diagnose.leg import SHIPPED_CORRECTION, library_folder
+        from legfem.diagnose.leg import library_folder
         from legfem.diagnose.run import Diagnoser
         from legfem.documents import write_document
+        from legfem.identify.correction import REFERENCE
         from legfem.report.diagnosis import write_diagnosis_report
         from legfem.subject import load_subject
 
         if seed < 0:
             raise InputError("--seed", f"{seed}", "is negative", "give 0 or more")
         found = load_subject(SUBJECTS.named(subject, subject_dir), need_instrument=False)
-        ends = read_correction(correction or SHIPPED_CORRECTION)
+        ends = read_correction(correction or REFERENCE)
         folder = out or Path("results") / f"diagnose-{found.id}"
         check_out_folder(folder)
         responses = library or library_folder()

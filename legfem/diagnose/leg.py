@@ -9,10 +9,8 @@ from legfem.correction import TabulatedCorrection
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses
 from legfem.diagnose.variants import Variants
-from legfem.shipped import STUDIES
 from legfem.subject import Subject
 
-SHIPPED_CORRECTION = STUDIES / "frauziols" / "correction.json"
 _DEPTH_STEP_MM = 5.0
 COARSENING = 1.7
 """Of the mesh on which relative changes are tabulated."""

@@ -82,6 +82,20 @@ def resample_closed_curve(points: ArrayLike, spacing: float, smoothing: float = 
     return curve.evenly(max(8, round(curve.length / spacing)))
 
 
+def closed_lengths(contours: FloatArray) -> FloatArray:
+    """Return the lengths of closed contours (..., n, 2) by their chords, (...)."""
+    length: FloatArray = np.linalg.norm(contours - np.roll(contours, 1, axis=-2), axis=-1).sum(-1)
+    return length
+
+
+def outward_normals(contours: FloatArray) -> FloatArray:
+    """Return the unit normals of counter-clockwise contours, (..., n_points, 2), by chords."""
+    tangent = np.roll(contours, -1, axis=-2) - np.roll(contours, 1, axis=-2)
+    outwards = np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1)
+    unit: FloatArray = outwards / np.linalg.norm(outwards, axis=-1, keepdims=True)
+    return unit
+
+
 def area_and_centroid(ring: FloatArray) -> tuple[float, FloatArray]:
     """Return the signed area of a closed polygon, positive counter-clockwise, and its centroid.
 

@@ -5,15 +5,14 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
+from legfem.geometry.curve import closed_lengths
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.units import FloatArray
 
 
 def perimeter(shape: LegShape, part: str = SKIN) -> FloatArray:
     """Return the perimeter of a part at every level, (n_levels,), mm."""
-    xy = shape.contours[part]
-    length: FloatArray = np.linalg.norm(xy - np.roll(xy, 1, axis=1), axis=2).sum(axis=1)
-    return length
+    return closed_lengths(shape.contours[part])
 
 
 def largest_girth(shape: LegShape) -> float:

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.linalg import solveh_banded
 
 from legfem.errors import InputError
+from legfem.geometry.curve import closed_lengths
 from legfem.geometry.leg_shape import LegShape, corresponding
 from legfem.units import FloatArray
 
@@ -57,8 +58,7 @@ def smoothed(
 
 def _around(xy: FloatArray, wavelength: float) -> FloatArray:
     n = xy.shape[1]
-    length = np.linalg.norm(xy - np.roll(xy, 1, axis=1), axis=2).sum(axis=1)
-    spacing = (length / n)[:, None]
+    spacing = (closed_lengths(xy) / n)[:, None]
     # Of the second difference, squared; relative to that at the cut-off wavelength.
     stiffness = 2 - 2 * np.cos(2 * np.pi * np.fft.rfftfreq(n))[None, :]
     cut = 2 - 2 * np.cos(np.minimum(2 * np.pi * spacing / wavelength, np.pi))

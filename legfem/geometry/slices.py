@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 
 from legfem.errors import InputError
-from legfem.geometry.curve import smooth_closed_curve
+from legfem.geometry.curve import outward_normals, smooth_closed_curve
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.shape_measures import largest_girth
 from legfem.units import FloatArray, frozen_array
@@ -209,14 +209,6 @@ def distance_rates(
         ):
             found.append(_at_nearest(contour, own, values))
     return np.concatenate(found)
-
-
-def outward_normals(contours: FloatArray) -> FloatArray:
-    """Return the unit normals of counter-clockwise contours, (..., n_points, 2), by chords."""
-    tangent = np.roll(contours, -1, axis=-2) - np.roll(contours, 1, axis=-2)
-    outwards = np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1)
-    unit: FloatArray = outwards / np.linalg.norm(outwards, axis=-1, keepdims=True)
-    return unit
 
 
 def _at_nearest(points: FloatArray, contour: FloatArray, values: FloatArray) -> FloatArray:

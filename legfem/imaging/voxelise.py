@@ -15,6 +15,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from legfem.checks import check_positive
 from legfem.errors import InputError
+from legfem.geometry.curve import outward_normals
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.rigid import RigidTransform
 from legfem.geometry.shape_motion import rigidly_moved
@@ -152,7 +153,5 @@ def _displaced(
     field = gaussian_filter1d(field, deviation / around, axis=1, mode="wrap")
     # White noise smoothed in two directions has this deviation.
     field *= np.sqrt(4 * np.pi * (deviation / along) * (deviation / around))
-    normal = np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1)
-    normal /= np.linalg.norm(normal, axis=2, keepdims=True)
-    moved: FloatArray = xy + noise.boundary_sd * field[..., None] * normal
+    moved: FloatArray = xy + noise.boundary_sd * field[..., None] * outward_normals(xy)
     return moved

@@ -22,8 +22,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from legfem.geometry.curve import outward_normals
 from legfem.geometry.leg_shape import SKIN, LegShape
-from legfem.geometry.slices import distance_rates, outward_normals
+from legfem.geometry.slices import distance_rates
 from legfem.stocking.leg_model import SURFACES
 from legfem.stocking.misfit import ContourMisfit
 from legfem.stocking.nuisance import RIGID, nuisance_sd, sectors

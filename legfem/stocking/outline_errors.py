@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from legfem.geometry.curve import closed_lengths
 from legfem.stocking.accuracy import ContourAccuracy
 from legfem.units import FloatArray
 
@@ -56,9 +57,8 @@ def outline_errors(
         Share of the errors that counts at every level.
     """
     count = contours.shape[1]
-    sides = np.linalg.norm(contours - np.roll(contours, 1, axis=1), axis=2)
     step = np.arange(count)
-    way = np.minimum(step, count - step) / count * float(sides.sum(axis=1).mean())
+    way = np.minimum(step, count - step) / count * float(closed_lengths(contours).mean())
     height = np.abs(np.subtract.outer(levels, levels))
     zero = np.zeros(1)
     # The covariance is a product of one around and one along the leg; around, waves are its modes.

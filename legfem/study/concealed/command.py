@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from legfem.correction import TabulatedCorrection, read_correction
-from legfem.diagnose.leg import SHIPPED_CORRECTION
 from legfem.diagnose.library import Library
 from legfem.diagnose.mechanisms import MECHANISMS
 from legfem.diagnose.predict import LawName
 from legfem.diagnose.run import Diagnoser
 from legfem.documents import write_atomically, write_document
+from legfem.identify.correction import REFERENCE
 from legfem.progress import Progress
 from legfem.report.style import save
 from legfem.study.concealed.calibration import (
@@ -62,7 +62,7 @@ class ConcealedOptions:
 
 def run(options: ConcealedOptions, progress: Progress) -> list[str]:
     """Make, diagnose and score sealed cases; return lines for the terminal."""
-    correction = read_correction(SHIPPED_CORRECTION)
+    correction = read_correction(REFERENCE)
     diagnoser = Diagnoser(options.library, correction, options.jobs)
     lines = []
     if options.make is not None:

@@ -8,8 +8,8 @@ from pathlib import Path
 from rich.console import Console
 
 from legfem.correction import read_correction
-from legfem.diagnose.leg import SHIPPED_CORRECTION
 from legfem.documents import write_atomically, write_document
+from legfem.identify.correction import REFERENCE
 from legfem.progress import progress_on
 from legfem.study.worked.ends import run_ends
 from legfem.study.worked.example import FIGURE, Row
@@ -23,7 +23,7 @@ def run(examples: Sequence[str], out: Path, library: Path, jobs: int) -> None:
     What the slow loadings leave ambiguous in the first example is recorded once more, at two rates
     with holds: both rows stay.
     """
-    correction = read_correction(SHIPPED_CORRECTION)
+    correction = read_correction(REFERENCE)
     rows: list[Row] = []
     figures: list[str] = []
 
