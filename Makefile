@@ -14,13 +14,15 @@ demo: ## identify subject 3, from nothing
 demo-stocking: ## a leg in a compression stocking, from its scans
 	$(RUN) python -m legfem.stocking --subject 1 $(ARGS)
 
+# A file stays in one process, where its fixtures are made once.
 test: lint ## lint, types and the fast tests
-	$(RUN) python -m pytest -n 2 --dist worksteal $(ARGS)
+	$(RUN) python -m pytest -n 2 --dist loadfile $(ARGS)
 
-lint: ## ruff and mypy
+lint: ## ruff, mypy and which room imports which
 	$(RUN) ruff check
 	$(RUN) ruff format --check
 	$(RUN) mypy
+	$(RUN) lint-imports
 
 format: ## put the code into ruff's format
 	$(RUN) ruff check --fix
@@ -34,7 +36,7 @@ test-next: ## make test on Debian unstable's DOLFINx
 	LEGFEM_SUITE=sid $(MAKE) test
 
 bench: ## time the solver
-	$(RUN) python -m legfem.bench $(ARGS)
+	$(RUN) python -m studies.bench $(ARGS)
 
 clean: ## remove what the commands and tools wrote here
 	rm -rf $(RESULTS) build dist .mypy_cache .pytest_cache .ruff_cache

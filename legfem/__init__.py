@@ -1,1 +1,91 @@
-"""legfem: the stiffness of leg soft tissue from indentation tests, on FEniCSx."""
+"""Stiffness of a leg's soft tissues from measurements, and which physics a model of it misses.
+
+>>> import legfem as lf
+>>> leg = lf.load_subject("3")
+>>> found = lf.identify(leg, law="both")
+>>> print(found.summary())
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import sys
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from legfem.api import (
+        DiagnosedLeg,
+        IdentifiedLeg,
+        LegInStocking,
+        diagnose,
+        identify,
+        load_leg,
+        load_subject,
+        stocking,
+    )
+    from legfem.common.errors import InputError
+
+    __version__: str
+
+__all__ = [
+    "DiagnosedLeg",
+    "IdentifiedLeg",
+    "InputError",
+    "LegInStocking",
+    "__version__",
+    "diagnose",
+    "identify",
+    "load_leg",
+    "load_subject",
+    "stocking",
+]
+
+_ROOMS = ("diagnose", "identify", "stocking")
+"""Rooms that share their name with the function that one enters them by."""
+
+
+def __getattr__(name: str) -> Any:
+    """Import what is asked for when it is: ``import legfem`` itself imports nothing."""
+    if name == "__version__":
+        return importlib.import_module("legfem.common.versions").legfem_version()
+    if name in _ROOMS:
+        return importlib.import_module(f"legfem.{name}")
+    if name == "InputError":
+        return importlib.import_module("legfem.common.errors").InputError
+    if name in __all__:
+        return getattr(importlib.import_module("legfem.api"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+class _Room(ModuleType):
+    """A room that can be called: ``legfem.identify(leg)`` beside ``legfem.identify.search``."""
+
+    @property
+    def __signature__(self) -> inspect.Signature:
+        return inspect.signature(self.__wrapped__)
+
+    @property
+    def __wrapped__(self) -> Any:
+        api = importlib.import_module("legfem.api")
+        return getattr(api, self.__name__.rpartition(".")[2])
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        return self.__wrapped__(*arguments, **named)
+
+
+class _FrontDoor(ModuleType):
+    """The package, that makes its rooms callable when they are first imported."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in _ROOMS and isinstance(value, ModuleType):
+            value.__class__ = _Room
+        super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _FrontDoor

@@ -9,9 +9,11 @@ from importlib.util import find_spec
 COMMANDS = {
     "identify": "the deep tissue's stiffness from a subject's recordings",
     "study": "design of experiments, 3D correction, convergence, reproduction",
+    "plan": "which tests of a leg would show which effects",
     "diagnose": "where model and recordings differ, and which physics is missing",
     "stocking": "pressures inside a leg in a compression stocking, from its scans",
     "geometry": "a subject folder from cross-sections",
+    "meshing": "a leg's mesh for gmsh, ParaView, Abaqus, CalculiX or FEBio Studio",
 }
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from legfem.recording import Recording
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
+CROSSCHECK = Path(__file__).resolve().parent / "data" / "crosscheck"
 
 TOML = """\
 id = "made"

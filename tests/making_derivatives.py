@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from making_mechanics import fixed_steps
 
-from legfem.newton import NewtonSettings, NewtonSolver
-from legfem.protocol import Protocol
-from legfem.sensitivity import SensitivityTracker
-from legfem.stepping import follow
-from legfem.system import System
+from legfem.fem.system import System
+from legfem.solve.newton import NewtonSettings, NewtonSolver
+from legfem.solve.protocol import Protocol
+from legfem.solve.sensitivity import SensitivityTracker
+from legfem.solve.stepping import follow
 
 PRECISE = NewtonSettings(relative_tolerance=1e-12)
 

@@ -2,34 +2,72 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from legfem.diagnose.mechanisms import TissueMechanism, Values
-from legfem.diagnose.noise import Noise, error_model
+from legfem.common.units import FloatArray
+from legfem.diagnose.fit import Fit, Problem, fit
+from legfem.diagnose.mechanisms import Mechanism, TissueMechanism, Values, mechanism_named
+from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S, Viscoelasticity
+from legfem.diagnose.nuisances import Nuisances
 from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.predict import Predictor
-from legfem.protocol import Protocol
+from legfem.diagnose.stations import Stations
+from legfem.inference.errors import Noise, error_model
 from legfem.recording import Instrument, Recording
-from legfem.units import FloatArray
+from legfem.solve.protocol import Protocol
 
 INSTRUMENT = Instrument(force_sd=0.03, displacement_sd=0.01)
-NOISE = Noise(0.02, 0.02, 12.0, 0.02, 0.008, 0.0, "made")
+NOISE = Noise(0.02, 0.02, 12.0, 0.02, 0.008, "made")
+GRID = np.arange(0.5, 20.6, 0.5)
+TRUTH = {"C10": 1.0, "C20": 0.8}
+
+
+def force_at(c10: float, c20: float, displacement: FloatArray) -> FloatArray:
+    """Return the closed form: forces of a first, a second and a fourth power, N."""
+    x = np.maximum(displacement, 0.0) / 20
+    return np.asarray(10 * (c10 * (x + x**2) + 0.3 * x + 2.0 * c20 * x**4))
+
+
+def fat(displacement: FloatArray) -> FloatArray:
+    """Return the relative change of the force by that of the fat's stiffness."""
+    return np.asarray(0.2 * np.exp(-8 * displacement / 20))
+
+
+def relaxed(stations: Stations, time: FloatArray, tau: float) -> FloatArray:
+    """Return a spring and dashpot's displacement behind a protocol's, at times; mm."""
+    total = np.zeros(len(time))
+    ends, at = np.array(stations.protocol.time), np.array(stations.protocol.displacement)
+    for first, last, rate in zip(ends[:-1], ends[1:], np.diff(at) / np.diff(ends), strict=True):
+        until = np.clip(time, first, last)
+        total += (
+            rate
+            * tau
+            * (
+                np.exp(np.minimum(until - time, 0.0) / tau)
+                - np.exp(np.minimum(first - time, 0.0) / tau)
+            )
+        )
+    return total
 
 
 @dataclass(frozen=True, eq=False)
 class ClosedForm:
-    """Responses of no leg in particular: forces of a second and a fourth power."""
+    """Responses of no leg in particular; passes for a library of solved ones."""
 
-    grid: FloatArray
+    grid: FloatArray = field(default_factory=GRID.copy)
     c10_bounds: tuple[float, float] = (0.05, 20.0)
     c20_bounds: tuple[float, float] = (0.0, 20.0)
+    correction: None = None
+    missing: Mapping[str, str] = field(default_factory=dict)
+    """Mechanisms that aren't tested, and why."""
+    nuisances: Nuisances = field(default_factory=lambda: Nuisances(GRID, {}, {}))
 
     def curve(self, c10: float, c20: float) -> FloatArray:
         """Return the force (N)."""
-        x = self.grid / 20
-        return 10 * (c10 * (x + x**2) + 0.3 * x + 2.0 * c20 * x**4)
+        return force_at(c10, c20, self.grid)
 
     def relative_change(
         self,
@@ -39,44 +77,51 @@ class ClosedForm:
         c20: float,
         observed: Observations,
     ) -> FloatArray:
-        """Return shapes that differ from mechanism to mechanism."""
+        """Return shapes, nothing at their nulls.
+
+        They differ from mechanism to mechanism, but for those of a stiffer and of a tense fascia.
+        """
         x = observed.displacement / 20
-        strength = next(iter(values.values()))
-        if mechanism.name == "viscoelasticity":
-            tau = values["relaxation_time"]
+        if isinstance(mechanism, Viscoelasticity):
             change = np.empty(len(x))
             for number, stations in enumerate(observed.protocols):
                 here = observed.protocol == number
-                t = observed.time[here]
-                d = observed.displacement[here]
-                fine = np.linspace(0, t.max(), 4000)
-                rate = np.gradient(stations.protocol.displacement_at(fine), fine)
-                kernel = np.array([np.trapezoid(rate * np.exp(-np.maximum(s - fine, 0) / tau)
-                                                * (fine <= s), fine) for s in t])  # fmt: skip
-                change[here] = kernel / np.maximum(d, 1e-9)
-            return strength * change
+                branches = [relaxed(stations, observed.time[here], tau) for tau in TIMES_S]
+                change[here] = mechanism.shares(values) @ np.array(branches)
+                change[here] /= np.maximum(observed.displacement[here], 1e-9)
+            return change
         shapes = {
             "strain-stiffening": x**6,
-            "compressibility": -0.1 * np.exp(-3 * x),
-            "fascia-stiffness": 0.1 * np.cos(2 * x),
-            "superficial-stiffness": 0.2 * np.exp(-8 * x),
+            "compressibility": -0.15 * np.exp(-3 * x),
+            "fascia-stiffness": 0.15 * np.cos(2 * x),
+            "prestress": 1.5e-3 * np.cos(2 * x),
+            "superficial-stiffness": fat(observed.displacement),
             "indenter-tilt": 0.002 * np.sin(6 * x),
         }
+        strength = next(iter(values.values()))
+        first = mechanism.parameters[0]
+        if first.scale == "log":
+            strength = np.log(strength)
         return strength * shapes.get(mechanism.name, np.zeros(len(x)))
 
 
-def two_rates() -> list[Recording]:
-    """Return noiseless recordings of nothing: three repeats at each of two rates."""
+def two_rates(repeats: int = 3) -> list[Recording]:
+    """Return noiseless recordings of nothing: repeats at each of two rates."""
     return [
-        _blank(Protocol.cycle(20.0, rate, hold=60.0), f"rate{rate:g}_{k}")
+        _blank(Protocol.cycle(20.0, rate, hold=60.0), f"rate{rate:g}_{k + 1}")
         for rate in (0.4, 2.0)
-        for k in (1, 2, 3)
+        for k in range(repeats)
     ]
 
 
-def ramps() -> list[Recording]:
-    """Return noiseless recordings of nothing: three slow loadings."""
-    return [_blank(Protocol.ramp(20.0, 0.4), f"trial{k}") for k in (1, 2, 3)]
+def one_at_each_rate() -> list[Recording]:
+    """Return the same without repeats."""
+    return two_rates(1)
+
+
+def ramps(number: int = 3) -> list[Recording]:
+    """Return noiseless recordings of nothing: slow loadings."""
+    return [_blank(Protocol.ramp(20.0, 0.4), f"trial{k + 1}") for k in range(number)]
 
 
 def _blank(protocol: Protocol, name: str) -> Recording:
@@ -84,15 +129,87 @@ def _blank(protocol: Protocol, name: str) -> Recording:
     return Recording(time, protocol.displacement_at(time), np.zeros(len(time)), name)
 
 
+def pressed(
+    airs: Sequence[float],
+    gains: Sequence[float] | None = None,
+    seed: int = 0,
+    zeros: Sequence[float] | None = None,
+) -> list[Recording]:
+    """Return recordings that begin in air: each trial reads (1 + gain) F(d - air) + zero.
+
+    Parameters
+    ----------
+    airs
+        mm before the skin in each trial. Every trial goes 20 mm deep.
+    gains
+        Relative, of each trial; none without it.
+    seed
+        Of white noise, 0.02 N and 0.005 mm.
+    zeros
+        N, of each trial; none without it.
+    """
+    generator = np.random.default_rng(seed)
+    found = []
+    for k, air in enumerate(airs):
+        way = 20.0 + air
+        time = np.arange(0, way / 0.4 + 1e-9, 0.1)
+        at = 0.4 * time
+        force = (1 + (gains[k] if gains else 0.0)) * force_at(**_of(TRUTH), displacement=at - air)
+        force = force + (zeros[k] if zeros else 0.0) + 0.02 * generator.normal(size=len(time))
+        found.append(
+            Recording(time, at + 0.005 * generator.normal(size=len(time)), force, f"trial{k + 1}")
+        )
+    return found
+
+
+def _of(values: Mapping[str, float]) -> dict[str, float]:
+    return {name.lower(): value for name, value in values.items()}
+
+
 def observations(recordings: list[Recording]) -> tuple[Observations, Predictor]:
-    """Return empty observations with a predictor for them."""
+    """Return empty observations, from first contact on, with a predictor for them."""
     observed = observe(recordings, INSTRUMENT, starts_at_contact=True)
-    responses = ClosedForm(np.arange(0.5, 20.6, 0.5))
-    return observed, Predictor(observed, responses, "reduced-polynomial")
+    observed = replace(
+        observed, white_sd=NOISE.white_sd,
+        white_variance=np.full(len(observed.force), NOISE.white_sd**2 / 8),
+    )  # fmt: skip
+    return observed, Predictor(observed, ClosedForm(), "reduced-polynomial")
 
 
-def noisy(observed: Observations, force: FloatArray, seed: int) -> tuple[Observations, FloatArray]:
-    """Return observations of a force with drawn errors, and the errors."""
+def noisy(observed: Observations, force: FloatArray, seed: int) -> Observations:
+    """Return observations of a force with drawn errors."""
     true = observed.with_force(force)
-    errors = error_model(true, NOISE).draw(1, np.random.default_rng(seed))[0]
-    return true.with_force(force + errors), errors
+    errors = error_model(true, NOISE, force).draw(1, np.random.default_rng(seed))[0]
+    return true.with_force(force + errors)
+
+
+def problem_of(
+    recordings: list[Recording],
+    effects: Mapping[str, float] | None = None,
+    seed: int = 0,
+    extra: FloatArray | None = None,
+) -> tuple[Problem, Fit]:
+    """Return a problem whose errors are known, and its base fit.
+
+    Parameters
+    ----------
+    recordings
+        Protocols.
+    effects
+        Values of mechanisms' parameters and trials' onsets by full name.
+    seed
+        Of the errors.
+    extra
+        (n,), N: what no mechanism makes.
+    """
+    observed, predictor = observations(recordings)
+    force = predictor({**TRUTH, **(effects or {})}, mechanisms_in(effects or {}))
+    seen = noisy(observed, force if extra is None else force + extra, seed)
+    problem = Problem(replace(predictor, observed=seen), error_model(seen, NOISE, force))
+    return problem, fit(problem, (), {"C10": 0.7, "C20": 0.4})
+
+
+def mechanisms_in(effects: Mapping[str, float]) -> tuple[Mechanism, ...]:
+    """Return the mechanisms that parameters are of."""
+    names = dict.fromkeys(name.split(".")[0] for name in effects if not name.startswith("trial"))
+    return tuple(mechanism_named(name) for name in names)

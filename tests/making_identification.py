@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -11,16 +10,18 @@ from typing import Any
 import numpy as np
 from making import write_subject
 
-from legfem.curve import ForceCurve
-from legfem.identify.forward import DeepTissue, ForwardOutcome
-from legfem.identify.identification import Identification, measured_curve
+from legfem.common.progress import Silent
+from legfem.identify.forward import ForwardOutcome
+from legfem.identify.identification import Identification, beyond_of, measured_curve
 from legfem.identify.result import IdentificationResult
+from legfem.identify.run import laws_of, sensitivities_of
 from legfem.identify.settings import IdentificationSettings
 from legfem.identify.solver import FullSolver
-from legfem.identify.store import SolveStore
-from legfem.progress import Silent
+from legfem.inference.parameter import Parameter
+from legfem.jobs.store import Store
 from legfem.recording import Instrument, Recording
-from legfem.subject import Subject, load_subject
+from legfem.solve.force_curve import ForceCurve
+from legfem.subjects.subject import Subject, load_subject
 
 DEPTH = 20.0
 LAWS = ("neo-hookean", "reduced-polynomial")
@@ -32,42 +33,67 @@ class Killed(BaseException):
 
 @dataclass
 class AnalyticLeg:
-    """Deep tissue in series with fat: F = a (d + b d^2) C10 / (1 + C10 / 6) + c C20 d^3."""
+    """Deep tissue in series with fat: a (d + b d^2) C10 / (1 + C10 / 3 fat) + c C20 d^3 + ..."""
 
     softest: float = 0.0
     """kPa: below this C10 a solve stops at 12 mm."""
     killed_after: int = 10**9
+    depth: float = DEPTH
     calls: int = field(default=0)
 
     def fingerprint(self) -> Mapping[str, Any]:
         return {"model": "analytic"}
 
-    def solve(self, deep: DeepTissue) -> ForwardOutcome:
+    @property
+    def nominal(self) -> Mapping[str, float]:
+        tissues = {"superficial": 2e-3, "fascia": 0.1}
+        assumed = {f"{name}.C10": c10 for name, c10 in tissues.items()}
+        return {"deep.C10": 1e-3, "deep.D1": 28.0, "deep.C20": 0.0, "deep.D2": 28.0, **assumed}
+
+    def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> ForwardOutcome:
         if self.calls >= self.killed_after:
             raise Killed
         self.calls += 1
-        complete = deep.C10 >= self.softest
-        d = np.linspace(0.0, DEPTH if complete else 12.0, 41)
-        soft = 1 + deep.C10 / 6
+        every = {**self.nominal, **values}
+        deep, fat, stiffening = (
+            1e3 * every[name] for name in ("deep.C10", "superficial.C10", "deep.C20")
+        )
+        complete = deep >= self.softest
+        d = np.linspace(0.0, self.depth if complete else 12.0, 41)
+        soft = 1 + deep / (3 * fat)
         rise, cubic = 0.35 * (d + 0.04 * d**2), 6e-4 * d**3
-        force = rise * deep.C10 / soft + cubic * deep.C20
+        # Fat gives way first: its share fades with depth.
+        early = 0.05 * d * np.exp(-d / 6)
+        force = rise * deep / soft + cubic * stiffening + early * (fat - 2)
         by = {
             "deep.C10": 1e3 * rise / soft**2,
             "deep.C20": 1e3 * cubic,
-            "superficial.C10": 10 * force,
+            "superficial.C10": 1e3 * (rise * deep**2 / (3 * fat**2) / soft**2 + early),
             "fascia.C10": 0.5 * force,
+            "deep.D1": np.zeros(len(d)),
         }
-        return ForwardOutcome(
-            deep, ForceCurve(d, force, by), complete, "" if complete else "made to stop", 10, 0.0
-        )
+        curve = ForceCurve(d, force, {name: by[name] for name in sensitivities})
+        return ForwardOutcome(values, curve, complete, "" if complete else "made to stop", 10, 0.0)
+
+
+def curve_of(c10: float, c20: float, fat: float = 2.0) -> ForceCurve:
+    """Return the analytic leg's curve for stiffnesses in kPa."""
+    values = {"deep.C10": 1e-3 * c10, "deep.C20": 1e-3 * c20, "superficial.C10": 1e-3 * fat}
+    return AnalyticLeg().solve(values, ("deep.C10", "deep.C20", "superficial.C10")).curve
 
 
 def pressed_leg(
-    folder: Path, c10: float, c20: float, seed: int = 0, trials: int = 3, noise: float = 0.03
+    folder: Path,
+    c10: float,
+    c20: float,
+    seed: int = 0,
+    trials: int = 3,
+    noise: float = 0.03,
+    fat: float = 2.0,
 ) -> Subject:
     """Return a subject whose recordings are the analytic leg's, with noise (N) and 0.02 mm."""
     rng = np.random.default_rng(seed)
-    curve = AnalyticLeg().solve(DeepTissue(c10, c20, math.inf)).curve
+    curve = curve_of(c10, c20, fat)
     time = np.arange(0.0, DEPTH / 0.4 + 0.05, 0.1)
     d = np.minimum(0.4 * time, DEPTH)
     recordings = tuple(
@@ -90,11 +116,14 @@ def identify(
     model: AnalyticLeg | None = None,
     solves: Path | None = None,
     laws: tuple[Any, ...] = LAWS,
+    parameters: Sequence[Parameter] | None = None,
+    fixed: Mapping[str, float] | None = None,
 ) -> list[IdentificationResult]:
     """Return the results of laws, by default both."""
-    model = model or AnalyticLeg()
-    store = None if solves is None else SolveStore(solves, model.fingerprint())
-    with FullSolver(model, store, 1, Silent()) as solver:
-        return Identification(
-            subject, measured_curve(subject), solver, settings or IdentificationSettings()
-        ).identify(laws)
+    model = model or AnalyticLeg(depth=DEPTH + beyond_of(parameters or (), fixed or {}))
+    store = None if solves is None else Store(solves, ForwardOutcome, model.fingerprint())
+    chosen = laws_of(subject, laws, model.nominal, parameters, fixed)
+    with FullSolver(model, store, 1, Silent(), sensitivities_of(chosen)) as solver:
+        settings = settings or IdentificationSettings()
+        found = Identification(subject, measured_curve(subject), chosen, solver, settings)
+        return found.identify(laws)

@@ -1,6 +1,6 @@
 """Small solids on which the mechanics is verified, and subject 3 of the reconstruction.
 
-All use the three regions and laws that are shipped, so that their forms are compiled once.
+All use the three regions and laws of the default model, so that their forms are compiled once.
 """
 
 from __future__ import annotations
@@ -15,25 +15,24 @@ from dolfinx import fem, mesh
 from making import SHARED
 from mpi4py import MPI
 
-from legfem.contact import RigidCylinder
-from legfem.contact_settings import ContactSettings
 from legfem.experiments.plane_strain import Tissues
+from legfem.fem.spaces import LegSpaces, build_spaces
+from legfem.fem.system import System
 from legfem.geometry.calf import Calf, calf_section
 from legfem.geometry.section import LegSection
-from legfem.materials import NeoHookean, ReducedPolynomial
+from legfem.mechanics.contact import RigidCylinder
+from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
+from legfem.mechanics.model import LegModel, Term
+from legfem.mechanics.terms import NormalContact, TangentialContact, Tissue
 from legfem.meshing.section import BONE, DEEP, SKIN, SectionMeshSettings
-from legfem.model import LegModel, Term
-from legfem.newton import NewtonOutcome, NewtonSettings, NewtonSolver
-from legfem.shipped import STUDIES
-from legfem.spaces import LegSpaces, build_spaces
-from legfem.stepping import StepSettings
-from legfem.subject import Indenter
-from legfem.system import System
-from legfem.terms import NormalContact, TangentialContact, Tissue
+from legfem.solve.newton import NewtonOutcome, NewtonSettings, NewtonSolver
+from legfem.solve.stepping import StepSettings
+from legfem.subjects.subject import Indenter
+from studies.reconstruct import DEFINITION
 
 FORMULATIONS = ("displacement", "mixed")
 REAL_LEG = SHARED / "data" / "leg_geometry" / "cross_sections_5mm.csv"
-CROSSCHECK = SHARED / "crosscheck"
 COARSE = SectionMeshSettings(contact_size=2.5, growth=0.35, far_size=12.0, layer_size=5.0)
 
 
@@ -47,7 +46,7 @@ def fixed_steps(size: float) -> StepSettings:
 
 def subject_3() -> tuple[LegSection, Indenter, Tissues]:
     """Section, indenter and Table 5's parameters of subject 3."""
-    shapes = tomllib.loads((STUDIES / "frauziols" / "reconstruction.toml").read_text())
+    shapes = tomllib.loads(DEFINITION.read_text())
     subject = shapes["subjects"]["3"]
     indenter = Indenter(15.0, 50.0, np.array(subject["aim_mm"]), subject["direction_deg"])
     tissues = Tissues(
@@ -160,7 +159,7 @@ def leg_model(
     formulation: str,
     mechanisms: Sequence[Term] = (),
 ) -> LegModel:
-    """The shipped sum of terms, with the contact's stiffness (MPa/mm) as given, and more terms."""
+    """The default sum of terms, with the contact's stiffness (MPa/mm) as given, and more terms."""
     normal = NormalContact(RigidCylinder(radius), contact.pressure_law(penalty))
     model = LegModel(
         (
@@ -265,4 +264,4 @@ def at_skin(system: System, expression) -> np.ndarray:
 
 def contact_pressure(system: System) -> np.ndarray:
     """Return the contact pressure (MPa) at the skin's quadrature points."""
-    return at_skin(system, system.model.term("contact").pressure(system.skin.place))
+    return at_skin(system, system.model.term("contact").pressure(system.skin.domain))

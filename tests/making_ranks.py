@@ -12,10 +12,10 @@ import numpy as np
 VERIFICATION = Path(__file__).resolve().parent / "verification"
 
 
-def run_on_ranks(ranks: int, script: str, out: Path, *arguments: str) -> dict[str, np.ndarray]:
-    """Run a script of tests/verification, given arguments and out; return what it saved there."""
+def environment() -> dict[str, str]:
+    """Return the environment that mpirun starts in, with the tests' helpers on the path."""
     path = [VERIFICATION.parents[1], VERIFICATION.parent, os.environ.get("PYTHONPATH", "")]
-    environment = {
+    return {
         # mpirun refuses to start within another run's environment.
         **{k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE_"))},
         "PYTHONPATH": os.pathsep.join(map(str, path)),
@@ -26,9 +26,13 @@ def run_on_ranks(ranks: int, script: str, out: Path, *arguments: str) -> dict[st
         "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
         "OMPI_MCA_rmaps_base_oversubscribe": "1",
     }
+
+
+def run_on_ranks(ranks: int, script: str, out: Path, *arguments: str) -> dict[str, np.ndarray]:
+    """Run a script of tests/verification, given arguments and out; return what it saved there."""
     command = ["mpirun", "-n", ranks, sys.executable, VERIFICATION / script, *arguments, out]
     done = subprocess.run(
-        list(map(str, command)), env=environment, capture_output=True, text=True, timeout=300
+        list(map(str, command)), env=environment(), capture_output=True, text=True, timeout=300
     )
     assert done.returncode == 0, done.stderr[-2000:]
     with np.load(out) as saved:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from making import press
 
+from legfem.identify.catalogue import parameter_of
 from legfem.identify.result import (
     Cost,
     CostMap,
@@ -20,6 +21,11 @@ from legfem.identify.result import (
 from legfem.recording import Instrument, LoadingCurve, mean_loading_curve
 
 INSTRUMENT = Instrument(force_sd=0.04, displacement_sd=0.02)
+NAMES = ("deep.C10", "deep.C20")
+ASSUMED = {
+    "deep.D1": 28.0, "superficial.C10": 2e-3, "superficial.D1": 22.5, "fascia.C10": 0.1,
+    "fascia.D1": 22.5,
+}  # fmt: skip
 STAGES = ("design", "design", "design", "proposal", "proposal", "bound", "genetic")
 
 
@@ -35,13 +41,14 @@ def measured_curve(trials: int = 3, depth: float = 20.0) -> LoadingCurve:
 
 
 def sensitivities(depth: np.ndarray) -> dict[str, np.ndarray]:
-    """N/kPa: with C10 = 0.7 and C20 = 0.8 kPa they nearly give `making.tissue_force`."""
-    return {
+    """N/MPa: with C10 = 0.7 and C20 = 0.8 kPa they nearly give `making.tissue_force`."""
+    by_kpa = {
         "deep.C10": 0.3 * depth + 0.008 * depth**2,
         "deep.C20": 0.0005 * depth**3 + 0.009 * depth**2,
         "superficial.C10": 0.02 * depth,
         "fascia.C10": 1e-4 * depth,
     }
+    return {name: 1e3 * rate for name, rate in by_kpa.items()}
 
 
 def result(law: str, measured: LoadingCurve | None = None, **changes: object):
@@ -63,23 +70,24 @@ def result(law: str, measured: LoadingCurve | None = None, **changes: object):
 
     parameters = {
         name: Estimate(
+            parameter=parameter_of(name, {}),
             value=float(value),
             standard_error=float(sd),
             ci95=(float(value - 1.9 * sd), float(value + 2.1 * sd)),
             identifiability="identifiable",
             why="its interval is narrow",
-            per_fat=-0.012,
-            per_fascia=-0.034,
+            moves={"superficial.C10": -0.012, "fascia.C10": -0.034},
         )
-        for name, value, sd in zip(("c10_deep", "c20_deep"), optimum, error, strict=False)
+        for name, value, sd in zip(NAMES, optimum, error, strict=False)
     }
     rng = np.random.default_rng(1)
     two = law == "reduced-polynomial"
     best = optimum if two else np.array([optimum[0], 0.0])
-    starts = best + np.array([0.6, 1.0 if two else 0.0]) * np.abs(rng.standard_normal((7, 2)))
+    apart = 1e-3 * np.array([0.6, 1.0 if two else 0.0])
+    starts = best + apart * np.abs(rng.standard_normal((7, 2)))
     starts[4:] = best + np.abs(starts[4:] - best) * [[0.1], [0.02], [0.0]]
-    c10 = np.geomspace(0.1, 8, 60)
-    c20 = np.concatenate([[0.0], np.geomspace(0.02, 8, 50)]) if two else np.zeros(1)
+    c10 = 1e-3 * np.geomspace(0.1, 8, 60)
+    c20 = 1e-3 * np.concatenate([[0.0], np.geomspace(0.02, 8, 50)]) if two else np.zeros(1)
     squares = float(cost(*best))
     n = len(depth)
     given = {
@@ -88,7 +96,9 @@ def result(law: str, measured: LoadingCurve | None = None, **changes: object):
         "subject_origin": "reconstructed",
         "law": law,
         "parameters": parameters,
-        "correlation": float(covariance[0, 1] / np.prod(error)) if two else math.nan,
+        "correlations": covariance / np.outer(error, error),
+        "values": {"deep.C20": 0.0, "deep.D2": math.inf, **dict(zip(NAMES, optimum, strict=False))},
+        "assumed": ASSUMED,
         "cost": Cost(
             value=squares, points=n, mean_square=squares / n, per_length=squares / 50.0**2,
             rms=math.sqrt(squares / n), r_squared=0.9999, chi_square=1.05 * n if two else 40.0 * n,
@@ -98,15 +108,16 @@ def result(law: str, measured: LoadingCurve | None = None, **changes: object):
         "measured": measured,
         "predicted": PredictedCurve(depth, matrix @ optimum, rates),
         "search": SearchPath(
+            NAMES[: 2 if two else 1],
             tuple(
-                FullSolve(float(a), float(b), float(cost(a, b)), stage, True, "", 60, 1.5)
+                FullSolve({NAMES[0]: a, NAMES[1]: b}, float(cost(a, b)), stage, True, "", 60, 1.5)
                 for (a, b), stage in zip(starts, STAGES, strict=True)
             ),
             tuple(
-                Generation(k // 5, k, *(float(v) for v in at), float(cost(*at)))
+                Generation(k // 5, k, dict(zip(NAMES, at, strict=True)), float(cost(*at)))
                 for k, at in enumerate(best + (starts[0] - best) * 0.7**j for j in range(10))
             ),
-            CostMap(c10, c20, cost(*np.meshgrid(c10, c20))),
+            CostMap(NAMES[: 2 if two else 1], c10, c20, cost(*np.meshgrid(c10, c20))),
         ),
         "forward_solves": 7,
         "reused_solves": 2,

@@ -1,4 +1,4 @@
-"""A short leg for stockings: 60 mm of the fourth shipped one."""
+"""A short leg for stockings: 60 mm of the fourth one of legfem."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import numpy as np
 
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.parametric_leg import parametric_leg, read_legs
-from legfem.materials import NeoHookean
+from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import SolidMeshSettings
-from legfem.shipped import STUDIES
+from studies.stockings.command import LEGS
 
 PLANTED_KPA = (2.5, 6.0)
 COARSE = SolidMeshSettings(skin_size=9, inside_size=11, bone_size=8)
@@ -16,7 +16,7 @@ COARSE = SolidMeshSettings(skin_size=9, inside_size=11, bone_size=8)
 
 def short_leg() -> LegShape:
     """Return the leg."""
-    whole = parametric_leg(read_legs(STUDIES / "dubuis" / "legs.toml")["4"], n_points=90)
+    whole = parametric_leg(read_legs(LEGS)["4"], n_points=90)
     return whole.at_levels(np.linspace(50, 110, 13))
 
 

@@ -11,17 +11,17 @@ import pytest
 from making_ranks import run_on_ranks
 from mpi4py import MPI
 
-from legfem.checkpoint import Checkpoint
 from legfem.experiments.indentation_3d import (
     Cylinder,
     IdealisedLegIndentation,
     IdealisedLegSettings,
 )
 from legfem.experiments.pressing import Pressing
-from legfem.materials import ReducedPolynomial
+from legfem.jobs.checkpoint import Checkpoint
+from legfem.mechanics.materials import ReducedPolynomial
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
-from legfem.protocol import Protocol
-from legfem.stepping import SolveReport
+from legfem.solve.protocol import Protocol
+from legfem.solve.stepping import SolveReport
 
 TINY = LegMeshSettings(contact_size=12, depth_size=20, edge_size=8, growth=0.5, far_size=40)
 DEEP = {"deep": ReducedPolynomial(2e-3, 28.0, 2e-3)}
@@ -80,7 +80,7 @@ def test_it_goes_on_within_a_hold_too(tmp_path: Path, every_step):
             if left[0] == 0:
                 raise KilledError
 
-        pressing: Pressing = made(2)._pressing
+        pressing: Pressing = made(2).pressing
         kept = (folder, "a test") if keep else None
         return pressing.run(None, protocol, (), on_step, keep_in=kept)
 

@@ -1,42 +1,50 @@
-"""Sealed cases: reproducible, sealed, and recorded with the errors stated."""
+"""Sealed cases: reproducible, sealed, with the effects stated, and scored as stated."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import norm
 
-from legfem.errors import InputError
-from legfem.progress import Silent
-from legfem.study.concealed import command
-from legfem.study.concealed.cases import INSTRUMENT, Case, make_cases, protocols_of, weakened
-from legfem.study.concealed.kept import Kept
-from legfem.study.concealed.page import cases_page, page
-from legfem.study.concealed.power import RATIOS, Trial, Tried, power_curve
-from legfem.study.concealed.scoring import Scored, summarise
-from legfem.study.concealed.seal import read_sealed, write_sealed
-from legfem.study.concealed.truth import Truth, blank_observations, force_at, record
+from legfem.common.errors import InputError
+from legfem.subjects.subject import load_subject
+from studies.concealed.cases import SealedCase, make_cases
+from studies.concealed.forms import FORMS, ON_COURSE, OUTSIDE, OUTSIDE_ON_COURSE, Pressed
+from studies.concealed.other_code import OtherCase, OtherCode
+from studies.concealed.other_tissue import DeepTissue
+from studies.concealed.page import cases_page, figure, page, scored_document
+from studies.concealed.running import Metric
+from studies.concealed.scoring import Explained, Scored, reliability, summarise
+from studies.concealed.seal import read_sealed, write_sealed
+
+CROSSCHECK = Path(__file__).parent / "data" / "crosscheck"
 
 
 def test_cases_depend_on_the_seed_alone():
-    assert make_cases(40, 1) == make_cases(40, 1)
-    assert make_cases(40, 1) != make_cases(40, 2)
+    assert make_cases(40, 1, 3) == make_cases(40, 1, 3)
+    assert make_cases(40, 1, 3) != make_cases(40, 2, 3)
 
 
-def test_cases_hold_all_kinds_and_ten_mechanisms_or_more():
-    cases = make_cases(80, 1)
-    assert len([case for case in cases if case.twin_of is None]) == 80
+def test_cases_hold_all_kinds_and_mechanisms_and_thirty_are_another_codes():
+    everything = make_cases(150, 1, 6)
+    cases = [case for case in everything if case.twin_of is None]
+    assert len(cases) == 150
     assert {case.kind for case in cases} == {"none", "single", "pair", "outside"}
-    assert len({case.names for case in cases if case.kind == "single"}) >= 10
-    assert len({case.subject for case in cases}) == 3
+    assert {name for case in cases for name in case.names} == set(FORMS)
+    assert {name for case in cases for name, _ in case.outside} == set(OUTSIDE)
+    assert sum(case.code == "felupe" for case in cases) >= 30
+    assert {case.leg for case in cases} == set(range(6))
+    for case in cases:
+        if any(FORMS[name].needs_time for name in case.names):
+            assert case.protocol == "holds"
 
 
 def test_a_case_survives_json():
-    for case in make_cases(40, 3):
-        assert Case.of(json.loads(json.dumps(case.document()))) == case
+    for case in make_cases(40, 3, 3):
+        assert SealedCase.of(json.loads(json.dumps(case.document()))) == case
 
 
 def test_a_key_opens_with_its_seed_alone(tmp_path):
@@ -59,121 +67,199 @@ def test_a_changed_key_is_noticed(tmp_path):
         read_sealed(path, 7)
 
 
-def test_recordings_err_as_their_instruments_do():
-    blank = blank_observations(protocols_of("rates"))
-    truth = Truth(blank, blank.displacement**2 / 40)
-    case = next(c for c in make_cases(20, 1) if c.protocol == "rates")
-    recordings = record(truth, case)
-    errors = np.concatenate(
-        [r.force - force_at(truth, k, r.time) for k, r in enumerate(recordings)]
-    )
-    assert len(recordings) == 6
-    assert np.sqrt(np.mean(errors**2)) == pytest.approx(INSTRUMENT.force_sd, rel=0.3)
-    protocol = blank.protocols[0].protocol
-    away = recordings[0].displacement - protocol.displacement_at(recordings[0].time)
-    assert np.std(away) == pytest.approx(INSTRUMENT.displacement_sd, rel=0.5)
+def pressed(trial=0):
+    time = np.linspace(0.0, 100.0, 501)
+    d = np.concatenate([np.linspace(0, 20, 251), np.linspace(20, 0, 251)[1:]])
+    return Pressed(trial, time, d, 0.03 * d**2, lambda at: 0.03 * at**2, lambda at: 0.001 * at)
 
 
-def test_a_weakened_case_keeps_its_shape():
-    case = next(c for c in make_cases(80, 1) if c.names == ("viscoelasticity",))
-    half = weakened(case, 0.5)
-    before, after = dict(case.effects[0][1]), dict(half.effects[0][1])
-    assert after["ratio"] == pytest.approx(0.5 * before["ratio"])
-    assert after["relaxation_time"] == before["relaxation_time"]
+def test_a_series_spring_takes_up_what_it_says():
+    trial = pressed()
+    given = {"strength": 0.5, "hardening": 0.1}
+    force = ON_COURSE["support-compliance"](trial, given)
+    deepest = int(np.argmax(trial.displacement))
+    taken = 0.5 * force[deepest] / (1 + 0.1 * force[deepest])
+    assert force[deepest] == pytest.approx(0.03 * (20.0 - taken) ** 2, rel=1e-3)
 
 
-def test_power_is_read_from_counts():
-    generator = np.random.default_rng(3)
-    outcomes = []
-    for ratio in RATIOS:
-        for _ in range(300):
-            found = bool(np.log(ratio) + 0.4 * generator.normal() > 0.1)
-            outcomes.append((Trial(None, "force-drift", ratio), Tried(ratio * 0.01, found)))
-    curve = power_curve("force-drift", "ramps", outcomes)
-    expected = np.exp(0.1 + 0.4 * norm.ppf(0.8))
-    assert curve.ratio_found == pytest.approx(expected, rel=0.08)
-    assert curve.smallest[0] == pytest.approx(0.01 * expected, rel=0.08)
-    assert curve.counted(RATIOS[0])[1] == 300
+def test_preconditioning_fades_and_is_graded():
+    given = {"strength": 0.1, "fading": 0.5, "grading": 0.3}
+    excess = [
+        ON_COURSE["preconditioning"](pressed(k), given)[1:-1] / pressed(k).force[1:-1] - 1
+        for k in range(3)
+    ]
+    np.testing.assert_allclose(excess[2], 0.25 * excess[0])
+    assert excess[0].max() == pytest.approx(0.13, rel=1e-3)
+    assert excess[0].min() == pytest.approx(0.07, rel=1e-3)
 
 
-def test_a_count_goes_on_where_it_was_stopped(tmp_path):
-    library = _Library(np.arange(3.0), {("contact-slip", ""): _Values(np.ones(4))})
-    kept = Kept(tmp_path, "power", [library])
-    kept.add("a", {"strength": 0.5, "found": True})
-    kept.add("b", None)
-    with kept.path.open("a") as file:
-        file.write('\n["c", {"stren')
-    again = Kept(tmp_path, "power", [library])
-    assert again["a"] == {"strength": 0.5, "found": True}
-    assert "b" in again
-    assert "c" not in again
-    again.add("c", 1.0)
-    assert Kept(tmp_path, "power", [library])["c"] == 1.0
-    other = replace(library, changes={("contact-slip", ""): _Values(np.zeros(4))})
-    assert "a" not in Kept(tmp_path, "power", [other])
+@pytest.mark.parametrize("name", ["muscle-contraction", "force-drift", "end-effects"])
+def test_effects_vanish_with_their_strength(name):
+    numbers = {key: float(np.mean(ends)) for key, ends in FORMS[name].others.items()}
+    trial = pressed()
+    still = ON_COURSE[name](trial, {"strength": 0.0, **numbers})
+    np.testing.assert_allclose(still, trial.force)
+    moved = ON_COURSE[name](trial, {"strength": FORMS[name].strengths[1], **numbers})
+    assert np.abs(moved - trial.force).max() > 0.01 * trial.force.max()
 
 
-def test_p_values_are_not_drawn_twice(tmp_path, monkeypatch):
-    drawn = []
-
-    def p_values(context, task):
-        drawn.append(task.seed)
-        return task.seed / 100, 0.5
-
-    monkeypatch.setattr(command, "_null", p_values)
-    kinds = [(_Library(np.arange(3.0), {}), "neo-hookean", "ramps")]
-    command.calibrate(kinds, 10, 3, 1, Silent(), tmp_path)
-    found = command.calibrate(kinds, 14, 3, 1, Silent(), tmp_path)
-    assert drawn == list(range(3, 17))
-    np.testing.assert_allclose(found.verdict.p_values, np.arange(3, 17) / 100)
+@pytest.mark.parametrize("name", list(OUTSIDE_ON_COURSE))
+def test_effects_outside_the_library_matter(name):
+    trial = pressed()
+    away = np.abs(OUTSIDE_ON_COURSE[name](trial, 1.0) - trial.force).max()
+    assert 0.02 < away / trial.force.max() < 0.1
 
 
-def scored(number, names, *models, kind="single", twin_of=None, covered=True, after=0.01):
+def metric():
+    n = 30
+    at = np.linspace(0.1, 1, n)
+    return Metric(
+        np.zeros(n, int), 50 * at, 0.01**2 * np.eye(n), at[:, None], np.full(n, 0.01),
+        np.zeros(n, dtype=bool),
+    )  # fmt: skip
+
+
+def test_a_metric_measures_what_a_refit_leaves(tmp_path):
+    at = metric().jacobian[:, 0]
+    hidden, rest = metric().shown(3 * at)
+    assert hidden == pytest.approx(0, abs=1e-9)
+    np.testing.assert_allclose(rest, 0, atol=1e-12)
+    across = np.cos(9 * at)
+    size, rest = metric().shown(0.02 * across)
+    beyond = across - at * (at @ across) / (at @ at)
+    assert size == pytest.approx(2 * np.linalg.norm(beyond))
+    np.testing.assert_allclose(rest, 0.02 * beyond)
+    metric().write(tmp_path / "case.npz")
+    again = Metric.read(tmp_path / "case.npz")
+    np.testing.assert_array_equal(again.covariance, metric().covariance)
+
+
+def scored(number, names, *models, kind="single", twin_of=None, size=9.0, sure=0.95, **changed):
     """Return a scored case; its C10 was 20 % off before repair."""
-    case = replace(make_cases(20, 1)[0], number=number, kind=kind, twin_of=twin_of, outside=(),
-                   effects=tuple((name, (("size", 1.0),)) for name in names))  # fmt: skip
+    case = replace(make_cases(20, 1, 2)[0], number=number, kind=kind, twin_of=twin_of, outside=(),
+                   effects=tuple((name, (("strength", 1.0),)) for name in names))  # fmt: skip
     verdict = ("consistent", "named", "ambiguous")[min(len(models), 2)]
-    return Scored(case, verdict, models, 0.995, (8, 1, 1), {"c10_deep": 0.2}, {"c10_deep": after},
-                  covered, (0.1, 0.01, 0.01), 12.0, 3)  # fmt: skip
+    rest = (1 - sure) / max(len(models) - 1, 1)
+    explanations = tuple(
+        Explained(model, False, sure if k == 0 else rest) for k, model in enumerate(models or ((),))
+    )
+    usual = Scored(
+        case, verdict, models, explanations, size, 0.05, (8, 1, 1), 0.2, 0.01, True, 12.0, 3
+    )
+    return replace(usual, **changed)
 
 
-def test_scores_count_what_they_say():
-    everything = [
+def everything():
+    return [
         scored(0, ["a"], ("a",)),
-        scored(1, ["a"], ("b",), ("a",), after=0.05),
+        scored(1, ["a"], ("b",), ("a",), sure=0.7, bias_after=0.05),
         scored(2, ["a"], ("b",)),
         scored(3, ["a", "b"], ("b", "a"), kind="pair", covered=False),
-        scored(4, [], kind="none"),
-        scored(5, [], kind="outside"),
+        scored(4, [], kind="none", size=0.0),
+        scored(5, ["a"], size=1.0),
         scored(6, ["a"], ("a",), twin_of=0),
         scored(7, ["a"], ("a",), ("b",), twin_of=1),
     ]
-    summary = summarise(everything)
-    assert (summary.first.count, summary.first.total) == (1, 3)
-    assert summary.in_set.count == 2
-    assert (summary.pairs.count, summary.false_alarms.count, summary.outside.count) == (1, 0, 0)
-    assert (summary.same_name.count, summary.same_answer.count) == (1, 2)
-    assert summary.same_verdict.count == 2
+
+
+def test_scores_count_what_they_say():
+    summary = summarise(everything())
+    assert (summary.first.count, summary.first.total) == (2, 4)
+    assert (summary.in_set.count, summary.in_set.total) == (3, 4)
+    assert summary.median_set == 1
+    assert (summary.false_alarms.count, summary.false_alarms.total) == (0, 1)
+    assert (summary.covered.count, summary.covered.total) == (5, 6)
+    assert summary.same_answer.count == 2
     assert summary.f1 == pytest.approx(0.8 * 2 / (0.8 * 2 + 0.2))
-    assert summary.bias_before["c10_deep"] == pytest.approx(0.2)
-    assert summary.bias_after["c10_deep"] == pytest.approx(0.01)
-    assert (summary.covered.count, summary.covered.total) == (1, 2)
-    assert "| a | 3 | 1 | 2 |" in page(everything, summary)
-    assert "| ambiguous: b or a | ambiguous: a or b | +20.0%, +5.0% | yes |" in cases_page(
-        everything
-    )
+    assert summary.bias_before == pytest.approx(0.2)
+    assert summary.bias_after == pytest.approx(0.01)
+    sizes = {(low, high): first.total for low, high, first, _ in summary.by_size}
+    assert sizes[0.0, 2.0] == 1 and sizes[8.0, 16.0] == 4
 
 
-@dataclass(frozen=True)
-class _Values:
-    values: np.ndarray
+def test_reliability_sets_probabilities_beside_what_is_right():
+    one, other = reliability(everything()[:6])[2:]
+    assert (one.right.count, one.right.total) == (0, 1)
+    assert one.stated == pytest.approx(0.7)
+    # Two names are right, nothing is right of the null, and wrong of the effect too small to see.
+    assert (other.right.count, other.right.total) == (3, 5)
 
 
-@dataclass(frozen=True)
-class _Library:
-    grid: np.ndarray
-    changes: dict
+def test_outside_the_library_only_unexplained_is_right():
+    unknown = (Explained((), True, 0.9),)
+    unexplained = scored(0, [], kind="outside", verdict="unexplained", explanations=unknown)
+    ambiguous = scored(1, [], ("a",), ("b",), kind="outside")
+    summary = summarise([unexplained, ambiguous, scored(2, ["a"], ("a",))])
+    assert (summary.outside.count, summary.outside.total) == (1, 2)
+    assert unexplained.in_set and not ambiguous.in_set
 
-    def curve(self, c10, c20):
-        """Return a force (3,)."""
-        return c10 * self.grid + c20
+
+def test_pages_and_figure_show_every_case():
+    cases = everything()[1:5] + everything()[7:]
+    named = [replace(s, case=replace(s.case, effects=tuple(
+        ({"a": "force-drift", "b": "contact-slip"}[name], v) for name, v in s.case.effects
+    ))) for s in cases]  # fmt: skip
+    summary = summarise(named)
+    assert "| force-drift | a load cell that warms up" in page(named, summary)
+    assert "| ambiguous: b or a | ambiguous: a or b | +20.0%, +5.0% | yes |" in cases_page(named)
+    assert len(figure(named, summary).axes) == 2
+    assert json.loads(json.dumps(scored_document(named, summary)))["origin"] == "simulated"
+
+
+def test_the_other_codes_law_is_the_derivative_of_its_energy():
+    law = DeepTissue(0.8, 0.5, 0.3, 0.7, 20.0, 15.0)
+    generator = np.random.default_rng(3)
+    F = np.eye(3)[:, :, None] + 0.2 * generator.normal(size=(3, 3, 1))
+
+    def energy(F):
+        J = np.linalg.det(F[:, :, 0])
+        strain = J ** (-2 / 3) * np.sum(F**2) - 3
+        shape = 0.8 * strain + 0.5 * strain**2 + 0.3 / 0.7 * (np.exp(0.7 * strain) - 1)
+        return shape + 20 * (J - 1) ** 2 + 15 * (J - 1) ** 4
+
+    stress, tangent = law.gradient([F, None])[0], law.hessian([F, None])[0]
+    for i, j in np.ndindex(3, 3):
+        step = np.zeros((3, 3, 1))
+        step[i, j] = 1e-5
+        slope = (energy(F + step) - energy(F - step)) / 2e-5
+        assert stress[i, j, 0] == pytest.approx(slope, rel=1e-6, abs=1e-6)
+        change = (law.gradient([F + step, None])[0] - law.gradient([F - step, None])[0]) / 2e-5
+        np.testing.assert_allclose(tangent[:, :, i, j], change, rtol=1e-5, atol=1e-5)
+
+
+def other_code(case, finer=1.0):
+    return OtherCode(load_subject(CROSSCHECK / "neo-hookean", need_recordings=False), case, finer)
+
+
+def clean(name):
+    return np.loadtxt(CROSSCHECK / name / "clean.csv", delimiter=",", skiprows=1).T
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "case"),
+    [("neo-hookean", OtherCase(1.5)), ("reduced-polynomial", OtherCase(0.72, 0.85))],
+)
+def test_the_other_code_agrees_with_a_third_within_one_percent(name, case):
+    leg = load_subject(CROSSCHECK / name, need_recordings=False)
+    curve = OtherCode(leg, case).solve(20.0, 0.8)
+    assert curve.reached
+    d, force = clean(name)
+    deep = curve.displacement > 4.0
+    expected = np.interp(curve.displacement[deep], d, force)
+    np.testing.assert_allclose(curve.force[deep], expected, rtol=0.01)
+
+
+@pytest.mark.slow
+def test_the_other_codes_effects_change_the_force_the_way_they_should():
+    at = {name: other_code(case).solve(4.0, 1.0).force[-1] for name, case in {
+        "none": OtherCase(1.5),
+        "slip": OtherCase(1.5, friction=0.05),
+        "springs": OtherCase(1.5, springs=0.4),
+        "stiff springs": OtherCase(1.5, springs=1e4),
+        "fat": OtherCase(1.5, factors={"superficial": 2.0}),
+        "lump": OtherCase(1.5, lump=(14.0, 6.0, 3.0)),
+    }.items()}  # fmt: skip
+    assert at["slip"] < at["none"] and at["springs"] < at["none"]
+    assert at["stiff springs"] == pytest.approx(at["none"], rel=1e-3)
+    assert at["fat"] > 1.05 * at["none"] and at["lump"] > 1.001 * at["none"]

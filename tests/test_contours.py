@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from making import circle, leg, write_contours
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
 from legfem.geometry import (
     LegSection,
     fat_thickness,

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from legfem.correction import TabulatedCorrection, read_correction, smooth_ratio
-from legfem.curve import ForceCurve
-from legfem.errors import InputError
+from legfem.common.errors import InputError
+from legfem.common.progress import Silent
+from legfem.correction.choice import find_correction
+from legfem.correction.tabulated import TabulatedCorrection, read_correction, smooth_ratio
 from legfem.experiments.indentation_3d import IdealisedLegSettings
-from legfem.identify.correction import find_correction
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
-from legfem.progress import Silent
-from legfem.study.correction import Calibration, calibrate
-from legfem.study.correction_cases import Case
-from legfem.study.correction_checks import check
+from legfem.solve.force_curve import ForceCurve
+from legfem.study.correction.calibration import Calibration, calibrate
+from legfem.study.correction.cases import CorrectionCase
+from legfem.study.correction.checks import check
 
 GRID = np.linspace(0, 25, 51)
 
@@ -90,7 +90,9 @@ def test_a_bad_file_is_one_line(tmp_path: Path, break_it: str):
 
 def test_a_calibration_is_kept_and_gone_on_with(tmp_path: Path):
     mesh = LegMeshSettings(contact_size=8, depth_size=16, edge_size=8, growth=0.5, far_size=40)
-    case = Case(IdealisedLeg(length=90), settings=IdealisedLegSettings(mesh=mesh), depth=6.0)
+    case = CorrectionCase(
+        IdealisedLeg(length=90), settings=IdealisedLegSettings(mesh=mesh), depth=6.0
+    )
     given = Calibration(case, c10_kPa=(1.0, 4.0), stiffening=(0.0,), coarse=0.8, between=0.9)
     found = calibrate(given, tmp_path, 1, Silent())
     assert len(list(tmp_path.glob("*.json"))) == len(found.outcomes) == 7
@@ -104,10 +106,13 @@ def test_a_calibration_is_kept_and_gone_on_with(tmp_path: Path):
     assert read.given["leg"]["length"] == 90
 
 
+@pytest.mark.slow
 def test_checks_press_the_mesh_and_compare_elements(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("legfem.study.correction_checks.REACH", 1.0)
+    monkeypatch.setattr("legfem.study.correction.checks.REACH", 1.0)
     mesh = LegMeshSettings(contact_size=8, depth_size=16, edge_size=4, growth=0.5, far_size=40)
-    case = Case(IdealisedLeg(length=60), settings=IdealisedLegSettings(mesh=mesh), depth=5.0)
+    case = CorrectionCase(
+        IdealisedLeg(length=60), settings=IdealisedLegSettings(mesh=mesh), depth=5.0
+    )
     check(case, tmp_path, tmp_path / "cases", 1, Silent(), MPI.COMM_SELF)
     found = json.loads((tmp_path / "checks.json").read_text())["cases"]
     assert [one["reached_mm"] for one in found] == [1.0] * 6 + [5.0] * 3

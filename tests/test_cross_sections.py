@@ -8,12 +8,12 @@ from making import SHARED, circle
 from shapely import Polygon
 from typer.testing import CliRunner
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
 from legfem.geometry import PARTS, fat_thickness, girth, minimal_fat_thickness
 from legfem.geometry.__main__ import app
 from legfem.geometry.cross_sections import read_cross_section, section_from_outlines
-from legfem.geometry.subject_folder import convert_cross_sections
-from legfem.subject import load_subject
+from legfem.subjects.from_cross_sections import convert_cross_sections
+from legfem.subjects.subject import load_subject
 
 REAL = SHARED / "data" / "leg_geometry" / "cross_sections_5mm.csv"
 real_leg = pytest.mark.skipif(not REAL.is_file(), reason="needs ../shared/data/leg_geometry")
@@ -56,13 +56,13 @@ def test_a_tibia_under_the_skin_is_wrapped_and_cut_back():
 
 def test_a_folder_is_written_whole_and_loads(tmp_path):
     path = _write(tmp_path / "sections.csv", _surfaces())
-    out = convert_cross_sections(path, 300, tmp_path / "out" / "leg", fascia_thickness=0.8)
+    out = convert_cross_sections(path, 300, tmp_path / "out" / "leg (left)", fascia_thickness=0.8)
     subject = load_subject(out, need_recordings=False)
-    assert subject.id == "leg"
+    assert subject.id == "leg -left-", "an id is a plain name"
     assert subject.section.fascia_thickness == 0.8
     assert subject.indenter.direction == pytest.approx([0, -1])
     assert subject.indenter.aim == pytest.approx([0, 60], abs=1.0)
-    assert sorted(p.name for p in out.parent.iterdir()) == ["leg"]
+    assert sorted(p.name for p in out.parent.iterdir()) == ["leg (left)"]
 
 
 def test_nothing_is_written_when_it_cannot_be_whole(tmp_path):

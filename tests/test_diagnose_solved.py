@@ -6,19 +6,21 @@ import numpy as np
 import pytest
 from making_diagnosis import INSTRUMENT
 
-from legfem.correction import read_correction
-from legfem.diagnose.diagnosis import mechanism_named
-from legfem.diagnose.library import build_library, shown_mechanisms
-from legfem.diagnose.mechanisms import EndEffects
+from legfem.common.progress import Silent
+from legfem.correction.choice import REFERENCE
+from legfem.correction.tabulated import read_correction
+from legfem.diagnose.library_build import build_library, rounded, shown_mechanisms
+from legfem.diagnose.mechanisms import mechanism_named
+from legfem.diagnose.mechanisms.base import null_of
+from legfem.diagnose.mechanisms.end_effects import EndEffects
+from legfem.diagnose.nuisances import displaced_geometries
 from legfem.diagnose.observations import observe
 from legfem.diagnose.predict import Predictor
 from legfem.diagnose.solved import SolvedResponses, end_effect
 from legfem.diagnose.variants import Stopped, Variants
-from legfem.identify.correction import REFERENCE
-from legfem.progress import Silent
-from legfem.protocol import Protocol
 from legfem.recording import Recording
-from legfem.subject import SUBJECTS, load_subject
+from legfem.solve.protocol import Protocol
+from legfem.subjects.subject import SUBJECTS, load_subject
 
 DEPTH = 6.0
 SOFT = (0.8, 0.9)
@@ -54,14 +56,20 @@ def responses_in(folder, variants, correction=None):
     ("name", "values", "size"),
     [
         ("strain-stiffening", {"coefficient": 0.0}, 0.0),
-        ("compressibility", {"excess": 0.0}, 0.0),
-        ("fascia-stiffness", {"excess": 0.0}, 0.0),
-        ("superficial-stiffness", {"excess": 0.0}, 0.0),
+        ("superficial-stiffening", {"coefficient": 0.0}, 0.0),
+        ("compressibility", {"factor": 1.0}, 0.0),
+        ("fascia-stiffness", {"factor": 1.0}, 0.0),
+        ("superficial-stiffness", {"factor": 1.0}, 0.0),
         ("prestress", {"tension": 0.0}, 0.0),
         ("indenter-tilt", {"angle": 0.0}, 0.0),
-        ("viscoelasticity", {"ratio": 0.0, "relaxation_time": 8.0}, 2e-3),
+        ("contact-slip", {"slip": 0.0}, 0.0),
+        ("viscoelasticity", {"ratio": 0.0, "relaxation_time": 8.0, "spread": 1.0}, 2e-3),
+        (
+            "superficial-viscoelasticity",
+            {"ratio": 0.0, "relaxation_time": 8.0, "spread": 1.0},
+            2e-3,
+        ),
         ("poroelastic-drainage", {"permeability": 0.0}, 2e-3),
-        ("contact-slip", {"weakness": 0.0}, 2e-3),
     ],
 )
 def test_a_mechanism_of_the_tissue_vanishes_at_its_null(
@@ -83,8 +91,6 @@ def test_a_solution_is_made_once(variants, tmp_path):
     again = responses_in(tmp_path, variants)
     np.testing.assert_array_equal(again.curve(*SOFT), force)
     assert again.solutions == 0
-    other = SolvedResponses(variants, DEPTH + 0.5, tmp_path, {"test": 2})
-    assert other._recalled("nothing") is None
 
 
 @pytest.mark.slow
@@ -94,29 +100,47 @@ def test_the_library_stands_in_for_solutions(variants, observed, tmp_path):
     able, unable = shown_mechanisms(observed, correction)
     assert "preconditioning" in unable
     quick = [m for m in able if m.name not in ("contact-slip", "poroelastic-drainage")]
-    library = build_library(solved, solved, observed, quick, correction, 1, Silent())
+    library = build_library(
+        solved, solved, observed, quick, correction, 1, Silent(), 0.8, rounded(SOFT[0])
+    )
+    assert library.missing == {}
     np.testing.assert_allclose(library.curve(*SOFT), solved.curve(*SOFT), rtol=6e-3)
+    deep = observed.displacement > 0.3 * DEPTH
     for name, values in (
-        ("viscoelasticity", {"ratio": 0.1, "relaxation_time": 8.0}),
-        ("fascia-stiffness", {"excess": 1.0}),
+        ("viscoelasticity", {"ratio": 0.1, "relaxation_time": 8.0, "spread": 1.0}),
+        ("fascia-stiffness", {"factor": 2.0}),
+        ("superficial-stiffness", {"factor": 1.4}),
         ("end-effects", {"scale": 0.7}),
     ):
         mechanism = mechanism_named(name)
-        values = {parameter.name: parameter.null for parameter in mechanism.parameters} | values
+        values = {p.name: null_of(p) for p in mechanism.parameters} | values
         emulated = library.relative_change(mechanism, values, *SOFT, observed)
         true = solved.relative_change(mechanism, values, *SOFT, observed)
-        deep = observed.displacement > 0.3 * DEPTH
         assert np.abs(emulated - true)[deep].max() < 0.12 * np.abs(true[deep]).max()
+    nuisances = library.nuisances
+    assert set(nuisances.geometric) == {g.name for g in displaced_geometries()}
+    assert all(np.isfinite(change).all() for change in nuisances.geometric.values())
+    at = library.middle, library.middle * float(np.expm1(0.8))
+    stiffer = mechanism_named("superficial-stiffness").solution({"factor": 1.02})
+    np.testing.assert_allclose(
+        solved.elastic_change(stiffer, *at) / 0.02, nuisances.material["superficial.C10"],
+        rtol=0.03, atol=2e-3,
+    )  # fmt: skip
 
 
 class Stopping:
     """A leg whose solutions never come to their end."""
 
-    def follow(self, protocol, deep, solution, sensitivities=()):
+    def follow(self, protocol, deep, solution, sensitivities=(), placement=None):
+        """Say that it stopped."""
         return Stopped("the step became too small")
 
+    def described(self, variant):
+        """Return nothing in particular."""
+        return variant
 
-def test_what_stopped_is_not_a_number_and_is_not_tested(tmp_path, observed):
+
+def test_what_stopped_is_not_a_number_and_is_not_made_again(tmp_path, observed):
     responses = responses_in(tmp_path, Stopping())
     assert np.isnan(responses.curve(*SOFT)).all()
     assert responses.solutions == 1
@@ -127,6 +151,13 @@ def test_what_stopped_is_not_a_number_and_is_not_tested(tmp_path, observed):
     assert np.isnan(force).all()
 
 
+def test_what_was_kept_of_another_leg_is_not_recalled(tmp_path):
+    responses_in(tmp_path, Stopping()).curve(*SOFT)
+    other = SolvedResponses(Stopping(), DEPTH + 0.5, tmp_path, {"test": 2})
+    other.curve(*SOFT)
+    assert other.solutions == 1
+
+
 def test_end_effects_may_err_as_the_correction_does(observed):
     correction = read_correction(REFERENCE)
     asked = observed, np.asarray(0.8), np.asarray(0.9)
@@ -135,6 +166,6 @@ def test_end_effects_may_err_as_the_correction_does(observed):
     mode = np.interp(
         observed.displacement, correction.displacement, correction.errors["leg length"]
     )
-    as_shipped = correction.correction(asked[0].displacement, *asked[1:])
-    np.testing.assert_allclose(end_effect(correction, plain, 0.8, 0.9, observed), -2.0 * as_shipped)
-    np.testing.assert_allclose(longer, -2.0 * (as_shipped + mode))
+    tabulated = correction.correction(asked[0].displacement, *asked[1:])
+    np.testing.assert_allclose(end_effect(correction, plain, 0.8, 0.9, observed), -2.0 * tabulated)
+    np.testing.assert_allclose(longer, -2.0 * (tabulated + mode))

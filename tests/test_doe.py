@@ -12,7 +12,7 @@ import pytest
 from making_doe import TOML, definition, planted_table
 from typer.testing import CliRunner
 
-from legfem.curve import ForceCurve
+from legfem.solve.force_curve import ForceCurve
 from legfem.study.cli import app
 from legfem.study.doe.anova import anova, coefficient_tests
 from legfem.study.doe.definition import IDENTIFIED, PAPER, read_definition
@@ -24,7 +24,7 @@ from legfem.study.doe.paper import TABLE_2, TABLE_3, check_table_3
 from legfem.study.doe.study import analyse
 from legfem.study.doe.surface import NotEstimableError, fit_surface
 from legfem.study.doe.tables import beside_table_3
-from legfem.study.doe.verdict import Finding, _in_words
+from legfem.study.doe.verdict import ClaimFinding, _in_words
 
 SLOPE = Metric("slope", 0.0, 5.0)
 
@@ -170,18 +170,21 @@ def test_metrics_of_a_parabola() -> None:
     ],
 )
 def test_verdicts_in_words(findings: list[bool | None], words: str) -> None:
-    assert _in_words(tuple(Finding(f, "", "") for f in findings), ["a", "b"]) == words
+    assert _in_words(tuple(ClaimFinding(f, "", "") for f in findings), ["a", "b"]) == words
 
 
 def test_a_verdict_names_its_condition() -> None:
-    findings = (Finding(True, "", "", "fat is known"), Finding(True, "", "", "fat is known"))
+    findings = (
+        ClaimFinding(True, "", "", "fat is known"),
+        ClaimFinding(True, "", "", "fat is known"),
+    )
     assert _in_words(findings, ["a", "b"]) == "holds only where fat is known"
 
 
 # --- the design ---
 
 
-def test_the_shipped_designs_are_the_papers_five_factors() -> None:
+def test_legfem_s_designs_are_the_papers_five_factors() -> None:
     paper, identified = read_definition(PAPER), read_definition(IDENTIFIED)
     assert [f.name for f in paper.factors] == [f.name for f in identified.factors]
     assert paper.factors == TABLE_2

@@ -8,6 +8,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 from unittest.mock import Mock
@@ -16,12 +18,17 @@ import numpy as np
 import pandas as pd
 import pytest
 from making_doe import TOML, SpringLeg, definition, options
+from making_ranks import environment
 from mpi4py import MPI
+from typer.testing import CliRunner
 
+from legfem.jobs.pool import Workers
+from legfem.jobs.store import Store
+from legfem.study.cli import app
 from legfem.study.doe import command
 from legfem.study.doe.command import run
+from legfem.study.doe.runs import simulate
 from legfem.study.doe.simulator import PlaneStrainSimulator, Record, Request, failed
-from legfem.study.doe.store import RunStore
 
 SHALLOW = """\
 depth_mm = 2.0
@@ -111,6 +118,7 @@ def test_two_definitions_share_runs_and_get_one_page_of_verdicts(tmp_path: Path)
     assert tables(tmp_path / "out" / "design") == tables(tmp_path / "out" / "other")
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_failed_runs_are_values(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     stops = (("deep.C10", 0.5e-3, 12.0), ("deep.C20", 0.5e-3, 12.0), ("fascia.C10", 10.0, 12.0),
              ("fascia.thickness", 0.2, 12.0), ("superficial.C10", 1e-3, 12.0))  # fmt: skip
@@ -125,6 +133,16 @@ def test_failed_runs_are_values(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert "32 of 33 runs reach 30 mm" in report and f"Run {failed['run']} stops at 12.00" in report
 
 
+def test_the_command_fails_where_nothing_was_solved(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for solved, status in ((False, 1), (True, 0)):
+        monkeypatch.setattr(command, "run", lambda *_, solved=solved: solved)
+        done = CliRunner().invoke(app, ["doe", "--out", str(tmp_path / "out")])
+        assert done.exit_code == status
+        assert ("no simulation reached its depth" in done.output) is not solved
+
+
 @pytest.mark.parametrize("stopping", ["half", "all"])
 def test_a_study_with_too_few_runs_says_so(tmp_path: Path, stopping: str) -> None:
     stops = (("fascia.C10", 10.0, 12.0),)
@@ -133,7 +151,7 @@ def test_a_study_with_too_few_runs_says_so(tmp_path: Path, stopping: str) -> Non
         path = definition(tmp_path, TOML + '\n[fixed]\n"deep.D1_per_MPa" = 28.0\n')
         stops = (("deep.D1", 28.0, 0.5),)
         assert path in given.definitions
-    run(given, MPI.COMM_SELF, SpringLeg(stops=stops))
+    assert run(given, MPI.COMM_SELF, SpringLeg(stops=stops)) is (stopping == "half")
     document = json.loads((tmp_path / "out" / "result.json").read_text())
     assert len(document["not_analysed"]) == {"half": 4, "all": 6}[stopping]
     assert "isn't analysed" in (tmp_path / "out" / "report.md").read_text()
@@ -169,7 +187,7 @@ def test_an_interrupt_that_a_solve_swallows_is_no_failed_run() -> None:
     simulator._tests[0.6, 30.0, "default"] = cast(Any, Swallows())
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt):
-        simulator.simulate(Request("factorial", 0, (), 30.0))
+        list(Workers(simulate, simulator).run([Request("factorial", 0, (), 30.0)]))
     assert signal.getsignal(signal.SIGINT) is before
 
 
@@ -177,16 +195,19 @@ def test_kept_runs_come_back_to_the_last_bit(tmp_path: Path) -> None:
     numbers = np.random.default_rng(0).random((3, 20))
     request = Request("factorial", 0, (("deep.C10", 0.1 + 0.2),), 30.0)
     record = Record(numbers[0], numbers[1], True, "", sensitivities={"deep.C10": numbers[2]})
-    store = RunStore(tmp_path, {"leg": 1})
-    store.keep(request, record)
-    found = store.load(request)
+    store = Store(tmp_path, Record, {"leg": 1})
+    store.put(request.asked, record)
+    found = store.get(request.asked)
     assert found is not None and np.array_equal(found.displacement, numbers[0])
     assert np.array_equal(found.force_per_length, numbers[1])
     assert np.array_equal(found.sensitivities["deep.C10"], numbers[2])
+    assert store.get(replace(request, stage="nominal", number=3).asked) is not None
+    for other in ({"depth": 29.0}, {"fidelity": "refined"}, {"sensitivities": ("deep.C10",)}):
+        assert store.get(replace(request, **other).asked) is None
+    assert Store(tmp_path, Record, {"leg": 2}).get(request.asked) is None
     (path,) = tmp_path.iterdir()
     path.write_text(path.read_text()[:-40])
-    assert store.load(request) is None
-    assert RunStore(tmp_path, {"leg": 2}).load(request) is None
+    assert store.get(request.asked) is None
 
 
 @pytest.mark.usefixtures("no_figures")
@@ -226,16 +247,31 @@ def test_a_leg_gives_the_same_table_in_one_process_two_and_two_ranks(tmp_path: P
     assert tables(tmp_path / "one") == tables(tmp_path / "two") == tables(tmp_path / "ranks")
 
 
-@pytest.mark.mpi
-def test_two_ranks_give_the_same_table(tmp_path: Path, whole: Path) -> None:
-    options(tmp_path)
-    calls = tmp_path / "calls"
+def on_two_ranks(home: Path, beyond: bool) -> dict[str, int]:
+    """Run a study on two ranks, into the folder ``ranks``; return each one's simulations."""
+    options(home)
+    calls = home / "calls"
     calls.mkdir()
-    tests = Path(__file__).parent
+    script, wanted = Path(__file__).parent / "making_doe.py", ["beyond"] if beyond else []
     subprocess.run(
-        ["mpirun", "-n", "2", sys.executable, tests / "making_doe.py", tmp_path, "ranks"],
-        check=True, timeout=300,
+        ["mpirun", "-n", "2", sys.executable, script, home, "ranks", *wanted],
+        env=environment(), check=True, timeout=300,
     )  # fmt: skip
-    ranks = [path.name.rpartition("-")[2] for path in calls.iterdir()]
-    assert ranks.count("1") > 30 and ranks.count("0") > 30
+    return Counter(path.name.rpartition("-")[2] for path in calls.iterdir())
+
+
+@pytest.mark.mpi
+@pytest.mark.usefixtures("no_figures")
+def test_two_ranks_give_the_same_factorial(tmp_path: Path) -> None:
+    done = on_two_ranks(tmp_path, beyond=False)
+    assert done["0"] > 10 and done["1"] > 10 and done.total() == 33
+    run(options(tmp_path, "one", beyond=False), MPI.COMM_SELF, SpringLeg())
+    assert tables(tmp_path / "ranks") == tables(tmp_path / "one")
+
+
+@pytest.mark.slow
+@pytest.mark.mpi
+def test_two_ranks_give_the_same_study(tmp_path: Path, whole: Path) -> None:
+    done = on_two_ranks(tmp_path, beyond=True)
+    assert done["0"] > 30 and done["1"] > 30
     assert tables(tmp_path / "ranks") == tables(whole)

@@ -9,10 +9,10 @@ from dolfinx import fem
 
 from legfem.experiments.compression import LegCompression
 from legfem.geometry.parametric_leg import round_leg
-from legfem.materials import NeoHookean
+from legfem.mechanics.materials import NeoHookean
+from legfem.mechanics.terms import Fascia
+from legfem.mechanics.terms.fascia import membrane_invariant
 from legfem.meshing.solid_leg import SolidMeshSettings, mesh_solid_leg
-from legfem.terms import Fascia
-from legfem.terms.fascia import membrane_invariant
 
 STIFFNESS = 0.2
 """N/mm."""
@@ -37,7 +37,7 @@ def stretched(leg: LegCompression, around: float, along: float) -> None:
 
 def test_energy_is_that_of_a_stretched_sheet(leg):
     """Of a tube that widens and lengthens: stretches around, along, and through its thickness."""
-    body, around, along = leg.system.body.place, 1.08, 0.95
+    body, around, along = leg.system.body.domain, 1.08, 0.95
     area = fem.assemble_scalar(fem.form(1.0 * body.hull))
     assert area == pytest.approx(2 * np.pi * 42.0 * 20.0, rel=0.01)
     stretched(leg, around, along)
@@ -48,7 +48,7 @@ def test_energy_is_that_of_a_stretched_sheet(leg):
 
 
 def test_force_is_what_the_energy_changes_by_and_vanishes_without_stiffness(leg):
-    body = leg.system.body.place
+    body = leg.system.body.domain
     stretched(leg, 1.05, 1.0)
     state = leg.system.unknown.x.array.copy()
     term = Fascia()
@@ -69,7 +69,7 @@ def test_force_is_what_the_energy_changes_by_and_vanishes_without_stiffness(leg)
 
 
 def test_tangent_is_the_force_s_derivative(leg):
-    body, term = leg.system.body.place, Fascia()
+    body, term = leg.system.body.domain, Fascia()
     leg.system.set_parameters({"fascia.membrane.stiffness": STIFFNESS})
     stretched(leg, 1.04, 0.98)
     state = leg.system.unknown.x.array.copy()

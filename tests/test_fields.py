@@ -10,27 +10,27 @@ import pytest
 from dolfinx import fem
 from mpi4py import MPI
 
-from legfem.contact import RigidCylinder, StiffPressure
-from legfem.fields import (
+from legfem.fem.fields import (
     fields_of,
     greatest_stretch,
     hydrostatic_pressure,
     von_mises_stress,
 )
-from legfem.materials import ReducedPolynomial
+from legfem.fem.spaces import build_spaces
+from legfem.fem.system import System
+from legfem.mechanics.contact import RigidCylinder, StiffPressure
+from legfem.mechanics.materials import ReducedPolynomial
+from legfem.mechanics.model import LegModel, Term
+from legfem.mechanics.terms import Contraction, NormalContact, Tissue, Viscoelasticity
 from legfem.meshing.section import BONE, DEEP, SKIN
-from legfem.model import LegModel
 from legfem.report.paraview import write_fields
-from legfem.spaces import build_spaces
-from legfem.system import System
-from legfem.terms import NormalContact, Tissue
 
 LAW = ReducedPolynomial(C10=2e-3, D1=28.0, C20=1e-3, D2=10.0)
 STRETCH = np.array([1.1, 0.85])
 RADIUS, STIFFNESS, OVERLAP = 1e4, 0.02, 0.1
 
 
-def block(formulation: str) -> System:
+def block(formulation: str, *mechanisms: Term) -> System:
     """A unit square of deep tissue; an almost flat indenter overlaps its stretched top."""
     mesh = dolfinx.mesh.create_unit_square(MPI.COMM_SELF, 2, 2)
     cells = np.arange(8, dtype=np.int32)
@@ -47,6 +47,7 @@ def block(formulation: str) -> System:
         (
             Tissue("deep", LAW),
             NormalContact(RigidCylinder(RADIUS), StiffPressure(STIFFNESS, 0.001)),
+            *mechanisms,
         ),
         formulation,
     )
@@ -87,6 +88,28 @@ def test_uniform_state_has_the_closed_form_von_mises_stress(fields):
     expected = 1e3 * modulus * np.sqrt(1.5 * np.sum(deviator**2))
     np.testing.assert_allclose(fields.von_mises.x.array, expected, rtol=1e-9)
     np.testing.assert_allclose(fields.stretch.x.array, 1.1, rtol=1e-10)
+
+
+@pytest.mark.parametrize("formulation", ["displacement", "mixed"])
+def test_a_mechanism_s_stress_counts(formulation):
+    """A contraction that raises C10 adds its share of the stress: twice C10, twice its stress."""
+    tense = block(formulation, Contraction("deep", stiffness=LAW.C10, onset=-1.0))
+    relaxed = fields_of(block(formulation))
+    found = fields_of(tense)
+    b = np.diag([*STRETCH**2, 1.0]) * STRETCH.prod() ** (-2 / 3)
+    more = 2 * LAW.C10 / STRETCH.prod() * (b - np.trace(b) / 3 * np.eye(3))
+    expected = relaxed.von_mises.x.array + 1e3 * von_mises_stress(more)
+    np.testing.assert_allclose(found.von_mises.x.array, expected, rtol=1e-9)
+    np.testing.assert_allclose(found.pressure.x.array, relaxed.pressure.x.array, rtol=1e-9)
+    assert (found.pressure.name, found.von_mises.name) == ("pressure", "von_mises")
+
+
+def test_fields_say_which_stress_they_are_without(tmp_path):
+    found = fields_of(block("displacement", Viscoelasticity("deep", LAW, ratio=0.5)))
+    assert found.von_mises.name == "von_mises_without_deep.viscoelasticity"
+    write_fields(found, tmp_path)
+    text = (tmp_path / "fields.xdmf").read_text()
+    assert "pressure_without_deep.viscoelasticity" in text
 
 
 def test_contact_pressure_is_per_deformed_area(fields):

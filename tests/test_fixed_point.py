@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from legfem.fixed_point import AndersonMixing
+from legfem.solve.fixed_point import AndersonMixing
 
 
 def _count(accelerated: bool) -> int:

@@ -10,20 +10,20 @@ import ufl
 from dolfinx import fem, mesh
 from mpi4py import MPI
 
-from legfem.contact import FiniteCylinder
-from legfem.correction import smooth_ratio
-from legfem.errors import InputError
+from legfem.common.errors import InputError
+from legfem.correction.tabulated import smooth_ratio
 from legfem.experiments.indentation_3d import (
     Cylinder,
     IdealisedLegIndentation,
     IdealisedLegSettings,
 )
-from legfem.linear import LinearSettings
-from legfem.materials import ReducedPolynomial
+from legfem.mechanics.contact import FiniteCylinder
+from legfem.mechanics.materials import ReducedPolynomial
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings, mesh_leg
 from legfem.meshing.section import BONE, SKIN
-from legfem.study.correction_cases import Case, Material, solve_case
-from legfem.study.correction_command import write_leg_fields
+from legfem.solve.linear import LinearSettings
+from legfem.study.correction.cases import CorrectionCase, Material, solve_case
+from legfem.study.correction.command import write_leg_fields
 
 DEEP = {"deep": ReducedPolynomial(2e-3, 28.0, 0.0)}
 TINY = LegMeshSettings(contact_size=12, depth_size=20, edge_size=8, growth=0.5, far_size=40)
@@ -80,7 +80,9 @@ def test_the_mesh_is_a_quarter_of_the_leg():
         assert area == pytest.approx(np.pi * radius * 40, rel=0.02)
 
 
-@pytest.mark.parametrize("formulation", ["displacement", "mixed"])
+@pytest.mark.parametrize(
+    "formulation", [pytest.param("displacement", marks=pytest.mark.slow), "mixed"]
+)
 def test_with_held_ends_and_a_long_cylinder_3d_is_plane_strain(formulation):
     leg = IdealisedLeg(length=20, ends="held")
     cylinder = Cylinder(length=60)
@@ -138,7 +140,7 @@ def test_steps_do_not_depend_on_the_linear_solver():
 def test_at_depth_too_3d_without_ends_is_plane_strain():
     leg = IdealisedLeg(length=50, ends="held")
     settings = IdealisedLegSettings(mesh=TINY)
-    outcome = solve_case(Case(leg, Cylinder(length=50), settings=settings, depth=25.0))
+    outcome = solve_case(CorrectionCase(leg, Cylinder(length=50), settings=settings, depth=25.0))
     assert outcome.complete
     at = np.array([5.0, 10.0, 15.0, 20.0, 25.0])
     P = smooth_ratio(outcome.spatial, outcome.plane, at)
@@ -148,7 +150,9 @@ def test_at_depth_too_3d_without_ends_is_plane_strain():
 
 
 def test_fields_of_the_leg_are_written(tmp_path):
-    case = Case(IdealisedLeg(length=60), settings=IdealisedLegSettings(mesh=TINY), depth=1.0)
+    case = CorrectionCase(
+        IdealisedLeg(length=60), settings=IdealisedLegSettings(mesh=TINY), depth=1.0
+    )
     written = write_leg_fields(case, tmp_path)
     assert {path.name for path in written} >= {"fields.xdmf", "fields.h5"}
     assert all(path.exists() for path in written)
@@ -156,7 +160,7 @@ def test_fields_of_the_leg_are_written(tmp_path):
 
 @pytest.mark.parametrize(("c10", "c20"), [(0.2, 0.2), (5.0, 0.0), (0.2, 0.8)])
 def test_points_that_lift_off_under_shear_do_not_stop_the_solution(c10, c20):
-    case = Case(
+    case = CorrectionCase(
         IdealisedLeg(length=90), material=Material(C10_kPa=c10, C20_kPa=c20),
         settings=IdealisedLegSettings(mesh=TINY), depth=15.0,
     )  # fmt: skip
@@ -181,7 +185,7 @@ def test_linear_tetrahedra_are_stiffer():
     [
         (lambda: IdealisedLeg(bone_radius=60.0), "bone"),
         (lambda: IdealisedLeg(bone_offset=45.0), "bone"),
-        (lambda: Case(depth=45.0), "bone"),
+        (lambda: CorrectionCase(depth=45.0), "bone"),
         (lambda: pressed(IdealisedLeg(length=50), 3), "free"),
         (lambda: pressed(IdealisedLeg(), 3, cylinder=Cylinder(edge_radius=0.3)), "resolved"),
         (lambda: pressed(IdealisedLeg(), 3, replace(TINY, cells="tetrahedra")), "mixed"),

@@ -7,17 +7,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from making import SHARED, write_subject
+from making import CROSSCHECK, write_subject
 from making_identification import LAWS, AnalyticLeg, Killed, identify, pressed_leg
 from scipy.stats import qmc
 from typer.testing import CliRunner
 
-from legfem.identify.cli import app
-from legfem.identify.emulator import Emulator, Samples
-from legfem.identify.forward import DeepTissue, solve_key
+from legfem.commands.identify import app
+from legfem.identify.document import result_document
+from legfem.identify.forward import ForwardOutcome
+from legfem.identify.laws import default_parameters, with_bounds
 from legfem.identify.run import write_results
-from legfem.identify.settings import Bounds, IdentificationSettings
-from legfem.identify.store import SolveStore
+from legfem.identify.settings import IdentificationSettings
+from legfem.inference.constants import IDENTIFIABLE_WITHIN
+from legfem.jobs.store import Store
 
 
 def same(result: object) -> str:
@@ -29,15 +31,15 @@ def same(result: object) -> str:
             return {k: clean(v) for k, v in value.items() if k not in aside}
         return [clean(v) for v in value] if isinstance(value, list) else value
 
-    return json.dumps(clean(result.to_json()))  # type: ignore[attr-defined]
+    return json.dumps(clean(result_document(result)))  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(("c10", "c20"), [(0.1, 5.0), (0.7, 0.8), (2.1, 2.6), (5.0, 0.3)])
 def test_planted_stiffness_is_found_in_few_solves(tmp_path: Path, c10: float, c20: float) -> None:
     neo_hookean, polynomial = identify(pressed_leg(tmp_path, c10, c20, noise=0.0))
     found = polynomial.parameters
-    assert found["c10_deep"].value == pytest.approx(c10, rel=0.01)
-    assert found["c20_deep"].value == pytest.approx(c20, rel=0.01)
+    assert found["deep.C10"].shown.value == pytest.approx(c10, rel=0.01)
+    assert found["deep.C20"].shown.value == pytest.approx(c20, rel=0.01)
     assert polynomial.converged and polynomial.forward_solves <= 12
     assert polynomial.cost.value <= neo_hookean.cost.value
     last = polynomial.search.solves[-1]
@@ -51,7 +53,7 @@ def test_neo_hookean_truth_lands_at_the_limit_of_the_polynomial(tmp_path: Path) 
         subject = pressed_leg(tmp_path, 1.5, 0.0, seed)
         neo_hookean, polynomial = identify(subject)
         assert polynomial.cost.value <= neo_hookean.cost.value
-        c20 = polynomial.parameters["c20_deep"]
+        c20 = polynomial.parameters["deep.C20"]
         assert c20.ci95[0] == 0.0 and c20.ci95[1] > 0.0
         assert c20.identifiability == "not identifiable"
         if polynomial.neo_hookean_limit:
@@ -59,7 +61,7 @@ def test_neo_hookean_truth_lands_at_the_limit_of_the_polynomial(tmp_path: Path) 
             assert c20.value == 0.0 and c20.at_bound == "lower"
             assert any("neo-Hookean limit" in text for text in polynomial.warnings)
         (alone,) = identify(subject, laws=("reduced-polynomial",))
-        assert alone.parameters["c10_deep"].value == polynomial.parameters["c10_deep"].value
+        assert alone.parameters["deep.C10"].value == polynomial.parameters["deep.C10"].value
     assert limits >= 1
 
 
@@ -68,7 +70,7 @@ def test_a_law_that_misses_is_said_to(tmp_path: Path) -> None:
     assert neo_hookean.cost.p_value < 1e-6 < polynomial.cost.p_value
     assert any("does not describe" in text for text in neo_hookean.warnings)
     assert not any("does not describe" in text for text in polynomial.warnings)
-    assert neo_hookean.parameters["c10_deep"].identifiability != "identifiable"
+    assert neo_hookean.parameters["deep.C10"].identifiability != "identifiable"
 
 
 def test_same_seed_same_result_and_another_seed_the_same_optimum(tmp_path: Path) -> None:
@@ -76,8 +78,8 @@ def test_same_seed_same_result_and_another_seed_the_same_optimum(tmp_path: Path)
     first, again = identify(subject)[1], identify(subject)[1]
     assert same(first) == same(again)
     other = identify(subject, IdentificationSettings(seed=7))[1]
-    error = first.parameters["c10_deep"].standard_error
-    apart = other.parameters["c10_deep"].value - first.parameters["c10_deep"].value
+    error = first.parameters["deep.C10"].standard_error
+    apart = other.parameters["deep.C10"].value - first.parameters["deep.C10"].value
     assert abs(apart) < 0.02 * error
 
 
@@ -98,34 +100,32 @@ def test_killed_search_goes_on_to_the_same_result(tmp_path: Path) -> None:
 
 
 def test_kept_solves_are_exact_and_a_spoilt_file_is_solved_again(tmp_path: Path) -> None:
-    store = SolveStore(tmp_path / "solves", AnalyticLeg().fingerprint())
-    outcome = AnalyticLeg().solve(DeepTissue(0.7123456789, 0.1, float("inf")))
-    store.keep(outcome)
-    kept = store.load(outcome.deep)
-    assert kept is not None and kept.deep == outcome.deep
+    store = Store(tmp_path / "solves", ForwardOutcome, AnalyticLeg().fingerprint())
+    values = {"deep.C10": 0.7123456789e-3, "deep.C20": 1e-4, "deep.D2": float("inf")}
+    asked = values, ("deep.C10",)
+    outcome = AnalyticLeg().solve(*asked)
+    store.put(asked, outcome)
+    kept = store.get(asked)
+    assert kept is not None and kept.values == values
     assert np.array_equal(kept.curve.force, outcome.curve.force)
-    store.path(outcome.deep).write_text('{"deep": ')
-    assert store.load(outcome.deep) is None
-    other = DeepTissue(0.7123456789, 0.1, 28.0)
-    assert solve_key(store.fingerprint, other) != solve_key(store.fingerprint, outcome.deep)
-    assert solve_key({"depth_mm": 1.0}, other) != solve_key({"depth_mm": 2.0}, other)
+    assert store.get(({**values, "deep.D2": 28.0}, ("deep.C10",))) is None
+    assert store.get((values, ("deep.C10", "deep.C20"))) is None
+    deeper = Store(store.folder, ForwardOutcome, {"model": "analytic", "depth_mm": 1.0})
+    assert deeper.get(asked) is None
+    store.path(asked).write_text('{"values": ')
+    assert store.get(asked) is None
 
 
-@pytest.mark.parametrize("softest", [0.2, 0.6, 5.0])
-def test_failed_solves_are_values(tmp_path: Path, softest: float) -> None:
-    c10 = max(0.7, 1.3 * softest)
-    polynomial = identify(pressed_leg(tmp_path, c10, 0.8), model=AnalyticLeg(softest))[1]
-    assert polynomial.parameters["c10_deep"].value == pytest.approx(c10, rel=0.05)
-    failed = [solve for solve in polynomial.search.solves if not solve.complete]
-    assert failed and all(np.isnan(solve.cost) for solve in failed)
-    assert any("stopped short" in text for text in polynomial.warnings)
-    document = json.loads(json.dumps(polynomial.to_json(), allow_nan=False))
-    assert document["failed_solves"] == len(failed)
-
-
-@pytest.mark.parametrize("weighting", ["paper", pytest.param("covariance", marks=pytest.mark.slow)])
-def test_intervals_cover_40_planted_truths(tmp_path: Path, weighting: str) -> None:
-    truths = qmc.scale(qmc.LatinHypercube(2, seed=1).random(40), [0.1, 0.0], [5.0, 5.0])
+@pytest.mark.parametrize(
+    ("weighting", "number"),
+    [
+        ("paper", 12),
+        pytest.param("paper", 40, marks=pytest.mark.slow),
+        pytest.param("covariance", 40, marks=pytest.mark.slow),
+    ],
+)
+def test_intervals_cover_planted_truths(tmp_path: Path, weighting: str, number: int) -> None:
+    truths = qmc.scale(qmc.LatinHypercube(2, seed=1).random(number), [0.1, 0.0], [5.0, 5.0])
     settings = IdentificationSettings(weighting=weighting)  # type: ignore[arg-type]
     inside, called = [], []
     for seed, truth in enumerate(truths):
@@ -133,11 +133,11 @@ def test_intervals_cover_40_planted_truths(tmp_path: Path, weighting: str) -> No
         (found,) = identify(subject, settings, laws=("reduced-polynomial",))
         assert found.converged and found.forward_solves <= 25
         for value, one in zip(truth, found.parameters.values(), strict=True):
-            inside.append(one.ci95[0] <= value <= one.ci95[1])
+            inside.append(one.shown.ci95[0] <= value <= one.shown.ci95[1])
             if one.identifiability == "identifiable":
-                called.append(abs(one.value / value - 1))
+                called.append(abs(one.shown.value / value - 1))
     assert 0.88 <= np.mean(inside) <= 1.0
-    assert max(called) < 0.03 and np.mean(np.array(called) < 0.02) > 0.95
+    assert len(called) > 20 and max(called) < IDENTIFIABLE_WITHIN
 
 
 def test_genetic_algorithm_on_the_full_model_agrees(tmp_path: Path) -> None:
@@ -152,32 +152,13 @@ def test_genetic_algorithm_on_the_full_model_agrees(tmp_path: Path) -> None:
 
 
 def test_bounds_are_kept_and_reported(tmp_path: Path) -> None:
-    settings = IdentificationSettings(Bounds(c10=(1.0, 3.0), c20=(0.5, 4.0)))
-    polynomial = identify(pressed_leg(tmp_path, 0.7, 0.8), settings)[1]
-    stiffness = polynomial.parameters["c10_deep"]
-    assert stiffness.value == 1.0 and stiffness.at_bound == "lower"
+    parameters = default_parameters(AnalyticLeg().nominal)
+    parameters = with_bounds(parameters, "deep.C10", (1e-3, 3e-3))
+    parameters = with_bounds(parameters, "deep.C20", (5e-4, 4e-3))
+    polynomial = identify(pressed_leg(tmp_path, 0.7, 0.8), parameters=parameters)[1]
+    stiffness = polynomial.parameters["deep.C10"]
+    assert stiffness.value == 1e-3 and stiffness.at_bound == "lower"
     assert any("lower bound" in text for text in polynomial.warnings)
-
-
-def test_emulator_meets_its_samples_and_their_slopes() -> None:
-    points = [(0.2, 0.0), (3.0, 0.0), (0.3, 4.0), (2.0, 5.0), (0.8, 1.0)]
-    grid = np.linspace(1.0, 20.0, 9)
-    curves = [AnalyticLeg().solve(DeepTissue(*point, 28.0)).curve for point in points]
-    emulator = Emulator(
-        Samples(
-            *np.array(points).T,
-            np.array([curve(grid) for curve in curves]),
-            *(1e-3 * np.array([curve.sensitivity(name, grid) for curve in curves])
-              for name in ("deep.C10", "deep.C20")),
-        ),
-        dimensions=2,
-    )  # fmt: skip
-    for (c10, c20), curve in zip(points, curves, strict=True):
-        assert emulator(c10, c20) == pytest.approx(curve(grid), rel=1e-3)
-        slope = (emulator(c10 * 1.001, c20) - emulator(c10 * 0.999, c20)) / (0.002 * c10)
-        assert slope == pytest.approx(1e-3 * curve.sensitivity("deep.C10", grid), rel=0.02)
-    between = AnalyticLeg().solve(DeepTissue(1.2, 0.5, 28.0)).curve(grid)
-    assert emulator(1.2, 0.5) == pytest.approx(between, rel=0.05)
 
 
 def test_result_json_has_the_interfaces_fields(tmp_path: Path) -> None:
@@ -228,10 +209,7 @@ def test_bad_input_is_one_line_and_status_2(
 def test_independent_code_is_identified_within_2_percent(
     tmp_path: Path, folder: str, law: str, truth: tuple[float, ...]
 ) -> None:
-    leg = SHARED / "crosscheck" / folder
-    if not leg.is_dir():
-        pytest.skip(f"{leg} is absent")
-    options = ["--subject-dir", str(leg), "--out", str(tmp_path), "--jobs", "1"]
+    options = ["--subject-dir", str(CROSSCHECK / folder), "--out", str(tmp_path), "--jobs", "1"]
     run = CliRunner().invoke(app, options)
     assert run.exit_code == 0, run.output
     documents = json.loads((tmp_path / "result.json").read_text())

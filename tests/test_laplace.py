@@ -5,12 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
+from legfem.common.units import MPA_PER_MMHG
 from legfem.geometry.leg_shape import LegShape, corresponding
 from legfem.geometry.parametric_leg import round_leg
-from legfem.stocking.classes import ANKLE_MMHG, CALF_SHARE, CompressionClass, Fit, fitted_stocking
+from legfem.stocking.classes import (
+    ANKLE_MMHG,
+    CALF_SHARE,
+    ClassFit,
+    CompressionClass,
+    fitted_stocking,
+)
 from legfem.stocking.laplace import Stocking, stocking_load
-from legfem.units import MPA_PER_MMHG
 
 
 def _leg(skin: np.ndarray) -> LegShape:
@@ -122,7 +128,7 @@ def test_a_stocking_slack_at_some_levels_presses_elsewhere():
 @pytest.mark.parametrize("chosen", list(CompressionClass))
 def test_a_fitted_stocking_has_its_class_s_mean_pressure(chosen):
     leg = _leg(_ellipse(63.0, 52.0))
-    load = stocking_load(leg, fitted_stocking(leg, Fit(chosen)))
+    load = stocking_load(leg, fitted_stocking(leg, ClassFit(chosen)))
     aimed = CALF_SHARE * np.mean(ANKLE_MMHG[chosen]) * MPA_PER_MMHG
     assert load.mean_pressure == pytest.approx(aimed, rel=0.005)
 
@@ -130,4 +136,4 @@ def test_a_fitted_stocking_has_its_class_s_mean_pressure(chosen):
 def test_a_fabric_too_soft_for_its_class_is_refused():
     with pytest.raises(InputError, match="stretched by"):
         leg = _leg(_ellipse(63.0, 52.0))
-        fitted_stocking(leg, Fit(CompressionClass.STRONG, stiffness=0.03))
+        fitted_stocking(leg, ClassFit(CompressionClass.STRONG, stiffness=0.03))

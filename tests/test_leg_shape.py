@@ -7,7 +7,7 @@ import pytest
 from making import circle
 from scipy.spatial.transform import Rotation
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape, corresponding, shape_of_contours
 from legfem.geometry.parametric_leg import round_leg
 from legfem.geometry.shape_checks import check_shape

@@ -13,9 +13,9 @@ from scipy.optimize import brentq
 from ufl.algorithms import expand_derivatives
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 
-from legfem.errors import InputError
-from legfem.kinematics import deformation_gradient, isochoric_first_invariant
-from legfem.materials import ExponentialStiffening, NeoHookean, ReducedPolynomial, Yeoh
+from legfem.common.errors import InputError
+from legfem.mechanics.kinematics import deformation_gradient, isochoric_first_invariant
+from legfem.mechanics.materials import ExponentialStiffening, NeoHookean, ReducedPolynomial, Yeoh
 
 LAWS = [
     pytest.param(NeoHookean(C10=1.2e-3, D1=28.0), id="neo-hookean"),

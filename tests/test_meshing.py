@@ -9,7 +9,7 @@ from dolfinx import fem, mesh
 from making import circle, leg
 from making_mechanics import COARSE, subject_3
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
 from legfem.geometry.section import LegSection
 from legfem.meshing.section import (
     BONE,

@@ -11,13 +11,13 @@ import pytest
 import ufl
 from making_mechanics import fixed_steps, leg_model, one_tissue, pressed_block
 
-from legfem.contact import StiffPressure
-from legfem.contact_settings import ContactSettings
-from legfem.model import LegModel
-from legfem.newton import NewtonSolver
-from legfem.stepping import press
-from legfem.system import System
-from legfem.terms import NormalContact, Tissue
+from legfem.fem.system import System
+from legfem.mechanics.contact import StiffPressure
+from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.model import LegModel
+from legfem.mechanics.terms import NormalContact, Tissue
+from legfem.solve.newton import NewtonSolver
+from legfem.solve.stepping import press
 
 
 @pytest.fixture
@@ -51,18 +51,18 @@ def test_a_term_is_swapped_by_name_and_the_model_stays_as_it_was(model):
 
 @dataclass(frozen=True)
 class Bandage:
-    """Springs on the skin towards where it was: an effect that the shipped model doesn't have."""
+    """Springs on the skin towards where it was: an effect that the default model doesn't have."""
 
     stiffness: float
     """MPa/mm."""
     name: str = "bandage"
-    place: Literal["skin"] = "skin"
+    domain: Literal["skin"] = "skin"
 
     @property
     def parameters(self) -> dict[str, float]:
         return {"bandage.stiffness": self.stiffness}
 
-    def history(self, place: Any) -> dict[str, tuple[int, ...]]:
+    def history(self, domain: Any) -> dict[str, tuple[int, ...]]:
         return {"travel": ()}
 
     def residual(self, skin: Any, history: Mapping[str, Any]) -> Any:
@@ -85,12 +85,12 @@ def test_a_new_effect_is_one_more_term():
     assert len(model.terms) == len(plain.model.terms) + 1
     wrapped = System(plain.spaces, model, np.array([0.0, 8.0]), plain.direction)
     _force(plain), _force(wrapped)
-    free, held = (np.linalg.norm(s.skin.place.unknown.x.array) for s in (plain, wrapped))
+    free, held = (np.linalg.norm(s.skin.domain.unknown.x.array) for s in (plain, wrapped))
     assert held < 0.97 * free
     wrapped.set_parameters({"bandage.stiffness": 0.0})
     assert _force(wrapped) == pytest.approx(_force(plain), rel=1e-10), "its null value"
     travel = wrapped.skin.history.variables["bandage.travel"].x.array
-    deepest = np.linalg.norm(wrapped.skin.place.unknown.x.array.reshape(-1, 2), axis=1).max()
+    deepest = np.linalg.norm(wrapped.skin.domain.unknown.x.array.reshape(-1, 2), axis=1).max()
     assert travel.max() == pytest.approx(deepest, rel=0.05), "and it remembers"
 
 

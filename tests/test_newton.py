@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from making_mechanics import fixed_steps, nodal, pressed_block
 
-from legfem.contact_settings import ContactSettings
-from legfem.newton import NewtonSettings, NewtonSolver
-from legfem.stepping import press
-from legfem.system import System
+from legfem.fem.system import System
+from legfem.mechanics.contact_settings import ContactSettings
+from legfem.solve.newton import NewtonSettings, NewtonSolver
+from legfem.solve.stepping import press
 
 
 def _at_one_millimetre(settings: NewtonSettings | None = None) -> tuple[System, NewtonSolver]:

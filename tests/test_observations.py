@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
-from making_diagnosis import INSTRUMENT
+import pytest
+from making_diagnosis import INSTRUMENT, pressed
 
-from legfem.diagnose.mechanisms import MECHANISMS
-from legfem.diagnose.noise import estimate_noise
+from legfem.diagnose.mechanisms import mechanisms
 from legfem.diagnose.observations import Observations, observe
-from legfem.protocol import Protocol
 from legfem.recording import Recording
+from legfem.solve.protocol import Protocol
 
 
 def observed(*protocols: Protocol, air: float = -1.0) -> Observations:
@@ -27,7 +25,7 @@ def observed(*protocols: Protocol, air: float = -1.0) -> Observations:
 
 def untestable(found: Observations) -> dict[str, str]:
     """Return the mechanisms that can't be shown, and why."""
-    reasons = {m.name: m.untestable(found) for m in MECHANISMS}
+    reasons = {m.name: m.untestable(found) for m in mechanisms()}
     return {name: why for name, why in reasons.items() if why is not None}
 
 
@@ -80,12 +78,30 @@ def test_a_loading_after_air_is_left_out_and_that_is_said():
     assert any("pressed in again; that part is left out" in remark for remark in found.remarks)
 
 
-def test_where_errors_are_known_from_is_said():
-    alone = observed(Protocol.ramp(15.0, 0.5))
-    twice = observed(Protocol.ramp(15.0, 0.5), Protocol.ramp(15.0, 0.5))
-    unstated = replace(INSTRUMENT, stated=False)
-    assert "no repeats" in estimate_noise(alone, INSTRUMENT)[0].source
-    assert estimate_noise(twice, INSTRUMENT)[0].source == (
-        "the repeats and the instrument's stated accuracy"
-    )
-    assert "stated accuracy" not in estimate_noise(twice, unstated)[0].source
+@pytest.mark.parametrize("airs", [(0.0, 0.6, 1.3), (3.0, 0.2, 1.5)])
+@pytest.mark.parametrize("to_one_depth", [True, False])
+def test_trials_with_different_air_are_repeats_of_one_programme(airs, to_one_depth):
+    """Driven to one depth of the tissue, or over one travel with more or less air in it."""
+    recordings = pressed(airs)
+    if not to_one_depth:
+        shortest = min(recording.displacement.max() for recording in recordings)
+        recordings = [
+            Recording(*(column[: np.argmax(r.displacement > shortest - 0.05)]
+                        for column in (r.time, r.displacement, r.force)), r.trial)
+            for r in recordings
+        ]  # fmt: skip
+    found = observe(recordings, INSTRUMENT, starts_at_contact=False)
+    assert found.repeats == 3
+    assert len(found.protocols) == 1
+    for contact, air in zip(found.contacts, airs, strict=True):
+        assert contact.displacement == pytest.approx(air, abs=0.15)
+    deep = [20.0] * 3 if to_one_depth else [20.0 + min(airs) - air for air in airs]
+    np.testing.assert_allclose(found.depths, deep, atol=0.3)
+
+
+def test_other_rates_depths_or_phases_are_other_programmes():
+    given = [
+        Protocol.ramp(15.0, 0.5), Protocol.ramp(15.0, 0.6), Protocol.ramp(12.0, 0.5),
+        Protocol.cycle(15.0, 0.5, 20.0), Protocol.cycle(15.0, 0.5, 30.0),
+    ]  # fmt: skip
+    assert len(observed(*given).protocols) == 5

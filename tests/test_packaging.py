@@ -1,12 +1,19 @@
 """The lists in scripts/ feed in-env and the Dockerfile; the other files have to agree with them."""
 
+import os
 import re
 import shutil
 import subprocess
+import sys
 import tomllib
+from importlib import metadata
 from pathlib import Path
 
+import dolfinx
+import petsc4py
 import pytest
+
+from legfem.common.versions import package_version
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -94,7 +101,22 @@ def test_dockerfile_installs_from_the_lists() -> None:
 def test_versions_of_the_release_agree() -> None:
     citation = (ROOT / "CITATION.cff").read_text()
     assert f"\nversion: {PROJECT['version']}\n" in citation
-    assert f"license: {PROJECT['license']['text']}\n" in citation
+    assert f"license: {PROJECT['license']}\n" in citation
+
+
+def test_the_lock_of_the_wheel_route_has_every_package_with_a_version_and_hashes() -> None:
+    text = (ROOT / "scripts" / "packages-wheel.lock").read_text()
+    entries = re.split(r"\n(?=\S)", text.split("\n", maxsplit=1)[1].strip())
+    locked = {}
+    for entry in entries:
+        name, version = re.match(r"([\w.-]+)==([\w.]+)", entry).groups()
+        locked[name.lower().replace("_", "-")] = version
+        assert len(re.findall(r"--hash=sha256:[0-9a-f]{64}\b", entry)) >= 1, name
+    assert locked["dolfinx-solver-real"].startswith("0.11.")
+    wanted = {pypi_name(p) for p in DEBIAN if p.startswith("python3-") and p not in NOT_RUNTIME}
+    wanted |= {bare(p) for p in PYPI} | {"pytest", "setuptools"}
+    wanted -= {"petsc4py"}  # within DOLFINx's wheel
+    assert wanted <= set(locked)
 
 
 def in_env(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
@@ -120,6 +142,7 @@ def test_in_env_without_a_command_prints_its_usage() -> None:
         ({"LEGFEM_ROUTE": "snap"}, "LEGFEM_ROUTE=snap: no such route"),
         ({"LEGFEM_PYTHON": "/nonexistent"}, "/nonexistent does not import dolfinx"),
         ({"LEGFEM_ROUTE": "conda"}, "no micromamba, mamba or conda on PATH"),
+        ({"LEGFEM_ROUTE": "wheel", "LEGFEM_PYTHON": "nope"}, "wheel cannot be used: no python3"),
         ({"LEGFEM_SUITE": "sid", "LEGFEM_CACHE": "/proc/nowhere"}, "cannot write to /proc/nowhere"),
     ],
 )
@@ -130,3 +153,40 @@ def test_in_env_says_in_a_line_why_not(variables: dict[str, str], message: str) 
     assert run.returncode == 2
     assert message in run.stderr
     assert run.stderr.count("\n") == 1
+
+
+def test_in_env_runs_nothing_from_a_cache_that_anyone_can_write_to(tmp_path: Path) -> None:
+    cache = tmp_path / "cache"
+    cache.mkdir()
+    cache.chmod(0o777)
+    run = in_env("true", LEGFEM_CACHE=str(cache), LEGFEM_PYTHON="/nonexistent")
+    assert run.returncode == 2
+    assert f"anyone can write to {cache}" in run.stderr
+    assert run.stderr.count("\n") == 1
+    cache.chmod(0o755)
+    run = in_env("true", LEGFEM_CACHE=str(cache), LEGFEM_PYTHON="/nonexistent")
+    assert "anyone" not in run.stderr
+
+
+@pytest.mark.skipif("LEGFEM_INSIDE" not in os.environ, reason="not under scripts/in-env")
+def test_in_env_does_not_execute_modules_of_the_folder_one_stands_in(tmp_path: Path) -> None:
+    (tmp_path / "typer.py").write_text("raise SystemExit('executed')")
+    run = subprocess.run(
+        [ROOT / "scripts" / "in-env", sys.executable, "-m", "legfem.identify", "--help"],
+        cwd=tmp_path, check=False, capture_output=True, text=True,
+        env={key: value for key, value in os.environ.items() if key != "PYTHONSAFEPATH"},
+    )  # fmt: skip
+    assert "executed" not in run.stderr
+    assert run.stdout.startswith("Usage")
+
+
+def test_versions_are_known_where_another_package_brings_the_module(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def not_installed(name: str) -> str:
+        raise metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr("legfem.common.versions.version", not_installed)
+    assert package_version("fenics-dolfinx") == dolfinx.__version__
+    assert package_version("petsc4py") == petsc4py.__version__
+    assert package_version("gmsh") == "unknown"

@@ -1,4 +1,4 @@
-"""Parametric legs: the six shipped ones, what their numbers do, bad files."""
+"""Parametric legs: the six of legfem, what their numbers do, bad files."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.parametric_leg import ParametricLeg, parametric_leg, read_legs
 from legfem.geometry.shape_measures import (
@@ -18,7 +18,7 @@ from legfem.geometry.shape_measures import (
     perimeter,
 )
 
-LEGS = Path(__file__).resolve().parents[1] / "studies" / "dubuis" / "legs.toml"
+LEGS = Path(__file__).resolve().parents[1] / "studies" / "stockings" / "legs.toml"
 
 
 @pytest.fixture(scope="module")

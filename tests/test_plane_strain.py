@@ -14,8 +14,9 @@ from legfem.experiments.plane_strain import (
     PlaneStrainSettings,
     tissues_of,
 )
-from legfem.materials import NeoHookean, ReducedPolynomial
-from legfem.subject import Indenter, load_subject
+from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
+from legfem.solve.protocol import Protocol
+from legfem.subjects.subject import Indenter, load_subject
 
 DEPTHS = np.array([1.0, 3.0, 5.0, 8.0])
 
@@ -101,7 +102,7 @@ def test_contact_starts_at_zero_displacement(test):
 
 
 def test_sensitivities_come_with_the_loading_curve(test):
-    solved = test.solve(depth=3.0, sensitivities=["deep.C10", "fascia.C10"], turns=[1.0])
+    solved = test.solve(None, Protocol.through((3.0, 1.0), rate=1.0), ["deep.C10", "fascia.C10"])
     assert set(solved.curve.sensitivities) == {"deep.C10", "fascia.C10"}
     for values in solved.curve.sensitivities.values():
         assert len(values) == len(solved.curve.displacement) == 4

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from legfem.errors import InputError
-from legfem.path import Path
-from legfem.protocol import Phase, Protocol
+from legfem.common.errors import InputError
+from legfem.solve.path import Path
+from legfem.solve.protocol import Phase, Protocol
 
 
 def test_a_cycle_loads_holds_and_unloads():

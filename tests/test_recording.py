@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
-from making import SHARED, press, tissue_force, write_recording
+from making import CROSSCHECK, press, tissue_force, write_recording
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
 from legfem.recording import (
     Instrument,
     Recording,
@@ -16,7 +16,7 @@ from legfem.recording import (
     read_recording,
     split_phases,
 )
-from legfem.subject import load_subject
+from legfem.subjects.subject import load_subject
 
 INSTRUMENT = Instrument(force_sd=0.04, displacement_sd=0.02)
 
@@ -252,10 +252,9 @@ def test_no_recordings_is_an_input_error():
         mean_loading_curve([], INSTRUMENT)
 
 
-@pytest.mark.skipif(not (SHARED / "crosscheck").is_dir(), reason="needs ../shared/crosscheck")
 @pytest.mark.parametrize("law", ["neo-hookean", "reduced-polynomial"])
 def test_the_crosscheck_curves_are_met(law):
-    folder = SHARED / "crosscheck" / law
+    folder = CROSSCHECK / law
     subject = load_subject(folder)
     curve = mean_loading_curve(subject.recordings, subject.instrument)
     clean = pd.read_csv(folder / "clean.csv")

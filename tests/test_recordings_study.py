@@ -9,18 +9,23 @@ import numpy as np
 import pytest
 from making import SHARED
 
+from legfem.common.errors import InputError
+from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S, Viscoelasticity, spectrum
 from legfem.diagnose.observations import observe
-from legfem.errors import InputError
 from legfem.recording import Instrument, Recording
-from legfem.study.recordings.data import phantom_kinds, read_meat, read_phantoms
-from legfem.study.recordings.drop import ForceDrop, find_drops
-from legfem.study.recordings.indentation import (
-    Assumed,
-    loaded_and_held,
-    predict_next,
-    study_indentation,
+from studies.recordings.command import full_name
+from studies.recordings.curves import (
+    DEEPEST,
+    STIFFENING_SHARES,
+    THICKNESSES,
+    ElasticCurves,
+    LayerCurves,
 )
-from legfem.study.recordings.responses import Relaxation, TwoRelaxations, ball_responses
+from studies.recordings.data import MeatTest, phantom_kinds, read_meat, read_phantoms
+from studies.recordings.drop import ForceDrop, find_drops
+from studies.recordings.indentation import air_found, try_indentation, with_air
+from studies.recordings.motion import held_depth, loaded_and_held, motion_of, without_end_of_hold
+from studies.recordings.responses import SpecimenResponses
 
 DATA = Path(os.environ.get("LEGFEM_DATA", SHARED / "data"))
 needs_data = pytest.mark.skipif(
@@ -63,25 +68,82 @@ def test_return_and_recovery_are_cut_off():
 
 def test_an_absent_folder_is_one_line(tmp_path):
     for read in (read_meat, phantom_kinds):
-        with pytest.raises(InputError, match="studies/recordings/README"):
+        with pytest.raises(InputError, match="studies/recordings"):
             read(tmp_path)
 
 
-def test_the_force_scales_with_c10_and_branches_add_up():
-    responses = ball_responses(12.0, 3.0, ball_radius=5.0, layer_radius=20.0)
-    soft, stiff = responses.curve(2.0, 0.0), responses.curve(6.0, 0.0)
-    np.testing.assert_allclose(stiff, 3 * soft, rtol=1e-12)
-    # The spline through the first steps, of up to 0.1 mm, can't tell a strain's stiffening.
-    beyond = responses.grid > 0.5
-    assert (responses.curve(2.0, 0.5) > soft)[beyond].all()
-    observed = observe([_pressed()], Instrument(1e-3, 0.01), starts_at_contact=True)
-    one = {"ratio": 0.5, "relaxation_time": 2.0}
-    none = {"ratio_2": 0.0, "relaxation_time_2": 5.0}
-    single = responses.relative_change(Relaxation(), one, 5.0, 0.0, observed)
-    double = responses.relative_change(TwoRelaxations(), {**one, **none}, 5.0, 0.0, observed)
-    np.testing.assert_allclose(double, single)
-    held = observed.phase == "hold"
-    assert (np.diff(single[held]) < 0).all() and (single > 0).all()
+def test_one_sample_that_overshoots_costs_no_hold():
+    held = _pressed()
+    d = held.displacement.copy()
+    d[52] += 0.4
+    kept = loaded_and_held(Recording(held.time, d, held.force, "overshot"))
+    assert held_depth(kept) == pytest.approx(5.0)
+    assert kept.time[-1] == pytest.approx(held.time[-1], abs=0.5)
+
+
+def test_the_end_of_the_hold_is_taken_off():
+    kept = without_end_of_hold(_pressed(), 5.0)
+    assert kept.time[-1] == pytest.approx(9.9, abs=0.11)
+
+
+def test_a_name_may_lack_its_day_where_one_test_has_it():
+    names = ["one|A", "one|B", "two|B"]
+    assert full_name("A", names) == "one|A"
+    assert full_name("two|B", names) == "two|B"
+    with pytest.raises(InputError, match="name of 2 tests"):
+        full_name("B", names)
+    with pytest.raises(InputError, match="no test"):
+        full_name("C", names)
+
+
+def test_relaxation_is_that_of_a_standard_solid_on_a_ramp():
+    """A linear spring with one branch in closed form, by the hereditary sum over a recording."""
+    recording = _pressed()
+    observed = observe([recording], Instrument(1e-3, 0.01), starts_at_contact=True)
+    motion = motion_of(recording, observed)
+    grid = np.linspace(0.1, 6.0, 60)
+    curves = ElasticCurves(grid, np.tile(grid, (len(STIFFENING_SHARES), 1)))
+    mechanism = Viscoelasticity()
+    values = {"ratio": 0.7, "relaxation_time": 4.0, "spread": 1.0}
+    responses = SpecimenResponses(curves, motion)
+    change = responses.relative_change(mechanism, values, 3.0, 0.0, observed)
+    t = motion.at_stations(observed)
+    ramp = np.minimum(t, 5.0)
+    expected = sum(
+        0.7 * share * tau * (np.exp(-(t - ramp) / tau) - np.exp(-t / tau)) / ramp
+        for share, tau in zip(spectrum(4.0, 1.0), TIMES_S, strict=True)
+    )
+    late = t > 0.5
+    np.testing.assert_allclose(change[late], expected[late], rtol=0.02)
+
+
+def _hertz(reached: float = DEEPEST) -> LayerCurves:
+    """Layers that obey Hertz' law down to a share of their thickness."""
+    shares = np.linspace(0.0, DEEPEST, 73)[1:]
+    forces = np.ones((len(THICKNESSES), len(STIFFENING_SHARES), len(shares)))
+    forces[:, 2:, shares > reached] = np.nan
+    return LayerCurves(5.0, shares, forces)
+
+
+def test_curves_of_a_layer_scale_and_end_where_solutions_did():
+    curves = _hertz(0.3).of(15.0, 6.0)
+    assert len(curves.forces) == 2
+    hertz = 5.0**0.5 * curves.grid**1.5
+    np.testing.assert_allclose(curves.at(2.0, 0.0), 2.0 * hertz)
+    np.testing.assert_allclose(curves.at(1.0, 0.05), 1.05 * hertz)
+
+
+def test_a_test_that_can_t_be_solved_costs_itself_only():
+    layers = LayerCurves(5.0, np.linspace(0.0, 0.6, 73)[1:], np.full((6, 5, 72), np.nan))
+    row = try_indentation(MeatTest(_pressed(), "beef_FF", 15.0), layers)
+    assert "no layer" in row.problem
+
+
+def test_air_that_is_put_in_is_found_in_a_clean_recording():
+    test = MeatTest(_pressed(), "beef_FF", 15.0)
+    assert with_air(test.recording, 1.5).displacement[-1] == pytest.approx(6.5)
+    wrong = air_found(test)
+    assert wrong is not None and abs(wrong) < 0.3
 
 
 @needs_data
@@ -102,27 +164,12 @@ def test_the_drop_is_told_and_no_other_beef_has_one():
         for name, test in meat.items()
         if test.is_beef and (drops := find_drops(loaded_and_held(test.recording)))
     }
-    assert list(with_drop) == ["RDG1 1A"]
-    assert 2.4 < with_drop["RDG1 1A"][0].start_mm < 2.8
+    assert list(with_drop) == ["230331|RDG1 1A"]
+    assert 2.4 < with_drop["230331|RDG1 1A"][0].start_mm < 2.8
 
 
 @needs_data
 def test_air_is_found():
-    meat = read_meat(DATA)
-    found = study_indentation(meat["230403-FF1A"], Assumed())
-    assert found.air == pytest.approx(3.7, abs=0.15)
-    assert "viscoelasticity" in found.repair.names
-
-
-@needs_data
-def test_beef_relaxes_much_and_silicone_little():
-    meat = read_meat(DATA)
-    beef = study_indentation(meat["RDG1 1A"], Assumed())
-    assert beef.repair.gains[0][0].startswith("viscoelasticity")
-    assert "force-drop" in beef.repair.names
-    assert beef.held_out_rmse[2] < 0.5 * min(beef.held_out_rmse[:2])
-    first = study_indentation(meat["230515-P002-9"], Assumed())
-    second = study_indentation(meat["230515-P002-10"], Assumed())
-    assert beef.relaxed < 0.5 < 0.8 < first.relaxed
-    elastic, repaired = predict_next(first, second)
-    assert repaired < 0.5 * elastic
+    recording = loaded_and_held(read_meat(DATA)["230403|230403-FF1A"].recording)
+    observed = observe([recording], Instrument(2e-3, 0.01), starts_at_contact=False)
+    assert observed.contacts[0].displacement == pytest.approx(3.7, abs=0.15)

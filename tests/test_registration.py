@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.parametric_leg import parametric_leg, read_legs
 from legfem.geometry.rigid import RigidTransform
@@ -22,7 +22,7 @@ from legfem.imaging.registration import (
 )
 from legfem.imaging.voxelise import ScanSettings, SegmentationNoise, simulated_scan
 
-LEGS = Path(__file__).resolve().parents[1] / "studies" / "dubuis" / "legs.toml"
+LEGS = Path(__file__).resolve().parents[1] / "studies" / "stockings" / "legs.toml"
 PLANTED = RigidTransform.of_angles((4.0, -3.0, 12.0), np.array([6.0, -8.0, 15.0]))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from making import circle
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
 from legfem.geometry.cross_sections import Clearances
 from legfem.geometry.leg_shape import LegShape, shape_of_contours
 from legfem.geometry.rigid import RigidTransform

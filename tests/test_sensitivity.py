@@ -7,12 +7,12 @@ import pytest
 from making_derivatives import PRECISE, sensitivities, worst_error
 from making_mechanics import COARSE, fixed_steps, pressed_block, subject_3
 
-from legfem.contact_settings import ContactSettings
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.newton import NewtonSolver
-from legfem.protocol import Protocol
-from legfem.sensitivity import SensitivityTracker
-from legfem.stepping import follow
+from legfem.mechanics.contact_settings import ContactSettings
+from legfem.solve.newton import NewtonSolver
+from legfem.solve.protocol import Protocol
+from legfem.solve.sensitivity import SensitivityTracker
+from legfem.solve.stepping import follow
 
 UP_AND_DOWN = Protocol.through((2.0, 1.25), rate=1.0)
 
@@ -41,6 +41,28 @@ def test_sensitivities_of_a_leg():
     values = dict(test.solve(depth=0.5).parameters)  # with the contact's stiffness
     names = ["deep.C10", "deep.C20", "superficial.C10", "fascia.C10"]
     assert worst_error(test.system, values, names, Protocol.ramp(8.0, rate=1.0), 1.0) < 1e-4
+
+
+@pytest.mark.parametrize("normal", ["stiff", "exponential"])
+def test_the_penalty_s_dependence_on_the_tissue_counts(normal):
+    """A soft contact, whose penalty grows with the tissue's stiffness as the settings say."""
+    settings = PlaneStrainSettings(
+        mesh=COARSE,
+        contact=ContactSettings(normal, stiffness=10.0, onset=0.05),
+        newton=PRECISE,
+        steps=fixed_steps(0.5),
+    )
+    test = PlaneStrainIndentation(*subject_3(), settings)
+    values = {"deep.C10": 0.7e-3, "deep.C20": 0.8e-3, "superficial.C10": 2e-3, "fascia.C10": 0.1}
+    exact = test.solve(values, 3.0, tuple(values)).path
+    for name, value in values.items():
+        ahead, behind = (
+            test.solve({**values, name: value * (1 + by)}, 3.0).path.force for by in (1e-4, -1e-4)
+        )
+        difference = (ahead - behind) / (2e-4 * value)
+        error = np.abs(exact.sensitivities[name] - difference).max() / np.abs(difference).max()
+        print(name, f"{error:.1e}")
+        assert error < 1e-5
 
 
 def test_history_counts():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from making import circle
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape, shape_of_contours
 from legfem.geometry.parametric_leg import round_leg
 from legfem.geometry.slices import (

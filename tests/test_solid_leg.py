@@ -10,7 +10,7 @@ from making import circle
 from making_ranks import run_on_ranks
 from mpi4py import MPI
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape, shape_of_contours
 from legfem.geometry.parametric_leg import round_leg
 from legfem.meshing.idealised_leg import END, LegMesh

@@ -9,14 +9,18 @@ import pytest
 from mpi4py import MPI
 
 from legfem.experiments.indentation_3d import Cylinder
+from legfem.jobs.store import Store
 from legfem.meshing.idealised_leg import IdealisedLeg, mesh_leg
-from legfem.study.solver_case import SolverCase, SolverWork, document, measure, mesh_of_size
-from legfem.study.solvers_command import cases_of, run, sentences, solvers_table
+from studies.solvers.case import SolverCase, SolverWork, document, measure, mesh_of_size
+from studies.solvers.command import cases_of, run, sentences, solvers_table
 
 SMALL = SolverCase(3000, "iterative")
 
 
-@pytest.mark.parametrize(("cells", "size"), [("hexahedra", 20_000), ("tetrahedra", 60_000)])
+@pytest.mark.parametrize(
+    ("cells", "size"),
+    [pytest.param("hexahedra", 20_000, marks=pytest.mark.slow), ("tetrahedra", 60_000)],
+)
 def test_meshes_have_about_the_size_asked_for(cells, size):
     case, leg, cylinder = SolverCase(size, "iterative", cells), IdealisedLeg(), Cylinder()
     settings = mesh_of_size(case, leg, cylinder)
@@ -68,9 +72,11 @@ def test_the_report_tells_growth_and_what_is_cheaper():
 
 
 def test_measured_cases_are_not_measured_again(tmp_path, capsys):
-    path = tmp_path / "result.json"
-    path.write_text(json.dumps({"schema": 1, "cases": [document(SMALL, made(15, 10.0))]}))
+    Store(tmp_path / "cases", SolverWork, modules=("studies.solvers.case",)).put(
+        SMALL, made(15, 10.0)
+    )
     run([SMALL], tmp_path)
     assert "20000" in capsys.readouterr().out
-    assert json.loads(path.read_text())["cases"] == [document(SMALL, made(15, 10.0))]
+    found = json.loads((tmp_path / "result.json").read_text())["cases"]
+    assert found == [document(SMALL, made(15, 10.0))]
     assert "20000" in (tmp_path / "report.txt").read_text()

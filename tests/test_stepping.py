@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
 import numpy as np
 import pytest
 from making_mechanics import COARSE, fixed_steps, pressed_block, subject_3
 
-from legfem.contact_settings import ContactSettings
+from legfem.experiments import plane_strain
+from legfem.experiments.base import Solved
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.experiments.pressing import Indentation
-from legfem.newton import NewtonOutcome, NewtonSettings, NewtonSolver
-from legfem.protocol import Protocol
-from legfem.stepping import SolveReport, Step, StepSettings, follow, press
-from legfem.system import System
+from legfem.fem.system import System
+from legfem.mechanics.contact_settings import ContactSettings
+from legfem.solve.newton import NewtonOutcome, NewtonSettings, NewtonSolver
+from legfem.solve.protocol import Protocol
+from legfem.solve.stepping import SolveReport, Step, StepSettings, follow, press
 
 
 class FailingSolver(NewtonSolver):
@@ -134,8 +138,8 @@ def test_a_protocol_is_followed_in_time():
 
     def record(time: float, displacement: float) -> None:
         seen.append((time, displacement))
-        place = system.body.place
-        clock.append((float(place.time.value), float(place.time_step.value)))
+        domain = system.body.domain
+        clock.append((float(domain.time.value), float(domain.time_step.value)))
 
     settings = StepSettings(first=0.5, largest=0.5)
     report = follow(system, NewtonSolver(system), protocol, settings, record)
@@ -154,7 +158,7 @@ def test_a_protocol_is_followed_in_time():
 
 def test_a_hold_that_fails_is_told_in_seconds():
     system = pressed_block()
-    solver = FailingSolver(system, lambda at: float(system.body.place.time.value) > 3.0)
+    solver = FailingSolver(system, lambda at: float(system.body.domain.time.value) > 3.0)
     report = follow(system, solver, Protocol.ramp_and_hold(1.0, rate=1.0, hold=10.0))
     assert not report.complete and report.reached == 1.0
     assert report.reason == "no step above 0.0001 s converges: told to fail"
@@ -171,24 +175,49 @@ def test_an_absurd_limit_gives_up_at_once():
 
 # --- the second line of defence ---
 
-# Too stiff for the tolerance: rounding of positions times the penalty exceeds it.
-TOO_STIFF = ContactSettings(stiffness=2e7, onset=1e-4)
-IMPOSSIBLE = ContactSettings(stiffness=1e9, onset=1e-4)
+
+@dataclass(frozen=True)
+class Attempt:
+    """What tells the attempts at one solution apart."""
+
+    stiffness: float
+    """Of the contact (MPa/mm)."""
+    unknowns: int
 
 
-def _solved(contact: ContactSettings, defences: bool) -> Indentation:
-    settings = PlaneStrainSettings(
-        mesh=COARSE,
-        contact=contact,
-        newton=NewtonSettings(floor=1.0),
-        steps=StepSettings(first=0.5, smallest=0.2),
-        defences=defences,
-    )
+def _solved(monkeypatch, reach: Callable[[Attempt], float], defences: bool) -> Solved:
+    """Press subject 3 by 3 mm with a solver that fails beyond a depth (mm)."""
+
+    class Limited(FailingSolver):
+        def __init__(self, system: System, *_: object) -> None:
+            super().__init__(system, lambda at: at > reach(self.attempt))
+            self.attempt = Attempt(0.0, system.spaces.unknowns)
+            given = system.set_parameters
+
+            def told(values: dict[str, float]) -> None:
+                self.attempt = replace(self.attempt, stiffness=values["contact.stiffness"])
+                given(values)
+
+            system.set_parameters = told
+
+    monkeypatch.setattr(plane_strain, "NewtonSolver", Limited)
+    steps = StepSettings(first=0.5, smallest=0.2)
+    settings = PlaneStrainSettings(mesh=COARSE, steps=steps, defences=defences)
     return PlaneStrainIndentation(*subject_3(), settings).solve(depth=3.0)
 
 
-def test_a_softer_contact_is_tried_before_giving_up():
-    report = _solved(TOO_STIFF, defences=True).report
+STIFF = 0.5 * ContactSettings().penalty(
+    {"deep.C10": 0.70e-3, "deep.C20": 0.80e-3, "superficial.C10": 2e-3}, 15.0
+)
+"""Below subject 3's own contact and above the softer one (MPa/mm)."""
+
+
+def _only_soft(attempt: Attempt) -> float:
+    return 0.0 if attempt.stiffness > STIFF else np.inf
+
+
+def test_a_softer_contact_is_tried_before_giving_up(monkeypatch):
+    report = _solved(monkeypatch, _only_soft, defences=True).report
     assert report.complete and report.contact_stiffness_factor == 0.2
     (first,) = report.earlier_attempts
     assert not first.complete and first.contact_stiffness_factor == 1.0
@@ -198,19 +227,29 @@ def test_a_softer_contact_is_tried_before_giving_up():
     )
 
 
-def test_without_defences_the_first_failure_stands():
-    report = _solved(TOO_STIFF, defences=False).report
+def test_without_defences_the_first_failure_stands(monkeypatch):
+    report = _solved(monkeypatch, _only_soft, defences=False).report
     assert not report.complete and report.reached < report.target
     assert report.earlier_attempts == () and report.contact_stiffness_factor == 1.0
 
 
-def test_a_finer_mesh_is_tried_last_and_the_farthest_attempt_returned():
-    solved = _solved(IMPOSSIBLE, defences=True)
+@pytest.mark.parametrize("best", ["the first", "softer", "finer"])
+def test_a_finer_mesh_is_tried_last_and_the_farthest_attempt_returned(monkeypatch, best):
+    sizes: list[int] = []
+
+    def reach(attempt: Attempt) -> float:
+        sizes.append(attempt.unknowns)
+        kind = "finer" if attempt.unknowns > sizes[0] else "softer"
+        return 2.0 if best == (kind if attempt.stiffness < STIFF else "the first") else 1.0
+
+    solved = _solved(monkeypatch, reach, defences=True)
     report = solved.report
     assert not report.complete and len(report.earlier_attempts) == 2
     attempts = [report, *report.earlier_attempts]
     assert sorted(attempt.contact_stiffness_factor for attempt in attempts) == [0.2, 0.2, 1.0]
     assert len({attempt.unknowns for attempt in attempts}) == 2
-    assert report.reached == max(attempt.reached for attempt in attempts)
+    assert 1.0 < report.reached == max(attempt.reached for attempt in attempts)
+    assert report.contact_stiffness_factor == (1.0 if best == "the first" else 0.2)
+    assert (report.unknowns == max(sizes)) == (best == "finer")
     assert solved.curve.depth == report.reached
     assert report.factorisations == sum(s.factorisations for a in attempts for s in a.steps)

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from shapely import Point, Polygon
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.parametric_leg import parametric_leg, read_legs
 from legfem.geometry.rigid import RigidTransform
 from legfem.geometry.shape_file import write_shape
 from legfem.geometry.shape_motion import rigidly_moved
-from legfem.shipped import STUDIES
 from legfem.stocking.leg import LEGS, load_leg
 from legfem.stocking.veins import GAP, default_veins
+from studies.stockings.command import LEGS as SHAPES
 
 TOML = """id = "a"
 title = "A leg"
@@ -32,7 +32,7 @@ compression_class = "2"
 
 @pytest.fixture(scope="module")
 def shape() -> LegShape:
-    return parametric_leg(read_legs(STUDIES / "dubuis" / "legs.toml")["1"], n_points=90)
+    return parametric_leg(read_legs(SHAPES)["1"], n_points=90)
 
 
 @pytest.fixture

@@ -18,8 +18,8 @@ from legfem.geometry.shape_motion import rigidly_moved
 from legfem.geometry.slices import CONTOURS, SliceSet, calf_levels
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.stocking.accuracy import ContourAccuracy
-from legfem.stocking.classes import CompressionClass, Fit, fitted_stocking
-from legfem.stocking.identification import Search, SearchSettings
+from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
+from legfem.stocking.identification import SearchSettings, StiffnessSearch
 from legfem.stocking.leg_model import LegModel3D
 from legfem.stocking.misfit import ContourMisfit
 from legfem.stocking.mismatch import TERMS, Mismatch, mismatch_of
@@ -56,14 +56,14 @@ def _diagnosed(
 ) -> Mismatch:
     """Diagnose a leg whose truth has other pressures, another position, or a mechanism."""
     truth, model = models
-    stocking = fitted_stocking(shape, Fit(CompressionClass.STRONG))
+    stocking = fitted_stocking(shape, ClassFit(CompressionClass.STRONG))
     worn = WornLeg(truth, stocking).find(mechanism, error=factor - 1)
     assert worn.converged
     scanned = rigidly_moved(worn.shape, np.eye(3), np.array(shift))
     clean = ContourMisfit(SliceSet.of(scanned, calf_levels(shape)), accuracy)
     noisy = ContourMisfit(clean.target, accuracy, _noise(clean, seed))
     leg = WornLeg(model, stocking)
-    search = Search(leg, noisy, SearchSettings(starts_kPa=((3.0, 3.0),), max_steps=3))
+    search = StiffnessSearch(leg, noisy, SearchSettings(starts_kPa=((3.0, 3.0),), max_steps=3))
     best = search.weighted()[0]
     return mismatch_of(leg, noisy, search.nuisances, best)
 
@@ -78,6 +78,7 @@ def _noise(misfit: ContourMisfit, seed: int) -> np.ndarray:
     return np.concatenate(drawn)
 
 
+@pytest.mark.slow
 def test_nothing_wrong_is_called_consistent(shape, models):
     found = _diagnosed(shape, models)
     print(found)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from making import SHARED, TOML, write_subject
+from making import CROSSCHECK, TOML, write_subject
 
-from legfem.errors import InputError
-from legfem.shipped import Shelf
-from legfem.subject import load_subject
+from legfem.common.errors import InputError
+from legfem.subjects.catalogue import Catalogue
+from legfem.subjects.subject import load_subject
 
 
 def test_a_folder_loads_in_internal_units(tmp_path):
@@ -69,6 +69,9 @@ def test_recordings_are_needed_unless_waived(tmp_path):
         ('"reduced-polynomial"', '"yeoh"', "tissues.deep.law", "reduced-polynomial"),
         ('"reduced-polynomial"', '"neo-hookean"', "tissues.deep.D2_per_MPa", "remove"),
         ('"simulated"', '"invented"', "origin", "measured"),
+        ('id = "made"', 'id = "../../x"', "id", "begin with a letter or digit"),
+        ('id = "made"', 'id = "a/b"', "id", "is no plain name"),
+        ('id = "made"', 'id = ""', "id", "is no plain name"),
         ("force_sd_N = 0.04", "force_sd_N = 0.0", "instrument.force_sd_N", "above 0"),
         ("force_sd_N = 0.04", "", "instrument.force_sd_N", "force_accuracy_percent"),
         (
@@ -115,15 +118,14 @@ def test_missing_folder_and_file_are_named(tmp_path):
 def test_an_unknown_subject_is_told_of_the_known(tmp_path):
     write_subject(tmp_path / "1")
     write_subject(tmp_path / "2")
-    shelf = Shelf(tmp_path, "subject.toml")
-    assert shelf.find("2") == tmp_path / "2"
+    catalogue = Catalogue(tmp_path, "subject.toml")
+    assert catalogue.find("2") == tmp_path / "2"
     with pytest.raises(InputError, match="known subjects are 1, 2"):
-        shelf.find("5")
+        catalogue.find("5")
 
 
-@pytest.mark.skipif(not (SHARED / "crosscheck").is_dir(), reason="needs ../shared/crosscheck")
 @pytest.mark.parametrize("law", ["neo-hookean", "reduced-polynomial"])
 def test_the_crosscheck_folders_load(law):
-    subject = load_subject(SHARED / "crosscheck" / law)
+    subject = load_subject(CROSSCHECK / law)
     assert subject.tissues["deep"].law == law
     assert [len(r) for r in subject.recordings] == [501, 501, 501]

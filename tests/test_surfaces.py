@@ -10,7 +10,7 @@ import shapely
 import trimesh
 from making import SHARED
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
 from legfem.geometry.shape_measures import fat_thickness_around, largest_girth, perimeter
 from legfem.imaging.surfaces import outlines_of_surface, read_surface, shape_of_surfaces
 

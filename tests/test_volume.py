@@ -13,7 +13,7 @@ from pydicom.dataset import Dataset, FileMetaDataset
 from pydicom.sr.codedict import codes
 from pydicom.uid import CTImageStorage, ExplicitVRLittleEndian, generate_uid
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
 from legfem.imaging.volume import LabelVolume, check_same_spacing, volume_of_array
 from legfem.imaging.volume_file import read_volume, write_volume
 

@@ -1,6 +1,6 @@
 """Bounds on the work of a curve: counts, which don't depend on the machine."""
 
-from legfem.bench import work_of
+from studies.bench import work_of
 
 
 def test_a_30_mm_curve_takes_at_most_100_factorisations(subject_3_test):

@@ -1,6 +1,6 @@
-"""``python -m legfem.diagnose``: see `legfem.diagnose.cli`."""
+"""``python -m legfem.diagnose``: see `legfem.commands.diagnose`."""
 
-from legfem.diagnose.cli import app
+from legfem.commands.diagnose import app
 
 if __name__ == "__main__":
     app(prog_name="python -m legfem.diagnose")

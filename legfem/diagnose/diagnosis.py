@@ -1,47 +1,38 @@
-"""A diagnosis: the six steps from recordings to a verdict."""
+"""A diagnosis: from recordings to a verdict."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from legfem.diagnose.choose import Candidate, Choice, HeldOut, choose, held_out
+from legfem.common.progress import Progress
+from legfem.common.units import FloatArray
+from legfem.correction.tabulated import TabulatedCorrection
+from legfem.diagnose.explain import Explained, Explanation, averaged_interval, explain
 from legfem.diagnose.fit import Fit, Problem, fit, fit_base
-from legfem.diagnose.library import Library, tested_mechanisms
-from legfem.diagnose.mechanisms import MECHANISMS, Mechanism
-from legfem.diagnose.noise import ErrorModel, estimate_noise
+from legfem.diagnose.held_out import HeldOut, held_out
+from legfem.diagnose.library import Library
+from legfem.diagnose.library_build import shown_mechanisms
+from legfem.diagnose.limits import Limit, limits_of
+from legfem.diagnose.nuisances import Accuracy
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.predict import LawName, Predictor
+from legfem.diagnose.score import Assessment, assess
 from legfem.diagnose.solved import SolvedResponses
-from legfem.progress import Progress
+from legfem.inference.errors import ErrorModel, Noise, error_model, estimate_noise
 from legfem.recording import Instrument
 
 Verdict = Literal["consistent", "named", "ambiguous", "unexplained"]
-_STARTS_KPA = ((0.4, 0.2), (1.0, 0.8), (2.0, 3.0))
+SOUND = 0.5
+"""Probability of the base model alone from which the recordings are called consistent."""
+SHOWN_MOST = 6
+_SLOWEST_OF_TEST, _SLOWEST_MM = 0.02, 5.0
 _CONFIRMATIONS = 3
-
-
-@dataclass(frozen=True, eq=False)
-class Repaired:
-    """A model with mechanisms that describes the recordings, confirmed by a full solution."""
-
-    candidate: Candidate
-    held_out: HeldOut
-
-    @property
-    def confirmed(self) -> bool:
-        """Whether finite elements have confirmed the emulated prediction."""
-        return self.candidate.confirmed
-
-    @property
-    def fit(self) -> Fit:
-        """The refit."""
-        return self.candidate.fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,22 +42,49 @@ class Diagnosis:
     verdict: Verdict
     law: LawName
     observed: Observations
-    errors: ErrorModel
-    base: Candidate
+    explained: Explained
+    models: tuple[Explanation, ...]
+    """Explanations that are listed, the most probable first; none if consistent."""
+    assessment: Assessment
+    """What the base model's residual says: windows, and signs of mechanisms."""
     base_held_out: HeldOut
-    models: tuple[Repaired, ...]
-    """Models with mechanisms that suit, the best first; none if consistent or unexplained."""
-    closest: Fit
-    """The best refit of all, whether it suits or not."""
-    tried: tuple[Fit, ...]
-    untested: dict[str, str]
+    held_out: tuple[HeldOut, ...]
+    """Of the models."""
+    untested: Mapping[str, str]
     """Mechanisms that the recordings can't show, and why."""
+    limits: tuple[Limit, ...]
+    """How strong each mechanism may be unseen."""
     located: NDArray[np.bool_]
     """(n,): observations at which the base model is wrong by more than a trial's noise."""
+    with_ends: bool
+    """Whether the base model has the cylinder's ends."""
     solutions: int
-    """Finite-element solutions made for it, beside the library's."""
+    """Finite-element solutions made for it, the library's included."""
     emulator_error: float
-    """Greatest difference of the base model's emulated and full forces, over the largest force."""
+    """Greatest difference of the base model's emulated and full forces, over the largest force; NaN
+    without a full solution."""
+
+    @property
+    def base(self) -> Explanation:
+        """The base model alone."""
+        return self.explained.base
+
+    @property
+    def errors(self) -> ErrorModel:
+        """Of the observations about the base model."""
+        return self.base.problem.errors
+
+    @property
+    def best(self) -> Explanation:
+        """What the parameters are given with: the first that is named, else the base model."""
+        named = [model for model in self.models if model.names]
+        return named[0] if named else self.base
+
+    @cached_property
+    def intervals(self) -> dict[str, tuple[float, float]]:
+        """95 % intervals of C10 and C20 (kPa) over all explanations, by their probability."""
+        found = {name: averaged_interval(self.explained, name) for name in ("C10", "C20")}
+        return {name: ends for name, ends in found.items() if ends is not None}
 
 
 def diagnose(
@@ -76,9 +94,11 @@ def diagnose(
     library: Library,
     solved: SolvedResponses | None,
     progress: Progress,
+    accuracy: Accuracy | None = None,
+    ends: TabulatedCorrection | None = None,
     seed: int = 0,
 ) -> Diagnosis:
-    """Diagnose recordings: noise, base fit, location, names, refits, verdict.
+    """Diagnose recordings: noise, base fit, location, explanations, verdict.
 
     Parameters
     ----------
@@ -94,59 +114,107 @@ def diagnose(
         Full solutions, to confirm what is reported; emulated ones stand without it.
     progress
         Told of the steps.
+    accuracy
+        How well the leg's geometry is known.
+    ends
+        The correction for the cylinder's ends, where the recordings have them.
     seed
-        Of the draws behind p-values.
+        Of the draws that windows are judged by.
     """
-    able, untested = tested_mechanisms(observed, library)
+    able, untested = shown_mechanisms(observed, library.correction, ends is not None)
+    able = [m for m in able if m.name not in library.missing]
     progress.stage("fitting the base model")
     made = solved.solutions if solved is not None else 0
-    noise, possible = estimate_noise(observed, instrument)
-    problem, base = fit_base(Predictor(observed, library, law), noise, possible, starts(law))
-    base, problem, error = _about_solution(problem, base, solved)
-    progress.stage(f"testing {len(able)} mechanisms")
-    choice = choose(problem, base, able, seed, partial(_confirmed, solved))
-    models = _repaired(choice)
-    verdict = _verdict(choice, models)
-    best = models[0].fit if models else choice.best.fit
+    predictor = Predictor(observed, library, law, ends)
+    problem, base = _fitted(predictor, instrument, library, accuracy or Accuracy())
+    problem, base, error = _about_solution(problem, base, solved)
+    progress.stage(f"weighing {len(able)} mechanisms")
+    confirm = None if solved is None else partial(_confirmed, solved)
+    explained = explain(problem, base, able, confirm)
+    progress.stage("where the base model is wrong")
+    assessment = assess(problem, base, able, seed)
+    verdict, models = _verdict(explained)
+    held = tuple(held_out(m.problem, m.fit) for m in models)
     return Diagnosis(
         verdict,
         law,
         observed,
-        problem.errors,
-        choice.base,
-        held_out(problem, choice.base.fit),
+        explained,
         models,
-        best,
-        choice.tried,
-        untested,
-        _located(choice, models, problem.errors),
+        assessment,
+        held_out(problem, base),
+        held,
+        {**untested, **library.missing},
+        limits_of(explained),
+        _located(explained, models, assessment, problem.errors),
+        ends is not None,
         (solved.solutions if solved is not None else 0) - made,
         error,
     )
 
 
-def starts(law: LawName) -> list[dict[str, float]]:
+def slowest_of(observed: Observations) -> float:
+    """Return the time (s) over which a load cell's slow error is expected to be correlated."""
+    duration = max(float(s.protocol.time[-1]) for s in observed.protocols)
+    return max(_SLOWEST_MM / max(observed.rates), _SLOWEST_OF_TEST * duration)
+
+
+def starts(law: LawName, middle: float) -> list[dict[str, float]]:
     """Return where searches for the base parameters begin, kPa."""
     if law == "neo-hookean":
-        return [{"C10": c10, "C20": 0.0} for c10, _ in _STARTS_KPA]
-    return [{"C10": c10, "C20": c20} for c10, c20 in _STARTS_KPA]
+        return [{"C10": factor * middle, "C20": 0.0} for factor in (0.6, 1.5)]
+    return [
+        {"C10": factor * middle, "C20": share * middle}
+        for factor, share in ((0.6, 1.0), (1.0, 0.3), (1.4, 0.1))
+    ]
+
+
+def _fitted(
+    predictor: Predictor, instrument: Instrument, library: Library, accuracy: Accuracy
+) -> tuple[Problem, Fit]:
+    """Fit the base model, with errors that are shares of its own force.
+
+    The noise is estimated anew once the trials' first contacts are fitted.
+    """
+    observed, slowest = predictor.observed, slowest_of(predictor.observed)
+    noise = estimate_noise(observed, instrument, slowest)
+    middle = float(np.sqrt(np.prod(predictor.responses.c10_bounds)))
+    problem = Problem(predictor, error_model(observed, noise, observed.force))
+    base = fit_base(problem, starts(predictor.law, middle))
+    for _ in range(2):
+        noise = estimate_noise(observed, instrument, slowest, base.residual)
+        problem = problem.with_errors(_errors(problem, base, noise, library, accuracy))
+        base = fit(problem, (), base.values)
+    return problem, base
+
+
+def _errors(
+    problem: Problem, base: Fit, noise: Noise, library: Library, accuracy: Accuracy
+) -> ErrorModel:
+    predictor = problem.predictor
+    ends = predictor.ends if isinstance(predictor.ends, TabulatedCorrection) else None
+    stiffness = base.values["C10"], base.values.get("C20", 0.0)
+    effects = library.nuisances.effects(
+        predictor.observed, base.prediction, accuracy, ends, stiffness
+    )
+    return error_model(predictor.observed, noise, base.prediction, effects)
 
 
 def _about_solution(
     problem: Problem, base: Fit, solved: SolvedResponses | None
-) -> tuple[Fit, Problem, float]:
+) -> tuple[Problem, Fit, float]:
     """Refit the base model about a full solution; return also the emulator's error there."""
     if solved is None:
-        return base, problem, 0.0
+        return problem, base, float("nan")
     offset = _offset(problem.predictor, base, solved)
     if offset is None:
-        return base, problem, float("nan")
+        return problem, base, float("nan")
     problem = problem.corrected(offset)
     error = float(np.abs(offset).max() / np.abs(base.prediction).max())
-    return fit(problem, (), base.values), problem, error
+    return problem, fit(problem, (), base.values), error
 
 
-def _offset(predictor: Predictor, fitted: Fit, solved: SolvedResponses) -> np.ndarray | None:  # type: ignore[type-arg]
+def _offset(predictor: Predictor, fitted: Fit, solved: SolvedResponses) -> FloatArray | None:
     """Return the full prediction less the emulated one (n,), N; None where it stopped."""
     plain = replace(predictor, offset=0.0)
     full = replace(plain, responses=solved)
@@ -154,12 +222,8 @@ def _offset(predictor: Predictor, fitted: Fit, solved: SolvedResponses) -> np.nd
     return None if np.isnan(difference).any() else difference
 
 
-def _confirmed(
-    solved: SolvedResponses | None, problem: Problem, fitted: Fit, limit: float
-) -> tuple[Problem, Fit, bool]:
-    """Refit about full solutions, until the refit stays or its criterion is hopeless."""
-    if solved is None:
-        return problem, fitted, False
+def _confirmed(solved: SolvedResponses, problem: Problem, fitted: Fit) -> tuple[Problem, Fit, bool]:
+    """Refit about full solutions until the refit stays."""
     confirmed = False
     for _ in range(_CONFIRMATIONS):
         offset = _offset(problem.predictor, fitted, solved)
@@ -169,46 +233,37 @@ def _confirmed(
         before = fitted.prediction
         fitted = fit(problem, fitted.mechanisms, fitted.values)
         confirmed = True
-        if fitted.bic > limit:
-            break
         if np.abs(fitted.prediction - before).max() < 0.25 * np.median(problem.errors.trial_sd):
             break
     return problem, fitted, confirmed
 
 
-def _repaired(choice: Choice) -> tuple[Repaired, ...]:
-    if not (choice.mismatch and choice.best.adequate):
-        return ()
-    return tuple(
-        Repaired(candidate, held_out(candidate.problem, candidate.fit))
-        for candidate in (choice.best, *choice.alternatives)
-    )
+def _verdict(explained: Explained) -> tuple[Verdict, tuple[Explanation, ...]]:
+    if explained.soundness >= SOUND:
+        return "consistent", ()
+    listed = explained.listed()
+    if listed[0].unknown:
+        return "unexplained", ()
+    models = tuple(e for e in listed if e.names)[:SHOWN_MOST]
+    return ("named" if len(listed) == 1 else "ambiguous"), models
 
 
-def _verdict(choice: Choice, models: Sequence[Repaired]) -> Verdict:
-    if not choice.mismatch:
-        return "consistent"
-    if not models:
-        return "unexplained"
-    return "named" if len(models) == 1 else "ambiguous"
-
-
-def _located(choice: Choice, models: Sequence[Repaired], errors: ErrorModel) -> NDArray[np.bool_]:
+def _located(
+    explained: Explained,
+    models: tuple[Explanation, ...],
+    assessment: Assessment,
+    errors: ErrorModel,
+) -> NDArray[np.bool_]:
     """Return where the base model errs by more than a trial's noise.
 
     Where a model suits, it tells what the base model misses without the noise; else the windows do.
     """
-    base = choice.base
-    located = np.zeros(len(base.fit.residual), dtype=bool)
-    if not choice.mismatch:
+    base = explained.base.fit
+    located = np.zeros(len(base.residual), dtype=bool)
+    if explained.soundness >= SOUND:
         return located
     if models:
-        return np.asarray(np.abs(models[0].fit.prediction - base.fit.prediction) > errors.trial_sd)
-    for window in base.assessment.windows:
+        return np.asarray(np.abs(models[0].fit.prediction - base.prediction) > errors.trial_sd)
+    for window in assessment.windows:
         located[list(window.stations)] = True
     return located
-
-
-def mechanism_named(name: str) -> Mechanism:
-    """Return the mechanism of a name."""
-    return next(m for m in MECHANISMS if m.name == name)

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any, Protocol
 
 import numpy as np
 
-from legfem.diagnose.diagnosis import Diagnosis, Repaired
+from legfem.common.documents import json_types
+from legfem.common.versions import legfem_version, package_version
+from legfem.diagnose.diagnosis import Diagnosis
+from legfem.diagnose.explain import Explanation
 from legfem.diagnose.fit import Fit
+from legfem.diagnose.held_out import HeldOut
+from legfem.diagnose.predict import onset_name
+from legfem.diagnose.remains import explained_share, remains_of
 from legfem.diagnose.sentences import next_experiments
 from legfem.diagnose.windows import runs
-from legfem.documents import json_types
-from legfem.identify.forward import legfem_version, package_version
-from legfem.subject import Origin
+from legfem.subjects.subject import Origin
 
-SCHEMA = 1
+SCHEMA = 2
 
 
 class Recorded(Protocol):
@@ -40,6 +45,7 @@ class Recorded(Protocol):
 
 def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> dict[str, Any]:
     """Return the diagnosis as JSON types; what isn't finite is null."""
+    base, posterior = found.base, found.base.posterior
     return json_types(
         {
             "schema": SCHEMA,
@@ -47,34 +53,58 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
             "origin": subject.origin,
             "law": found.law,
             "verdict": found.verdict,
+            "probability_of_no_effect": found.explained.soundness,
+            "explanations": [
+                {
+                    "mechanisms": list(e.names),
+                    "unknown": e.unknown,
+                    "probability": e.probability,
+                    "log_evidence": e.posterior.log_evidence,
+                }
+                for e in found.explained.every
+                if e.probability > 1e-4
+            ],
             "noise": {
                 "force_sd_N": found.errors.noise.force_sd,
                 "white_sd_N": found.errors.noise.white_sd,
                 "correlation_time_s": found.errors.noise.correlation_time,
                 "displacement_wander_sd_mm": found.errors.noise.wander_sd,
+                "gain_sd": found.best.posterior.gain_sd,
+                "zero_sd_N": found.best.posterior.zero_sd,
                 "source": found.errors.noise.source,
-                "effective_samples": found.errors.effective_samples,
             },
+            "first_contact": [_contact(found, k) for k in range(len(found.observed.trials))],
             "base_model": {
-                "p_value": found.base.assessment.p_value,
-                "lack_of_fit_p_value": found.base.assessment.lack_of_fit,
-                "r_squared": r_squared(found.base.fit, found),
+                "cylinder_ends": found.with_ends,
+                "p_value": found.assessment.p_value,
+                "lack_of_fit_p_value": found.assessment.lack_of_fit,
+                "r_squared": r_squared(base.fit, found),
                 "held_out_rmse_N": found.base_held_out.rmse,
                 "held_out_noise_N": found.base_held_out.noise,
                 "held_out": found.base_held_out.how,
                 "emulator_error": found.emulator_error,
             },
+            "not_known_exactly": [
+                {"what": name, "departure_in_sd": float(z)}
+                for name, z in zip(found.errors.names, posterior.effects, strict=True)
+            ],
             "mismatch": mismatches(found),
-            "physics": [entry for model in found.models for entry in _physics(found, model)],
+            "physics": [
+                entry
+                for model, held in zip(found.models, found.held_out, strict=True)
+                for entry in _physics(found, model, held)
+            ],
             "models": [
                 {
-                    "mechanisms": list(model.fit.names),
-                    "bic": model.fit.bic,
-                    "p_value": model.candidate.assessment.p_value,
-                    "held_out_rmse_N": model.held_out.rmse,
+                    "mechanisms": list(model.names),
+                    "probability": model.probability,
+                    "in_part": model.in_part,
+                    "explained_share_of_misfit": explained_share(found, model),
+                    "remains": [asdict(r) for r in remains_of(found, model)],
+                    "held_out_rmse_N": held.rmse,
                     "confirmed_by_full_solutions": model.confirmed,
                 }
-                for model in found.models
+                for model, held in zip(found.models, found.held_out, strict=True)
             ],
             "indistinguishable": indistinguishable(found.models),
             "score_tests": [
@@ -84,13 +114,23 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
                     "p_value": score.p_value,
                     "share_concealed_by_refit": score.concealed,
                 }
-                for score in found.base.assessment.scores
+                for score in found.assessment.scores
+            ],
+            "upper_limits": [
+                {
+                    "name": limit.name,
+                    "parameter": limit.parameter,
+                    "unit": limit.unit,
+                    "between": [limit.low, limit.high],
+                    "greatest_change_of_force_N": limit.effect,
+                }
+                for limit in found.limits
             ],
             "untested": found.untested,
             "remarks": list(found.observed.remarks),
             "next_experiment": next_experiments(found),
-            "parameters_before": parameters(found.base.fit),
-            "parameters_after": parameters(found.models[0].fit if found.models else found.base.fit),
+            "parameters_before": parameters(base),
+            "parameters_after": {**parameters(found.best), **_averaged(found)},
             "full_solutions": found.solutions,
             "seed": seed,
             "wall_s": seconds,
@@ -111,15 +151,18 @@ def r_squared(fitted: Fit, found: Diagnosis) -> float:
 
 def mismatches(found: Diagnosis) -> list[dict[str, Any]]:
     """Return the intervals in which the base model errs by more than a trial's noise."""
-    observed, base = found.observed, found.base
-    windows = base.assessment.windows
+    observed, base = found.observed, found.base.fit
     result = []
     for k, trial in enumerate(observed.trials):
         for segment in np.unique(observed.segment[observed.trial == k]):
             here = np.flatnonzero((observed.trial == k) & (observed.segment == segment))
             for first, end in runs(found.located[here].astype(int)):
                 run = here[first:end]
-                touching = [w.p_value for w in windows if set(w.stations) & set(map(int, run))]
+                touching = [
+                    w.p_value
+                    for w in found.assessment.windows
+                    if set(w.stations) & set(map(int, run))
+                ]
                 d, t = observed.displacement[run], observed.time[run]
                 result.append(
                     {
@@ -127,60 +170,87 @@ def mismatches(found: Diagnosis) -> list[dict[str, Any]]:
                         "phase": str(observed.phase[run[0]]),
                         "displacement_mm": [float(d.min()), float(d.max())],
                         "time_s": [float(t.min()), float(t.max())],
-                        "size_N": float(base.fit.residual[run].mean()),
-                        "p_value": min([*touching, base.assessment.p_value]),
+                        "size_N": float(base.residual[run].mean()),
+                        "p_value": min([*touching, found.assessment.p_value]),
                     }
                 )
     return result
 
 
-def _physics(found: Diagnosis, model: Repaired) -> list[dict[str, Any]]:
+def _contact(found: Diagnosis, k: int) -> dict[str, Any]:
+    """Return where a trial was touched: as found in the recording, moved by the fit."""
+    contact, name = found.observed.contacts[k], onset_name(k)
+    low, high = found.best.interval(name)
+    at = contact.displacement
+    return {
+        "trial": found.observed.trials[k],
+        "displacement_mm": at + found.best.value(name),
+        "ci95": [at + low, at + high],
+    }
+
+
+def _physics(found: Diagnosis, model: Explanation, held: HeldOut) -> list[dict[str, Any]]:
     entries = []
     for mechanism in model.fit.mechanisms:
-        score = found.base.assessment.score(mechanism.name)
+        score = found.assessment.score(mechanism.name)
+        gain = model.posterior.log_evidence - found.base.posterior.log_evidence
         entries.append(
             {
                 "name": mechanism.name,
                 "statement": mechanism.statement,
-                "together_with": [n for n in model.fit.names if n != mechanism.name],
+                "together_with": [n for n in model.names if n != mechanism.name],
+                "probability": model.probability,
                 "parameters": {
-                    p.name: _parameter(model.fit, f"{mechanism.name}.{p.name}", p.unit)
+                    p.name: _parameter(model, f"{mechanism.name}.{p.name}", p.unit)
                     for p in mechanism.parameters
                 },
                 "evidence": {
-                    "delta_bic": found.base.fit.bic - model.fit.bic,
+                    # Twice the logarithm of the Bayes factor: what BIC estimates.
+                    "delta_bic": 2 * gain,
+                    "log_bayes_factor": gain,
                     "p_value": score.p_value if score else None,
                     "held_out_rmse_before_N": found.base_held_out.rmse,
-                    "held_out_rmse_after_N": model.held_out.rmse,
+                    "held_out_rmse_after_N": held.rmse,
                 },
             }
         )
     return entries
 
 
-def indistinguishable(models: Sequence[Repaired]) -> list[list[str]]:
+def indistinguishable(models: Sequence[Explanation]) -> list[list[str]]:
     """Return the set of names that the data can't tell apart, if there is one."""
     if len(models) < 2:
         return []
-    names = [set(model.fit.names) for model in models]
+    names = [set(model.names) for model in models]
     common = set.intersection(*names)
     return [sorted(set.union(*names) - common)]
 
 
-def parameters(fitted: Fit) -> dict[str, Any]:
-    """Return a fit's parameters with units and intervals."""
+def parameters(model: Explanation) -> dict[str, Any]:
+    """Return an explanation's parameters with units and intervals."""
     result = {
-        f"{name.lower()}_deep": _parameter(fitted, name, "kPa")
+        f"{name.lower()}_deep": _parameter(model, name, "kPa")
         for name in ("C10", "C20")
-        if name in fitted.free
+        if name in model.fit.free
     }
-    for mechanism in fitted.mechanisms:
+    for mechanism in model.fit.mechanisms:
         for p in mechanism.parameters:
             name = f"{mechanism.name}.{p.name}"
-            result[name] = _parameter(fitted, name, p.unit)
+            result[name] = _parameter(model, name, p.unit)
     return result
 
 
-def _parameter(fitted: Fit, name: str, unit: str) -> dict[str, Any]:
-    low, high = fitted.interval(name)
-    return {"value": fitted.values[name], "unit": unit, "ci95": [low, high]}
+def _averaged(found: Diagnosis) -> dict[str, Any]:
+    """Return the stiffness with intervals over all explanations."""
+    return {
+        f"{name.lower()}_deep": {
+            "value": found.best.value(name),
+            "unit": "kPa",
+            "ci95": list(ends),
+        }
+        for name, ends in found.intervals.items()
+    }
+
+
+def _parameter(model: Explanation, name: str, unit: str) -> dict[str, Any]:
+    return {"value": model.value(name), "unit": unit, "ci95": list(model.interval(name))}

@@ -1,9 +1,9 @@
-"""Generalised least squares of a model's parameters to the observations."""
+"""A model's parameters fitted to the observations, each with what is known of it beforehand."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,11 +11,18 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
-from legfem.diagnose.mechanisms import Mechanism, Values
-from legfem.diagnose.noise import ErrorModel, Noise, error_model
-from legfem.diagnose.observations import Observations
+from legfem.common.units import FloatArray
+from legfem.diagnose.mechanisms import Mechanism
+from legfem.diagnose.mechanisms.base import null_of, prior_of
 from legfem.diagnose.predict import Predictor
-from legfem.units import FloatArray
+from legfem.inference.errors import ErrorModel
+from legfem.inference.evidence import Linearised
+from legfem.inference.parameter import Parameter
+
+_FEW, _MANY = 6, 40
+"""Evaluations of a search from each of several starts, and from the best of them."""
+_STEP = 1e-3
+"""Of differences, in standard deviations of what is known beforehand."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,24 +31,21 @@ class Fit:
 
     mechanisms: tuple[Mechanism, ...]
     values: Mapping[str, float]
-    """All parameters: kPa and the mechanisms' units."""
-    free: tuple[str, ...]
-    """Those that were fitted."""
+    """All parameters: kPa, mm and the mechanisms' units."""
+    parameters: tuple[Parameter, ...]
+    """Those that were fitted, by full name."""
+    departure: FloatArray
+    """(p,): of those from what was known, in its standard deviations."""
     prediction: FloatArray
     """(n,), N: at all observations, fitted or not."""
     residual: FloatArray
     """(n,), N: observed less predicted."""
+    change: FloatArray
+    """(n, p), N: of the prediction by one standard deviation of each parameter."""
     whitened: FloatArray
     """(k,): the fitted part's residual over its errors' Cholesky factor."""
     jacobian: FloatArray
-    """(k, p): whitened derivatives of the prediction by the free parameters."""
-    effective_samples: float
-    at_bound: tuple[str, ...] = ()
-    known_to: tuple[float, ...] = ()
-    """(p,): standard deviations of what was known of the free parameters beforehand; infinite where
-    nothing was."""
-    departure: float = 0.0
-    """Sum of squares of their departures from that, over its standard deviations."""
+    """(k, p): ``change`` of the fitted part, whitened."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -49,9 +53,29 @@ class Fit:
         return tuple(m.name for m in self.mechanisms)
 
     @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the parameters that were fitted."""
+        return tuple(p.name for p in self.parameters)
+
+    @property
     def chi2(self) -> float:
         """Sum of squares of the whitened residual."""
         return float(self.whitened @ self.whitened)
+
+    @property
+    def cost(self) -> float:
+        """The same with the departures from what was known: what a fit minimises."""
+        return self.chi2 + float(self.departure @ self.departure)
+
+    @property
+    def left(self) -> FloatArray:
+        """What is left (k + p,): the whitened residual, and departures from what was known."""
+        return np.concatenate([self.whitened, -self.departure])
+
+    @property
+    def span(self) -> FloatArray:
+        """What the parameters move of that, (k + p, p)."""
+        return np.vstack([self.jacobian, np.eye(len(self.free))])
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -61,48 +85,54 @@ class Fit:
     @property
     def lack_of_fit(self) -> float:
         """Probability of so much misfit by errors alone."""
-        return float(chi2.sf(self.chi2, self.degrees_of_freedom))
+        return float(chi2.sf(self.cost, len(self.whitened)))
 
-    @cached_property
-    def bic(self) -> float:
-        """Schwarz' criterion with the effective number of observations.
-
-        A parameter of which something was known beforehand costs what the data add to that, not
-        the logarithm of their number (Laplace's approximation of the evidence).
-        """
-        known = np.isfinite(self._known_to)
-        penalty = float((~known).sum() * np.log(self.effective_samples))
-        if known.any():
-            basis = np.linalg.qr(self.jacobian[:, ~known])[0]
-            told = self.jacobian[:, known] * self._known_to[known]
-            told = told - basis @ (basis.T @ told)
-            penalty += float(np.linalg.slogdet(np.eye(int(known.sum())) + told.T @ told)[1])
-        return self.chi2 + self.departure + penalty
-
-    @cached_property
-    def _known_to(self) -> FloatArray:
-        return np.array(self.known_to or [np.inf] * len(self.free))
+    @property
+    def at_bound(self) -> tuple[str, ...]:
+        """Parameters at the ends of what they may be, their nulls excepted."""
+        found = []
+        for p in self.parameters:
+            low, high = p.bounds
+            value, close = self.values[p.name], 1e-4 * (high - low)
+            at_null = p.prior is not None and abs(value - p.prior.centre) < close
+            if not at_null and not low + close < value < high - close:
+                found.append(p.name)
+        return tuple(found)
 
     @cached_property
     def covariance(self) -> FloatArray:
-        """Covariance (p, p) of the free parameters."""
-        scale = np.linalg.norm(self.jacobian, axis=0)
-        scale = np.where(scale > 0, scale, 1.0)
-        scaled = self.jacobian / scale
-        known = np.diag((self._known_to * scale) ** -2.0)
-        return np.asarray(np.linalg.pinv(scaled.T @ scaled + known) / np.outer(scale, scale))
+        """Covariance (p, p) of the departures."""
+        information = self.jacobian.T @ self.jacobian + np.eye(len(self.free))
+        return np.asarray(np.linalg.inv(information))
 
     def sd(self, name: str) -> float:
-        """Return the standard error of a parameter; infinite where the data don't see it."""
+        """Return the standard error of a parameter in its unit; NaN if it wasn't fitted."""
         if name not in self.free:
             return float("nan")
         k = self.free.index(name)
-        return float(np.sqrt(self.covariance[k, k]))
+        low, high = (self._at(k, side) for side in (-1.0, 1.0))
+        return 0.5 * abs(high - low)
 
     def interval(self, name: str) -> tuple[float, float]:
-        """95 % interval of a free parameter, by its standard error."""
-        half = 1.96 * self.sd(name)
-        return self.values[name] - half, self.values[name] + half
+        """95 % interval of a fitted parameter, symmetric where what is known of it is."""
+        k = self.free.index(name)
+        low, high = (self.parameters[k].inside(self._at(k, side)) for side in (-1.96, 1.96))
+        return min(low, high), max(low, high)
+
+    def _at(self, k: int, deviations: float) -> float:
+        sd = float(np.sqrt(self.covariance[k, k]))
+        return prior_of(self.parameters[k]).value_at(self.departure[k] + deviations * sd)
+
+    @property
+    def linearised(self) -> Linearised:
+        """The fit as the evidence sees it."""
+        ends = np.array([[prior_of(p).departure(end) for end in p.bounds] for p in self.parameters])
+        return Linearised(self.residual, self.change, self.departure, ends[:, 0], ends[:, 1])
+
+    def moved(self, departure: FloatArray) -> dict[str, float]:
+        """Return all values with the fitted ones at other departures."""
+        at = zip(self.parameters, departure, strict=True)
+        return {**self.values, **{p.name: p.inside(prior_of(p).value_at(z)) for p, z in at}}
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,51 +143,44 @@ class Problem:
     errors: ErrorModel
     kept: NDArray[np.bool_] | None = None
     """(n,): the observations that are fitted; all without it."""
-    _sub: dict[str, ErrorModel] = field(default_factory=dict)
 
     def without(self, left_out: NDArray[np.bool_]) -> Problem:
         """Return the problem with observations left out."""
-        return Problem(self.predictor, self.errors, ~left_out)
+        return replace(self, kept=~left_out)
 
     def corrected(self, offset: FloatArray) -> Problem:
         """Return the problem with the predictor shifted to a full solution."""
-        return Problem(self.predictor.corrected(offset), self.errors, self.kept)
+        return replace(self, predictor=self.predictor.corrected(offset))
 
     def with_errors(self, errors: ErrorModel) -> Problem:
         """Return the problem with other errors."""
-        return Problem(self.predictor, errors, self.kept)
+        return replace(self, errors=errors)
+
+    @cached_property
+    def _part(self) -> ErrorModel:
+        return self.errors if self.kept is None else self.errors.part(self.kept)
 
     def whitened(self, values: FloatArray) -> FloatArray:
         """Return the kept part of vectors (n,) or (n, k), whitened."""
-        if self.kept is None:
-            return self.errors.whitened(values)
-        if "kept" not in self._sub:
-            block = self.errors.covariance[np.ix_(self.kept, self.kept)]
-            self._sub["kept"] = ErrorModel(
-                self.errors.noise, block, self.errors.trial_sd[self.kept]
-            )
-        return self._sub["kept"].whitened(values[self.kept])
+        return self._part.whitened(values if self.kept is None else values[self.kept])
 
-    def bounds(self, name: str, mechanisms: Sequence[Mechanism]) -> tuple[float, float]:
-        """Return what a parameter lies between."""
-        if name == "C10":
-            return self.predictor.responses.c10_bounds
-        if name == "C20":
-            return self.predictor.responses.c20_bounds
-        for mechanism in mechanisms:
-            for p in mechanism.parameters:
-                if name == f"{mechanism.name}.{p.name}":
-                    return p.low, p.high
-        raise KeyError(name)
+    def parameters(self, mechanisms: Sequence[Mechanism]) -> tuple[Parameter, ...]:
+        """Return what is fitted: the base model's parameters and the mechanisms'."""
+        own = [
+            replace(p, name=f"{mechanism.name}.{p.name}")
+            for mechanism in mechanisms
+            for p in mechanism.parameters
+        ]
+        return (*self.predictor.parameters, *own)
 
 
 def fit(
     problem: Problem,
     mechanisms: Sequence[Mechanism],
     start: Mapping[str, float],
-    free_shapes: bool = True,
+    held: Collection[str] = (),
 ) -> Fit:
-    """Fit the base parameters and the mechanisms', trying each mechanism's shapes.
+    """Fit the base parameters and the mechanisms', from each of the mechanisms' starts.
 
     Parameters
     ----------
@@ -166,128 +189,95 @@ def fit(
     mechanisms
         Beyond the base model.
     start
-        Of the search; base parameters in kPa, and others where known.
-    free_shapes
-        Whether parameters beyond a mechanism's first are refined from the best of its shapes.
+        Of the search; mechanisms whose strength it has begin there alone.
+    held
+        Full names of parameters that stay at ``start``.
     """
-    best: Fit | None = None
-    for values in _starts(problem, mechanisms, start):
-        found = _fit_from(problem, mechanisms, values, shapes=False)
-        if best is None or found.chi2 < best.chi2:
-            best = found
-    assert best is not None
-    if free_shapes and any(len(m.parameters) > 1 for m in mechanisms):
-        best = _fit_from(problem, mechanisms, best.values, shapes=True)
-    return best
-
-
-def fit_base(
-    predictor: Predictor, noise: Noise, possible: Sequence[Noise], starts: Sequence[Values]
-) -> tuple[Problem, Fit]:
-    """Fit the base model from several starts, with errors that are shares of its own force."""
-    observed = predictor.observed
-    problem = Problem(predictor, error_model(observed, noise))
-    base = min((fit(problem, (), start) for start in starts), key=lambda f: f.chi2)
-    for others in ((), possible):
-        errors = error_model(observed, noise, others, force=base.prediction)
-        problem = problem.with_errors(errors)
-        base = fit(problem, (), base.values)
-    return problem, base
-
-
-def _starts(
-    problem: Problem, mechanisms: Sequence[Mechanism], start: Mapping[str, float]
-) -> list[dict[str, float]]:
     starts = [dict(start)]
     for mechanism in mechanisms:
-        own = _own_starts(mechanism, problem.predictor.observed, start)
-        starts = [{**mine, **before} for before in starts for mine in own]
-    return starts
+        if f"{mechanism.name}.{mechanism.parameters[0].name}" in start:
+            continue
+        own = mechanism.starts(problem.predictor.observed)
+        starts = [
+            {**before, **{f"{mechanism.name}.{key}": value for key, value in mine.items()}}
+            for before in starts
+            for mine in own
+        ]
+    if len(starts) > 1:
+        tried = [_fit_from(problem, mechanisms, values, held, _FEW) for values in starts]
+        best = min(tried, key=lambda f: f.cost)
+        starts = [dict(best.values)]
+    return _fit_from(problem, mechanisms, starts[0], held, _MANY)
 
 
-def _own_starts(
-    mechanism: Mechanism, observed: Observations, start: Mapping[str, float]
-) -> list[dict[str, float]]:
-    """Return values of a mechanism's own parameters to search from; one where it is known."""
-    strength = f"{mechanism.name}.{mechanism.parameters[0].name}"
-    if strength in start:
-        return [{}]
-    return [
-        {strength: size} | {f"{mechanism.name}.{key}": value for key, value in shape.items()}
-        for shape in mechanism.shape_choices(observed)
-        for size in mechanism.starting_strengths
-    ]
+def fit_base(problem: Problem, starts: Sequence[Mapping[str, float]]) -> Fit:
+    """Fit the base model from several starts."""
+    return min((fit(problem, (), start) for start in starts), key=lambda f: f.cost)
 
 
 def _fit_from(
     problem: Problem,
     mechanisms: Sequence[Mechanism],
     start: Mapping[str, float],
-    shapes: bool,
+    held: Collection[str],
+    evaluations: int,
 ) -> Fit:
     predictor = problem.predictor
-    free = list(predictor.base_parameters)
-    for mechanism in mechanisms:
-        chosen = mechanism.parameters if shapes else mechanism.parameters[:1]
-        free += [f"{mechanism.name}.{p.name}" for p in chosen]
-    limits = np.array([problem.bounds(name, mechanisms) for name in free])
-    scale = np.array([_scale(name, mechanisms, start) for name in free])
-    low, high = limits[:, 0] / scale, limits[:, 1] / scale
-    inside = 1e-9 * (high - low)
-    x0 = np.clip(np.array([start[name] for name in free]) / scale, low + inside, high - inside)
-    fixed = {name: value for name, value in start.items() if name not in free}
+    every = problem.parameters(mechanisms)
+    free = tuple(p for p in every if p.name not in held)
+    fixed = {p.name: start.get(p.name, null_of(p)) for p in every if p.name in held}
+    priors = [prior_of(p) for p in free]
+    ends = np.array(
+        [[q.departure(end) for end in p.bounds] for p, q in zip(free, priors, strict=True)]
+    )
+    ends = np.clip(ends, -40.0, 40.0)
+    inside = 1e-9 * (ends[:, 1] - ends[:, 0])
+    at = np.array(
+        [q.departure(start.get(p.name, q.centre)) for p, q in zip(free, priors, strict=True)]
+    )
+    at = np.clip(at, ends[:, 0] + inside, ends[:, 1] - inside)
 
-    def values_at(x: FloatArray) -> dict[str, float]:
-        return {**fixed, **dict(zip(free, (x * scale).tolist(), strict=True))}
+    def values_at(z: FloatArray) -> dict[str, float]:
+        return {
+            **fixed,
+            **{p.name: q.value_at(float(x)) for p, q, x in zip(free, priors, z, strict=True)},
+        }
 
-    beliefs = [_belief(name, mechanisms) for name in free]
-    null, known = np.array(beliefs).T
-    held = np.isfinite(known)
+    def misfit(z: FloatArray) -> FloatArray:
+        left = predictor.observed.force - predictor(values_at(z), mechanisms)
+        return np.concatenate([problem.whitened(left), z])
 
-    def misfit(x: FloatArray) -> FloatArray:
-        left = predictor.observed.force - predictor(values_at(x), mechanisms)
-        return np.concatenate([problem.whitened(left), ((x * scale - null) / known)[held]])
+    def slopes(z: FloatArray) -> FloatArray:
+        columns = problem.whitened(_change(predictor, mechanisms, values_at, z, ends))
+        return np.vstack([-columns, np.eye(len(z))])
 
     found = least_squares(
-        misfit, x0, bounds=(low, high), x_scale="jac", xtol=1e-8, ftol=1e-9, gtol=1e-10,
-        max_nfev=60, diff_step=1e-5,
+        misfit, at, jac=slopes, bounds=(ends[:, 0], ends[:, 1]), xtol=1e-7, ftol=1e-8, gtol=1e-9,
+        max_nfev=evaluations,
     )  # fmt: skip
-    data = len(found.fun) - int(held.sum())
     values = values_at(found.x)
     prediction = predictor(values, mechanisms)
-    close = 1e-4 * (high - low)
-    edge = (found.x < low + close) | (found.x > high - close)
+    change = _change(predictor, mechanisms, values_at, found.x, ends)
+    count = len(found.fun) - len(free)
     return Fit(
         tuple(mechanisms),
         values,
-        tuple(free),
+        free,
+        np.asarray(found.x),
         prediction,
         predictor.observed.force - prediction,
-        found.fun[:data],
-        -found.jac[:data] / scale,
-        problem.errors.effective_samples,
-        tuple(np.array(free)[edge].tolist()),
-        tuple(known.tolist()),
-        float(np.sum(found.fun[data:] ** 2)),
+        change,
+        np.asarray(found.fun[:count]),
+        problem.whitened(change),
     )
 
 
-def _belief(name: str, mechanisms: Sequence[Mechanism]) -> tuple[float, float]:
-    """Return what is known of a parameter beforehand: its value and the standard deviation."""
-    for mechanism in mechanisms:
-        for p in mechanism.parameters:
-            if name == f"{mechanism.name}.{p.name}" and p.known_to is not None:
-                return p.null, p.known_to
-    return 0.0, np.inf
-
-
-def _scale(name: str, mechanisms: Sequence[Mechanism], start: Mapping[str, float]) -> float:
-    for mechanism in mechanisms:
-        for p in mechanism.parameters:
-            if name == f"{mechanism.name}.{p.name}":
-                return (
-                    max(abs(p.typical), 1e-6)
-                    if p is mechanism.parameters[0]
-                    else abs(start.get(name, 1.0)) or abs(p.typical)
-                )
-    return 1.0
+def _change(predictor, mechanisms, values_at, z: FloatArray, ends: FloatArray) -> FloatArray:  # type: ignore[no-untyped-def]
+    """Return the prediction's derivatives (n, p) by the departures, by differences."""
+    here = predictor(values_at(z), mechanisms)
+    columns = []
+    for k in range(len(z)):
+        moved = z.copy()
+        moved[k] += _STEP if z[k] + _STEP < ends[k, 1] else -_STEP
+        columns.append((predictor(values_at(moved), mechanisms) - here) / (moved[k] - z[k]))
+    return np.column_stack(columns)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from legfem.correction import TabulatedCorrection
+from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses
 from legfem.diagnose.variants import Variants
-from legfem.subject import Subject
+from legfem.subjects.subject import Subject
 
 _DEPTH_STEP_MM = 5.0
 COARSENING = 1.7
@@ -33,21 +33,25 @@ def solved_responses(
     Elastic curves go to the next 5 mm beyond the recordings, so that recordings of one leg share
     them whatever their depths.
     """
-    from legfem.experiments.plane_strain import PlaneStrainSettings, tissues_of
-    from legfem.identify.forward import PlaneStrainForward
+    from legfem.experiments.plane_strain import (
+        PlaneStrainIndentation,
+        PlaneStrainSettings,
+        tissues_of,
+    )
 
     depth = _DEPTH_STEP_MM * -(-(observed.depth + 0.3) // _DEPTH_STEP_MM)
     settings = PlaneStrainSettings()
     coarse = PlaneStrainSettings(mesh=settings.mesh.refined(1 / COARSENING))
+    tissues = tissues_of(subject)
     return tuple(  # type: ignore[return-value]
         SolvedResponses(
-            Variants(subject.section, subject.indenter, tissues_of(subject), own),
+            Variants(subject.section, subject.indenter, tissues, own),
             depth,
             folder,
             {
-                **PlaneStrainForward.of_subject(subject, depth, own).fingerprint(),
+                **PlaneStrainIndentation.of_subject(subject, own).fingerprint(),
                 "model": "plane strain with mechanisms",
-                "deep": repr(tissues_of(subject).deep),
+                "depth_mm": depth,
             },
             correction,
         )

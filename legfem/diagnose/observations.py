@@ -10,6 +10,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
+from legfem.common.units import FloatArray
 from legfem.diagnose.stations import (
     Stations,
     Trial,
@@ -17,12 +18,13 @@ from legfem.diagnose.stations import (
     cut_trial,
     group_trials,
     read_at,
+    stations_along,
     stations_of,
 )
 from legfem.recording import Instrument, Recording
 from legfem.recording.contact import Contact, contact_at_start, find_first_contact
 from legfem.recording.phases import HOLD, LOADING, UNLOADING
-from legfem.units import FloatArray
+from legfem.solve.protocol import Protocol
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +48,11 @@ class Observations:
     contacts: tuple[Contact, ...]
     remarks: tuple[str, ...]
     """What was noticed in the recordings, in sentences."""
+    depths: tuple[float, ...] = ()
+    """Greatest displacement of each trial, mm, where it isn't its protocol's: with more air before
+    the skin the same travel goes less deep."""
+    starts_at_contact: bool = False
+    """Whether displacement is stated to count from first touch."""
 
     def spread(self, by_protocol: Sequence[FloatArray]) -> NDArray[np.float64]:
         """Return values at every protocol's stations as one vector over all trials."""
@@ -67,8 +74,14 @@ class Observations:
 
     @cached_property
     def displacement(self) -> FloatArray:
-        """Displacement, mm."""
-        return np.asarray(self._of_stations("displacement"), float)
+        """Displacement, mm; in a hold at the deepest point that of the trial itself."""
+        stated = np.asarray(self._of_stations("displacement"), float)
+        if not self.depths:
+            return stated
+        deepest = np.array([self.protocols[p].depth for p in self.protocol_of])
+        further = (np.array(self.depths) - deepest)[self.trial]
+        held = (self.phase == HOLD) & (np.abs(stated - deepest[self.trial]) < 0.5)
+        return np.where(held, stated + further, stated)
 
     @cached_property
     def time(self) -> FloatArray:
@@ -129,9 +142,19 @@ class Observations:
         return max(len(self.trials_of(p)) for p in range(len(self.protocols)))
 
     @property
+    def shows_air(self) -> bool:
+        """Whether a trial begins above the skin, though none is stated to begin at it."""
+        return not self.starts_at_contact and any(c.in_air for c in self.contacts)
+
+    @property
+    def repeated(self) -> list[list[int]]:
+        """Numbers of the trials by protocol."""
+        return [self.trials_of(p) for p in range(len(self.protocols))]
+
+    @property
     def depth(self) -> float:
         """Greatest displacement of all, mm."""
-        return max(stations.depth for stations in self.protocols)
+        return max([*self.depths, *(stations.depth for stations in self.protocols)])
 
     @property
     def phases(self) -> frozenset[str]:
@@ -151,6 +174,26 @@ class Observations:
     def with_force(self, force: FloatArray) -> Observations:
         """Return the same stations with other forces (N)."""
         return replace(self, force=force)
+
+
+def blank_observations(protocols: Sequence[Protocol]) -> Observations:
+    """Return observations of nothing at a programme's stations, one trial a protocol."""
+    distinct = list(dict.fromkeys(protocols))
+    stations = tuple(stations_along(protocol) for protocol in distinct)
+    numbers = tuple(distinct.index(protocol) for protocol in protocols)
+    nothing = np.zeros(sum(len(stations[k].time) for k in numbers))
+    return Observations(
+        tuple(f"trial{k + 1}" for k in range(len(protocols))),
+        stations,
+        numbers,
+        nothing,
+        nothing,
+        nothing,
+        0.0,
+        0.0,
+        tuple(contact_at_start() for _ in protocols),
+        (),
+    )
 
 
 def _on_driving(trial: Trial) -> list[str]:
@@ -222,4 +265,6 @@ def observe(
         float(np.sqrt(np.mean([t.jitter_sd**2 for t in trials]))),
         tuple(t.contact for t in trials),
         tuple(remarks),
+        tuple(t.depth for t in trials),
+        starts_at_contact,
     )

@@ -7,18 +7,22 @@ arithmetic on it.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal, Protocol
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from legfem.common.units import FloatArray
 from legfem.diagnose.mechanisms import Mechanism, TissueMechanism, Values
+from legfem.diagnose.mechanisms.base import null_of
 from legfem.diagnose.observations import Observations
-from legfem.units import FloatArray
+from legfem.inference.parameter import Parameter, Prior
 
 LawName = Literal["neo-hookean", "reduced-polynomial"]
 _FACTOR_NODES = 4
+_SPLINES_KEPT = 400
 
 
 class Responses(Protocol):
@@ -55,24 +59,83 @@ class Responses(Protocol):
         ...
 
 
+class Ends(Protocol):
+    """A factor on the plane-strain force for the cylinder's ends, a function of the stiffness."""
+
+    def factor(self, displacement: FloatArray, c10: FloatArray, c20: FloatArray) -> FloatArray:
+        """Return the factor (..., n) at displacements (n,) in mm; stiffnesses in kPa."""
+        ...
+
+
+ONSET_SDS_MM, IN_AIR_SD_MM = (0.15, 0.3), 1.0
+"""Between which the standard deviation of first contact lies where all trials seem to begin at the
+skin; where some begin in air all may, and by how much is open."""
+DETECTION_FACTOR = 4.0
+"""Of that over the detection's own error, which knows neither the tissue's curve nor how slowly the
+force sets in: on another code's recordings it was off by up to four of its errors."""
+AT_TOUCH_SD_MM = 0.05
+"""Of first contact, where recordings begin at first touch."""
+_ONSETS_MM = (-4.0, 4.0)
+
+
 @dataclass(frozen=True, eq=False)
 class Predictor:
-    """Predicts observations; parameters are C10, C20 (kPa) and ``mechanism.parameter``."""
+    """Predicts observations; parameters are C10, C20 (kPa) and ``mechanism.parameter``.
+
+    Parameters
+    ----------
+    observed
+        The recordings.
+    responses
+        Of the leg.
+    law
+        Of the deep tissue.
+    ends
+        Of the cylinder, where the recordings have them.
+    offset
+        (n,), N: what a full solution was above the emulated one, where one was made.
+    """
 
     observed: Observations
     responses: Responses
     law: LawName
+    ends: Ends | None = None
     offset: FloatArray | float = 0.0
-    """(n,), N: what a full solution was above the emulated one, where one was made."""
+    _splines: dict[tuple[int, float, float], CubicSpline | None] = field(
+        default_factory=dict, repr=False
+    )
 
     def corrected(self, offset: FloatArray) -> Predictor:
         """Return the predictor shifted to agree with a full solution."""
         return replace(self, offset=offset)
 
-    @property
-    def base_parameters(self) -> tuple[str, ...]:
-        """Parameters of the base model."""
-        return ("C10",) if self.law == "neo-hookean" else ("C10", "C20")
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Of the base model: stiffness, and first contact of every trial."""
+        low, high = self.responses.c10_bounds
+        middle = float(np.sqrt(low * high))
+        found = [
+            Parameter(
+                "C10", "kPa", (low, high), Prior(middle, 1.5, "log", "nothing is known"),
+                scale="log", statement="of the deep tissue",
+            )
+        ]  # fmt: skip
+        if self.law == "reduced-polynomial":
+            prior = Prior(0.0, 4.0 * middle, "linear", "nothing is known")
+            found.append(
+                Parameter("C20", "kPa", self.responses.c20_bounds, prior, statement="likewise")
+            )
+        return (*found, *(self._onset(k) for k in range(len(self.observed.trials))))
+
+    def _onset(self, trial: int) -> Parameter:
+        """Return a trial's first contact, after that counted from."""
+        prior = Prior(0.0, AT_TOUCH_SD_MM, "linear", "the recording begins at first touch")
+        if self.observed.shows_air:
+            prior = detected_onset(self.observed, trial)
+        return Parameter(
+            onset_name(trial), "mm", _ONSETS_MM, prior, role="nuisance",
+            statement="first contact, after that found in the recording",
+        )  # fmt: skip
 
     def __call__(
         self, values: Mapping[str, float], mechanisms: Sequence[Mechanism] = ()
@@ -81,6 +144,7 @@ class Predictor:
         observed = self.observed
         own = {m.name: values_of(values, m) for m in mechanisms}
         c10, c20 = values["C10"], values.get("C20", 0.0)
+        onset = np.array([values.get(onset_name(k), 0.0) for k in range(len(observed.trials))])
         stiffening = own.get("strain-stiffening")
         if stiffening is not None and self.law == "neo-hookean":
             c20 = stiffening["coefficient"]
@@ -92,10 +156,13 @@ class Predictor:
         def loss(force: FloatArray) -> FloatArray:
             return sum(
                 (m.displacement_loss(own[m.name], observed, force) for m in mechanisms),
-                np.zeros(len(force)),
+                onset[observed.trial],
             )
 
         force = _pressed(elastic, observed.displacement, loss)
+        if self.ends is not None:
+            pressed = np.maximum(observed.displacement - loss(force), 0.0)
+            force = force * self.ends.factor(pressed, np.asarray(c10), np.asarray(c20))
         for mechanism in mechanisms:
             mine = own[mechanism.name]
             if isinstance(mechanism, TissueMechanism) and not (
@@ -114,12 +181,22 @@ class Predictor:
         nodes = np.array([1.0]) if high - low < 1e-12 else np.linspace(low, high, _FACTOR_NODES)
         at_null = high - low < 1e-12
         scale = factor[0] if at_null else 1.0
-        grid = np.concatenate([[0.0], self.responses.grid])
-        curves = [self.responses.curve(c10 * scale * n, c20 * scale * n) for n in nodes]
-        if np.isnan(curves).any():
+        splines = [self._spline(c10 * scale * n, c20 * scale * n) for n in nodes]
+        known = [spline for spline in splines if spline is not None]
+        if len(known) < len(splines):
             return _Elastic([_unknown], np.array([1.0]), None)
-        splines = [CubicSpline(grid, np.concatenate([[0.0], curve])) for curve in curves]
-        return _Elastic(splines, nodes, None if at_null else _lagrange(nodes, factor))
+        return _Elastic(known, nodes, None if at_null else _lagrange(nodes, factor))
+
+    def _spline(self, c10: float, c20: float) -> CubicSpline | None:
+        """Return the elastic curve of a stiffness (kPa), kept for the next time; None without."""
+        key = id(self.responses), float(c10), float(c20)
+        if key not in self._splines:
+            if len(self._splines) > _SPLINES_KEPT:
+                self._splines.clear()
+            grid = np.concatenate([[0.0], self.responses.grid])
+            curve = np.concatenate([[0.0], self.responses.curve(c10, c20)])
+            self._splines[key] = None if np.isnan(curve).any() else CubicSpline(grid, curve)
+        return self._splines[key]
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,4 +248,22 @@ def _pressed(elastic: _Elastic, displacement: FloatArray, loss) -> FloatArray:  
 
 def values_of(values: Mapping[str, float], mechanism: Mechanism) -> dict[str, float]:
     """Return a mechanism's own values by their short names."""
-    return {p.name: values.get(f"{mechanism.name}.{p.name}", p.null) for p in mechanism.parameters}
+    return {
+        p.name: values.get(f"{mechanism.name}.{p.name}", null_of(p)) for p in mechanism.parameters
+    }
+
+
+def detected_onset(observed: Observations, trial: int) -> Prior:
+    """Return what the recording says of a trial's first contact, after that counted from (mm)."""
+    contact = observed.contacts[trial]
+    low, high = ONSET_SDS_MM
+    if observed.shows_air:
+        low, high = high, IN_AIR_SD_MM
+    sd = float(np.clip(DETECTION_FACTOR * contact.displacement_error, low, high))
+    away = contact.estimate - contact.displacement
+    return Prior(away, sd, "linear", "detection in the recording")
+
+
+def onset_name(trial: int) -> str:
+    """Return the full name of a trial's first contact."""
+    return f"trial{trial + 1}.onset"

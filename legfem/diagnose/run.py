@@ -6,14 +6,20 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from legfem.correction import TabulatedCorrection
+from legfem.common.progress import Progress
+from legfem.correction.choice import choose_correction
+from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.diagnosis import Diagnosis, diagnose
 from legfem.diagnose.leg import solved_responses
-from legfem.diagnose.library import Library, build_library, shown_mechanisms
+from legfem.diagnose.library import Library
+from legfem.diagnose.library_build import build_library, shown_mechanisms
+from legfem.diagnose.nuisances import DRAWN, Accuracy
 from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.solved import SolvedResponses
-from legfem.progress import Progress
-from legfem.subject import Subject
+from legfem.subjects.subject import Subject
+
+STIFFENING = {"neo-hookean": 0.0, "reduced-polynomial": 0.8}
+"""ln(1 + C20 / C10) at which a leg's changes are tabulated, by its law."""
 
 
 @dataclass(eq=False)
@@ -70,8 +76,9 @@ class Diagnoser:
         if keys not in self._libraries:
             able, _ = shown_mechanisms(observed, self.correction)
             self._libraries[keys] = build_library(
-                fine, coarse, observed, able, self.correction, self.jobs, progress
-            )
+                fine, coarse, observed, able, self.correction, self.jobs, progress,
+                STIFFENING[subject.tissues["deep"].law],
+            )  # fmt: skip
         return self._libraries[keys], fine
 
     def diagnose(self, subject: Subject, progress: Progress, seed: int = 0) -> Diagnosis:
@@ -79,4 +86,18 @@ class Diagnoser:
         observed = self.observations(subject)
         library, solved = self.library(subject, observed, progress)
         law = subject.tissues["deep"].law
-        return diagnose(observed, subject.instrument, law, library, solved, progress, seed)
+        return diagnose(
+            observed, subject.instrument, law, library, solved, progress, accuracy_of(subject),
+            choose_correction("auto", subject), seed,
+        )  # fmt: skip
+
+
+def accuracy_of(subject: Subject) -> Accuracy:
+    """Return how well a subject's leg is known: what its folder states, else what is usual."""
+    usual = Accuracy() if subject.origin == "measured" else DRAWN
+    given = subject.accuracy
+    return Accuracy(
+        usual.contour_sd if given.contour_sd is None else given.contour_sd,
+        usual.aim_sd if given.aim_sd is None else given.aim_sd,
+        usual.direction_sd if given.direction_sd is None else given.direction_sd,
+    )

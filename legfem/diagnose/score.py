@@ -2,7 +2,9 @@ r"""Score tests: whether the misfit looks like what a mechanism would leave afte
 
 A mechanism's signature is the derivative of the prediction by its strength at the null. The base
 parameters hide what lies in the span of their own derivatives, so signatures are projected off it,
-in the metric of the errors. With whitened residual :math:`w` and projected signature :math:`s`,
+in the metric of the errors; what was known of the parameters counts as data, so that one known well
+(a stated first contact) hides little. With whitened residual :math:`w` and projected signature
+:math:`s`,
 
 .. math:: T = \frac{\max(0, s^T w)^2}{s^T s}
 
@@ -19,10 +21,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
+from legfem.common.units import FloatArray
 from legfem.diagnose.fit import Fit, Problem
 from legfem.diagnose.mechanisms import Mechanism, Values
+from legfem.diagnose.mechanisms.base import null_of, value_at
 from legfem.diagnose.windows import Window, windows_of
-from legfem.units import FloatArray
 
 DRAWS = 1000
 
@@ -33,7 +36,7 @@ class Signature:
 
     mechanism: Mechanism
     direction: FloatArray
-    """(n,): whitened, projected off the base parameters."""
+    """(n + p,): whitened, projected off the base parameters; see `Fit.left`."""
     one_sided: bool
     shown: FloatArray
     """(n,), N: the response before whitening, for a figure."""
@@ -79,30 +82,32 @@ def signatures_of(
     problem: Problem, fitted: Fit, mechanisms: Sequence[Mechanism]
 ) -> tuple[list[Signature], list[float]]:
     """Return the projected signatures at a fit, and the share of each that is concealed."""
-    basis = np.linalg.qr(fitted.jacobian)[0]
+    basis = np.linalg.qr(fitted.span)[0]
     observed = problem.predictor.observed
     found: list[Signature] = []
     hidden: list[float] = []
     for mechanism in mechanisms:
         first = mechanism.parameters[0]
         strength = f"{mechanism.name}.{first.name}"
-        step = 0.1 * (first.typical - first.null)
-        for shape in mechanism.shape_choices(observed):
+        null = null_of(first)
+        step = 0.05 * (value_at(first, 1.0) - null)
+        shapes = {tuple(list(values.items())[1:]): values for values in mechanism.starts(observed)}
+        for shape in shapes.values():
             values = {
                 **fitted.values,
                 **{f"{mechanism.name}.{key}": value for key, value in shape.items()},
-                strength: first.null + step,
+                strength: null + step,
             }
             moved = problem.predictor(values, (*fitted.mechanisms, mechanism))
             change = (moved - fitted.prediction) / step
-            white = problem.whitened(change)
+            white = _padded(problem.whitened(change), fitted)
             length = float(np.linalg.norm(white))
             direction = white - basis @ (basis.T @ white)
             direction -= basis @ (basis.T @ direction)
             rest = float(np.linalg.norm(direction))
             if length == 0 or rest < 1e-6 * length:
                 continue
-            found.append(Signature(mechanism, direction, first.low >= first.null, change, shape))
+            found.append(Signature(mechanism, direction, first.bounds[0] >= null, change, shape))
             hidden.append(1.0 - rest / length)
     return found, hidden
 
@@ -112,12 +117,15 @@ def assess(
 ) -> Assessment:
     """Test a fit's residual against errors, mechanisms and windows; no solution is needed."""
     found, hidden = signatures_of(problem, fitted, mechanisms)
-    basis = np.linalg.qr(fitted.jacobian)[0]
+    basis = np.linalg.qr(fitted.span)[0]
     windows, boxes = windows_of(problem.predictor.observed)
-    white_boxes = problem.whitened(boxes)
+    white_boxes = _padded(problem.whitened(boxes), fitted)
     white_boxes -= basis @ (basis.T @ white_boxes)
-    errors = problem.errors.draw(DRAWS, np.random.default_rng(seed))
-    everything = np.vstack([fitted.whitened, problem.whitened(errors.T).T])
+    generator = np.random.default_rng(seed)
+    errors = problem.errors.draw(DRAWS, generator)
+    known = generator.normal(size=(DRAWS, len(fitted.free)))
+    drawn = np.hstack([problem.whitened(errors.T).T, known])
+    everything = np.vstack([fitted.left, drawn])
     everything -= (everything @ basis) @ basis.T
 
     strength = _by_mechanism(found, everything)
@@ -146,6 +154,11 @@ def assess(
         float(family[0]),
         float(scan[0]),
     )
+
+
+def _padded(white: FloatArray, fitted: Fit) -> FloatArray:
+    """Return vectors (n,) or (n, k) that say nothing of what was known of the parameters."""
+    return np.concatenate([white, np.zeros((len(fitted.free), *white.shape[1:]))])
 
 
 def _lack_of_fit(problem: Problem, fitted: Fit, rows: FloatArray) -> FloatArray:

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.fit import Fit
-from legfem.diagnose.mechanisms import Mechanism, Viscoelasticity
+from legfem.diagnose.explain import Explanation
+from legfem.diagnose.mechanisms import Mechanism
+from legfem.diagnose.mechanisms.viscoelasticity import Viscoelasticity
+from legfem.diagnose.predict import onset_name
+from legfem.diagnose.remains import explained_share, remains_of
 
 _HOLDS_RECORDED = (
     "hold at half the depth too, and for several minutes: relaxation takes the same time at every "
@@ -16,33 +19,73 @@ _NO_MECHANISM = (
     "repeat the test on another day and rig; record at two rates with a hold, and look at the "
     "located intervals on film"
 )
+_AIR_FROM_MM = 0.2
 
 
 def verdict_sentence(found: Diagnosis) -> str:
-    """Return the verdict in one or two sentences."""
+    """Return the verdict in some sentences."""
     if found.verdict == "consistent":
         return (
-            "The model describes the recordings to within their noise; nothing asks for more "
-            f"physics (p = {found.base.assessment.p_value:.2g})."
-        )
+            "The model describes the recordings to within their errors and what is not known of "
+            "the leg; nothing asks for more physics "
+            f"(probability {percent(found.explained.soundness)} that none shows). {air(found)}"
+        ).strip()
     if found.verdict == "unexplained":
         return (
             "The recordings contradict the model, and none of the mechanisms known to legfem, "
             "alone or in pairs, explains how. Don't rely on the stiffness below."
         )
-    best = found.models[0].fit
+    first = found.models[0]
     if found.verdict == "named":
-        change = stiffness_sentence(found.base.fit, best)
+        whole = "What it left out" if not first.in_part else "What it left out, in part"
         return (
-            f"The recordings contradict the model. What it left out: {_statements(best)}. {change}"
-        )
+            f"The recordings contradict the model. {whole}: {_statements(first)} (probability "
+            f"{percent(first.probability)}).{_in_part(found, first)} "
+            f"{stiffness_sentence(found.base, first)} {air(found)}"
+        ).strip()
     candidates = "; or ".join(
-        f"({k}) {_statements(model.fit)}" for k, model in enumerate(found.models, 1)
+        f"({k}) {_statements(model)}, {percent(model.probability)}"
+        for k, model in enumerate(found.models, 1)
     )
     return (
         "The recordings contradict the model. What it left out is one of these, and the "
         f"recordings can't tell which: {candidates}. "
-        f"{_stiffness_range(found.base.fit, [model.fit for model in found.models])}"
+        f"{_stiffness_range(found.base, found.models)} {air(found)}"
+    ).strip()
+
+
+def air(found: Diagnosis) -> str:
+    """Return how much air there was before the skin, where there was some."""
+    rows = []
+    for k, contact in enumerate(found.observed.contacts):
+        low, high = found.best.interval(onset_name(k))
+        middle = contact.displacement + found.best.value(onset_name(k))
+        half = 0.5 * (high - low)
+        if middle > max(_AIR_FROM_MM, half):
+            rows.append(f"{middle:.2f} ± {half:.2f} mm in {found.observed.trials[k]}")
+    if not rows:
+        return ""
+    return f"Air before first touch, which the stiffness allows for: {', '.join(rows)}."
+
+
+def percent(probability: float) -> str:
+    """Return a probability in whole per cent, never quite none or all."""
+    if probability > 0.99:
+        return "over 99 %"
+    return "below 1 %" if probability < 0.01 else f"{100 * probability:.0f} %"
+
+
+def _in_part(found: Diagnosis, model: Explanation) -> str:
+    if not model.in_part:
+        return ""
+    left = remains_of(found, model)
+    share = f" It explains {percent(explained_share(found, model))} of the misfit"
+    if not left:
+        return f"{share}; what remains is below a trial's noise."
+    most = left[0]
+    return (
+        f"{share}; {abs(most.size_N):.2g} N remains in {most.trial}, {most.phase}, from "
+        f"{most.displacement_mm[0]:.0f} to {most.displacement_mm[1]:.0f} mm."
     )
 
 
@@ -50,33 +93,31 @@ def _digits(value: float) -> str:
     return f"{value:#.3g}".rstrip(".") if value else "0"
 
 
-def _statements(fitted: Fit) -> str:
-    return " and ".join(m.statement for m in fitted.mechanisms)
+def _statements(model: Explanation) -> str:
+    return " and ".join(m.statement for m in model.fit.mechanisms)
 
 
-def _stiffness_range(before: Fit, after: Sequence[Fit]) -> str:
+def _stiffness_range(before: Explanation, after: Sequence[Explanation]) -> str:
     parts = []
     for name in ("C10", "C20"):
-        if name in before.free and all(name in fitted.free for fitted in after):
-            values = [fitted.values[name] for fitted in after]
+        if name in before.fit.free:
+            values = [model.value(name) for model in after]
             parts.append(
-                f"{name} from {_digits(before.values[name])} kPa to between "
+                f"{name} from {_digits(before.value(name))} kPa to between "
                 f"{_digits(min(values))} and {_digits(max(values))} kPa"
             )
     return f"Depending on which it is, putting it into the model moves {' and '.join(parts)}."
 
 
-def stiffness_sentence(before: Fit, after: Fit) -> str:
+def stiffness_sentence(before: Explanation, after: Explanation) -> str:
     """Return how the stiffness changed."""
     parts = []
     for name in ("C10", "C20"):
-        if name in before.free and name in after.free:
-            change = (
-                f"{name} from {_digits(before.values[name])} to {_digits(after.values[name])} kPa"
-            )
-            if before.values[name] > 1e-6:
-                relative = after.values[name] / before.values[name] - 1
-                change += f" ({100 * relative:+.0f} %)"
+        if name in before.fit.free and name in after.fit.free:
+            was, now = before.value(name), after.value(name)
+            change = f"{name} from {_digits(was)} to {_digits(now)} kPa"
+            if was > 1e-6:
+                change += f" ({100 * (now / was - 1):+.0f} %)"
             parts.append(change)
     return f"Putting it into the model moves {' and '.join(parts)}."
 

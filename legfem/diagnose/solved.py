@@ -6,36 +6,38 @@ so has all that is computed from them.
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from legfem.correction import TabulatedCorrection
-from legfem.diagnose.mechanisms import (
-    EndEffects,
-    Solution,
-    TissueMechanism,
-    Values,
-    Viscoelasticity,
-)
+from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.correction.tabulated import TabulatedCorrection
+from legfem.diagnose.mechanisms import Solution, TissueMechanism, Values
+from legfem.diagnose.mechanisms.contact_slip import ContactSlip
+from legfem.diagnose.mechanisms.end_effects import EndEffects
+from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S, Viscoelasticity
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.stations import Stations
 from legfem.diagnose.variants import Stopped, Variants
-from legfem.documents import write_document
-from legfem.protocol import Protocol
-from legfem.units import FloatArray, kpa_to_mpa
+from legfem.jobs.key import key_of
+from legfem.jobs.store import Store
+from legfem.solve.protocol import Protocol
 
 GRID_STEP_MM = 0.5
 ELASTIC_DERIVATIVES = ("deep.C10", "deep.C20")
-TIMELESS = ("slipping",)
-"""Models with a history that don't know of time: all rates share their solutions."""
 _SMALLEST_FORCE_N = 1e-6
+
+if TYPE_CHECKING:
+    from legfem.experiments.placement import Placement
+    from legfem.meshing.motion import MeshMotion
+
+PLAIN = Solution("plain")
+"""The base model with no term of any mechanism."""
 
 type Columns = dict[str, FloatArray]
 
@@ -67,7 +69,7 @@ class SolvedResponses:
     c20_bounds: tuple[float, float] = (0.0, 100.0)
     solutions: int = 0
     """Made, not recalled."""
-    _known: dict[str, Columns | None] = field(default_factory=dict, repr=False)
+    _known: dict[str, Columns] = field(default_factory=dict, repr=False)
 
     @property
     def grid(self) -> FloatArray:
@@ -101,6 +103,8 @@ class SolvedResponses:
         solution = mechanism.solution(values)
         if not mechanism.along_path:
             change = self.elastic_change(solution, c10, c20)
+            if isinstance(mechanism, ContactSlip):
+                change = values["slip"] * change
             return _at_displacement(self.grid, change, observed.displacement, level=True)
         return observed.spread(
             [self.path_change(solution, s, c10, c20) for s in observed.protocols]
@@ -119,29 +123,45 @@ class SolvedResponses:
         porous = solution.variant == "porous"
         null = Solution("porous", dict.fromkeys(solution.parameters, 0.0)) if porous else Solution()
         before = _at_displacement(self.grid, self._ramp(c10, c20, null), stations.displacement)
-        protocol, at = stations.protocol, stations.time
-        if solution.variant in TIMELESS:
-            protocol, at = _timeless(stations)
-        changed = self._solve(protocol, at, c10, c20, solution, ())["force"]
+        changed = self._solve(stations.protocol, stations.time, c10, c20, solution, ())["force"]
         return changed / np.maximum(before, _SMALLEST_FORCE_N) - 1.0
 
-    def relaxation(self, stations: Stations, c10: float, c20: float) -> Columns:
-        """Return the relative change per unit ratio by region; (relaxation times, stations)."""
-        times: dict[str, float] = {}
-        asked: dict[str, list[str]] = {}
-        for region in ("deep", "superficial"):
-            for k, time in enumerate(Viscoelasticity.TIMES_S):
-                name = f"{region}.viscoelasticity{k + 1}"
-                times[f"{name}.relaxation_time"] = time
-                asked.setdefault(region, []).append(f"{name}.ratio")
-        solution = Solution("viscoelastic", times)
-        every = tuple(name for names in asked.values() for name in names)
-        columns = self._solve(stations.protocol, stations.time, c10, c20, solution, every)
+    def relaxation(
+        self, mechanism: Viscoelasticity, stations: Stations, c10: float, c20: float
+    ) -> FloatArray:
+        """Return the relative change per unit ratio of every branch; (branches, stations)."""
+        branches = mechanism.branches()
+        times = dict(zip((f"{n}.relaxation_time" for n in branches), TIMES_S, strict=True))
+        asked = tuple(f"{name}.ratio" for name in branches)
+        solution = Solution(mechanism.variant, times)
+        columns = self._solve(stations.protocol, stations.time, c10, c20, solution, asked)
         force = np.maximum(columns["force"], _SMALLEST_FORCE_N)
-        return {
-            region: np.array([columns[name] / force for name in names])
-            for region, names in asked.items()
-        }
+        return np.array([columns[name] / force for name in asked])
+
+    def sensitivities(self, names: Sequence[str], c10: float, c20: float) -> Columns:
+        """Return relative changes of the elastic force at the grid by relative ones of parameters.
+
+        Parameters
+        ----------
+        names
+            Full names in the model.
+        c10, c20
+            kPa.
+        """
+        protocol = Protocol.ramp(self.depth, 1.0)
+        columns = self._solve(protocol, self.grid, c10, c20, PLAIN, tuple(names))
+        force = np.maximum(columns["force"], _SMALLEST_FORCE_N)
+        own = self.variants.parameters(PLAIN.variant)
+        return {name: own[name] * columns[name] / force for name in names}
+
+    def displaced(
+        self, moved: MeshMotion | None, placement: Placement | None, c10: float, c20: float
+    ) -> FloatArray:
+        """Return the relative change of the elastic force at the grid by another geometry."""
+        protocol = Protocol.ramp(self.depth, 1.0)
+        before = self._solve(protocol, self.grid, c10, c20, PLAIN, ())["force"]
+        after = self._solve(protocol, self.grid, c10, c20, PLAIN, (), moved, placement)["force"]
+        return after / np.maximum(before, _SMALLEST_FORCE_N) - 1.0
 
     def _solve(
         self,
@@ -151,60 +171,60 @@ class SolvedResponses:
         c20: float,
         solution: Solution,
         derivatives: tuple[str, ...],
+        moved: MeshMotion | None = None,
+        placement: Placement | None = None,
     ) -> Columns:
         """Return force and derivatives at times of a protocol."""
         asked = {
             "protocol": [list(protocol.time), list(protocol.displacement)],
             "at": np.round(at, 9).tolist(),
-            "deep_kPa": [float(c10).hex(), float(c20).hex()],
+            "deep_kPa": [float(c10), float(c20)],
             "variant": solution.variant,
-            "parameters": {k: float(v).hex() for k, v in sorted(solution.parameters.items())},
-            "scaled": {k: float(v).hex() for k, v in sorted(solution.scaled.items())},
-            "tilt_deg": float(solution.tilt_deg).hex(),
+            "terms": self.variants.described(solution.variant),
+            "parameters": {k: float(v) for k, v in solution.parameters.items()},
+            "scaled": {k: float(v) for k, v in solution.scaled.items()},
+            "tilt_deg": float(solution.tilt_deg),
             "derivatives": list(derivatives),
+            "geometry": repr((moved, placement)),
         }
-        text = json.dumps({**self.fingerprint, **asked}, sort_keys=True)
-        key = hashlib.sha256(text.encode()).hexdigest()[:24]
+        key = key_of(asked)
         if key not in self._known:
-            self._known[key] = self._recalled(key) or self._made(
-                key, protocol, at, c10, c20, solution, derivatives
-            )
+
+            def make() -> Columns:
+                return self._made(protocol, at, c10, c20, solution, derivatives, moved, placement)
+
+            store = self._store
+            self._known[key] = make() if store is None else store.get_or_make(asked, make)
         columns = self._known[key]
-        if columns is None or "force" not in columns:
+        if "force" not in columns:
             return {name: np.full(len(at), np.nan) for name in ("force", *derivatives)}
         return columns
 
-    def _recalled(self, key: str) -> Columns | None:
+    @cached_property
+    def _store(self) -> Store[Columns] | None:
         if self.folder is None:
             return None
-        try:
-            content = json.loads((self.folder / f"{key}.json").read_text())
-            return {name: np.array(values) for name, values in content["columns"].items()}
-        except (OSError, ValueError, KeyError, AttributeError):
-            return None
+        return Store(self.folder, dict[str, FloatArray], self.fingerprint)
 
     def _made(
         self,
-        key: str,
         protocol: Protocol,
         at: FloatArray,
         c10: float,
         c20: float,
         solution: Solution,
         derivatives: tuple[str, ...],
+        moved: MeshMotion | None,
+        placement: Placement | None,
     ) -> Columns:
         self.solutions += 1
         deep = {"deep.C10": kpa_to_mpa(c10), "deep.C20": kpa_to_mpa(c20)}
-        path = self.variants.follow(protocol, deep, solution, derivatives)
+        variants = self.variants if moved is None else replace(self.variants, moved=moved)
+        path = variants.follow(protocol, deep, solution, derivatives, placement)
         if isinstance(path, Stopped):
-            columns: Columns = {"stopped": np.zeros(0)}
-        else:
-            columns = {"force": path.force_at(at)}
-            columns |= {name: path.sensitivity_at(name, at) for name in derivatives}
-        if self.folder is not None:
-            content = {name: values.tolist() for name, values in columns.items()}
-            write_document(self.folder / f"{key}.json", {"columns": content})
-        return columns
+            return {"stopped": np.zeros(0)}
+        slopes = {name: path.sensitivity_at(name, at) for name in derivatives}
+        return {"force": path.force_at(at), **slopes}
 
 
 def end_effect(
@@ -223,14 +243,6 @@ def end_effect(
         if mode in correction.errors:
             P = P + values[name] * np.interp(d, correction.displacement, correction.errors[mode])
     return np.asarray(-values["scale"] * P)
-
-
-def _timeless(stations: Stations) -> tuple[Protocol, FloatArray]:
-    """Return the protocol at 1 mm/s with holds of 1 s, and the stations' times in it."""
-    given = stations.protocol
-    lengths = [abs(part.last - part.first) or 1.0 for part in given.segments]
-    time = np.concatenate([[0.0], np.cumsum(lengths)])
-    return Protocol(tuple(time), given.displacement), np.interp(stations.time, given.time, time)
 
 
 def _at_displacement(

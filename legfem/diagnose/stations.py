@@ -16,19 +16,19 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from legfem.errors import InputError
-from legfem.protocol import Protocol
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
 from legfem.recording.contact import Contact
 from legfem.recording.phases import AIR, HOLD, LOADING, split_phases
 from legfem.recording.smoothing import local_line, sample_noise, smooth_displacement
 from legfem.recording.trial import Recording
-from legfem.units import FloatArray
+from legfem.solve.protocol import Protocol
 
 LOADING_STATIONS, HOLD_STATIONS, UNLOADING_STATIONS = 40, 12, 24
 _SHORTEST_SEGMENT = 8
 _CORNER_MM = 0.1
-# Trials whose durations and depths agree this well were driven alike.
-_DURATION_TOLERANCE, _DEPTH_TOLERANCE = 0.06, 0.03
+# Trials whose rates, holds and depths agree this well were driven alike.
+_RATE_TOLERANCE, _DEPTH_TOLERANCE = 0.06, 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +71,11 @@ class Trial:
     def depth(self) -> float:
         """Greatest displacement after contact, mm."""
         return max(float(segment.displacement.max()) for segment in self.segments)
+
+    @property
+    def reach(self) -> float:
+        """Greatest displacement that was recorded, air included, mm."""
+        return self.depth + self.contact.displacement
 
     @property
     def phases(self) -> tuple[str, ...]:
@@ -210,12 +215,19 @@ def group_trials(trials: Sequence[Trial]) -> list[list[int]]:
 
 
 def _alike(a: Trial, b: Trial) -> bool:
-    if a.phases != b.phases or abs(a.depth / b.depth - 1) > _DEPTH_TOLERANCE:
-        return False
-    return all(
-        abs(x.duration / y.duration - 1) < _DURATION_TOLERANCE
-        for x, y in zip(a.segments, b.segments, strict=True)
+    """Tell whether two trials follow one programme, however much air each begins with."""
+    deep = min(abs(a.depth / b.depth - 1), abs(a.reach / b.reach - 1)) <= _DEPTH_TOLERANCE
+    return (
+        a.phases == b.phases
+        and deep
+        and all(_same_pace(x, y) for x, y in zip(a.segments, b.segments, strict=True))
     )
+
+
+def _same_pace(a: Segment, b: Segment) -> bool:
+    if a.phase == HOLD:
+        return abs(a.duration / b.duration - 1) < _RATE_TOLERANCE
+    return abs(a.rate / b.rate - 1) < _RATE_TOLERANCE
 
 
 def stations_of(trials: Sequence[Trial]) -> Stations:
@@ -266,6 +278,26 @@ def stations_of(trials: Sequence[Trial]) -> Stations:
         t_at += list(t)
     protocol = Protocol(tuple(times), tuple(displacements))
     return Stations(protocol, np.array(phases), np.array(numbers), np.array(d_at), np.array(t_at))
+
+
+def stations_along(protocol: Protocol) -> Stations:
+    """Return the stations of a programme that wasn't recorded."""
+    phase: list[str] = []
+    number: list[int] = []
+    time: list[float] = []
+    counts = {LOADING: LOADING_STATIONS, HOLD: HOLD_STATIONS}
+    for k, part in enumerate(protocol.segments):
+        count = counts.get(part.phase, UNLOADING_STATIONS)
+        share = (
+            np.geomspace(1 / 150, 0.97, count)
+            if part.phase == HOLD
+            else (np.arange(count) + 0.6) / count
+        )
+        time += list(part.start + share * part.duration)
+        phase += [part.phase] * count
+        number += [k] * count
+    at = np.array(time)
+    return Stations(protocol, np.array(phase), np.array(number), protocol.displacement_at(at), at)
 
 
 @dataclass(frozen=True, eq=False)

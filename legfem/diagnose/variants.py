@@ -6,18 +6,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from legfem.diagnose.mechanisms import Solution
-from legfem.protocol import Protocol
+from legfem.diagnose.mechanisms import Solution, TissueMechanism, mechanisms
+from legfem.solve.protocol import Protocol
 
 if TYPE_CHECKING:
+    from legfem.experiments.placement import Placement
     from legfem.experiments.plane_strain import (
         PlaneStrainIndentation,
         PlaneStrainSettings,
         Tissues,
     )
     from legfem.geometry.section import LegSection
-    from legfem.path import Path
-    from legfem.subject import Indenter
+    from legfem.meshing.motion import MeshMotion
+    from legfem.solve.path import Path
+    from legfem.subjects.subject import Indenter
 
 
 @dataclass(frozen=True)
@@ -37,16 +39,16 @@ class Variants:
         The leg and how it is pressed.
     settings
         Numerical.
-    branches
-        Prony branches of each tissue in the viscoelastic model.
+    moved
+        Where the leg's mesh is moved to; as it is without it.
     """
 
     section: LegSection
     indenter: Indenter
     tissues: Tissues
     settings: PlaneStrainSettings
-    branches: int = 3
-    _models: dict[str, PlaneStrainIndentation] = field(default_factory=dict, repr=False)
+    moved: MeshMotion | None = None
+    _models: dict[str, PlaneStrainIndentation] = field(default_factory=dict, init=False, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the finite-element models out: they can't leave their process."""
@@ -58,6 +60,7 @@ class Variants:
         deep: Mapping[str, float],
         solution: Solution,
         sensitivities: Sequence[str] = (),
+        placement: Placement | None = None,
     ) -> Path | Stopped:
         """Solve a protocol; say why where it isn't followed to its end.
 
@@ -71,18 +74,32 @@ class Variants:
             The mechanism.
         sensitivities
             Parameters to differentiate by.
+        placement
+            Where the cylinder stands; as stated without it.
         """
         from legfem.experiments.placement import Placement
 
         model = self.model(solution.variant)
         values = dict(deep)
+        at = placement or Placement()
         for name, factor in solution.scaled.items():
             values[name] = factor * values.get(name, model.model.parameters[name])
         values |= solution.parameters
-        solved = model.follow(
-            protocol, values, sensitivities, placement=Placement(tilt_deg=solution.tilt_deg)
+        solved = model.solve(
+            values,
+            protocol,
+            sensitivities,
+            placement=replace(at, tilt_deg=at.tilt_deg + solution.tilt_deg),
         )
         return solved.path if solved.report.complete else Stopped(str(solved.report))
+
+    def parameters(self, variant: str) -> dict[str, float]:
+        """Return a model's parameters by full name (MPa, 1/MPa)."""
+        return self.model(variant).model.parameters
+
+    def described(self, variant: str) -> str:
+        """Return what tells a model from others: its terms and settings."""
+        return repr((self._terms(variant), self._settings(variant)))
 
     def model(self, variant: str) -> PlaneStrainIndentation:
         """Return a model by its name."""
@@ -95,32 +112,23 @@ class Variants:
                 self.tissues,
                 self._settings(variant),
                 mechanisms=self._terms(variant),
+                moved=self.moved,
             )
         return self._models[variant]
 
     def _settings(self, variant: str) -> PlaneStrainSettings:
-        if variant == "porous":
-            return replace(self.settings, formulation="porous")
-        if variant == "slipping":
-            return replace(self.settings, contact=replace(self.settings.contact, tangential="tape"))
-        return self.settings
+        settings = self.settings
+        for mechanism in _of_variant(variant):
+            if mechanism.formulation is not None:
+                settings = replace(settings, formulation=mechanism.formulation)  # type: ignore[arg-type]
+            if mechanism.tangential is not None:
+                contact = replace(settings.contact, tangential=mechanism.tangential)  # type: ignore[arg-type]
+                settings = replace(settings, contact=contact)
+        return settings
 
     def _terms(self, variant: str) -> list[Any]:
-        from legfem import terms
-        from legfem.materials import Yeoh
+        return [term for m in _of_variant(variant) for term in m.terms(self.section, self.tissues)]
 
-        tissues = self.tissues
-        if variant == "elastic":
-            return [
-                terms.Tissue("deep", Yeoh.of(tissues.deep)),
-                terms.Prestress(self.section.fascia),
-            ]
-        if variant == "viscoelastic":
-            return [
-                terms.Viscoelasticity(region, law, branch=str(k + 1))
-                for region, law in (("deep", tissues.deep), ("superficial", tissues.superficial))
-                for k in range(self.branches)
-            ]
-        if variant == "porous":
-            return [terms.Drainage("deep", tissues.deep)]
-        return []
+
+def _of_variant(variant: str) -> list[TissueMechanism]:
+    return [m for m in mechanisms() if isinstance(m, TissueMechanism) and m.variant == variant]

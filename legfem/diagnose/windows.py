@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from legfem.common.units import FloatArray
 from legfem.diagnose.observations import Observations
-from legfem.units import FloatArray
 
 _LENGTHS = (3, 5, 8, 12, 20)
 SIGNIFICANT = 0.05

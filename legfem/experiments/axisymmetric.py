@@ -2,34 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path as FilePath
 from typing import Literal
 
 import numpy as np
 from mpi4py import MPI
 
-from legfem.checks import check_positive
-from legfem.contact import RigidBall, RigidIndenter, RigidPlate
-from legfem.contact_settings import ContactSettings
-from legfem.curve import ForceCurve
-from legfem.experiments.pressing import SOFTER, Indentation, OnStep, Pressing, farthest, leg_model
-from legfem.linear import LinearSettings
-from legfem.materials import Hyperelastic
-from legfem.meshing.meridian import (
-    REGION,
-    MeridianMesh,
-    MeridianMeshSettings,
-    mesh_meridian,
-    supports,
-)
-from legfem.model import LegModel, Term
-from legfem.newton import NewtonSettings, NewtonSolver
-from legfem.path import Path
-from legfem.protocol import Protocol
-from legfem.spaces import Formulation, Support, build_spaces
-from legfem.stepping import StepSettings
-from legfem.system import System
+from legfem.common.checks import check_positive
+from legfem.experiments.base import Solved
+from legfem.experiments.pressing import OnStep, Pressing, PressingTest, leg_model, motion
+from legfem.fem.spaces import build_spaces
+from legfem.fem.system import System
+from legfem.mechanics.contact import RigidBall, RigidIndenter, RigidPlate
+from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.materials import Hyperelastic
+from legfem.mechanics.model import Formulation, LegModel, Term
+from legfem.meshing.meridian import REGION, MeridianMeshSettings, mesh_meridian, supports
+from legfem.meshing.support import Support
+from legfem.solve.force_curve import ForceCurve
+from legfem.solve.linear import LinearSettings
+from legfem.solve.newton import NewtonSettings, NewtonSolver
+from legfem.solve.path import Path
+from legfem.solve.protocol import Protocol
+from legfem.solve.stepping import StepSettings
 
 Faces = Literal["rough", "frictionless"]
 
@@ -98,161 +97,165 @@ class AxisymmetricSettings:
     quadrature_degree: int = 4
 
 
-@dataclass(frozen=True, eq=False)
-class _Test:
-    """What both tests share: a meshed half plane under an indenter that comes from above."""
+@dataclass(frozen=True)
+class Arrangement:
+    """What presses on what, in the meridional half plane; lengths in mm."""
 
-    meshed: MeridianMesh
-    held: tuple[Support, ...]
     indenter: RigidIndenter
     centre: float
-    """Height of the indenter's centre at first touch (mm)."""
+    """Height of the indenter's centre at first touch."""
     contact: ContactSettings
     length: float
-    """Which the contact's stiffness is measured by (mm)."""
-
-    def pressing(
-        self, law: Hyperelastic, settings: AxisymmetricSettings, mechanisms: Sequence[Term]
-    ) -> Pressing:
-        """Put the model on the mesh."""
-        spaces = build_spaces(
-            self.meshed.mesh,
-            self.meshed.cell_tags,
-            self.meshed.facet_tags,
-            settings.formulation,
-            regions=REGION,
-            supports=self.held,
-            symmetry="axial",
-        )
-        model: LegModel = leg_model(
-            {"deep": law}, self.indenter, self.contact, settings.formulation
-        )
-        for term in mechanisms:
-            model = model.with_term(term)
-        start, direction = np.array([0.0, self.centre]), np.array([0.0, -1.0])
-        system = System(spaces, model, start, direction, settings.quadrature_degree)
-        solver = NewtonSolver(system, settings.newton, settings.linear)
-        return Pressing(system, solver, self.contact, self.length, 1.0, settings.steps)
+    """Which the contact's stiffness is measured by."""
+    held: tuple[Support, ...]
+    radius: float
+    """Of the body."""
+    height: float
+    """Of the body."""
+    fine: tuple[float, float]
+    """Distances from the axis between which the mesh is fine."""
+    mesh: MeridianMeshSettings
+    side: Literal["skin", "free"] = "free"
+    """Whether the body's side may be touched."""
 
 
-class BallIndentation:
-    """The ball's test; solves for any parameters without meshing again.
+@dataclass(frozen=True, eq=False)
+class AxisymmetricTest[Sizes](PressingTest):
+    """A test with axial symmetry, of one tissue; solves for any parameters without meshing again.
+
+    A test of one's own says in ``arrangement`` what presses on what.
 
     Parameters
     ----------
     test
         Sizes and faces.
     law
-        Of the layer, whose parameters are named ``deep.C10`` and so on.
+        Of the tissue, whose parameters are named ``deep.C10`` and so on.
     settings
-        Numerical; by default elements of an eighth of the ball's radius under it.
+        Numerical.
     comm
         Over which one solution is spread.
     mechanisms
         Terms added to those of tissue and contact, each in place of one of its name if there is.
     """
 
-    def __init__(
-        self,
-        test: BallOnLayer,
-        law: Hyperelastic,
-        settings: AxisymmetricSettings | None = None,
-        comm: MPI.Intracomm = MPI.COMM_SELF,
-        mechanisms: Sequence[Term] = (),
-    ) -> None:
-        self.test, self.law, self.settings = test, law, settings or AxisymmetricSettings()
-        size = self.settings.mesh or MeridianMeshSettings(test.ball_radius / 8)
-        fine = (0.0, 1.4 * test.ball_radius)
-        self._pressing = _Test(
-            mesh_meridian(test.layer_radius, test.thickness, fine, size, comm=comm),
-            supports(test.base),
+    test: Sizes
+    law: Hyperelastic
+    settings: AxisymmetricSettings = field(default_factory=AxisymmetricSettings)
+    comm: MPI.Intracomm = field(default_factory=lambda: MPI.COMM_SELF, repr=False)
+    mechanisms: Sequence[Term] = ()
+
+    @property
+    @abstractmethod
+    def arrangement(self) -> Arrangement:
+        """What presses on what."""
+
+    @cached_property
+    def model(self) -> LegModel:
+        """The sum of terms."""
+        given, formulation = self.arrangement, self.settings.formulation
+        model = leg_model({"deep": self.law}, given.indenter, given.contact, formulation)
+        return model.with_terms(self.mechanisms)
+
+    def _made(self) -> Pressing:
+        given, settings = self.arrangement, self.settings
+        meshed = mesh_meridian(
+            given.radius, given.height, given.fine, given.mesh, given.side, self.comm
+        )
+        spaces = build_spaces(
+            meshed.mesh,
+            meshed.cell_tags,
+            meshed.facet_tags,
+            settings.formulation,
+            regions=REGION,
+            supports=given.held,
+            symmetry="axial",
+        )
+        start, direction = np.array([0.0, given.centre]), np.array([0.0, -1.0])
+        system = System(spaces, self.model, start, direction, settings.quadrature_degree)
+        solver = NewtonSolver(system, settings.newton, settings.linear)
+        return Pressing(system, solver, given.contact, given.length, 1.0, settings.steps)
+
+
+class BallIndentation(AxisymmetricTest[BallOnLayer]):
+    """The ball's test; the mesh has elements of an eighth of the ball's radius under it."""
+
+    @property
+    def arrangement(self) -> Arrangement:
+        """A ball above the layer."""
+        test = self.test
+        return Arrangement(
             RigidBall(test.ball_radius),
             test.thickness + test.ball_radius,
             self.settings.contact or ContactSettings(tangential=test.ball, stiffness=4000.0),
             test.ball_radius,
-        ).pressing(law, self.settings, mechanisms)
-        self.system, self.solver = self._pressing.system, self._pressing.solver
-
-    def follow(
-        self,
-        protocol: Protocol,
-        parameters: Mapping[str, float] | None = None,
-        sensitivities: Sequence[str] = (),
-        on_step: OnStep | None = None,
-    ) -> Indentation:
-        """Move the ball along a protocol.
-
-        The arguments and the outcome are those of `PlaneStrainIndentation.follow`; where the
-        solution stops short, once more with a softer contact.
-        """
-        asked = parameters, protocol, sensitivities, on_step
-        attempts = [self._pressing.run(*asked)]
-        if not attempts[-1].report.complete:
-            attempts.append(self._pressing.run(*asked, softness=SOFTER))
-        return farthest(attempts)
+            supports(test.base),
+            test.layer_radius,
+            test.thickness,
+            (0.0, 1.4 * test.ball_radius),
+            self.settings.mesh or MeridianMeshSettings(test.ball_radius / 8),
+        )
 
 
-class CylinderCompression:
-    """The cylinder's test; solves for any parameters without meshing again.
+class CylinderCompression(AxisymmetricTest[CylinderBetweenPlates]):
+    """The cylinder's test; the mesh is fine at the end face's edge.
 
-    The upper half is meshed, so that its plate moves by half of the compression.
-
-    Parameters
-    ----------
-    test
-        Sizes and ends.
-    law, settings, comm, mechanisms
-        As those of `BallIndentation`; the default mesh is fine at the end face's edge.
+    The upper half is meshed, so that its plate moves by half of the compression; displacements are
+    those of the whole.
     """
 
-    def __init__(
-        self,
-        test: CylinderBetweenPlates,
-        law: Hyperelastic,
-        settings: AxisymmetricSettings | None = None,
-        comm: MPI.Intracomm = MPI.COMM_SELF,
-        mechanisms: Sequence[Term] = (),
-    ) -> None:
-        self.test, self.law, self.settings = test, law, settings or AxisymmetricSettings()
-        half = test.height / 2
-        size = self.settings.mesh or MeridianMeshSettings(half / 15, growth=0.2, far_size=half / 6)
+    @property
+    def arrangement(self) -> Arrangement:
+        """A plate above the upper half."""
+        test, half = self.test, self.test.height / 2
         # Flat on flat the pressure has no edge to resolve: the penalty may be as stiff as a wall.
         wall = ContactSettings(
             tangential="rough" if test.ends == "bonded" else "frictionless",
             stiffness=1e6,
             onset=1e-6 * half,
         )
-        self._pressing = _Test(
-            mesh_meridian(test.radius, half, (test.radius, test.radius), size, "skin", comm),
-            supports("sliding"),
+        return Arrangement(
             RigidPlate(),
             half,
             self.settings.contact or wall,
             half,
-        ).pressing(law, self.settings, mechanisms)
-        self.system, self.solver = self._pressing.system, self._pressing.solver
+            supports("sliding"),
+            test.radius,
+            half,
+            (test.radius, test.radius),
+            self.settings.mesh or MeridianMeshSettings(half / 15, growth=0.2, far_size=half / 6),
+            "skin",
+        )
 
-    def follow(
+    def attempts(self) -> Iterator[tuple[Pressing, float]]:
+        """Yield the model; a softer contact wouldn't help flat faces."""
+        yield self.pressing, 1.0
+
+    def solve(
         self,
-        protocol: Protocol,
-        parameters: Mapping[str, float] | None = None,
+        values: Mapping[str, float] | None = None,
+        protocol: Protocol | float | None = None,
         sensitivities: Sequence[str] = (),
+        *,
+        depth: float | None = None,
         on_step: OnStep | None = None,
-    ) -> Indentation:
-        """Compress the cylinder along a protocol; displacements are those of the whole."""
-        half = Protocol(protocol.time, tuple(d / 2 for d in protocol.displacement))
+        keep_in: FilePath | None = None,
+    ) -> Solved:
+        """Compress the cylinder along a protocol; arguments as those of `PressingTest.solve`."""
+        whole = motion(protocol if depth is None else depth)
+        half = Protocol(whole.time, tuple(d / 2 for d in whole.displacement))
 
         def told(at: float) -> None:
             if on_step is not None:
                 on_step(2 * at)
 
-        return _doubled(self._pressing.run(parameters, half, sensitivities, told))
+        return _doubled(super().solve(values, half, sensitivities, on_step=told, keep_in=keep_in))
 
 
-def _doubled(solved: Indentation) -> Indentation:
+def _doubled(solved: Solved) -> Solved:
     """Return the outcome with the displacement of both halves."""
     path, curve, report = solved.path, solved.curve, solved.report
-    return Indentation(
+    return Solved(
         solved.parameters,
         ForceCurve(2 * curve.displacement, curve.force, curve.sensitivities),
         Path(path.time, 2 * path.displacement, path.force, path.sensitivities),

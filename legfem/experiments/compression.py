@@ -10,20 +10,21 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from legfem.checks import check_positive
-from legfem.errors import InputError
-from legfem.linear import LinearSettings
-from legfem.materials import Hyperelastic
+from legfem.common.checks import check_positive
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
+from legfem.fem.spaces import build_spaces
+from legfem.fem.system import System
+from legfem.mechanics.materials import Hyperelastic
+from legfem.mechanics.model import Formulation, LegModel, Term
+from legfem.mechanics.terms import PressureStabilisation, SkinPressure, Tissue
 from legfem.meshing.idealised_leg import END, LegMesh
-from legfem.model import LegModel, Term
-from legfem.newton import NewtonSettings, NewtonSolver
-from legfem.protocol import Protocol
-from legfem.sensitivity import Trackers
-from legfem.spaces import Formulation, Support, build_spaces
-from legfem.stepping import SolveReport, StepSettings, follow
-from legfem.system import System
-from legfem.terms import PressureStabilisation, SkinPressure, Tissue
-from legfem.units import FloatArray
+from legfem.meshing.support import Support
+from legfem.solve.linear import LinearSettings
+from legfem.solve.newton import NewtonSettings, NewtonSolver
+from legfem.solve.protocol import Protocol
+from legfem.solve.sensitivity import Trackers
+from legfem.solve.stepping import SolveReport, StepSettings, follow
 
 
 @dataclass(frozen=True)
@@ -137,6 +138,11 @@ class LegCompression:
         return self.spaces.mesh.comm
 
     @property
+    def parameters(self) -> dict[str, float]:
+        """Every number of the model by full name."""
+        return self.system.model.parameters
+
+    @property
     def skin_points(self) -> FloatArray:
         """Reference positions (mm) of the rank's points at which pressure is given, (n, 3)."""
         space = self.system.applied_pressure.function_space
@@ -144,8 +150,8 @@ class LegCompression:
 
     def solve(
         self,
+        values: Mapping[str, float] | None,
         pressure: FloatArray,
-        parameters: Mapping[str, float] | None = None,
         sensitivities: Sequence[str] = (),
         start: Compressed | None = None,
     ) -> Compressed:
@@ -153,17 +159,17 @@ class LegCompression:
 
         Parameters
         ----------
+        values
+            Numbers that differ from `parameters`, by full name (MPa, 1/MPa).
         pressure
             At `skin_points` (MPa), positive inwards.
-        parameters
-            Of the model, by full name, other than those of the tissues given (MPa, 1/MPa).
         sensitivities
             Full names of parameters by which to differentiate the state.
         start
             A state near the one sought, from which a single step is tried first.
         """
         system = self.system
-        system.set_parameters(system.model.values(parameters))
+        system.set_parameters(system.model.values(values))
         system.applied_pressure.x.array[:] = pressure
         steps = StepSettings(hold_first=self.settings.first, hold_first_time=self.settings.first)
         tracker = self._trackers.fresh(sensitivities)

@@ -2,29 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from mpi4py import MPI
 
-from legfem.checkpoint import key_of
-from legfem.checks import check_positive
-from legfem.contact import FiniteCylinder, RigidCylinder, RigidIndenter
-from legfem.contact_settings import ContactSettings
-from legfem.errors import InputError
-from legfem.experiments.pressing import (
-    SOFTER,
-    Indentation,
-    OnStep,
-    Pressing,
-    farthest,
-    leg_model,
-)
-from legfem.linear import LinearSettings
-from legfem.materials import Hyperelastic
+from legfem.common.checks import check_positive
+from legfem.common.errors import InputError
+from legfem.experiments.base import made_when_needed
+from legfem.experiments.pressing import Pressing, PressingTest, leg_model
+from legfem.fem.spaces import build_spaces
+from legfem.fem.system import System
+from legfem.mechanics.contact import FiniteCylinder, RigidCylinder, RigidIndenter
+from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.materials import Hyperelastic
+from legfem.mechanics.model import LegModel
 from legfem.meshing.idealised_leg import (
     IdealisedLeg,
     LegMesh,
@@ -32,11 +27,9 @@ from legfem.meshing.idealised_leg import (
     mesh_leg,
     mesh_leg_section,
 )
-from legfem.newton import NewtonSettings, NewtonSolver
-from legfem.protocol import Protocol
-from legfem.spaces import build_spaces
-from legfem.stepping import StepSettings
-from legfem.system import System
+from legfem.solve.linear import LinearSettings
+from legfem.solve.newton import NewtonSettings, NewtonSolver
+from legfem.solve.stepping import StepSettings
 
 
 @dataclass(frozen=True)
@@ -84,7 +77,8 @@ class IdealisedLegSettings:
     quadrature_degree: int = 4
 
 
-class IdealisedLegIndentation:
+@dataclass(frozen=True, eq=False)
+class IdealisedLegIndentation(PressingTest):
     """The test on the idealised leg; solves for any parameters without meshing again.
 
     Parameters
@@ -106,80 +100,56 @@ class IdealisedLegIndentation:
         For a cylinder that leaves the leg, or an edge radius that the mesh doesn't resolve.
     """
 
-    def __init__(
-        self,
-        leg: IdealisedLeg,
-        cylinder: Cylinder,
-        tissues: Mapping[str, Hyperelastic],
-        dimension: Literal[2, 3] = 3,
-        settings: IdealisedLegSettings | None = None,
-        comm: MPI.Intracomm = MPI.COMM_SELF,
-    ) -> None:
-        self.leg, self.cylinder, self.dimension = leg, cylinder, dimension
-        self.settings = settings or IdealisedLegSettings()
-        self.comm = comm
-        mesh_settings = self.settings.mesh
-        if mesh_settings.cells == "tetrahedra" and self.settings.formulation == "mixed":
+    leg: IdealisedLeg
+    cylinder: Cylinder
+    tissues: Mapping[str, Hyperelastic]
+    dimension: Literal[2, 3] = 3
+    settings: IdealisedLegSettings = field(default_factory=IdealisedLegSettings)
+    comm: MPI.Intracomm = field(default_factory=lambda: MPI.COMM_SELF, repr=False)
+
+    def __post_init__(self) -> None:
+        """Check what is given."""
+        mesh = self.settings.mesh
+        if mesh.cells == "tetrahedra" and self.settings.formulation == "mixed":
             raise InputError(
                 "mesh", "cells", "tetrahedra have no mixed form here",
                 "choose the displacement form with them",
             )  # fmt: skip
-        if dimension == 3:
-            _check_ends(leg, cylinder, mesh_settings)
-            self.leg_mesh: LegMesh = mesh_leg(
-                leg, cylinder.radius, cylinder.length, mesh_settings, comm
-            )
-            whole = float(self.leg_mesh.copies)
-        else:
-            self.leg_mesh = mesh_leg_section(leg, cylinder.radius, mesh_settings, comm)
-            whole = self.leg_mesh.copies * cylinder.length
+        if self.dimension == 3:
+            _check_ends(self.leg, self.cylinder, mesh)
+
+    @cached_property
+    def model(self) -> LegModel:
+        """The sum of terms."""
+        laws = {region: self.tissues[region] for region in self.leg.regions}
+        shape, settings = self.cylinder.shape(self.dimension), self.settings
+        return leg_model(laws, shape, settings.contact, settings.formulation)
+
+    @made_when_needed
+    def leg_mesh(self) -> LegMesh:
+        """The mesh: a quarter of the leg, or half of its section."""
+        leg, radius, mesh = self.leg, self.cylinder.radius, self.settings.mesh
+        if self.dimension == 3:
+            return mesh_leg(leg, radius, self.cylinder.length, mesh, self.comm)
+        return mesh_leg_section(leg, radius, mesh, self.comm)
+
+    def _made(self) -> Pressing:
+        meshed, settings, cylinder = self.leg_mesh, self.settings, self.cylinder
         spaces = build_spaces(
-            self.leg_mesh.mesh,
-            self.leg_mesh.cell_tags,
-            self.leg_mesh.facet_tags,
-            self.settings.formulation,
-            mesh_settings.degree,
-            self.leg_mesh.regions,
-            self.leg_mesh.supports,
+            meshed.mesh,
+            meshed.cell_tags,
+            meshed.facet_tags,
+            settings.formulation,
+            settings.mesh.degree,
+            meshed.regions,
+            meshed.supports,
         )
-        start, direction = np.zeros(dimension), np.zeros(dimension)
-        start[1], direction[1] = leg.radius + cylinder.radius, -1.0
-        laws = {region: tissues[region] for region in self.leg_mesh.regions}
-        model = leg_model(
-            laws, cylinder.shape(dimension), self.settings.contact, self.settings.formulation
-        )
-        degree = self.settings.quadrature_degree
-        self.system = System(spaces, model, start, direction, degree)
-        self.solver = NewtonSolver(self.system, self.settings.newton, self.settings.linear)
-        self._pressing = Pressing(
-            self.system, self.solver, self.settings.contact, cylinder.radius, whole,
-            self.settings.steps,
-        )  # fmt: skip
-
-    def solve(
-        self,
-        parameters: Mapping[str, float] | None = None,
-        depth: float = 25.0,
-        sensitivities: Sequence[str] = (),
-        on_step: OnStep | None = None,
-        keep_in: Path | None = None,
-    ) -> Indentation:
-        """Press the cylinder in; arguments as those of `PlaneStrainIndentation.solve`.
-
-        Where that stops short, once more with a softer contact, which the report tells. With a
-        folder to keep states in, a solution that was killed goes on from the last one, with the
-        same number of ranks; they are removed at its end.
-        """
-        asked = parameters, Protocol.ramp(depth, rate=1.0), sensitivities, on_step
-        kept = None if keep_in is None else (keep_in, self._key())
-        attempts = [self._pressing.run(*asked, keep_in=kept)]
-        if not attempts[-1].report.complete:
-            attempts.append(self._pressing.run(*asked, softness=SOFTER, keep_in=kept))
-        return farthest(attempts)
-
-    def _key(self) -> str:
-        given = [asdict(self.leg), asdict(self.cylinder), asdict(self.settings)]
-        return key_of([self.dimension, *given, str(self.system.model)])
+        start, direction = np.zeros(self.dimension), np.zeros(self.dimension)
+        start[1], direction[1] = self.leg.radius + cylinder.radius, -1.0
+        system = System(spaces, self.model, start, direction, settings.quadrature_degree)
+        solver = NewtonSolver(system, settings.newton, settings.linear)
+        whole = float(meshed.copies) * (1.0 if self.dimension == 3 else cylinder.length)
+        return Pressing(system, solver, settings.contact, cylinder.radius, whole, settings.steps)
 
 
 def _check_ends(leg: IdealisedLeg, cylinder: Cylinder, mesh: LegMeshSettings) -> None:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from legfem.errors import InputError
-from legfem.units import FloatArray
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
 
 
 @dataclass(frozen=True)

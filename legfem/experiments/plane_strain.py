@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
 
 from mpi4py import MPI
 
-from legfem.contact import RigidCylinder
-from legfem.contact_settings import ContactSettings
+from legfem.experiments.base import Solved, made_when_needed
 from legfem.experiments.placement import Placement
-from legfem.experiments.pressing import (
-    SOFTER,
-    Indentation,
-    Pressing,
-    farthest,
-    leg_model,
-)
+from legfem.experiments.pressing import SOFTER, OnStep, Pressing, PressingTest, leg_model
+from legfem.fem.spaces import build_spaces
+from legfem.fem.system import System
 from legfem.geometry.section import LegSection
-from legfem.materials import Hyperelastic, NeoHookean, ReducedPolynomial
+from legfem.mechanics.contact import RigidCylinder
+from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
+from legfem.mechanics.model import Formulation, LegModel, Term
+from legfem.meshing.motion import MeshMotion
 from legfem.meshing.section import (
     REGIONS,
     SKIN,
@@ -27,14 +28,12 @@ from legfem.meshing.section import (
     SectionMeshSettings,
     first_touch,
     mesh_section,
+    moved_section_mesh,
 )
-from legfem.model import LegModel, Term
-from legfem.newton import NewtonSettings, NewtonSolver
-from legfem.protocol import Protocol
-from legfem.spaces import Formulation, build_spaces
-from legfem.stepping import StepSettings
-from legfem.subject import Indenter, Subject, TissueParameters
-from legfem.system import System
+from legfem.solve.newton import NewtonSettings, NewtonSolver
+from legfem.solve.protocol import Protocol
+from legfem.solve.stepping import StepSettings
+from legfem.subjects.subject import Indenter, Subject, TissueParameters
 
 
 @dataclass(frozen=True)
@@ -62,7 +61,8 @@ class PlaneStrainSettings:
     """Whether a softer contact and then a finer mesh are tried when a solution stops short."""
 
 
-class PlaneStrainIndentation:
+@dataclass(frozen=True, eq=False)
+class PlaneStrainIndentation(PressingTest):
     """The plane-strain test on one section; solves for any parameters without meshing again.
 
     Parameters
@@ -79,48 +79,17 @@ class PlaneStrainIndentation:
         Over which one solution is spread.
     mechanisms
         Terms added to those of tissues and contact, each in place of one of its name if there is.
+    moved
+        Where the mesh is moved to once it is made; it stays without it.
     """
 
-    def __init__(
-        self,
-        section: LegSection,
-        indenter: Indenter,
-        tissues: Tissues,
-        settings: PlaneStrainSettings | None = None,
-        comm: MPI.Intracomm = MPI.COMM_SELF,
-        mechanisms: Sequence[Term] = (),
-    ) -> None:
-        self.section, self.indenter, self.tissues = section, indenter, tissues
-        self.mechanisms = tuple(mechanisms)
-        self.settings = settings or PlaneStrainSettings()
-        self.comm = comm
-        self.section_mesh: SectionMesh = mesh_section(
-            section, indenter.radius, indenter.aim, indenter.direction, self.settings.mesh, comm
-        )
-        self.model = self._model()
-        spaces = build_spaces(
-            self.section_mesh.mesh,
-            self.section_mesh.cell_tags,
-            self.section_mesh.facet_tags,
-            self.settings.formulation,
-            drained=[SKIN] if self.settings.drained_skin else [],
-        )
-        self.system = System(
-            spaces,
-            self.model,
-            self.section_mesh.touch,
-            self.section_mesh.direction,
-            self.settings.quadrature_degree,
-        )
-        self.solver = NewtonSolver(self.system, self.settings.newton)
-        self._pressing = Pressing(
-            self.system,
-            self.solver,
-            self.settings.contact,
-            indenter.radius,
-            indenter.length,
-            self.settings.steps,
-        )
+    section: LegSection
+    indenter: Indenter
+    tissues: Tissues
+    settings: PlaneStrainSettings = field(default_factory=PlaneStrainSettings)
+    comm: MPI.Intracomm = field(default_factory=lambda: MPI.COMM_SELF, repr=False)
+    mechanisms: Sequence[Term] = ()
+    moved: MeshMotion | None = None
 
     @classmethod
     def of_subject(
@@ -131,87 +100,96 @@ class PlaneStrainIndentation:
         mechanisms: Sequence[Term] = (),
     ) -> PlaneStrainIndentation:
         """Return the test of a subject; the deep tissue's law covers both of the paper's."""
-        tissues = tissues_of(subject)
+        tissues, settings = tissues_of(subject), settings or PlaneStrainSettings()
         return cls(subject.section, subject.indenter, tissues, settings, comm, mechanisms)
+
+    @cached_property
+    def model(self) -> LegModel:
+        """The sum of terms."""
+        tissues = {name: getattr(self.tissues, name) for name in REGIONS}
+        cylinder = RigidCylinder(self.indenter.radius)
+        model = leg_model(tissues, cylinder, self.settings.contact, self.settings.formulation)
+        return model.with_terms(self.mechanisms)
+
+    @made_when_needed
+    def section_mesh(self) -> SectionMesh:
+        """The mesh of the section, fine under the cylinder."""
+        indenter = self.indenter
+        meshed = mesh_section(
+            self.section, indenter.radius, indenter.aim, indenter.direction,
+            self.settings.mesh, self.comm,
+        )  # fmt: skip
+        if self.moved is None:
+            return meshed
+        return moved_section_mesh(meshed, self.moved, self.section, indenter.radius, indenter.aim)
+
+    @made_when_needed
+    def _finer(self) -> PlaneStrainIndentation:
+        """The same on a finer mesh."""
+        mesh = self.settings.mesh.refined(1.5)
+        return replace(self, settings=replace(self.settings, mesh=mesh, defences=False))
+
+    def attempts(self, placement: Placement | None = None) -> Iterator[tuple[Pressing, float]]:
+        """Yield the model, that with a softer contact, and last one on a finer mesh."""
+        yield self._placed(placement or Placement()), 1.0
+        if self.settings.defences:
+            yield self.pressing, SOFTER
+            yield self._finer._placed(placement or Placement()), SOFTER
 
     def solve(
         self,
-        parameters: Mapping[str, float] | None = None,
-        depth: float = 30.0,
+        values: Mapping[str, float] | None = None,
+        protocol: Protocol | float | None = 30.0,
         sensitivities: Sequence[str] = (),
-        turns: Sequence[float] = (),
-        on_step: Callable[[float], None] | None = None,
+        *,
+        depth: float | None = None,
+        on_step: OnStep | None = None,
+        keep_in: Path | None = None,
         placement: Placement | None = None,
-    ) -> Indentation:
-        """Press the cylinder in at 1 mm/s; tissues without memory don't know of the rate.
+    ) -> Solved:
+        """Move the cylinder along a protocol.
 
         Parameters
         ----------
-        parameters
-            Values that differ from the tissues' own, by full name (``deep.C10`` in MPa).
-        depth
-            Displacement to reach (mm).
-        sensitivities
-            Parameters to differentiate the force by.
-        turns
-            Displacements (mm) to go to after ``depth``, for unloading.
-        on_step
-            Called with the displacement (mm) of every accepted step.
+        values, protocol, sensitivities, depth, on_step, keep_in
+            As those of `PressingTest.solve`.
         placement
             Where the cylinder really stood; as stated without it.
 
         Returns
         -------
-        Indentation
-            Also where the depth wasn't reached.
+        Solved
+            Also where the end wasn't reached.
         """
-        protocol = Protocol.through((depth, *turns), rate=1.0)
-        return self.follow(protocol, parameters, sensitivities, on_step, placement)
+        given, attempts = protocol if depth is None else depth, self.attempts(placement)
+        return self._farthest(attempts, values, given, sensitivities, on_step, keep_in)
 
-    def follow(
-        self,
-        protocol: Protocol,
-        parameters: Mapping[str, float] | None = None,
-        sensitivities: Sequence[str] = (),
-        on_step: Callable[[float], None] | None = None,
-        placement: Placement | None = None,
-    ) -> Indentation:
-        """Move the cylinder along a protocol: loading, holds, unloading, at any rates.
+    def _made(self) -> Pressing:
+        meshed = self.section_mesh
+        spaces = build_spaces(
+            meshed.mesh,
+            meshed.cell_tags,
+            meshed.facet_tags,
+            self.settings.formulation,
+            drained=[SKIN] if self.settings.drained_skin else [],
+        )
+        degree = self.settings.quadrature_degree
+        system = System(spaces, self.model, meshed.touch, meshed.direction, degree)
+        return Pressing(
+            system,
+            NewtonSolver(system, self.settings.newton),
+            self.settings.contact,
+            self.indenter.radius,
+            self.indenter.length,
+            self.settings.steps,
+        )
 
-        The other arguments and the outcome are those of `solve`.
-        """
-        placement = placement or Placement()
-        asked = parameters, protocol, sensitivities, on_step
-        self._place(placement)
-        attempts = [self._pressing.run(*asked, softness=1.0)]
-        if self.settings.defences and not attempts[-1].report.complete:
-            attempts.append(self._pressing.run(*asked, softness=SOFTER))
-        if self.settings.defences and not attempts[-1].report.complete:
-            finer = PlaneStrainIndentation(
-                self.section,
-                self.indenter,
-                self.tissues,
-                replace(self.settings, mesh=self.settings.mesh.refined(1.5), defences=False),
-                self.comm,
-                self.mechanisms,
-            )
-            finer._place(placement)
-            attempts.append(finer._pressing.run(*asked, softness=SOFTER))
-        return farthest(attempts)
-
-    def _place(self, placement: Placement) -> None:
+    def _placed(self, placement: Placement) -> Pressing:
         meshed, indenter = self.section_mesh, self.indenter
         aim = placement.aim(indenter.aim, meshed.direction)
         touch = first_touch(meshed.outline, indenter.radius, aim, meshed.direction)
         self.system.place_indenter(touch, placement.travel(meshed.direction))
-
-    def _model(self) -> LegModel:
-        tissues = {name: getattr(self.tissues, name) for name in REGIONS}
-        cylinder = RigidCylinder(self.indenter.radius)
-        model = leg_model(tissues, cylinder, self.settings.contact, self.settings.formulation)
-        for term in self.mechanisms:
-            model = model.with_term(term)
-        return model
+        return self.pressing
 
 
 def tissues_of(subject: Subject) -> Tissues:

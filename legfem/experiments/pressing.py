@@ -1,47 +1,36 @@
-"""A rigid indenter pressed into a body: what the tests in plane strain and in 3D share."""
+"""A rigid indenter pressed into a body: what all tests with one share."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 
-from legfem.checkpoint import Checkpoint, key_of
-from legfem.contact import RigidIndenter
-from legfem.contact_settings import ContactSettings
-from legfem.curve import ForceCurve
-from legfem.materials import Hyperelastic
-from legfem.model import LegModel
-from legfem.newton import NewtonSolver
-from legfem.path import Path
-from legfem.protocol import Protocol
-from legfem.sensitivity import Trackers
-from legfem.spaces import Formulation
-from legfem.stepping import SolveReport, StepSettings, follow
-from legfem.symbols import named
-from legfem.system import System
-from legfem.terms import NormalContact, TangentialContact, Tissue
-from legfem.units import FloatArray
+from legfem.common.units import FloatArray
+from legfem.experiments.base import Homebound, Solved, made_when_needed
+from legfem.fem.system import System
+from legfem.jobs.checkpoint import Checkpoint
+from legfem.jobs.key import key_of
+from legfem.mechanics.contact import RigidIndenter
+from legfem.mechanics.contact_settings import PENALTY_PARAMETERS, ContactSettings
+from legfem.mechanics.materials import Hyperelastic
+from legfem.mechanics.model import Formulation, LegModel
+from legfem.mechanics.parameters import named
+from legfem.mechanics.terms import NormalContact, TangentialContact, Tissue
+from legfem.solve.newton import NewtonSolver
+from legfem.solve.path import Path
+from legfem.solve.protocol import Protocol
+from legfem.solve.sensitivity import Trackers
+from legfem.solve.stepping import StepSettings, follow
 
 SOFTER = 0.2
 """Factor on the contact's stiffness where a solution stops short."""
 OnStep = Callable[[float], None]
-
-
-@dataclass(frozen=True, eq=False)
-class Indentation:
-    """The outcome of one simulated test; ``report.complete`` tells whether it got there."""
-
-    parameters: Mapping[str, float]
-    """Of the model, by full name (MPa, 1/MPa)."""
-    curve: ForceCurve
-    """Force (N) of the whole cylinder against displacement, in the first loading."""
-    path: Path
-    """All steps: holds, unloading and reloading too."""
-    report: SolveReport
 
 
 def leg_model(
@@ -95,20 +84,17 @@ class Pressing:
         on_step: OnStep | None = None,
         softness: float = 1.0,
         keep_in: tuple[FilePath, str] | None = None,
-    ) -> Indentation:
+    ) -> Solved:
         """Follow a protocol, with a contact softened by a factor.
 
         States are kept in a folder, with the hash of what else they depend on, if one is given;
         derivatives aren't, so that a solution with sensitivities keeps none.
         """
-        model = self.system.model
-        values = model.values(parameters)
-        penalty = softness * self.contact.penalty(values, self.radius)
-        normal = _normal_contact(model)
-        values |= named(normal.name, self.contact.pressure_law(penalty))
-        values |= {name: penalty for name in ("friction.stiffness",) if name in values}
+        values = self.system.model.values(parameters)
+        values |= self._contact_numbers(softness * self.contact.penalty(values, self.radius))
         self.system.set_parameters(values)
-        tracker = self._trackers.fresh(sensitivities)
+        names, chain = self._chain(tuple(sensitivities), softness)
+        tracker = self._trackers.fresh(names)
         time, displacement = [float(protocol.time[0])], [float(protocol.displacement[0])]
         force = [0.0]
         derivatives: list[FloatArray] = [np.zeros(len(sensitivities))]
@@ -118,14 +104,14 @@ class Pressing:
             displacement.append(at)
             force.append(self.system.force() * self.whole)
             if tracker is not None:
-                derivatives.append(tracker.step(self.solver) * self.whole)
+                derivatives.append(tracker.step(self.solver) @ chain * self.whole)
             if on_step is not None:
                 on_step(at)
 
         checkpoint = None
         if keep_in is not None and not sensitivities:
             folder, key = keep_in
-            given = key, values, protocol.time, protocol.displacement, asdict(self.steps)
+            given = key, values, protocol.time, protocol.displacement, self.steps
             checkpoint = Checkpoint(folder, key_of(given), self.system.comm)
         report = follow(
             self.system, self.solver, protocol, self.steps, record, checkpoint,
@@ -141,15 +127,168 @@ class Pressing:
             np.array(force),
             {name: columns[:, k] for k, name in enumerate(sensitivities)},
         )
-        return Indentation(values, path.loading, path, report)
+        return Solved(values, path.loading, path, report)
+
+    def _contact_numbers(self, penalty: float) -> dict[str, float]:
+        """Return the numbers of the contact's laws by full name."""
+        model = self.system.model
+        normal = next(term for term in model.at("skin") if isinstance(term, NormalContact))
+        numbers = named(normal.name, self.contact.pressure_law(penalty))
+        along = {"friction.stiffness": penalty}
+        return numbers | {name: value for name, value in along.items() if name in model.parameters}
+
+    def _chain(self, asked: tuple[str, ...], softness: float) -> tuple[tuple[str, ...], FloatArray]:
+        """Return what to differentiate by, and the chain rule from that to what was asked for.
+
+        The penalty is in proportion to the tissue's stiffness, so that a derivative by that one
+        counts the penalty's too.
+
+        Returns
+        -------
+        names : tuple of str
+            Those asked for first.
+        chain : ndarray
+            (names, asked).
+        """
+        one, two = self._contact_numbers(1.0), self._contact_numbers(2.0)
+        slopes = {name: two[name] - one[name] for name in one if two[name] != one[name]}
+        raising = [name for name in asked if name in PENALTY_PARAMETERS]
+        tied = [name for name in slopes if raising and name not in asked]
+        names = (*asked, *tied)
+        chain = np.eye(len(names), len(asked))
+        rise = softness * self.contact.penalty_slope(self.radius)
+        for parameter in raising:
+            for name, slope in slopes.items():
+                chain[names.index(name), asked.index(parameter)] += rise * slope
+        return names, chain
 
 
-def farthest(attempts: Sequence[Indentation]) -> Indentation:
-    """Return the attempt that came farthest, with the reports of the others."""
-    best = max(attempts, key=lambda solved: (solved.report.complete, solved.report.reached))
-    others = tuple(solved.report for solved in attempts if solved is not best)
+class PressingTest(Homebound, ABC):
+    """A test in which a rigid indenter is pressed into a body, an `Experiment`.
+
+    An instance is a frozen dataclass of what is given, and says how its finite-element model is
+    made.
+    """
+
+    @property
+    @abstractmethod
+    def model(self) -> LegModel:
+        """The sum of terms."""
+
+    @abstractmethod
+    def _made(self) -> Pressing:
+        """Return the model on its mesh."""
+
+    @made_when_needed
+    def pressing(self) -> Pressing:
+        """The finite-element model, meshed and compiled."""
+        return self._made()
+
+    @property
+    def system(self) -> System:
+        """The model on its mesh, in the state last solved for."""
+        return self.pressing.system
+
+    @property
+    def solver(self) -> NewtonSolver:
+        """Of the system."""
+        return self.pressing.solver
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Every number of the model by full name."""
+        return self.model.parameters
+
+    def attempts(self) -> Iterator[tuple[Pressing, float]]:
+        """Yield models and factors on the contact's stiffness, until a solution is complete."""
+        yield self.pressing, 1.0
+        yield self.pressing, SOFTER
+
+    def solve(
+        self,
+        values: Mapping[str, float] | None = None,
+        protocol: Protocol | float | None = None,
+        sensitivities: Sequence[str] = (),
+        *,
+        depth: float | None = None,
+        on_step: OnStep | None = None,
+        keep_in: FilePath | None = None,
+    ) -> Solved:
+        """Move the indenter along a protocol: loading, holds, unloading, at any rates.
+
+        Parameters
+        ----------
+        values
+            Numbers that differ from the model's own, by full name (``deep.C10`` in MPa).
+        protocol
+            Of the indenter; a number is the depth (mm) of a loading at 1 mm/s, since tissues
+            without memory don't know of the rate.
+        sensitivities
+            Full names of parameters to differentiate the force by.
+        depth
+            Of a loading at 1 mm/s (mm), in place of a protocol.
+        on_step
+            Called with the displacement (mm) of every accepted step.
+        keep_in
+            Folder in which the states of a solution without sensitivities are kept: one that was
+            killed goes on from the last, with the same number of ranks. They are removed at its
+            end.
+
+        Returns
+        -------
+        Solved
+            Also where the end wasn't reached: that of the attempt that came farthest.
+        """
+        given = protocol if depth is None else depth
+        return self._farthest(self.attempts(), values, given, sensitivities, on_step, keep_in)
+
+    def _farthest(
+        self,
+        attempts: Iterator[tuple[Pressing, float]],
+        values: Mapping[str, float] | None,
+        given: Protocol | float | None,
+        sensitivities: Sequence[str],
+        on_step: OnStep | None,
+        keep_in: FilePath | None,
+    ) -> Solved:
+        asked = values, motion(given), sensitivities, on_step
+        kept = None if keep_in is None else (keep_in, key_of(self.fingerprint()))
+        return farthest(
+            pressing.run(*asked, softness=softness, keep_in=kept) for pressing, softness in attempts
+        )
+
+
+def solved_once(context: None, task: tuple[PressingTest, Protocol | float]) -> Solved:
+    """Return a test's outcome at its own values; work for `legfem.jobs.pool.Workers`.
+
+    It is a copy that is solved, whose mesh goes with it.
+    """
+    test, protocol = task
+    given: Any = test
+    copy: PressingTest = replace(given)
+    return copy.solve(None, protocol)
+
+
+def motion(given: Protocol | float | None) -> Protocol:
+    """Return a protocol; a number is the depth (mm) of a loading at 1 mm/s.
+
+    Raises
+    ------
+    TypeError
+        If nothing is given.
+    """
+    if given is None:
+        raise TypeError("give a protocol or a depth")
+    return given if isinstance(given, Protocol) else Protocol.ramp(given, rate=1.0)
+
+
+def farthest(attempts: Iterable[Solved]) -> Solved:
+    """Return the first complete attempt, else that which came farthest, with others' reports."""
+    made: list[Solved] = []
+    for solved in attempts:
+        made.append(solved)
+        if solved.report.complete:
+            break
+    best = max(made, key=lambda solved: (solved.report.complete, solved.report.reached))
+    others = tuple(solved.report for solved in made if solved is not best)
     return replace(best, report=replace(best.report, earlier_attempts=others))
-
-
-def _normal_contact(model: LegModel) -> NormalContact:
-    return next(term for term in model.at("skin") if isinstance(term, NormalContact))

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from legfem.checks import check_positive
-from legfem.errors import InputError
+from legfem.common.checks import check_positive
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
 from legfem.geometry.contours import check_section
 from legfem.geometry.section import LegSection, girth
-from legfem.units import FloatArray
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,10 @@ import numpy as np
 from shapely import Polygon
 from shapely.validation import explain_validity
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
+from legfem.common.tables import read_table
+from legfem.common.units import FloatArray
 from legfem.geometry.section import PARTS, LegSection, fat_thickness, girth, minimal_fat_thickness
-from legfem.tables import read_table
-from legfem.units import FloatArray
 
 __all__ = [
     "LegSection",
@@ -44,8 +44,8 @@ def read_contours(path: Path, fascia_thickness: float) -> LegSection:
     Raises
     ------
     InputError
-        If the table can't be read (see `legfem.tables.read_table`) or the contours aren't those
-        of a leg (see `check_section`).
+        If the table can't be read (see `legfem.common.tables.read_table`) or the contours aren't
+        those of a leg (see `check_section`).
     """
     path = Path(path)
     table = read_table(path, HEADER, text=("part",))

@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 from shapely import Polygon, make_valid
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
+from legfem.common.tables import read_table
+from legfem.common.units import FloatArray
 from legfem.geometry.contours import check_section
 from legfem.geometry.curve import resample_closed_curve
 from legfem.geometry.section import PARTS, LegSection
-from legfem.tables import read_table
-from legfem.units import FloatArray
 
 HEADER = ("level_mm", "part", "loop", "i", "x_mm", "y_mm")
 SURFACES = ("skin", "muscle_hull", "tibia", "fibula")

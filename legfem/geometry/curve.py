@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline, splev, splprep
 
-from legfem.units import FloatArray
+from legfem.common.units import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray, frozen_array
 from legfem.geometry.curve import area_and_centroid, smooth_closed_curve
-from legfem.units import FloatArray, frozen_array
 
 SKIN, HULL = "skin", "hull"
 
@@ -46,6 +46,10 @@ class LegShape:
 
     levels: FloatArray
     contours: Mapping[str, FloatArray]
+
+    def __reduce__(self) -> tuple[type[LegShape], tuple[FloatArray, dict[str, FloatArray]]]:
+        """Travel as what it is made from."""
+        return LegShape, (self.levels, dict(self.contours))
 
     def __post_init__(self) -> None:
         """Copy and check the arrays."""

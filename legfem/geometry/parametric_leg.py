@@ -17,13 +17,13 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from scipy.interpolate import CubicHermiteSpline
 from shapely import Polygon
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
 from legfem.geometry.calf import bone_outline, outward_normals, oval
 from legfem.geometry.cross_sections import Clearances, nested_outlines
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, shape_of_contours
 from legfem.geometry.shape_checks import check_shape
 from legfem.geometry.shape_smoothing import smoothed
-from legfem.units import FloatArray
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -120,7 +120,9 @@ def read_legs(path: Path) -> dict[str, ParametricLeg]:
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
-        raise InputError(path, key, first["msg"], "compare with studies/dubuis/legs.toml") from None
+        raise InputError(
+            path, key, first["msg"], "compare with studies/stockings/legs.toml"
+        ) from None
 
 
 def round_leg(

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from legfem.errors import InputError
-from legfem.units import FloatArray, frozen_array
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray, frozen_array
 
 
 @dataclass(frozen=True, eq=False)

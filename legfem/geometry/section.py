@@ -8,7 +8,7 @@ import numpy as np
 from shapely import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from legfem.units import FloatArray, frozen_array
+from legfem.common.units import FloatArray, frozen_array
 
 PARTS = ("skin", "fascia", "tibia", "fibula")
 BONES = ("tibia", "fibula")

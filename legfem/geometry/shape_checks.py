@@ -8,7 +8,7 @@ from pathlib import Path
 import shapely
 from shapely import Polygon
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
 from legfem.geometry.contours import check_girth
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 

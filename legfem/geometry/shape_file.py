@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
+from legfem.common.tables import read_table
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, shape_of_contours
 from legfem.geometry.shape_checks import check_shape
-from legfem.tables import read_table
 
 HEADER = ("level_mm", "part", "i", "x_mm", "y_mm")
 

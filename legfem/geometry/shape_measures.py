@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
+from legfem.common.units import FloatArray
 from legfem.geometry.curve import closed_lengths
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
-from legfem.units import FloatArray
 
 
 def perimeter(shape: LegShape, part: str = SKIN) -> FloatArray:

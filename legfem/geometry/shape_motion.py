@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import LegShape, corresponding
-from legfem.units import FloatArray
 
 
 def resliced(points: Mapping[str, FloatArray], levels: ArrayLike | None = None) -> LegShape:

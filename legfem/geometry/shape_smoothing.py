@@ -12,10 +12,10 @@ from collections.abc import Collection
 import numpy as np
 from scipy.linalg import solveh_banded
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
 from legfem.geometry.curve import closed_lengths
 from legfem.geometry.leg_shape import LegShape, corresponding
-from legfem.units import FloatArray
 
 
 def smoothed(

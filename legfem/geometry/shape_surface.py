@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import RectBivariateSpline
 
+from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import LegShape
-from legfem.units import FloatArray
 
 _WRAPPED = 6  # points repeated beyond the contour's start and end, for a periodic spline
 

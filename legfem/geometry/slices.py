@@ -14,11 +14,11 @@ import shapely
 from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray, frozen_array
 from legfem.geometry.curve import outward_normals, smooth_closed_curve
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.shape_measures import largest_girth
-from legfem.units import FloatArray, frozen_array
 
 CONTOURS = ("outer", "inner")
 _PART = {"outer": SKIN, "inner": HULL}

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
-from legfem.units import FloatArray
+from legfem.common.units import FloatArray
 
 CANDIDATES = 24
 

@@ -1,6 +1,6 @@
-"""``python -m legfem.identify``: see `legfem.identify.cli`."""
+"""``python -m legfem.identify``: see `legfem.commands.identify`."""
 
-from legfem.identify.cli import app
+from legfem.commands.identify import app
 
 if __name__ == "__main__":
     app(prog_name="python -m legfem.identify")

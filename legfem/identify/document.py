@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
-from dataclasses import asdict
+from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
-from legfem.identify.result import Cost, Estimate, IdentificationResult, SearchPath
+from legfem.common.documents import json_types
+from legfem.common.units import readable_unit
+from legfem.identify.catalogue import (
+    DEEP_C10,
+    DEEP_C20,
+    Values,
+    key_of,
+    short_key_of,
+    unit_of,
+    unit_suffix,
+)
+from legfem.identify.result import (
+    Cost,
+    CostMap,
+    Estimate,
+    IdentificationResult,
+    PredictedCurve,
+    SearchPath,
+)
 
 SCHEMA = "legfem.identify/1"
 
@@ -23,8 +37,9 @@ def result_document(result: IdentificationResult) -> dict[str, Any]:
         "title": result.subject_title,
         "origin": result.subject_origin,
         "law": result.law,
-        "parameters": {name: _estimate(found) for name, found in result.parameters.items()},
-        "correlation_c10_c20": result.correlation,
+        "parameters": {key_of(name): _estimate(one) for name, one in result.parameters.items()},
+        "correlation_c10_c20": result.correlation(DEEP_C10, DEEP_C20),
+        "correlations": _correlations(result),
         "identifiability": verdict,
         "identifiability_why": why,
         "cost": _cost(result.cost),
@@ -45,7 +60,7 @@ def result_document(result: IdentificationResult) -> dict[str, Any]:
             "force_N": result.predicted.force,
             "measured_force_N": result.measured.force,
             "measured_force_standard_error_N": result.measured.force_sd,
-            "force_derivative_N_per_kPa": dict(result.predicted.sensitivities),
+            **_derivatives(result.predicted),
             "correction_P": None if result.correction is None else result.correction.P,
             "correction_P_sd": None if result.correction is None else result.correction.sd,
         },
@@ -59,21 +74,45 @@ def result_document(result: IdentificationResult) -> dict[str, Any]:
         "settings": dict(result.settings),
         "versions": dict(result.versions),
     }
-    return {key: _plain(value) for key, value in document.items()}
+    plain: dict[str, Any] = json_types(document)
+    return plain
 
 
 def _estimate(found: Estimate) -> dict[str, Any]:
+    shown = found.shown
     return {
-        "value": found.value,
-        "unit": found.unit,
-        "standard_error": found.standard_error,
-        "ci95": list(found.ci95),
+        "value": shown.value,
+        "unit": shown.unit,
+        "standard_error": shown.standard_error,
+        "ci95": list(shown.ci95),
+        "role": found.parameter.role,
         "at_bound": found.at_bound,
         "identifiability": found.identifiability,
         "why": found.why,
-        "relative_change_if_fat_c10_is_10_percent_higher": found.per_fat,
-        "relative_change_if_fascia_c10_is_10_percent_higher": found.per_fascia,
+        "relative_change_if_fat_c10_is_10_percent_higher": found.moves.get("superficial.C10"),
+        "relative_change_if_fascia_c10_is_10_percent_higher": found.moves.get("fascia.C10"),
     }
+
+
+def _correlations(result: IdentificationResult) -> dict[str, dict[str, float]]:
+    names = list(result.parameters)
+    return {
+        key_of(one): {key_of(other): result.correlation(one, other) for other in names}
+        for one in names
+    }
+
+
+def _derivatives(predicted: PredictedCurve) -> dict[str, Any]:
+    """Return the force's derivatives: by stresses a kPa, by the others a unit of theirs."""
+    by_stress, others = {}, {}
+    for name, values in predicted.sensitivities.items():
+        unit, factor = readable_unit(unit_of(name))
+        if unit == "kPa":
+            by_stress[name] = values / factor
+        else:
+            others[name] = {"unit": unit, "N_per_unit": values}
+    more = {"force_derivative_by_others": others} if others else {}
+    return {"force_derivative_N_per_kPa": by_stress, **more}
 
 
 def _cost(cost: Cost) -> dict[str, Any]:
@@ -96,11 +135,11 @@ def _cost(cost: Cost) -> dict[str, Any]:
 
 
 def _search(search: SearchPath) -> dict[str, Any]:
+    free = search.names
     return {
         "solves": [
             {
-                "c10_kPa": solve.c10,
-                "c20_kPa": solve.c20,
+                **_values(solve.values, free),
                 "cost_N2": solve.cost,
                 "stage": solve.stage,
                 "complete": solve.complete,
@@ -114,33 +153,34 @@ def _search(search: SearchPath) -> dict[str, Any]:
             {
                 "round": best.round,
                 "generation": best.number,
-                "c10_kPa": best.c10,
-                "c20_kPa": best.c20,
+                **_values(best.values, free),
                 "cost_N2": best.cost,
             }
             for best in search.generations
         ],
-        "cost_map": None
-        if search.cost_map is None
-        else {
-            f"{key}_{unit}": value
-            for (key, value), unit in zip(
-                asdict(search.cost_map).items(), ("kPa", "kPa", "N2"), strict=True
-            )
-        },
+        "cost_map": None if search.cost_map is None else _cost_map(search.cost_map),
     }
 
 
-def _plain(value: Any) -> Any:
-    """Return JSON types; what isn't finite becomes null, which every reader understands."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, np.generic):
-        return _plain(value.item())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+def _values(values: Values, free: Sequence[str]) -> dict[str, float]:
+    """Return C10 and C20 of the deep tissue and what else is free, keys with units."""
+    shown = {}
+    for name in dict.fromkeys((DEEP_C10, DEEP_C20, *free)):
+        unit, factor = readable_unit(unit_of(name))
+        if name in values:
+            shown[_key_with_unit(name, unit)] = factor * values[name]
+    return shown
+
+
+def _cost_map(known: CostMap) -> dict[str, Any]:
+    names = known.names if len(known.names) == 2 else (*known.names, DEEP_C20)
+    axes = {}
+    for name, values in zip(names, (known.across, known.up), strict=True):
+        unit, factor = readable_unit(unit_of(name))
+        axes[_key_with_unit(name, unit)] = factor * values
+    return {**axes, "cost_N2": known.cost}
+
+
+def _key_with_unit(name: str, unit: str) -> str:
+    """Return ``c10_kPa`` for ``deep.C10``, ``c10_superficial_kPa`` for another tissue's."""
+    return f"{short_key_of(name)}_{unit_suffix(unit)}"

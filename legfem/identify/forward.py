@@ -1,23 +1,19 @@
-"""The forward model as identification sees it: stiffness in, a force curve or a failure out."""
+"""The forward model as identification sees it: values in, a force curve or a failure out."""
 
 from __future__ import annotations
 
 import hashlib
-import json
-import math
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from legfem.curve import ForceCurve
 from legfem.geometry.section import PARTS, LegSection
-from legfem.subject import Indenter, Subject
-from legfem.units import kpa_to_mpa
+from legfem.identify.catalogue import Values
+from legfem.jobs.fingerprint import code_fingerprint
+from legfem.solve.force_curve import ForceCurve
+from legfem.subjects.subject import Indenter, Subject
 
 if TYPE_CHECKING:
     from legfem.experiments.plane_strain import (
@@ -25,30 +21,20 @@ if TYPE_CHECKING:
         PlaneStrainSettings,
         Tissues,
     )
+    from legfem.mechanics.model import Term
 
-SENSITIVITIES = ("deep.C10", "deep.C20", "superficial.C10", "fascia.C10")
-"""What every solve differentiates the force by: the back-substitutions cost next to nothing."""
-
-
-@dataclass(frozen=True)
-class DeepTissue:
-    """Stiffness of the deep tissue; ``C20 = 0`` and ``D2 = inf`` are a neo-Hookean law."""
-
-    C10: float
-    """kPa."""
-    C20: float
-    """kPa."""
-    D2: float
-    """1/MPa."""
+_TISSUES = ("deep", "superficial", "fascia")
 
 
 @dataclass(frozen=True, eq=False)
 class ForwardOutcome:
     """One full solve, whether it reached its depth or not."""
 
-    deep: DeepTissue
+    values: Values
+    """Of the model, as asked for."""
     curve: ForceCurve
-    """With derivatives by `SENSITIVITIES` in N/MPa; ends where the solve did."""
+    """With the derivatives that were asked for, in N per unit of the parameter; ends where the
+    solve did."""
     complete: bool
     reason: str
     """Why it ended."""
@@ -59,12 +45,17 @@ class ForwardOutcome:
 class ForwardModel(Protocol):
     """What identification needs of a model; it must be picklable for several processes."""
 
-    def solve(self, deep: DeepTissue) -> ForwardOutcome:
+    @property
+    def nominal(self) -> Values:
+        """All values of the model as assumed, by full name."""
+        ...
+
+    def solve(self, values: Values, sensitivities: Sequence[str]) -> ForwardOutcome:
         """Solve in full; stopping short of the depth is an outcome, not an exception."""
         ...
 
     def fingerprint(self) -> Mapping[str, Any]:
-        """Return all that a solve depends on but the deep tissue, as JSON types."""
+        """Return all that a solve depends on but the values, as JSON types."""
         ...
 
 
@@ -78,6 +69,8 @@ class PlaneStrainForward:
     settings: PlaneStrainSettings
     depth: float
     """mm."""
+    mechanisms: tuple[Term, ...] = ()
+    """Terms added to those of tissues and contact."""
     _experiment: PlaneStrainIndentation | None = field(default=None, init=False, repr=False)
 
     @classmethod
@@ -106,25 +99,27 @@ class PlaneStrainForward:
             from legfem.experiments.plane_strain import PlaneStrainIndentation
 
             self._experiment = PlaneStrainIndentation(
-                self.section, self.indenter, self.tissues, self.settings
-            )
+                self.section, self.indenter, self.tissues, self.settings,
+                mechanisms=self.mechanisms,
+            )  # fmt: skip
         return self._experiment
 
     def prepare(self) -> None:
         """Compile and mesh now."""
-        _ = self.experiment
+        _ = self.experiment.pressing
 
-    def solve(self, deep: DeepTissue) -> ForwardOutcome:
+    @property
+    def nominal(self) -> Values:
+        """The tissues' values, and those of further mechanisms (MPa, 1/MPa)."""
+        further = {k: v for term in self.mechanisms for k, v in term.parameters.items()}
+        return {**values_of(self.tissues), **further}
+
+    def solve(self, values: Values, sensitivities: Sequence[str]) -> ForwardOutcome:
         """Solve in full."""
-        values = {
-            "deep.C10": kpa_to_mpa(deep.C10),
-            "deep.C20": kpa_to_mpa(deep.C20),
-            "deep.D2": deep.D2,
-        }
-        solved = self.experiment.solve(values, self.depth, SENSITIVITIES)
+        solved = self.experiment.solve(values, self.depth, sensitivities)
         report = solved.report
         return ForwardOutcome(
-            deep,
+            values,
             solved.curve,
             bool(report.complete),
             report.reason,
@@ -153,49 +148,16 @@ class PlaneStrainForward:
             "fascia": repr(self.tissues.fascia),
             "deep_D1_per_MPa": self.tissues.deep.D1,
             "settings": repr(self.settings),
+            "mechanisms": repr(self.mechanisms),
             "depth_mm": self.depth,
-            "code": code_fingerprint(),
+            "code": code_fingerprint("legfem.experiments.plane_strain"),
         }
 
 
-_MECHANICS = (".", "experiments", "geometry", "materials", "meshing", "terms")
-
-
-def code_fingerprint(folders: Sequence[str] = _MECHANICS) -> str:
-    """Return a hash of sources, those of a forward solve by default, and of DOLFINx's version."""
-    root = Path(__file__).resolve().parents[1]
-    digest = hashlib.sha256(package_version("fenics-dolfinx").encode())
-    # What deals with users and files doesn't touch the mechanics.
-    aside = {"__main__.py", "cli.py", "progress.py", "tables.py", "subject_schema.py"}
-    for path in sorted(path for name in folders for path in (root / name).glob("*.py")):
-        if path.name not in aside:
-            digest.update(path.name.encode() + path.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-def package_version(name: str) -> str:
-    """Return an installed package's version, or ``unknown``."""
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "unknown"
-
-
-def legfem_version() -> str:
-    """Return legfem's version, from its sources where it isn't installed."""
-    project = Path(__file__).resolve().parents[2] / "pyproject.toml"
-    if project.is_file():
-        return str(tomllib.loads(project.read_text())["project"]["version"])
-    return package_version("legfem")
-
-
-def solve_key(fingerprint: Mapping[str, Any], deep: DeepTissue) -> str:
-    """Return the name under which a solve is kept: a hash of everything it depends on."""
-    everything = {**fingerprint, "deep": [deep.C10.hex(), deep.C20.hex(), deep.D2.hex()]}
-    text = json.dumps(everything, sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:24]
-
-
-def finite_or_none(value: float) -> float | None:
-    """Return a number that JSON knows."""
-    return value if math.isfinite(value) else None
+def values_of(tissues: Tissues) -> dict[str, float]:
+    """Return the tissues' values by full name (MPa, 1/MPa)."""
+    return {
+        f"{tissue}.{key}": value
+        for tissue in _TISSUES
+        for key, value in getattr(tissues, tissue).parameters.items()
+    }

@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
+from legfem.correction.choice import Correction
 from legfem.identify.assess import Assessment, assess
-from legfem.identify.correction import Correction
-from legfem.identify.laws import IdentifiedLaw, law_of
+from legfem.identify.catalogue import DEEP_C20, Values
+from legfem.identify.laws import IdentifiedLaw, LawName, model_values
 from legfem.identify.misfit import Misfit
 from legfem.identify.plain import run_plain
-from legfem.identify.result import IdentificationResult, LawName
+from legfem.identify.reading import OFFSET
+from legfem.identify.result import IdentificationResult
 from legfem.identify.search import Search
-from legfem.identify.settings import IdentificationSettings
+from legfem.identify.settings import IdentificationSettings, Weighting
 from legfem.identify.solver import FullSolver
+from legfem.identify.trial import Trial
+from legfem.inference.domain import Domain
+from legfem.inference.parameter import Parameter
 from legfem.recording import LoadingCurve, mean_loading_curve
 from legfem.recording.reader import MINIMAL_DEPTH_MM
-from legfem.subject import Subject
-
-LAWS: tuple[LawName, ...] = ("neo-hookean", "reduced-polynomial")
+from legfem.subjects.subject import Subject
 
 # C20 over its standard error below which the neo-Hookean limit is looked at by itself.
 _NEAR_LIMIT = 3.0
@@ -64,8 +67,10 @@ class Identification:
         The leg and its tissues.
     measured : LoadingCurve
         See `measured_curve`.
+    laws : Mapping[str, IdentifiedLaw]
+        By name, with what is free and what is held in each.
     solver : FullSolver
-        Of a forward model pressed to the curve's greatest displacement.
+        Of a forward model pressed `beyond_of` further than the curve.
     settings : IdentificationSettings
         Of the search.
     correction : Correction, optional
@@ -74,6 +79,7 @@ class Identification:
 
     subject: Subject
     measured: LoadingCurve
+    laws: Mapping[LawName, IdentifiedLaw]
     solver: FullSolver
     settings: IdentificationSettings
     correction: Correction | None = None
@@ -83,22 +89,25 @@ class Identification:
         self._searches: dict[LawName, Search] = {}
         self._seconds: dict[LawName, float] = {}
 
-    def identify(self, laws: Sequence[LawName]) -> list[IdentificationResult]:
+    def identify(self, names: Sequence[LawName]) -> list[IdentificationResult]:
         """Return the results of laws, in their order."""
         if self.settings.emulator:
-            self._solve_designs(laws)
-        return [self._identify(law) for law in laws]
+            self._solve_designs(names)
+        return [self._identify(name) for name in names]
 
     def _identify(self, name: LawName) -> IdentificationResult:
         search = self._search(name)
-        best, limit = search.best, False
-        if name == "reduced-polynomial":
-            near = best.stiffness[1] <= _NEAR_LIMIT * search.standard_error()[1]
+        best, limit, law = search.best, False, search.law
+        k = law.index(DEEP_C20)
+        if k is not None and "neo-hookean" in self.laws:
+            near = bool(best.point[k] <= _NEAR_LIMIT * search.standard_error()[k])
             if near or "neo-hookean" in self._searches:
                 neo_hookean = self._search("neo-hookean").best
                 if neo_hookean.objective <= best.objective:
                     best = neo_hookean
-            limit = best.stiffness[1] == 0.0
+        if k is not None and best.values[DEEP_C20] == 0.0:
+            limit = True
+            search, best = _at_limit(search, best)
         return assess(
             Assessment(
                 self.subject, search, best, limit, self.measured, self.correction,
@@ -106,30 +115,29 @@ class Identification:
             )
         )  # fmt: skip
 
-    def _misfit(self) -> Misfit:
+    def _misfit(self, law: IdentifiedLaw) -> Misfit:
         return Misfit(
-            self.measured,
-            self.settings.weighting,
-            self.correction,
-            self.settings.numerical_error,
-            self.settings.numerical_error_length,
-        )
-
-    def _law(self, name: LawName) -> IdentifiedLaw:
-        return law_of(name, self.subject)
+            self.measured, weighting_of(law, self.settings.weighting), self.correction,
+            beyond_of(law.parameters, law.fixed), law.reads,
+        )  # fmt: skip
 
     def _new_search(self, name: LawName) -> Search:
-        return Search(self._law(name), self._misfit(), self.settings, self.solver)
+        law = self.laws[name]
+        return Search(law, self._misfit(law), self.settings, self.solver)
 
-    def _solve_designs(self, laws: Sequence[LawName]) -> None:
+    def _solve_designs(self, names: Sequence[LawName]) -> None:
         """Solve the designs of all laws together, which keeps all processes busy."""
-        designs = {law: self._new_search(law).design() for law in laws}
-        points = [point for design in designs.values() for point in design]
+        designs = {name: self._new_search(name).design() for name in names}
+        points = [
+            model_values(self.laws[name].values(point))
+            for name, design in designs.items()
+            for point in design
+        ]
         self.solver.progress.stage("solving the designs of the search", len(points))
         started = time.perf_counter()
         self.solver.solve(points)
         each = (time.perf_counter() - started) / len(points)
-        self._seconds = {law: each * len(design) for law, design in designs.items()}
+        self._seconds = {name: each * len(design) for name, design in designs.items()}
 
     def _search(self, name: LawName) -> Search:
         if name not in self._searches:
@@ -144,3 +152,47 @@ class Identification:
             spent = time.perf_counter() - started
             self._seconds[name] = self._seconds.get(name, 0.0) + spent
         return self._searches[name]
+
+
+def _at_limit(search: Search, best: Trial) -> tuple[Search, Trial]:
+    """Return a search and its neo-Hookean limit, as points of the search's own law."""
+    law = search.law
+    parameters = tuple(
+        replace(one, bounds=(0.0, one.bounds[1])) if one.name == DEEP_C20 else one
+        for one in law.parameters
+    )
+    law = replace(law, parameters=parameters)
+    point = Domain(parameters).inside(law.point({**law.fixed, **best.values}))
+    if best in search.trials:
+        return replace(search, law=law), best
+    return replace(search, law=law), replace(best, point=point)
+
+
+def weighting_of(law: IdentifiedLaw, asked: Weighting | None) -> Weighting:
+    """Return what is minimised: the plain sum where nothing else is asked for or needed.
+
+    Raises
+    ------
+    InputError
+        If the plain sum is asked for and there are priors.
+    """
+    if len(law.priors) == 0:
+        return asked or "paper"
+    if asked == "paper":
+        raise InputError(
+            "--weighting", "paper", "has no errors that a prior could be weighed against",
+            "leave it out, or give covariance",
+        )  # fmt: skip
+    return "covariance"
+
+
+def beyond_of(parameters: Sequence[Parameter], fixed: Values) -> float:
+    """Return how far (mm) the model is pressed beyond the measured curve.
+
+    Contact that began before the recording's zero takes the indenter deeper than it says.
+    """
+    least = fixed.get(OFFSET, 0.0)
+    for one in parameters:
+        if one.name == OFFSET:
+            least = min(least, one.bounds[0])
+    return max(0.0, -least)

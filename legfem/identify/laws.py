@@ -3,34 +3,172 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
 
-from legfem.identify.forward import DeepTissue
-from legfem.identify.result import LawName
-from legfem.subject import Subject
+import numpy as np
+
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
+from legfem.identify.catalogue import (
+    DEEP_C10,
+    DEEP_C20,
+    DEEP_D2,
+    Values,
+    check_known,
+    parameter_of,
+    within_prior,
+)
+from legfem.identify.reading import INSTRUMENT
+from legfem.inference.least_squares import Priors
+from legfem.inference.parameter import Parameter
+from legfem.subjects.subject import Subject
+
+LawName = Literal["neo-hookean", "reduced-polynomial"]
+LAWS: tuple[LawName, ...] = ("neo-hookean", "reduced-polynomial")
+_OF_POLYNOMIAL_ONLY = (DEEP_C20, DEEP_D2)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class IdentifiedLaw:
-    """A law and what of it is fixed."""
+    """A law, what of it is free, and what is held.
+
+    Parameters
+    ----------
+    name : str
+        Of the deep tissue's strain energy.
+    parameters : tuple of Parameter
+        p free ones: identified, or nuisances that a prior holds.
+    fixed : Mapping[str, float]
+        Values of the model and the instrument that are held.
+    nominal : Mapping[str, float]
+        The model's values as assumed, for those that are neither.
+    """
 
     name: LawName
-    D2: float
-    """1/MPa; infinite leaves the (J - 1)^4 term out."""
+    parameters: tuple[Parameter, ...]
+    fixed: Values
+    nominal: Values
 
     @property
-    def dimensions(self) -> int:
-        """Number of parameters that are identified."""
-        return 1 if self.name == "neo-hookean" else 2
+    def names(self) -> tuple[str, ...]:
+        """Names (p) of the free parameters."""
+        return tuple(one.name for one in self.parameters)
 
-    def deep(self, c10: float, c20: float) -> DeepTissue:
-        """Return the deep tissue of stiffnesses in kPa."""
-        return DeepTissue(float(c10), 0.0 if self.dimensions == 1 else float(c20), self.D2)
+    @cached_property
+    def of_model(self) -> list[int]:
+        """Which of the free parameters are the model's, and not the instrument's."""
+        return [k for k, name in enumerate(self.names) if name not in INSTRUMENT]
+
+    @property
+    def priors(self) -> Priors:
+        """Those of the free parameters."""
+        return Priors(self.parameters)
+
+    @property
+    def reads(self) -> bool:
+        """Whether the instrument has free or held numbers of its own."""
+        return any(name in INSTRUMENT for name in (*self.names, *self.fixed))
+
+    def index(self, name: str) -> int | None:
+        """Return which free parameter has a name."""
+        return self.names.index(name) if name in self.names else None
+
+    def values(self, point: FloatArray) -> dict[str, float]:
+        """Return all values of a point (p,) of free parameters."""
+        free = zip(self.names, map(float, point), strict=True)
+        return {**self.fixed, **dict(free)}
+
+    def point(self, values: Values) -> FloatArray:
+        """Return the free parameters (p,) of values."""
+        return np.array([values[name] for name in self.names])
+
+    def column(self, points: FloatArray, name: str) -> FloatArray:
+        """Return a value (...) at points (..., p), free or held."""
+        index = self.index(name)
+        if index is not None:
+            return np.asarray(points[..., index])
+        null = INSTRUMENT[name].null if name in INSTRUMENT else self.nominal.get(name, 0.0)
+        return np.full(points.shape[:-1], self.fixed.get(name, null))
+
+    def instrument(self, points: FloatArray) -> FloatArray:
+        """Return the instrument's numbers (..., 3) at points (..., p)."""
+        return np.stack([self.column(points, name) for name in INSTRUMENT], axis=-1)
 
 
-def law_of(name: LawName, subject: Subject) -> IdentifiedLaw:
-    """Return a law with the compressibility that the subject's folder gives."""
-    second = subject.tissues["deep"].D2
-    if name == "neo-hookean" or second is None:
-        return IdentifiedLaw(name, math.inf)
-    return IdentifiedLaw(name, second)
+def model_values(values: Values) -> dict[str, float]:
+    """Return what of values is the model's."""
+    return {name: value for name, value in values.items() if name not in INSTRUMENT}
+
+
+def default_parameters(nominal: Values) -> tuple[Parameter, ...]:
+    """Return C10 and C20 of the deep tissue; a law takes what it has."""
+    return tuple(parameter_of(name, nominal) for name in (DEEP_C10, DEEP_C20))
+
+
+def law_of(
+    name: LawName,
+    subject: Subject,
+    nominal: Values,
+    parameters: Sequence[Parameter] | None = None,
+    fixed: Values | None = None,
+) -> IdentifiedLaw:
+    """Return a law with what the subject's folder assumes.
+
+    Parameters
+    ----------
+    name : str
+        Of the law.
+    subject : Subject
+        Whose deep tissue it is.
+    nominal : Mapping[str, float]
+        The model's values as assumed.
+    parameters : sequence of Parameter, optional
+        Free ones, of which the law takes those that it has, and those of role "fixed" not; C10 and
+        C20 of the deep tissue without them.
+    fixed : Mapping[str, float], optional
+        Held in place of the assumed values.
+
+    Raises
+    ------
+    InputError
+        For a name that the model hasn't, or a stiffness that is neither free nor given.
+    """
+    given = default_parameters(nominal) if parameters is None else parameters
+    held = dict(fixed or {})
+    check_known([one.name for one in given], nominal, "--identify")
+    check_known(list(held), nominal, "--fix")
+    without = _OF_POLYNOMIAL_ONLY if name == "neo-hookean" else ()
+    free = tuple(
+        within_prior(one)
+        for one in sorted(given, key=lambda one: one.name in INSTRUMENT)
+        if one.role != "fixed" and one.name not in (*without, *held)
+    )
+    if not free:
+        raise InputError("--identify", name, "nothing is left to identify", "name a parameter")
+    deep = subject.tissues["deep"]
+    if name == "neo-hookean":
+        own = {DEEP_C10: deep.C10, DEEP_C20: 0.0, DEEP_D2: math.inf}
+        held = {key: value for key, value in held.items() if key not in without}
+    else:
+        own = {DEEP_C10: deep.C10, DEEP_C20: deep.C20, DEEP_D2: deep.D2 or math.inf}
+    names = {one.name for one in free}
+    for key, value in own.items():
+        if key in names or key in held:
+            continue
+        if value is None:
+            raise InputError(
+                "--identify", key, f"is neither identified nor given for the {name} law",
+                f"add --identify {key}, or --fix '{key}=VALUE kPa'",
+            )  # fmt: skip
+        held[key] = value
+    return IdentifiedLaw(name, free, held, nominal)
+
+
+def with_bounds(
+    parameters: Sequence[Parameter], name: str, bounds: tuple[float, float]
+) -> tuple[Parameter, ...]:
+    """Return parameters, one of them with other bounds (in its unit)."""
+    return tuple(replace(one, bounds=bounds) if one.name == name else one for one in parameters)

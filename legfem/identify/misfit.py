@@ -2,34 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from legfem.identify.correction import Correction, correction_factor
-from legfem.identify.forward import SENSITIVITIES, ForwardOutcome
+from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
+from legfem.correction.choice import Correction, correction_factor
+from legfem.identify.catalogue import DEEP_C10, DEEP_C20
+from legfem.identify.forward import ForwardOutcome
+from legfem.identify.reading import Reading
 from legfem.identify.settings import Weighting
+from legfem.inference.constants import NUMERICAL_ERROR, NUMERICAL_LENGTH_MM
 from legfem.recording import LoadingCurve
-from legfem.units import MPA_PER_KPA, FloatArray
 
 _STEP = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """A full solve on the measured curve's grid, correction included."""
+    """A full solve on the measured curve's grid, correction and instrument included."""
 
     force: FloatArray
     """(n,), N."""
     sensitivities: Mapping[str, FloatArray]
-    """(n,), N/kPa."""
+    """(n,), N per unit of the parameter, by full name."""
+    model_force: FloatArray
+    """(m,), N: the model's on the misfit's grid, correction included."""
+    model_sensitivities: Mapping[str, FloatArray]
+    """(m,), N per unit, likewise."""
 
-    def jacobian(self, dimensions: int) -> FloatArray:
-        """Return the derivatives by C10 (and C20); (n, dimensions), N/kPa."""
-        names = ("deep.C10", "deep.C20")[:dimensions]
+    def jacobian(self, names: Sequence[str]) -> FloatArray:
+        """Return the derivatives by parameters; (n, p), N per unit."""
         return np.column_stack([self.sensitivities[name] for name in names])
 
 
@@ -45,39 +51,49 @@ class Misfit:
         What `objective` sums.
     correction : Correction, optional
         Applied to every force.
-    numerical_error, numerical_error_length : float
-        Relative standard deviation of the forward model's error, and the distance (mm) over which
-        it is correlated.
+    beyond : float
+        How far the model's grid goes on after the measured one (mm), for contact that began before
+        the recording's zero.
+    reads : bool
+        Whether the instrument's gain, zero or offset of contact count.
     """
 
     measured: LoadingCurve
     weighting: Weighting
-    correction: Correction | None
-    numerical_error: float
-    numerical_error_length: float
+    correction: Correction | None = None
+    beyond: float = 0.0
+    reads: bool = False
 
     @property
     def displacement(self) -> FloatArray:
-        """The grid, mm."""
+        """The measured curve's grid, mm; (n,)."""
         return self.measured.displacement
+
+    @cached_property
+    def grid(self) -> FloatArray:
+        """The model's grid, mm; (m,)."""
+        own = self.displacement
+        step = own[1] - own[0]
+        further = own[-1] + step * np.arange(1, int(np.ceil(self.beyond / step - 1e-9)) + 1)
+        return np.concatenate([own, further])
 
     @cached_property
     def covariance(self) -> FloatArray:
         """Of measured less predicted force at the truth, without the correction's; (n, n), N2."""
         apart = np.abs(self.displacement[:, None] - self.displacement[None, :])
-        error = self.numerical_error * self.measured.force
-        numerical = np.outer(error, error) * np.exp(-apart / self.numerical_error_length)
+        error = NUMERICAL_ERROR * self.measured.force
+        numerical = np.outer(error, error) * np.exp(-apart / NUMERICAL_LENGTH_MM)
         total = self.measured.covariance + numerical
         # Makes the inverse exist for recordings without noise.
         least = 1e-12 * float(np.max(self.measured.force) ** 2)
         return np.asarray(total + least * np.eye(len(total)))
 
-    def covariance_at(self, c10: float, c20: float) -> FloatArray:
-        """Return `covariance` with the correction's uncertainty at a stiffness (kPa)."""
+    def covariance_at(self, values: Mapping[str, float]) -> FloatArray:
+        """Return `covariance` with the correction's uncertainty at the model's values."""
         if self.correction is None:
             return self.covariance
         force = self.measured.force
-        relative = self.correction.covariance(self.displacement, c10, c20)
+        relative = self.correction.covariance(self.displacement, *_stiffness(values))
         return np.asarray(self.covariance + np.outer(force, force) * relative)
 
     @cached_property
@@ -90,41 +106,65 @@ class Misfit:
             return values
         return np.asarray(solve_triangular(self._lower, values, lower=True))
 
+    @cached_property
+    def weighting_matrix(self) -> FloatArray:
+        """What `weighted` multiplies with; (n, n)."""
+        return self.weighted(np.eye(len(self.displacement)))
+
     def cost(self, force: FloatArray) -> FloatArray:
         """Return Eq. 12 (N2) of corrected forces (..., n)."""
         return np.asarray(np.sum((force - self.measured.force) ** 2, axis=-1))
 
     def residual(self, force: FloatArray) -> FloatArray:
-        """Return the weighted residual (n,) of a corrected force (n,)."""
-        return self.weighted(force - self.measured.force)
+        """Return the weighted residual (..., n) of corrected forces (..., n)."""
+        if self.weighting == "paper":
+            return force - self.measured.force
+        flat = (force - self.measured.force).reshape(-1, force.shape[-1])
+        return self.weighted(flat.T).T.reshape(force.shape)
 
     def objective(self, force: FloatArray) -> FloatArray:
-        """Return what is minimised, for corrected forces (..., n)."""
-        if self.weighting == "paper":
-            return self.cost(force)
-        flat = (force - self.measured.force).reshape(-1, force.shape[-1])
-        return np.sum(self.weighted(flat.T) ** 2, axis=0).reshape(force.shape[:-1])
+        """Return what is minimised but the priors' part, for corrected forces (..., n)."""
+        return np.asarray(np.sum(self.residual(force) ** 2, axis=-1))
 
-    def predict(self, outcome: ForwardOutcome) -> Prediction:
-        """Return a complete full solve on the grid."""
-        curve, grid = outcome.curve, self.displacement
+    def read(self, force: FloatArray, instrument: FloatArray) -> FloatArray:
+        """Return what the instrument (..., 3) shows of the model's forces (..., m); (..., n)."""
+        return self._reading(force, instrument) if self.reads else force
+
+    def predict(self, outcome: ForwardOutcome, instrument: FloatArray) -> Prediction:
+        """Return a complete full solve as the instrument (3,) shows it."""
+        force, by = self._corrected(outcome)
+        if not self.reads:
+            return Prediction(force, by, force, by)
+        # Linear in the force but for the zero.
+        slope = instrument * (1.0, 0.0, 1.0)
+        seen = {name: self._reading(values, slope) for name, values in by.items()}
+        seen |= self._reading.derivatives(force, instrument)
+        return Prediction(self._reading(force, instrument), seen, force, by)
+
+    @cached_property
+    def _reading(self) -> Reading:
+        return Reading(self.grid, self.displacement)
+
+    def _corrected(self, outcome: ForwardOutcome) -> tuple[FloatArray, dict[str, FloatArray]]:
+        curve, grid = outcome.curve, self.grid
         force = curve(grid)
-        by: dict[str, FloatArray] = {
-            name: MPA_PER_KPA * curve.sensitivity(name, grid) for name in SENSITIVITIES
-        }
+        by = {name: curve.sensitivity(name, grid) for name in curve.sensitivities}
         if self.correction is None:
-            return Prediction(force, by)
-        c10, c20 = outcome.deep.C10, outcome.deep.C20
+            return force, by
+        c10, c20 = _stiffness(outcome.values)
         factor = self._factor(c10, c20)
         by = {name: factor * values for name, values in by.items()}
         up, beside = c10 * (1 + _STEP), c20 + _STEP * c10
-        by["deep.C10"] = by["deep.C10"] + force * (self._factor(up, c20) - factor) / (up - c10)
-        by["deep.C20"] = by["deep.C20"] + force * (self._factor(c10, beside) - factor) / (
-            beside - c20
-        )
-        return Prediction(factor * force, by)
+        for name, ends in ((DEEP_C10, (up, c20)), (DEEP_C20, (c10, beside))):
+            if name in by:
+                step = kpa_to_mpa((ends[0] - c10) + (ends[1] - c20))
+                by[name] = by[name] + force * (self._factor(*ends) - factor) / step
+        return factor * force, by
 
     def _factor(self, c10: float, c20: float) -> FloatArray:
-        return correction_factor(
-            self.correction, self.displacement, np.asarray(c10), np.asarray(c20)
-        )
+        return correction_factor(self.correction, self.grid, np.asarray(c10), np.asarray(c20))
+
+
+def _stiffness(values: Mapping[str, float]) -> tuple[float, float]:
+    """Return C10 and C20 of the deep tissue in kPa, as corrections are tabulated."""
+    return mpa_to_kpa(values[DEEP_C10]), mpa_to_kpa(values.get(DEEP_C20, 0.0))

@@ -1,37 +1,38 @@
-"""The plain search: pygad calls the forward model at every evaluation."""
+"""The plain search: the minimiser calls the forward model at every evaluation."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from legfem.identify.forward import DeepTissue
-from legfem.identify.genetic import evolve
+from legfem.common.units import FloatArray
 from legfem.identify.result import Generation
 from legfem.identify.search import Search, SearchError
-from legfem.units import FloatArray
+from legfem.identify.solver import Key, key_of_values
+from legfem.identify.trial import Trial
 
 
 def run_plain(search: Search) -> None:
     """Search without an emulator; a repeated individual isn't solved again."""
-    domain, settings = search.domain, search.settings
-    done: dict[DeepTissue, float] = {}
+    domain, settings, law = search.domain, search.settings, search.law
+    done: dict[Key, Trial] = {}
 
-    def objective(genes: FloatArray) -> FloatArray:
-        points = [search.law.deep(*stiffness) for stiffness in domain.stiffness(genes)]
-        new = [point for point in dict.fromkeys(points) if point not in done]
-        for trial in search.solve(new, "genetic"):
-            done[trial.outcome.deep] = trial.objective
-        return np.array([done[point] for point in points])
+    def cost(genes: FloatArray) -> FloatArray:
+        points = domain.values(genes)
+        keys = [key_of_values(law.values(point)) for point in points]
+        new = {key: point for key, point in zip(keys, points, strict=True) if key not in done}
+        if new:
+            trials = search.solve(np.array(list(new.values())), "genetic")
+            done.update(zip(new, trials, strict=True))
+        return np.array([done[key].objective for key in keys])
 
-    middle = np.full((1, domain.dimensions), 0.5)
-    evolution = evolve(objective, middle, settings.plain_genetic, settings.seed)
+    middle = np.full((1, len(law.parameters)), 0.5)
+    found = settings.plain_minimiser(cost, middle, settings.seed)
     if not search.complete:
-        raise SearchError(f"no full solve reaches {search.misfit.displacement[-1]:g} mm")
-    costs = {trial.outcome.deep: trial for trial in search.complete}
-    for number, (genes, _) in enumerate(evolution.generations):
-        point = search.law.deep(*domain.stiffness(genes))
-        trial = costs.get(point)
+        raise SearchError(f"no full solve reaches {search.misfit.grid[-1]:g} mm")
+    for number, (genes, _) in enumerate(found.path):
+        values = law.values(domain.values(genes))
+        trial = done.get(key_of_values(values))
         if trial is not None and trial.prediction is not None:
-            cost = float(search.misfit.cost(trial.prediction.force))
-            search.generations.append(Generation(0, number, point.C10, point.C20, cost))
+            misfit = float(search.misfit.cost(trial.prediction.force))
+            search.generations.append(Generation(0, number, values, misfit))
     search.converged = search.is_near_optimum()

@@ -2,51 +2,73 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from legfem.recording import LoadingCurve
-from legfem.units import FloatArray
+import numpy as np
 
-LawName = Literal["neo-hookean", "reduced-polynomial"]
-Identifiability = Literal["identifiable", "weakly identifiable", "not identifiable"]
-Bound = Literal["", "lower", "upper"]
-VERDICTS: tuple[Identifiability, ...] = (
-    "identifiable",
-    "weakly identifiable",
-    "not identifiable",
-)
-"""From best to worst."""
+from legfem.common.units import FloatArray, readable_unit
+from legfem.identify.catalogue import Values, key_of
+from legfem.identify.laws import LawName, model_values
+from legfem.inference.constants import VERDICTS, Identifiability
+from legfem.inference.identifiability import Bound, Estimated, bound_of
+from legfem.inference.parameter import Parameter
+from legfem.recording import LoadingCurve
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Numbers of one parameter in the unit in which people read them."""
+
+    value: float
+    standard_error: float
+    ci95: tuple[float, float]
+    unit: str
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """One identified parameter."""
+    """One parameter that was free; numbers in its unit, which is the model's (MPa, not kPa)."""
 
+    parameter: Parameter
+    """With its bounds, role and prior."""
     value: float
-    """In ``unit``."""
     standard_error: float
-    """In ``unit``; from the errors of the recordings and of the model (see `ci95`)."""
+    """From the errors of the recordings and of the model, and the priors (see `ci95`)."""
     ci95: tuple[float, float]
-    """95 % confidence interval, in ``unit``; from a profile, so not always symmetric."""
+    """95 % confidence interval; from a profile, so not always symmetric."""
     identifiability: Identifiability
     why: str
     """Why the parameter is called that."""
-    per_fat: float
-    """Relative change of the value if the assumed C10 of the fat were 10 % higher."""
-    per_fascia: float
-    """Relative change of the value if the assumed C10 of the fascia were 10 % higher."""
-    at_bound: Bound = ""
-    """Whether the value stands at a bound of the search."""
-    unit: str = "kPa"
+    moves: Mapping[str, float] = field(default_factory=dict)
+    """Relative change of the value if an assumed stiffness, by full name, were 10 % higher."""
+
+    @property
+    def unit(self) -> str:
+        """Of the numbers."""
+        return self.parameter.unit
+
+    @property
+    def at_bound(self) -> Bound:
+        """Whether the value stands at a bound of the search."""
+        return bound_of(self.value, self.parameter.bounds)
 
     @property
     def relative_half_width(self) -> float:
-        """Half the interval over the value; infinite for a value of 0."""
-        half = 0.5 * (self.ci95[1] - self.ci95[0])
-        return half / self.value if self.value > 0 else math.inf
+        """Half the interval over the value; see `legfem.inference.identifiability.Estimated`."""
+        return Estimated(
+            self.parameter, self.value, self.standard_error, self.ci95
+        ).relative_half_width
+
+    @property
+    def shown(self) -> Shown:
+        """The numbers as people read them: stresses in kPa."""
+        unit, factor = readable_unit(self.unit)
+        low, high = self.ci95
+        return Shown(
+            factor * self.value, factor * self.standard_error, (factor * low, factor * high), unit
+        )
 
 
 @dataclass(frozen=True)
@@ -86,17 +108,15 @@ class PredictedCurve:
     force: FloatArray
     """(n,), N, correction included."""
     sensitivities: Mapping[str, FloatArray]
-    """(n,), N/kPa, by the parameter's full name (``deep.C10``, ..., ``fascia.C10``)."""
+    """(n,), N per unit of the parameter, by its full name (``deep.C10``, ..., ``fascia.C10``)."""
 
 
 @dataclass(frozen=True)
 class FullSolve:
     """One full forward solve of the search."""
 
-    c10: float
-    """kPa."""
-    c20: float
-    """kPa; 0 for a neo-Hookean law."""
+    values: Values
+    """Of model and instrument, in their units."""
     cost: float
     """N2 (Eq. 12); NaN where the solve stopped short."""
     stage: Literal["design", "proposal", "bound", "genetic"]
@@ -114,22 +134,22 @@ class Generation:
     round: int
     """Refinement of the emulator that it searched on, from 0."""
     number: int
-    c10: float
-    """kPa."""
-    c20: float
-    """kPa."""
+    values: Values
+    """Of model and instrument, in their units."""
     cost: float
     """N2 on the emulator (of the full model without one)."""
 
 
 @dataclass(frozen=True, eq=False)
 class CostMap:
-    """The cost on a grid, from the emulator."""
+    """The cost over one or two parameters on a grid, from the emulator."""
 
-    c10: FloatArray
-    """(m,), kPa, increasing."""
-    c20: FloatArray
-    """(k,), kPa, increasing; a single 0 for a neo-Hookean law."""
+    names: tuple[str, ...]
+    """Of the parameters."""
+    across: FloatArray
+    """(m,), the first parameter, increasing, in its unit."""
+    up: FloatArray
+    """(k,), the second, likewise; a single 0 where there is none."""
     cost: FloatArray
     """(k, m), N2."""
 
@@ -138,11 +158,13 @@ class CostMap:
 class SearchPath:
     """How the optimum was found."""
 
+    names: tuple[str, ...]
+    """Of the free parameters."""
     solves: tuple[FullSolve, ...]
     """In the order in which they were asked for."""
     generations: tuple[Generation, ...]
     cost_map: CostMap | None
-    """None without an emulator."""
+    """None without an emulator, or with more than two parameters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,9 +188,13 @@ class IdentificationResult:
     """``measured``, ``reconstructed`` or ``simulated``."""
     law: LawName
     parameters: Mapping[str, Estimate]
-    """``c10_deep`` and, for the reduced polynomial, ``c20_deep``."""
-    correlation: float
-    """Between the two parameters' errors; NaN for one parameter."""
+    """What was free, by full name: ``deep.C10`` and what else was identified."""
+    correlations: FloatArray
+    """(p, p), of the parameters' errors, in their order."""
+    values: Values
+    """All that the optimum was solved with, free and held, in the model's units."""
+    assumed: Values
+    """What of model and instrument was held, finite numbers in the model's units."""
     cost: Cost
     measured: LoadingCurve
     predicted: PredictedCurve
@@ -201,17 +227,23 @@ class IdentificationResult:
             self.parameters.values(), key=lambda found: VERDICTS.index(found.identifiability)
         )
         return worst.identifiability, "; ".join(
-            f"{name}: {found.identifiability}: {found.why}"
+            f"{key_of(name)}: {found.identifiability}: {found.why}"
             for name, found in self.parameters.items()
         )
+
+    @property
+    def model_values(self) -> dict[str, float]:
+        """What to solve the model with to see the optimum; MPa, 1/MPa."""
+        return model_values(self.values)
+
+    def correlation(self, one: str, other: str) -> float:
+        """Return that of two parameters' errors; NaN where one wasn't free."""
+        names = list(self.parameters)
+        if one not in names or other not in names:
+            return float(np.nan)
+        return float(self.correlations[names.index(one), names.index(other)])
 
     @property
     def residual(self) -> FloatArray:
         """Predicted less measured force (N); (n,)."""
         return self.predicted.force - self.measured.force
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the result as plain types for ``result.json``; every number has its unit."""
-        from legfem.identify.document import result_document
-
-        return result_document(self)

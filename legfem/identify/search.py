@@ -1,56 +1,42 @@
-"""The search: pygad on an emulator, full solves where it goes, until both agree."""
+"""The search: a minimiser on an emulator, full solves where it goes, until both agree."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal
 
 import numpy as np
-from scipy.optimize import least_squares
 
-from legfem.identify.domain import Domain, Known
-from legfem.identify.emulator import Emulator, Samples
-from legfem.identify.forward import DeepTissue, ForwardOutcome
-from legfem.identify.genetic import evolve
-from legfem.identify.intervals import newton_step, sandwich
-from legfem.identify.laws import IdentifiedLaw
-from legfem.identify.misfit import Misfit, Prediction
+from legfem.common.units import FloatArray
+from legfem.identify.catalogue import DEEP_C20, Values
+from legfem.identify.coordinates import Coordinates
+from legfem.identify.design import design, half_way
+from legfem.identify.forward import ForwardOutcome
+from legfem.identify.laws import IdentifiedLaw, model_values
+from legfem.identify.misfit import Misfit
 from legfem.identify.result import Generation
 from legfem.identify.settings import IdentificationSettings
-from legfem.identify.solver import FullSolver
-from legfem.units import FloatArray
+from legfem.identify.solver import FullSolver, key_of_values
+from legfem.identify.trial import Linearised, Stage, Trial
+from legfem.identify.trust import Trust
+from legfem.inference.domain import Domain
+from legfem.inference.emulator import Emulator, Samples
+from legfem.inference.least_squares import Residual, gauss_newton_step
+from legfem.inference.polish import polished, polished_with
 
 # Converged: the emulator's optimum lies this near the best full solve, over the standard error or
-# over the stiffness ...
+# over the value ...
 _AGREE_OF_ERROR, _AGREE_OF_VALUE = 0.1, 2e-3
 # ... and the full model's own Gauss-Newton step is no longer than this.
 _STEP_OF_ERROR, _STEP_OF_VALUE = 1e-3, 2e-5
 _LAST_STEP_OF_ERROR = 0.02
-
-Stage = Literal["design", "proposal", "genetic"]
+# Complete solves, the best first, from which an optimum among many parameters is polished.
+_MORE_STARTS = 4
 
 
 class SearchError(Exception):
     """Too few full solves reached the measured depth."""
-
-
-@dataclass(frozen=True, eq=False)
-class Trial:
-    """One full solve of the search."""
-
-    outcome: ForwardOutcome
-    stage: Stage
-    prediction: Prediction | None
-    """None where the solve stopped short of the measured depth."""
-    objective: float
-    """What is minimised; infinite without a prediction."""
-
-    @property
-    def stiffness(self) -> FloatArray:
-        """C10 and C20, kPa."""
-        return np.array([self.outcome.deep.C10, self.outcome.deep.C20])
 
 
 @dataclass(eq=False)
@@ -71,7 +57,12 @@ class Search:
     @property
     def domain(self) -> Domain:
         """Bounds and genes."""
-        return Domain(self.settings.bounds, self.law.dimensions)
+        return Domain(self.law.parameters)
+
+    @property
+    def coordinates(self) -> Coordinates:
+        """The emulator's."""
+        return Coordinates(self.law)
 
     @property
     def complete(self) -> list[Trial]:
@@ -83,55 +74,89 @@ class Search:
         """The complete solve of the least objective."""
         return min(self.complete, key=lambda trial: trial.objective)
 
-    def design(self) -> list[DeepTissue]:
-        """Return what to solve first."""
-        return [self.law.deep(*point) for point in self.domain.design()]
+    def design(self) -> FloatArray:
+        """Return what to solve first; (n, p)."""
+        return self.domain.inside(design(self.law, self.settings.seed))
 
-    def solve(self, points: Sequence[DeepTissue], stage: Stage) -> list[Trial]:
-        """Solve points in full, and remember them."""
-        trials = [self._trial(outcome, stage) for outcome in self.solver.solve(points)]
+    def solve(self, points: FloatArray, stage: Stage) -> list[Trial]:
+        """Solve points (n, p) in full, and remember them."""
+        values = [self.law.values(point) for point in points]
+        outcomes = self.solver.solve([model_values(one) for one in values])
+        trials = [
+            self._trial(point, one, outcome, stage)
+            for point, one, outcome in zip(points, values, outcomes, strict=True)
+        ]
         self.trials += trials
         return trials
 
-    def _trial(self, outcome: ForwardOutcome, stage: Stage) -> Trial:
+    def _trial(
+        self, point: FloatArray, values: Values, outcome: ForwardOutcome, stage: Stage
+    ) -> Trial:
         # A curve that stops short says nothing about the greatest forces.
-        if not outcome.complete or outcome.curve.depth < self.misfit.displacement[-1] - 1e-9:
-            return Trial(outcome, stage, None, math.inf)
-        prediction = self.misfit.predict(outcome)
-        return Trial(outcome, stage, prediction, float(self.misfit.objective(prediction.force)))
+        if not outcome.complete or outcome.curve.depth < self.misfit.grid[-1] - 1e-9:
+            return Trial(point, values, outcome, stage, None, math.inf)
+        prediction = self.misfit.predict(outcome, self.law.instrument(point))
+        objective = float(self._total(prediction.force, point))
+        return Trial(point, values, outcome, stage, prediction, objective)
+
+    def _total(self, force: FloatArray, points: FloatArray) -> FloatArray:
+        """Return what is minimised, for forces (..., n) at points (..., p)."""
+        departures = self.law.priors.residual(points)
+        return np.asarray(self.misfit.objective(force) + np.sum(departures**2, axis=-1))
 
     def emulator(self) -> Emulator:
-        """Return the emulator of all complete solves."""
+        """Return the emulator of the model's corrected force, from all complete solves."""
         predictions = [trial.prediction for trial in self.complete if trial.prediction is not None]
-        stiffness = np.array([trial.stiffness for trial in self.complete])
-        return Emulator(
-            Samples(
-                stiffness[:, 0],
-                stiffness[:, 1],
-                np.array([one.force for one in predictions]),
-                np.array([one.sensitivities["deep.C10"] for one in predictions]),
-                np.array([one.sensitivities["deep.C20"] for one in predictions]),
-            ),
-            self.law.dimensions,
+        points = np.array([trial.point for trial in self.complete])
+        names = [self.law.names[k] for k in self.law.of_model]
+        force = np.array([one.model_force for one in predictions])
+        by = np.array([[one.model_sensitivities[name] for name in names] for one in predictions])
+        chain = self.coordinates.derivatives(points)
+        slopes = np.einsum(
+            "nkm,nkj->njm", by.reshape(len(force), len(names), force.shape[1]), chain
         )
+        return Emulator(Samples(self.coordinates.of(points), force, slopes))
+
+    def emulated(self, emulator: Emulator, points: FloatArray) -> FloatArray:
+        """Return what the instrument shows (..., n) at points (..., p)."""
+        force = emulator(self.coordinates.of(points))
+        return self.misfit.read(force, self.law.instrument(points))
+
+    def emulated_residual(self, emulator: Emulator) -> Residual:
+        """Return weighted differences and departures (..., n + k) of points (..., p)."""
+
+        def residual(points: FloatArray) -> FloatArray:
+            own = self.misfit.residual(self.emulated(emulator, points))
+            return np.concatenate([own, self.law.priors.residual(points)], axis=-1)
+
+        return residual
+
+    def linearised(self, trial: Trial) -> Linearised:
+        """Return the misfit about a complete full solve."""
+        assert trial.prediction is not None
+        return Linearised(self.law, self.misfit, trial.prediction, trial.point)
 
     def run(self) -> None:
         """Search until the emulator's optimum and the full model's agree."""
         self.solve(self.design(), "design")
-        while len(self.complete) < 2:
+        while len(self.complete) < min(2, 1 + len(self.law.of_model)):
             self._stiffen()
+        if self._wide:
+            self._replace_failed()
         for attempt in range(self.settings.most_solves):
             emulator = self.emulator()
             proposal = self.propose(emulator, attempt)
             # Near the optimum the full model's own derivatives are exact where the emulator isn't.
-            near = self._is_short(proposal - self.best.stiffness, _AGREE_OF_ERROR, _AGREE_OF_VALUE)
+            near = self._is_short(proposal - self.best.point, _AGREE_OF_ERROR, _AGREE_OF_VALUE)
             if near and self.is_stationary():
                 self.converged = True
                 return
             if near:
-                proposal = self.best.stiffness + self.newton_step()
-            point = self.law.deep(*proposal)
-            if self._solved(point):
+                proposal = self.domain.inside(self.best.point + self.newton_step())
+            if self._wide and not near and self._solved(proposal):
+                best = self.best.point[None]
+                proposal = half_way(self.coordinates, proposal[None], best)[0]
+            if self._solved(proposal):
                 # The model isn't smooth enough for a shorter step to gain anything.
                 self.converged = near and self._is_short(
                     self.newton_step(), _LAST_STEP_OF_ERROR, _STEP_OF_VALUE
@@ -139,62 +164,58 @@ class Search:
                 return
             if len(self.trials) >= self.settings.most_solves:
                 return
-            expected = emulator(point.C10, point.C20)
-            (trial,) = self.solve([point], "proposal")
+            expected = self.emulated(emulator, proposal)
+            (trial,) = self.solve(proposal[None], "proposal")
             if trial.prediction is not None:
                 self.emulator_error = float(np.max(np.abs(trial.prediction.force - expected)))
 
     def propose(self, emulator: Emulator, attempt: int) -> FloatArray:
-        """Return the optimum (C10, C20; kPa) on the emulator, where that is to be trusted."""
+        """Return the optimum (p,) on the emulator, where that is to be trusted."""
         domain = self.domain
-        failed = [trial.stiffness for trial in self.trials if trial.prediction is None]
-        known = Known(
-            np.array([trial.stiffness for trial in self.complete]),
-            np.array(failed).reshape(-1, 2),
-        )
+        trust = self._trust()
 
         def trusted(genes: FloatArray) -> FloatArray:
-            return domain.inside(known.nearest_trusted(domain.stiffness(np.atleast_2d(genes))))
+            points = domain.values(np.atleast_2d(genes))
+            at = self.coordinates.of(points)
+            nearest, share = trust.share_of_way(at)
+            moved = self.coordinates.points(nearest + share[:, None] * (at - nearest), points)
+            return domain.inside(np.where(share[:, None] < 1.0, moved, points))
 
-        def objective(genes: FloatArray) -> FloatArray:
-            return self.misfit.objective(emulator(*trusted(genes).T))
+        def cost(genes: FloatArray) -> FloatArray:
+            points = trusted(genes)
+            return self._total(self.emulated(emulator, points), points)
+
+        on_points = self.emulated_residual(emulator)
 
         def residual(genes: FloatArray) -> FloatArray:
-            return self.misfit.residual(emulator(*domain.stiffness(genes)))
+            return on_points(domain.values(genes))
 
-        start = domain.genes(self.best.stiffness)
-        evolution = evolve(
-            objective, start[None], self.settings.genetic, self.settings.seed + attempt
-        )
-        self._remember(
-            emulator, np.array([trusted(g)[0] for g, _ in evolution.generations]), attempt
-        )
+        start = domain.genes(self.best.point)
+        found = self.settings.minimiser(cost, start[None], self.settings.seed + attempt)
+        path = np.array([trusted(genes)[0] for genes, _ in found.path])
+        self._remember(emulator, path.reshape(-1, len(start)), attempt)
         candidates = [start]
-        for first in (evolution.best, start):
-            candidates.append(_polished(residual, first))
-            if self.law.dimensions == 2:
-                candidates.append(
-                    np.append(
-                        _polished(lambda g: residual(np.append(g, 0.0)), candidates[-1][:1]), 0.0
-                    )
-                )
-        costs = objective(np.array(candidates))
+        starts = [found.best, start]
+        if self._wide:
+            known = sorted(self.complete, key=lambda trial: trial.objective)[1:_MORE_STARTS]
+            starts += [domain.genes(trial.point) for trial in known]
+        for first in starts:
+            candidates.append(polished(residual, first))
+            if (limit := self.law.index(DEEP_C20)) is not None and len(start) > 1:
+                candidates.append(polished_with(residual, candidates[-1], limit, 0.0))
+        costs = cost(np.array(candidates))
         return trusted(candidates[int(np.argmin(costs))])[0]
 
     def newton_step(self) -> FloatArray:
-        """Return the Gauss-Newton step (2,) in kPa from the best full solve, within bounds."""
-        best, bounds, p = self.best, self.settings.bounds, self.law.dimensions
-        assert best.prediction is not None
-        limits = np.array([bounds.c10, bounds.c20])[:p] - best.stiffness[:p, None]
-        step = newton_step(self.misfit, best.prediction, p, limits)
-        return np.append(step, np.zeros(2 - p))
+        """Return the Gauss-Newton step (p,) from the best full solve, within bounds."""
+        linear = self.linearised(self.best)
+        limits = self.domain.bounds - self.best.point[:, None]
+        return gauss_newton_step(linear.jacobian, linear.residual, limits)
 
     def standard_error(self) -> FloatArray:
-        """Return the standard errors (2,) in kPa at the best full solve; 0 for a fixed C20."""
-        best, p = self.best, self.law.dimensions
-        assert best.prediction is not None
-        spread = sandwich(self.misfit, best.prediction.jacobian(p), self.misfit.covariance)
-        return np.append(np.sqrt(np.diag(spread)), np.zeros(2 - p))
+        """Return the standard errors (p,) at the best full solve."""
+        spread = self.linearised(self.best).errors(self.misfit.covariance)
+        return np.asarray(np.sqrt(np.diag(spread)))
 
     def is_stationary(self) -> bool:
         """Whether Gauss-Newton hardly leaves the best full solve."""
@@ -205,36 +226,73 @@ class Search:
         return self._is_short(self.newton_step(), _AGREE_OF_ERROR, _AGREE_OF_VALUE)
 
     def _is_short(self, step: FloatArray, of_error: float, of_value: float) -> bool:
-        scale = np.maximum(of_error * self.standard_error(), of_value * self.best.stiffness.sum())
+        scale = np.maximum(of_error * self.standard_error(), of_value * self._sizes())
         return bool(np.all(np.abs(step) <= scale))
 
-    def _solved(self, point: DeepTissue) -> bool:
-        return any(trial.outcome.deep == point for trial in self.trials)
+    def _sizes(self) -> FloatArray:
+        """Return what steps are small against, (p,): C10 + C20 of a tissue, values, widths."""
+        best = self.best
+        sizes = []
+        for parameter, value in zip(self.law.parameters, best.point, strict=True):
+            term, _, name = parameter.name.rpartition(".")
+            if name in ("C10", "C20"):
+                both = (best.values.get(f"{term}.{one}", 0.0) for one in ("C10", "C20"))
+                sizes.append(sum(both))
+            elif parameter.scale == "linear":
+                sizes.append(0.5 * (parameter.bounds[1] - parameter.bounds[0]))
+            else:
+                sizes.append(float(value))
+        return np.array(sizes)
+
+    def _solved(self, point: FloatArray) -> bool:
+        key = key_of_values(self.law.values(point))
+        return any(key_of_values(trial.values) == key for trial in self.trials)
+
+    def _trust(self) -> Trust:
+        def at(trials: Sequence[Trial]) -> FloatArray:
+            points = np.array([trial.point for trial in trials])
+            return self.coordinates.of(points.reshape(-1, len(self.law.parameters)))
+
+        failed = [trial for trial in self.trials if trial.prediction is None]
+        return Trust(at(self.complete), at(failed))
+
+    @property
+    def _wide(self) -> bool:
+        """Whether a design can't hold all corners: failures then leave whole regions unknown."""
+        return len(self.law.of_model) > 2
+
+    def _replace_failed(self) -> None:
+        """Solve half-way from every failed solve of the design to the nearest complete one."""
+        failed = [trial.point for trial in self.trials if trial.prediction is None]
+        if failed:
+            known = np.array([trial.point for trial in self.complete])
+            self.solve(half_way(self.coordinates, np.array(failed), known), "design")
 
     def _stiffen(self) -> None:
         """Solve a stiffer tissue: that deforms less and reaches its depth."""
-        stiffest = max(float(trial.stiffness[0]) for trial in self.trials)
-        low, high = self.settings.bounds.c20[0], self.settings.bounds.c10[1]
-        if stiffest >= high or len(self.trials) >= self.settings.most_solves:
+        points = np.array([trial.point for trial in self.trials])
+        first = next((k for k, name in enumerate(self.law.names) if name.endswith(".C10")), None)
+        bounds = self.domain.bounds
+        stiffest = math.inf if first is None else float(points[:, first].max())
+        if (
+            first is None
+            or stiffest >= bounds[first, 1]
+            or len(self.trials) >= self.settings.most_solves
+        ):
             raise SearchError(
-                f"too few full solves reach {self.misfit.displacement[-1]:g} mm "
+                f"too few full solves reach {self.misfit.grid[-1]:g} mm "
                 f"(the last stopped: {self.trials[-1].outcome.reason}); "
                 "use less of the recordings with --depth"
             )
-        self.solve([self.law.deep(min(2 * stiffest, high), low)], "design")
+        point = points[int(np.argmax(points[:, first]))].copy()
+        point[first] = min(2 * stiffest, bounds[first, 1])
+        if (limit := self.law.index(DEEP_C20)) is not None:
+            point[limit] = bounds[limit, 0]
+        self.solve(point[None], "design")
 
     def _remember(self, emulator: Emulator, path: FloatArray, attempt: int) -> None:
-        costs = self.misfit.cost(emulator(*path.T))
+        costs = self.misfit.cost(self.emulated(emulator, path))
         self.generations += [
-            Generation(attempt, number, float(c10), float(c20), float(cost))
-            for number, ((c10, c20), cost) in enumerate(zip(path, costs, strict=True))
+            Generation(attempt, number, self.law.values(point), float(cost))
+            for number, (point, cost) in enumerate(zip(path, costs, strict=True))
         ]
-
-
-def _polished(residual: object, start: FloatArray) -> FloatArray:
-    assert callable(residual)
-    fit = least_squares(
-        residual, start, bounds=(0.0, 1.0), method="dogbox", jac="3-point",
-        xtol=1e-12, ftol=1e-14, gtol=1e-14, max_nfev=60,
-    )  # fmt: skip
-    return np.asarray(fit.x)

@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from types import TracebackType
 
-from legfem.identify.forward import DeepTissue, ForwardModel, ForwardOutcome
-from legfem.identify.store import SolveStore
-from legfem.progress import Progress
-from legfem.workers import Workers
+from legfem.common.progress import Progress
+from legfem.common.units import readable_unit
+from legfem.identify.catalogue import Values, symbol_of, unit_of
+from legfem.identify.forward import ForwardModel, ForwardOutcome
+from legfem.jobs.pool import Workers
+from legfem.jobs.store import Store
+
+type Key = frozenset[tuple[str, float]]
 
 
 class FullSolver:
@@ -20,23 +24,29 @@ class FullSolver:
     ----------
     model : ForwardModel
         Picklable if ``jobs`` is over 1.
-    store : SolveStore, optional
+    store : Store, optional
         Where every solve is kept as soon as it is done.
     jobs : int
         Processes.
     progress : Progress
         Told of every solve.
+    sensitivities : tuple of str
+        The model's parameters that every solve differentiates the force by.
     """
 
     def __init__(
-        self, model: ForwardModel, store: SolveStore | None, jobs: int, progress: Progress
+        self,
+        model: ForwardModel,
+        store: Store[ForwardOutcome] | None,
+        jobs: int,
+        progress: Progress,
+        sensitivities: tuple[str, ...],
     ) -> None:
         self.model, self.store, self.jobs, self.progress = model, store, jobs, progress
-        self.reused: set[DeepTissue] = set()
-        self._workers: Workers[ForwardModel, DeepTissue, ForwardOutcome] = Workers(
-            _solve, model, jobs
-        )
-        self._known: dict[DeepTissue, ForwardOutcome] = {}
+        self.sensitivities = sensitivities
+        self.reused: set[Key] = set()
+        self._workers: Workers[ForwardModel, _Task, ForwardOutcome] = Workers(_solve, model, jobs)
+        self._known: dict[Key, ForwardOutcome] = {}
 
     def __enter__(self) -> FullSolver:
         """Return itself; processes start with the first batch of several solves."""
@@ -51,35 +61,53 @@ class FullSolver:
         """End the processes; after an error without waiting for the solve in hand."""
         self._workers.__exit__(kind, error, trace)
 
-    def solve(self, points: Sequence[DeepTissue]) -> list[ForwardOutcome]:
-        """Return the outcomes of points, in their order."""
-        wanted = [point for point in dict.fromkeys(points) if not self._recall(point)]
-        for _, outcome in self._workers.run(wanted):
+    def solve(self, points: Sequence[Values]) -> list[ForwardOutcome]:
+        """Return the outcomes of the model's values, in their order."""
+        distinct = {key_of_values(values): values for values in points}
+        wanted = [values for key, values in distinct.items() if not self._recall(key, values)]
+        tasks = [(dict(values), self.sensitivities) for values in wanted]
+        for _, outcome in self._workers.run(tasks):
             self._take(outcome)
-        return [self._known[point] for point in points]
+        return [self._known[key_of_values(values)] for values in points]
 
-    def _recall(self, point: DeepTissue) -> bool:
-        if point in self._known:
+    def was_reused(self, values: Values) -> bool:
+        """Return whether an earlier run had kept a solve."""
+        return key_of_values(values) in self.reused
+
+    def _recall(self, key: Key, values: Values) -> bool:
+        if key in self._known:
             return True
-        outcome = self.store.load(point) if self.store else None
+        outcome = self.store.get((values, self.sensitivities)) if self.store else None
         if outcome is None:
             return False
-        self._known[point] = outcome
-        self.reused.add(point)
+        self._known[key] = outcome
+        self.reused.add(key)
         self._report(outcome, "kept from before")
         return True
 
     def _take(self, outcome: ForwardOutcome) -> None:
         if self.store:
-            self.store.keep(outcome)
-        self._known[outcome.deep] = outcome
+            self.store.put((outcome.values, self.sensitivities), outcome)
+        self._known[key_of_values(outcome.values)] = outcome
         self._report(outcome, f"{outcome.seconds:.1f} s")
 
     def _report(self, outcome: ForwardOutcome, how: str) -> None:
-        deep = outcome.deep
+        stiffness = []
+        for name, value in outcome.values.items():
+            unit, factor = readable_unit(unit_of(name))
+            if unit == "kPa":
+                stiffness.append(f"{symbol_of(name)} {factor * value:.4g} kPa")
         end = "" if outcome.complete else f", stopped at {outcome.curve.depth:.1f} mm"
-        self.progress.advance(f"C10 {deep.C10:.4g} kPa, C20 {deep.C20:.4g} kPa ({how}{end})")
+        self.progress.advance(f"{', '.join(sorted(stiffness))} ({how}{end})")
 
 
-def _solve(model: ForwardModel, point: DeepTissue) -> ForwardOutcome:
-    return model.solve(point)
+type _Task = tuple[Values, tuple[str, ...]]
+
+
+def key_of_values(values: Values) -> Key:
+    """Return what two equal sets of values have in common."""
+    return frozenset(values.items())
+
+
+def _solve(model: ForwardModel, task: _Task) -> ForwardOutcome:
+    return model.solve(*task)

@@ -5,14 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from legfem.identify.correction import Correction, why_uncorrected
-from legfem.identify.result import Cost, Estimate, FullSolve, LawName
-from legfem.identify.settings import Bounds
+from legfem.common.units import mpa_to_kpa
+from legfem.correction.choice import Correction, why_uncorrected
+from legfem.identify.catalogue import DEEP_C10, DEEP_C20, key_of
+from legfem.identify.laws import LawName
+from legfem.identify.result import Cost, Estimate, FullSolve
 from legfem.recording import LoadingCurve
-from legfem.subject import Subject, TissueParameters
+from legfem.subjects.subject import Subject, TissueParameters
 
 LEAST_CHANCE = 1e-3
 """Chance of so large a misfit, were the law right, below which the law is doubted."""
+
+# Standard deviations from a prior's centre that chance doesn't explain.
+_FAR = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +26,6 @@ class Finding:
 
     subject: Subject
     law: LawName
-    bounds: Bounds
     parameters: Mapping[str, Estimate]
     cost: Cost
     neo_hookean_limit: bool
@@ -57,9 +61,9 @@ def warnings_about(found: Finding) -> tuple[str, ...]:
             "starts_at_contact = true."
         )
     texts += [
-        f"{name} stands at the {one.at_bound} bound of the search."
+        f"{key_of(name)} stands at the {one.at_bound} bound of the search."
         for name, one in found.parameters.items()
-        if one.at_bound and not (name == "c20_deep" and found.neo_hookean_limit)
+        if one.at_bound and not (name == DEEP_C20 and found.neo_hookean_limit)
     ]
     if found.law == "reduced-polynomial" and found.neo_hookean_limit:
         texts.append(
@@ -71,9 +75,16 @@ def warnings_about(found: Finding) -> tuple[str, ...]:
         texts.append(
             f"{len(failed)} of {len(found.solves)} full solves stopped short of "
             f"{found.measured.displacement[-1]:g} mm; the search kept away from them (C10 "
-            + ", ".join(f"{solve.c10:.3g}" for solve in failed)
+            + ", ".join(f"{mpa_to_kpa(solve.values[DEEP_C10]):.3g}" for solve in failed)
             + " kPa)."
         )
+    for name, one in found.parameters.items():
+        prior = one.parameter.prior
+        if prior is not None and abs(prior.departure(one.value)) > _FAR:
+            texts.append(
+                f"The recordings put {key_of(name)} {abs(prior.departure(one.value)):.1f} standard "
+                "deviations from the centre of its prior: one of the two is wrong, or the model is."
+            )
     if found.correction is None:
         texts.append(f"No 3D correction is applied: {_without_correction(found.subject)}")
     for name, tissue in found.subject.tissues.items():

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from shapely import Polygon
 
-from legfem.checks import check_positive
-from legfem.errors import InputError
+from legfem.common.checks import check_positive
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
 from legfem.geometry.contours import check_girth
 from legfem.geometry.cross_sections import Clearances, nested_outlines
 from legfem.geometry.curve import area_and_centroid
@@ -20,7 +21,6 @@ from legfem.geometry.leg_shape import HULL, SKIN, LegShape, shape_of_contours
 from legfem.geometry.shape_checks import check_shape
 from legfem.geometry.shape_smoothing import smoothed
 from legfem.imaging.volume import BACKGROUND, BONE, DEEP, LabelVolume
-from legfem.units import FloatArray
 
 BONE_NAMES = ("tibia", "fibula")
 _LEAST_BONE = 0.05  # a component of bone smaller than this share of the largest is a speck

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from legfem.units import FloatArray
+from legfem.common.units import FloatArray
 
 
 def coverage(

@@ -20,11 +20,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from legfem.checks import check_positive
-from legfem.errors import InputError
+from legfem.common.checks import check_positive
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.rigid import RigidTransform
-from legfem.units import FloatArray
 
 LEAST_PATCH, LEAST_SURFACE = 6, 50  # points a patch, patches a surface
 

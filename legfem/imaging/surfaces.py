@@ -12,13 +12,13 @@ import trimesh
 from numpy.typing import ArrayLike
 from shapely import Polygon
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
 from legfem.geometry.contours import check_girth
 from legfem.geometry.cross_sections import Clearances, largest_polygon, nested_outlines
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, shape_of_contours
 from legfem.geometry.shape_checks import check_shape
 from legfem.geometry.shape_smoothing import smoothed
-from legfem.units import FloatArray
 
 MUSCLE_HULL = "muscle_hull"
 MESHED_CLEARANCE = 0.5

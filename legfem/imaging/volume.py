@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from legfem.errors import InputError
-from legfem.units import FloatArray, frozen_array
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray, frozen_array
 
 BACKGROUND, SUPERFICIAL, DEEP, BONE = 0, 1, 2, 3
 TISSUES = {"superficial": SUPERFICIAL, "deep": DEEP, "bone": BONE}

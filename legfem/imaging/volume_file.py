@@ -12,9 +12,9 @@ import numpy as np
 import SimpleITK
 from numpy.typing import NDArray
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
 from legfem.imaging.volume import TISSUES, LabelVolume, volume_of_array
-from legfem.units import FloatArray
 
 # NIfTI's axes point to the right and to the front; DICOM's to the left and to the back.
 _TO_DICOM = np.diag([-1.0, -1.0, 1.0, 1.0])

@@ -13,15 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from legfem.checks import check_positive
-from legfem.errors import InputError
+from legfem.common.checks import check_positive
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
 from legfem.geometry.curve import outward_normals
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.rigid import RigidTransform
 from legfem.geometry.shape_motion import rigidly_moved
 from legfem.imaging.raster import coverage
 from legfem.imaging.volume import BONE, DEEP, SUPERFICIAL, LabelVolume
-from legfem.units import FloatArray
 
 PAPER_SPACING = (0.93, 0.93, 1.0)
 """mm; the second paper's scans."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from dolfinx import mesh as dolfinx_mesh
 
-from legfem.units import FloatArray
+from legfem.common.units import FloatArray
 
 
 def spaced(

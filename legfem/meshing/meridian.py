@@ -12,11 +12,11 @@ import numpy as np
 from dolfinx import mesh as dolfinx_mesh
 from mpi4py import MPI
 
-from legfem.checks import check_positive
+from legfem.common.checks import check_positive
+from legfem.common.units import FloatArray
 from legfem.meshing.grid import spaced, tagged
 from legfem.meshing.section import BONE, DEEP, SKIN
-from legfem.spaces import Support
-from legfem.units import FloatArray
+from legfem.meshing.support import Support
 
 AXIS, BASE, SIDE = 13, BONE, 16
 REGION = {"deep": DEEP}

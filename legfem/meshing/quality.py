@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+import gmsh
 import numpy as np
+
+from legfem.meshing.gmsh_mesh import gmsh_model
 
 
 @dataclass(frozen=True)
@@ -41,3 +45,13 @@ def element_quality(model: Any, regions: Mapping[str, int], dimension: int = 2) 
         minimum[name], mean[name] = float(quality.min()), float(quality.mean())
         count[name] = quality.size
     return MeshQuality(minimum, mean, count)
+
+
+def quality_of_file(path: Path) -> MeshQuality:
+    """Measure the regions of a mesh that gmsh can read: its physical groups of full dimension."""
+    with gmsh_model("file") as model:
+        gmsh.open(str(path))
+        dimension = model.getDimension()
+        groups = model.getPhysicalGroups(dimension)
+        regions = {model.getPhysicalName(dimension, tag): tag for _, tag in groups}
+        return element_quality(model, regions, dimension)

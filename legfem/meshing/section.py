@@ -7,9 +7,7 @@ it. The fascia is one layer of elements across its thickness, with nodes of its 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gmsh
@@ -19,12 +17,13 @@ from mpi4py import MPI
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
-from legfem._compat import mesh_from_gmsh
-from legfem.errors import InputError
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
 from legfem.geometry.curve import ClosedCurve, smooth_closed_curve
 from legfem.geometry.section import LegSection
+from legfem.meshing.gmsh_mesh import gmsh_model, mesh_from_gmsh
+from legfem.meshing.motion import MeshMotion
 from legfem.meshing.quality import MeshQuality, element_quality
-from legfem.units import FloatArray
 
 SUPERFICIAL, FASCIA, DEEP = 1, 2, 3
 SKIN, BONE = 11, 12
@@ -114,7 +113,7 @@ def mesh_section(
     settings = settings or SectionMeshSettings()
     skin = smooth_closed_curve(section.skin)
     reached = _skin_within_reach(skin, radius, aim, direction)
-    with _gmsh_model() as model:
+    with gmsh_model("section") as model:
         outline: FloatArray | None = None
         quality = None
         if comm.rank == 0:
@@ -131,6 +130,20 @@ def mesh_section(
             )
         mesh, cell_tags, facet_tags = mesh_from_gmsh(model, comm, gdim=2)
     return SectionMesh(mesh, cell_tags, facet_tags, touch, direction, outline, quality)
+
+
+def moved_section_mesh(
+    meshed: SectionMesh, motion: MeshMotion, section: LegSection, radius: float, aim: FloatArray
+) -> SectionMesh:
+    """Move a section's mesh, in place, and return it with the first touch that it then has."""
+    x = meshed.mesh.geometry.x
+    shift = motion.displacement(x[:, :2].copy(), section, meshed.touch, meshed.direction)
+    x[:, :2] += shift
+    outline = meshed.outline + motion.displacement(
+        meshed.outline, section, meshed.touch, meshed.direction
+    )
+    touch = first_touch(outline, radius, aim, meshed.direction)
+    return replace(meshed, outline=outline, touch=touch)
 
 
 def first_touch(
@@ -275,18 +288,6 @@ def _build(
     graded = field.add("MathEval")
     field.setString(graded, "F", f"min({contact} + {growth}*F{distance}, {settings.far_size})")
     field.setAsBackgroundMesh(graded)
-    gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
     gmsh.option.setNumber("Mesh.Algorithm", 6)
     model.mesh.generate(2)
     return corners
-
-
-@contextmanager
-def _gmsh_model() -> Iterator[Any]:
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.model.add("section")
-        yield gmsh.model
-    finally:
-        gmsh.finalize()

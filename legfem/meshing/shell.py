@@ -7,8 +7,7 @@ end faces are meshed between the tubes' ends.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.shape_surface import PartSurface
+from legfem.meshing.gmsh_mesh import gmsh_model
 from legfem.meshing.size_field import SizeField, bilinear
-from legfem.units import FloatArray
 
 type Triangles = NDArray[np.int64]
 
@@ -61,19 +61,6 @@ def mesh_shell(shape: LegShape, sizes: SizeField) -> Shell:
         np.vstack(faces[n : n + 2]),
         np.vstack(faces[n + 2 :]),
     )
-
-
-@contextmanager
-def gmsh_model(name: str) -> Iterator[Any]:
-    """Open gmsh with an empty model, and close it."""
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
-        gmsh.model.add(name)
-        yield gmsh.model
-    finally:
-        gmsh.finalize()
 
 
 def _tube(

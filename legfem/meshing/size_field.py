@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from legfem.units import FloatArray
+from legfem.common.units import FloatArray
 
 _ALIKE = 1.1  # sizes within this ratio count as the same
 

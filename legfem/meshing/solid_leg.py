@@ -18,22 +18,22 @@ from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 from shapely import Polygon, contains_xy, prepare
 
-from legfem._compat import mesh_from_gmsh
-from legfem.checks import check_positive
-from legfem.errors import InputError
+from legfem.common.checks import check_positive
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.shape_checks import check_shape
 from legfem.geometry.shape_measures import perimeter
 from legfem.geometry.shape_surface import PartSurface
+from legfem.meshing.gmsh_mesh import gmsh_model, mesh_from_gmsh
 from legfem.meshing.idealised_leg import END, LegMesh
 from legfem.meshing.quality import MeshQuality, element_quality
 from legfem.meshing.section import BONE, DEEP, SUPERFICIAL
 from legfem.meshing.section import HULL as HULL_TAG
 from legfem.meshing.section import SKIN as SKIN_TAG
-from legfem.meshing.shell import Shell, Triangles, gmsh_model, mesh_shell
+from legfem.meshing.shell import Shell, Triangles, mesh_shell
 from legfem.meshing.size_field import SizeField, trilinear
-from legfem.spaces import Support
-from legfem.units import FloatArray
+from legfem.meshing.support import Support
 
 SOLID_REGIONS = {"superficial": SUPERFICIAL, "deep": DEEP}
 WORST_QUALITY = 0.02

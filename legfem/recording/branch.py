@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
 from legfem.recording.contact import Contact, fit_onset
 from legfem.recording.phases import AIR, LOADING, split_phases
 from legfem.recording.smoothing import local_line, sample_noise, smooth_displacement
 from legfem.recording.trial import Recording
-from legfem.units import FloatArray
 
 _ALIGNED_WITHIN_MM = 2.0
 

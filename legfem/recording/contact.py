@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from legfem.common.units import FloatArray
 from legfem.recording.smoothing import sample_noise, smooth_displacement
 from legfem.recording.trial import Recording
-from legfem.units import FloatArray
 
 _DEPTH_FITTED_MM = 3.0
 _AIR_FITTED_MM = 6.0

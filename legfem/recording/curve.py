@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray, frozen_array
 from legfem.recording.branch import align_branches, loading_branch
 from legfem.recording.contact import Contact, contact_at_start, find_first_contact
 from legfem.recording.instrument import Instrument
 from legfem.recording.noise import Expectation, NoiseEstimate, estimate_noise
 from legfem.recording.smoothing import local_line, sample_noise
 from legfem.recording.trial import Recording
-from legfem.units import FloatArray, frozen_array
 
 # Travel over which a displacement sensor's slow error is taken to change.
 _WANDER_MM = 5.0
@@ -40,12 +40,6 @@ class LoadingCurve:
     """(n,): readings behind each value."""
     noise: NoiseEstimate
     contacts: tuple[Contact, ...]
-
-    @property
-    def lag1_correlation(self) -> float:
-        """Mean correlation between the errors of neighbouring values."""
-        sd = self.force_sd
-        return float(np.mean(np.diag(self.covariance, 1) / (sd[1:] * sd[:-1])))
 
     @property
     def effective_samples(self) -> float:

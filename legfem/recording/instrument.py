@@ -16,7 +16,7 @@ class Instrument:
     """Standard deviations of a single reading.
 
     A stated accuracy (plus or minus a) is read as a uniform distribution, hence a standard
-    deviation of a / sqrt(3); see `legfem.subject`.
+    deviation of a / sqrt(3); see `legfem.subjects.subject`.
     """
 
     force_sd: float

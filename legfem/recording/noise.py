@@ -9,7 +9,7 @@ from scipy.optimize import minimize
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
-from legfem.units import FloatArray
+from legfem.common.units import FloatArray
 
 # Log-standard deviation of what is expected of each component before looking at the repeats.
 _VAGUENESS = 1.0

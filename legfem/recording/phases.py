@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from legfem.common.units import FloatArray
 from legfem.recording.contact import Contact, find_first_contact, fit_onset
 from legfem.recording.smoothing import (
     local_line,
@@ -14,7 +15,6 @@ from legfem.recording.smoothing import (
     velocity_window,
 )
 from legfem.recording.trial import Recording
-from legfem.units import FloatArray
 
 LOADING, HOLD, UNLOADING, AIR = "loading", "hold", "unloading", "air"
 # Fraction of the typical speed below which the cylinder counts as still.

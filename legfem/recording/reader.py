@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
+from legfem.common.tables import read_table
 from legfem.recording.contact import find_first_contact
 from legfem.recording.smoothing import sample_noise, smooth_displacement
 from legfem.recording.trial import Recording
-from legfem.tables import read_table
 
 HEADER = ("time_s", "displacement_mm", "force_N")
 MINIMAL_DEPTH_MM = 5.0
@@ -33,8 +33,8 @@ def read_recording(path: Path, minimal_depth: float = MINIMAL_DEPTH_MM) -> Recor
     Raises
     ------
     InputError
-        If the table can't be read (see `legfem.tables.read_table`) or the trial can't be used
-        (see `check_recording`).
+        If the table can't be read (see `legfem.common.tables.read_table`) or the trial can't be
+        used (see `check_recording`).
     """
     path = Path(path)
     table = read_table(path, HEADER)

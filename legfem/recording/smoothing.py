@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from legfem.units import FloatArray
+from legfem.common.units import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
+from legfem.common.units import FloatArray
 from legfem.recording.instrument import Instrument
 from legfem.recording.trial import Recording
-from legfem.units import FloatArray
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from legfem.units import FloatArray, frozen_array
+from legfem.common.units import FloatArray, frozen_array
 
 
 @dataclass(frozen=True, eq=False)

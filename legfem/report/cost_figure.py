@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
 
 import matplotlib.patheffects as outline
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from scipy.stats import chi2
 
-from legfem.identify.result import IdentificationResult
+from legfem.common.units import FloatArray, readable_unit
+from legfem.identify.result import IdentificationResult, Shown
+from legfem.report.cost_axes import draw_contours, follow_grid
 from legfem.report.style import LAW_COLOURS, LAW_NAMES, new_figure, panel, styled, title
-from legfem.units import FloatArray
 
 _STAGES = {
     "design": ("s", "first design"),
@@ -24,21 +26,46 @@ _STAGES = {
     "bound": ("^", "check at a bound"),
     "genetic": ("D", "of the genetic algorithm"),
 }
+_TISSUES = ("deep", "superficial")
 _BEST, _GENETIC = "#D55E00", "#CC79A7"
 _HALO = [outline.withStroke(linewidth=2.2, foreground="white")]
-_C20_LINEAR = 0.1
-"""kPa: below, a logarithmic axis of C20 goes on linearly to zero."""
 _CROWDED = 12.0
 """Dots between two points below which their numbers would overlap."""
 
 
+@dataclass(frozen=True, eq=False)
+class _Axis:
+    """One parameter as it is drawn."""
+
+    name: str
+    found: Shown
+    factor: float
+    """From the model's unit to the one drawn."""
+
+    @property
+    def label(self) -> str:
+        term, _, symbol = self.name.rpartition(".")
+        own = f"the {term} tissue" if term in _TISSUES else f"the {term}"
+        return f"{symbol} of {own} ({self.found.unit})"
+
+    def of(self, values: Mapping[str, float]) -> float:
+        return self.factor * values.get(self.name, math.nan)
+
+
+def _axes(result: IdentificationResult) -> list[_Axis]:
+    return [
+        _Axis(name, found.shown, readable_unit(found.unit)[1])
+        for name, found in result.parameters.items()
+    ]
+
+
 @styled
 def cost_figure(result: IdentificationResult) -> Figure:
-    """Return the cost over the whole search and near the optimum.
+    """Return the cost over the whole search and near the optimum, of one or two parameters.
 
-    For the reduced polynomial a map over C10 and C20, for neo-Hookean a curve over C10. The whole
-    search comes from the emulator; near the optimum the simulated force is linear in the
-    parameters, with the sensitivities of the last full solve.
+    A map over two parameters, a curve over one. The whole search comes from the emulator; near the
+    optimum the simulated force is linear in the parameters, with the sensitivities of the last full
+    solve.
     """
     figure = new_figure(11.5, 5.4)
     name = f"Cost of the {LAW_NAMES[result.law]} law over its parameters"
@@ -46,7 +73,7 @@ def cost_figure(result: IdentificationResult) -> Figure:
     whole, near = figure.subplots(1, 2)
     panel(whole, "A", "the whole search")
     panel(near, "B", "near the optimum (force linear in the parameters)")
-    if "c20_deep" in result.parameters:
+    if len(result.parameters) == 2:
         _draw_map(figure, whole, near, result)
     else:
         _draw_curve(whole, near, result)
@@ -56,139 +83,115 @@ def cost_figure(result: IdentificationResult) -> Figure:
 
 
 def confidence_ellipse(result: IdentificationResult, level: float = 0.95) -> FloatArray:
-    """Return the outline (n, 2), kPa, of the joint region of C10 and C20.
+    """Return the outline (n, 2) of two parameters' joint region, in the units drawn (kPa).
 
     From standard errors and correlation, hence symmetric: C20 may come out negative.
     """
-    c10, c20 = result.parameters["c10_deep"], result.parameters["c20_deep"]
-    correlation = float(np.clip(np.nan_to_num(result.correlation), -1.0, 1.0))
-    covariance = np.diag([c10.standard_error**2, c20.standard_error**2])
-    covariance[0, 1] = covariance[1, 0] = correlation * c10.standard_error * c20.standard_error
+    first, second = (axis.found for axis in _axes(result))
+    correlation = float(np.clip(np.nan_to_num(result.correlations[0, 1]), -1.0, 1.0))
+    covariance = np.diag([first.standard_error**2, second.standard_error**2])
+    covariance[0, 1] = covariance[1, 0] = correlation * first.standard_error * second.standard_error
     values, axes = np.linalg.eigh(covariance)
     angle = np.linspace(0, 2 * np.pi, 200)
     circle = np.column_stack([np.cos(angle), np.sin(angle)])
     half = np.sqrt(np.maximum(values, 0.0) * chi2.ppf(level, 2))
-    region = np.array([c10.value, c20.value]) + circle * half @ axes.T
-    # C10 may stand on a logarithmic axis.
-    region[:, 0] = np.maximum(region[:, 0], 1e-3 * c10.value)
+    region = np.array([first.value, second.value]) + circle * half @ axes.T
+    # The first may stand on a logarithmic axis.
+    if first.value > 0:
+        region[:, 0] = np.maximum(region[:, 0], 1e-3 * first.value)
     return region
 
 
-def linear_cost(result: IdentificationResult, c10: FloatArray, c20: FloatArray) -> FloatArray:
+def linear_cost(result: IdentificationResult, *values: FloatArray) -> FloatArray:
     """Return the cost (N2) with the force linear in the parameters about the optimum.
 
     Parameters
     ----------
     result
         Gives the force and its sensitivities at the optimum.
-    c10, c20
-        kPa, of one shape.
+    *values
+        Of each parameter, of one shape, in the units drawn (kPa).
     """
-    best10, best20 = _optimum(result)
-    rates = result.predicted.sensitivities
-    none = np.zeros_like(result.predicted.force)
-    change = (
-        (c10 - best10)[..., None] * rates["deep.C10"]
-        + (c20 - best20)[..., None] * rates.get("deep.C20", none)
-    )  # fmt: skip
+    change: Any = 0.0
+    for axis, at in zip(_axes(result), values, strict=True):
+        rate = result.predicted.sensitivities[axis.name] / axis.factor
+        change = change + (at - axis.found.value)[..., None] * rate
     return np.asarray(np.sum((result.residual + change) ** 2, axis=-1))
-
-
-def _optimum(result: IdentificationResult) -> tuple[float, float]:
-    second = result.parameters.get("c20_deep")
-    return result.parameters["c10_deep"].value, second.value if second else 0.0
 
 
 def _draw_map(figure: Figure, whole: Axes, near: Axes, result: IdentificationResult) -> None:
     region = confidence_ellipse(result)
+    first, second = _axes(result)
     known = result.search.cost_map
     if known is not None:
-        cost = np.maximum(known.cost, 1e-12)
-        _contours(figure, whole, known.c10, known.c20, cost)
+        across, up = first.factor * known.across, second.factor * known.up
+        draw_contours(figure, whole, across, up, np.maximum(known.cost, 1e-12))
     # The window holds the region and what of the search is close by.
     low, high = region.min(axis=0), region.max(axis=0)
-    margin = 0.75 * (high - low) + 1e-3 * high
-    low, high = np.maximum(low - margin, 0.0), high + margin
-    c10, c20 = np.linspace(low[0], high[0], 120), np.linspace(low[1], high[1], 120)
-    _contours(figure, near, c10, c20, linear_cost(result, *np.meshgrid(c10, c20)))
+    margin = 0.75 * (high - low) + 1e-3 * np.abs(high)
+    low, high = low - margin, high + margin
+    least = [one.parameter.bounds[0] for one in result.parameters.values()]
+    low = np.maximum(low, [0.0 if bound >= 0 else -np.inf for bound in least])
+    x, y = np.linspace(low[0], high[0], 120), np.linspace(low[1], high[1], 120)
+    draw_contours(figure, near, x, y, linear_cost(result, *np.meshgrid(x, y)))
     near.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     near.locator_params(nbins=6)
     if known is not None:
-        _scale(whole, "x", known.c10)
-        _scale(whole, "y", known.c20)
-    best = np.array([(g.c10, g.c20) for g in result.search.generations]).reshape(-1, 2)
+        follow_grid(whole, "x", across)
+        follow_grid(whole, "y", up)
+    path = [(first.of(g.values), second.of(g.values)) for g in result.search.generations]
+    best = np.array(path).reshape(-1, 2)
     for axes in (whole, near):
         axes.plot(*best.T, color=_GENETIC, linewidth=1.2, marker=".", markersize=5)
         axes.fill(*region.T, facecolor="none", edgecolor=_BEST, linewidth=1.6, zorder=4)
-        axes.plot(*_optimum(result), "*", color=_BEST, markersize=13, markeredgecolor="white",
-                  zorder=6)  # fmt: skip
-        axes.set_xlabel("C10 of the deep tissue (kPa)")
-        axes.set_ylabel("C20 of the deep tissue (kPa)")
-        _mark_solves(axes, result, [solve.c20 for solve in result.search.solves])
+        axes.plot(first.found.value, second.found.value, "*", color=_BEST, markersize=13,
+                  markeredgecolor="white", zorder=6)  # fmt: skip
+        axes.set_xlabel(first.label)
+        axes.set_ylabel(second.label)
+        places = [(first.of(s.values), second.of(s.values)) for s in result.search.solves]
+        _mark_solves(axes, result, places)
 
 
 def _draw_curve(whole: Axes, near: Axes, result: IdentificationResult) -> None:
-    found = result.parameters["c10_deep"]
-    colour = LAW_COLOURS[result.law]
+    (axis,) = _axes(result)
+    found, colour = axis.found, LAW_COLOURS[result.law]
     known = result.search.cost_map
     if known is not None:
-        whole.plot(known.c10, known.cost[0], color=colour)
-        _scale(whole, "x", known.c10)
+        whole.plot(axis.factor * known.across, known.cost[0], color=colour)
+        follow_grid(whole, "x", axis.factor * known.across)
     whole.set_yscale("log")
     low, high = found.ci95
-    margin = 0.75 * (high - low) + 1e-3 * high
-    c10 = np.linspace(max(low - margin, 0.0), high + margin, 200)
-    near.plot(c10, linear_cost(result, c10, np.zeros_like(c10)), color=colour)
-    near.set_xlim(c10[0], c10[-1])
+    margin = 0.75 * (high - low) + 1e-3 * abs(high)
+    least = next(iter(result.parameters.values())).parameter.bounds[0]
+    x = np.linspace(max(low - margin, 0.0 if least >= 0 else -np.inf), high + margin, 200)
+    near.plot(x, linear_cost(result, x), color=colour)
+    near.set_xlim(x[0], x[-1])
     near.locator_params(nbins=6)
     near.set_ylim(*near.get_ylim())
-    best = np.array([(g.c10, g.cost) for g in result.search.generations]).reshape(-1, 2)
+    best = np.array([(axis.of(g.values), g.cost) for g in result.search.generations])
     for axes in (whole, near):
-        axes.plot(*best.T, color=_GENETIC, linewidth=1.2, marker=".", markersize=5)
+        axes.plot(*best.reshape(-1, 2).T, color=_GENETIC, linewidth=1.2, marker=".", markersize=5)
         axes.axvspan(*found.ci95, color=_BEST, alpha=0.2, linewidth=0)
         axes.plot(found.value, result.cost.value, "*", color=_BEST, markersize=13,
                   markeredgecolor="white", zorder=6)  # fmt: skip
-        axes.set_xlabel("C10 of the deep tissue (kPa)")
+        axes.set_xlabel(axis.label)
         axes.set_ylabel("cost E (N$^2$)")
-        _mark_solves(axes, result, [solve.cost for solve in result.search.solves])
+        places = [(axis.of(solve.values), solve.cost) for solve in result.search.solves]
+        _mark_solves(axes, result, places)
 
 
-def _contours(figure: Figure, axes: Axes, x: FloatArray, y: FloatArray, cost: FloatArray) -> None:
-    low, high = np.log10(np.nanmin(cost)), np.log10(np.nanmax(cost))
-    levels = np.logspace(low, high, 16)
-    image = axes.contourf(x, y, cost, levels=levels, norm=LogNorm(), cmap="viridis_r", alpha=0.85)
-    axes.contour(x, y, cost, levels=levels, norm=LogNorm(), colors="white", linewidths=0.3)
-    bar = figure.colorbar(image, ax=axes, shrink=0.9)
-    bar.set_label("cost E (N$^2$)")
-    ticks = _round_numbers(levels[0], levels[-1])
-    bar.set_ticks(ticks, labels=[_short(tick) for tick in ticks])
-    bar.minorticks_off()
-
-
-def _round_numbers(low: float, high: float) -> list[float]:
-    """Return round numbers between two bounds, evenly spread on a logarithmic scale."""
-    powers = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
-    steps = (1, 1.5, 2, 3, 5, 7) if len(powers) < 4 else (1, 2, 5) if len(powers) < 5 else (1,)
-    inside = [k * 10.0**p for p in powers for k in steps if low <= k * 10.0**p <= high]
-    return inside if len(inside) > 1 else [low, high]
-
-
-def _short(value: float) -> str:
-    if 1e-3 <= value < 1e4:
-        return f"{value:g}"
-    return f"$10^{{{round(np.log10(value))}}}$"
-
-
-def _mark_solves(axes: Axes, result: IdentificationResult, heights: list[float]) -> None:
+def _mark_solves(
+    axes: Axes, result: IdentificationResult, places: list[tuple[float, float]]
+) -> None:
     """Draw the full solves with their numbers; those too close together share a label."""
     axes.set(xlim=axes.get_xlim(), ylim=axes.get_ylim())
     frame = axes.get_window_extent()
     labels: list[tuple[FloatArray, FloatArray, list[int]]] = []
-    for number, (solve, height) in enumerate(
-        zip(result.search.solves, heights, strict=True), start=1
+    for number, (solve, where) in enumerate(
+        zip(result.search.solves, places, strict=True), start=1
     ):
         marker = _STAGES[solve.stage][0] if solve.complete else "x"
-        at = np.array([solve.c10, height])
+        at = np.array(where)
         seen = axes.transData.transform(at)
         if not (np.isfinite(seen).all() and frame.padded(1.0).contains(*seen)):
             continue
@@ -196,8 +199,8 @@ def _mark_solves(axes: Axes, result: IdentificationResult, heights: list[float])
             *at, marker, color="black", markersize=6, fillstyle="none", zorder=5,
             path_effects=_HALO, clip_on=False,
         )  # fmt: skip
-        for _, place, numbers in labels:
-            if np.linalg.norm(seen - place) < _CROWDED:
+        for _, label, numbers in labels:
+            if np.linalg.norm(seen - label) < _CROWDED:
                 numbers.append(number)
                 break
         else:
@@ -229,25 +232,6 @@ def _ranges(numbers: list[int]) -> str:
     return ", ".join(f"{r[0]}–{r[-1]}" if len(r) > 1 else str(r[0]) for r in runs)
 
 
-def _scale(axes: Axes, which: Literal["x", "y"], values: FloatArray) -> None:
-    """Give an axis the limits of a grid, and its spacing: even, or even on logarithmic axes."""
-    steps = np.diff(values)
-    axis, limits = (axes.xaxis, axes.set_xlim) if which == "x" else (axes.yaxis, axes.set_ylim)
-    if len(values) > 3 and steps.max() > 1.5 * steps.min():
-        setter = axes.set_xscale if which == "x" else axes.set_yscale
-        if which == "x":
-            setter("log")
-        else:
-            setter("symlog", linthresh=_C20_LINEAR, linscale=0.6)
-        powers = np.floor(np.log10(max(values[0], _C20_LINEAR))), np.ceil(np.log10(values[-1]))
-        decades = 10.0 ** np.arange(powers[0], powers[1] + 1)
-        ticks = np.outer(decades, (1, 2, 5)).ravel()
-        axis.set_major_locator(FixedLocator([*([] if which == "x" else [0.0]), *ticks]))
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axis.set_minor_locator(NullLocator())
-    limits(values[0], values[-1])
-
-
 def _legend(result: IdentificationResult) -> tuple[list[Any], list[str]]:
     def point(marker: str) -> Line2D:
         return Line2D([], [], marker=marker, color="black", linestyle="", fillstyle="none")
@@ -267,7 +251,7 @@ def _legend(result: IdentificationResult) -> tuple[list[Any], list[str]]:
                 "best of each generation" + (" (emulator)" if result.search.cost_map else ""),
             )
         )
-    two = "c20_deep" in result.parameters
+    two = len(result.parameters) == 2
     entries.append(
         (Line2D([], [], marker="*", color=_BEST, linestyle="", markersize=11), "optimum")
     )

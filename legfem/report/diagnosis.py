@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.document import Recorded
 from legfem.report.diagnosis_text import diagnosis_page
+from legfem.report.in_place import REPORT, made_in_place
 from legfem.report.page import ReportFile
 from legfem.report.parameter_figure import parameter_figure
-from legfem.report.ranking_figure import ranking_figure, score_figure
+from legfem.report.ranking_figure import ranking_figure
 from legfem.report.recording_figure import recording_figure
 from legfem.report.signature_figure import leading, signature_figure
 from legfem.report.style import save
 
-REPORT = "report.txt"
-_UNFINISHED = ".report-unfinished"
 
-
-def write_diagnosis_report(diagnosis: Diagnosis, subject: Recorded, out: Path) -> Path:
+def write_diagnosis_report(
+    diagnosis: Diagnosis, subject: Recorded, out: Path, plan: Sequence[str] = ()
+) -> Path:
     """Write report.txt and the figures of a diagnosis.
 
-    Everything is made in a hidden folder first and moved into place at the end, the report last:
-    whoever stops the run in between finds no half-written file.
+    They are there together, the report last; see `made_in_place`.
 
     Parameters
     ----------
@@ -33,6 +32,8 @@ def write_diagnosis_report(diagnosis: Diagnosis, subject: Recorded, out: Path) -
         Whose recordings they are.
     out
         Folder; made if missing.
+    plan
+        What could be done next, each with its chance, the best first.
 
     Returns
     -------
@@ -40,17 +41,10 @@ def write_diagnosis_report(diagnosis: Diagnosis, subject: Recorded, out: Path) -
         Of report.txt.
     """
     out = Path(out)
-    folder = out / _UNFINISHED
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir(parents=True)
-    try:
+    with made_in_place(out) as folder:
         entries = _figures(diagnosis, subject, folder)
-        page = diagnosis_page(diagnosis, subject, entries)
+        page = diagnosis_page(diagnosis, subject, entries, plan)
         (folder / REPORT).write_text(page, encoding="utf-8")
-        for path in [path for entry in entries for path in entry.paths] + [folder / REPORT]:
-            path.replace(out / path.name)
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
     return out / REPORT
 
 
@@ -66,19 +60,13 @@ def _figures(found: Diagnosis, subject: Recorded, folder: Path) -> list[ReportFi
                 f"recordings ({stations.label}) against the model, what it misses, and where",
             )
         )
-    if found.verdict == "consistent":
-        if found.base.assessment.scores:
-            figure = score_figure(found, *whose)
-            shows = "p-values of the mechanisms' score tests"
-            entries.append(ReportFile(save(figure, folder, "tests", svg=True), shows))
-    else:
-        if leading(found):
-            figure = signature_figure(found, *whose)
-            shows = "what the base model misses, and what each leading mechanism would leave"
-            entries.append(ReportFile(save(figure, folder, "signatures"), shows))
-        figure = ranking_figure(found, *whose)
-        shows = "refits with mechanisms, alone and in pairs, by Schwarz' criterion (BIC)"
-        entries.append(ReportFile(save(figure, folder, "ranking", svg=True), shows))
+    if found.verdict != "consistent" and leading(found):
+        figure = signature_figure(found, *whose)
+        shows = "what the base model misses, and what each leading mechanism would leave"
+        entries.append(ReportFile(save(figure, folder, "signatures"), shows))
+    figure = ranking_figure(found, *whose)
+    shows = "how probable every explanation is"
+    entries.append(ReportFile(save(figure, folder, "ranking", svg=True), shows))
     figure = parameter_figure(found, *whose)
     shows = "the parameters with their 95 % intervals, before and after"
     entries.append(ReportFile(save(figure, folder, "parameters", svg=True), shows))

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.fit import Fit
+from legfem.diagnose.explain import Explanation
 
 BASE_COLOUR = "#D55E00"
 REPAIRED_COLOUR = "#0072B2"
@@ -21,10 +19,10 @@ BASE_NAME = "base model"
 class Shown:
     """A model beside the base model, as it is shown."""
 
-    fit: Fit
+    model: Explanation
     name: str
     suits: bool
-    """Whether its residual is noise: a finding, not just the best that was tried."""
+    """Whether it is a finding, not just the most probable of those that were tried."""
 
 
 def plain(name: str) -> str:
@@ -32,9 +30,11 @@ def plain(name: str) -> str:
     return name.replace("-", " ")
 
 
-def model_name(fitted: Fit) -> str:
-    """Return a model's name for people."""
-    return " + ".join(plain(name) for name in fitted.names) or BASE_NAME
+def model_name(model: Explanation) -> str:
+    """Return an explanation's name for people."""
+    if model.unknown:
+        return "something unknown"
+    return " + ".join(plain(name) for name in model.names) or BASE_NAME
 
 
 def shown_models(found: Diagnosis) -> list[Shown]:
@@ -42,13 +42,12 @@ def shown_models(found: Diagnosis) -> list[Shown]:
     if found.verdict == "consistent":
         return []
     if found.models:
-        return [Shown(model.fit, model_name(model.fit), True) for model in found.models]
-    if not found.closest.names:
-        return []
-    return [Shown(found.closest, f"closest tried ({model_name(found.closest)})", False)]
+        return [Shown(model, model_name(model), True) for model in found.models]
+    named = [e for e in found.explained.every if e.names]
+    return [Shown(named[0], f"closest tried ({model_name(named[0])})", False)] if named else []
 
 
-def determined(fitted: Fit, name: str) -> bool:
-    """Return whether the data say anything about a free parameter."""
-    sd = fitted.sd(name)
-    return bool(np.isfinite(sd) and 0 < sd < 1e3 * max(abs(fitted.values[name]), 1e-9))
+def determined(model: Explanation, name: str) -> bool:
+    """Return whether the data say anything about a parameter beyond what was known of it."""
+    k = model.fit.free.index(name)
+    return bool(model.posterior.covariance[k, k] < 0.8)

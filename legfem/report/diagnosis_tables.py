@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
-from legfem.diagnose.choose import HeldOut
-from legfem.diagnose.diagnosis import Diagnosis, Repaired
-from legfem.diagnose.fit import Fit
+from legfem.diagnose.diagnosis import Diagnosis
+from legfem.diagnose.explain import Explanation
+from legfem.diagnose.held_out import HeldOut
+from legfem.diagnose.mechanisms.base import null_of
+from legfem.diagnose.remains import explained_share
+from legfem.diagnose.sentences import percent
 from legfem.report.diagnosis_style import BASE_NAME, determined, model_name, plain, shown_models
 from legfem.report.located import Place, places_of
 from legfem.report.words import number, short_probability
@@ -65,27 +66,53 @@ def trials_of(found: Diagnosis, place: Place) -> str:
 
 
 def evidence_table(found: Diagnosis) -> str:
-    """Return how much better each reported model is, and what it leaves."""
+    """Return how probable each reported explanation is, and what it leaves."""
+    base = found.base
     rows = [
         [
-            BASE_NAME, "-",
-            short_probability(found.base.assessment.p_value),
-            f"{found.base_held_out.rmse:.3f}", "-",
+            BASE_NAME, percent(base.probability), "-", "-", f"{found.base_held_out.rmse:.3f}", "-",
         ],
-        *(_evidence(found, model) for model in found.models),
+        *(
+            [
+                f"with {model_name(model)}",
+                percent(model.probability),
+                f"{model.posterior.log_evidence - base.posterior.log_evidence:.1f}",
+                percent(explained_share(found, model)) + (" (in part)" if model.in_part else ""),
+                f"{held.rmse:.3f}",
+                "confirm it" if model.confirmed else "NOT confirmed",
+            ]
+            for model, held in zip(found.models, found.held_out, strict=True)
+        ),
     ]  # fmt: skip
-    header = ["model", "BIC better by", "p of what is left", "held-out (N)", "full solutions"]
+    header = [
+        "explanation", "probability", "ln Bayes factor", "of the misfit", "held-out (N)",
+        "full solutions",
+    ]  # fmt: skip
     return table(header, rows)
 
 
-def _evidence(found: Diagnosis, model: Repaired) -> list[str]:
-    return [
-        f"with {model_name(model.fit)}",
-        f"{found.base.fit.bic - model.fit.bic:.0f}",
-        short_probability(model.candidate.assessment.p_value),
-        f"{model.held_out.rmse:.3f}",
-        "confirm it" if model.confirmed else "NOT confirmed",
+def explanation_table(found: Diagnosis, most: int = 8) -> str:
+    """Return the most probable explanations, nothing and something unknown among them."""
+    rows = [
+        [model_name(e) if not e.nothing else "nothing was left out", percent(e.probability)]
+        for e in found.explained.every[:most]
     ]
+    return table(["explanation", "probability"], rows)
+
+
+def limit_table(found: Diagnosis) -> str:
+    """Return how strong each mechanism may be unseen."""
+    rows = []
+    for limit in found.limits:
+        unit = "" if limit.unit == "-" else f" {limit.unit}"
+        rows.append(
+            [
+                plain(limit.name),
+                f"{limit.parameter.replace('_', ' ')} {limit.low:.3g} to {limit.high:.3g}{unit}",
+                f"{limit.effect:.2g}",
+            ]
+        )
+    return table(["mechanism", "between (95 %)", "changes the force by at most (N)"], rows)
 
 
 def held_out_note(held: HeldOut) -> str:
@@ -96,20 +123,20 @@ def held_out_note(held: HeldOut) -> str:
     )
 
 
-def mechanism_table(fitted: Fit) -> str:
+def mechanism_table(model: Explanation) -> str:
     """Return a model's mechanisms' parameters."""
     rows = []
-    for mechanism in fitted.mechanisms:
+    for mechanism in model.fit.mechanisms:
         for k, p in enumerate(mechanism.parameters):
             name = f"{mechanism.name}.{p.name}"
             unit = "" if p.unit == "-" else f" {p.unit}"
-            mark = flag(fitted, name, p.null if k == 0 else None)
+            mark = flag(model, name, null_of(p) if k == 0 else None)
             rows.append(
                 [
                     plain(mechanism.name) if k == 0 else "",
-                    f"{p.name.replace('_', ' ')} ({p.meaning})",
-                    estimate(fitted, name) + unit,
-                    interval(fitted, name),
+                    f"{p.name.replace('_', ' ')} ({p.statement})",
+                    estimate(model, name) + unit,
+                    interval(model, name),
                 ]
             )
             if mark:
@@ -119,24 +146,29 @@ def mechanism_table(fitted: Fit) -> str:
 
 def parameter_table(found: Diagnosis) -> str:
     """Return the deep tissue's parameters in the base model and in those beside it."""
-    base, models = found.base.fit, shown_models(found)
+    base, models = found.base, shown_models(found)
     rows = []
-    for name in (name for name in ("C10", "C20") if name in base.free):
+    for name in (name for name in ("C10", "C20") if name in base.fit.free):
         rows.append([f"{name} (kPa)", BASE_NAME, *_cells(base, name), ""])
         if mark := flag(base, name, 0.0):
             rows.append(["", f"  {mark}", "", "", ""])
-        for model in models:
-            title = f"with {model.name}" if model.suits else model.name
-            change = relative_change(base.values[name], model.fit.values[name])
-            rows.append(["", title, *_cells(model.fit, name), change])
-            if mark := flag(model.fit, name, 0.0):
+        for shown in models:
+            title = f"with {shown.name}" if shown.suits else shown.name
+            change = relative_change(base.value(name), shown.model.value(name))
+            rows.append(["", title, *_cells(shown.model, name), change])
+            if mark := flag(shown.model, name, 0.0):
                 rows.append(["", f"  {mark}", "", "", ""])
+        if name in found.intervals:
+            low, high = found.intervals[name]
+            sd = (high - low) / 4
+            over = f"{number(low, sd)} to {number(high, sd)}"
+            rows.append(["", "over all explanations", "", over, ""])
     header = ["", "model", "value", "95 % interval", "change" if models else ""]
     return table(header, rows)
 
 
-def _cells(fitted: Fit, name: str) -> list[str]:
-    return [estimate(fitted, name), interval(fitted, name)]
+def _cells(model: Explanation, name: str) -> list[str]:
+    return [estimate(model, name), interval(model, name)]
 
 
 def relative_change(before: float, after: float) -> str:
@@ -144,31 +176,27 @@ def relative_change(before: float, after: float) -> str:
     return f"{100 * (after / before - 1):+.0f} %" if before > 1e-6 else "from 0"
 
 
-def estimate(fitted: Fit, name: str) -> str:
+def estimate(model: Explanation, name: str) -> str:
     """Return a parameter's value with the digits that its error leaves."""
-    return number(fitted.values[name], fitted.sd(name) if name in fitted.free else np.nan)
+    low, high = model.interval(name)
+    return number(model.value(name), (high - low) / 4)
 
 
-def interval(fitted: Fit, name: str) -> str:
+def interval(model: Explanation, name: str) -> str:
     """Return a parameter's 95 % interval."""
-    if name not in fitted.free:
-        return "not fitted"
-    if not determined(fitted, name):
-        return "unknown"
-    low, high = fitted.interval(name)
-    sd = fitted.sd(name)
-    return f"{number(low, sd)} to {number(high, sd)}"
+    if not determined(model, name):
+        return "as known beforehand"
+    low, high = model.interval(name)
+    return f"{number(low, (high - low) / 4)} to {number(high, (high - low) / 4)}"
 
 
-def flag(fitted: Fit, name: str, null: float | None) -> str:
+def flag(model: Explanation, name: str, null: float | None) -> str:
     """Return a warning on a parameter, or nothing."""
-    if name in fitted.at_bound:
+    if name in model.fit.at_bound:
         return "AT THE BOUND of its search"
-    if name not in fitted.free:
-        return ""
-    if not determined(fitted, name):
+    if not determined(model, name):
         return "NOT SEEN by these recordings"
-    low, high = fitted.interval(name)
+    low, high = model.interval(name)
     if null is not None and low <= null <= high:
         return f"can't be told from {null:g}"
     return ""
@@ -182,6 +210,6 @@ def score_table(found: Diagnosis) -> str:
             short_probability(score.p_value),
             f"{100 * score.concealed:.1f} %" + (" (nearly all)" if score.concealed > 0.95 else ""),
         ]
-        for score in found.base.assessment.scores
+        for score in found.assessment.scores
     ]
     return table(["mechanism", "p by itself", "share that a refit hides"], rows)

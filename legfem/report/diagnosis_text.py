@@ -5,19 +5,22 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 
-from legfem.diagnose.choose import ADEQUATE, BIC_MARGIN
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.document import Recorded, r_squared
-from legfem.diagnose.sentences import next_experiments, verdict_sentence
+from legfem.diagnose.sentences import next_experiments, percent, verdict_sentence
 from legfem.report import diagnosis_tables as tables
 from legfem.report.diagnosis_style import model_name, plain, shown_models
 from legfem.report.page import ReportFile
 from legfem.report.style import LAW_NAMES
 from legfem.report.text import ORIGINS, WIDTH
-from legfem.report.words import probability
 
 
-def diagnosis_page(found: Diagnosis, subject: Recorded, files: Sequence[ReportFile]) -> str:
+def diagnosis_page(
+    found: Diagnosis,
+    subject: Recorded,
+    files: Sequence[ReportFile],
+    plan: Sequence[str] = (),
+) -> str:
     """Return the text of ``report.txt``.
 
     Parameters
@@ -28,6 +31,8 @@ def diagnosis_page(found: Diagnosis, subject: Recorded, files: Sequence[ReportFi
         Whose recordings they are.
     files
         What else was written.
+    plan
+        What could be done next, each with its chance, the best first.
     """
     heading = f"Subject {subject.id} ({subject.title}): does the model describe the recordings?"
     what, _, explanation = ORIGINS[subject.origin].partition(" (")
@@ -39,7 +44,7 @@ def diagnosis_page(found: Diagnosis, subject: Recorded, files: Sequence[ReportFi
         "What was tested": _tested(found),
         "What could not be tested": _untested(found),
         "Remarks on the recordings": _bullets(found.observed.remarks) or "None.",
-        "What to measure next": _next(found),
+        "What to measure next": _next(found, plan),
         "Noise and accuracy": _noise(found),
         "Files": _listing(files),
     }
@@ -73,23 +78,28 @@ def _bullets(lines: Sequence[str]) -> str:
 
 
 def _verdict(found: Diagnosis) -> str:
-    assessment, fitted = found.base.assessment, found.base.fit
+    ends = ", the cylinder's ends included" if found.with_ends else ""
     looks = (
-        f"The base model ({LAW_NAMES[found.law]} deep tissue, nothing added) fits with "
-        f"R2 = {r_squared(fitted, found):.5f}; that errors of measurement alone leave such a "
-        f"misfit has {probability(assessment.p_value)}."
+        f"The base model ({LAW_NAMES[found.law]} deep tissue{ends}, nothing added) fits with "
+        f"R2 = {r_squared(found.base.fit, found):.5f}. Probabilities weigh all explanations "
+        "against each other: none, one mechanism, two, or something unknown; half of all tests "
+        "are taken to be sound beforehand."
     )
     if found.verdict == "consistent":
         looks += (
             " That is no proof that nothing was left out: what C10 and C20 take up, and what "
-            "could not be tested, stays unseen."
+            "could not be tested, stays unseen. How strong each mechanism may be unseen stands "
+            "below."
         )
     if found.verdict in ("named", "ambiguous"):
         looks += (
             " The recordings tell which known mechanisms can explain them; a mechanism that legfem "
             "does not know and that looks alike is not ruled out."
         )
-    return f"{_fill(verdict_sentence(found))}\n\n{_fill(looks)}"
+    return (
+        f"{_fill(verdict_sentence(found))}\n\n{_fill(looks)}\n\n"
+        f"{_indented(tables.explanation_table(found))}"
+    )
 
 
 def _where(found: Diagnosis) -> str:
@@ -113,32 +123,26 @@ def _where(found: Diagnosis) -> str:
 
 def _physics(found: Diagnosis) -> str:
     if found.verdict == "consistent":
-        return _fill(
-            "None is asked for: the strongest sign of any mechanism is no stronger than noise "
-            "makes."
+        note = (
+            "None is asked for. What these recordings would have shown: with 95 % each mechanism, "
+            "if it is there at all, lies between these."
         )
+        return f"{_fill(note)}\n\n{tables.limit_table(found)}"
     if not found.models:
         return _closest(found)
     blocks = []
     for k, model in enumerate(found.models, 1):
         label = f"({k}) " if len(found.models) > 1 else ""
         statements = "; and ".join(f"{plain(m.name)}: {m.statement}" for m in model.fit.mechanisms)
-        signs = ", ".join(
-            f"{plain(m.name)} {probability(score.p_value)}"
-            for m in model.fit.mechanisms
-            if (score := found.base.assessment.score(m.name)) is not None
-        )
         blocks.append(
-            _fill(f"{label}{statements}.")
-            + f"\n{_indented(tables.mechanism_table(model.fit))}"
-            + (f"\n  Score test on the base model's residual: {signs}" if signs else "")
+            _fill(f"{label}{statements}.") + f"\n{_indented(tables.mechanism_table(model))}"
         )
     blocks.append(tables.evidence_table(found))
     blocks.append(
         _fill(
-            f"{tables.held_out_note(found.base_held_out)} BIC better by more than {BIC_MARGIN:g} "
-            "counts as strong evidence. p of what is left: that noise alone leaves as strong a "
-            f"sign (below {ADEQUATE:g} a model is contradicted)."
+            f"{tables.held_out_note(found.base_held_out)} ln Bayes factor: how much more probable "
+            "the recordings are with the mechanism than without; 5 is strong. In part: beside it "
+            "something remains that has no name, since no real effect has exactly a model's form."
         )
     )
     return "\n\n".join(blocks)
@@ -147,20 +151,20 @@ def _physics(found: Diagnosis) -> str:
 def _closest(found: Diagnosis) -> str:
     text = (
         "None that legfem knows. Every mechanism that these recordings can show was put into the "
-        "model, alone and in pairs; each leaves a misfit that noise does not make."
+        "model, alone and the best in pairs; something unknown is more probable than any of them."
     )
-    if found.closest.names:
-        gain = found.base.fit.bic - found.closest.bic
+    named = [e for e in found.explained.every if e.names]
+    if named:
         text += (
-            f" The closest is {model_name(found.closest)} (BIC better by {gain:.0f}; a pair is "
-            f"taken only if better than one mechanism by {BIC_MARGIN:g}): that is not a finding."
+            f" The most probable of them is {model_name(named[0])} "
+            f"({percent(named[0].probability)}): that is not a finding."
         )
     held = found.base_held_out
     return (
         f"{_fill(text)}\n\n"
         + _fill(
             f"The base model predicts {held.how}, from a refit to the others, with an error of "
-            f"{held.rmse:.3f} N; the noise of a trial alone makes {held.noise:.3f} N."
+            f"{held.rmse:.3f} N; what differs from trial to trial makes {held.noise:.3f} N."
         )
     )  # fmt: skip
 
@@ -168,17 +172,17 @@ def _closest(found: Diagnosis) -> str:
 def _alike(found: Diagnosis) -> str:
     lines = []
     if len(found.models) > 1:
-        names = [model_name(model.fit) for model in found.models]
+        names = [model_name(model) for model in found.models]
         lines.append(
-            f"{'; '.join(names)}: each explains the recordings to within noise, and their BICs "
-            f"are within {BIC_MARGIN:g}. Which of them it is can't be said."
+            f"{'; '.join(names)}: together they hold 90 % of the probability, and none of them "
+            "does alone. Which of them it is can't be said."
         )
     both = "C10 and C20 together" if "C20" in found.base.fit.free else "C10"
     lines.append(
         "A constant factor on the force (the load cell's gain, the cylinder's length) looks like "
         f"a change of {both}. It is not tested, and would sit in the stiffness unseen."
     )
-    hidden = [s for s in found.base.assessment.scores if s.concealed > 0.95]
+    hidden = [s for s in found.assessment.scores if s.concealed > 0.95]
     if hidden:
         names = [f"{plain(s.name)} ({100 * s.concealed:.1f} %)" for s in hidden]
         lines.append(
@@ -207,7 +211,7 @@ def _stiffness(found: Diagnosis) -> str:
 
 
 def _tested(found: Diagnosis) -> str:
-    if not found.base.assessment.scores:
+    if not found.assessment.scores:
         return "Nothing: these recordings show none of the mechanisms."
     note = (
         "Score tests of the base model's residual, each by itself: the chance of so strong a "
@@ -226,8 +230,13 @@ def _untested(found: Diagnosis) -> str:
     return _bullets([f"{', '.join(names)}: {why}" for why, names in reasons.items()])
 
 
-def _next(found: Diagnosis) -> str:
+def _next(found: Diagnosis, plan: Sequence[str]) -> str:
     wanted = next_experiments(found)
+    if plan:
+        reckoned = _bullets([line[0].upper() + line[1:] for line in plan])
+        note = "Simulated under each candidate, the best first:"
+        others = _bullets([line[0].upper() + line[1:] for line in wanted])
+        return f"{_fill(note)}\n{reckoned}\n{_fill('Not simulated:')}\n{others}"
     if not wanted:
         return "Nothing is asked for by these recordings."
     text = _bullets([line[0].upper() + line[1:] for line in wanted])
@@ -239,30 +248,39 @@ def _next(found: Diagnosis) -> str:
 
 
 def _noise(found: Diagnosis) -> str:
-    noise, count = found.errors.noise, len(found.observed.force)
+    noise, posterior = found.errors.noise, found.best.posterior
     text = (
         f"A force reading errs by {noise.force_sd:.3g} N about its trial's course "
         f"({noise.white_sd:.2g} N from reading to reading; {noise.slow_sd:.2g} N slowly, over "
-        f"{noise.correlation_time:.2g} s), a trial's zero by {noise.offset_sd:.2g} N, the "
-        f"displacement by {noise.wander_sd:.2g} mm"
-        + (f", first contact by {noise.shift_sd:.2g} mm" if noise.shift_sd else "")
-        + f"; known from {noise.source}. The {count} values compared are worth "
-        f"{found.errors.effective_samples:.0f} independent ones. "
+        f"{noise.correlation_time:.2g} s), a trial's zero by {posterior.zero_sd:.2g} N, its gain "
+        f"by {100 * posterior.gain_sd:.2g} %, the displacement by {noise.wander_sd:.2g} mm; known "
+        f"from {noise.source}. The {len(found.observed.force)} values compared are worth "
+        f"{found.errors.effective_samples:.0f} independent ones. {_solutions(found)}"
     )
-    if found.solutions or found.emulator_error:
-        text += (
-            f"{found.solutions} full finite-element solutions were made now, beside those kept "
-            "from before, to confirm the interpolated forces; "
-            + (
-                f"interpolation differed from them by {found.emulator_error:.2%} of the largest "
-                "force at most."
-                if found.emulator_error == found.emulator_error
-                else "one of the base model stopped, so interpolation could not be checked."
-            )
-        )
-    else:
-        text += "No full finite-element solution was made to confirm the interpolated forces."
-    return _fill(text)
+    far = sorted(
+        zip(found.errors.names, posterior.effects, strict=True), key=lambda pair: -abs(pair[1])
+    )
+    note = (
+        "What is not known exactly (outlines, aim, direction, fat, fascia, compressibility) may "
+        "take up misfit as far as its stated accuracy allows; it was asked most of: "
+        + "; ".join(f"{name} {z:+.1f} sd" for name, z in far[:4])
+        + "."
+    )
+    return f"{_fill(text)}\n\n{_fill(note)}"
+
+
+def _solutions(found: Diagnosis) -> str:
+    if not (found.solutions or found.emulator_error > 0):
+        return "No full finite-element solution was made to confirm the interpolated forces."
+    made = (
+        f"{found.solutions} finite-element solutions were made now, beside those kept from before; "
+    )
+    if found.emulator_error != found.emulator_error:
+        return made + "one of the base model stopped, so interpolation could not be checked."
+    return made + (
+        f"interpolation differed from the base model's by {found.emulator_error:.2%} of the "
+        "largest force at most."
+    )
 
 
 def _listing(files: Sequence[ReportFile]) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from legfem.identify.catalogue import symbol_of
 from legfem.identify.result import IdentificationResult
 from legfem.report.style import (
     DATA_COLOUR,
@@ -18,8 +19,6 @@ from legfem.report.style import (
     styled,
     title,
 )
-
-PARAMETER_NAMES = {"c10_deep": "C10", "c20_deep": "C20"}
 
 
 @styled
@@ -82,10 +81,10 @@ def _draw_fit(axes: Axes, result: IdentificationResult) -> None:
         ],
         loc="upper left",
     )
+    shown = {symbol_of(name): found.shown for name, found in result.parameters.items()}
     lines = [
-        f"{PARAMETER_NAMES[name]} = {found.value:.3g} {found.unit} "
-        f"[{found.ci95[0]:.3g}, {found.ci95[1]:.3g}]"
-        for name, found in result.parameters.items()
+        f"{symbol} = {one.value:.3g} {one.unit} [{one.ci95[0]:.3g}, {one.ci95[1]:.3g}]"
+        for symbol, one in shown.items()
     ]
     lines.append(f"cost E = {result.cost.value:.3g} N$^2$, rms {result.cost.rms:.3g} N")
     axes.text(0.98, 0.04, "\n".join(lines), transform=axes.transAxes, ha="right", va="bottom")

@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
-import math
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
 
+from legfem.experiments.base import Solved
 from legfem.experiments.plane_strain import PlaneStrainIndentation
-from legfem.experiments.pressing import Indentation
-from legfem.fields import fields_of
+from legfem.fem.fields import fields_of
 from legfem.identify.result import IdentificationResult
-from legfem.places import Skin
+from legfem.mechanics.integration_domain import Skin
 from legfem.report.cost_figure import cost_figure
 from legfem.report.fit_figure import fit_figure
+from legfem.report.in_place import REPORT, made_in_place
 from legfem.report.leg_figure import leg_figure
 from legfem.report.page import ReportFile, report_page
 from legfem.report.paraview import write_fields
 from legfem.report.style import LAW_NAMES, save
-from legfem.subject import Subject
-from legfem.units import kpa_to_mpa
-
-REPORT = "report.txt"
-_UNFINISHED = ".report-unfinished"
+from legfem.subjects.subject import Subject
 
 
 def write_identification_report(
@@ -36,8 +31,7 @@ def write_identification_report(
 ) -> Path:
     """Write report.txt, the figures and the fields of an identification.
 
-    Everything is made in a hidden folder first and moved into place at the end, the report last:
-    whoever stops the run in between finds no half-written file.
+    They are there together, the report last; see `made_in_place`.
 
     Parameters
     ----------
@@ -60,30 +54,15 @@ def write_identification_report(
     comm = MPI.COMM_SELF if experiment is None else experiment.comm
     if comm.size == 1 and MPI.COMM_WORLD.rank > 0:
         return out / REPORT
-    folder = out / _UNFINISHED
-    if comm.rank == 0:
-        shutil.rmtree(folder, ignore_errors=True)
-        folder.mkdir(parents=True)
-    comm.barrier()
     note, entries = "", list[ReportFile]()
-    if experiment is not None:
-        note, entries = _deformed_state(results, subject, experiment, folder)
-    if comm.rank == 0:
-        entries = [*_figures(results, folder), *entries]
-        (folder / REPORT).write_text(report_page(results, subject, entries, note), encoding="utf-8")
-        for path in [path for entry in entries for path in entry.paths] + [folder / REPORT]:
-            _move(path, out / path.name)
-        shutil.rmtree(folder)
-    comm.barrier()
+    with made_in_place(out, comm) as folder:
+        if experiment is not None:
+            note, entries = _deformed_state(results, subject, experiment, folder)
+        if comm.rank == 0:
+            entries = [*_figures(results, folder), *entries]
+            page = report_page(results, subject, entries, note)
+            (folder / REPORT).write_text(page, encoding="utf-8")
     return out / REPORT
-
-
-def model_parameters(result: IdentificationResult) -> dict[str, float]:
-    """Return a result's parameters as `PlaneStrainIndentation.solve` takes them (MPa, 1/MPa)."""
-    values = {"deep.C10": kpa_to_mpa(result.parameters["c10_deep"].value)}
-    if "c20_deep" in result.parameters:
-        return values | {"deep.C20": kpa_to_mpa(result.parameters["c20_deep"].value)}
-    return values | {"deep.C20": 0.0, "deep.D2": math.inf}
 
 
 def _figures(results: Sequence[IdentificationResult], folder: Path) -> list[ReportFile]:
@@ -94,7 +73,9 @@ def _figures(results: Sequence[IdentificationResult], folder: Path) -> list[Repo
         )
     ]
     for result in results:
-        two = "c20_deep" in result.parameters
+        if len(result.parameters) > 2:
+            continue
+        two = len(result.parameters) == 2
         shows = f"cost of the {LAW_NAMES[result.law]} law over its parameters, and the search"
         if two:
             shows += (
@@ -116,7 +97,7 @@ def _deformed_state(
     """Solve the best law once more; return a note on that, and what was written of it."""
     best = min(results, key=lambda result: result.cost.value)
     depth = float(best.measured.displacement[-1])
-    solved = experiment.solve(model_parameters(best), depth)
+    solved = experiment.solve(best.model_values, depth)
     if not _state_is_final(experiment, solved):
         return (
             f"The deformed state at {depth:g} mm could not be solved for again with the same mesh "
@@ -154,18 +135,11 @@ def _deformed_state(
     return note, entries
 
 
-def _state_is_final(experiment: PlaneStrainIndentation, solved: Indentation) -> bool:
+def _state_is_final(experiment: PlaneStrainIndentation, solved: Solved) -> bool:
     """Return whether the system is in the solution's last state: a finer mesh has another."""
     touch, direction = experiment.section_mesh.touch, experiment.section_mesh.direction
-    skin = experiment.system.skin.place
+    skin = experiment.system.skin.domain
     assert isinstance(skin, Skin)
     here = float((skin.centre.value - touch) @ direction)
     own_mesh = len(solved.report.earlier_attempts) < 2
     return own_mesh and bool(np.isclose(here, solved.report.reached))
-
-
-def _move(source: Path, target: Path) -> None:
-    """Put a file or folder in another's place."""
-    if target.is_dir():
-        shutil.rmtree(target)
-    source.replace(target)

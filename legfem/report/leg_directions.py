@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import LegShape
-from legfem.units import FloatArray
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 from matplotlib.tri import Triangulation
 
-from legfem.fields import LegFields
+from legfem.common.units import FloatArray
+from legfem.fem.fields import LegFields
 from legfem.geometry.section import LegSection
 from legfem.meshing.section import REGIONS
 from legfem.report.style import (
@@ -27,7 +28,6 @@ from legfem.report.style import (
     styled,
     title,
 )
-from legfem.units import FloatArray
 
 # A second-order cell as linear triangles, and its edges, in the order of DOLFINx' nodes.
 _TRIANGLES = {

@@ -65,7 +65,7 @@ def _signs(found: Diagnosis) -> NDArray[np.int_]:
         signs[found.located] = np.where(missed > 0, 1, -1)[found.located]
         return signs
     signs[found.located] = 1
-    for window in found.base.assessment.windows:
+    for window in found.assessment.windows:
         signs[list(window.stations)] = 1 if window.size > 0 else -1
     return np.where(found.located, signs, 0)
 
@@ -80,7 +80,8 @@ def _place(
     observed, base = found.observed, found.base
     starts = [int(np.flatnonzero(observed.trial == k)[0]) for k in trials]
     where = np.concatenate([start + stations for start in starts])
-    touching = [w.p_value for w in base.assessment.windows if set(w.stations) & set(where.tolist())]
+    windows = found.assessment.windows
+    touching = [w.p_value for w in windows if set(w.stations) & set(where.tolist())]
     d, t = observed.displacement[where], observed.time[where]
     return Place(
         protocol,

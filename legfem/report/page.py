@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import math
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from legfem.common.units import mpa_to_kpa
 from legfem.identify.result import IdentificationResult
-from legfem.materials import Hyperelastic
+from legfem.mechanics.materials import Hyperelastic
 from legfem.report.style import LAW_NAMES
 from legfem.report.text import ORIGINS, WIDTH, fit_report, summary
-from legfem.subject import Subject
-from legfem.units import kpa_to_mpa, mpa_to_kpa
+from legfem.subjects.subject import Subject
 
 
 @dataclass(frozen=True)
@@ -73,7 +72,7 @@ def _procedure(result: IdentificationResult, subject: Subject) -> str:
     )
     searched = (
         "an emulator of the model, which full solves refined and confirmed"
-        if result.search.cost_map is not None
+        if result.settings.get("emulator", True)
         else "the full model itself"
     )
     trials = f"{measured.n_trials} trial{'s' * (measured.n_trials > 1)}"
@@ -83,34 +82,44 @@ def _procedure(result: IdentificationResult, subject: Subject) -> str:
         f"brought to one mean curve with its errors, {len(measured.displacement)} points to "
         f"{measured.displacement[-1]:g} mm after first contact. A plane-strain finite-element "
         f"model of the section gives the force per length, taken times the cylinder's length, "
-        f"{correction}. A genetic algorithm (pygad) searched for the deep tissue's parameters on "
+        f"{correction}. {_searcher(result)} searched for {_sought(result)} on "
         f"{searched}. What was recorded in unloading or at rest was not used.",
         WIDTH,
     )
 
 
+def _sought(result: IdentificationResult) -> str:
+    if all(name.startswith("deep.") for name in result.parameters):
+        return "the deep tissue's parameters"
+    return ", ".join(result.parameters)
+
+
+def _searcher(result: IdentificationResult) -> str:
+    own = result.settings.get("genetic", {}).get("minimiser")
+    return "A genetic algorithm (pygad)" if own is None else f"A search of the user's ({own})"
+
+
 def _tissues(results: Sequence[IdentificationResult], subject: Subject) -> str:
     stated = [
-        ("deep", result.law, kpa_to_mpa(result.parameters["c10_deep"].value), "identified")
+        (name, result.law if name == "deep" else subject.tissues[name].law, result)
+        for name in ("deep", "superficial", "fascia")
         for result in results
-    ]
-    stated += [
-        (name, subject.tissues[name].law, subject.tissues[name].C10 or math.nan, "assumed")
-        for name in ("superficial", "fascia")
     ]
     rows = [
         f"{'tissue':<12} {'law':<19} {'C10 (kPa)':>10}            {'D1 (1/MPa)':>11} "
         f"{'K/mu':>7} {'Poisson':>8}"
     ]
     negative = False
-    for name, law, C10, mark in stated:
-        tissue = Hyperelastic(C10=C10, D1=subject.tissues[name].D1)
+    for name, law, result in stated:
+        tissue, mark = _tissue(name, result)
         ratio = tissue.bulk_modulus / tissue.shear_modulus
         negative |= tissue.poisson_ratio < 0
-        rows.append(
-            f"{name:<12} {LAW_NAMES[law]:<19} {mpa_to_kpa(C10):>10.4g} {mark:<10} "
+        row = (
+            f"{name:<12} {LAW_NAMES[law]:<19} {mpa_to_kpa(tissue.C10):>10.4g} {mark:<10} "
             f"{tissue.D1:>11.4g} {ratio:>7.3g} {tissue.poisson_ratio:>8.3f}"
         )
+        if row not in rows:
+            rows.append(row)
     thickness = subject.section.fascia_thickness
     rows.append(f"The fascia is {thickness:g} mm thick; the bones are rigid and fixed.")
     if negative:
@@ -119,6 +128,14 @@ def _tissues(results: Sequence[IdentificationResult], subject: Subject) -> str:
             "the published values of the\nfascia are such."
         )
     return "\n".join(rows)
+
+
+def _tissue(name: str, result: IdentificationResult) -> tuple[Hyperelastic, str]:
+    """Return a tissue's compressible part at the optimum, and how its C10 is known."""
+    every = {**result.assumed, **result.values}
+    found = result.parameters.get(f"{name}.C10")
+    mark = "assumed" if found is None else found.parameter.role
+    return Hyperelastic(C10=every[f"{name}.C10"], D1=every[f"{name}.D1"]), mark
 
 
 def _listing(files: Sequence[ReportFile], note: str) -> str:

@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.fit import Fit
+from legfem.diagnose.explain import Explanation
+from legfem.diagnose.mechanisms.base import null_of
 from legfem.report.diagnosis_style import (
     BASE_COLOUR,
     BASE_NAME,
@@ -25,11 +26,11 @@ ROWS = 4
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
+class EstimateRow:
     """A parameter's estimate in one model."""
 
     model: str
-    fit: Fit
+    explanation: Explanation
     colour: str
 
 
@@ -47,19 +48,19 @@ def parameter_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
         Of the data.
     """
     models = shown_models(found)[: ROWS - 1]
-    rows = [Row(BASE_NAME, found.base.fit, BASE_COLOUR)]
-    rows += [Row(m.name, m.fit, REPAIRED_COLOUR if m.suits else FAINT) for m in models]
+    rows = [EstimateRow(BASE_NAME, found.base, BASE_COLOUR)]
+    rows += [EstimateRow(m.name, m.model, REPAIRED_COLOUR if m.suits else FAINT) for m in models]
     stiffness = [name for name in ("C10", "C20") if name in found.base.fit.free]
-    panels: list[tuple[str, str, list[Row], float | None]]
+    panels: list[tuple[str, str, list[EstimateRow], float | None]]
     panels = [(f"{name} of the deep tissue (kPa)", name, rows, None) for name in stiffness]
-    for mechanism in dict.fromkeys(m for row in rows for m in row.fit.mechanisms):
+    for mechanism in dict.fromkeys(m for row in rows for m in row.explanation.fit.mechanisms):
         for k, p in enumerate(mechanism.parameters):
             name = f"{mechanism.name}.{p.name}"
-            mine = [row for row in rows if name in row.fit.free]
+            mine = [row for row in rows if name in row.explanation.fit.free]
             unit = "" if p.unit == "-" else f" ({p.unit})"
             what = f"{plain(mechanism.name)}: {p.name.replace('_', ' ')}{unit}"
             if mine:
-                panels.append((what, name, mine, p.null if k == 0 else None))
+                panels.append((what, name, mine, null_of(p) if k == 0 else None))
     columns = len(stiffness)
     lines = -(-len(panels) // columns)
     most = [
@@ -82,21 +83,22 @@ def parameter_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
     return figure
 
 
-def _draw(axes: Axes, name: str, rows: list[Row], null: float | None) -> None:
+def _draw(axes: Axes, name: str, rows: list[EstimateRow], null: float | None) -> None:
     ends = [] if null is None else [null]
     for k, row in enumerate(rows):
-        value = row.fit.values[name]
+        value = row.explanation.value(name)
         ends.append(value)
-        seen = determined(row.fit, name)
+        seen = determined(row.explanation, name)
         if seen:
-            low, high = row.fit.interval(name)
+            low, high = row.explanation.interval(name)
             axes.plot([low, high], [k, k], color=row.colour, linewidth=2.2, solid_capstyle="butt")
             ends += [low, high]
         axes.plot(
             value, k, "o", color=row.colour, markersize=6, fillstyle="full" if seen else "none"
         )
-        text = number(value, row.fit.sd(name) if seen else np.nan)
-        if name in row.fit.at_bound:
+        ends_of = row.explanation.interval(name)
+        text = number(value, (ends_of[1] - ends_of[0]) / 4 if seen else np.nan)
+        if name in row.explanation.fit.at_bound:
             text += ", at the bound of the search"
         elif not seen:
             text += ", not seen by the data"
@@ -106,11 +108,13 @@ def _draw(axes: Axes, name: str, rows: list[Row], null: float | None) -> None:
         )  # fmt: skip
     if null is not None:
         axes.axvline(null, color=DATA_COLOUR, linewidth=0.8, linestyle=":")
-    if len(rows) > 1 and not rows[0].fit.mechanisms:
-        axes.axvline(rows[0].fit.values[name], color=BASE_COLOUR, linewidth=0.8, linestyle=":")
+    if len(rows) > 1 and not rows[0].explanation.fit.mechanisms:
+        axes.axvline(
+            rows[0].explanation.value(name), color=BASE_COLOUR, linewidth=0.8, linestyle=":"
+        )
     span = max(ends) - min(ends) or abs(max(ends)) or 1.0
     axes.set_xlim(min(ends) - 0.25 * span, max(ends) + 0.25 * span)
-    several = len(rows) > 1 or not rows[0].fit.mechanisms
+    several = len(rows) > 1 or not rows[0].explanation.fit.mechanisms
     names = [row.model.replace(" + ", "\n+ ").replace(" (", "\n(") for row in rows]
     axes.set_yticks(range(len(rows)) if several else [], names if several else [])
     axes.set_ylim(len(rows) - 0.45, -0.8)

@@ -9,8 +9,8 @@ from xml.etree import ElementTree
 from dolfinx import fem
 from dolfinx.io import XDMFFile
 
-from legfem._compat import vtx_writer
-from legfem.fields import LegFields
+from legfem.fem.compat import vtx_writer
+from legfem.fem.fields import LegFields
 
 
 def write_fields(fields: LegFields, out: Path, displacement: float = 0.0) -> list[Path]:

@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
+from legfem.common.units import FloatArray
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.fit import Fit
 from legfem.diagnose.stations import Stations
@@ -25,7 +26,6 @@ from legfem.report.diagnosis_style import (
 )
 from legfem.report.located import Place, places_of
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, styled, title
-from legfem.units import FloatArray
 
 _MARKERS = {LOADING: "o", HOLD: "s", "unloading": "v"}
 _RESIDUAL_WIDTHS = {LOADING: 1.6, HOLD: 1.0, "unloading": 1.2}
@@ -71,7 +71,7 @@ def recording_figure(found: Diagnosis, number: int, subject: str, origin: str) -
     )
     widths = [_RESIDUAL_WIDTHS[str(stations.phase[stations.segment == s][0])] for s in segments]
     fits = [(found.base.fit, BASE_COLOUR, "-")]
-    fits += [(model.fit, REPAIRED_COLOUR, "--") for model in models]
+    fits += [(shown.model.fit, REPAIRED_COLOUR, "--") for shown in models]
     rows = [fits, fits[1:]] if apart else [fits]
     grid = below.subplots(
         len(rows), len(segments), squeeze=False, sharey="row", sharex="col", width_ratios=widths
@@ -95,7 +95,8 @@ def _on_own_scale(found: Diagnosis, number: int, models: Sequence[Shown]) -> boo
     if not models:
         return False
     missed = [
-        np.abs(_rows(found, number, f.residual)).max() for f in (found.base.fit, models[0].fit)
+        np.abs(_rows(found, number, f.residual)).max()
+        for f in (found.base.fit, models[0].model.fit)
     ]
     return bool(missed[0] > 5 * missed[1])
 
@@ -127,7 +128,7 @@ def _draw_force(
         )  # fmt: skip
     axes.plot(x, base, color=BASE_COLOUR, linewidth=1.4, zorder=3)
     for model in models:
-        mine = _rows(found, number, model.fit.prediction).mean(axis=0)
+        mine = _rows(found, number, model.model.fit.prediction).mean(axis=0)
         axes.plot(x, mine, color=REPAIRED_COLOUR, linewidth=1.4, linestyle="--", zorder=4)
     axes.set_ylim(bottom=min(0.0, float(recorded.min())))
     axes.set_xlim(left=0)

@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from legfem.common.units import FloatArray
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.score import Signature
 from legfem.diagnose.stations import Stations
@@ -18,7 +19,6 @@ from legfem.report.diagnosis_style import (
 )
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, styled, title
 from legfem.report.words import probability
-from legfem.units import FloatArray
 
 SHOWN = 4
 OTHER_COLOUR = "#CC79A7"
@@ -50,8 +50,8 @@ def signature_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
     for row, name in enumerate(names):
         signature = strongest(found, name)
         scaled, share = matched(found, signature)
-        score = found.base.assessment.score(name)
-        reported = any(name in model.fit.names for model in found.models)
+        score = found.assessment.score(name)
+        reported = any(name in model.names for model in found.models)
         for column, stations in enumerate(protocols):
             _draw(grid[row, column], found, column, scaled, reported)
             _mark_phases(grid[row, column], stations)
@@ -77,7 +77,7 @@ def signature_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
         (REPAIRED_COLOUR, f"signature of a reported mechanism, {looks}"),
         (OTHER_COLOUR, f"signature of a mechanism that is not reported, {looks}"),
     ]
-    some = [any(n in m.fit.names for m in found.models) for n in names]
+    some = [any(n in m.names for m in found.models) for n in names]
     used = [kind for kind, there in zip(kinds, (any(some), not all(some)), strict=True) if there]
     handles += [Line2D([], [], color=colour, linewidth=2.2, label=text) for colour, text in used]
     figure.legend(handles=handles, loc="outside lower center", ncols=1 if len(protocols) < 2 else 2)
@@ -86,18 +86,18 @@ def signature_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
 
 def leading(found: Diagnosis) -> list[str]:
     """Return the mechanisms that are shown: those reported, then those with the strongest sign."""
-    reported = [name for model in found.models for name in model.fit.names]
+    reported = [name for model in found.models for name in model.names]
     strongest_first = [
-        score.name for score in sorted(found.base.assessment.scores, key=lambda s: -s.statistic)
+        score.name for score in sorted(found.assessment.scores, key=lambda s: -s.statistic)
     ]
-    known = {signature.mechanism.name for signature in found.base.assessment.signatures}
+    known = {signature.mechanism.name for signature in found.assessment.signatures}
     names = dict.fromkeys([*reported, *strongest_first])
     return [name for name in names if name in known][:SHOWN]
 
 
 def strongest(found: Diagnosis, name: str) -> Signature:
     """Return the one of a mechanism's signatures that matches the misfit best."""
-    mine = [s for s in found.base.assessment.signatures if s.mechanism.name == name]
+    mine = [s for s in found.assessment.signatures if s.mechanism.name == name]
     return max(mine, key=lambda signature: _statistic(found, signature))
 
 
@@ -110,16 +110,17 @@ def matched(found: Diagnosis, signature: Signature) -> tuple[FloatArray, float |
     fitted, direction = found.base.fit, signature.direction
     along = _along(found, signature)
     square = float(direction @ direction)
-    scaled = np.asarray(found.errors.lower @ direction) * along / square
-    dof = fitted.degrees_of_freedom
-    beyond = fitted.chi2 - dof
+    shown = direction[: len(fitted.whitened)]
+    scaled = np.asarray(found.errors.lower @ shown) * along / square
+    dof = len(fitted.whitened)
+    beyond = fitted.cost - dof
     if beyond < 2 * np.sqrt(2 * dof):
         return scaled, None
     return scaled, min(1.0, _statistic(found, signature) / beyond)
 
 
 def _along(found: Diagnosis, signature: Signature) -> float:
-    along = float(signature.direction @ found.base.fit.whitened)
+    along = float(signature.direction @ found.base.fit.left)
     return max(along, 0.0) if signature.one_sided else along
 
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from legfem.documents import write_atomically, write_document
-from legfem.fields import fields_of
+from legfem.common.documents import write_document
+from legfem.fem.fields import fields_of
 from legfem.geometry.leg_shape import LegShape
+from legfem.report.in_place import REPORT, made_in_place
 from legfem.report.page import ReportFile
 from legfem.report.paraview import write_fields
 from legfem.report.stocking_contours_figure import stocking_contours_figure
@@ -25,8 +25,7 @@ from legfem.stocking.pressures import PressureProbe
 from legfem.stocking.run import StockingResult
 from legfem.stocking.section_pressures import SectionPressures, section_pressures
 
-REPORT, NUMBERS = "report.txt", "result.json"
-_UNFINISHED = ".report-unfinished"
+NUMBERS = "result.json"
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +40,7 @@ class _Sampled:
 def write_stocking_report(result: StockingResult, folder: Path) -> Path:
     """Write report.txt, result.json, the figures and the fields of a run.
 
-    Figures and fields are made in a hidden folder first and moved into place at the end, then the
-    numbers, the report last: whoever stops the run in between finds no half-written file.
+    They are there together, the report last; see `made_in_place`.
 
     Parameters
     ----------
@@ -57,22 +55,15 @@ def write_stocking_report(result: StockingResult, folder: Path) -> Path:
         Of report.txt.
     """
     folder = Path(folder)
-    comm, hidden = result.model.compression.comm, folder / _UNFINISHED
-    sampled = _sample(result)
-    if comm.rank == 0:
-        shutil.rmtree(hidden, ignore_errors=True)
-        hidden.mkdir(parents=True)
-    comm.barrier()
-    entries = _fields(result, hidden)
-    if comm.rank == 0:
-        entries = [*_figures(result, sampled, hidden), *entries]
-        for path in [path for entry in entries for path in entry.paths]:
-            _move(path, folder / path.name)
-        shutil.rmtree(hidden)
-        numbers = write_document(folder / NUMBERS, stocking_document(result, sampled.fat))
-        entries.append(ReportFile([numbers], "all numbers with their units"))
-        write_atomically(folder / REPORT, stocking_page(result, sampled.fat, entries))
-    comm.barrier()
+    comm, sampled = result.model.compression.comm, _sample(result)
+    with made_in_place(folder, comm) as hidden:
+        entries = _fields(result, hidden)
+        if comm.rank == 0:
+            entries = [*_figures(result, sampled, hidden), *entries]
+            numbers = write_document(hidden / NUMBERS, stocking_document(result, sampled.fat))
+            entries.append(ReportFile([numbers], "all numbers with their units"))
+            page = stocking_page(result, sampled.fat, entries)
+            (hidden / REPORT).write_text(page, encoding="utf-8")
     return folder / REPORT
 
 
@@ -129,10 +120,3 @@ def _fields(result: StockingResult, folder: Path) -> list[ReportFile]:
         "the skin (kPa)"
     )
     return [ReportFile(written, shows)]
-
-
-def _move(source: Path, target: Path) -> None:
-    """Put a file or folder in another's place."""
-    if target.is_dir():
-        shutil.rmtree(target)
-    source.replace(target)

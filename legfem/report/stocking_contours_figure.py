@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.slices import CONTOURS, SliceSet
 from legfem.report.leg_directions import Directions, unwrapped
@@ -16,7 +17,6 @@ from legfem.stocking.identification import Identified
 from legfem.stocking.judgement import expected_rms
 from legfem.stocking.misfit import ContourMisfit
 from legfem.stocking.run import StockingResult
-from legfem.units import FloatArray
 
 MODEL, BARE, BAND = "#0072B2", "#E69F00", "#BDBDBD"
 SHORT = {"anterior": "ant.", "posterior": "post.", "medial": "med.", "lateral": "lat."}

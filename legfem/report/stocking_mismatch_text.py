@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from legfem.common.units import mpa_to_kpa
 from legfem.report.stocking_words import fill
 from legfem.stocking.mismatch import Mismatch
 from legfem.stocking.run import StockingResult
-from legfem.units import mpa_to_kpa
 
 CONTOURS = {"outer": "skin", "inner": "hull of the muscle"}
 

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from legfem.common.units import FloatArray, mpa_to_mmhg
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.report.leg_directions import Directions
 from legfem.report.style import (
@@ -23,7 +24,6 @@ from legfem.report.style import (
 )
 from legfem.stocking.run import StockingResult
 from legfem.stocking.section_pressures import SectionPressures
-from legfem.units import FloatArray, mpa_to_mmhg
 
 BARE, WORN = "#8C8C8C", "#0072B2"
 VEIN_COLOUR = "#D55E00"

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from legfem.common.units import mpa_to_kpa
+from legfem.inference.constants import IDENTIFIABLE_WITHIN, WEAKLY_WITHIN
 from legfem.report.stocking_words import fill, stiffness_values
 from legfem.stocking.identification import Identified
 from legfem.stocking.judgement import (
-    IDENTIFIABLE_WITHIN,
-    WEAKLY_WITHIN,
-    Known,
+    KnownStiffness,
     expected_rms,
     judge,
     starts_agree,
@@ -17,10 +17,9 @@ from legfem.stocking.judgement import (
 from legfem.stocking.leg_model import PARAMETERS
 from legfem.stocking.run import StockingResult
 from legfem.stocking.warnings import TISSUES, best_complete
-from legfem.units import mpa_to_kpa
 
 
-def verdict_sentence(known: Known) -> str:
+def verdict_sentence(known: KnownStiffness) -> str:
     """Return in plain words how well a stiffness is known."""
     tissue = TISSUES[known.name]
     share = f"within {100 * known.half_width:.2g} %"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 
+from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
 from legfem.report.page import ReportFile
 from legfem.report.stocking_mismatch_text import mismatch_section
 from legfem.report.stocking_pressure_text import inside_section, interface_section
@@ -24,7 +25,6 @@ from legfem.stocking.fat_pressures import FatPressures
 from legfem.stocking.judgement import judge
 from legfem.stocking.run import StockingResult
 from legfem.stocking.warnings import TISSUES, best_complete, stocking_warnings
-from legfem.units import mpa_to_kpa, mpa_to_mmhg
 
 ORIGINS = {
     "measured": "measured data",

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from legfem.common.units import FloatArray, mpa_to_kpa, mpa_to_mmhg
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.geometry.shape_measures import fat_thickness_around
 from legfem.report.leg_directions import Directions, angle_round
 from legfem.report.text import WIDTH
-from legfem.stocking.judgement import Known
+from legfem.stocking.judgement import KnownStiffness
 from legfem.stocking.warnings import TISSUES
-from legfem.units import FloatArray, mpa_to_kpa, mpa_to_mmhg
 
 
 def both_units(pressure: float) -> str:
@@ -37,7 +37,7 @@ def stiffness_values(parameters: dict[str, float]) -> str:
     )
 
 
-def interval(known: Known) -> str:
+def interval(known: KnownStiffness) -> str:
     """Return a 95 % interval in kPa."""
     low, high = (mpa_to_kpa(value) for value in known.interval95)
     return f"95 % interval {low:.3g} to {high:.3g}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from legfem.units import mmhg_to_mpa, mpa_to_kpa
+from legfem.common.units import mmhg_to_mpa, mpa_to_kpa
 
 # Okabe and Ito's colours, which the colour-blind can tell apart.
 LAW_COLOURS = {"neo-hookean": "#D55E00", "reduced-polynomial": "#0072B2"}
@@ -39,9 +40,23 @@ styled = matplotlib.rc_context(_STYLE)
 """Decorator of what draws a figure; leaves matplotlib's own settings as they were."""
 
 
+class _Shown(Figure):
+    """A figure that a notebook shows, though pyplot doesn't know it."""
+
+    def _repr_png_(self) -> bytes:
+        return png(self)
+
+
+def png(figure: Figure) -> bytes:
+    """Return a figure as a notebook shows it (80 dots an inch)."""
+    image = io.BytesIO()
+    figure.savefig(image, format="png", dpi=80)
+    return image.getvalue()
+
+
 def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure of a size in inches."""
-    return Figure(figsize=(width, height), layout="constrained")
+    return _Shown(figsize=(width, height), layout="constrained")
 
 
 def title(figure: Figure, what: str, subject: str, origin: str) -> None:

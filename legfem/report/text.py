@@ -9,7 +9,10 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from scipy.stats import chi2
 
+from legfem.common.units import readable_unit
+from legfem.identify.catalogue import DEEP_C10, DEEP_C20, symbol_of, unit_of
 from legfem.identify.result import Estimate, IdentificationResult
+from legfem.inference.parameter import Parameter
 from legfem.report.style import LAW_NAMES
 
 ORIGINS = {
@@ -22,7 +25,8 @@ ENERGIES = {
     "reduced-polynomial": ("U = C10 (I1 - 3) + C20 (I1 - 3)^2 + (J - 1)^2 / D1 + (J - 1)^4 / D2"),
 }
 WIDTH = 100
-_SYMBOLS = {"c10_deep": "C10", "c20_deep": "C20"}
+# Parameters that stand side by side within the width.
+_COLUMNS = 2
 # Below this, chance doesn't explain what was left unexplained.
 _SIGNIFICANT = 0.01
 
@@ -35,7 +39,8 @@ def fit_report(result: IdentificationResult) -> str:
         "Variables": _variables(result),
     }
     if len(result.parameters) > 1:
-        sections["Correlations"] = [_correlation(result.correlation)]
+        sections["Correlations"] = _correlations(result)
+    sections["Assumed"] = _assumed(result)
     sections["Warnings"] = result.warnings or ["none"]
     lines = [f"DATA: {ORIGINS.get(result.subject_origin, result.subject_origin)}"]
     for name, body in sections.items():
@@ -52,31 +57,58 @@ def summary(results: Sequence[IdentificationResult]) -> str:
         One a law, of one subject.
     """
     first = results[0]
+    names = list(dict.fromkeys(name for result in results for name in result.parameters))
+    if set(names) <= {DEEP_C10, DEEP_C20}:
+        names = [DEEP_C10, DEEP_C20]
     lines = [
         f"Subject {first.subject_id} ({first.subject_title})",
         f"DATA: {ORIGINS.get(first.subject_origin, first.subject_origin)}",
         "",
-        f"  {'deep tissue':<18} {'C10 (kPa)':<21} {'C20 (kPa)':<21} "
-        f"{'cost (N2)':>9} {'rms (N)':>8} {'solves':>6} {'time (s)':>8}",
+        *(_table(results, names) if len(names) <= _COLUMNS else _list(results)),
     ]
-    for result in results:
-        cells = [_short(result.parameters.get(name)) for name in _SYMBOLS]
-        lines.append(
-            f"  {LAW_NAMES[result.law]:<18} {cells[0]:<21} {cells[1]:<21} "
-            f"{result.cost.value:>9.3g} {result.cost.rms:>8.3g} "
-            f"{result.forward_solves:>6d} {result.wall_s:>8.1f}"
-        )
     lines += ["  (brackets: 95 % confidence intervals)", ""]
     lines += [f"  {line}" for line in comparison(results)]
     for result in results:
         for name, found in result.parameters.items():
             if found.identifiability != "identifiable":
                 lines.append(
-                    f"  {_SYMBOLS[name]} of the {LAW_NAMES[result.law]} law is "
+                    f"  {symbol_of(name)} of the {LAW_NAMES[result.law]} law is "
                     f"{found.identifiability}: {found.why}."
                 )
     lines += [f"  Warning: {warning}" for warning in _distinct(results)]
     return _wrapped(lines)
+
+
+def _table(results: Sequence[IdentificationResult], names: Sequence[str]) -> list[str]:
+    """Return a row a law, a column a parameter."""
+    heads = [f"{symbol_of(name)} ({readable_unit(unit_of(name))[0]})" for name in names]
+    lines = [
+        f"  {'deep tissue':<18} {''.join(f'{head:<22}' for head in heads)}"
+        f"{'cost (N2)':>9} {'rms (N)':>8} {'solves':>6} {'time (s)':>8}"
+    ]
+    for result in results:
+        cells = "".join(f"{_short(result.parameters.get(name)):<22}" for name in names)
+        lines.append(
+            f"  {LAW_NAMES[result.law]:<18} {cells}"
+            f"{result.cost.value:>9.3g} {result.cost.rms:>8.3g} "
+            f"{result.forward_solves:>6d} {result.wall_s:>8.1f}"
+        )
+    return lines
+
+
+def _list(results: Sequence[IdentificationResult]) -> list[str]:
+    """Return a paragraph a law, a line a parameter."""
+    lines = []
+    for result in results:
+        lines.append(
+            f"  {LAW_NAMES[result.law]}: cost {result.cost.value:.3g} N2, rms "
+            f"{result.cost.rms:.3g} N, {result.forward_solves} solves, {result.wall_s:.1f} s"
+        )
+        lines += [
+            f"    {name:<26} {_short(found)} {found.shown.unit}"
+            for name, found in result.parameters.items()
+        ]
+    return lines
 
 
 def comparison(results: Sequence[IdentificationResult]) -> list[str]:
@@ -188,14 +220,51 @@ def _variables(result: IdentificationResult) -> list[str]:
     lines = []
     for name, found in result.parameters.items():
         bound = f", at the search's {found.at_bound} bound" if found.at_bound else ""
-        low, high = found.ci95
+        term, _, symbol = name.rpartition(".")
+        role = ", nuisance" if found.parameter.role == "nuisance" else ""
+        shown = found.shown
+        low, high = shown.ci95
         lines += [
-            f"{_SYMBOLS[name]} (deep): {found.value:.6g} +/- {found.standard_error:.3g} "
-            f"{found.unit} ({_percent(found)})   "
-            f"95 % interval {low:.5g} to {high:.5g} {found.unit}{bound}",
+            f"{symbol} ({term}{role}): {shown.value:.6g} +/- {shown.standard_error:.3g} "
+            f"{shown.unit} ({_percent(found)})   "
+            f"95 % interval {low:.5g} to {high:.5g} {shown.unit}{bound}",
             f"    {found.identifiability}: {found.why}",
         ]
     return lines
+
+
+def _correlations(result: IdentificationResult) -> list[str]:
+    names = list(result.parameters)
+    pairs = [(one, other) for k, one in enumerate(names) for other in names[k + 1 :]]
+    return [
+        f"C({symbol_of(one)}, {symbol_of(other)}) = " + _correlation(result.correlation(one, other))
+        for one, other in pairs
+    ]
+
+
+def _assumed(result: IdentificationResult) -> list[str]:
+    """Return what was known beforehand: priors, and what was held."""
+    lines = []
+    for name, found in result.parameters.items():
+        if found.parameter.prior is not None:
+            lines.append(f"{name:<19}{prior_text(found.parameter)}")
+    for name, value in result.assumed.items():
+        unit, factor = readable_unit(unit_of(name))
+        lines.append(f"{name:<19}{factor * value:.4g} {unit}, held")
+    return lines
+
+
+def prior_text(parameter: Parameter) -> str:
+    """Return a parameter's prior in words, in the unit in which people read it."""
+    prior = parameter.prior
+    assert prior is not None
+    unit, factor = readable_unit(parameter.unit)
+    if prior.scale == "log":
+        width = f"x/ {math.exp(prior.sd):.4g} {unit} (its logarithm is normal)"
+    else:
+        width = f"± {factor * prior.sd:.4g} {unit} (normal)"
+    source = f", from {prior.source}" if prior.source else ""
+    return f"prior {factor * prior.centre:.4g} {width}{source}"
 
 
 def _goodness(result: IdentificationResult) -> str:
@@ -231,11 +300,12 @@ def _number(value: float) -> str:
 def _short(found: Estimate | None) -> str:
     if found is None:
         return "-"
-    return f"{found.value:.3f} [{found.ci95[0]:.3f}, {found.ci95[1]:.3f}]"
+    shown = found.shown
+    return f"{shown.value:.3f} [{shown.ci95[0]:.3f}, {shown.ci95[1]:.3f}]"
 
 
 def _correlation(value: float) -> str:
-    return "not known" if math.isnan(value) else f"C(C10, C20) = {value:+.4f}"
+    return "not known" if math.isnan(value) else f"{value:+.4f}"
 
 
 def _percent(found: Estimate) -> str:

@@ -1,6 +1,6 @@
-"""``python -m legfem.stocking``: see `legfem.stocking.cli`."""
+"""``python -m legfem.stocking``: see `legfem.commands.stocking`."""
 
-from legfem.stocking.cli import app
+from legfem.commands.stocking import app
 
 if __name__ == "__main__":
     app(prog_name="python -m legfem.stocking")

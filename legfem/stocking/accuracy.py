@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from legfem.checks import check_positive
-from legfem.units import FloatArray
+from legfem.common.checks import check_positive
+from legfem.common.units import FloatArray
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,10 @@ from enum import StrEnum
 
 import numpy as np
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
+from legfem.common.units import mmhg_to_mpa
 from legfem.geometry.leg_shape import LegShape
 from legfem.stocking.laplace import Stocking, stocking_load
-from legfem.units import mmhg_to_mpa
 
 CALF_SHARE = 0.7
 """Of the pressure at the ankle, at the calf."""
@@ -40,7 +40,7 @@ ANKLE_MMHG = {
 
 
 @dataclass(frozen=True)
-class Fit:
+class ClassFit:
     """How a stocking of a class is chosen for a leg.
 
     Parameters
@@ -63,7 +63,7 @@ class Fit:
         return self.share * mmhg_to_mpa(float(np.mean(ANKLE_MMHG[self.compression_class])))
 
 
-def fitted_stocking(shape: LegShape, fit: Fit) -> Stocking:
+def fitted_stocking(shape: LegShape, fit: ClassFit) -> Stocking:
     r"""Return the stocking whose mean pressure on a bare leg is the class's at every height.
 
     At a height with the perimeter L that the fabric spans, the mean pressure is

@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from legfem.documents import json_types
+from legfem.common.documents import json_types
+from legfem.common.units import FloatArray, mpa_to_kpa
+from legfem.common.versions import legfem_version, package_version
 from legfem.geometry.shape_measures import fat_thickness_around
-from legfem.identify.forward import legfem_version, package_version
 from legfem.stocking.fat_pressures import FatPressures
 from legfem.stocking.identification import Identified
-from legfem.stocking.judgement import Known, expected_rms, judge, starts_agree
+from legfem.stocking.judgement import KnownStiffness, expected_rms, judge, starts_agree
 from legfem.stocking.leg_model import PARAMETERS
 from legfem.stocking.run import StockingResult
 from legfem.stocking.warnings import best_complete, stocking_warnings, unloaded_skin
-from legfem.units import FloatArray, mpa_to_kpa
 
 SCHEMA = "legfem.stocking/1"
 
@@ -85,7 +85,7 @@ def _stiffness(result: StockingResult) -> dict[str, Any]:
     }
 
 
-def _known(known: Known) -> dict[str, Any]:
+def _known(known: KnownStiffness) -> dict[str, Any]:
     return {
         "value": mpa_to_kpa(known.value),
         "unit": "kPa",

@@ -8,10 +8,10 @@ import numpy as np
 import shapely
 from scipy.stats import spearmanr
 
+from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.stocking.pressures import END_ZONE, PressureProbe
 from legfem.stocking.worn import Worn
-from legfem.units import FloatArray
 
 AROUND, DEPTHS = 60, np.linspace(0.06, 0.94, 9)
 """Columns of fat at a level, and where in them the pressure is taken: shares of the thickness."""

@@ -15,13 +15,14 @@ from typing import Literal
 import numpy as np
 from scipy.optimize import minimize
 
+from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
+from legfem.inference.constants import quantile
 from legfem.stocking.leg_model import PARAMETERS
 from legfem.stocking.misfit import ContourMisfit
 from legfem.stocking.nuisance import RIGID
 from legfem.stocking.nuisance_slopes import NuisanceSlopes
 from legfem.stocking.profiled import Profiled, profiled
 from legfem.stocking.worn import Worn, WornLeg
-from legfem.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 
 START = kpa_to_mpa(np.array([3.0, 3.0]))
 """The paper's start (MPa)."""
@@ -98,11 +99,11 @@ class Identified:
         """95 % intervals of the parameters, (2, 2), MPa."""
         if self.log_covariance is None:
             return None
-        half = 1.96 * np.sqrt(np.diag(self.log_covariance))
+        half = quantile(0) * np.sqrt(np.diag(self.log_covariance))
         return self.parameters[:, None] * np.exp(np.stack([-half, half], axis=1))
 
 
-class Search:
+class StiffnessSearch:
     """Puts a stocking on a leg of many stiffnesses and compares it with its scan.
 
     Parameters

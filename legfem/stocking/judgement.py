@@ -8,13 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from legfem.identify.result import Bound, Identifiability
+from legfem.inference.constants import Identifiability
+from legfem.inference.identifiability import Bound, bound_of, verdict_on
 from legfem.stocking.accuracy import ContourAccuracy
 from legfem.stocking.identification import BOUNDS, Identified
 from legfem.stocking.leg_model import PARAMETERS
 
-IDENTIFIABLE_WITHIN, WEAKLY_WITHIN = 0.1, 0.5
-"""Half width of the 95 % interval over the value, up to which a stiffness is known."""
 SAME_WITHIN, SAME_WITHIN_INTERVAL = 0.02, 0.2
 """Relative difference up to which two searches found the same stiffness: either of a share of it,
 and of the half width of its 95 % interval."""
@@ -24,7 +23,7 @@ scan: then its intervals don't hold."""
 
 
 @dataclass(frozen=True)
-class Known:
+class KnownStiffness:
     """How well one stiffness is known; MPa."""
 
     name: str
@@ -47,7 +46,7 @@ def model_misses(found: Identified, accuracy: ContourAccuracy) -> bool:
     return not found.rms <= MISSED_BEYOND * expected_rms(accuracy)
 
 
-def judge(found: Identified, accuracy: ContourAccuracy) -> tuple[Known, ...]:
+def judge(found: Identified, accuracy: ContourAccuracy) -> tuple[KnownStiffness, ...]:
     """Return how well each stiffness is known, in the order of `PARAMETERS`.
 
     Its interval decides. One at a bound of the search isn't known; one of a model that misses the
@@ -60,16 +59,9 @@ def judge(found: Identified, accuracy: ContourAccuracy) -> tuple[Known, ...]:
         value = float(found.parameters[number])
         low, high = (math.nan, math.nan) if intervals is None else map(float, intervals[number])
         half = 0.5 * (high - low) / value
-        bound: Bound = ""
-        if value <= BOUNDS[0] * (1 + 1e-6):
-            bound = "lower"
-        elif value >= BOUNDS[1] * (1 - 1e-6):
-            bound = "upper"
-        verdict: Identifiability = "not identifiable"
-        if not bound and half <= WEAKLY_WITHIN:
-            sure = half <= IDENTIFIABLE_WITHIN and not missed
-            verdict = "identifiable" if sure else "weakly identifiable"
-        known.append(Known(name, value, (low, high), half, bound, verdict))
+        bound = bound_of(value, BOUNDS, within=1e-6)
+        verdict = verdict_on(half, bound, model_fits=not missed)
+        known.append(KnownStiffness(name, value, (low, high), half, bound, verdict))
     return tuple(known)
 
 

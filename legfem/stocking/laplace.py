@@ -24,10 +24,10 @@ import numpy as np
 import shapely
 from shapely.geometry.polygon import orient
 
-from legfem.checks import check_positive
-from legfem.errors import InputError
+from legfem.common.checks import check_positive
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray, frozen_array
 from legfem.geometry.leg_shape import SKIN, LegShape
-from legfem.units import FloatArray, frozen_array
 
 
 @dataclass(frozen=True, eq=False)

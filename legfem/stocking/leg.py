@@ -9,7 +9,9 @@ from typing import Literal
 
 import numpy as np
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
+from legfem.common.tables import read_table
+from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.geometry.cross_sections import Clearances
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.shape_file import read_shape
@@ -20,21 +22,19 @@ from legfem.imaging.registration import Registration, register_shapes
 from legfem.imaging.surfaces import shape_of_surfaces
 from legfem.imaging.volume import LabelVolume, check_same_spacing
 from legfem.imaging.volume_file import read_volume
-from legfem.materials import NeoHookean
-from legfem.shipped import STUDIES, Shelf
+from legfem.mechanics.materials import NeoHookean
 from legfem.stocking.accuracy import ContourAccuracy
-from legfem.stocking.classes import CompressionClass, Fit, fitted_stocking
+from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
 from legfem.stocking.laplace import Stocking
 from legfem.stocking.leg_file import LegFile, ShapeEntry, StockingEntry, parse_leg_file
 from legfem.stocking.veins import Vein, default_veins
-from legfem.tables import read_table
-from legfem.units import FloatArray, kpa_to_mpa
+from legfem.subjects.catalogue import RESOURCES, Catalogue
 
 LEVEL_SPACING = 5.0
 """Of the contours between which the leg's surfaces are smooth (mm)."""
 OUTLINES = OutlineSettings()
 ROOM = Clearances(bone_to_fascia=1.5, fascia_to_skin=1.5)
-LEGS = Shelf(STUDIES / "dubuis" / "subjects", "leg.toml")
+LEGS = Catalogue(RESOURCES / "dubuis" / "subjects", "leg.toml")
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +180,7 @@ def _segment(toml: Path, given: LegFile, shapes: Sequence[LegShape]) -> list[Leg
 def _stocking(directory: Path, toml: Path, entry: StockingEntry, bare: LegShape) -> Stocking:
     if entry.compression_class is not None:
         chosen = CompressionClass(entry.compression_class)
-        return fitted_stocking(bare, Fit(chosen, entry.stiffness_N_per_mm))
+        return fitted_stocking(bare, ClassFit(chosen, entry.stiffness_N_per_mm))
     if entry.unstretched_mm is not None:
         return Stocking(entry.stiffness_N_per_mm, bare.levels[:1], np.array([entry.unstretched_mm]))
     assert entry.unstretched is not None

@@ -7,12 +7,20 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from legfem.toml_file import Entry, Finite, Positive, Text, parse_toml, trouble
+from legfem.common.toml_file import (
+    FileTable,
+    Finite,
+    PlainName,
+    Positive,
+    Text,
+    parse_toml,
+    trouble,
+)
 
 Labels = int | list[int]
 
 
-class ShapeEntry(Entry):
+class ShapeEntry(FileTable):
     """``[bare]`` or ``[compressed]``: one of a label volume, contours, or closed surfaces."""
 
     scan: Text | None = None
@@ -31,7 +39,7 @@ class ShapeEntry(Entry):
         return self
 
 
-class LabelsEntry(Entry):
+class LabelsEntry(FileTable):
     """``[labels]``: which labels a scan has for a tissue."""
 
     superficial: Labels = 1
@@ -39,7 +47,7 @@ class LabelsEntry(Entry):
     bone: Labels = 3
 
 
-class StockingEntry(Entry):
+class StockingEntry(FileTable):
     """``[stocking]``: a compression class, or the fabric's unstretched perimeter."""
 
     compression_class: Literal["1", "2", "3", "4"] | None = None
@@ -60,7 +68,7 @@ class StockingEntry(Entry):
         return self
 
 
-class AccuracyEntry(Entry):
+class AccuracyEntry(FileTable):
     """``[accuracy]`` of the outlines."""
 
     contour_sd_mm: Positive = 0.2
@@ -68,21 +76,21 @@ class AccuracyEntry(Entry):
     pressure_relative_sd: Positive = 0.01
 
 
-class TissueStiffness(Entry):
+class TissueStiffness(FileTable):
     """``[tissues.deep]`` or ``[tissues.superficial]``: C10 is known, or identified."""
 
     C10_kPa: Positive | None = None
     D1_per_MPa: Positive = 2.0
 
 
-class StockingTissues(Entry):
+class StockingTissues(FileTable):
     """``[tissues]``."""
 
     deep: TissueStiffness = TissueStiffness()
     superficial: TissueStiffness = TissueStiffness()
 
 
-class SegmentEntry(Entry):
+class SegmentEntry(FileTable):
     """``[segment]``: the part of the leg that is modelled (mm), and what its ends do."""
 
     from_mm: Finite | None = None
@@ -90,17 +98,17 @@ class SegmentEntry(Entry):
     ends: Literal["held", "free"] = "held"
 
 
-class VeinEntry(Entry):
+class VeinEntry(FileTable):
     """One of ``[[veins]]``: a name, and its position in the bare leg (mm)."""
 
     name: Text
     position_mm: Annotated[list[Finite], Field(min_length=3, max_length=3)]
 
 
-class LegFile(Entry):
+class LegFile(FileTable):
     """``leg.toml`` as it is written, in the file's units."""
 
-    id: Text
+    id: PlainName
     title: Text
     origin: Literal["measured", "simulated"]
     bare: ShapeEntry
@@ -125,5 +133,5 @@ class LegFile(Entry):
 
 
 def parse_leg_file(path: Path) -> LegFile:
-    """Read and check ``leg.toml``; see `legfem.toml_file.parse_toml`."""
+    """Read and check ``leg.toml``; see `legfem.common.toml_file.parse_toml`."""
     return parse_toml(path, LegFile, "the folder of a leg in a stocking")

@@ -3,28 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property
+from dataclasses import dataclass, field
 
 from mpi4py import MPI
 from scipy.sparse import csr_matrix
 
-from legfem.body_surfaces import BodySurface, hull_surface, skin_surface
+from legfem.common.units import FloatArray
+from legfem.experiments.base import Homebound, made_when_needed
 from legfem.experiments.compression import Compressed, CompressionSettings, LegCompression
+from legfem.fem.body_surfaces import BodySurface, hull_surface, skin_surface
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.shape_motion import displaced
 from legfem.geometry.surface import TriangleSurface, tube
-from legfem.materials import Hyperelastic
+from legfem.mechanics.materials import Hyperelastic
+from legfem.mechanics.terms import Fascia, StiffnessGradient, VolumeLoss
 from legfem.meshing.solid_leg import SolidMeshSettings, mesh_solid_leg
-from legfem.terms import Fascia, StiffnessGradient, VolumeLoss
-from legfem.units import FloatArray
 
 SURFACES = (SKIN, HULL)
 PARAMETERS = ("deep.C10", "superficial.C10")
 """The stiffnesses of muscle and fat."""
 
 
-class LegModel3D:
-    """Mesh and solver of a leg's segment, by its shape.
+@dataclass(frozen=True, eq=False)
+class LegModel3D(Homebound):
+    """A leg's segment by its shape, under pressures: an `legfem.experiments.base.Experiment`.
 
     Parameters
     ----------
@@ -40,34 +42,38 @@ class LegModel3D:
         Over which one solution is spread.
     """
 
-    def __init__(
-        self,
-        shape: LegShape,
-        tissues: Mapping[str, Hyperelastic],
-        mesh: SolidMeshSettings | None = None,
-        settings: CompressionSettings | None = None,
-        comm: MPI.Intracomm = MPI.COMM_SELF,
-    ) -> None:
-        self.shape = shape
+    shape: LegShape
+    tissues: Mapping[str, Hyperelastic]
+    mesh: SolidMeshSettings | None = None
+    settings: CompressionSettings | None = None
+    comm: MPI.Intracomm = field(default_factory=lambda: MPI.COMM_SELF, repr=False)
+
+    @made_when_needed
+    def compression(self) -> LegCompression:
+        """The finite-element model, meshed and compiled."""
         mechanisms = (
             VolumeLoss("deep"),
-            StiffnessGradient("deep", tissues["deep"], level=float(shape.levels.mean())),
+            StiffnessGradient("deep", self.tissues["deep"], level=float(self.shape.levels.mean())),
             Fascia(),
         )
-        self.compression = LegCompression(
-            mesh_solid_leg(shape, mesh, comm), tissues, settings, mechanisms
-        )
+        meshed = mesh_solid_leg(self.shape, self.mesh, self.comm)
+        return LegCompression(meshed, self.tissues, self.settings, mechanisms)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Every number of the model by full name."""
+        return self.compression.parameters
 
     def solve(
         self,
+        values: Mapping[str, float] | None,
         pressure: FloatArray,
-        parameters: Mapping[str, float] | None = None,
         sensitivities: Sequence[str] = (),
         start: Compressed | None = None,
     ) -> Compressed:
         """Find the state under a pressure at the skin's points, (n_levels, n_points), MPa."""
         nodal = self._to_mesh @ pressure.ravel()
-        return self.compression.solve(nodal, parameters, sensitivities, start)
+        return self.compression.solve(values, nodal, sensitivities, start)
 
     def pressure_rates(
         self, state: Compressed, changes: Sequence[FloatArray], tolerance: float | None = None
@@ -112,19 +118,19 @@ class LegModel3D:
         system.set_time(1.0, 1.0)
         system.unknown.x.array[:] = state.unknown
 
-    @cached_property
+    @made_when_needed
     def _surfaces(self) -> dict[str, BodySurface]:
         spaces = self.compression.spaces
         return {SKIN: skin_surface(spaces), HULL: hull_surface(spaces)}
 
-    @cached_property
+    @made_when_needed
     def _from_mesh(self) -> dict[str, csr_matrix]:
         return {
             part: body.surface.weights(self.shape.points(part).reshape(-1, 3))
             for part, body in self._surfaces.items()
         }
 
-    @cached_property
+    @made_when_needed
     def _to_mesh(self) -> csr_matrix:
         points = self.shape.points(SKIN)
         surface = TriangleSurface(points.reshape(-1, 3), tube(*points.shape[:2]))

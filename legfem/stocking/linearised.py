@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from functools import cached_property
 
+from legfem.common.units import FloatArray
 from legfem.stocking.misfit import ContourMisfit
 from legfem.stocking.worn import Feedback, Worn, WornLeg, slope_step
-from legfem.units import FloatArray
 
 
 class LinearisedContours:

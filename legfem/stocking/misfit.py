@@ -16,12 +16,12 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.shape_motion import rigidly_moved
 from legfem.geometry.slices import CONTOURS, SliceSet, slice_distances
 from legfem.stocking.accuracy import ContourAccuracy
 from legfem.stocking.outline_errors import HELD, OutlineErrors, outline_errors
-from legfem.units import FloatArray
 
 SHIFT, TURN = 0.05, 0.001
 """Of differences: mm, rad."""

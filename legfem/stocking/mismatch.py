@@ -22,6 +22,7 @@ import numpy as np
 from scipy.stats import chi2
 from statsmodels.stats.multitest import multipletests
 
+from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.geometry.slices import CONTOURS
 from legfem.stocking.identification import BOUNDS, Identified
 from legfem.stocking.leg_model import PARAMETERS
@@ -30,7 +31,6 @@ from legfem.stocking.misfit import ContourMisfit
 from legfem.stocking.nuisance import RIGID, SECTORS, from_sector, sectors
 from legfem.stocking.nuisance_slopes import NuisanceSlopes
 from legfem.stocking.worn import Worn, WornLeg
-from legfem.units import FloatArray, kpa_to_mpa
 
 SIGNIFICANT = 0.025
 """Of each of two families of tests, the mechanisms' and the places': 5 % where nothing is wrong."""
@@ -48,7 +48,7 @@ TERMS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Mechanism:
+class MisfitMechanism:
     """What may be wrong, with the distances' slopes by its parameters, (n, k)."""
 
     name: str
@@ -145,28 +145,28 @@ def mismatch_of(
 
 def _slopes(
     contours: LinearisedContours, nuisances: FloatArray, parameters: FloatArray
-) -> tuple[FloatArray, tuple[Mechanism, ...]]:
+) -> tuple[FloatArray, tuple[MisfitMechanism, ...]]:
     """Return the slopes by log stiffness and nuisances, (n, 2 + k), and the mechanisms."""
     stiffness = [v * contours.by_parameter(n) for n, v in zip(PARAMETERS, parameters, strict=True)]
     rigid, local = nuisances[:, :RIGID], nuisances[:, RIGID : RIGID + SECTORS]
     return np.column_stack([*stiffness, nuisances]), (
-        Mechanism(
+        MisfitMechanism(
             "local-pressure", "the pressure on the skin is wrong on one side of the leg",
             tuple(f"at {360 * k / SECTORS:.0f} degrees" for k in range(SECTORS)), local,
         ),
-        Mechanism(
+        MisfitMechanism(
             "volume-loss", "the deep tissue has lost volume: blood has drained from it",
             ("share",), contours.by_parameter(TERMS["volume-loss"])[:, None],
         ),
-        Mechanism(
+        MisfitMechanism(
             "stiffness-gradient", "the muscle's stiffness changes along the leg",
             ("gradient a 100 mm",), contours.by_parameter(TERMS["stiffness-gradient"])[:, None],
         ),
-        Mechanism(
+        MisfitMechanism(
             "fascia", "a sheet round the muscle, its fascia, holds it together",
             ("stiffness (N/mm)",), contours.by_parameter(TERMS["fascia"])[:, None],
         ),
-        Mechanism(
+        MisfitMechanism(
             "misregistration", "the two scans lie farther apart than the bones' registration says",
             ("x (mm)", "y (mm)", "z (mm)", "about x (rad)", "about y (rad)", "about z (rad)"),
             rigid,
@@ -175,7 +175,7 @@ def _slopes(
 
 
 def _scores(
-    mechanisms: Sequence[Mechanism],
+    mechanisms: Sequence[MisfitMechanism],
     misfit: ContourMisfit,
     white: FloatArray,
     orthonormal: FloatArray,
@@ -240,7 +240,7 @@ def _repaired(
     worn: Worn,
     base: FloatArray,
     prior: FloatArray,
-    mechanism: Mechanism,
+    mechanism: MisfitMechanism,
     distances: FloatArray,
 ) -> tuple[float | None, FloatArray]:
     """Fit stiffnesses, nuisances and mechanism together; the slopes stay those of the best fit."""

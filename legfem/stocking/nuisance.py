@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.stocking.misfit import ContourMisfit
-from legfem.units import FloatArray
 
 RIGID, SECTORS = 6, 8
 """Motions of a scan; parts of the leg's girth in which the pressure errs alike."""

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from legfem.common.units import FloatArray
 from legfem.geometry.curve import outward_normals
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.geometry.slices import distance_rates
@@ -30,7 +31,6 @@ from legfem.stocking.misfit import ContourMisfit
 from legfem.stocking.nuisance import RIGID, nuisance_sd, sectors
 from legfem.stocking.outline_errors import outline_errors
 from legfem.stocking.worn import RATE_TOLERANCE, Worn, WornLeg
-from legfem.units import FloatArray
 
 NEAR, FAR = 10.0, 35.0
 """Distance (mm) from the slices up to which errors of the bare outlines count in full, from which

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from legfem.common.units import FloatArray
 from legfem.geometry.curve import closed_lengths
 from legfem.stocking.accuracy import ContourAccuracy
-from legfem.units import FloatArray
 
 HELD = 0.95
 """Share of the errors' variance that the modes hold."""

@@ -9,10 +9,10 @@ import numpy as np
 from dolfinx import fem, geometry
 from mpi4py import MPI
 
+from legfem.common.units import FloatArray
 from legfem.experiments.compression import Compressed, LegCompression
 from legfem.stocking.laplace import StockingLoad
 from legfem.stocking.veins import Vein
-from legfem.units import FloatArray
 
 END_ZONE = 10.0
 """Length (mm) at either end of the segment whose extremes are the ends' doing, and don't count."""

@@ -15,13 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from legfem.common.units import FloatArray
 from legfem.stocking.leg_model import PARAMETERS
 from legfem.stocking.linearised import LinearisedContours
 from legfem.stocking.misfit import ContourMisfit
 from legfem.stocking.nuisance import RIGID, SECTORS
 from legfem.stocking.nuisance_slopes import NuisanceSlopes
 from legfem.stocking.worn import Worn, WornLeg
-from legfem.units import FloatArray
 
 STEP = 0.01
 """Of log parameters, for a difference of the nuisances' slopes."""

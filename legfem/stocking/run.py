@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 
 from mpi4py import MPI
 
+from legfem.common.progress import Progress
 from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.slices import SliceSet
 from legfem.meshing.solid_leg import SolidMeshSettings, settings_for_cells
-from legfem.progress import Progress
-from legfem.stocking.identification import Identified, Search, SearchSettings
+from legfem.stocking.identification import Identified, SearchSettings, StiffnessSearch
 from legfem.stocking.laplace import StockingLoad, stocking_load
 from legfem.stocking.leg import StockingLeg
 from legfem.stocking.leg_model import PARAMETERS, LegModel3D
@@ -104,7 +104,7 @@ def run_leg(
         misfit = ContourMisfit.between(
             SliceSet.of(leg.compressed, leg.slices), leg.accuracy, leg.scanned_bare, leg.bare
         )
-        search = Search(worn_leg, misfit, settings.search, progress.advance)
+        search = StiffnessSearch(worn_leg, misfit, settings.search, progress.advance)
         progress.stage("identification, weighted")
         searches = search.weighted()
         if settings.nelder_mead:

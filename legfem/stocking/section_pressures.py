@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.stocking.pressures import PressureProbe
 from legfem.stocking.worn import Worn
-from legfem.units import FloatArray
 
 SPACING = 0.5
 """Of the points (mm)."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import HULL, LegShape
-from legfem.units import FloatArray
 
 GAP = 7.0
 """Distance (mm) of a vein's axis from the bone beside it, by default."""

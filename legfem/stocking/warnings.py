@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.stocking.identification import Identified
 from legfem.stocking.judgement import (
@@ -19,7 +20,6 @@ from legfem.stocking.laplace import StockingLoad
 from legfem.stocking.leg_model import PARAMETERS
 from legfem.stocking.run import StockingResult
 from legfem.stocking.worn import FixedPointSettings
-from legfem.units import FloatArray, mpa_to_kpa
 
 TISSUES = dict(zip(PARAMETERS, ("muscle", "fat"), strict=True))
 UNLOADED_BEYOND = 0.01

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from legfem.common.units import FloatArray
 from legfem.experiments.compression import Compressed
-from legfem.fixed_point import AndersonMixing
 from legfem.geometry.leg_shape import SKIN, LegShape
+from legfem.solve.fixed_point import AndersonMixing
 from legfem.stocking.laplace import Stocking, StockingLoad, stocking_load
 from legfem.stocking.leg_model import LegModel3D
-from legfem.units import FloatArray
 
 SLOPE_STEP = 1e-2
 """Greatest displacement (mm) of a difference of pressures or distances."""
@@ -111,7 +111,7 @@ class WornLeg:
         last = self._settings.max_states
         while True:
             names = sensitivities if converged or len(changes) + 1 == last else ()
-            state = self.model.solve(pressure, parameters, names, state)
+            state = self.model.solve(parameters, pressure, names, state)
             self.states += 1
             if not state.report.complete:
                 return Worn(state, pressure, shape, load, tuple(changes), False)

@@ -3,4 +3,4 @@
 from legfem.study.cli import app
 
 if __name__ == "__main__":
-    app()
+    app(prog_name="python -m legfem.study")

@@ -9,19 +9,14 @@ from typing import Annotated
 
 import typer
 
-from legfem.cli import (
+from legfem.common.command_edge import (
     FAILED,
     check_out_folder,
     command_edge,
-    leave_to_first_rank,
+    study_edge,
     usable_cores,
 )
-from legfem.progress import progress_on
-from legfem.study.concealed.cli import concealed
 from legfem.study.options import Jobs, Out
-from legfem.study.recordings.cli import recordings
-from legfem.study.stockings.cli import stockings
-from legfem.study.worked.cli import worked
 
 app = typer.Typer(
     add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
@@ -47,60 +42,12 @@ def convergence(
 
     Example: python -m legfem.study convergence --subject 3
     """
-    leave_to_first_rank()
-    with command_edge():
-        from legfem.study import convergence_command
+    with study_edge("corners" if corners else "convergence", out, jobs) as (folder, processes):
+        from legfem.study.convergence import command as convergence_command
 
-        folder = out or Path("results") / ("corners" if corners else "convergence")
-        check_out_folder(folder)
         convergence_command.run(
-            subject, subject_dir, corners, (c10_kpa, c20_kpa), depth, folder,
-            jobs or usable_cores(),
-        )  # fmt: skip
-
-
-@app.command()
-def reconstruct(
-    out: Annotated[Path, typer.Option(help="Folder for the subject folders.")],
-    definition: Annotated[
-        Path | None, typer.Option(help="The shipped reconstruction.toml by default.")
-    ] = None,
-    jobs: Jobs = None,
-) -> None:
-    """Make the four subjects' folders: plausible calves, simulated recordings with noise.
-
-    Example: python -m legfem.study reconstruct --out studies/frauziols/subjects
-    """
-    leave_to_first_rank()
-    with command_edge(), progress_on() as progress:
-        from legfem.study.reconstruct import DEFINITION, read_definition
-        from legfem.study.reconstruct import reconstruct as make
-
-        check_out_folder(out)
-        made = make(
-            out, read_definition(definition or DEFINITION), progress, jobs or usable_cores()
+            subject, subject_dir, corners, (c10_kpa, c20_kpa), depth, folder, processes
         )
-        typer.echo(f"subject folders in {made}")
-
-
-@app.command()
-def planted(
-    number: Annotated[int, typer.Option("--n", min=1, help="Number of truths.")] = 40,
-    seed: Annotated[int, typer.Option(min=0, help="Of truths, noise and search.")] = 1,
-    out: Out = None,
-    jobs: Jobs = None,
-) -> None:
-    """Whether the intervals cover truths planted with another discretisation and noise.
-
-    Example: python -m legfem.study planted --n 40
-    """
-    leave_to_first_rank()
-    with command_edge():
-        from legfem.study import planted_command
-
-        folder = out or Path("results") / "planted"
-        check_out_folder(folder)
-        planted_command.run(number, seed, folder, jobs or usable_cores())
 
 
 @app.command()
@@ -116,13 +63,10 @@ def reproduce(
 
     Example: python -m legfem.study reproduce
     """
-    leave_to_first_rank()
-    with command_edge():
+    with study_edge("reproduce", out, jobs) as (folder, processes):
         from legfem.study import reproduce as tables
 
-        folder = out or Path("results") / "reproduce"
-        check_out_folder(folder)
-        tables.run(seed, folder, jobs or usable_cores(), corrected)
+        tables.run(seed, folder, processes, corrected)
 
 
 class CountChoice(StrEnum):
@@ -163,11 +107,9 @@ def doe(
     Simulations are kept as they are done: the same command goes on where it was stopped. Under
     mpirun the same command spreads them over the ranks.
 
-    Example: python -m legfem.study doe --factors studies/frauziols/doe.toml --out results/doe
+    Example: python -m legfem.study doe --subject 3 --factorial-only --out results/doe
     """
     with command_edge("run the same command again to go on; simulations that are done are kept"):
-        from concurrent.futures.process import BrokenProcessPool
-
         from mpi4py import MPI
 
         from legfem.study.doe.command import DoeOptions, run
@@ -179,15 +121,9 @@ def doe(
             tuple(factors or (PAPER, IDENTIFIED)), subject, subject_dir, folder,
             jobs or usable_cores(), seed, count.value, not factorial_only,
         )  # fmt: skip
-        try:
-            run(options, MPI.COMM_WORLD)
-        except BrokenProcessPool:
-            print(
-                "a simulating process was ended from outside (out of memory?): run the same "
-                "command again with --jobs 1; simulations that are done are kept",
-                file=sys.stderr,
-            )
-            raise typer.Exit(FAILED) from None
+        if not run(options, MPI.COMM_WORLD):
+            print("no simulation reached its depth: see the report", file=sys.stderr)
+            raise typer.Exit(FAILED)
 
 
 @app.command()
@@ -232,13 +168,13 @@ def correction(
 
         from legfem.experiments.indentation_3d import Cylinder, IdealisedLegSettings
         from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
-        from legfem.study import correction_command
-        from legfem.study.correction import Calibration
-        from legfem.study.correction_cases import Case, Material
+        from legfem.study.correction import command as correction_command
+        from legfem.study.correction.calibration import Calibration
+        from legfem.study.correction.cases import CorrectionCase, Material
 
         folder = out or Path("results") / "correction"
         check_out_folder(folder)
-        case = Case(
+        case = CorrectionCase(
             IdealisedLeg(radius, bone_radius, length, bone_offset, ends="held" if held else "free"),
             Cylinder(length=cylinder_length, edge_radius=edge_radius),
             Material(C10_kPa=c10_kpa),
@@ -248,51 +184,3 @@ def correction(
         processes = (jobs or usable_cores()) if MPI.COMM_WORLD.size == 1 else 1
         asked = correction_command.Asked(trends, legs, checks, fields)
         correction_command.run(Calibration(case), asked, folder, processes)
-
-
-@app.command()
-def solvers(
-    sizes: Annotated[
-        list[int] | None,
-        typer.Option(
-            "--size",
-            min=2000,
-            help="Unknowns; several may be given. 20000, 60000 and 200000 by default, or none "
-            "with --tetrahedra.",
-        ),
-    ] = None,
-    tetrahedra: Annotated[int, typer.Option(min=0, help="So many tetrahedra of first order.")] = 0,
-    ranks: Annotated[
-        list[int] | None, typer.Option(min=1, help="Ranks of MPI; several may be given.")
-    ] = None,
-    direct_up_to: Annotated[
-        int, typer.Option(min=0, help="Greatest size to factorise: time grows as its square.")
-    ] = 200_000,
-    step: Annotated[float, typer.Option(min=0.1, help="Of the load (mm).")] = 0.5,
-    out: Out = None,
-) -> None:
-    """Measure factors and iterations in 3D: one load step by size, each in its own process.
-
-    Starts mpirun itself where --ranks asks for it.
-
-    Example: python -m legfem.study solvers --size 20000 --size 60000 --ranks 1 --ranks 2
-    """
-    leave_to_first_rank()
-    with command_edge("run the same command again to go on; measured cases are kept"):
-        from dataclasses import replace
-
-        from legfem.study import solvers_command
-
-        folder = out or Path("results") / "solvers"
-        check_out_folder(folder)
-        cases = solvers_command.cases_of(
-            sizes or ([] if tetrahedra else [20_000, 60_000, 200_000]),
-            tetrahedra,
-            ranks or [1],
-            direct_up_to,
-        )
-        solvers_command.run([replace(case, step=step) for case in cases], folder)
-
-
-for command in (concealed, recordings, stockings, worked):
-    app.command()(command)

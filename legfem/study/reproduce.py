@@ -8,13 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from legfem.documents import write_atomically, write_document
-from legfem.identify.correction import Correction, correction_of, size_of
+from legfem.common.documents import write_atomically, write_document
+from legfem.common.markdown import markdown_table
+from legfem.common.progress import progress_on
+from legfem.correction.choice import Correction, correction_of, size_of
+from legfem.identify.catalogue import DEEP_C10, DEEP_C20
+from legfem.identify.document import result_document
 from legfem.identify.result import IdentificationResult
 from legfem.identify.run import identify_subject
 from legfem.identify.settings import IdentificationSettings
-from legfem.progress import progress_on
-from legfem.subject import SUBJECTS, load_subject
+from legfem.subjects.subject import SUBJECTS, load_subject
 
 
 @dataclass(frozen=True)
@@ -74,7 +77,9 @@ def run(seed: int, out: Path, jobs: int, corrected: bool = False) -> None:
     if corrected:
         tables += "\n" + correction_table(found, with_correction) + "\n" + own_corrections_table()
     documents: list[Any] = [
-        result.to_json() for pair in (*found.values(), *with_correction.values()) for result in pair
+        result_document(result)
+        for pair in (*found.values(), *with_correction.values())
+        for result in pair
     ]
     write_document(out / "result.json", documents)
     write_atomically(out / "tables.md", tables)
@@ -84,83 +89,70 @@ def run(seed: int, out: Path, jobs: int, corrected: bool = False) -> None:
 
 def neo_hookean_table(found: dict[str, list[IdentificationResult]]) -> str:
     """Return Table 4, the paper's and ours, in Markdown."""
-    lines = [
-        "| subject | paper: C10 (kPa), cost (N2) | legfem: C10 (kPa), 95 % | cost (N2) "
-        "| cost ((N/mm)2) | rms (N) |",
-        "|---|---|---|---|---|---|",
-    ]
+    rows = []
     for name, (neo_hookean, _) in found.items():
         paper, cost = PAPER[name], neo_hookean.cost
-        lines.append(
-            f"| {name} | {paper.neo_hookean_c10:.2f}, {paper.neo_hookean_cost:g} "
-            f"| {_estimate(neo_hookean, 'c10_deep')} | {cost.value:.4g} | {cost.per_length:.3g} "
-            f"| {cost.rms:.3f} |"
-        )
-    return "\n".join(lines) + "\n"
+        rows.append([
+            name, f"{paper.neo_hookean_c10:.2f}, {paper.neo_hookean_cost:g}",
+            _estimate(neo_hookean, DEEP_C10), f"{cost.value:.4g}", f"{cost.per_length:.3g}",
+            f"{cost.rms:.3f}",
+        ])  # fmt: skip
+    header = ["subject", "paper: C10 (kPa), cost (N2)", "legfem: C10 (kPa), 95 %", "cost (N2)",
+              "cost ((N/mm)2)", "rms (N)"]  # fmt: skip
+    return markdown_table(header, rows)
 
 
 def polynomial_table(found: dict[str, list[IdentificationResult]]) -> str:
     """Return Table 5, the paper's (the truth of the reconstruction) and ours, in Markdown."""
-    lines = [
-        "| subject | paper: C10, C20 (kPa), cost (N2) | legfem: C10 (kPa), 95 % "
-        "| C20 (kPa), 95 % | error of C10, C20 | cost (N2) | cost ((N/mm)2) | rms (N) "
-        "| verdicts |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
+    rows = []
     for name, (_, polynomial) in found.items():
         paper, cost = PAPER[name], polynomial.cost
-        c10, c20 = polynomial.parameters["c10_deep"], polynomial.parameters["c20_deep"]
-        lines.append(
-            f"| {name} | {paper.c10:.2f}, {paper.c20:.2f}, {paper.cost:g} "
-            f"| {_estimate(polynomial, 'c10_deep')} | {_estimate(polynomial, 'c20_deep')} "
-            f"| {c10.value / paper.c10 - 1:+.1%}, {c20.value / paper.c20 - 1:+.1%} "
-            f"| {cost.value:.4g} | {cost.per_length:.3g} | {cost.rms:.3f} "
-            f"| {c10.identifiability}, {c20.identifiability} |"
-        )
-    return "\n".join(lines) + "\n"
+        c10, c20 = polynomial.parameters[DEEP_C10], polynomial.parameters[DEEP_C20]
+        rows.append([
+            name, f"{paper.c10:.2f}, {paper.c20:.2f}, {paper.cost:g}",
+            _estimate(polynomial, DEEP_C10), _estimate(polynomial, DEEP_C20),
+            f"{c10.shown.value / paper.c10 - 1:+.1%}, {c20.shown.value / paper.c20 - 1:+.1%}",
+            f"{cost.value:.4g}", f"{cost.per_length:.3g}", f"{cost.rms:.3f}",
+            f"{c10.identifiability}, {c20.identifiability}",
+        ])  # fmt: skip
+    header = ["subject", "paper: C10, C20 (kPa), cost (N2)", "legfem: C10 (kPa), 95 %",
+              "C20 (kPa), 95 %", "error of C10, C20", "cost (N2)", "cost ((N/mm)2)", "rms (N)",
+              "verdicts"]  # fmt: skip
+    return markdown_table(header, rows)
 
 
 def effort_table(found: dict[str, list[IdentificationResult]]) -> str:
     """Return the work done, in Markdown."""
-    lines = [
-        "| subject | forward solves (neo-Hookean, reduced polynomial) | seconds (both) |",
-        "|---|---|---|",
-    ]
+    rows = []
     for name, pair in found.items():
         solves = ", ".join(str(result.forward_solves) for result in pair)
-        lines.append(f"| {name} | {solves} | {sum(result.wall_s for result in pair):.0f} |")
-    return "\n".join(lines) + "\n"
+        rows.append([name, solves, f"{sum(result.wall_s for result in pair):.0f}"])
+    header = ["subject", "forward solves (neo-Hookean, reduced polynomial)", "seconds (both)"]
+    return markdown_table(header, rows)
 
 
 def correction_table(
     without: dict[str, list[IdentificationResult]], corrected: dict[str, list[IdentificationResult]]
 ) -> str:
     """Return the stiffnesses without and with the 3D correction, in Markdown."""
-    lines = [
-        "| subject | neo-Hookean C10 (kPa), 95 %: without | with "
-        "| reduced polynomial C10, C20 (kPa), 95 %: without | with | rms (N) without, with |",
-        "|---|---|---|---|---|---|",
-    ]
+    rows = []
     for name, pair in without.items():
         cells = [
             " and ".join(_estimate(result, stiffness) for stiffness in result.parameters)
             for law in (0, 1)
             for result in (pair[law], corrected[name][law])
         ]
-        rms = f"{pair[1].cost.rms:.3f}, {corrected[name][1].cost.rms:.3f}"
-        lines.append(f"| {name} | {' | '.join(cells)} | {rms} |")
-    return "\n".join(lines) + "\n"
+        rows.append([name, *cells, f"{pair[1].cost.rms:.3f}, {corrected[name][1].cost.rms:.3f}"])
+    header = ["subject", "neo-Hookean C10 (kPa), 95 %: without", "with",
+              "reduced polynomial C10, C20 (kPa), 95 %: without", "with",
+              "rms (N) without, with"]  # fmt: skip
+    return markdown_table(header, rows)
 
 
 def own_corrections_table() -> str:
     """Return P of each subject's leg at Table 5's stiffness, with its error, in Markdown."""
     depths = np.array([5.0, 10.0, 15.0, 20.0, 25.0])
-    lines = [
-        "| subject | radius, depth to bone (mm) | "
-        + " | ".join(f"P at {d:g} mm (sd)" for d in depths)
-        + " |",
-        "|---|---|" + "---|" * len(depths),
-    ]
+    rows = []
     for name, paper in PAPER.items():
         subject = load_subject(SUBJECTS.find(name), need_recordings=False)
         own = correction_of(subject)
@@ -169,10 +161,11 @@ def own_corrections_table() -> str:
             f"{p:+.2f} ({sd:.2f})" for p, sd in zip(P, own.standard_deviation(depths), strict=True)
         ]
         radius, depth = size_of(subject)
-        lines.append(f"| {name} | {radius:.1f}, {depth:.1f} | {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
+        rows.append([name, f"{radius:.1f}, {depth:.1f}", *cells])
+    at = (f"P at {d:g} mm (sd)" for d in depths)
+    return markdown_table(["subject", "radius, depth to bone (mm)", *at], rows)
 
 
 def _estimate(result: IdentificationResult, name: str) -> str:
-    found = result.parameters[name]
+    found = result.parameters[name].shown
     return f"{found.value:.3f} [{found.ci95[0]:.3f}, {found.ci95[1]:.3f}]"

@@ -9,11 +9,12 @@ from making_mechanics import COARSE, subject_3
 from mpi4py import MPI
 
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.solve.protocol import Protocol
 
 settings = PlaneStrainSettings(mesh=COARSE, formulation=sys.argv[1])
 test = PlaneStrainIndentation(*subject_3(), settings, comm=MPI.COMM_WORLD)
 parameters = ("deep.C10", "deep.C20", "superficial.C10", "fascia.C10")
-solved = test.solve(depth=6.0, sensitivities=parameters, turns=[4.0])
+solved = test.solve(None, Protocol.through((6.0, 4.0), rate=1.0), parameters)
 balance = test.system.balance()
 if MPI.COMM_WORLD.rank == 0:
     np.savez(

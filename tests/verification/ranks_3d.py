@@ -8,17 +8,17 @@ from dataclasses import replace
 import numpy as np
 from mpi4py import MPI
 
-from legfem.correction import smooth_ratio
+from legfem.correction.tabulated import smooth_ratio
 from legfem.experiments.indentation_3d import IdealisedLegSettings
-from legfem.linear import LinearSettings
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
-from legfem.study.correction_cases import Case, solve_case
+from legfem.solve.linear import LinearSettings
+from legfem.study.correction.cases import CorrectionCase, solve_case
 
 mesh = LegMeshSettings(contact_size=8, depth_size=16, edge_size=8, growth=0.5, far_size=40)
 linear = replace(LinearSettings(), solver=sys.argv[1])
 settings = IdealisedLegSettings(mesh=mesh, linear=linear)
 outcome = solve_case(
-    Case(IdealisedLeg(length=90), settings=settings, depth=6.0), comm=MPI.COMM_WORLD
+    CorrectionCase(IdealisedLeg(length=90), settings=settings, depth=6.0), comm=MPI.COMM_WORLD
 )
 displacement = np.linspace(0, 6, 13)
 if MPI.COMM_WORLD.rank == 0:

@@ -10,17 +10,17 @@ from mpi4py import MPI
 
 from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.parametric_leg import parametric_leg, read_legs
-from legfem.linear import LinearSettings
-from legfem.materials import NeoHookean
+from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import SolidMeshSettings
-from legfem.newton import NewtonSettings
-from legfem.stocking.classes import CompressionClass, Fit, fitted_stocking
+from legfem.solve.linear import LinearSettings
+from legfem.solve.newton import NewtonSettings
+from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
 from legfem.stocking.laplace import stocking_load
 from legfem.stocking.leg_model import LegModel3D
 from legfem.stocking.pressures import PressureProbe, tissue_pressures
 from legfem.stocking.veins import default_veins
 
-LEGS = Path(__file__).resolve().parents[2] / "studies" / "dubuis" / "legs.toml"
+LEGS = Path(__file__).resolve().parents[2] / "studies" / "stockings" / "legs.toml"
 
 
 def main(solver: str, out: str) -> None:
@@ -34,9 +34,9 @@ def main(solver: str, out: str) -> None:
     )
     mesh = SolidMeshSettings(skin_size=8, inside_size=10, bone_size=8)
     model = LegModel3D(shape, tissues, mesh, settings, comm)
-    load = stocking_load(shape, fitted_stocking(shape, Fit(CompressionClass.STRONG)))
+    load = stocking_load(shape, fitted_stocking(shape, ClassFit(CompressionClass.STRONG)))
     fascia = {"fascia.membrane.stiffness": 0.05}
-    solved = model.solve(load.pressure, fascia, sensitivities=("deep.C10",))
+    solved = model.solve(fascia, load.pressure, ("deep.C10",))
     assert solved.report.complete
     probe = PressureProbe(model.compression)
     pressures = tissue_pressures(probe, solved, load, default_veins(shape, 80.0))

@@ -8,7 +8,7 @@ import numpy as np
 from mpi4py import MPI
 from test_solid_leg import BONE, DEEP, END, SKIN, SUPERFICIAL, calf, measure
 
-from legfem.errors import InputError
+from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape
 from legfem.meshing.solid_leg import SolidMeshSettings, mesh_solid_leg
 

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from legfem.checkpoint import Checkpoint
 from legfem.experiments.indentation_3d import (
     Cylinder,
     IdealisedLegIndentation,
     IdealisedLegSettings,
 )
-from legfem.materials import ReducedPolynomial
+from legfem.jobs.checkpoint import Checkpoint
+from legfem.mechanics.materials import ReducedPolynomial
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
 
 how, out = sys.argv[1], Path(sys.argv[2])

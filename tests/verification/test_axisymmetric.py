@@ -13,7 +13,6 @@ import pytest
 from making_derivatives import taylor_orders, worst_error
 from scipy.optimize import brentq
 
-from legfem.contact_settings import ContactSettings
 from legfem.experiments.axisymmetric import (
     AxisymmetricSettings,
     BallIndentation,
@@ -21,12 +20,13 @@ from legfem.experiments.axisymmetric import (
     CylinderBetweenPlates,
     CylinderCompression,
 )
-from legfem.materials import NeoHookean
+from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.materials import NeoHookean
+from legfem.mechanics.terms import Viscoelasticity
 from legfem.meshing.meridian import MeridianMeshSettings
-from legfem.newton import NewtonSettings
-from legfem.protocol import Protocol
-from legfem.stepping import StepSettings, press
-from legfem.terms import Viscoelasticity
+from legfem.solve.newton import NewtonSettings
+from legfem.solve.protocol import Protocol
+from legfem.solve.stepping import StepSettings, press
 
 C10 = 5e-3
 TIGHT = NeoHookean(C10, 1e-3 / C10)  # K = 1000 mu
@@ -52,7 +52,7 @@ def test_a_cylinder_that_slides_is_compressed_homogeneously(law):
     steps = StepSettings(first=0.2, largest=0.5)
     settings = AxisymmetricSettings(MeridianMeshSettings(6.0, 0.0), wall, steps=steps)
     cylinder = CylinderCompression(CylinderBetweenPlates(), law, settings)
-    solved = cylinder.follow(Protocol.ramp(12.0, rate=1.0))
+    solved = cylinder.solve(depth=12.0)
     assert solved.report.complete
     stretch = 1 - solved.curve.displacement[1:] / 30
     expected = np.pi * 25**2 * np.array([_uniaxial(law, s) for s in stretch])
@@ -63,7 +63,7 @@ def test_a_cylinder_that_slides_is_compressed_homogeneously(law):
 
 
 def test_the_default_wall_costs_little():
-    solved = CylinderCompression(CylinderBetweenPlates(), TIGHT).follow(Protocol.ramp(12.0, 1.0))
+    solved = CylinderCompression(CylinderBetweenPlates(), TIGHT).solve(depth=12.0)
     assert solved.curve.force[-1] == pytest.approx(np.pi * 625 * _uniaxial(TIGHT, 0.6), rel=1e-4)
 
 
@@ -77,7 +77,7 @@ def test_a_bonded_flat_cylinder_has_the_stiffness_of_its_shape():
     for height in (10.0, 2.5):
         test = CylinderBetweenPlates(25.0, height, "bonded")
         depth = 1e-3 * height
-        solved = CylinderCompression(test, law).follow(Protocol.ramp(depth, rate=1.0))
+        solved = CylinderCompression(test, law).solve(depth=depth)
         stiffness = solved.curve.force[-1] / (np.pi * 25**2 * 1e-3)
         error.append(stiffness / (6 * C10 * (1 + 2 * (25 / (2 * height)) ** 2)) - 1)
     print(error)
@@ -95,7 +95,7 @@ def _ball(test: BallOnLayer, depth: float, finest: float) -> np.ndarray:
         steps=StepSettings(first=depth / 4, largest=depth / 4),
     )
     law = TIGHT
-    solved = BallIndentation(test, law, settings).follow(Protocol.ramp(depth, rate=1.0))
+    solved = BallIndentation(test, law, settings).solve(depth=depth)
     assert solved.report.complete, solved.report
     d = solved.curve.displacement[1:]
     hertz = 16 / 9 * 6 * C10 * test.ball_radius**0.5 * d**1.5
@@ -141,7 +141,7 @@ def test_sensitivities_are_exact_along_ramp_and_hold(relaxing):
     names = ["deep.C10", "deep.viscoelasticity.ratio", "deep.viscoelasticity.relaxation_time"]
     held = Protocol.ramp_and_hold(2.0, rate=1.0, hold=8.0)
     system = relaxing.system
-    values = relaxing.follow(Protocol.ramp(0.5, rate=1.0)).parameters
+    values = relaxing.solve(depth=0.5).parameters
     assert worst_error(system, dict(values), names, held, 0.5) < 1e-5
 
 
@@ -152,8 +152,8 @@ def test_a_held_cylinder_relaxes_exponentially():
     coarse = AxisymmetricSettings(mesh=MeridianMeshSettings(6.0, 0.0))
     sudden = Protocol((0.0, 1e-6, 10.0), (0.0, 6.0, 6.0))
     test = CylinderBetweenPlates()
-    held = CylinderCompression(test, law, coarse, mechanisms=[branch]).follow(sudden).path
-    lasting = CylinderCompression(test, law, coarse).follow(sudden).path.force[-1]
+    held = CylinderCompression(test, law, coarse, mechanisms=[branch]).solve(None, sudden).path
+    lasting = CylinderCompression(test, law, coarse).solve(None, sudden).path.force[-1]
     hold = held.displacement == 6.0
     expected = lasting * (1 + 1.2 * np.exp(-held.time[hold] / 3))
     np.testing.assert_allclose(held.force[hold], expected, rtol=1e-4)

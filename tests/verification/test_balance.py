@@ -8,12 +8,12 @@ import ufl
 from dolfinx import fem
 from making_mechanics import FORMULATIONS, fixed_steps, pressed_block
 
-from legfem.compiled import compiled
-from legfem.contact_settings import ContactSettings
-from legfem.newton import NewtonSettings, NewtonSolver
-from legfem.stepping import press
-from legfem.system import System
-from legfem.terms import Tissue
+from legfem.fem.compiled import compiled
+from legfem.fem.system import System
+from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.terms import Tissue
+from legfem.solve.newton import NewtonSettings, NewtonSolver
+from legfem.solve.stepping import press
 
 
 def _pressed(formulation: str, tangential: str, depth: float = 3.0) -> System:
@@ -58,9 +58,9 @@ def test_leg_forces_and_works_balance(subject_3_test):
 
 def _potential(system: System):
     """Return a function that gives the energy of tissue and contact (N mm per mm)."""
-    body, skin = system.body.place, system.skin.place
+    body, skin = system.body.domain, system.skin.domain
     tissue = sum(
-        term.energy_density(body) * body.regions[term.region]
+        term.energy_density(body, body.deformation_gradient) * body.regions[term.region]
         for term in system.model.terms
         if isinstance(term, Tissue)
     )

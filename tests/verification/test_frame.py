@@ -14,14 +14,14 @@ from making_mechanics import (
     subject_3,
 )
 
-from legfem.contact_settings import ContactSettings
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.fem.spaces import build_spaces
+from legfem.fem.system import System
 from legfem.geometry.section import LegSection
-from legfem.newton import NewtonSettings, NewtonSolver
-from legfem.spaces import build_spaces
-from legfem.stepping import press
-from legfem.subject import Indenter
-from legfem.system import System
+from legfem.mechanics.contact_settings import ContactSettings
+from legfem.solve.newton import NewtonSettings, NewtonSolver
+from legfem.solve.stepping import press
+from legfem.subjects.subject import Indenter
 
 RADIUS = 8.0
 

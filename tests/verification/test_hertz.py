@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from making_mechanics import at_skin, block, contact_pressure, one_tissue, pressed_block
 
-from legfem.contact_settings import ContactSettings
-from legfem.newton import NewtonSolver
-from legfem.stepping import StepSettings, press
-from legfem.system import System
+from legfem.fem.system import System
+from legfem.mechanics.contact_settings import ContactSettings
+from legfem.solve.newton import NewtonSolver
+from legfem.solve.stepping import StepSettings, press
 
 RADIUS = 400.0
 C10, D1 = 1e-3, 200.0  # nu = 0.41
@@ -59,7 +59,7 @@ def _pressed(depth: float, finest: float, penetration: float) -> System:
 def _half_width_and_peak(system: System) -> tuple[float, float]:
     """Fit p^2 = p0^2 (1 - x^2 / a^2) to the pressures at the skin's quadrature points."""
     pressure = contact_pressure(system)
-    x = at_skin(system, system.skin.place.relative_position)[:, 0]
+    x = at_skin(system, system.skin.domain.relative_position)[:, 0]
     inside = pressure > 0.3 * pressure.max()
     slope, peak = np.polyfit(x[inside] ** 2, pressure[inside] ** 2, 1)
     return float(np.sqrt(-peak / slope)), float(np.sqrt(peak))
@@ -71,7 +71,7 @@ def _against_hertz(system: System) -> dict[str, float]:
     a = np.sqrt(4 * P * RADIUS / (np.pi * _plane_modulus()))
     width, peak = _half_width_and_peak(system)
     pressure = contact_pressure(system)
-    x = at_skin(system, system.skin.place.relative_position)[:, 0]
+    x = at_skin(system, system.skin.domain.relative_position)[:, 0]
     touching = np.abs(x[pressure > 0.02 * pressure.max()]).max()
     return {
         "a": a,

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from making_mechanics import COARSE, block, fixed_steps, pressed_block, subject_3
 
-from legfem.contact_settings import ContactSettings
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.mechanics.contact_settings import ContactSettings
 from legfem.meshing.section import SectionMeshSettings
-from legfem.newton import NewtonSolver
-from legfem.stepping import press
+from legfem.solve.newton import NewtonSolver
+from legfem.solve.protocol import Protocol
+from legfem.solve.stepping import press
 
 WINDOWS = ((0.0, 5.0), (5.0, 20.0), (20.0, 30.0))
 
@@ -19,7 +20,7 @@ def test_unloading_returns_along_loading_and_ends_without_force():
     """Elastic tissue under rough contact: what touched stays where it touched until it lifts."""
     settings = PlaneStrainSettings(mesh=COARSE, steps=fixed_steps(1.0))
     solved = PlaneStrainIndentation(*subject_3(), settings).solve(
-        depth=8.0, turns=[6.0, 4.0, 2.0, 1.0, -0.5]
+        None, Protocol.through((8.0, 6.0, 4.0, 2.0, 1.0, -0.5), rate=1.0)
     )
     at, force = solved.path.displacement, solved.path.force
     top = int(np.argmax(at))
@@ -75,7 +76,7 @@ def test_steps_of_the_default_size_are_small_enough_on_a_leg():
     curves = []
     for steps in (PlaneStrainSettings().steps, fixed_steps(0.1)):
         test = PlaneStrainIndentation(*subject_3(), PlaneStrainSettings(steps=steps))
-        path = test.solve(depth=depths[0], turns=depths[1:]).path
+        path = test.solve(None, Protocol.through(depths, rate=1.0)).path
         nearest = [np.argmin(np.abs(path.displacement - depth)) for depth in depths]
         curves.append(path.force[nearest])
     change = np.array(curves[0]) / curves[1] - 1

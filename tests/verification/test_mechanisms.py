@@ -18,16 +18,16 @@ from making_mechanics import (
     subject_3,
 )
 
-from legfem.contact_settings import ContactSettings
-from legfem.errors import InputError
+from legfem.common.errors import InputError
 from legfem.experiments.placement import Placement
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.materials import ExponentialStiffening, Yeoh
-from legfem.newton import NewtonSolver
-from legfem.protocol import Protocol
-from legfem.stepping import follow
-from legfem.system import System
-from legfem.terms import Contraction, Prestress, Tissue, Viscoelasticity
+from legfem.fem.system import System
+from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.materials import ExponentialStiffening, Yeoh
+from legfem.mechanics.terms import Contraction, Prestress, Tissue, Viscoelasticity
+from legfem.solve.newton import NewtonSolver
+from legfem.solve.protocol import Protocol
+from legfem.solve.stepping import follow
 
 TISSUES = one_tissue(1e-3, 28.0, C20=0.5e-3)
 SMALL = block(np.linspace(-20, 20, 11), np.linspace(-20, 0, 6))
@@ -145,6 +145,7 @@ def leg() -> PlaneStrainIndentation:
     return PlaneStrainIndentation(*subject_3(), settings)
 
 
+@pytest.mark.slow
 def test_a_leg_with_every_mechanism_at_its_null_is_the_base_model(leg):
     """Sensitivities at the nulls are the effects' signatures, in loading, hold and unloading."""
     section, _, tissues = subject_3()
@@ -159,7 +160,7 @@ def test_a_leg_with_every_mechanism_at_its_null_is_the_base_model(leg):
     full = PlaneStrainIndentation(*subject_3(), leg.settings, mechanisms=everything)
     cycle = Protocol.cycle(4.0, rate=1.0, hold=30.0)
     names = ["deep.C10", "deep.viscoelasticity.ratio", "fascia.prestress.tension"]
-    base, null = leg.follow(cycle), full.follow(cycle, sensitivities=names)
+    base, null = leg.solve(None, cycle), full.solve(None, cycle, names)
     np.testing.assert_allclose(null.path.force, base.path.force, rtol=1e-10, atol=1e-12)
     top, end = (null.path.sensitivity_at(names[1], time) for time in (4.0, 34.0))
     print(top, end)
@@ -181,7 +182,7 @@ def test_a_tilted_travel_turns_about_first_touch(leg):
     """The centre at first touch stays; a path tilted there and its force turn together."""
     stated = leg.system.direction.copy()
     leg.solve(depth=1.0, placement=Placement(tilt_deg=30.0))
-    centre = np.array(leg.system.skin.place.centre.value)
+    centre = np.array(leg.system.skin.domain.centre.value)
     np.testing.assert_allclose(np.linalg.norm(centre - leg.section_mesh.touch), 1.0, rtol=1e-12)
     assert (centre - leg.section_mesh.touch) @ stated == pytest.approx(np.cos(np.pi / 6))
 
@@ -190,7 +191,7 @@ def test_an_offset_line_starts_at_its_own_first_touch(leg):
     for offset in (-4.0, 4.0):
         light = leg.solve(depth=0.02, placement=Placement(offset_mm=offset))
         assert light.report.complete and 0 < light.curve.force[-1] < 0.02
-        centre = np.array(leg.system.skin.place.centre.value)
+        centre = np.array(leg.system.skin.domain.centre.value)
         across = np.array([-leg.section_mesh.direction[1], leg.section_mesh.direction[0]])
         assert (centre - leg.section_mesh.touch) @ across == pytest.approx(offset)
 

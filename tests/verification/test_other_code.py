@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
-from making_mechanics import CROSSCHECK
+from making import CROSSCHECK
 
 from legfem.experiments.plane_strain import PlaneStrainIndentation
-from legfem.subject import load_subject
-
-pytestmark = pytest.mark.skipif(not CROSSCHECK.is_dir(), reason="needs ../shared/crosscheck")
+from legfem.subjects.subject import load_subject
 
 # kPa to MPa; the other code has no (J - 1)^4 / D2 term.
 PARAMETERS = {

@@ -15,7 +15,7 @@ from making_mechanics import (
     solve_with_boundary,
 )
 
-from legfem.system import System
+from legfem.fem.system import System
 
 GRADIENT = np.array([[0.15, -0.25], [0.10, -0.20]])
 C10, D1, C20 = 1.2e-3, 28.0, 0.8e-3

@@ -37,6 +37,7 @@ def test_displacement_form_on_several_ranks(tmp_path, ranks):
     _check(ranks, "displacement", tmp_path)
 
 
+@pytest.mark.slow
 def test_the_correction_is_the_same_on_two_ranks(tmp_path):
     _check_correction(2, "direct", tmp_path)
 
@@ -58,14 +59,8 @@ def _check_correction(ranks: int, solver: str, folder: Path) -> None:
     assert difference(np.sort(more["pressure"]), np.sort(one["pressure"])) < 1e-6
 
 
-@pytest.mark.parametrize(
-    "ranks, solver",
-    [
-        (2, "iterative"),
-        pytest.param(4, "iterative", marks=pytest.mark.slow),
-        pytest.param(4, "direct", marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("ranks, solver", [(2, "iterative"), (4, "iterative"), (4, "direct")])
 def test_a_leg_in_its_stocking_is_the_same_on_several_ranks(tmp_path, ranks, solver):
     one, more = (
         run_on_ranks(number, "ranks_compression.py", tmp_path / f"{number}.npz", solver)

@@ -1,25 +1,54 @@
-"""A section of a real leg's surfaces, made into a subject folder, meshed and pressed 25 mm."""
+"""Sections of a leg's surfaces, made into a subject folder, meshed and pressed 25 mm.
+
+The surfaces are a drawn leg's, and a real one's where they are at hand.
+"""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
+import pandas as pd
 import pytest
 from making_mechanics import REAL_LEG
 
 from legfem.experiments.plane_strain import PlaneStrainIndentation
-from legfem.geometry.subject_folder import convert_cross_sections
-from legfem.subject import load_subject
+from legfem.geometry.parametric_leg import parametric_leg, read_legs
+from legfem.subjects.from_cross_sections import convert_cross_sections
+from legfem.subjects.subject import load_subject
+from studies.stockings.command import LEGS
 
-pytestmark = pytest.mark.skipif(not REAL_LEG.is_file(), reason="needs ../shared/data/leg_geometry")
+real_leg = pytest.mark.skipif(not REAL_LEG.is_file(), reason="needs ../shared/data/leg_geometry")
 
 
-@pytest.mark.parametrize(
-    "level", [300.0, pytest.param(260.0, marks=pytest.mark.slow),
-              pytest.param(340.0, marks=pytest.mark.slow)],
-)  # fmt: skip
+def drawn_sections(path: Path, level: float) -> Path:
+    """Write a leg of ours as the cross-sections of its surfaces."""
+    shape = parametric_leg(read_legs(LEGS)["2"]).at_levels(np.array([level, level + 5.0]))
+    rows = [
+        (at, "muscle_hull" if part == "hull" else part, 0, i, x, y)
+        for part, contours in shape.contours.items()
+        for at, contour in zip(shape.levels, contours, strict=True)
+        for i, (x, y) in enumerate(contour)
+    ]
+    columns = ["level_mm", "part", "loop", "i", "x_mm", "y_mm"]
+    pd.DataFrame(rows, columns=columns).to_csv(path, index=False)
+    return path
+
+
+def test_a_drawn_leg_is_pressed_25_mm_at_its_back(tmp_path):
+    pressed_at_its_back(drawn_sections(tmp_path / "sections.csv", 100.0), 100.0, tmp_path)
+
+
+@real_leg
+@pytest.mark.slow
+@pytest.mark.parametrize("level", [260.0, 300.0, 340.0])
 def test_a_real_leg_is_pressed_25_mm_at_its_back(level, tmp_path):
+    pressed_at_its_back(REAL_LEG, level, tmp_path)
+
+
+def pressed_at_its_back(sections: Path, level: float, folder: Path) -> None:
     subject = load_subject(
-        convert_cross_sections(REAL_LEG, level, tmp_path / "leg"), need_recordings=False
+        convert_cross_sections(sections, level, folder / "leg"), need_recordings=False
     )
     test = PlaneStrainIndentation.of_subject(subject)
     assert test.section_mesh.quality.worst > 0.1

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from making_mechanics import COARSE, at_skin, subject_3
 
-from legfem.contact_settings import ContactSettings
+from legfem.experiments.base import Solved
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.experiments.pressing import Indentation
+from legfem.mechanics.contact_settings import ContactSettings
 from legfem.meshing.section import SectionMeshSettings
-from legfem.newton import NewtonSettings
+from legfem.solve.newton import NewtonSettings
 
 # Rounding of positions (1e-14 mm) times such a penalty is far above the usual tolerance.
 NO_SLIP = PlaneStrainSettings(
@@ -23,19 +23,17 @@ NO_SLIP = PlaneStrainSettings(
 def _slip_and_penetration(test: PlaneStrainIndentation) -> tuple[float, float]:
     """Return the largest slip of a touching point and the largest overclosure (mm)."""
     system = test.system
-    term, place = system.model.term("friction"), system.skin.place
+    term, domain = system.model.term("friction"), system.skin.domain
     variables = system.skin.history.variables
     history = {name: variables[f"friction.{name}"] for name in ("anchor", "touching")}
-    slip = np.linalg.norm(at_skin(system, term.slip(place, history)), axis=1)
-    gap = at_skin(system, term.normal.indenter.gap(place.relative_position))
+    slip = np.linalg.norm(at_skin(system, term.slip(domain, history)), axis=1)
+    gap = at_skin(system, term.normal.indenter.gap(domain.relative_position))
     touching = gap < test.settings.contact.onset
     assert touching.any() and (slip[~touching] == 0).all()
     return float(slip.max()), float(-gap.min())
 
 
-def _pressed(
-    settings: PlaneStrainSettings, depth: float
-) -> tuple[Indentation, np.ndarray, np.ndarray]:
+def _pressed(settings: PlaneStrainSettings, depth: float) -> tuple[Solved, np.ndarray, np.ndarray]:
     """Return the solution with slip and penetration at every step."""
     test = PlaneStrainIndentation(*subject_3(), settings)
     seen = []

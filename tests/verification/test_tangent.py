@@ -7,10 +7,10 @@ import pytest
 from making_derivatives import taylor_orders
 from making_mechanics import at_skin, fixed_steps, nodal, pressed_block
 
-from legfem.contact_settings import ContactSettings
-from legfem.newton import NewtonSolver
-from legfem.stepping import press
-from legfem.system import System
+from legfem.fem.system import System
+from legfem.mechanics.contact_settings import ContactSettings
+from legfem.solve.newton import NewtonSolver
+from legfem.solve.stepping import press
 
 STATES = [
     pytest.param("displacement", "stiff", "rough"),
@@ -48,16 +48,16 @@ def test_the_remainder_is_of_second_order(formulation, normal, tangential):
 def test_the_states_hold_every_kind_of_contact():
     """Old and new points under rough contact; sticking and slipping ones under friction."""
     system = _within_a_step("mixed", "exponential", "coulomb")
-    place, variables = system.skin.place, system.skin.history.variables
+    domain, variables = system.skin.domain, system.skin.history.variables
     friction = system.model.term("friction")
     history = {name: variables[f"friction.{name}"] for name in ("anchor", "touching")}
     touched = variables["friction.touching"].x.array > 0.5
-    touching = at_skin(system, friction.updated(place, history)["touching"]) > 0.5
+    touching = at_skin(system, friction.updated(domain, history)["touching"]) > 0.5
     assert (touching & touched).any() and (touching & ~touched).any()
-    slip = np.linalg.norm(at_skin(system, friction.slip(place, history)), axis=1)
-    law = place.symbols.of("friction", friction.law)
-    pressure = friction.normal.pressure(place)
-    traction = at_skin(system, law.traction(friction.slip(place, history), pressure))
+    slip = np.linalg.norm(at_skin(system, friction.slip(domain, history)), axis=1)
+    law = domain.symbols.of("friction", friction.law)
+    pressure = friction.normal.pressure(domain)
+    traction = at_skin(system, law.traction(friction.slip(domain, history), pressure))
     elastic = np.linalg.norm(traction, axis=1) / 0.2
     sliding = touching & (slip > 1.01 * elastic)
     sticking = touching & (slip > 0) & (slip < 1.0001 * elastic)

@@ -15,11 +15,11 @@ from making_mechanics import (
     pressed_block,
 )
 
-from legfem.newton import NewtonSolver
-from legfem.protocol import Protocol
-from legfem.stepping import StepSettings, follow
-from legfem.system import System
-from legfem.terms import Viscoelasticity
+from legfem.fem.system import System
+from legfem.mechanics.terms import Viscoelasticity
+from legfem.solve.newton import NewtonSolver
+from legfem.solve.protocol import Protocol
+from legfem.solve.stepping import StepSettings, follow
 
 TISSUES = one_tissue(1e-3, 28.0, C20=0.5e-3)
 SMALL = block(np.linspace(-20, 20, 11), np.linspace(-20, 0, 6))

@@ -1,56 +1,15 @@
-"""What a leg's model may leave out, one mechanism a class."""
+"""What a leg's model may leave out, one mechanism a file; others come by entry points."""
 
 from __future__ import annotations
 
-from legfem.diagnose.mechanisms.base import (
-    Mechanism,
-    Parameter,
-    Solution,
-    TissueMechanism,
-    Values,
-)
-from legfem.diagnose.mechanisms.instrument import ContactOnset, ForceDrift, SupportCompliance
-from legfem.diagnose.mechanisms.muscle import MuscleContraction, Preconditioning
-from legfem.diagnose.mechanisms.tissue import (
-    Compressibility,
-    ContactSlip,
-    EndEffects,
-    FasciaStiffness,
-    IndenterTilt,
-    PoroelasticDrainage,
-    Prestress,
-    StrainStiffening,
-    SuperficialStiffness,
-    SuperficialViscoelasticity,
-    Viscoelasticity,
-)
-
-MECHANISMS: tuple[Mechanism, ...] = (
-    StrainStiffening(),
-    EndEffects(),
-    Viscoelasticity(),
-    SuperficialViscoelasticity(),
-    PoroelasticDrainage(),
-    Compressibility(),
-    ContactSlip(),
-    ContactOnset(),
-    SupportCompliance(),
-    ForceDrift(),
-    MuscleContraction(),
-    Preconditioning(),
-    FasciaStiffness(),
-    SuperficialStiffness(),
-    IndenterTilt(),
-    Prestress(),
-)
+from legfem.diagnose.mechanisms.base import Mechanism, Solution, TissueMechanism, Values
+from legfem.diagnose.mechanisms.registry import mechanism_named, mechanisms
 
 __all__ = [
-    "MECHANISMS",
-    "EndEffects",
     "Mechanism",
-    "Parameter",
     "Solution",
     "TissueMechanism",
     "Values",
-    "Viscoelasticity",
+    "mechanism_named",
+    "mechanisms",
 ]

@@ -7,65 +7,72 @@ indenter stands, how stiff the deep tissue is at a time or in a trial, or what t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from legfem.common.units import FloatArray
 from legfem.diagnose.observations import Observations
-from legfem.units import FloatArray
+from legfem.inference.parameter import Parameter, Prior
+
+if TYPE_CHECKING:
+    from legfem.experiments.plane_strain import Tissues
+    from legfem.geometry.section import LegSection
 
 Values = Mapping[str, float]
 
 
-@dataclass(frozen=True)
-class Parameter:
-    """A mechanism's parameter, in the unit people use."""
+def strength(
+    name: str,
+    unit: str,
+    statement: str,
+    usual: float,
+    bounds: tuple[float, float],
+    source: str = "a size that would matter",
+) -> Parameter:
+    """Return a mechanism's first parameter: null at zero, of a usual size."""
+    return Parameter(name, unit, bounds, Prior(0.0, usual, "linear", source), statement=statement)
 
-    name: str
-    unit: str
-    meaning: str
-    low: float
-    high: float
-    null: float = 0.0
-    start: float | None = None
-    """Where a search begins; a little off the null without it."""
-    known_to: float | None = None
-    """Standard deviation about the null of what is known beforehand; nothing is without it."""
 
-    @property
-    def typical(self) -> float:
-        """A magnitude that matters."""
-        return self.start if self.start is not None else self.null + 0.2 * (self.high - self.null)
+def factor(
+    name: str, statement: str, bounds: tuple[float, float], log_sd: float, source: str
+) -> Parameter:
+    """Return a mechanism's first parameter that multiplies something: null at one."""
+    prior = Prior(1.0, log_sd, "log", source)
+    return Parameter(name, "-", bounds, prior, scale="log", statement=statement)
 
 
 @dataclass(frozen=True)
 class Mechanism:
     """A mechanism that does nothing: what others override.
 
-    The first parameter is the strength; at its null the others have no effect.
+    The first parameter is the strength; at the centre of its prior, its null, the others have no
+    effect.
     """
 
     name: ClassVar[str]
     statement: ClassVar[str]
     """What was left out, as a sentence with no formula."""
     parameters: ClassVar[tuple[Parameter, ...]]
+    """Each with a prior."""
     next_experiment: ClassVar[str]
     """The measurement that would settle it."""
+    sealed: ClassVar[tuple[float, float] | None] = None
+    """Range of the strength in sealed cases; none are made without it."""
 
     def untestable(self, observed: Observations) -> str | None:
         """Return why such recordings can't show it, or None."""
         return None
 
-    def shape_choices(self, observed: Observations) -> tuple[Values, ...]:
-        """Return values of the parameters beyond the first to try."""
-        return ({},)
-
-    @property
-    def starting_strengths(self) -> tuple[float, ...]:
-        """Return strengths that searches begin at: the misfit may have several minima."""
-        return (self.parameters[0].typical,)
+    def starts(self, observed: Observations) -> tuple[Values, ...]:
+        """Return values that searches begin at: the misfit may have several minima."""
+        first, *rest = self.parameters
+        others = {p.name: null_of(p) for p in rest}
+        ends = [first.inside(value_at(first, z)) for z in (-0.5, 0.5)]
+        distinct = [v for v in ends if abs(v - null_of(first)) > 1e-9 * abs(ends[1])]
+        return tuple({first.name: value, **others} for value in distinct)
 
     def displacement_loss(
         self, values: Values, observed: Observations, force: FloatArray
@@ -86,12 +93,28 @@ class Mechanism:
         return np.zeros(len(observed.force))
 
 
+def prior_of(parameter: Parameter) -> Prior:
+    """Return a mechanism's parameter's prior."""
+    assert parameter.prior is not None, f"{parameter.name} has no prior"
+    return parameter.prior
+
+
+def null_of(parameter: Parameter) -> float:
+    """Return where a strength does nothing: the centre of its prior."""
+    return prior_of(parameter).centre
+
+
+def value_at(parameter: Parameter, departure: float) -> float:
+    """Return a value so many standard deviations from the null."""
+    return prior_of(parameter).value_at(departure)
+
+
 @dataclass(frozen=True)
 class Solution:
     """What finite-element solution shows a mechanism at given values."""
 
     variant: str = "elastic"
-    """Which model; see `legfem.diagnose.variants`."""
+    """Which model: the base with the terms of all mechanisms of that variant."""
     parameters: Values = field(default_factory=dict)
     """Changed parameters of that model by full name (MPa, 1/MPa, mm4/(N s), s)."""
     scaled: Values = field(default_factory=dict)
@@ -104,20 +127,27 @@ class Solution:
 class TissueMechanism(Mechanism):
     """A mechanism whose response only a finite-element solution tells."""
 
+    variant: ClassVar[str] = "elastic"
+    """Of the leg's model; mechanisms of one variant share a mesh and its forms."""
+    formulation: ClassVar[str | None] = None
+    """Of the variant, where it isn't the base model's."""
+    tangential: ClassVar[str | None] = None
+    """Law of contact along the surface, likewise."""
     along_path: ClassVar[bool] = False
     """Whether the response depends on time or history, not on displacement alone."""
-    proportional: ClassVar[bool] = False
-    """Whether the strength is a relative change, from -1 on."""
-    costly: ClassVar[bool] = False
-    """Whether its solutions take so long that one stiffness stands for all in the table."""
     strengths: ClassVar[tuple[float, ...]] = ()
     """Where the response is tabulated, beside the null."""
 
-    @property
-    def starting_strengths(self) -> tuple[float, ...]:
-        """Return the usual strength and the ends of the tabulated ones."""
-        ends = {min(self.strengths), max(self.strengths)} if self.strengths else set()
-        return (*super().starting_strengths, *sorted(ends))
+    def terms(self, section: LegSection, tissues: Tissues) -> Sequence[Any]:
+        """Return the terms that it adds to the leg's model, at their nulls."""
+        return ()
+
+    def starts(self, observed: Observations) -> tuple[Values, ...]:
+        """Return the usual strengths and the ends of the tabulated ones."""
+        ends = sorted({min(self.strengths), max(self.strengths)}) if self.strengths else []
+        others = {p.name: null_of(p) for p in self.parameters[1:]}
+        first = self.parameters[0].name
+        return (*super().starts(observed), *({first: end, **others} for end in ends))
 
     def solution(self, values: Values) -> Solution:
         """Return the solution that shows the mechanism at values."""

@@ -11,9 +11,11 @@ from typing import Any
 
 import pandas as pd
 
-from legfem.documents import write_atomically, write_document
-from legfem.progress import progress_on
-from legfem.shipped import STUDIES
+from legfem.common.documents import write_atomically, write_document
+from legfem.common.progress import progress_on
+from legfem.jobs.pool import Workers
+from legfem.jobs.ranks import lead
+from legfem.jobs.store import Store
 from legfem.study.doe.anova import Counting
 from legfem.study.doe.definition import Definition, read_definition
 from legfem.study.doe.document import study_document, verdict_documents
@@ -21,16 +23,13 @@ from legfem.study.doe.figures import draw_half_normal, draw_normality, draw_resp
 from legfem.study.doe.figures_beyond import draw_information, draw_sobol
 from legfem.study.doe.page import claims_page, gather_figures
 from legfem.study.doe.report import fascia_note, report_page
-from legfem.study.doe.runners import Runner, lead
-from legfem.study.doe.runs import Workshop, as_csv
-from legfem.study.doe.simulator import PlaneStrainSimulator, Simulator
-from legfem.study.doe.store import RunStore
+from legfem.study.doe.runs import Workshop, as_csv, simulate
+from legfem.study.doe.simulator import PlaneStrainSimulator, Record, Request, Simulator
 from legfem.study.doe.study import StudyResult, study
 from legfem.study.doe.tables import anova_table, beside_table_3
 from legfem.study.doe.verdict import verdicts
-from legfem.subject import SUBJECTS, Subject, load_subject
-
-CHECKOUT = STUDIES.parent
+from legfem.subjects.catalogue import RESOURCES
+from legfem.subjects.subject import SUBJECTS, Subject, load_subject
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ class DoeOptions:
     beyond: bool
 
 
-def run(options: DoeOptions, comm: Any, simulator: Simulator | None = None) -> None:
+def run(options: DoeOptions, comm: Any, simulator: Simulator | None = None) -> bool:
     """Study every definition and write a folder each; under MPI only the first rank writes.
 
     Parameters
@@ -56,30 +55,38 @@ def run(options: DoeOptions, comm: Any, simulator: Simulator | None = None) -> N
         Over whose ranks the simulations are spread.
     simulator
         Of the subject's plane-strain test by default.
-    """
 
-    def work(runner: Runner) -> None:
+    Returns
+    -------
+    bool
+        Whether any simulation reached its depth; true on other ranks.
+    """
+    solved = True
+
+    def work() -> None:
+        nonlocal solved
         definitions = [read_definition(path) for path in options.definitions]
         folder = options.subject_dir or SUBJECTS.find(options.subject_id)
         subject = load_subject(folder, need_recordings=False)
-        _write_all(options, definitions, subject, runner, simulator)
+        given = simulator or PlaneStrainSimulator.of_subject(subject)
+        with Workers(simulate, given, options.jobs, comm) as workers:
+            solved = _write_all(options, definitions, subject, workers)
 
-    lead(comm, options.jobs, work)
+    lead(comm, work)
+    return solved
 
 
 def _write_all(
     options: DoeOptions,
     definitions: Sequence[Definition],
     subject: Subject,
-    runner: Runner,
-    simulator: Simulator | None,
-) -> None:
-    simulator = simulator or PlaneStrainSimulator.of_subject(subject)
+    workers: Workers[Simulator, Request, Record],
+) -> bool:
     # All studies share the simulations: the same point isn't done twice.
-    store = RunStore(options.out / "runs", simulator.fingerprint())
+    store = Store(options.out / "runs", Record, workers.context.fingerprint())
     results, folders = [], []
     with progress_on() as progress:
-        workshop = Workshop(simulator, store, runner, progress)
+        workshop = Workshop(workers, store, progress)
         for definition in definitions:
             out = options.out if len(definitions) == 1 else options.out / definition.source.stem
             results.append(_study(options, definition, subject, workshop, out))
@@ -99,6 +106,7 @@ def _write_all(
             options.out / "result.json", {"schema": 1, "claims": verdict_documents(found, titles)}
         )
         print(f"verdicts: {options.out / 'verdict.md'}")
+    return any(len(result.failed) < len(result.records) for result in results)
 
 
 def _command(options: DoeOptions) -> str:
@@ -117,7 +125,7 @@ def _command(options: DoeOptions) -> str:
 
 
 def _as_typed(path: Path) -> str:
-    return str(path.relative_to(CHECKOUT)) if path.is_relative_to(CHECKOUT) else str(path)
+    return path.name if path.is_relative_to(RESOURCES) else str(path)
 
 
 def _study(

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
-from legfem.errors import InputError
-from legfem.shipped import STUDIES
+from legfem.common.errors import InputError
 from legfem.study.doe.factors import PARAMETERS, UNITS, Coding, Factor
+from legfem.subjects.catalogue import RESOURCES
 
-PAPER, IDENTIFIED = (STUDIES / "frauziols" / name for name in ("doe.toml", "doe-identified.toml"))
+PAPER, IDENTIFIED = (RESOURCES / "frauziols" / name for name in ("doe.toml", "doe-identified.toml"))
 MOST_FACTORS = 8
 
 _KEYS = ("title", "depth_mm", "windows_mm", "coding", "factors", "fixed", "nominal", "emulator")

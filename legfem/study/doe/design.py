@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pyDOE3 import ff2n, lhs
 
-from legfem.units import FloatArray
+from legfem.common.units import FloatArray
 
 
 def factorial_design(factors: int) -> FloatArray:

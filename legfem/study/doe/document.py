@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-import numpy as np
-
-from legfem.identify.forward import legfem_version, package_version
+from legfem.common.documents import json_types
+from legfem.common.units import FloatArray
+from legfem.common.versions import legfem_version, package_version
 from legfem.study.doe.anova import LEVEL
 from legfem.study.doe.effects import omitted_terms
 from legfem.study.doe.study import MetricAnalysis, StudyResult
 from legfem.study.doe.verdict import Verdict, verdicts
-from legfem.units import FloatArray
 
 
 def study_document(result: StudyResult, seed: int, wall_s: float) -> dict[str, Any]:
@@ -53,8 +51,7 @@ def study_document(result: StudyResult, seed: int, wall_s: float) -> dict[str, A
         "information": _information(result),
         "claims": verdict_documents(verdicts([result]), [definition.title]),
     }
-    plain = _plain(document)
-    assert isinstance(plain, dict)
+    plain: dict[str, Any] = json_types(document)
     return plain
 
 
@@ -166,16 +163,3 @@ def _information(result: StudyResult) -> dict[str, Any] | None:
 
 def _by(names: Sequence[str], values: FloatArray) -> dict[str, float]:
     return {name: float(value) for name, value in zip(names, values, strict=True)}
-
-
-def _plain(value: Any) -> Any:
-    """Return a value with NaN and infinity as null and without numpy's types."""
-    if isinstance(value, dict):
-        return {str(key): _plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, np.generic):
-        return _plain(value.item())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

@@ -15,10 +15,10 @@ from scipy.stats import norm, shapiro
 from scipy.stats import t as student
 from statsmodels.stats.diagnostic import lilliefors
 
+from legfem.common.units import FloatArray
 from legfem.study.doe.factors import Factor
 from legfem.study.doe.metrics import Metric
 from legfem.study.doe.surface import Surface
-from legfem.units import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

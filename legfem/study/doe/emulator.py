@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 
-from legfem.units import FloatArray
+from legfem.common.units import FloatArray
 
 _STARTS = (0.8, 2.0, 5.0)
 _LENGTHS = (0.2, 30.0)

@@ -6,9 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
-from legfem.units import FloatArray
+from legfem.common.units import FloatArray
 
 Coding = Literal["linear", "logarithmic"]
 Kind = Literal["stiffness", "compressibility", "length"]
@@ -96,10 +94,3 @@ def label_of(name: str) -> str:
 def model_values(factors: tuple[Factor, ...], coded: FloatArray) -> dict[str, float]:
     """Return the parameters of one point in the model's units, by name."""
     return {f.name: f.model_value(float(c)) for f, c in zip(factors, coded, strict=True)}
-
-
-def half_range(factor: Factor) -> float:
-    """Return half of the coded range in ln(value), or in value over its mid for linear coding."""
-    if factor.coding == "logarithmic":
-        return 0.5 * float(np.log(factor.high / factor.low))
-    return (factor.high - factor.low) / (factor.high + factor.low)

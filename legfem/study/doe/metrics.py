@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from legfem.curve import ForceCurve
+from legfem.solve.force_curve import ForceCurve
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from legfem.common.units import FloatArray
 from legfem.study.doe.definition import Definition
 from legfem.study.doe.metrics import Metric, metrics_in
 from legfem.study.doe.runs import Workshop, requests_at, run_table
 from legfem.study.doe.simulator import REFINEMENT
-from legfem.units import FloatArray
 
 ORDER = 1.0
 """Assumed of the error in Richardson's extrapolation: the cautious choice, as the irregularity of

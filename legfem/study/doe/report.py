@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
-from legfem.materials import Hyperelastic
+from legfem.mechanics.materials import Hyperelastic
 from legfem.report.text import ORIGINS, WIDTH
 from legfem.study.doe import tables
 from legfem.study.doe.factors import PARAMETERS, UNITS, Factor, label_of

@@ -9,30 +9,31 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from legfem.progress import Progress
+from legfem.common.progress import Progress
+from legfem.common.units import FloatArray
+from legfem.jobs.pool import Workers
+from legfem.jobs.ranks import take_in
+from legfem.jobs.resume import finish
+from legfem.jobs.store import Store
 from legfem.study.doe.definition import Definition
 from legfem.study.doe.factors import model_values
 from legfem.study.doe.metrics import metrics_in
-from legfem.study.doe.runners import Runner
 from legfem.study.doe.simulator import Fidelity, Record, Request, Simulator
-from legfem.study.doe.store import RunStore
-from legfem.units import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class Workshop:
     """What simulations are done with."""
 
-    simulator: Simulator
-    store: RunStore
-    runner: Runner
+    workers: Workers[Simulator, Request, Record]
+    store: Store[Record]
     progress: Progress
 
     def do(
         self,
         text: str,
         requests: Sequence[Request],
-        on_found: Callable[[dict[int, Record]], None] | None = None,
+        on_found: Callable[[dict[int, Record]], None] = lambda found: None,
     ) -> list[Record]:
         """Return the records of all requests; those kept from an earlier run aren't done again.
 
@@ -45,22 +46,18 @@ class Workshop:
         on_found
             Called with all records so far, by place in the list, whenever there is a new one.
         """
-        kept = ((place, self.store.load(request)) for place, request in enumerate(requests))
-        found = {place: record for place, record in kept if record is not None}
-        waiting = [place for place in range(len(requests)) if place not in found]
-        known = f" ({len(found)} known)" if found else ""
-        self.progress.stage(text + known, len(waiting))
-        todo = [requests[place] for place in waiting]
-        for number, record in self.runner.run(self.simulator, todo) if todo else ():
-            request = todo[number]
-            # What gave nothing at all may lack memory or a disk: it is tried again the next time.
-            if len(record.displacement):
-                self.store.keep(request, record)
-            found[waiting[number]] = record
-            self.progress.advance(progress_line(request, record))
-            if on_found is not None:
-                on_found(found)
-        return [found[place] for place in range(len(requests))]
+        # What gave nothing at all may lack memory or a disk: it is tried again the next time.
+        return finish(
+            self.workers, requests, self.store, self.progress, text, progress_line,
+            asked=lambda request: request.asked,
+            worth=lambda record: len(record.displacement) > 0,
+            on_found=on_found,
+        )  # fmt: skip
+
+
+def simulate(simulator: Simulator, request: Request) -> Record:
+    """Simulate; meanwhile the first of several ranks takes in what the others have done."""
+    return simulator.simulate(request, lambda _: take_in())
 
 
 def progress_line(request: Request, record: Record) -> str:

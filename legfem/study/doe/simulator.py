@@ -2,35 +2,29 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
-import signal
-import threading
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from types import FrameType
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
-from legfem.curve import ForceCurve
+from legfem.common.units import FloatArray
 from legfem.experiments.plane_strain import (
     PlaneStrainIndentation,
     PlaneStrainSettings,
     tissues_of,
 )
-from legfem.identify.forward import PlaneStrainForward, code_fingerprint
-from legfem.newton import NewtonSettings
-from legfem.stepping import StepSettings
-from legfem.subject import Subject
-from legfem.units import FloatArray
+from legfem.jobs.fingerprint import code_fingerprint
+from legfem.solve.force_curve import ForceCurve
+from legfem.solve.newton import NewtonSettings
+from legfem.solve.stepping import StepSettings
+from legfem.subjects.subject import Subject
 
 if TYPE_CHECKING:
     from legfem.experiments.plane_strain import Tissues
     from legfem.geometry.section import LegSection
-    from legfem.subject import Indenter
+    from legfem.subjects.subject import Indenter
 
 Fidelity = Literal["default", "refined"]
 REFINEMENT = 1.5
@@ -51,6 +45,11 @@ class Request:
     """mm."""
     fidelity: Fidelity = "default"
     sensitivities: tuple[str, ...] = ()
+
+    @property
+    def asked(self) -> object:
+        """What the record depends on."""
+        return self.values, self.depth, self.fidelity, sorted(self.sensitivities)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,21 +116,13 @@ class PlaneStrainSimulator:
         """Return the simulator of a subject's leg."""
         return cls(subject.section, subject.indenter, tissues_of(subject))
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave the meshes out: they can't leave their process."""
-        return {**self.__dict__, "_tests": {}}
-
     def fingerprint(self) -> Mapping[str, Any]:
         """Return section, indenter, tissues, settings and code."""
-        settings = {name: settings_of(name) for name in ("default", "refined")}
-        forward = PlaneStrainForward(
-            self.section, self.indenter, self.tissues, settings["default"], 0.0
-        )
+        geometry = self.section.fascia_thickness, 2 * self.indenter.radius
         return {
-            **forward.fingerprint(),
-            "deep": repr(self.tissues.deep),
-            "refined": repr(settings["refined"]),
-            "code": code_fingerprint(),
+            "default": self._test(*geometry, "default").fingerprint(),
+            "refined": self._test(*geometry, "refined").fingerprint(),
+            "code": code_fingerprint("legfem.study.doe.simulator"),
         }
 
     def simulate(self, request: Request, on_step: Callable[[float], None] | None = None) -> Record:
@@ -140,9 +131,8 @@ class PlaneStrainSimulator:
         thickness = values.pop("fascia.thickness", self.section.fascia_thickness)
         diameter = values.pop("indenter.diameter", 2 * self.indenter.radius)
         try:
-            with interruptible():
-                test = self._test(thickness, diameter, request.fidelity)
-                solved = test.solve(values, request.depth, request.sensitivities, on_step=on_step)
+            test = self._test(thickness, diameter, request.fidelity)
+            solved = test.solve(values, request.depth, request.sensitivities, on_step=on_step)
         except Exception as error:  # whatever it is, the other simulations go on
             if os.environ.get("LEGFEM_DEBUG"):
                 raise
@@ -176,33 +166,6 @@ class PlaneStrainSimulator:
         return self._tests[key]
 
 
-@contextmanager
-def interruptible() -> Iterator[None]:
-    """Raise KeyboardInterrupt in the end where an interrupt got lost on the way.
-
-    One that arrives in a callback of PETSc's becomes an error of PETSc's, which looks like a solve
-    that failed.
-    """
-    handler = signal.getsignal(signal.SIGINT)
-    if not callable(handler) or threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    interrupted = False
-
-    def note(number: int, frame: FrameType | None) -> None:
-        nonlocal interrupted
-        interrupted = True
-        handler(number, frame)
-
-    signal.signal(signal.SIGINT, note)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, handler)
-        if interrupted:
-            raise KeyboardInterrupt
-
-
 def settings_of(fidelity: Fidelity) -> PlaneStrainSettings:
     """Return the numerical settings: the default, or a finer mesh with small steps."""
     # Round-off in a fascia of 10 MPa leaves a residual of some 3e-12 N/mm, which a tolerance
@@ -213,16 +176,3 @@ def settings_of(fidelity: Fidelity) -> PlaneStrainSettings:
         return base
     steps = StepSettings(first=0.1, largest=0.5)
     return replace(base, mesh=base.mesh.refined(REFINEMENT), steps=steps)
-
-
-def request_key(fingerprint: Mapping[str, Any], request: Request) -> str:
-    """Return the name under which a record is kept: a hash of everything it depends on."""
-    everything = {
-        **fingerprint,
-        "values": {name: value.hex() for name, value in request.values},
-        "depth_mm": request.depth,
-        "fidelity": request.fidelity,
-        "sensitivities": sorted(request.sensitivities),
-    }
-    text = json.dumps(everything, sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:24]

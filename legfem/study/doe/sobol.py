@@ -10,10 +10,10 @@ import pandas as pd
 from SALib.analyze import sobol as sobol_analysis
 from SALib.sample import sobol as sobol_sample
 
+from legfem.common.units import FloatArray
 from legfem.study.doe.emulator import EmulatorError, MetricEmulator, emulator_error
 from legfem.study.doe.factors import Factor
 from legfem.study.doe.metrics import Metric
-from legfem.units import FloatArray
 
 _BASE_SAMPLES = 2048
 _ENOUGH = 5

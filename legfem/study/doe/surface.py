@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 import statsmodels.formula.api as smf
 
+from legfem.common.units import FloatArray
 from legfem.study.doe.factors import Factor
 from legfem.study.doe.metrics import Metric
-from legfem.units import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from legfem.common.markdown import markdown_table
 from legfem.study.doe.anova import Anova
 from legfem.study.doe.factors import label_of
 from legfem.study.doe.information import IDENTIFIED
@@ -17,15 +18,8 @@ from legfem.study.doe.verdict import Verdict
 
 
 def markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table whose columns are aligned."""
-    lines = [list(header), *map(list, rows)]
-    widths = [max(len(line[k]) for line in lines) for k in range(len(header))]
-
-    def line(cells: Sequence[str]) -> str:
-        return "| " + " | ".join(c.ljust(w) for c, w in zip(cells, widths, strict=True)) + " |"
-
-    rule = "|" + "|".join("-" * (width + 2) for width in widths) + "|"
-    return "\n".join([line(lines[0]), rule, *map(line, lines[1:])]) + "\n"
+    """Return a table that reads well on a terminal, too."""
+    return markdown_table(header, rows, aligned=True)
 
 
 def anova_table(result: StudyResult) -> str:

@@ -16,7 +16,7 @@ NEGLIGIBLE = 0.1
 
 
 @dataclass(frozen=True)
-class Finding:
+class ClaimFinding:
     """Whether one study bears a claim out."""
 
     holds: bool | None
@@ -33,7 +33,7 @@ class Verdict:
 
     claim: str
     verdict: str
-    findings: tuple[Finding, ...]
+    findings: tuple[ClaimFinding, ...]
     """One a study."""
 
 
@@ -43,14 +43,14 @@ def verdicts(results: Sequence[StudyResult]) -> list[Verdict]:
     found = []
     for claim, judge in CLAIMS.items():
         findings = tuple(
-            judge(result) if result.analyses else Finding(None, "no metric was analysed", "")
+            judge(result) if result.analyses else ClaimFinding(None, "no metric was analysed", "")
             for result in results
         )
         found.append(Verdict(claim, _in_words(findings, titles), findings))
     return found
 
 
-def _in_words(findings: tuple[Finding, ...], titles: list[str]) -> str:
+def _in_words(findings: tuple[ClaimFinding, ...], titles: list[str]) -> str:
     told = [
         (f.holds, title) for f, title in zip(findings, titles, strict=True) if f.holds is not None
     ]
@@ -64,7 +64,7 @@ def _in_words(findings: tuple[Finding, ...], titles: list[str]) -> str:
     return "holds only with " + "; ".join(title for holds, title in told if holds)
 
 
-def _good_fit(result: StudyResult) -> Finding:
+def _good_fit(result: StudyResult) -> ClaimFinding:
     r2 = {a.metric.label: a.anova.r_squared for a in result.analyses}
     poor = [f"{name} {value:.4f}" for name, value in r2.items() if value <= 0.99]
     exception = next(row for row in TABLE_3 if float(row.r_squared) <= 0.99)
@@ -73,23 +73,23 @@ def _good_fit(result: StudyResult) -> Finding:
         f"not above 0.99: {', '.join(poor) or 'none'} (in the paper: {exception.label}, "
         f"{exception.r_squared})"
     )
-    return Finding(len(poor) <= 1, text, "the table of the analysis of variance")
+    return ClaimFinding(len(poor) <= 1, text, "the table of the analysis of variance")
 
 
-def _first_order(result: StudyResult) -> Finding:
+def _first_order(result: StudyResult) -> ClaimFinding:
     centres = [(a.metric.label, a.centre) for a in result.analyses if a.centre is not None]
     if not centres:
-        return Finding(None, "runs are missing", "")
+        return ClaimFinding(None, "runs are missing", "")
     bent = [
         f"{name} {centre.relative:+.0%} of the largest coefficient"
         for name, centre in centres
         if centre.p_value <= 0.05
     ]
     text = f"mean of the corners less the centre, beyond Lenth's limit: {', '.join(bent) or 'none'}"
-    return Finding(not bent, text, "half-normal.png, centre-point curvature")
+    return ClaimFinding(not bent, text, "half-normal.png, centre-point curvature")
 
 
-def _deep_dominates(result: StudyResult) -> Finding:
+def _deep_dominates(result: StudyResult) -> ClaimFinding:
     first = {}
     for analysis in result.analyses:
         largest = max(analysis.main(), key=lambda test: abs(test.value))
@@ -97,31 +97,31 @@ def _deep_dominates(result: StudyResult) -> Finding:
     others = [f"{m}: {name}" for m, name in first.items() if name not in IDENTIFIED]
     where = f"not in {'; '.join(others)}" if others else f"in all {len(first)} metrics"
     text = f"C10 or C20 of the deep tissue has the largest coefficient {where}"
-    return Finding(not others, text, "the response figure, panels B and C")
+    return ClaimFinding(not others, text, "the response figure, panels B and C")
 
 
-def _grows_with_depth(result: StudyResult) -> Finding:
+def _grows_with_depth(result: StudyResult) -> ClaimFinding:
     falls, parts = [], []
     for kind in ("curvature", "slope"):
         sums = [a.anova.ssr for a in result.analyses if a.metric.kind == kind]
         if len(sums) < 2:
-            return Finding(None, "fewer than two windows", "")
+            return ClaimFinding(None, "fewer than two windows", "")
         parts.append(f"{kind} " + ", ".join(f"{value:.2g}" for value in sums))
         falls += [kind for value in sums[1:] if value <= sums[0]]
     text = f"SSR by window: {'; '.join(parts)}"
-    return Finding(not falls, text, "the table of the analysis of variance")
+    return ClaimFinding(not falls, text, "the table of the analysis of variance")
 
 
-def _no_fascia(result: StudyResult) -> Finding:
+def _no_fascia(result: StudyResult) -> ClaimFinding:
     return _insignificant(result, lambda a: a.main("fascia"), "the fascia")
 
 
-def _small_fascia(result: StudyResult) -> Finding:
+def _small_fascia(result: StudyResult) -> ClaimFinding:
     shares = {}
     for analysis in result.analyses:
         tests = analysis.main("fascia")
         if not tests:
-            return Finding(None, "the fascia is no factor", "")
+            return ClaimFinding(None, "the fascia is no factor", "")
         greatest = max(abs(test.value) for test in analysis.main())
         shares[analysis.metric.label] = max(abs(test.value) for test in tests) / greatest
     worst = max(shares, key=lambda name: shares[name])
@@ -129,21 +129,21 @@ def _small_fascia(result: StudyResult) -> Finding:
         "its larger coefficient over the metric's largest: "
         f"{min(shares.values()):.0%} to {shares[worst]:.0%} ({worst})"
     )
-    return Finding(shares[worst] < NEGLIGIBLE, text, "the response figure, panels B and C")
+    return ClaimFinding(shares[worst] < NEGLIGIBLE, text, "the response figure, panels B and C")
 
 
-def _no_interactions(result: StudyResult) -> Finding:
+def _no_interactions(result: StudyResult) -> ClaimFinding:
     return _insignificant(result, lambda a: a.interactions(), "an interaction")
 
 
 def _insignificant(
     result: StudyResult, chosen: Callable[[MetricAnalysis], list], what: str
-) -> Finding:
+) -> ClaimFinding:
     found, largest = [], 0.0
     for analysis in result.analyses:
         tests = chosen(analysis)
         if not tests:
-            return Finding(None, f"{what} is no factor", "")
+            return ClaimFinding(None, f"{what} is no factor", "")
         greatest = max(abs(test.value) for test in analysis.main())
         largest = max(largest, max(abs(test.value) for test in tests) / greatest)
         found += [t for t in tests if t.significant]
@@ -152,20 +152,20 @@ def _insignificant(
         f"{len(found)} of {count} coefficients are significant at 5 %; "
         f"the largest is {largest:.0%} of its metric's largest main effect"
     )
-    return Finding(not found, text, "the response figure, letter s")
+    return ClaimFinding(not found, text, "the response figure, letter s")
 
 
-def _normal_outputs(result: StudyResult) -> Finding:
+def _normal_outputs(result: StudyResult) -> ClaimFinding:
     probabilities = {a.metric.label: a.outputs.shapiro for a in result.analyses}
     far = [f"{name} (p = {p:.1g})" for name, p in probabilities.items() if p <= 0.05]
     text = f"Shapiro and Wilk reject for {', '.join(far) or 'none'}"
-    return Finding(not far, text, "normality.png, upper row")
+    return ClaimFinding(not far, text, "normality.png, upper row")
 
 
-def _identifies_deep(result: StudyResult) -> Finding:
+def _identifies_deep(result: StudyResult) -> ClaimFinding:
     information = result.information
     if information is None or not set(IDENTIFIED) <= set(information.names):
-        return Finding(None, "no information was computed", "")
+        return ClaimFinding(None, "no information was computed", "")
     depth = result.definition.depth
     at = [information.names.index(name) for name in IDENTIFIED]
     within = 1.96 * information.relative_sd(depth, within_ranges=True)[at]
@@ -179,13 +179,13 @@ def _identifies_deep(result: StudyResult) -> Finding:
     )
     free, given = (bool(half.max() <= IDENTIFIED_WITHIN) for half in (nothing, within))
     where = "fat and fascia are known within their ranges" if given and not free else ""
-    return Finding(given, text, "information.png", where)
+    return ClaimFinding(given, text, "information.png", where)
 
 
-def _not_before_5_mm(result: StudyResult) -> Finding:
+def _not_before_5_mm(result: StudyResult) -> ClaimFinding:
     information = result.information
     if information is None or not set(IDENTIFIED) <= set(information.names):
-        return Finding(None, "no information was computed", "")
+        return ClaimFinding(None, "no information was computed", "")
     shallow, deep = (
         1.96 * information.relative_sd(d, IDENTIFIED) for d in (5.0, result.definition.depth)
     )
@@ -196,14 +196,14 @@ def _not_before_5_mm(result: StudyResult) -> Finding:
         f"half-widths at 5 mm {_percent(shallow[0])} and {_percent(shallow[1])}, at full depth "
         f"{_percent(deep[0])} and {_percent(deep[1])}"
     )
-    return Finding(bool(np.all(deep < shallow)), text, "information.png")
+    return ClaimFinding(bool(np.all(deep < shallow)), text, "information.png")
 
 
 def _percent(share: float) -> str:
     return f"{share:.1%}" if share < 10 else "over 1000 %"
 
 
-CLAIMS: dict[str, Callable[[StudyResult], Finding]] = {
+CLAIMS: dict[str, Callable[[StudyResult], ClaimFinding]] = {
     "R2 is above 0.99 for all metrics but one": _good_fit,
     "a first-order surface with interactions is enough": _first_order,
     "the deep tissue dominates every metric": _deep_dominates,

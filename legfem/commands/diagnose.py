@@ -1,0 +1,87 @@
+"""``python -m legfem.diagnose``."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from legfem.commands.options import Jobs, Subject, SubjectDir
+from legfem.common.command_edge import (
+    check_out_folder,
+    work_edge,
+)
+from legfem.common.errors import InputError
+from legfem.common.progress import progress_on
+from legfem.subjects.subject import SUBJECTS
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+
+
+@app.command()
+def diagnose(
+    subject: Subject = None,
+    subject_dir: SubjectDir = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for results; results/diagnose-ID by default.")
+    ] = None,
+    library: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of the legs' responses, shared by all diagnoses; "
+            "~/.cache/legfem/responses by default."
+        ),
+    ] = None,
+    correction: Annotated[
+        Path | None,
+        typer.Option(help="3D correction behind end-effects; the one in legfem by default."),
+    ] = None,
+    jobs: Jobs = None,
+    seed: Annotated[
+        int, typer.Option(help="Of the draws behind p-values; 0 by default.", show_default=False)
+    ] = 0,
+) -> None:
+    """Say where model and recordings differ, which physics was left out, and what adding it does.
+
+    Reads a subject folder (subject.toml, contours.csv, recordings/*.csv, one trial a file with
+    loading, holds and unloading at any rates); writes diagnosis.json, a report and figures. The
+    first diagnosis of a leg solves its library of responses (some minutes); later ones use it.
+
+    Example: python -m legfem.diagnose --subject 3 --out results/diagnose-3
+    """
+    resume = "run the same command again to go on; solutions that are done are kept"
+    with work_edge(jobs, resume) as processes:
+        from legfem.common.documents import write_document
+        from legfem.correction.choice import REFERENCE
+        from legfem.correction.tabulated import read_correction
+        from legfem.diagnose.document import document
+        from legfem.diagnose.leg import library_folder
+        from legfem.diagnose.run import Diagnoser
+        from legfem.plan.run import plan_after
+        from legfem.report.diagnosis import write_diagnosis_report
+        from legfem.report.plan import plan_document, plan_lines
+        from legfem.subjects.subject import load_subject
+
+        if seed < 0:
+            raise InputError("--seed", f"{seed}", "is negative", "give 0 or more")
+        found = load_subject(SUBJECTS.named(subject, subject_dir), need_instrument=False)
+        ends = read_correction(correction or REFERENCE)
+        folder = out or Path("results") / f"diagnose-{found.id}"
+        check_out_folder(folder)
+        responses = library or library_folder()
+        check_out_folder(responses)
+        diagnoser = Diagnoser(responses, ends, processes)
+        started = time.perf_counter()
+        with progress_on() as progress:
+            diagnosis = diagnoser.diagnose(found, progress, seed)
+            ranked = plan_after(diagnosis, found, diagnoser, progress)
+        seconds = time.perf_counter() - started
+        content = document(diagnosis, found, seed, seconds)
+        if ranked:
+            content["next_experiment_ranked"] = plan_document(ranked, found.id)["tests"]
+        path = write_document(folder / "diagnosis.json", content)
+        report = write_diagnosis_report(diagnosis, found, folder, plan_lines(ranked))
+        print(report.read_text())
+        print(f"result: {path}\nreport: {report}")

@@ -1,0 +1,158 @@
+"""``python -m legfem.identify``."""
+
+from __future__ import annotations
+
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from legfem.commands.options import Jobs, Subject, SubjectDir
+from legfem.common.command_edge import (
+    FAILED,
+    check_out_folder,
+    work_edge,
+)
+from legfem.common.errors import InputError
+from legfem.common.progress import progress_on
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+
+
+def _option(text: str) -> Any:
+    # typer escapes the brackets around defaults that it shows for rich even when it isn't used.
+    return typer.Option(help=text, show_default=False)
+
+
+class LawChoice(StrEnum):
+    """Which law to identify."""
+
+    NEO_HOOKEAN = "neo-hookean"
+    REDUCED_POLYNOMIAL = "reduced-polynomial"
+    BOTH = "both"
+
+
+class WeightingChoice(StrEnum):
+    """What to minimise."""
+
+    PAPER = "paper"
+    COVARIANCE = "covariance"
+
+
+@app.command(name="identify")
+def run(
+    subject: Subject = None,
+    subject_dir: SubjectDir = None,
+    law: Annotated[
+        LawChoice | None,
+        _option(
+            "Strain energy of the deep tissue; both by default, with --identify the neo-Hookean "
+            "one unless deep.C20 is among the names or given."
+        ),
+    ] = None,
+    identify: Annotated[
+        list[str] | None,
+        _option(
+            "Full name of a parameter to identify, in place of the law's own: deep.C10, deep.C20, "
+            "deep.D1, superficial.C10, fascia.C10, instrument.gain, ...; may be given again."
+        ),
+    ] = None,
+    prior: Annotated[
+        list[str] | None,
+        _option(
+            "What is known of a parameter beforehand: 'superficial.C10=2±1 kPa' (+- does too), or "
+            "'superficial.C10=2 x/ 1.5 kPa' for a factor; one that isn't to be identified is let "
+            "err by it; may be given again."
+        ),
+    ] = None,
+    fix: Annotated[
+        list[str] | None,
+        _option("Value to hold in place of the folder's: 'deep.D1=28 1/MPa'; may be given again."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for results; results/identify-ID by default.")
+    ] = None,
+    jobs: Jobs = None,
+    seed: Annotated[int, _option("Of the genetic algorithm; 1 by default.")] = 1,
+    depth: Annotated[
+        float | None, typer.Option(help="Use the recordings down to this depth only, mm.")
+    ] = None,
+    correction: Annotated[
+        str,
+        _option(
+            "Of 3D effects: own (the leg's, from legfem's table), none, or a file; own by "
+            "default, none for recordings simulated in plane strain."
+        ),
+    ] = "auto",
+    weighting: Annotated[
+        WeightingChoice | None,
+        _option(
+            "Plain sum of squares (Eq. 12; the default), or weighted with the covariance (the "
+            "default with a prior)."
+        ),
+    ] = None,
+    c10_bounds: Annotated[
+        tuple[float, float] | None,
+        _option("Of the search for deep.C10, kPa; 0.02 30 by default."),
+    ] = None,
+    c20_bounds: Annotated[
+        tuple[float, float] | None,
+        _option("Of the search for deep.C20, kPa; 0 50 by default."),
+    ] = None,
+    emulator: Annotated[
+        bool,
+        _option("Search on an emulator (the default), or call the full model each time (slow)."),
+    ] = True,
+) -> None:
+    """Identify the stiffness of a leg's tissues from indentation tests.
+
+    Reads a subject folder (subject.toml, contours.csv, recordings/*.csv); writes result.json, a
+    report and figures. Every full solve is kept: the same command goes on where it was stopped.
+
+    Example: python -m legfem.identify --subject 3 --law both --out results/subject-3
+    """
+    resume = "run the same command again to go on; solves that are done are kept"
+    with work_edge(jobs, resume) as processes:
+        from legfem.correction.choice import choose_correction
+        from legfem.experiments.plane_strain import tissues_of
+        from legfem.identify.forward import values_of
+        from legfem.identify.run import forward_model, identify_subject, laws_of, write_results
+        from legfem.identify.search import SearchError
+        from legfem.identify.settings import IdentificationSettings
+        from legfem.identify.written import Written
+        from legfem.report.identification import write_identification_report
+        from legfem.report.text import fit_report
+        from legfem.subjects.subject import SUBJECTS, load_subject
+
+        found = load_subject(SUBJECTS.named(subject, subject_dir))
+        if seed < 0:
+            raise InputError("--seed", f"{seed}", "is negative", "give 0 or more")
+        written = Written(identify or (), prior or (), fix or (), c10_bounds, c20_bounds)
+        nominal = values_of(tissues_of(found))
+        parameters, fixed = written.parameters(nominal), written.held(nominal)
+        chosen = written.laws(
+            None if law is None else law.value, parameters, found.tissues["deep"].C20, fixed
+        )
+        laws_of(found, chosen, nominal, parameters, fixed)
+        settings = IdentificationSettings(
+            None if weighting is None else weighting.value, seed, emulator
+        )
+        folder = out or Path("results") / f"identify-{found.id}"
+        check_out_folder(folder)
+        model = forward_model(found, depth, parameters, fixed)
+        try:
+            with progress_on() as progress:
+                results = identify_subject(
+                    found, chosen, settings, choose_correction(correction, found),
+                    folder, processes, depth, progress, model, parameters, fixed,
+                )  # fmt: skip
+        except SearchError as failure:
+            print(f"{found.id}: {failure}", file=sys.stderr)
+            raise typer.Exit(FAILED) from None
+        path = write_results(results, folder, as_list=len(chosen) > 1)
+        report = write_identification_report(results, found, model.experiment, folder)
+        for result in results:
+            print(fit_report(result))
+        print(f"result: {path}\nreport: {report}")

@@ -1,0 +1,93 @@
+"""``python -m legfem.meshing``: a leg's mesh as a file for other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from legfem.common.command_edge import command_edge, leave_to_first_rank
+from legfem.common.errors import InputError
+
+if TYPE_CHECKING:
+    from legfem.meshing.named_mesh import NamedMesh
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+
+
+@app.command()
+def export(
+    out: Annotated[Path, typer.Option(help="File: .msh, .xdmf, .vtu or .inp.", show_default=False)],
+    subject: Annotated[str | None, typer.Option(help="Section of a subject of legfem's.")] = None,
+    subject_dir: Annotated[
+        Path | None, typer.Option(help="Folder of a leg of your own: subject.toml or leg.toml.")
+    ] = None,
+    stocking: Annotated[
+        str | None, typer.Option(help="Leg of legfem's that wears a stocking, bare and in 3D.")
+    ] = None,
+    idealised: Annotated[
+        bool, typer.Option("--idealised", help="A quarter of the 3D correction's reference leg.")
+    ] = False,
+    finer: Annotated[
+        float, typer.Option(min=0.2, max=5.0, help="Divides the sizes of the elements.")
+    ] = 1.0,
+    extrude: Annotated[
+        float, typer.Option(min=0.0, help="Makes a slab of a section, so thick (mm).")
+    ] = 0.0,
+) -> None:
+    """Write the mesh of a leg for gmsh, DOLFINx, ParaView, Abaqus, CalculiX or FEBio Studio.
+
+    Regions are deep, superficial and fascia; surfaces skin, bone, hull (between deep and
+    superficial tissue), end and the mirrors. Elements are of first order; lengths in mm.
+
+    Example: python -m legfem.meshing --subject 3 --out leg.inp
+    """
+    leave_to_first_rank()
+    with command_edge():
+        from legfem.meshing.exchange import format_of, write_mesh
+        from legfem.meshing.named_mesh import extruded
+
+        format_of(out)
+        mesh = _asked(subject, subject_dir, stocking, idealised, finer)
+        if extrude and mesh.dimension == 3:
+            raise InputError(
+                "--extrude", f"{extrude:g}", "the leg is in 3D already", "leave it out"
+            )
+        mesh = extruded(mesh, extrude) if extrude else mesh
+        for path in write_mesh(mesh, out):
+            print(path)
+        for line in summary(mesh):
+            print(line)
+
+
+def summary(mesh: NamedMesh) -> list[str]:
+    """Return what a mesh holds, a line for the whole and for each region."""
+    unit = "mm2" if mesh.dimension == 2 else "mm3"
+    lines = [f"{len(mesh.points)} nodes; surfaces: {', '.join(mesh.surfaces)}"]
+    for name, size in mesh.measures().items():
+        count = int((mesh.cells.tags == mesh.regions[name]).sum())
+        lines.append(f"{name}: {count} {mesh.cells.kind} elements, {size:.6g} {unit}")
+    return lines
+
+
+def _asked(
+    subject: str | None, folder: Path | None, stocking: str | None, idealised: bool, finer: float
+) -> NamedMesh:
+    given = [subject is not None, folder is not None, stocking is not None, idealised]
+    if sum(given) != 1:
+        raise InputError(
+            "--subject", "leg", f"{'none' if not any(given) else 'more than one'} is given",
+            "give one of --subject, --subject-dir, --stocking and --idealised",
+        )  # fmt: skip
+    from legfem.commands.leg_meshes import idealised_mesh, section_mesh, stocking_mesh
+    from legfem.stocking.leg import LEGS
+    from legfem.subjects.subject import SUBJECTS
+
+    if idealised:
+        return idealised_mesh(finer).mesh
+    if stocking is not None:
+        return stocking_mesh(LEGS.find(stocking), finer).mesh
+    if folder is not None and (folder / LEGS.file).is_file():
+        return stocking_mesh(folder, finer).mesh
+    return section_mesh(SUBJECTS.named(subject, folder), finer).mesh

@@ -1,0 +1,70 @@
+"""``python -m legfem.plan``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from legfem.commands.options import Jobs, Subject, SubjectDir
+from legfem.common.command_edge import (
+    check_out_folder,
+    work_edge,
+)
+from legfem.common.progress import progress_on
+from legfem.subjects.subject import SUBJECTS
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+
+
+@app.command()
+def plan(
+    subject: Subject = None,
+    subject_dir: SubjectDir = None,
+    c10: Annotated[float, typer.Option(min=0.05, max=50.0, help="Expected C10 (kPa).")] = 0.8,
+    c20: Annotated[float, typer.Option(min=0.0, max=50.0, help="Expected C20 (kPa).")] = 0.0,
+    depth: Annotated[float, typer.Option(min=5.0, max=60.0, help="To press to (mm).")] = 20.0,
+    rate: Annotated[float, typer.Option(min=0.01, max=50.0, help="mm/s.")] = 0.5,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for results; results/plan-ID by default.")
+    ] = None,
+    library: Annotated[
+        Path | None,
+        typer.Option(help="Folder of the legs' responses, shared with diagnoses."),
+    ] = None,
+    jobs: Jobs = None,
+) -> None:
+    """Say before any test which tests of a leg would show which effects, and how probably.
+
+    Reads a subject folder (subject.toml and contours.csv; recordings aren't needed); writes
+    plan.json and report.txt. The leg's responses to all tests are solved once, in some minutes.
+
+    Example: python -m legfem.plan --subject 3 --c10 0.7 --c20 0.8 --depth 20 --rate 0.4
+    """
+    resume = "run the same command again to go on; solutions that are done are kept"
+    with work_edge(jobs, resume) as processes:
+        from legfem.common.documents import write_atomically, write_document
+        from legfem.correction.choice import REFERENCE
+        from legfem.correction.tabulated import read_correction
+        from legfem.diagnose.leg import library_folder
+        from legfem.diagnose.run import Diagnoser
+        from legfem.plan.run import plan_before
+        from legfem.report.plan import plan_document, plan_page
+        from legfem.subjects.subject import load_subject
+
+        found = load_subject(
+            SUBJECTS.named(subject, subject_dir), need_recordings=False, need_instrument=False
+        )
+        folder = out or Path("results") / f"plan-{found.id}"
+        check_out_folder(folder)
+        responses = library or library_folder()
+        check_out_folder(responses)
+        diagnoser = Diagnoser(responses, read_correction(REFERENCE), processes)
+        with progress_on() as progress:
+            ranked = plan_before(found, diagnoser, c10, c20, depth, rate, progress)
+        path = write_document(folder / "plan.json", plan_document(ranked, found.id))
+        text = plan_page(ranked, found)
+        write_atomically(folder / "report.txt", text)
+        print(text)
+        print(f"result: {path}\nreport: {folder / 'report.txt'}")

@@ -1,0 +1,1 @@
+"""What every room uses: errors, units, checks, progress, documents, tables, TOML."""

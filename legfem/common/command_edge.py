@@ -1,0 +1,154 @@
+"""What every command does at its edges: one line for a user's mistake, one to resume from."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from collections.abc import Iterator
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from pathlib import Path
+
+import typer
+
+from legfem.common.errors import InputError
+
+BAD_INPUT, INTERRUPTED, FAILED = 2, 130, 1
+
+
+@contextmanager
+def command_edge(resume: str = "run the same command again to go on") -> Iterator[None]:
+    """Turn a user's mistake, Ctrl-C and a killed worker into a line on stderr and an exit status.
+
+    Parameters
+    ----------
+    resume : str
+        How to go on after Ctrl-C or a kill.
+    """
+    _show_messages()
+    try:
+        yield
+    except InputError as error:
+        print(error, file=sys.stderr)
+        raise typer.Exit(BAD_INPUT) from None
+    except KeyboardInterrupt:
+        print(f"interrupted: {resume}", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED) from None
+    except BrokenProcessPool:
+        print(
+            f"a worker process was ended from outside (out of memory?): {resume}; --jobs 1 takes "
+            "the least memory",
+            file=sys.stderr,
+        )
+        raise typer.Exit(FAILED) from None
+
+
+@contextmanager
+def work_edge(
+    jobs: int | None = None, resume: str = "run the same command again to go on"
+) -> Iterator[int]:
+    """Yield a number of processes on the first rank alone, with `command_edge` around it.
+
+    Parameters
+    ----------
+    jobs : int, optional
+        What the user gave; all usable cores by default, one process where there are ranks.
+    resume : str
+        See `command_edge`.
+    """
+    with command_edge(resume):
+        yield process_count(jobs, leave_to_first_rank())
+
+
+@contextmanager
+def study_edge(
+    name: str,
+    out: Path | None,
+    jobs: int | None = None,
+    resume: str = "run the same command again to go on",
+) -> Iterator[tuple[Path, int]]:
+    """Yield a study's folder and number of processes, with `command_edge` around it.
+
+    Parameters
+    ----------
+    name : str
+        Of the folder in ``results`` if none is given.
+    out : Path, optional
+        What the user gave.
+    jobs : int, optional
+        See `work_edge`.
+    resume : str
+        See `command_edge`.
+    """
+    with work_edge(jobs, resume) as processes:
+        folder = out or Path("results") / name
+        check_out_folder(folder)
+        yield folder, processes
+
+
+class _Stderr(logging.Handler):
+    """Writes lines to what is stderr at that time: a progress bar puts itself in between."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write one line."""
+        print(self.format(record), file=sys.stderr, flush=True)
+
+
+def _show_messages() -> None:
+    """Show legfem's messages of level INFO and above."""
+    log = logging.getLogger("legfem")
+    if not log.handlers:
+        log.addHandler(_Stderr())
+        log.setLevel(logging.INFO)
+
+
+def leave_to_first_rank() -> int:
+    """Return the number of MPI ranks, and end all but the first: one process does the work."""
+    from mpi4py import MPI
+
+    ranks = int(MPI.COMM_WORLD.size)
+    if ranks > 1:
+        # PETSc starts on all ranks together: the first would wait for those that left.
+        import petsc4py.PETSc  # noqa: F401
+    if MPI.COMM_WORLD.rank > 0:
+        raise typer.Exit(0)
+    return ranks
+
+
+def check_out_folder(out: Path) -> None:
+    """Check, without making anything, that results can be written to a folder.
+
+    Raises
+    ------
+    InputError
+        If a file is in the way, or the nearest folder that exists can't be written to.
+    """
+    nearest = next(folder for folder in (out, *out.absolute().parents) if folder.exists())
+    if not nearest.is_dir():
+        raise InputError("--out", str(out), f"{nearest} is a file", "give a folder")
+    if not os.access(nearest, os.W_OK | os.X_OK):
+        raise InputError(
+            "--out", str(out), f"{nearest} can't be written to", "give a folder of your own"
+        )
+
+
+def process_count(jobs: int | None, ranks: int) -> int:
+    """Return the number of processes to use: ``--jobs``, or all usable cores.
+
+    Raises
+    ------
+    InputError
+        If ``jobs`` is below 1.
+    """
+    if jobs is not None and jobs < 1:
+        raise InputError("--jobs", f"{jobs}", "is no number of processes", "give 1 or more")
+    # A rank of mpirun can't start processes that would use MPI too.
+    return 1 if ranks > 1 else jobs or usable_cores()
+
+
+def usable_cores() -> int:
+    """Return the number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

@@ -1,0 +1,49 @@
+"""Files of results: there whole, or not at all."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Write a file so that no reader, and no kill, ever meets half of it."""
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "w") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        # mkstemp's files are private; the results needn't be.
+        Path(name).chmod(0o644)
+        Path(name).replace(path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def write_document(path: Path, content: Mapping[str, Any] | list[Any]) -> Path:
+    """Write JSON, making the folder; return the path."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(path, json.dumps(content, indent=1) + "\n")
+    return path
+
+
+def json_types(value: Any) -> Any:
+    """Return a value as JSON types; numbers that aren't finite become null."""
+    if isinstance(value, Mapping):
+        return {str(key): json_types(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_types(entry) for entry in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return json_types(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,67 @@
+"""Units: mm, N, MPa and s inside; kPa where people read and write."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, overload
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import PlainSerializer, PlainValidator
+
+MPA_PER_KPA = 1e-3
+MPA_PER_MMHG = 133.322387415e-6
+
+type FloatArray = Annotated[
+    NDArray[np.floating[Any]],
+    # How pydantic reads and writes one: a list, to the last bit.
+    PlainValidator(lambda values: np.array(values, dtype=np.float64)),
+    PlainSerializer(lambda array: array.tolist()),
+]
+
+
+@overload
+def kpa_to_mpa(value: float) -> float: ...
+@overload
+def kpa_to_mpa(value: FloatArray) -> FloatArray: ...
+def kpa_to_mpa(value: float | FloatArray) -> float | FloatArray:
+    """Convert a stress from kPa to MPa."""
+    return value * MPA_PER_KPA
+
+
+@overload
+def mpa_to_kpa(value: float) -> float: ...
+@overload
+def mpa_to_kpa(value: FloatArray) -> FloatArray: ...
+def mpa_to_kpa(value: float | FloatArray) -> float | FloatArray:
+    """Convert a stress from MPa to kPa."""
+    return value / MPA_PER_KPA
+
+
+@overload
+def mmhg_to_mpa(value: float) -> float: ...
+@overload
+def mmhg_to_mpa(value: FloatArray) -> FloatArray: ...
+def mmhg_to_mpa(value: float | FloatArray) -> float | FloatArray:
+    """Convert a pressure from mmHg to MPa."""
+    return value * MPA_PER_MMHG
+
+
+@overload
+def mpa_to_mmhg(value: float) -> float: ...
+@overload
+def mpa_to_mmhg(value: FloatArray) -> FloatArray: ...
+def mpa_to_mmhg(value: float | FloatArray) -> float | FloatArray:
+    """Convert a pressure from MPa to mmHg."""
+    return value / MPA_PER_MMHG
+
+
+def readable_unit(unit: str) -> tuple[str, float]:
+    """Return the unit in which people read numbers of a unit, and the factor to it."""
+    return ("kPa", 1 / MPA_PER_KPA) if unit == "MPa" else (unit, 1.0)
+
+
+def frozen_array(values: object) -> FloatArray:
+    """Return a read-only float64 copy, so that raw data can't be changed by accident."""
+    array = np.array(values, dtype=np.float64)
+    array.setflags(write=False)
+    return array

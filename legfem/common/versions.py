@@ -1,0 +1,31 @@
+"""Versions of legfem and of what it stands on."""
+
+from __future__ import annotations
+
+import tomllib
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
+from pathlib import Path
+
+# Modules that a package of another name may bring: dolfinx-solver-real has both.
+_MODULES = {"fenics-dolfinx": "dolfinx", "petsc4py": "petsc4py"}
+
+
+def package_version(name: str) -> str:
+    """Return an installed package's version, or ``unknown``."""
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        module = _MODULES.get(name)
+    if module is None or find_spec(module) is None:
+        return "unknown"
+    return str(import_module(module).__version__)
+
+
+def legfem_version() -> str:
+    """Return legfem's version, from its sources where it isn't installed."""
+    project = Path(__file__).resolve().parents[2] / "pyproject.toml"
+    if project.is_file():
+        return str(tomllib.loads(project.read_text())["project"]["version"])
+    return package_version("legfem")

@@ -1,0 +1,1 @@
+"""The 3D correction of the plane-strain force."""

@@ -1,0 +1,361 @@
+r"""How probable each explanation of the recordings is.
+
+An explanation is nothing, one mechanism, two, or something unknown. Its weight is its prior times
+the evidence (`legfem.inference.evidence`). Beside a mechanism something unknown may be left: then
+it is named in part. Leading explanations are refitted about full finite-element solutions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import norm
+
+from legfem.common.units import FloatArray
+from legfem.diagnose.fit import Fit, Problem, fit
+from legfem.diagnose.mechanisms import Mechanism
+from legfem.diagnose.touch import posterior_of
+from legfem.diagnose.unknown import unknown_errors
+from legfem.inference.errors import ErrorModel
+from legfem.inference.evidence import Evidence, Posterior, Unknown, probabilities
+
+PRIOR_NONE, PRIOR_SINGLE, PRIOR_PAIR, PRIOR_UNKNOWN = 0.5, 0.36, 0.1, 0.04
+"""Of all explanations of a kind together: half of all tests are sound."""
+INEXACT = 0.5
+"""Prior probability that a mechanism's form leaves something, ..."""
+INEXACT_SHARE = 0.4
+"""... of this share at most of what shows of it."""
+HELD = 0.9
+"""Explanations are listed until they hold this probability."""
+ADDS_FROM = 1.0
+"""ln of the Bayes factor up to which an explanation is no better than nothing."""
+MORE_THAN_ALONE = 3.0
+"""ln of the Bayes factor from which a second mechanism counts beside a first."""
+CONFIRMED_FROM, CONFIRMED_MOST = 0.02, 5
+PAIRS_OF, PAIRS_WITH = 3, 7
+"""The best single mechanisms are tried in pairs with more of them."""
+_COUNTS = 0.01
+"""Share of the most probable unknown error from which another one counts."""
+
+type Confirm = Callable[[Problem, Fit], tuple[Problem, Fit, bool]]
+"""Refits about a full solution: the problem shifted to it, the refit, and whether it was made."""
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """A model with mechanisms, or with something unknown, and its probability."""
+
+    problem: Problem
+    fit: Fit
+    posterior: Posterior
+    log_prior: float
+    unknown: bool
+    """Whether something unknown is all that it adds to the base model."""
+    confirmed: bool
+    """Whether a full solution stands behind the fit."""
+    probability: float = 0.0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of its mechanisms."""
+        return self.fit.names
+
+    @property
+    def log_weight(self) -> float:
+        """Logarithm of evidence times prior."""
+        return self.log_prior + self.posterior.log_evidence
+
+    @property
+    def nothing(self) -> bool:
+        """Whether it is the base model alone."""
+        return not self.unknown and not self.names
+
+    @property
+    def in_part(self) -> bool:
+        """Whether something unknown is probably left beside its mechanisms."""
+        return bool(self.names) and self.posterior.unknown > 0.5
+
+    def value(self, name: str) -> float:
+        """Return a parameter's expected value, in its unit."""
+        return self.fit.moved(self.posterior.mean)[name]
+
+    def interval(self, name: str, deviations: float = 1.96) -> tuple[float, float]:
+        """Return a parameter's 95 % interval, in its unit."""
+        k = self.fit.free.index(name)
+        sd = float(np.sqrt(self.posterior.covariance[k, k]))
+        low, high = self.posterior.mean.copy(), self.posterior.mean.copy()
+        low[k] -= deviations * sd
+        high[k] += deviations * sd
+        ends = self.fit.moved(low)[name], self.fit.moved(high)[name]
+        return min(ends), max(ends)
+
+
+@dataclass(frozen=True, eq=False)
+class Explained:
+    """All explanations, the most probable first."""
+
+    every: tuple[Explanation, ...]
+    base: Explanation
+
+    def listed(self) -> tuple[Explanation, ...]:
+        """Return what the base model's failure is put down to, until that holds 90 %.
+
+        Probabilities are those among explanations that leave something out. A pair that explains no
+        more than one of its mechanisms does alone counts for that one.
+        """
+        rest = [e for e in self.every if self._adds(e)]
+        singles = {e.names: e for e in rest if len(e.names) == 1}
+        held: dict[tuple[str, ...], float] = {}
+        for one in rest:
+            alone = [singles[n,] for n in one.names if (n,) in singles and len(one.names) > 1]
+            best = max(alone, key=lambda e: e.posterior.log_evidence, default=one)
+            more = one.posterior.log_evidence - best.posterior.log_evidence
+            names = best.names if more < MORE_THAN_ALONE else one.names
+            held[names] = held.get(names, 0.0) + one.probability
+        total = sum(held.values())
+        shares = {names: probability / total for names, probability in held.items()}
+        by_names = {one.names: one for one in rest}
+        kept: list[Explanation] = []
+        for names, share in sorted(shares.items(), key=lambda pair: -pair[1]):
+            kept.append(replace(by_names[names], probability=share))
+            if sum(e.probability for e in kept) >= HELD:
+                break
+        return tuple(kept)
+
+    @property
+    def soundness(self) -> float:
+        """Probability that nothing was left out that shows.
+
+        Of the base model alone, and of explanations that add to it what the data don't ask for.
+        """
+        return sum(e.probability for e in self.every if not self._adds(e))
+
+    def _adds(self, one: Explanation) -> bool:
+        gain = one.posterior.log_evidence - self.base.posterior.log_evidence
+        return not one.nothing and gain > ADDS_FROM
+
+
+def explain(
+    problem: Problem, base: Fit, mechanisms: Sequence[Mechanism], confirm: Confirm | None = None
+) -> Explained:
+    """Return how probable every explanation is.
+
+    Parameters
+    ----------
+    problem
+        The observations.
+    base
+        The base model's fit.
+    mechanisms
+        Those that the recordings can show.
+    confirm
+        Refits about a full solution; emulated ones stand without it.
+    """
+    unknowns = unknown_errors(problem.predictor.observed, base.prediction)
+    evidence = Evidence(problem.errors, unknowns)
+    found = [_base(problem, base, evidence, unknowns, False)]
+    found.append(_base(problem, base, evidence, unknowns, True))
+    each = np.log(PRIOR_SINGLE / max(len(mechanisms), 1))
+    singles = [
+        _explanation(problem, fit(problem, [m], base.values), base, evidence, unknowns, each)
+        for m in mechanisms
+    ]
+    singles.sort(key=lambda e: -e.log_weight)
+    found += singles
+    if _open(found):
+        pairs = _pairs(singles)
+        count = len(mechanisms) * (len(mechanisms) - 1) / 2
+        found += [
+            _explanation(
+                problem, _joint(problem, one, other), base, evidence, unknowns,
+                float(np.log(PRIOR_PAIR / count)),
+            )
+            for one, other in pairs
+        ]  # fmt: skip
+    found = _weighed(found)
+    if confirm is not None:
+        found = _confirmed(found, base, evidence, unknowns, confirm)
+    return Explained(tuple(found), next(e for e in found if e.nothing))
+
+
+def _open(found: Sequence[Explanation]) -> bool:
+    """Tell whether pairs may matter: nothing alone describes the recordings wholly."""
+    first = _weighed(found)[0]
+    return not first.nothing and (first.unknown or first.posterior.unknown > 0.2)
+
+
+def _weighed(found: Sequence[Explanation]) -> list[Explanation]:
+    shares = probabilities([e.log_weight for e in found])
+    weighed = [replace(e, probability=float(p)) for e, p in zip(found, shares, strict=True)]
+    return sorted(weighed, key=lambda e: -e.probability)
+
+
+def _base(
+    problem: Problem,
+    base: Fit,
+    evidence: Evidence,
+    unknowns: Sequence[Unknown],
+    unknown: bool,
+    confirmed: bool = False,
+) -> Explanation:
+    """Return the base model alone, or with something unknown."""
+    shares = [
+        (-np.inf if unknown else 0.0) if u.covariance is None
+        else (u.log_prior if unknown else -np.inf)
+        for u in unknowns
+    ]  # fmt: skip
+    posterior = posterior_of(evidence, base, problem.predictor.observed, shares)
+    prior = float(np.log(PRIOR_UNKNOWN if unknown else PRIOR_NONE))
+    return Explanation(problem, base, posterior, prior, unknown, confirmed)
+
+
+def _explanation(
+    problem: Problem,
+    fitted: Fit,
+    base: Fit,
+    evidence: Evidence,
+    unknowns: Sequence[Unknown],
+    log_prior: float,
+    confirmed: bool = False,
+) -> Explanation:
+    shown = shown_effect(problem, fitted, base)
+    largest = float(np.abs(base.prediction).max())
+    most = INEXACT_SHARE * shown / largest
+    fits = [u.covariance is not None and u.size <= max(most, unknowns[1].size) for u in unknowns]
+    share = np.log(INEXACT / max(sum(fits), 1))
+    shares = [
+        float(np.log(1 - INEXACT)) if u.covariance is None else (float(share) if small else -np.inf)
+        for u, small in zip(unknowns, fits, strict=True)
+    ]
+    posterior = posterior_of(evidence, fitted, problem.predictor.observed, shares)
+    if posterior.unknown > 0.5:
+        # Beside something unknown the parameters are elsewhere than a fit without it finds them,
+        # and the evidence is linear about where they are.
+        aware = _beside(problem, fitted, unknowns[int(np.argmax(posterior.of_unknown))])
+        again = posterior_of(evidence, aware, problem.predictor.observed, shares)
+        if again.log_evidence > posterior.log_evidence:
+            fitted, posterior = aware, again
+    return Explanation(problem, fitted, posterior, log_prior, False, confirmed)
+
+
+def _beside(problem: Problem, fitted: Fit, unknown: Unknown) -> Fit:
+    """Refit with something unknown among the errors; its misfit is told by the errors alone."""
+    aware = problem.with_errors(with_unknown(problem.errors, unknown))
+    refit = fit(aware, fitted.mechanisms, fitted.values)
+    return replace(
+        refit, whitened=problem.whitened(refit.residual), jacobian=problem.whitened(refit.change)
+    )
+
+
+def with_unknown(errors: ErrorModel, unknown: Unknown) -> ErrorModel:
+    """Return the errors with an error of unknown shape among them."""
+    if unknown.covariance is None:
+        return errors
+    return replace(errors, dense=errors.dense + unknown.covariance)
+
+
+def shown_effect(problem: Problem, fitted: Fit, base: Fit) -> float:
+    """Return the root mean square (N) of what a mechanism changes that the base model can't."""
+    change = fitted.prediction - base.prediction
+    basis = np.linalg.qr(base.jacobian)[0]
+    white = problem.whitened(change)
+    rest = (
+        problem.errors.lower @ (white - basis @ (basis.T @ white))
+        if problem.kept is None
+        else change
+    )
+    return float(np.sqrt(np.mean(rest**2)))
+
+
+def _pairs(singles: Sequence[Explanation]) -> list[tuple[Explanation, Explanation]]:
+    leading, wider = singles[:PAIRS_OF], singles[:PAIRS_WITH]
+    found: dict[frozenset[str], tuple[Explanation, Explanation]] = {}
+    for one in leading:
+        for other in wider:
+            key = frozenset([*one.names, *other.names])
+            if len(key) == 2:
+                found.setdefault(key, (one, other))
+    return list(found.values())
+
+
+def _joint(problem: Problem, one: Explanation, other: Explanation) -> Fit:
+    """Return the fit of two mechanisms, begun from what each explained."""
+    shapes = {k: v for k, v in other.fit.values.items() if k.split(".")[0] in other.names}
+    both = [*one.fit.mechanisms, *other.fit.mechanisms]
+    return fit(problem, both, {**one.fit.values, **shapes})
+
+
+def _confirmed(
+    found: list[Explanation],
+    base: Fit,
+    evidence: Evidence,
+    unknowns: Sequence[Unknown],
+    confirm: Confirm,
+) -> list[Explanation]:
+    """Refit the leading explanations about full solutions, until none of them is emulated."""
+    for _ in range(3):
+        waiting = [
+            e for e in found[:CONFIRMED_MOST] if not e.confirmed and e.names
+            and e.probability >= CONFIRMED_FROM
+        ]  # fmt: skip
+        if not waiting:
+            break
+        for one in waiting:
+            shifted, refit, made = confirm(one.problem, one.fit)
+            again = _explanation(shifted, refit, base, evidence, unknowns, one.log_prior, True)
+            found[found.index(one)] = again if made else _as_confirmed(one)
+        found = _weighed(found)
+    return found
+
+
+def _as_confirmed(one: Explanation) -> Explanation:
+    """Return an explanation that can't be confirmed: its solution stopped."""
+    return replace(one, confirmed=True, log_prior=one.log_prior - 3.0)
+
+
+def averaged_interval(
+    explained: Explained, name: str, share: float = 0.95
+) -> tuple[float, float] | None:
+    """Return a parameter's interval over all explanations, each with its probability.
+
+    The distribution is a mixture of normal ones of the parameter's departure; None where an
+    explanation that counts hasn't the parameter.
+    """
+    every = [e for e in explained.every if e.probability > 1e-4 and name in e.fit.free]
+    if not every:
+        return None
+    weights = np.array([e.probability for e in every])
+    weights /= weights.sum()
+    which = [e.fit.free.index(name) for e in every]
+    means = np.array([e.posterior.mean[k] for e, k in zip(every, which, strict=True)])
+    sds = np.array(
+        [np.sqrt(e.posterior.covariance[k, k]) for e, k in zip(every, which, strict=True)]
+    )
+
+    def quantile(probability: float) -> float:
+        low, high = float((means - 9 * sds).min()), float((means + 9 * sds).max())
+        return float(
+            brentq(lambda z: float(weights @ norm.cdf((z - means) / sds)) - probability, low, high)
+        )
+
+    parameter = every[0].fit.parameters[which[0]]
+    assert parameter.prior is not None
+    tail = (1 - share) / 2
+    ends = [parameter.inside(parameter.prior.value_at(quantile(p))) for p in (tail, 1 - tail)]
+    return min(ends), max(ends)
+
+
+def unknown_course(explanation: Explanation, unknowns: Sequence[Unknown]) -> FloatArray:
+    """Return the expected course (n,), N, of what is unknown beside an explanation, if it is."""
+    residual, total = explanation.fit.residual, explanation.problem.errors.covariance
+    course = np.zeros_like(residual)
+    shares = explanation.posterior.of_unknown
+    for unknown, share in zip(unknowns, shares, strict=True):
+        if unknown.covariance is not None and share > _COUNTS * shares.max():
+            course += (
+                share * unknown.covariance @ np.linalg.solve(total + unknown.covariance, residual)
+            )
+    return np.asarray(course / max(explanation.posterior.unknown, _COUNTS))

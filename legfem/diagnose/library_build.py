@@ -1,0 +1,303 @@
+"""Building a leg's library: what is solved, in processes, and how the tables come of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from legfem.common.progress import Progress
+from legfem.common.units import FloatArray
+from legfem.correction.tabulated import TabulatedCorrection
+from legfem.diagnose.library import Library, Table, coordinates
+from legfem.diagnose.mechanisms import Mechanism, TissueMechanism, mechanisms
+from legfem.diagnose.mechanisms.base import null_of
+from legfem.diagnose.mechanisms.end_effects import EndEffects
+from legfem.diagnose.mechanisms.viscoelasticity import Viscoelasticity
+from legfem.diagnose.nuisances import MATERIAL_LOG_SD, Displaced, Nuisances, displaced_geometries
+from legfem.diagnose.observations import Observations
+from legfem.diagnose.solved import SolvedResponses
+from legfem.diagnose.stations import Stations
+from legfem.inference.emulator import Emulator, Samples
+from legfem.jobs.pool import Workers
+from legfem.recording.phases import LOADING
+
+LATTICE = (-0.7, 0.0, 0.7)
+"""Logarithms of C10 over the middle's."""
+STIFFENINGS = (0.0, 0.8, 1.6)
+"""ln(1 + C20 / C10) of the lattice."""
+CHANGES_AT = (-0.35, 0.35)
+"""Logarithms of C10 over the middle's, at which changes are tabulated."""
+_ROUND = 0.25
+"""Of the middle's ln C10; and of where its stiffening is looked up."""
+_FIRST_C10_KPA = 0.8
+
+type Point = tuple[float, float]
+
+
+def middle_of(observed: Observations, coarse: SolvedResponses, stiffening: float) -> float:
+    """Return the C10 (kPa, of a round logarithm) at which the loading is about as recorded.
+
+    Parameters
+    ----------
+    observed
+        The recordings.
+    coarse
+        Responses by full solutions.
+    stiffening
+        ln(1 + C20 / C10) there.
+    """
+    loading = observed.phase == LOADING
+    d, force = observed.displacement[loading], observed.force[loading]
+    log = np.log(_FIRST_C10_KPA)
+    for _ in range(5):
+        c10 = float(np.exp(log))
+        curve = coarse.curve(c10, c10 * float(np.expm1(stiffening)))
+        if np.isnan(curve).any():
+            log += 0.7
+            continue
+        grid = np.concatenate([[0.0], coarse.grid])
+        there = CubicSpline(grid, np.concatenate([[0.0], curve]))(np.maximum(d, 0.0))
+        ratio = float(force @ there) / float(there @ there)
+        step = float(np.clip(np.log(max(ratio, 1e-3)) / 0.7, -1.5, 1.5))
+        log += step
+        if abs(step) < 0.5 * _ROUND:
+            break
+    return rounded(float(np.exp(log)))
+
+
+def rounded(c10: float) -> float:
+    """Return a stiffness (kPa) of a round logarithm near one."""
+    return float(np.exp(_ROUND * round(float(np.log(c10)) / _ROUND)))
+
+
+@dataclass(frozen=True)
+class _Task:
+    """One entry of the library."""
+
+    point: Point
+    mechanism: TissueMechanism | None = None
+    strength: float = 0.0
+    stations: Stations | None = None
+    geometry: Displaced | None = None
+    material: bool = False
+
+    @property
+    def label(self) -> str:
+        """What progress says."""
+        what = "elastic"
+        if self.mechanism is not None:
+            what = self.mechanism.name
+        elif self.geometry is not None:
+            what = self.geometry.name
+        elif self.material:
+            what = "derivatives by what is assumed"
+        at = "" if self.stations is None else f", {self.stations.label}"
+        return f"{what}{at} at C10 {self.point[0]:.3g}, C20 {self.point[1]:.3g} kPa"
+
+
+def _work(
+    responses: tuple[SolvedResponses, SolvedResponses], task: _Task
+) -> Mapping[str, FloatArray] | None:
+    """Return an entry; None where its solution stopped."""
+    found = _solved(*responses, task)
+    return None if any(np.isnan(values).any() for values in found.values()) else found
+
+
+def _solved(
+    solved: SolvedResponses, coarse: SolvedResponses, task: _Task
+) -> Mapping[str, FloatArray]:
+    if task.geometry is not None:
+        own = task.geometry
+        return {"change": coarse.displaced(own.moved, own.placement, *task.point)}
+    if task.material:
+        return coarse.sensitivities(tuple(MATERIAL_LOG_SD), *task.point)
+    mechanism = task.mechanism
+    if mechanism is None:
+        return solved.elastic(*task.point)
+    if isinstance(mechanism, Viscoelasticity):
+        assert task.stations is not None
+        return {"change": coarse.relaxation(mechanism, task.stations, *task.point)}
+    values = {p.name: null_of(p) for p in mechanism.parameters}
+    solution = mechanism.solution({**values, mechanism.parameters[0].name: task.strength})
+    if task.stations is None:
+        return {"change": coarse.elastic_change(solution, *task.point)}
+    return {"change": coarse.path_change(solution, task.stations, *task.point)}
+
+
+def shown_mechanisms(
+    observed: Observations, correction: TabulatedCorrection | None, with_ends: bool = False
+) -> tuple[list[Mechanism], dict[str, str]]:
+    """Return the mechanisms that recordings can show, and why the others can't be.
+
+    Parameters
+    ----------
+    observed
+        The recordings.
+    correction
+        For the cylinder's ends.
+    with_ends
+        Whether the base model has it already.
+    """
+    able: list[Mechanism] = []
+    unable: dict[str, str] = {}
+    for mechanism in mechanisms():
+        why = mechanism.untestable(observed)
+        if why is None and isinstance(mechanism, EndEffects):
+            if with_ends:
+                why = "the base model has the cylinder's ends, with the errors of that correction"
+            elif correction is None:
+                why = "there is no 3D correction for this leg"
+        if why is None:
+            able.append(mechanism)
+        else:
+            unable[mechanism.name] = why
+    return able, unable
+
+
+def build_library(
+    solved: SolvedResponses,
+    coarse: SolvedResponses,
+    observed: Observations,
+    asked: Sequence[Mechanism],
+    correction: TabulatedCorrection | None,
+    jobs: int,
+    progress: Progress,
+    stiffening: float = 0.0,
+    middle: float | None = None,
+) -> Library:
+    """Solve what isn't kept yet, in processes, and return the library for recordings.
+
+    Parameters
+    ----------
+    solved
+        The leg's responses on the mesh that is reported on: elastic curves.
+    coarse
+        On a coarser one: relative changes, in which most of a mesh's error cancels.
+    observed
+        The recordings, for their stiffness and their protocols.
+    asked
+        Mechanisms that are to be tabulated.
+    correction
+        Of 3D effects.
+    jobs
+        Processes.
+    progress
+        Told of every solution.
+    stiffening
+        ln(1 + C20 / C10) at which changes are tabulated.
+    middle
+        C10 (kPa) about which; that of the recordings by default.
+    """
+    if middle is None:
+        progress.stage("how stiff the leg is, roughly")
+        middle = middle_of(observed, coarse, stiffening)
+    tissue = [m for m in asked if isinstance(m, TissueMechanism) and not isinstance(m, EndEffects)]
+    tasks = _tasks(observed, tissue, middle, stiffening)
+    progress.stage("the leg's library of responses", len(tasks))
+    found: dict[int, Mapping[str, FloatArray] | None] = {}
+    numbers = {id(task): k for k, task in enumerate(tasks)}
+    with Workers(_work, (solved, coarse), jobs) as workers:
+        for task, outcome in workers.run(tasks):
+            found[numbers[id(task)]] = outcome
+            progress.advance(task.label + ("" if outcome is not None else ": STOPPED"))
+    outcomes = [found[k] for k in range(len(tasks))]
+    return _assembled(solved, observed, tissue, tasks, outcomes, correction, middle)
+
+
+def _tasks(
+    observed: Observations, tissue: Sequence[TissueMechanism], middle: float, stiffening: float
+) -> list[_Task]:
+    def point(log: float, q: float) -> Point:
+        c10 = middle * float(np.exp(log))
+        return c10, c10 * float(np.expm1(q))
+
+    where = [point(log, stiffening) for log in CHANGES_AT]
+    centre = point(0.0, stiffening)
+    # What takes longest comes first, which keeps all processes busy to the end.
+    along = [m for m in tissue if m.along_path]
+    tasks = [
+        _Task(centre, m, strength, stations)
+        for m in along
+        for stations in observed.protocols
+        for strength in (m.strengths or (0.0,))
+    ]
+    tasks += [_Task(point(log, q)) for log in LATTICE for q in STIFFENINGS]
+    tasks.append(_Task(centre, material=True))
+    tasks += [_Task(centre, geometry=geometry) for geometry in displaced_geometries()]
+    tasks += [
+        _Task(at, m, strength)
+        for m in tissue
+        if not m.along_path
+        for at in where
+        for strength in m.strengths
+    ]
+    return tasks
+
+
+def _assembled(
+    solved: SolvedResponses,
+    observed: Observations,
+    tissue: Sequence[TissueMechanism],
+    tasks: Sequence[_Task],
+    outcomes: Sequence[Mapping[str, FloatArray] | None],
+    correction: TabulatedCorrection | None,
+    middle: float,
+) -> Library:
+    done = [(t, o) for t, o in zip(tasks, outcomes, strict=True) if o is not None]
+    elastic = [
+        (t.point, o)
+        for t, o in done
+        if t.mechanism is None and t.geometry is None and not t.material
+    ]
+    c10, c20 = (np.array(values) for values in zip(*(p for p, _ in elastic), strict=True))
+    force, by_c10, by_c20 = (
+        np.array([o[name] for _, o in elastic]) for name in ("force", "deep.C10", "deep.C20")
+    )
+    samples = _samples(c10, c20, force, by_c10 / 1e3, by_c20 / 1e3)
+    changes: dict[tuple[str, str], Table] = {}
+    missing: dict[str, str] = {}
+    for m in tissue:
+        for key in [s.key for s in observed.protocols] if m.along_path else [""]:
+            table = _table(m, key, tasks, outcomes)
+            if table is None:
+                missing[m.name] = "its solutions did not follow the protocol to the end"
+            else:
+                changes[m.name, key] = table
+    geometric = {t.geometry.name: o["change"] for t, o in done if t.geometry is not None}
+    material = next((dict(o) for t, o in done if t.material), {})
+    nuisances = Nuisances(solved.grid, geometric, material)
+    emulator = Emulator(samples)
+    return Library(solved.grid, emulator, changes, nuisances, middle, correction, missing)
+
+
+def _samples(
+    c10: FloatArray, c20: FloatArray, force: FloatArray, by_c10: FloatArray, by_c20: FloatArray
+) -> Samples:
+    """Return solved curves (n, m) with their derivatives (N/kPa) by the coordinates."""
+    first = c10[:, None] * by_c10 + c20[:, None] * by_c20
+    second = (c10 + c20)[:, None] * by_c20
+    return Samples(coordinates(c10, c20), force, np.stack([first, second], axis=1))
+
+
+def _table(
+    mechanism: TissueMechanism,
+    key: str,
+    tasks: Sequence[_Task],
+    outcomes: Sequence[Mapping[str, FloatArray] | None],
+) -> Table | None:
+    rows: dict[float, list[FloatArray]] = {}
+    for task, outcome in zip(tasks, outcomes, strict=True):
+        own = "" if task.stations is None else task.stations.key
+        if task.mechanism is not mechanism or own != key:
+            continue
+        if outcome is None:
+            return None
+        rows.setdefault(task.point[0], []).append(outcome["change"])
+    if not rows:
+        return None
+    values = np.array([np.vstack(r) for r in rows.values()])
+    logs = np.log(list(rows))
+    return Table(logs, values if mechanism.along_path else np.log1p(values))

@@ -1,0 +1,32 @@
+"""The deep tissue's compressibility isn't the one given."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from legfem.diagnose.mechanisms.base import Solution, TissueMechanism, Values, factor
+from legfem.inference.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class Compressibility(TissueMechanism):
+    """The deep tissue's D1, over the one given."""
+
+    name: ClassVar[str] = "compressibility"
+    statement: ClassVar[str] = (
+        "the deep tissue loses or keeps more volume than the compressibility given says"
+    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        factor(
+            "factor", "on D1", (0.1, 60.0), 1.3,
+            "reported bulk moduli of muscle differ a hundredfold",
+        ),
+    )  # fmt: skip
+    next_experiment: ClassVar[str] = "image the section under load and measure how its area changes"
+    strengths: ClassVar[tuple[float, ...]] = (0.3, 3.0, 9.0, 26.0)
+    sealed: ClassVar[tuple[float, float] | None] = (9.0, 26.0)
+
+    def solution(self, values: Values) -> Solution:
+        """Return the model with that parameter scaled."""
+        return Solution(scaled={"deep.D1": values["factor"]})

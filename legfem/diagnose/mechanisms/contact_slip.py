@@ -1,0 +1,35 @@
+"""The skin slips along the cylinder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from legfem.diagnose.mechanisms.base import Solution, TissueMechanism, Values, strength
+from legfem.inference.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class ContactSlip(TissueMechanism):
+    """Slip between none (the tape holds) and free.
+
+    The force is taken in proportion between that of a skin that sticks and that of one that slides
+    without friction, the two ends of Coulomb's law.
+    """
+
+    name: ClassVar[str] = "contact-slip"
+    statement: ClassVar[str] = "the skin slipped along the cylinder: the tape did not hold"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        strength("slip", "-", "share of the way from sticking to free", 0.6, (0.0, 1.0)),
+    )
+    next_experiment: ClassVar[str] = (
+        "mark the skin at the cylinder's edge and film it, or repeat with fresh tape"
+    )
+    variant: ClassVar[str] = "frictionless"
+    tangential: ClassVar[str | None] = "frictionless"
+    strengths: ClassVar[tuple[float, ...]] = (1.0,)
+    sealed: ClassVar[tuple[float, float] | None] = (0.4, 1.0)
+
+    def solution(self, values: Values) -> Solution:
+        """Return the model without friction; only a whole slip is solved."""
+        return Solution(self.variant)

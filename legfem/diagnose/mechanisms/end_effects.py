@@ -1,0 +1,47 @@
+"""The cylinder is short."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+from legfem.diagnose.mechanisms.base import TissueMechanism, Values, strength
+from legfem.diagnose.observations import Observations
+from legfem.inference.parameter import Parameter, Prior
+
+
+def _error(name: str, statement: str) -> Parameter:
+    prior = Prior(0.0, 1.0, "linear", "the correction's own errors")
+    return Parameter(name, "sd", (-3.0, 3.0), prior, statement=statement)
+
+
+@dataclass(frozen=True)
+class EndEffects(TissueMechanism):
+    r"""The cylinder's ends: force times :math:`1 - s (P(d) + \sum_k a_k p_k(d))`.
+
+    P is the idealised leg's correction, and :math:`p_k` its errors' modes: of the leg's effective
+    length, which nobody knows, of the mesh that P was calibrated on, and of where contact begins.
+    They are standard deviations, so each :math:`a_k` is known to one beforehand.
+    """
+
+    name: ClassVar[str] = "end-effects"
+    statement: ClassVar[str] = (
+        "the cylinder is short: tissue moves along the leg and its ends carry force"
+    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        strength("scale", "-", "of the idealised leg's correction P(d)", 1.0, (0.0, 3.0)),
+        _error("leg_length", "P's error for the leg's unknown length"),
+        _error("calibration", "P's error by the mesh it was found on"),
+        _error("first_contact", "P's error where contact begins"),
+    )
+    MODES: ClassVar[Mapping[str, str]] = {
+        "leg_length": "leg length", "calibration": "mesh", "first_contact": "first contact",
+    }  # fmt: skip
+    """Names of the correction's errors by parameter."""
+    next_experiment: ClassVar[str] = "repeat with a cylinder of twice the length"
+    sealed: ClassVar[tuple[float, float] | None] = (0.8, 2.0)
+
+    def starts(self, observed: Observations) -> tuple[Values, ...]:
+        """Return the correction as it was calibrated."""
+        return ({"scale": 0.5, **dict.fromkeys(self.MODES, 0.0)},)

@@ -1,0 +1,30 @@
+"""The load cell's zero drifts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from legfem.common.units import FloatArray
+from legfem.diagnose.mechanisms.base import Mechanism, Values, strength
+from legfem.diagnose.observations import Observations
+from legfem.inference.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class ForceDrift(Mechanism):
+    """The load cell's zero moves with time, from the start of each trial."""
+
+    name: ClassVar[str] = "force-drift"
+    statement: ClassVar[str] = "the load cell's zero drifted in time"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        strength("rate", "N/s", "drift of the zero", 0.005, (-0.1, 0.1)),
+    )
+    next_experiment: ClassVar[str] = (
+        "record a minute in air before and after each trial, and compare the zeros"
+    )
+    sealed: ClassVar[tuple[float, float] | None] = (0.002, 0.01)
+
+    def added_force(self, values: Values, observed: Observations) -> FloatArray:
+        """Return the drift."""
+        return values["rate"] * observed.time

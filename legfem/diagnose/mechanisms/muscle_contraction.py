@@ -1,0 +1,60 @@
+"""The muscle tenses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from legfem.common.units import FloatArray
+from legfem.diagnose.mechanisms.base import Mechanism, Values, strength
+from legfem.diagnose.observations import Observations
+from legfem.inference.parameter import Parameter, Prior
+
+
+@dataclass(frozen=True)
+class MuscleContraction(Mechanism):
+    """The muscle tenses from a moment on, in every trial: a smooth switch of its stiffness.
+
+    An elastic leg's force at a displacement follows from the stiffness then, so no history is
+    needed; `legfem.mechanics.terms.contraction` is the same thing in the finite-element model.
+    """
+
+    name: ClassVar[str] = "muscle-contraction"
+    statement: ClassVar[str] = "the muscle tensed during the test and became stiffer"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        strength("stiffening", "-", "rise of the deep stiffness over itself", 0.2, (0.0, 3.0)),
+        Parameter(
+            "onset", "-", (0.0, 1.0), Prior(0.5, 0.3, "linear", "any time"),
+            statement="when it begins, over the time of the shortest programme",
+        ),
+        Parameter(
+            "rise", "-", (0.005, 0.5), Prior(0.06, 0.8, "log", "a second or some"), scale="log",
+            statement="how long it takes to rise, likewise",
+        ),
+    )  # fmt: skip
+    next_experiment: ClassVar[str] = (
+        "repeat with electromyography of the calf, or ask for a relaxed leg and compare"
+    )
+    sealed: ClassVar[tuple[float, float] | None] = (0.04, 0.2)
+
+    def starts(self, observed: Observations) -> tuple[Values, ...]:
+        """Return onsets through the programme."""
+        return tuple(
+            {"stiffening": 0.1, "onset": float(onset), "rise": rise}
+            for onset in np.linspace(0.15, 0.85, 8)
+            for rise in (0.03, 0.12)
+        )
+
+    def deep_factor(self, values: Values, observed: Observations) -> FloatArray:
+        """Return the stiffness over that at rest."""
+        shortest = min(float(s.protocol.time[-1]) for s in observed.protocols)
+        since = observed.time / shortest - values["onset"]
+        return 1.0 + values["stiffening"] * smooth_switch(since / max(values["rise"], 1e-6))
+
+
+def smooth_switch(fraction: FloatArray) -> FloatArray:
+    """Return 0 below 0, 1 above 1 and 3 x^2 - 2 x^3 between."""
+    x = np.clip(fraction, 0.0, 1.0)
+    return np.asarray(x * x * (3 - 2 * x))

@@ -1,0 +1,41 @@
+"""The fascia is under tension in the imaged state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from legfem.common.units import kpa_to_mpa
+from legfem.diagnose.mechanisms.base import Solution, TissueMechanism, Values, strength
+from legfem.inference.parameter import Parameter
+
+if TYPE_CHECKING:
+    from legfem.experiments.plane_strain import Tissues
+    from legfem.geometry.section import LegSection
+
+
+@dataclass(frozen=True)
+class Prestress(TissueMechanism):
+    """Tension of the fascia in the imaged state."""
+
+    name: ClassVar[str] = "prestress"
+    statement: ClassVar[str] = "the fascia was under tension before the test"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        strength("tension", "kPa", "tension of the fascia at rest", 100.0, (0.0, 500.0)),
+    )
+    next_experiment: ClassVar[str] = (
+        "measure the pressure in the compartment at rest, or shear-wave speeds along the fascia"
+    )
+    strengths: ClassVar[tuple[float, ...]] = (20.0, 100.0, 300.0)
+    sealed: ClassVar[tuple[float, float] | None] = (80.0, 250.0)
+
+    def terms(self, section: LegSection, tissues: Tissues) -> Sequence[Any]:
+        """Return the fascia's tension."""
+        from legfem.mechanics.terms import Prestress as Tension
+
+        return [Tension(section.fascia)]
+
+    def solution(self, values: Values) -> Solution:
+        """Return the model with the tension."""
+        return Solution(parameters={"fascia.prestress.tension": kpa_to_mpa(values["tension"])})

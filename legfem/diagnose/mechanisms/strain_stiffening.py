@@ -1,0 +1,42 @@
+"""The deep tissue stiffens more than its law."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from legfem.common.units import kpa_to_mpa
+from legfem.diagnose.mechanisms.base import Solution, TissueMechanism, Values, strength
+from legfem.inference.parameter import Parameter
+
+if TYPE_CHECKING:
+    from legfem.experiments.plane_strain import Tissues
+    from legfem.geometry.section import LegSection
+
+
+@dataclass(frozen=True)
+class StrainStiffening(TissueMechanism):
+    """One more term of the energy's series in (I1 - 3)."""
+
+    name: ClassVar[str] = "strain-stiffening"
+    statement: ClassVar[str] = (
+        "the deep tissue stiffens with strain more than the law used can describe"
+    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        strength("coefficient", "kPa", "of the energy's next power of strain", 1.5, (0.0, 20.0)),
+    )
+    next_experiment: ClassVar[str] = "press deeper, or with a smaller indenter: larger strains"
+    strengths: ClassVar[tuple[float, ...]] = (0.3, 1.2, 4.0)
+    sealed: ClassVar[tuple[float, float] | None] = (0.6, 2.5)
+
+    def terms(self, section: LegSection, tissues: Tissues) -> Sequence[Any]:
+        """Return the tissue with a third coefficient of its energy."""
+        from legfem.mechanics.materials import Yeoh
+        from legfem.mechanics.terms import Tissue
+
+        return [Tissue("deep", Yeoh.of(tissues.deep))]
+
+    def solution(self, values: Values) -> Solution:
+        """Return the law with its third coefficient."""
+        return Solution(parameters={"deep.C30": kpa_to_mpa(values["coefficient"])})

@@ -1,0 +1,181 @@
+r"""What the model doesn't know of a leg, and how it would change the force.
+
+Outlines come from images, the aim from a mark on the skin, the stiffness of fat and fascia from
+others' measurements. Each such unknown has a standard deviation with a source; its effect is the
+relative change of the force by one, from a solution with the mesh or the cylinder moved, or from
+the exact derivative by a material's number.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from legfem.common.units import FloatArray
+from legfem.diagnose.observations import Observations
+
+if TYPE_CHECKING:
+    from legfem.correction.tabulated import TabulatedCorrection
+    from legfem.experiments.placement import Placement
+    from legfem.meshing.motion import MeshMotion
+
+CONTOUR_SD_MM = 0.5
+"""Of a segmented outline (MRI of 1 mm pixels: inter-observer distances of 0.3 to 0.8 mm)."""
+CONTOUR_ARC_MM = 20.0
+"""Of skin over which its error is correlated."""
+AIM_SD_MM = 2.0
+"""A mark's place on the skin."""
+DIRECTION_SD_DEG = 3.0
+MATERIAL_LOG_SD: Mapping[str, float] = {
+    "superficial.C10": 0.2,
+    "fascia.C10": 0.25,
+    "deep.D1": 0.25,
+    "superficial.D1": 0.25,
+}
+"""Of the logarithms of what is assumed: a factor of 1.5 to 1.65 at two standard deviations. What is
+further off is called a mechanism."""
+OUTLINES: tuple[Literal["skin", "fascia"], ...] = ("skin", "fascia")
+_HATS = (-40.0, -20.0, 0.0, 20.0, 40.0)
+_WORDS = {
+    "superficial.C10": "stiffness of the fat",
+    "fascia.C10": "stiffness of the fascia",
+    "deep.D1": "compressibility of the deep tissue",
+    "superficial.D1": "compressibility of the fat",
+}
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """How well a leg is known.
+
+    Parameters
+    ----------
+    contour_sd
+        Of its outlines (mm); 0 where they are exact.
+    aim_sd
+        Of the cylinder's line of travel (mm).
+    direction_sd
+        Of its direction (degrees).
+    """
+
+    contour_sd: float = CONTOUR_SD_MM
+    aim_sd: float = AIM_SD_MM
+    direction_sd: float = DIRECTION_SD_DEG
+
+
+DRAWN = Accuracy(0.2, 0.5, 0.5)
+"""Of a leg that was drawn and simulated: as far as another code rounds the same polygons."""
+
+
+@dataclass(frozen=True)
+class Displaced:
+    """A geometry other than the stated one, to be solved for."""
+
+    name: str
+    moved: MeshMotion | None = None
+    placement: Placement | None = None
+
+
+def displaced_geometries() -> list[Displaced]:
+    """Return the geometries whose forces tell of outlines, aim and direction."""
+    from legfem.experiments.placement import Placement
+    from legfem.meshing.motion import MeshMotion
+
+    found = [
+        Displaced(f"outline of the {outline} at {arc:+.0f} mm", MeshMotion(outline, arc))
+        for outline in OUTLINES
+        for arc in _HATS
+    ]
+    found.append(Displaced("depth of the bones", MeshMotion("bones")))
+    found.append(Displaced("aim", placement=Placement(offset_mm=AIM_SD_MM)))
+    found.append(Displaced("direction", placement=Placement(tilt_deg=DIRECTION_SD_DEG)))
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Nuisances:
+    """Relative changes of the elastic force at a grid of displacement.
+
+    Parameters
+    ----------
+    grid
+        (m,), mm.
+    geometric
+        By the name of a displaced geometry, (m,).
+    material
+        By a parameter's full name: per relative change of it, (m,).
+    """
+
+    grid: FloatArray
+    geometric: Mapping[str, FloatArray]
+    material: Mapping[str, FloatArray]
+
+    def effects(
+        self,
+        observed: Observations,
+        force: FloatArray,
+        accuracy: Accuracy,
+        ends: TabulatedCorrection | None = None,
+        stiffness: tuple[float, float] = (1.0, 0.0),
+    ) -> list[tuple[str, FloatArray]]:
+        """Return names and effects (n,), N, of one standard deviation of every unknown.
+
+        Parameters
+        ----------
+        observed
+            The recordings.
+        force
+            (n,), N: that the model predicts.
+        accuracy
+            Of the leg's geometry.
+        ends
+            The correction for the cylinder's ends, whose errors count where it is applied.
+        stiffness
+            C10 and C20, kPa: of the correction.
+        """
+        d = observed.displacement
+
+        def along(change: FloatArray) -> FloatArray:
+            return np.asarray(force * CubicSpline(self.grid, change)(np.maximum(d, self.grid[0])))
+
+        found: list[tuple[str, FloatArray]] = [
+            (_WORDS[name], MATERIAL_LOG_SD[name] * along(change))
+            for name, change in self.material.items()
+        ]
+        scale = {"aim": accuracy.aim_sd / AIM_SD_MM,
+                 "direction": accuracy.direction_sd / DIRECTION_SD_DEG,
+                 "depth of the bones": accuracy.contour_sd / CONTOUR_SD_MM}  # fmt: skip
+        for name, factor in scale.items():
+            if name in self.geometric and factor > 0:
+                found.append((name, factor * along(self.geometric[name])))
+        for part in OUTLINES:
+            rows = [
+                (n, c) for n, c in self.geometric.items() if n.startswith(f"outline of the {part}")
+            ]
+            if rows and accuracy.contour_sd > 0:
+                found += self._outline(part, [along(c) for _, c in rows], accuracy.contour_sd)
+        if ends is not None:
+            factor_now = ends.factor(d, *(np.asarray(v) for v in stiffness))
+            for name, mode in ends.errors.items():
+                relative = np.interp(d, ends.displacement, mode) / factor_now
+                found.append((f"3D correction: {name}", force * relative))
+        return found
+
+    def _outline(
+        self, part: str, effects: Sequence[FloatArray], sd: float
+    ) -> list[tuple[str, FloatArray]]:
+        """Return the modes of an outline's error, correlated along its arc."""
+        apart = np.subtract.outer(_HATS, _HATS)
+        covariance = np.exp(-0.5 * (apart / CONTOUR_ARC_MM) ** 2)
+        values, modes = np.linalg.eigh(covariance)
+        rows = np.array(effects) * (sd / CONTOUR_SD_MM)
+        return [
+            (f"outline of the {part}, mode {k + 1}", math.sqrt(values[j]) * modes[:, j] @ rows)
+            for k, j in enumerate(np.argsort(-values))
+            if values[j] > 1e-3
+        ]

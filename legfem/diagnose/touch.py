@@ -1,0 +1,105 @@
+"""Whether trials begin at the skin: two readings of recordings that show no air.
+
+Most labs start at first touch, and then first contact is known to a twentieth of a millimetre; some
+start above the skin by less than a recording shows. Where no trial shows air both are possible, and
+the evidence is that of both together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from legfem.common.units import FloatArray
+from legfem.diagnose.fit import Fit
+from legfem.diagnose.mechanisms.base import prior_of
+from legfem.diagnose.observations import Observations
+from legfem.diagnose.predict import detected_onset
+from legfem.inference.evidence import Evidence, Linearised, Posterior
+
+AT_TOUCH = 0.5
+"""Prior probability that trials which show no air begin at first touch."""
+
+
+def posterior_of(
+    evidence: Evidence, fitted: Fit, observed: Observations, shares: Sequence[float]
+) -> Posterior:
+    """Return what the data say of a model, whether its trials begin at the skin or not.
+
+    Parameters
+    ----------
+    evidence
+        Of the observations.
+    fitted
+        The model.
+    observed
+        The recordings.
+    shares
+        Logarithms of the shares of unknown errors beside it.
+    """
+    touching = evidence.of(fitted.linearised, shares)
+    if observed.starts_at_contact or observed.shows_air:
+        return touching
+    scale, shift = _to_detected(fitted, observed)
+    free = evidence.of(_rescaled(fitted.linearised, scale, shift), shares)
+    logs = np.array([free.log_evidence, touching.log_evidence])
+    logs += np.log([1 - AT_TOUCH, AT_TOUCH])
+    total = float(np.logaddexp(*logs))
+    weights = np.exp(logs - total)
+    back = replace(
+        free,
+        mean=scale * free.mean + shift,
+        covariance=np.outer(scale, scale) * free.covariance,
+    )
+    return _mixed(total, weights, (back, touching))
+
+
+def _to_detected(fitted: Fit, observed: Observations) -> tuple[FloatArray, FloatArray]:
+    """Return what takes departures from detected contacts to those from first touch at zero."""
+    scale, shift = np.ones(len(fitted.parameters)), np.zeros(len(fitted.parameters))
+    onsets = [k for k, p in enumerate(fitted.parameters) if p.role == "nuisance"]
+    for trial, k in enumerate(onsets):
+        found, here = detected_onset(observed, trial), prior_of(fitted.parameters[k])
+        scale[k] = found.sd / here.sd
+        shift[k] = (found.centre - here.centre) / here.sd
+    return scale, shift
+
+
+def _rescaled(about: Linearised, scale: FloatArray, shift: FloatArray) -> Linearised:
+    return Linearised(
+        about.residual,
+        about.jacobian * scale,
+        (about.departure - shift) / scale,
+        (about.low - shift) / scale,
+        (about.high - shift) / scale,
+    )
+
+
+def _mixed(total: float, weights: FloatArray, parts: Sequence[Posterior]) -> Posterior:
+    """Return the moments of a mixture."""
+    mean = sum(w * p.mean for w, p in zip(weights, parts, strict=True))
+    spread = sum(
+        w * (p.covariance + np.outer(p.mean - mean, p.mean - mean))
+        for w, p in zip(weights, parts, strict=True)
+    )
+
+    def average(name: str) -> float:
+        return float(sum(w * getattr(p, name) for w, p in zip(weights, parts, strict=True)))
+
+    return Posterior(
+        log_evidence=total,
+        mean=np.asarray(mean),
+        covariance=np.asarray(spread),
+        unknown=average("unknown"),
+        unknown_size=average("unknown_size"),
+        of_unknown=_averaged(weights, [p.of_unknown for p in parts]),
+        gain_sd=average("gain_sd"),
+        zero_sd=average("zero_sd"),
+        effects=_averaged(weights, [p.effects for p in parts]),
+    )
+
+
+def _averaged(weights: FloatArray, values: Sequence[FloatArray]) -> FloatArray:
+    return np.asarray(weights @ np.array(values))

@@ -1,0 +1,1 @@
+"""The model on a mesh: spaces, forms, symbols, history, fields."""

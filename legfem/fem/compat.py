@@ -1,0 +1,53 @@
+"""What differs between DOLFINx 0.9, 0.10 and 0.11, detected by feature."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from dolfinx import io as dolfinx_io
+from dolfinx import mesh as dolfinx_mesh
+from mpi4py import MPI
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+_reasons = PETSc.SNES.ConvergedReason
+RESIDUAL_NOT_FINITE: int = (
+    _reasons.DIVERGED_FNORM_NAN
+    if hasattr(_reasons, "DIVERGED_FNORM_NAN")  # its name in older PETSc
+    else _reasons.DIVERGED_FUNCTION_NANORINF
+)
+"""SNES' reason for a residual that is not a number, or infinite."""
+
+
+def surface_mesh(mesh: Any, facets: NDArray[np.int32]) -> Any:
+    """Return the mesh of some facets."""
+    return dolfinx_mesh.create_submesh(mesh, mesh.topology.dim - 1, facets)[0]
+
+
+def collapse(subspace: Any) -> tuple[Any, NDArray[np.int32]]:
+    """Return a subspace as a space of its own, and the parent's dof of each of its dofs."""
+    space, parent = subspace.collapse()
+    # A flat list once; now a list of one array a type of cell.
+    return space, np.asarray(parent, dtype=np.int32).ravel()
+
+
+def interpolation_points(element: Any) -> NDArray[np.float64]:
+    """Return an element's interpolation points, a method once and now a property."""
+    points = element.interpolation_points
+    return points() if callable(points) else points
+
+
+def evaluate(expression: Any, mesh: Any, cells: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Return a `dolfinx.fem.Expression` at its points in some cells, flat by cell and point."""
+    return np.asarray(expression.eval(mesh, cells)).reshape(-1)
+
+
+def vtx_writer(comm: MPI.Intracomm, path: Path, functions: Sequence[Any]) -> Any:
+    """Return an open VTX writer, or None where DOLFINx was built without ADIOS2."""
+    writer = getattr(dolfinx_io, "VTXWriter", None)
+    if writer is None:
+        return None
+    return writer(comm, path, list(functions), engine="BP4")

@@ -1,0 +1,206 @@
+"""Fields of a deformed leg: displacement, stress and strain measures, pressure on the skin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import basix
+import basix.ufl
+import numpy as np
+import ufl
+from dolfinx import fem
+from numpy.typing import NDArray
+
+from legfem.common.units import FloatArray, mpa_to_kpa
+from legfem.fem.compat import evaluate
+from legfem.fem.compiled import expression
+from legfem.fem.forms import SKIN_DEGREE
+from legfem.fem.system import System
+from legfem.mechanics.integration_domain import Body, Skin
+from legfem.mechanics.kinematics import Expr, volume_ratio
+from legfem.mechanics.model import Stressed
+from legfem.mechanics.terms import NormalContact, SkinPressure
+
+
+@dataclass(frozen=True, eq=False)
+class LegFields:
+    """A system's state as `dolfinx.fem.Function` values, for output.
+
+    Stresses and strain measures are discontinuous, linear in every cell: the least-squares fit to
+    their values at the quadrature points, where equilibrium was solved.
+    """
+
+    displacement: Any
+    """mm, continuous, of the order that was solved for."""
+    pressure: Any
+    """Hydrostatic Cauchy pressure ``-tr(sigma)/3`` (kPa), positive in compression."""
+    von_mises: Any
+    """Von Mises' equivalent Cauchy stress (kPa)."""
+    stretch: Any
+    """Greatest principal stretch, dimensionless."""
+    volume_ratio: Any
+    """J, dimensionless."""
+    region: Any
+    """Tag of the tissue, constant in every cell: the values of `legfem.meshing.section.REGIONS`."""
+    skin_pressure: Any
+    """On the skin's mesh, per unit of deformed area (kPa): that of the contact, or the given one;
+    its name tells which."""
+    skin_displacement: Any
+    """mm, on the skin's mesh."""
+    indenter_centre: FloatArray
+    """(dimension,), mm; without an indenter it means nothing."""
+
+
+def cauchy_stress(nominal: Expr, F: Expr) -> Expr:
+    r"""Return the Cauchy stress :math:`\sigma = J^{-1} P F^T` (MPa).
+
+    Parameters
+    ----------
+    nominal
+        First Piola-Kirchhoff stress :math:`P` (MPa), (3, 3).
+    F
+        Deformation gradient, (3, 3).
+
+    Returns
+    -------
+    ufl.core.expr.Expr
+        Shape (3, 3).
+    """
+    return ufl.dot(nominal, ufl.transpose(F)) / volume_ratio(F)
+
+
+def hydrostatic_pressure(stress: FloatArray) -> FloatArray:
+    """Return ``-tr(sigma)/3`` of stresses (..., 3, 3), in their unit."""
+    return -np.trace(stress, axis1=-2, axis2=-1) / 3
+
+
+def von_mises_stress(stress: FloatArray) -> FloatArray:
+    """Return von Mises' equivalent of stresses (..., 3, 3), in their unit."""
+    deviator = stress + hydrostatic_pressure(stress)[..., None, None] * np.eye(3)
+    return np.sqrt(1.5 * np.sum(deviator**2, axis=(-2, -1)))
+
+
+def greatest_stretch(gradient: FloatArray) -> FloatArray:
+    """Return the greatest principal stretch of deformation gradients (..., 3, 3)."""
+    return np.asarray(np.linalg.svd(gradient, compute_uv=False)[..., 0])
+
+
+def fields_of(system: System) -> LegFields:
+    """Return the fields of a system in its present state; collective over the system's ranks.
+
+    The stress is the sum of what the terms tell (`legfem.mechanics.model.Stressed`). Where one of
+    a region doesn't, the names of pressure and stress say what they are without.
+    """
+    spaces, body, skin = system.spaces, system.body.domain, system.skin.domain
+    assert isinstance(body, Body) and isinstance(skin, Skin)
+    displacement = fem.Function(spaces.displacement_space, name="displacement")
+    displacement.x.array[:] = system.unknown.x.array[spaces.displacement_dofs]
+
+    linear = fem.functionspace(spaces.mesh, ("DG", 1))
+    terms = system.model.at("body")
+    untold = [t.name for t in terms if hasattr(t, "region") and not isinstance(t, Stressed)]
+    without = f"_without_{'_'.join(untold)}" if untold else ""
+    names = {
+        "pressure": f"pressure{without}",
+        "von_mises": f"von_mises{without}",
+        "stretch": "stretch",
+        "volume_ratio": "volume_ratio",
+    }
+    measures = {key: fem.Function(linear, name=name) for key, name in names.items()}
+    degree, F = body.quadrature_degree, body.deformation_gradient
+    for region, tag in spaces.regions.items():
+        telling = [t for t in terms if isinstance(t, Stressed) and t.region == region]
+        if not telling:
+            continue
+        cells = spaces.cell_tags.find(tag).astype(np.int32)
+        sigma = cauchy_stress(sum(term.nominal_stress(body) for term in telling), F)
+        both = ufl.as_tensor([[[m[i, j] for j in range(3)] for i in range(3)] for m in (F, sigma)])
+        values = _at_points(both, spaces.mesh, cells, degree).reshape(-1, 2, 3, 3)
+        gradient, stress = values[:, 0], mpa_to_kpa(values[:, 1])
+        for key, value in (
+            ("pressure", hydrostatic_pressure(stress)),
+            ("von_mises", von_mises_stress(stress)),
+            ("stretch", greatest_stretch(gradient)),
+            ("volume_ratio", np.linalg.det(gradient)),
+        ):
+            fit_in_cells(measures[key], value, cells, degree)
+    _drop_negative(measures["von_mises"])
+    for measure in measures.values():
+        measure.x.scatter_forward()
+
+    region = fem.Function(fem.functionspace(spaces.mesh, ("DG", 0)), name="region")
+    region.x.array[spaces.cell_tags.indices] = spaces.cell_tags.values
+    skin_pressure, skin_displacement = _on_skin(system, skin)
+    return LegFields(
+        displacement=displacement,
+        region=region,
+        skin_pressure=skin_pressure,
+        skin_displacement=skin_displacement,
+        indenter_centre=np.array(skin.centre.value),
+        **measures,
+    )
+
+
+def fit_in_cells(function: Any, values: FloatArray, cells: NDArray[np.int32], degree: int) -> None:
+    """Set a discontinuous function in some cells to the least-squares fit of quadrature values.
+
+    Parameters
+    ----------
+    function
+        Scalar, discontinuous.
+    values
+        Flat by cell and quadrature point.
+    cells
+        Local indices.
+    degree
+        Of the quadrature.
+    """
+    space = function.function_space
+    points, weights = _quadrature(space.mesh, degree)
+    shapes = space.element.basix_element.tabulate(0, points)[0, :, :, 0]
+    # In cells whose mapping isn't affine, the weights ignore the variation of its determinant.
+    weighted = shapes.T * weights
+    fit = np.linalg.solve(weighted @ shapes, weighted)
+    function.x.array[space.dofmap.list[cells]] = values.reshape(len(cells), -1) @ fit.T
+
+
+def _on_skin(system: System, domain: Skin) -> tuple[Any, Any]:
+    """Return pressure per deformed area (kPa) and displacement on the skin's mesh."""
+    mesh = system.spaces.skin
+    domain.unknown.x.array[:] = system.unknown.x.array[system.spaces.trace]
+    displacement = fem.Function(system.spaces.skin_space, name="displacement")
+    displacement.x.array[:] = domain.unknown.x.array
+    contacts = [term for term in system.model.at("skin") if isinstance(term, NormalContact)]
+    given = [term for term in system.model.at("skin") if isinstance(term, SkinPressure)]
+    growth = ufl.sqrt(domain.sheet_invariants[1])
+    name = "interface_pressure" if given and not contacts else "contact_pressure"
+    function = fem.Function(fem.functionspace(mesh, ("DG", 1)), name=name)
+    if not contacts and not given:
+        return function, displacement
+    pressure = sum(term.pressure(domain) for term in contacts) / growth
+    pressure += sum(term.pressure(domain, growth) for term in given)
+    index_map = mesh.topology.index_map(mesh.topology.dim)
+    cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+    values = mpa_to_kpa(_at_points(pressure, mesh, cells, SKIN_DEGREE))
+    fit_in_cells(function, values, cells, SKIN_DEGREE)
+    _drop_negative(function)
+    return function, displacement
+
+
+def _drop_negative(function: Any) -> None:
+    """Set to zero where a linear fit falls below what the quantity can be."""
+    np.maximum(function.x.array, 0.0, out=function.x.array)
+
+
+def _quadrature(mesh: Any, degree: int) -> tuple[FloatArray, FloatArray]:
+    element = basix.ufl.quadrature_element(mesh.basix_cell(), degree=degree)
+    points, weights = element.custom_quadrature()
+    return points, weights
+
+
+def _at_points(
+    value: Expr, mesh: Any, cells: NDArray[np.int32], degree: int
+) -> NDArray[np.float64]:
+    points, _ = _quadrature(mesh, degree)
+    return evaluate(expression(value, points), mesh, cells)

@@ -1,0 +1,184 @@
+"""Unknown, history and forms of a model's body and of its skin."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from legfem.fem.compiled import compiled
+from legfem.fem.history import History
+from legfem.fem.spaces import POROUS, LegSpaces
+from legfem.fem.symbols import Clock, Symbols
+from legfem.mechanics.integration_domain import Body, IntegrationDomain, Skin, Swept
+from legfem.mechanics.kinematics import Expr
+from legfem.mechanics.model import LegModel
+from legfem.meshing.section import HULL
+
+SKIN_DEGREE = 3
+
+
+class DomainForms:
+    """Unknown, history and forms of one domain."""
+
+    def __init__(
+        self, domain: IntegrationDomain, before: Any, model_terms: Any, degree: int
+    ) -> None:
+        self.domain, self.before = domain, before
+        mesh = domain.unknown.function_space.mesh
+        shapes = {
+            f"{term.name}.{name}": shape
+            for term in model_terms
+            for name, shape in term.history(domain).items()
+        }
+        self.history = History(mesh, degree, shapes)
+
+        def of(term: Any) -> dict[str, Any]:
+            return {
+                name: self.history.variables[f"{term.name}.{name}"] for name in term.history(domain)
+            }
+
+        self.residual_form = sum(term.residual(domain, of(term)) for term in model_terms)
+        trial = ufl.TrialFunction(domain.unknown.function_space)
+        self.residual = compiled(self.residual_form)
+        self.tangent = compiled(ufl.derivative(self.residual_form, domain.unknown, trial))
+        self.updated = {
+            f"{term.name}.{name}": value
+            for term in model_terms
+            for name, value in term.updated(domain, of(term)).items()
+        }
+        self.history.compile_update(self.updated)
+
+    def advance(self) -> None:
+        """Make the present state the one that the next step starts from."""
+        self.history.advance()
+        self.before.x.array[:] = self.domain.unknown.x.array
+
+    @property
+    def remembered(self) -> dict[str, Any]:
+        """Functions that hold what the next step starts from, by name."""
+        return {"before": self.before, **self.history.variables}
+
+    def reset(self) -> None:
+        """Return to the undeformed state."""
+        self.history.reset()
+        self.before.x.array[:] = 0.0
+        self.domain.unknown.x.array[:] = 0.0
+
+
+def body_forms(
+    spaces: LegSpaces, model: LegModel, unknown: Any, symbols: Symbols, clock: Clock, degree: int
+) -> DomainForms:
+    """Return the forms of the body, with quadrature of a degree."""
+    space = spaces.space
+    before, test = fem.Function(space), ufl.TestFunction(space)
+    measure = ufl.Measure(
+        "dx",
+        domain=spaces.mesh,
+        subdomain_data=spaces.cell_tags,
+        metadata={"quadrature_degree": degree},
+    )
+    radius = _radius(spaces, spaces.mesh)
+    mixed = spaces.formulation != "displacement"
+    now = ufl.split(unknown) if mixed else (unknown,)
+    varied = ufl.split(test) if mixed else (test,)
+    domain = Body(
+        symbols,
+        unknown,
+        test,
+        now[0],
+        ufl.split(before)[0] if mixed else before,
+        varied[0],
+        degree,
+        clock.time,
+        clock.step,
+        {name: _swept(measure(tag), radius) for name, tag in spaces.regions.items()},
+        _by_region(spaces, now[1:]),
+        _by_region(spaces, varied[1:]),
+        spaces.formulation == "porous",
+        radius,
+        _hull(spaces, degree),
+    )
+    return DomainForms(domain, before, model.at("body"), degree)
+
+
+def skin_forms(
+    spaces: LegSpaces,
+    model: LegModel,
+    symbols: Symbols,
+    clock: Clock,
+    centres: tuple[Any, Any],
+    applied_pressure: Any,
+) -> DomainForms:
+    """Return the forms of the skin; ``centres`` are the indenter's, now and before the step."""
+    mesh, space = spaces.skin, spaces.skin_space
+    unknown, before, test = fem.Function(space), fem.Function(space), ufl.TestFunction(space)
+    metadata = {"quadrature_degree": SKIN_DEGREE, "quadrature_rule": "default"}
+    outward = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+    outward.x.array[:] = spaces.skin_outward
+    radius = _radius(spaces, mesh)
+    domain = Skin(
+        symbols,
+        unknown,
+        test,
+        unknown,
+        before,
+        test,
+        SKIN_DEGREE,
+        clock.time,
+        clock.step,
+        _swept(ufl.Measure("dx", domain=mesh, metadata=metadata), radius),
+        ufl.SpatialCoordinate(mesh),
+        *centres,
+        spaces.dimension,
+        outward,
+        applied_pressure,
+        radius,
+    )
+    return DomainForms(domain, before, model.at("skin"), SKIN_DEGREE)
+
+
+def _hull(spaces: LegSpaces, degree: int) -> Any:
+    """Return the measure of the deep tissue's face, or None where no facets are tagged so."""
+    mesh, dimension = spaces.mesh, spaces.mesh.topology.dim
+    facets = spaces.facet_tags.find(HULL)
+    if mesh.comm.allreduce(len(facets)) == 0:
+        return None
+    mesh.topology.create_connectivity(dimension - 1, dimension)
+    mesh.topology.create_connectivity(dimension, dimension - 1)
+    cells_of = mesh.topology.connectivity(dimension - 1, dimension)
+    facets_of = mesh.topology.connectivity(dimension, dimension - 1)
+    deep = set(spaces.cell_tags.find(spaces.regions["deep"]).tolist())
+    owned = mesh.topology.index_map(dimension).size_local
+    pairs = [
+        (cell, int(np.flatnonzero(facets_of.links(cell) == facet)[0]))
+        for facet in facets
+        for cell in cells_of.links(facet)
+        if cell < owned and int(cell) in deep
+    ]
+    return ufl.Measure(
+        "ds",
+        domain=mesh,
+        subdomain_data=[(HULL, np.array(pairs, dtype=np.int32).ravel())],
+        metadata={"quadrature_degree": degree},
+    )(HULL)
+
+
+def _radius(spaces: LegSpaces, mesh: Any) -> Expr | None:
+    """Return the reference distance from the axis of symmetry, or None without one."""
+    return ufl.SpatialCoordinate(mesh)[0] if spaces.symmetry == "axial" else None
+
+
+def _swept(measure: Any, radius: Expr | None) -> Any:
+    return measure if radius is None else Swept(measure, radius)
+
+
+def _by_region(spaces: LegSpaces, pressures: Sequence[Expr]) -> dict[str, Expr]:
+    """Return the pressure of every region that has one."""
+    if spaces.formulation == "continuous":
+        return dict(zip(spaces.regions, pressures, strict=True))
+    porous = spaces.formulation == "porous"
+    return {r: p for p in pressures for r in spaces.regions if not porous or r in POROUS}

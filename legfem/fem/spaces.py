@@ -1,0 +1,255 @@
+"""Finite-element spaces of a leg: on the body's mesh, on its skin, and the trace between them.
+
+The skin is a mesh of its own, of one dimension less. Contact is assembled there with ordinary
+forms, its history lives at ordinary quadrature points, and its contributions are added to the
+body's at the dofs that the two share.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import basix.ufl
+import numpy as np
+from dolfinx import fem, la
+from dolfinx import mesh as dolfinx_mesh
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from legfem.common.errors import InputError
+from legfem.fem.compat import collapse, surface_mesh
+from legfem.mechanics.model import Formulation
+from legfem.meshing.section import BONE, REGIONS, SKIN
+from legfem.meshing.support import Support
+
+Symmetry = Literal["plane", "axial"]
+POROUS = ("superficial", "deep")
+"""Regions with a pressure in a porous form."""
+
+
+@dataclass(frozen=True, eq=False)
+class LegSpaces:
+    """Spaces and dof maps; all indices are local to the rank and unblocked."""
+
+    mesh: Any
+    cell_tags: Any
+    facet_tags: Any
+    formulation: Formulation
+    space: Any
+    """Of the unknown: displacement, or displacement and pressure."""
+    skin: Any
+    """Mesh of the skin."""
+    skin_space: Any
+    skin_outward: NDArray[np.float64]
+    """1 or -1 a cell of the skin: what turns its own orientation's normal out of the body."""
+    trace: NDArray[np.int32]
+    """Dofs of ``space`` in the order of the dofs of ``skin_space``."""
+    displacement_dofs: NDArray[np.int32]
+    """Dofs of ``space`` that are displacements, in the order of ``displacement_space``."""
+    displacement_space: Any
+    pinned: NDArray[np.int32]
+    """Dofs of ``space`` that a support holds at zero, or where the pressure is."""
+    bone: NDArray[np.int32]
+    """Those of the bones, for their reaction."""
+    regions: Mapping[str, int]
+    """Cell tags of the tissues that the mesh has."""
+    symmetry: Symmetry = "plane"
+    """What a mesh of two dimensions is a section of."""
+
+    @property
+    def dimension(self) -> int:
+        """Of the displacement: 2 or 3."""
+        return int(self.mesh.geometry.dim)
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns over all ranks."""
+        return int(self.space.dofmap.index_map.size_global * self.space.dofmap.index_map_bs)
+
+
+def build_spaces(
+    mesh: Any,
+    cell_tags: Any,
+    facet_tags: Any,
+    formulation: Formulation = "displacement",
+    degree: int = 2,
+    regions: Mapping[str, int] = REGIONS,
+    supports: Sequence[Support] | None = None,
+    drained: Sequence[int] = (),
+    symmetry: Symmetry = "plane",
+) -> LegSpaces:
+    """Build the spaces of a leg.
+
+    Parameters
+    ----------
+    mesh, cell_tags, facet_tags
+        The mesh with regions, and facets marked `SKIN` and `BONE`.
+    formulation
+        ``"displacement"``, or ``"mixed"``: displacements enriched by bubbles with a pressure that
+        is discontinuous between elements, since layers of different stiffness meet in the leg, or
+        ``"continuous"``: a pressure of its own in every region, continuous there, one degree below
+        the displacement's and at least of the first (which at degree 1 needs
+        `legfem.mechanics.terms.PressureStabilisation`), or ``"porous"``: a continuous pressure in
+        the regions of `POROUS`, so that fluid can flow from element to element, and none in the
+        others. The thin layer of the fascia, much stiffer and more compressible, keeps the two
+        pressures apart; all its nodes have to be on its faces.
+    degree
+        Of the displacement.
+    regions
+        Cell tags of the tissues that the mesh has.
+    supports
+        What is held; by default the bones, in all components.
+    drained
+        Tags of facets where the pressure of a porous form is zero; all others are sealed.
+    symmetry
+        ``"plane"`` strain, or ``"axial"``: a mesh of two dimensions is the meridional half plane,
+        with the axis at the first coordinate's zero.
+
+    Raises
+    ------
+    InputError
+        If facets are to be drained in another form.
+    """
+    if drained and formulation != "porous":
+        raise InputError(
+            "formulation", "drained", f"a {formulation} form has no fluid to drain",
+            'choose the formulation "porous"',
+        )  # fmt: skip
+    dimension = mesh.geometry.dim
+    lagrange = basix.ufl.element("Lagrange", mesh.basix_cell(), degree, shape=(dimension,))
+    displacement = fem.functionspace(mesh, lagrange)
+    if formulation == "displacement":
+        space = displacement
+        dofs: NDArray[np.int32] = np.arange(_local_size(space), dtype=np.int32)
+    else:
+        space = fem.functionspace(mesh, _element(formulation, mesh, degree, len(regions)))
+        dofs = _shared_dofs(space, displacement, dimension)
+
+    skin = surface_mesh(mesh, np.sort(facet_tags.find(SKIN)))
+    skin_space = fem.functionspace(skin, ("Lagrange", degree, (dimension,)))
+    if supports is None:
+        supports = (Support(BONE, tuple(range(dimension))),)
+
+    def held(support: Support) -> NDArray[np.int32]:
+        facets = facet_tags.find(support.tag)
+        nodes = fem.locate_dofs_topological(displacement, mesh.topology.dim - 1, facets)
+        return dofs[nodes[:, None] * dimension + np.array(support.components)].ravel()
+
+    def dry(tag: int) -> NDArray[np.int32]:
+        facets = facet_tags.find(tag)
+        return np.asarray(fem.locate_dofs_topological(space.sub(1), mesh.topology.dim - 1, facets))
+
+    found = [(support.tag, held(support)) for support in supports]
+    bone = [held for tag, held in found if tag == BONE]
+    dropped = [] if formulation != "continuous" else _elsewhere(space, cell_tags, regions)
+    return LegSpaces(
+        mesh,
+        cell_tags,
+        facet_tags,
+        formulation,
+        space,
+        skin,
+        skin_space,
+        _outward(mesh, facet_tags.find(SKIN), skin),
+        dofs[_blocks(_trace_nodes(displacement, skin_space), dimension)],
+        dofs,
+        displacement,
+        np.unique(
+            np.concatenate([held for _, held in found] + [dry(tag) for tag in drained] + dropped)
+        ),
+        np.unique(np.concatenate(bone)) if bone else np.empty(0, dtype=np.int32),
+        regions,
+        symmetry,
+    )
+
+
+def _element(formulation: Formulation, mesh: Any, degree: int, regions: int) -> Any:
+    if formulation == "mixed":
+        return _mixed_element(mesh, degree)
+    cell, dimension = mesh.basix_cell(), mesh.geometry.dim
+    displacement = basix.ufl.element("Lagrange", cell, degree, shape=(dimension,))
+    pressure = basix.ufl.element("Lagrange", cell, max(degree - 1, 1))
+    fields = regions if formulation == "continuous" else 1
+    return basix.ufl.mixed_element([displacement, *[pressure] * fields])
+
+
+def _elsewhere(space: Any, cell_tags: Any, regions: Mapping[str, int]) -> list[NDArray[np.int32]]:
+    """Return the dofs of every region's pressure that no cell of the region has."""
+    used, unused = fem.Function(space), []
+    for number, tag in enumerate(regions.values(), 1):
+        used.x.array[space.sub(number).dofmap.list[cell_tags.find(tag)]] = 1.0
+    # Another rank may hold the only cell of a region at a node.
+    used.x.scatter_reverse(la.InsertMode.add)
+    used.x.scatter_forward()
+    for number in range(1, len(regions) + 1):
+        dofs = np.unique(space.sub(number).dofmap.list)
+        unused.append(dofs[used.x.array[dofs] == 0].astype(np.int32))
+    return unused
+
+
+def _mixed_element(mesh: Any, degree: int) -> Any:
+    cell, dimension = mesh.basix_cell(), mesh.geometry.dim
+    if cell.name in ("quadrilateral", "hexahedron"):  # these need no bubble for linear pressures
+        displacement = basix.ufl.element("Lagrange", cell, degree, shape=(dimension,))
+        linear = basix.ufl.element("DPC", cell, degree - 1, discontinuous=True)
+        return basix.ufl.mixed_element([displacement, linear])
+    enriched = basix.ufl.enriched_element(
+        [basix.ufl.element("Lagrange", cell, degree), basix.ufl.element("Bubble", cell, degree + 1)]
+    )
+    displacement = basix.ufl.blocked_element(enriched, shape=(dimension,))
+    pressure = basix.ufl.element("Lagrange", cell, degree - 1, discontinuous=True)
+    return basix.ufl.mixed_element([displacement, pressure])
+
+
+def _shared_dofs(mixed: Any, displacement: Any, dimension: int) -> NDArray[np.int32]:
+    """Return the dofs of a mixed space at the nodes of its Lagrange displacement."""
+    collapsed, parent = collapse(mixed.sub(0))
+    nodes = displacement.dofmap.list
+    enriched = collapsed.dofmap.list[:, : nodes.shape[1]]
+    dofs = np.full(_local_size(displacement), -1, dtype=np.int32)
+    dofs[_blocks(nodes.ravel(), dimension)] = parent[_blocks(enriched.ravel(), dimension)]
+    return dofs
+
+
+def _trace_nodes(displacement: Any, skin_space: Any) -> NDArray[np.int64]:
+    """Return the body's node at every node of the skin."""
+    nodes = skin_space.tabulate_dof_coordinates()
+    if len(nodes) == 0:
+        return np.empty(0, dtype=np.int64)
+    distance, index = cKDTree(displacement.tabulate_dof_coordinates()).query(nodes)
+    if distance.max() > 1e-6:
+        raise RuntimeError("the skin's nodes are not nodes of the body")
+    return np.asarray(index)
+
+
+def _outward(mesh: Any, facets: NDArray[np.int32], skin: Any) -> NDArray[np.float64]:
+    """Return the sign of every cell of the skin."""
+    local = skin.topology.index_map(skin.topology.dim)
+    cells = np.arange(local.size_local + local.num_ghosts, dtype=np.int32)
+    if len(cells) == 0:
+        return np.empty(0)
+    surface = mesh.topology.dim - 1
+    mesh.topology.create_connectivity(surface, mesh.topology.dim)
+    behind = mesh.topology.connectivity(surface, mesh.topology.dim)
+    middle = dolfinx_mesh.compute_midpoints(skin, skin.topology.dim, cells)
+    _, facet = cKDTree(dolfinx_mesh.compute_midpoints(mesh, surface, facets)).query(middle)
+    inside = np.array([behind.links(f)[0] for f in facets], dtype=np.int32)[facet]
+    away = middle - dolfinx_mesh.compute_midpoints(mesh, mesh.topology.dim, inside)
+    corner = skin.geometry.x[skin.geometry.dofmap]
+    along = corner[:, 1] - corner[:, 0]
+    if surface == 1:
+        normal = np.stack([along[:, 1], -along[:, 0], np.zeros(len(along))], axis=1)
+    else:
+        normal = np.cross(along, corner[:, 2] - corner[:, 0])
+    return np.sign(np.einsum("ij,ij->i", normal, away))
+
+
+def _blocks(nodes: NDArray[Any], size: int) -> NDArray[np.int32]:
+    return (np.asarray(nodes)[:, None] * size + np.arange(size)).ravel().astype(np.int32)
+
+
+def _local_size(space: Any) -> int:
+    index_map = space.dofmap.index_map
+    return int((index_map.size_local + index_map.num_ghosts) * space.dofmap.index_map_bs)

@@ -1,0 +1,279 @@
+"""Residual and tangent of a model on its spaces, and the state that a step starts from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from dolfinx import fem, la
+from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+from legfem.common.units import FloatArray
+from legfem.fem.forms import body_forms, skin_forms
+from legfem.fem.spaces import LegSpaces
+from legfem.fem.symbols import Clock, Symbols
+from legfem.mechanics.integration_domain import Body
+from legfem.mechanics.kinematics import volume_ratio
+from legfem.mechanics.model import LegModel
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Resultants of one state, (dimension,) in N per mm of leg (2D) or N (3D), and works."""
+
+    contact_force: FloatArray
+    """Of the indenter on the skin."""
+    bone_reaction: FloatArray
+    """Of the bones on the tissue."""
+    contact_work: float
+    """Virtual work of the contact forces over the displacement."""
+    internal_work: float
+    """Virtual work of the stresses over the displacement."""
+
+
+class System:
+    """A model on a mesh: the state, and the residual and tangent there.
+
+    Parameters
+    ----------
+    spaces
+        Of the leg.
+    model
+        The sum of terms.
+    start, direction
+        Centre of the indenter at zero displacement (mm) and unit vector of its travel; none for a
+        model without one.
+    quadrature_degree
+        In the body.
+    """
+
+    def __init__(
+        self,
+        spaces: LegSpaces,
+        model: LegModel,
+        start: FloatArray | None = None,
+        direction: FloatArray | None = None,
+        quadrature_degree: int = 4,
+    ) -> None:
+        self.spaces, self.model = spaces, model
+        start = np.zeros(spaces.dimension) if start is None else start
+        direction = np.zeros(spaces.dimension) if direction is None else direction
+        self.comm = spaces.mesh.comm
+        self._start, self.direction = start, direction
+        self.body_symbols, self.skin_symbols = Symbols(spaces.mesh), Symbols(spaces.skin)
+        self._clocks = Clock(spaces.mesh), Clock(spaces.skin)
+        self.unknown = fem.Function(spaces.space)
+        self._centre = fem.Constant(spaces.skin, start.copy())
+        self._centre_before = fem.Constant(spaces.skin, start.copy())
+        self.applied_pressure = fem.Function(fem.functionspace(spaces.skin, ("Lagrange", 1)))
+        self.body = body_forms(
+            spaces, model, self.unknown, self.body_symbols, self._clocks[0], quadrature_degree
+        )
+        self.skin = skin_forms(
+            spaces, model, self.skin_symbols, self._clocks[1], (self._centre, self._centre_before),
+            self.applied_pressure,
+        )  # fmt: skip
+        self.tangent_matrix = fem_petsc.create_matrix(self.body.tangent)
+        self._skin_matrix = fem.create_matrix(self.skin.tangent)
+        self._skin_force = fem.Function(spaces.skin_space)
+        self._nodal_contact_force = fem.Function(spaces.skin_space)
+        self.residual_vector = fem.Function(spaces.space)
+        self._pinned = fem.Function(spaces.space)
+        self._boundary = self._conditions()
+        trace = spaces.trace
+        # PETSc passes over negative indices: the skin adds nothing to the equations of supports.
+        self._trace_free = np.where(np.isin(trace, spaces.pinned), -1, trace).astype(np.int32)
+        body = self.body.domain
+        assert isinstance(body, Body)
+        J = volume_ratio(body.deformation_gradient)
+        self._volume_ratio = self.body.history.expression(J)
+        dofmap = spaces.space.dofmap
+        self._owned = dofmap.index_map.size_local * dofmap.index_map_bs
+        self.evaluations = 0
+
+    @property
+    def owned_supports(self) -> NDArray[np.int32]:
+        """The rank's own dofs that are held at zero."""
+        pinned = self.spaces.pinned
+        return pinned[pinned < self._owned]
+
+    def set_parameters(self, values: dict[str, float]) -> None:
+        """Change numbers of the model without compiling anew."""
+        self.body_symbols.assign(values)
+        self.skin_symbols.assign(values)
+
+    def set_displacement(self, displacement: float) -> None:
+        """Move the indenter to a displacement (mm) along its line of travel."""
+        self._centre.value[:] = self._start + displacement * self.direction
+
+    def place_indenter(self, start: FloatArray, direction: FloatArray) -> None:
+        """Set the centre at zero displacement (mm) and the unit vector of travel.
+
+        They take effect when the system is reset.
+        """
+        self._start, self.direction = start, direction
+
+    def set_time(self, time: float, step: float) -> None:
+        """Set the time at the end of the step, and the step (s)."""
+        for clock in self._clocks:
+            clock.set(time, step)
+
+    def assemble_residual(self) -> Any:
+        """Assemble the residual at the present unknown; returns a ghosted function."""
+        self.residual_vector.x.array[:] = 0.0
+        fem.assemble_vector(self.residual_vector.x.array, self.body.residual)
+        self.evaluations += 1
+        return self._with_skin()
+
+    def assemble_skin_load(self) -> Any:
+        """Assemble what the skin's terms alone add to the residual at the present unknown."""
+        self.residual_vector.x.array[:] = 0.0
+        return self._with_skin()
+
+    def _with_skin(self) -> Any:
+        """Add the skin's part to the residual, and gather it over the ranks."""
+        self._trace()
+        residual = self.residual_vector
+        np.add.at(residual.x.array, self.spaces.trace, self._assemble_skin())
+        residual.x.scatter_reverse(la.InsertMode.add)
+        residual.x.array[self.spaces.pinned] = 0.0
+        return residual
+
+    def residual_norm(self) -> float:
+        """Return the norm of the residual last assembled.
+
+        PETSc keeps a vector's norm until PETSc itself changes it, which assembly does not.
+        """
+        owned = self.residual_vector.x.array[: self._owned]
+        return float(np.sqrt(self.comm.allreduce(float(owned @ owned))))
+
+    def assemble_tangent(self) -> PETSc.Mat:
+        """Assemble the tangent at the present unknown."""
+        self._trace()
+        matrix = self.tangent_matrix
+        matrix.zeroEntries()
+        fem_petsc.assemble_matrix(matrix, self.body.tangent, bcs=self._boundary)
+        matrix.assemble()
+        self._skin_matrix.data[:] = 0.0
+        fem.assemble_matrix(self._skin_matrix, self.skin.tangent)
+        skin = self._skin_matrix.to_scipy(ghosted=True).tocsr()
+        trace = self._trace_free
+        # Columns beyond the rank's own dofs and ghosts await what other ranks would send: they are
+        # empty here, and PETSc passes over negative indices.
+        columns = np.full(skin.shape[1], -1, dtype=np.int32)
+        columns[: len(trace)] = trace
+        matrix.setValuesLocalIJV(
+            skin.indptr.astype(np.int32),
+            columns[skin.indices],
+            skin.data,
+            addv=PETSc.InsertMode.ADD,
+            rowmap=trace[: len(skin.indptr) - 1],
+        )
+        matrix.assemble()
+        return matrix
+
+    def advance(self) -> None:
+        """End a step: update the history and what the next step starts from."""
+        self._trace()
+        self.body.advance()
+        self.skin.advance()
+        self._centre_before.value[:] = self._centre.value
+
+    def reset(self) -> None:
+        """Return to the undeformed state at zero displacement and time."""
+        self.body.reset()
+        self.skin.reset()
+        self.set_time(0.0, 1.0)
+        self.set_displacement(0.0)
+        self._centre_before.value[:] = self._centre.value
+
+    def state(self) -> dict[str, FloatArray]:
+        """Return the rank's part of the state at the end of a step, by name."""
+        return {name: function.x.array.copy() for name, function in self._state().items()}
+
+    def restore(self, state: Mapping[str, FloatArray], displacement: float) -> None:
+        """Return to a state that ended a step at a displacement (mm)."""
+        for name, function in self._state().items():
+            function.x.array[:] = state[name]
+        self._trace()
+        self.set_displacement(displacement)
+        self._centre_before.value[:] = self._centre.value
+
+    def _state(self) -> dict[str, Any]:
+        both = {"body": self.body, "skin": self.skin}
+        remembered = {
+            f"{name}.{key}": function
+            for name, forms in both.items()
+            for key, function in forms.remembered.items()
+        }
+        return {"unknown": self.unknown, **remembered}
+
+    def minimum_volume_ratio(self) -> float:
+        """Return the least J over all quadrature points."""
+        local = self.body.history.values(self._volume_ratio)
+        least = float(np.min(local, initial=np.inf))
+        return float(self.comm.allreduce(least if np.isfinite(local).all() else -np.inf, MPI.MIN))
+
+    def force(self) -> float:
+        """Return the indenter's force along its travel (N per mm of leg in 2D, N in 3D)."""
+        return float(self._contact_force() @ self.direction)
+
+    def contact_scale(self) -> float:
+        """Return the norm of the contact's nodal forces at the last residual."""
+        nodal = self._nodal_contact_force.x
+        nodal.array[:] = self._skin_force.x.array
+        nodal.scatter_reverse(la.InsertMode.add)
+        dofmap = self.spaces.skin_space.dofmap
+        owned = nodal.array[: dofmap.index_map.size_local * dofmap.index_map_bs]
+        return float(np.sqrt(self.comm.allreduce(float(owned @ owned))))
+
+    def balance(self) -> Balance:
+        """Return the resultants and works of the present state."""
+        contact = self._contact_force()
+        internal = fem.Function(self.spaces.space)
+        fem.assemble_vector(internal.x.array, self.body.residual)
+        internal.x.scatter_reverse(la.InsertMode.add)
+        owned = self._owned
+        pinned = self.spaces.bone
+        at_bone = np.zeros_like(internal.x.array)
+        at_bone[pinned] = internal.x.array[pinned]
+        at_bone[owned:] = 0.0
+        reaction = at_bone[self.spaces.displacement_dofs].reshape(-1, self.spaces.dimension)
+        trace_work = float(self._skin_force.x.array @ self.skin.domain.unknown.x.array)
+        bulk_work = float(internal.x.array[:owned] @ self.unknown.x.array[:owned])
+        return Balance(
+            contact,
+            self.comm.allreduce(reaction.sum(axis=0)),
+            -float(self.comm.allreduce(trace_work)),
+            float(self.comm.allreduce(bulk_work)),
+        )
+
+    def _contact_force(self) -> FloatArray:
+        self._trace()
+        local = self._assemble_skin().reshape(-1, self.spaces.dimension).sum(axis=0)
+        return -np.asarray(self.comm.allreduce(local))
+
+    def _trace(self) -> None:
+        self.skin.domain.unknown.x.array[:] = self.unknown.x.array[self.spaces.trace]
+
+    def _assemble_skin(self) -> FloatArray:
+        force = self._skin_force.x.array
+        force[:] = 0.0
+        fem.assemble_vector(force, self.skin.residual)
+        return force
+
+    def _conditions(self) -> list[Any]:
+        """Return the supports as conditions on the space, one a component where it is blocked."""
+        space, pinned = self.spaces.space, np.unique(self.spaces.pinned)
+        size = space.dofmap.index_map_bs
+        if size == 1:
+            return [fem.dirichletbc(self._pinned, pinned)]
+        return [
+            fem.dirichletbc(PETSc.ScalarType(0), pinned[pinned % size == k], space.sub(k))
+            for k in range(size)
+        ]

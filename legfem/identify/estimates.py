@@ -1,0 +1,154 @@
+"""What the optimum says of each free parameter: value, errors, interval, verdict and why."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from legfem.common.units import FloatArray, readable_unit
+from legfem.identify.catalogue import DEEP_C10, symbol_of
+from legfem.identify.result import Estimate
+from legfem.identify.trial import Linearised
+from legfem.inference.domain import Domain
+from legfem.inference.identifiability import ADDS_NOTHING, Estimated, bound_of
+from legfem.inference.intervals import cut_height, profile_interval
+from legfem.inference.least_squares import Residual
+
+# Correlation of the parameters' errors above which their trade is worth a word.
+_TRADE = 0.9
+_STIFFER = 0.1
+_TISSUES = {"superficial.C10": "fat", "fascia.C10": "fascia"}
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """The optimum and what its intervals are drawn from.
+
+    Parameters
+    ----------
+    linear : Linearised
+        About the optimum; its law has p free parameters.
+    residual : callable
+        Weighted differences and departures of points (p,), without further full solves.
+    covariance : (n, n) array
+        Of the forces' differences (N2), correction included.
+    times : float
+        Standard errors that half a 95 % interval holds.
+    law_fits : bool
+        Whether the law describes the recordings within their errors.
+    assumed : Mapping[str, float]
+        Stiffnesses that were held, whose effect is told.
+    """
+
+    linear: Linearised
+    residual: Residual
+    covariance: FloatArray
+    times: float
+    law_fits: bool
+    assumed: Mapping[str, float]
+
+    @property
+    def spread(self) -> FloatArray:
+        """Covariance (p, p) of the parameters' errors."""
+        return self.linear.errors(self.covariance)
+
+
+def correlations_of(spread: FloatArray) -> FloatArray:
+    """Return the correlations (p, p) of a covariance."""
+    error = np.sqrt(np.diag(spread))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(spread / np.outer(error, error))
+
+
+def estimates(optimum: Optimum) -> dict[str, Estimate]:
+    """Return an estimate of each free parameter, by full name."""
+    law, at = optimum.linear.law, optimum.linear.point
+    spread, bounds = optimum.spread, Domain(law.parameters).bounds
+    jacobian = optimum.linear.jacobian
+    curvature = np.linalg.pinv(jacobian.T @ jacobian)
+    correlations = correlations_of(spread)
+    moves = {name: _moves(optimum, name, value) for name, value in optimum.assumed.items()}
+    found = {}
+    for k, parameter in enumerate(law.parameters):
+        error = math.sqrt(spread[k, k])
+        rise = cut_height(optimum.times, float(spread[k, k]), float(curvature[k, k]))
+        interval = profile_interval(optimum.residual, at, k, rise, bounds, optimum.times * error)
+        known = Estimated(parameter, float(at[k]), error, interval)
+        own = {name: float(change[k]) for name, change in moves.items()}
+        found[parameter.name] = Estimate(
+            parameter, known.value, error, interval, known.verdict(optimum.law_fits),
+            _why(known, optimum.law_fits, _trade(law.names, k, correlations), own), own,
+        )  # fmt: skip
+    return found
+
+
+def _moves(optimum: Optimum, name: str, value: float) -> FloatArray:
+    """Return the relative changes (p,) if an assumed stiffness were 10 % higher; NaN at bounds."""
+    linear = optimum.linear
+    at, law = linear.point, linear.law
+    moves = np.full(len(at), math.nan)
+    free = [k for k, one in enumerate(law.parameters) if bound_of(at[k], one.bounds) == ""]
+    if name not in linear.prediction.sensitivities or not free:
+        return moves
+    gain = np.linalg.pinv(linear.jacobian[:, free])[:, : len(linear.misfit.displacement)]
+    change = _STIFFER * value * linear.prediction.sensitivities[name]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        moves[free] = -(gain @ linear.misfit.weighted(change)) / at[free]
+    return np.where(np.isfinite(moves), moves, math.nan)
+
+
+def _trade(names: tuple[str, ...], k: int, correlations: FloatArray) -> str:
+    """Return with which other parameter one trades off most, and how much; "" if none does."""
+    others = [j for j in range(len(names)) if j != k]
+    if not others:
+        return ""
+    most = max(others, key=lambda j: abs(np.nan_to_num(correlations[k, j])))
+    if not abs(correlations[k, most]) > _TRADE:
+        return ""
+    first, second = sorted((k, most))
+    return (
+        f"{symbol_of(names[first])} and {symbol_of(names[second])} trade off "
+        f"(correlation {correlations[k, most]:.2f})"
+    )
+
+
+def _why(known: Estimated, law_fits: bool, trade: str, moves: Mapping[str, float]) -> str:
+    parameter = known.parameter
+    unit, factor = readable_unit(parameter.unit)
+    low, high = (factor * end for end in known.ci95)
+    if known.at_bound == "lower":
+        reasons = [f"the optimum stands at the lower bound; at most {high:.3g} {unit} fits (95 %)"]
+    elif known.at_bound == "upper":
+        reasons = ["the optimum stands at the upper bound: widen the bounds or doubt the data"]
+    else:
+        share = _percent(known.relative_half_width)
+        of = " of what was open before" if parameter.scale == "linear" else ""
+        reasons = [f"95 % interval {low:.3g} to {high:.3g} {unit}, {share}{of} either side"]
+    if parameter.prior is not None:
+        left = known.error_over_prior
+        reasons.append(
+            "the recordings add nothing to its prior"
+            if left > ADDS_NOTHING
+            else f"the recordings narrow its prior to {100 * left:.0f} % of its width"
+        )
+    if not law_fits:
+        reasons.append("the law misses the recordings, so the value depends on the depth used")
+    if trade:
+        reasons.append(trade)
+    told = [
+        f"{100 * change:+.1f} % if the assumed C10 of the {_TISSUES[name]} were 10 % higher"
+        for name, change in moves.items()
+        if math.isfinite(change)
+    ]
+    if told:
+        reasons.append(f"{symbol_of(parameter.name)} changes by " + " and by ".join(told))
+    if parameter.name == DEEP_C10:
+        reasons.append("a constant 3D factor can't be told from it")
+    return "; ".join(reasons)
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %" if share < 1 else "over 100 %"

@@ -1,0 +1,84 @@
+"""One full solve of a search, and what it says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from legfem.common.units import FloatArray
+from legfem.identify.catalogue import Values
+from legfem.identify.forward import ForwardOutcome
+from legfem.identify.laws import IdentifiedLaw
+from legfem.identify.misfit import Misfit, Prediction
+from legfem.inference.least_squares import gain_matrix, with_unit_errors
+
+Stage = Literal["design", "proposal", "genetic"]
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One full solve of the search."""
+
+    point: FloatArray
+    """(p,): the law's free parameters, in the model's units."""
+    values: Values
+    """Of model and instrument, free and held."""
+    outcome: ForwardOutcome
+    stage: Stage
+    prediction: Prediction | None
+    """None where the solve stopped short of the measured depth."""
+    objective: float
+    """What is minimised, priors included; infinite without a prediction."""
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """The weighted misfit and the priors about a full solve.
+
+    Parameters
+    ----------
+    law : IdentifiedLaw
+        p free parameters, k priors.
+    misfit : Misfit
+        n differences.
+    prediction : Prediction
+        Of the full solve.
+    point : (p,) array
+        Where.
+    """
+
+    law: IdentifiedLaw
+    misfit: Misfit
+    prediction: Prediction
+    point: FloatArray
+
+    @property
+    def residual(self) -> FloatArray:
+        """Weighted differences and departures; (n + k,)."""
+        departures = self.law.priors.residual(self.point)
+        return np.concatenate([self.misfit.residual(self.prediction.force), departures])
+
+    @property
+    def jacobian(self) -> FloatArray:
+        """Derivatives of `residual`; (n + k, p)."""
+        own = self.misfit.weighted(self.prediction.jacobian(self.law.names))
+        return np.vstack([own, self.law.priors.jacobian(self.point)])
+
+    @property
+    def gain(self) -> FloatArray:
+        """How the parameters follow forces and priors; (p, n + k)."""
+        weighting = with_unit_errors(self.misfit.weighting_matrix, len(self.law.priors))
+        return gain_matrix(self.jacobian, weighting)
+
+    def errors(self, covariance: FloatArray) -> FloatArray:
+        """Return the covariance (p, p) of the parameters' errors from the forces', (n, n)."""
+        gain = self.gain
+        return np.asarray(gain @ with_unit_errors(covariance, len(self.law.priors)) @ gain.T)
+
+    def at(self, points: FloatArray) -> FloatArray:
+        """Return `residual` (..., n + k) at points (..., p), the force linear in the parameters."""
+        moved = (points - self.point) @ self.jacobian[: len(self.misfit.displacement)].T
+        forces = self.misfit.residual(self.prediction.force) + moved
+        return np.concatenate([forces, self.law.priors.residual(points)], axis=-1)

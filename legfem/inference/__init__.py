@@ -1,0 +1,1 @@
+"""What identification, diagnosis and stockings share of statistics."""

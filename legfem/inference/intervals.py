@@ -1,0 +1,128 @@
+r"""Standard errors and 95 % intervals: Wald's and the profile's, for any number of parameters.
+
+A profile interval is where the least sum of squares, all other parameters refitted within their
+bounds, rises by :math:`t^2 V_{kk} / (A^{-1})_{kk}`: the height at which a quadratic sum has Wald's
+half-width :math:`t \sqrt{V_{kk}}` (`legfem.inference.least_squares`). So it may be lopsided, and
+never leaves the bounds.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import brentq
+
+from legfem.common.units import FloatArray
+from legfem.inference.least_squares import Residual, least_residual
+
+# Of a value's size, for differences.
+_MOVE = 1e-5
+
+
+def wald_interval(value: float, error: float, times: float) -> tuple[float, float]:
+    """Return value ± times * error."""
+    return value - times * error, value + times * error
+
+
+def cut_height(times: float, variance: float, inverse_curvature: float) -> float:
+    r"""Return the rise :math:`t^2 V_{kk} / (A^{-1})_{kk}` at which a profile is cut."""
+    return times**2 * variance / inverse_curvature
+
+
+def profile_interval(
+    residual: Residual,
+    at: FloatArray,
+    k: int,
+    rise: float,
+    bounds: FloatArray,
+    half_width: float,
+) -> tuple[float, float]:
+    """Return where the profile of a sum of squares stays within ``rise`` of its least.
+
+    Parameters
+    ----------
+    residual : callable
+        Weighted differences and departures (..., n) of values (..., p).
+    at : (p,) array
+        Where their sum of squares is least.
+    k : int
+        Which parameter.
+    rise : float
+        Height of the cut.
+    bounds : (p, 2) array
+        Of the values.
+    half_width : float
+        First guess.
+    """
+    profile = _Profile(residual, at, k, bounds, half_width)
+    least = float(np.sum(residual(at) ** 2))
+
+    def above(value: float) -> float:
+        return profile(value) - least - rise
+
+    def end(side: int) -> float:
+        inner, width = float(at[k]), half_width
+        bound = float(bounds[k, 0] if side < 0 else bounds[k, 1])
+        while inner != bound:
+            outer = float(np.clip(at[k] + side * width, *bounds[k]))
+            if above(outer) > 0:
+                return float(brentq(above, inner, outer, xtol=1e-6 * half_width))
+            inner, width = outer, 1.5 * width
+        return bound
+
+    return end(-1), end(1)
+
+
+class _Profile:
+    """The least sum of squares with one parameter held, the others refitted."""
+
+    def __init__(
+        self, residual: Residual, at: FloatArray, k: int, bounds: FloatArray, step: float
+    ) -> None:
+        self.residual, self.at, self.k, self.bounds = residual, at, k, bounds
+        self.others = [j for j in range(len(at)) if j != k]
+        self.units = _units(at, bounds)
+        self.slope = self._slope(step)
+
+    def __call__(self, value: float) -> float:
+        if not self.others:
+            return float(np.sum(self.residual(np.array([value])) ** 2))
+        others, units = self.others, self.units[self.others]
+        box = self.bounds[others] / units[:, None]
+        near = self.at[others] + self.slope * (value - self.at[self.k])
+        start = np.clip(near / units, *box.T)
+
+        def left(free: FloatArray) -> FloatArray:
+            values = np.empty((*free.shape[:-1], len(self.at)))
+            values[..., self.k], values[..., others] = value, free * units
+            return self.residual(np.clip(values, *self.bounds.T))
+
+        def slopes(free: FloatArray) -> FloatArray:
+            moves = _MOVE * np.eye(len(free))
+            up, down = np.clip(free + moves, *box.T), np.clip(free - moves, *box.T)
+            ends = left(np.concatenate([up, down]))
+            apart = np.diag(up - down)
+            return np.asarray((ends[: len(free)] - ends[len(free) :]).T / apart)
+
+        return float(np.sum(left(least_residual(left, start, box, jacobian=slopes)) ** 2))
+
+    def _slope(self, step: float) -> FloatArray:
+        """Return how the others follow the held one where the residual is linear; (p - 1,)."""
+        if not self.others:
+            return np.zeros(0)
+        columns = []
+        for j in range(len(self.at)):
+            move = np.zeros(len(self.at))
+            move[j] = 1e-3 * (step if j == self.k else self.units[j])
+            ends = [np.clip(self.at + sign * move, *self.bounds.T) for sign in (1, -1)]
+            apart = float(ends[0][j] - ends[1][j])
+            columns.append((self.residual(ends[0]) - self.residual(ends[1])) / apart)
+        jacobian = np.column_stack(columns)
+        units = self.units[self.others]
+        scaled = np.linalg.lstsq(jacobian[:, self.others] * units, -jacobian[:, self.k])[0]
+        return np.asarray(scaled * units)
+
+
+def _units(at: FloatArray, bounds: FloatArray) -> FloatArray:
+    """Return numbers of the values' sizes, so that a search steps alike in all."""
+    width = bounds[:, 1] - bounds[:, 0]
+    return np.clip(np.abs(at), 1e-3 * width, width)

@@ -1,0 +1,1 @@
+"""Long work: a pool of processes, finished work that is kept, states of a solution in hand."""

@@ -1,0 +1,106 @@
+"""States of a long solution on disk, from which it goes on where it was killed.
+
+Every rank writes its own part, so that a solution goes on with as many ranks as it was begun with.
+A part has the step's number in its name, and the first rank names the last step of which all parts
+are there: neither a kill nor another solution's files are ever taken for a state.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from legfem.common.documents import write_document
+
+Arrays = dict[str, NDArray[Any]]
+
+
+@dataclass
+class Checkpoint:
+    """A folder for the states of one solution.
+
+    Parameters
+    ----------
+    folder
+        Made where it is missing; `clear` empties it.
+    key
+        Of the solution; states of another one are passed over.
+    comm
+        Over which the solution is spread.
+    seconds
+        Between states.
+    """
+
+    folder: Path
+    key: str
+    comm: MPI.Intracomm
+    seconds: float = 120.0
+    _last: float = field(default_factory=time.monotonic)
+    _number: int = 0
+
+    @property
+    def due(self) -> bool:
+        """Whether it is time for a state; the same on all ranks."""
+        return bool(self.comm.bcast(time.monotonic() - self._last >= self.seconds, root=0))
+
+    def save(self, arrays: Arrays, plain: Mapping[str, Any]) -> None:
+        """Write a state, the rank's arrays and what is the same on all ranks; collective."""
+        before, self._number = self._number, self._number + 1
+        self.folder.mkdir(parents=True, exist_ok=True)
+        content = io.BytesIO()
+        np.savez(content, **arrays)  # type: ignore[arg-type]
+        part = self._part(self._number)
+        part.with_suffix(".new").write_bytes(content.getvalue())
+        part.with_suffix(".new").replace(part)
+        self.comm.Barrier()
+        if self.comm.rank == 0:
+            head = {"key": self.key, "ranks": self.comm.size, "number": self._number}
+            write_document(self._head, {**head, "plain": plain})
+        self.comm.Barrier()
+        self._part(before).unlink(missing_ok=True)
+        self._last = time.monotonic()
+
+    def load(self, shapes: Mapping[str, tuple[int, ...]]) -> tuple[Arrays, dict[str, Any]] | None:
+        """Return the last state whose arrays have the given shapes, if there is one; collective."""
+        head = None
+        if self.comm.rank == 0 and self._head.is_file():
+            head = json.loads(self._head.read_text())
+        head = self.comm.bcast(head, root=0)
+        wanted = (self.key, self.comm.size)
+        if head is None or (head["key"], head["ranks"]) != wanted:
+            return None
+        part = self._part(head["number"])
+        arrays: Arrays = {}
+        if part.is_file():
+            with np.load(part) as kept:
+                arrays = dict(kept)
+        fits = all(name in arrays and arrays[name].shape == s for name, s in shapes.items())
+        if not self.comm.allreduce(fits, MPI.LAND):
+            return None
+        self._number = head["number"]
+        return arrays, head["plain"]
+
+    def clear(self) -> None:
+        """Remove the states: the solution is known; collective."""
+        self.comm.Barrier()
+        if self.comm.rank == 0 and self.folder.is_dir():
+            for file in self.folder.iterdir():
+                file.unlink()
+            self.folder.rmdir()
+        self.comm.Barrier()
+
+    @property
+    def _head(self) -> Path:
+        return self.folder / "last.json"
+
+    def _part(self, number: int) -> Path:
+        return self.folder / f"{number:05d}-{self.comm.rank}.npz"

@@ -1,0 +1,1 @@
+"""The physics as UFL: kinematics, materials, terms, contact. No mesh, no solver."""

@@ -1,0 +1,135 @@
+"""What a term of a model sees of the domain where it acts: the body, or its skin."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from legfem.mechanics.kinematics import (
+    Expr,
+    deformation_gradient,
+    displacement_gradient,
+    sheet_invariants,
+    surface_vector,
+)
+from legfem.mechanics.parameters import SymbolTable
+
+
+@dataclass(frozen=True, eq=False)
+class IntegrationDomain:
+    """A mesh with the unknown on it, as UFL.
+
+    ``displacement_before`` is the converged one of the last step: a term with memory uses it.
+    """
+
+    symbols: SymbolTable
+    unknown: Any
+    """What is solved for on this mesh, a `dolfinx.fem.Function`."""
+    test: Expr
+    """Its test function."""
+    displacement: Expr
+    """mm; the unknown or a part of it."""
+    displacement_before: Expr
+    variation: Expr
+    """Test function of the displacement."""
+    quadrature_degree: int
+    time: Expr
+    """At the end of the step (s)."""
+    time_step: Expr
+    """s."""
+
+
+@dataclass(frozen=True, eq=False)
+class Swept:
+    """A measure of the meridional half plane, swept round the axis of symmetry."""
+
+    measure: Any
+    radius: Expr
+    """Reference distance from the axis (mm)."""
+
+    def __rmul__(self, integrand: Expr) -> Expr:
+        r"""Return the integral with the weight :math:`2 \pi r`."""
+        return 2 * math.pi * self.radius * integrand * self.measure
+
+
+@dataclass(frozen=True, eq=False)
+class Body(IntegrationDomain):
+    """The tissues' volume."""
+
+    regions: dict[str, Any]
+    """Measure of every region."""
+    pressures: Mapping[str, Expr] = field(default_factory=dict)
+    """By region, the pressure that is an unknown there (MPa), positive in tension."""
+    pressure_variations: Mapping[str, Expr] = field(default_factory=dict)
+    """Their test functions."""
+    porous: bool = False
+    """Whether the pressures let fluid flow from element to element."""
+    radius: Expr | None = None
+    """Reference distance from the axis of symmetry (mm); None without one."""
+    hull: Any = None
+    """Measure of the deep tissue's face towards the superficial one, seen from within; None where
+    the mesh doesn't tag it."""
+
+    @property
+    def deformation_gradient(self) -> Expr:
+        """Return F, (3, 3)."""
+        return deformation_gradient(self.displacement, self.radius)
+
+    @property
+    def varied_gradient(self) -> Expr:
+        """Return the variation of F, (3, 3)."""
+        return displacement_gradient(self.variation, self.radius)
+
+    @property
+    def working(self) -> tuple[tuple[int, int], ...]:
+        """Return the indices of a symmetric tensor's components that do work."""
+        d = self.displacement.ufl_shape[0]
+        hoop = ((2, 2),) if self.radius is not None else ()
+        return (*((i, j) for i in range(d) for j in range(i, d)), *hoop)
+
+
+@dataclass(frozen=True, eq=False)
+class Skin(IntegrationDomain):
+    """The outer surface, with the rigid indenter's position."""
+
+    measure: Any
+    position: Expr
+    """Reference position of the skin's points (mm)."""
+    centre: Expr
+    """Of the indenter, now (mm)."""
+    centre_before: Expr
+    dimension: int
+    """2 or 3."""
+    outward: Expr
+    """1 or -1: what turns the normal of a facet's own orientation out of the body."""
+    applied_pressure: Expr
+    """Given on the skin (MPa), positive inwards."""
+    radius: Expr | None = None
+    """Reference distance from the axis of symmetry (mm); None without one."""
+
+    @property
+    def relative_position(self) -> Expr:
+        """Return the skin's points relative to the indenter, now (mm)."""
+        return self.position + self.displacement - self.centre
+
+    @property
+    def relative_position_before(self) -> Expr:
+        """Return the same at the end of the last step (mm)."""
+        return self.position + self.displacement_before - self.centre_before
+
+    @property
+    def sheet_invariants(self) -> tuple[Expr, Expr]:
+        r"""Return trace and determinant of the surface's right Cauchy-Green tensor :math:`C_s`.
+
+        It is that of a sheet of two dimensions: in a section the second stretch is that out of the
+        plane, in axial symmetry the hoop's. The square root of the determinant is the change of
+        area.
+        """
+        return sheet_invariants(self.position, self.displacement, self.radius)
+
+    def area_vector(self, deformed: bool = True) -> Expr:
+        """Return the outward normal times deformed area per reference area, (dimension,)."""
+        displacement = self.displacement if deformed else None
+        return self.outward * surface_vector(self.position, displacement)

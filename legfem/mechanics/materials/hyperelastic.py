@@ -1,0 +1,126 @@
+r"""Hyperelastic laws of the soft tissues.
+
+Every law is the sum of three parts, so that a mixed displacement-pressure form can treat the stiff
+one apart:
+
+.. math:: U = U_\text{distortion}(\bar I_1) + (J - 1)^2 / D_1 + U_\text{remainder}(J).
+
+Small strain: shear modulus :math:`\mu = 2 C_{10}`, bulk modulus :math:`K = 2 / D_1`.
+
+The fields of a law are plain numbers where a user gives them, and UFL symbols once a model is put
+on a mesh (:class:`legfem.fem.symbols.Symbols`): the energies below serve both.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from numbers import Real
+from typing import Any
+
+from legfem.common.checks import check_positive
+from legfem.common.errors import InputError
+from legfem.mechanics.kinematics import Expr, isochoric_first_invariant, volume_ratio
+
+Scalar = Any
+
+
+@dataclass(frozen=True)
+class Hyperelastic:
+    """What all laws share: a compressibility ``D1`` (1/MPa) and the sum of the three parts."""
+
+    C10: Scalar
+    D1: Scalar
+
+    def __post_init__(self) -> None:
+        check_positive(self, "C10", "D1")
+
+    def distortion_energy(self, F: Expr) -> Expr:
+        r"""Return :math:`C_{10}(\bar I_1 - 3)` (MPa)."""
+        return self.C10 * (isochoric_first_invariant(F) - 3)
+
+    def volumetric_remainder(self, J: Expr) -> Expr:
+        """Return what the volumetric energy has beyond the quadratic term (MPa)."""
+        return 0
+
+    def strain_energy(self, F: Expr) -> Expr:
+        """Return the strain energy per unit reference volume (MPa)."""
+        J = volume_ratio(F)
+        quadratic = (J - 1) ** 2 / self.D1
+        return self.distortion_energy(F) + quadratic + self.volumetric_remainder(J)
+
+    @property
+    def parameters(self) -> dict[str, Scalar]:
+        """The law's parameters by the names of the field."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @property
+    def shear_modulus(self) -> float:
+        r""":math:`\mu = 2 C_{10}` (MPa)."""
+        return 2 * self.C10
+
+    @property
+    def bulk_modulus(self) -> float:
+        """``K = 2 / D1`` (MPa)."""
+        return 2 / self.D1
+
+    @property
+    def poisson_ratio(self) -> float:
+        """Poisson's ratio at small strain; negative where K is below 2/3 of the shear modulus."""
+        K, mu = self.bulk_modulus, self.shear_modulus
+        return (3 * K - 2 * mu) / (6 * K + 2 * mu)
+
+
+@dataclass(frozen=True)
+class NeoHookean(Hyperelastic):
+    r"""Quasi-incompressible neo-Hookean law.
+
+    .. math:: U = C_{10} (\bar I_1 - 3) + (J - 1)^2 / D_1
+
+    Eq. 1 of Frauziols et al.; ``C10`` in MPa, ``D1`` in 1/MPa.
+
+    Raises
+    ------
+    InputError
+        If ``C10`` or ``D1`` is not a positive number.
+    """
+
+
+@dataclass(frozen=True)
+class ReducedPolynomial(Hyperelastic):
+    r"""Reduced polynomial law of second order.
+
+    .. math:: U = C_{10} (\bar I_1 - 3) + C_{20} (\bar I_1 - 3)^2
+                  + (J - 1)^2 / D_1 + (J - 1)^4 / D_2
+
+    Eq. 2 of Frauziols et al.; ``C10``, ``C20`` in MPa, ``D1``, ``D2`` in 1/MPa. ``D2 = inf`` leaves
+    the last term out.
+
+    Raises
+    ------
+    InputError
+        If ``C10``, ``D1`` or ``D2`` is not positive, or ``C20`` is negative.
+    """
+
+    C20: Scalar
+    D2: Scalar = math.inf
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_positive(self, "C20", zero_allowed=True)
+        if isinstance(self.D2, Real) and not float(self.D2) > 0:
+            raise InputError(
+                source=type(self).__name__,
+                field="D2",
+                problem=f"is {float(self.D2):g}",
+                remedy="give a value of more than zero, or leave it out",
+            )
+
+    def distortion_energy(self, F: Expr) -> Expr:
+        r"""Return :math:`C_{10}(\bar I_1 - 3) + C_{20}(\bar I_1 - 3)^2` (MPa)."""
+        stretch = isochoric_first_invariant(F) - 3
+        return self.C10 * stretch + self.C20 * stretch**2
+
+    def volumetric_remainder(self, J: Expr) -> Expr:
+        """Return ``(J - 1)^4 / D2`` (MPa)."""
+        return (J - 1) ** 4 / self.D2

@@ -1,0 +1,34 @@
+"""Terms of a leg's model, one physical effect each.
+
+Parameters are named ``<where>.<field>`` for what every leg has (``deep.C10``,
+``contact.stiffness``) and ``<where>.<mechanism>.<field>`` for what a mechanism adds
+(``deep.viscoelasticity.ratio``). A mechanism vanishes at its strength's null, the default.
+"""
+
+from legfem.mechanics.terms.contraction import Contraction
+from legfem.mechanics.terms.drainage import Drainage
+from legfem.mechanics.terms.fascia import Fascia
+from legfem.mechanics.terms.normal_contact import NormalContact
+from legfem.mechanics.terms.pressure_stabilisation import PressureStabilisation
+from legfem.mechanics.terms.prestress import Prestress
+from legfem.mechanics.terms.skin_pressure import SkinPressure
+from legfem.mechanics.terms.stiffness_gradient import StiffnessGradient
+from legfem.mechanics.terms.tangential_contact import TangentialContact
+from legfem.mechanics.terms.tissue import Tissue
+from legfem.mechanics.terms.viscoelasticity import Viscoelasticity
+from legfem.mechanics.terms.volume_loss import VolumeLoss
+
+__all__ = [
+    "Contraction",
+    "Drainage",
+    "Fascia",
+    "NormalContact",
+    "PressureStabilisation",
+    "Prestress",
+    "SkinPressure",
+    "StiffnessGradient",
+    "TangentialContact",
+    "Tissue",
+    "Viscoelasticity",
+    "VolumeLoss",
+]

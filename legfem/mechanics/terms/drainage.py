@@ -1,0 +1,120 @@
+"""Drainage of the fluid in a tissue."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Literal
+
+import ufl
+
+from legfem.common.checks import check_positive
+from legfem.common.errors import InputError
+from legfem.mechanics.integration_domain import Body
+from legfem.mechanics.kinematics import Expr, nominal_stress, volume_ratio
+from legfem.mechanics.materials import Hyperelastic
+
+
+@dataclass(frozen=True)
+class Drainage:
+    r"""Poroelastic drainage: fluid is squeezed through the tissue, which loses volume where it was.
+
+    Pressed quickly, the tissue keeps its fluid and is as stiff in volume as its law says; held, the
+    fluid flows to where the pressure is lower, and the force fades with the square of the distance
+    it has to go. With the fluid pressure :math:`-p` (the unknown of the mixed form is positive in
+    tension), the fluid's displacement relative to the tissue :math:`w` (volume through unit
+    reference area) and Darcy's law in the reference configuration,
+
+    .. math:: \dot w = k\, \nabla p, \qquad
+              J - 1 + \nabla \cdot w = \frac{D_1}{2 (1 - s)}\, p,
+
+    weakly, with the test function :math:`q` of the pressure and after a backward Euler step,
+    :math:`-\int \nabla q \cdot w_{n+1}` beside :math:`\int q (J - 1)`. A share :math:`s` of the
+    bulk stiffness is the skeleton's, which doesn't drain: :math:`s (J - 1)^2 / D_1`; what is left
+    when all fluid can go is this and the distortion energy. The sum is the undrained law, so that
+    nothing happens at ``permeability = 0`` (exactly for ``skeleton = 0``; else the volumetric
+    energy is discretised in another way, and the solution the same up to that).
+    The surface, the bones and the region's borders are sealed, but for what
+    `legfem.fem.spaces.build_spaces` is told to drain. Needs the formulation ``"porous"``.
+
+    M. A. Biot, J. Appl. Phys. 12 (1941) 155-164, with incompressible grains; O. Coussy,
+    Poromechanics (2004), chapter 4.
+
+    Parameters
+    ----------
+    region : str
+        Of the body; parameters are named ``<region>.drainage.permeability`` and so on.
+    law : Hyperelastic
+        The region's law, whose symbol ``<region>.D1`` is shared.
+    permeability : float
+        :math:`k`, Darcy's over the fluid's viscosity (mm4/(N s)).
+    skeleton : float
+        :math:`s`, dimensionless, below 1.
+    """
+
+    region: str
+    law: Hyperelastic
+    permeability: float = 0.0
+    skeleton: float = 0.0
+    domain: Literal["body"] = "body"
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        check_positive(self, "permeability", "skeleton", zero_allowed=True)
+        if self.skeleton >= 1:
+            raise InputError(
+                "Drainage", "skeleton", f"is {self.skeleton:g}", "give a share of less than one"
+            )
+
+    @property
+    def name(self) -> str:
+        """For example ``deep.drainage``."""
+        return f"{self.region}.drainage"
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Permeability (mm4/(N s)) and the skeleton's share (dimensionless)."""
+        return {
+            f"{self.name}.permeability": self.permeability,
+            f"{self.name}.skeleton": self.skeleton,
+        }
+
+    def history(self, body: Body) -> dict[str, tuple[int, ...]]:
+        """Return the displacement of the fluid (mm)."""
+        return {"seepage": (body.displacement.ufl_shape[0],)}
+
+    def residual(self, body: Body, history: Mapping[str, Any]) -> Expr:
+        """Return the change of volume by seepage, and the part of the energy that is moved."""
+        self._pressure(body)
+        q, region = body.pressure_variations[self.region], body.regions[self.region]
+        moved = self.energy_density(body, body.deformation_gradient)
+        seepage = ufl.dot(ufl.grad(q), self._seepage(body, history))
+        return ufl.derivative(moved * region, body.unknown, body.test) - seepage * region
+
+    def energy_density(self, body: Body, F: Expr) -> Expr:
+        """Return the part of the energy (MPa) that is moved, at a deformation gradient."""
+        law = body.symbols.of(self.region, self.law)
+        s = body.symbols.scalar(f"{self.name}.skeleton", self.skeleton)
+        fluid = s / (1 - s) * law.D1 * self._pressure(body) ** 2 / 4
+        return s * (volume_ratio(F) - 1) ** 2 / law.D1 - fluid
+
+    def nominal_stress(self, body: Body) -> Expr:
+        """Return the first Piola-Kirchhoff stress (MPa) of the part that is moved."""
+        return nominal_stress(partial(self.energy_density, body), body.deformation_gradient)
+
+    def updated(self, body: Body, history: Mapping[str, Any]) -> dict[str, Expr]:
+        """Return the fluid's displacement at the end of the step."""
+        return {"seepage": self._seepage(body, history)}
+
+    def _seepage(self, body: Body, history: Mapping[str, Any]) -> Expr:
+        k = body.symbols.scalar(f"{self.name}.permeability", self.permeability)
+        return history["seepage"] + body.time_step * k * ufl.grad(self._pressure(body))
+
+    def _pressure(self, body: Body) -> Expr:
+        if not body.porous or self.region not in body.pressures:
+            raise InputError(
+                "formulation", self.name, "fluid flows between elements, which needs a continuous "
+                "pressure", 'choose the formulation "porous", and superficial or deep',
+            )  # fmt: skip
+        return body.pressures[self.region]

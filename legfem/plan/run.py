@@ -1,0 +1,163 @@
+"""Plans for a subject: after an ambiguous diagnosis, and before any test."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from legfem.common.progress import Progress
+from legfem.correction.choice import choose_correction
+from legfem.diagnose.diagnosis import Diagnosis, slowest_of
+from legfem.diagnose.explain import Explanation
+from legfem.diagnose.fit import Fit, Problem
+from legfem.diagnose.library import Library
+from legfem.diagnose.library_build import build_library, rounded, shown_mechanisms
+from legfem.diagnose.mechanisms import Mechanism
+from legfem.diagnose.mechanisms.base import prior_of
+from legfem.diagnose.observations import Observations, blank_observations
+from legfem.diagnose.predict import Predictor
+from legfem.diagnose.run import STIFFENING, Diagnoser, accuracy_of
+from legfem.inference.errors import Noise, error_model
+from legfem.plan.designs import Design, designs
+from legfem.plan.reckon import Candidate, Reckoned, before_any_test, reckon
+from legfem.solve.protocol import Protocol
+from legfem.subjects.subject import Subject
+
+USUAL_GAIN_SD = 0.01
+_MOST = 4
+
+
+def plan_after(
+    found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progress: Progress
+) -> list[Reckoned]:
+    """Return what could be done next, the best first; nothing unless the verdict is ambiguous.
+
+    Parameters
+    ----------
+    found
+        The diagnosis.
+    subject
+        Whose.
+    diagnoser
+        That made it.
+    progress
+        Told of solutions.
+    """
+    if found.verdict != "ambiguous":
+        return []
+    models = found.models[:_MOST]
+    rates = found.observed.rates
+    library, _ = diagnoser.library(subject, found.observed, progress)
+    tests = designs(found.observed.depth, rates[0], float(library.grid[-1]))
+    asked = list(dict.fromkeys(m for model in models for m in model.fit.mechanisms))
+    wider = _library(diagnoser, subject, tests, asked, library.middle, progress)
+    plain = replace(found.base.problem.predictor, responses=wider, offset=0.0)
+    candidates = [_candidate(model) for model in models]
+    return _ranked(
+        tests, candidates, plain, wider, subject, found.errors.noise, found.best.posterior.gain_sd
+    )
+
+
+def plan_before(
+    subject: Subject,
+    diagnoser: Diagnoser,
+    c10: float,
+    c20: float,
+    depth: float,
+    rate: float,
+    progress: Progress,
+) -> list[Reckoned]:
+    """Return what tests of a leg would tell, the most telling first.
+
+    Parameters
+    ----------
+    subject
+        The leg, without recordings.
+    diagnoser
+        Whose folder keeps the leg's responses.
+    c10, c20
+        Stiffness that is expected (kPa).
+    depth, rate
+        Of the test that is meant (mm, mm/s).
+    progress
+        Told of solutions.
+    """
+    tests = designs(depth, rate, depth)
+    ends = choose_correction("auto", subject)
+    every = blank_observations(list(dict.fromkeys(p for t in tests for p in t.protocols)))
+    able, _ = shown_mechanisms(every, diagnoser.correction, ends is not None)
+    library = _library(diagnoser, subject, tests, able, rounded(c10), progress)
+    able = [m for m in able if m.name not in library.missing]
+    law = subject.tissues["deep"].law
+    observed = blank_observations([Protocol.ramp(depth, rate)] * 3)
+    predictor = Predictor(observed, library, law, ends)
+    noise = _stated(subject, observed)
+    values = {"C10": c10, "C20": c20}
+    force = predictor(values)
+    problem = Problem(predictor, error_model(observed.with_force(force), noise, force))
+    base = _at(problem, values)
+    candidates = before_any_test(problem, base, able)
+    return _ranked(tests, candidates, predictor, library, subject, noise, USUAL_GAIN_SD)
+
+
+def _ranked(
+    tests: list[Design],
+    candidates: list[Candidate],
+    predictor: Predictor,
+    library: Library,
+    subject: Subject,
+    noise: Noise,
+    gain_sd: float,
+) -> list[Reckoned]:
+    found = [
+        reckon(test, candidates, predictor, library.nuisances, accuracy_of(subject), noise, gain_sd)
+        for test in tests
+    ]
+    return sorted((one for one in found if one is not None), key=lambda one: -one.chance)
+
+
+def _library(
+    diagnoser: Diagnoser,
+    subject: Subject,
+    tests: list[Design],
+    asked: list[Mechanism],
+    middle: float,
+    progress: Progress,
+) -> Library:
+    """Return the leg's responses to all tests."""
+    from legfem.diagnose.leg import solved_responses
+
+    blank = blank_observations(list(dict.fromkeys(p for t in tests for p in t.protocols)))
+    fine, coarse = solved_responses(subject, blank, diagnoser.folder, diagnoser.correction)
+    return build_library(
+        fine, coarse, blank, asked, diagnoser.correction, diagnoser.jobs, progress,
+        STIFFENING[subject.tissues["deep"].law], middle,
+    )  # fmt: skip
+
+
+def _candidate(model: Explanation) -> Candidate:
+    name = " + ".join(model.names) or "something unknown"
+    posterior = model.posterior
+    return Candidate(name, model.fit, posterior.mean, posterior.covariance, model.probability)
+
+
+def _stated(subject: Subject, observed: Observations) -> Noise:
+    instrument = subject.instrument
+    each = instrument.force_sd / float(np.sqrt(2))
+    return Noise(
+        each, each, slowest_of(observed), instrument.force_sd, instrument.displacement_sd,
+        "the instrument's stated accuracy only (nothing was recorded)",
+    )  # fmt: skip
+
+
+def _at(problem: Problem, values: dict[str, float]) -> Fit:
+    """Return a fit that stands at values."""
+    parameters = problem.parameters(())
+    departure = np.array(
+        [prior_of(p).departure(values.get(p.name, prior_of(p).centre)) for p in parameters]
+    )
+    prediction = problem.predictor(values)
+    nothing = np.zeros(len(prediction))
+    slopes = np.zeros((len(prediction), len(parameters)))
+    return Fit((), values, parameters, departure, prediction, nothing, slopes, nothing, slopes)

@@ -1,0 +1,1 @@
+"""From a model on a mesh to a path: Newton, linear solvers, steps, sensitivities."""

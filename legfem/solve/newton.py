@@ -1,0 +1,239 @@
+"""Newton's method for one step: a thin wrapper of PETSc's SNES.
+
+The wrapper adds three things to SNES. The tangent is assembled and factorised anew only while that
+pays: an iteration that went well is followed by one with the same factors. An update is shortened
+until every J is positive and the residual is acceptable. The outcome is a value, and a state is
+accepted only where the residual is small; SNES' test on the length of the update is off, since it
+accepts impossible steps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from legfem.fem.compat import RESIDUAL_NOT_FINITE
+from legfem.fem.system import System
+from legfem.solve.linear import LinearSettings, configure, prepare
+from legfem.solve.saddle import SaddlePreconditioner
+
+
+@dataclass(frozen=True)
+class NewtonSettings:
+    """When a step has converged, and when it is given up.
+
+    Parameters
+    ----------
+    relative_tolerance : float
+        Norm of the residual against the norm of the contact's nodal forces.
+    absolute_tolerance : float
+        Norm of the residual below which nothing is asked (N/mm in 2D, N in 3D).
+    max_factorisations : int
+        In one step.
+    reuse : float
+        The factors are used again after an iteration that reduced the residual by this factor.
+    floor : float
+        A residual that no longer falls is rounding, and good enough below this multiple of the
+        tolerance: a stiff fascia around soft tissue sums large forces to small ones.
+    memory : int
+        An update is accepted if the residual falls below the largest of this many before it.
+    max_halvings : int
+        Of an update that doesn't.
+    """
+
+    relative_tolerance: float = 1e-9
+    absolute_tolerance: float = 1e-13
+    max_factorisations: int = 12
+    reuse: float = 0.3
+    floor: float = 10.0
+    memory: int = 2
+    max_halvings: int = 4
+
+
+@dataclass(frozen=True)
+class NewtonOutcome:
+    """What one step took."""
+
+    converged: bool
+    reason: str
+    factorisations: int
+    iterations: int
+    residual: float
+
+
+class NewtonSolver:
+    """Solves the system at a fixed position of the indenter.
+
+    Parameters
+    ----------
+    system
+        The model.
+    settings
+        Of Newton's method.
+    linear
+        Of the linear solver.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        settings: NewtonSettings | None = None,
+        linear: LinearSettings | None = None,
+    ) -> None:
+        linear = linear or LinearSettings()
+        self._system = system
+        self._settings = settings or NewtonSettings()
+        self._norms: list[float] = []
+        self._factorisations = 0
+        matrix = system.tangent_matrix
+        vector = system.residual_vector.x.petsc_vec
+        unknown = system.unknown.x.petsc_vec
+        self._solution, self._trial = unknown.duplicate(), unknown.duplicate()
+        self._evaluated = unknown.duplicate()
+        self._evaluated_now = False
+        snes = PETSc.SNES().create(system.comm)
+        snes.setOptionsPrefix("legfem_")
+        snes.setType("newtonls")
+        options = PETSc.Options("legfem_")
+        options.setValue("snes_linesearch_type", "basic")
+        snes.setFunction(self._function, vector.duplicate())
+        snes.setJacobian(self._jacobian, matrix)
+        snes.setLineSearchPreCheck(self._shorten)
+        snes.setConvergenceTest(self._converged)
+        snes.setTolerances(max_it=60, stol=0.0)
+        self._iterates = linear.iterates(system.spaces)
+        self._held = system.owned_supports
+        self._saddle = None
+        if self._iterates and system.spaces.formulation == "continuous":
+            self._saddle = SaddlePreconditioner(system)
+            self._saddle.configure(snes.getKSP(), linear)
+        else:
+            configure(snes.getKSP(), system.spaces, linear)
+        prepare(matrix, system.spaces, linear)
+        snes.setFromOptions()
+        self._snes = snes
+
+    @property
+    def linear_solver(self) -> PETSc.KSP:
+        """Holding the factors of the last tangent."""
+        return self._snes.getKSP()
+
+    def solve(self) -> NewtonOutcome:
+        """Solve from the system's present unknown, which the solution replaces if found."""
+        self._norms, self._factorisations, self._evaluated_now = [], 0, False
+        unknown = self._system.unknown.x.petsc_vec
+        unknown.copy(self._solution)
+        self._snes.solve(None, self._solution)
+        reason = self._snes.getConvergedReason()
+        converged = reason > 0
+        if converged:
+            self._load(self._solution)
+            converged = self._system.minimum_volume_ratio() > 0
+        return NewtonOutcome(
+            converged,
+            _describe(reason) if converged or reason <= 0 else "an element is inverted",
+            self._factorisations,
+            self._snes.getIterationNumber(),
+            self._norms[-1] if self._norms else np.inf,
+        )
+
+    def refactor(self) -> None:
+        """Factorise the tangent at the present state."""
+        self._assemble_tangent()
+        self.linear_solver.setUp()
+
+    def _assemble_tangent(self) -> None:
+        self._system.assemble_tangent()
+        if self._saddle is not None:
+            self._saddle.update()
+
+    def _load(self, vector: PETSc.Vec) -> None:
+        unknown = self._system.unknown
+        vector.copy(unknown.x.petsc_vec)
+        unknown.x.scatter_forward()
+
+    def _function(self, snes: Any, state: PETSc.Vec, residual: PETSc.Vec) -> None:
+        if not self._is_evaluated(state):
+            self._load(state)
+            self._evaluate()
+        self._system.residual_vector.x.petsc_vec.copy(residual)
+
+    def _evaluate(self) -> None:
+        """Assemble the residual at the system's present unknown, and remember where that was."""
+        self._system.assemble_residual()
+        self._system.unknown.x.petsc_vec.copy(self._evaluated)
+        self._evaluated_now = True
+
+    def _is_evaluated(self, state: PETSc.Vec) -> bool:
+        """Tell whether the residual at hand is that of a state.
+
+        SNES asks for the residual where `_shorten` has just evaluated it.
+        """
+        same = self._evaluated_now and np.array_equal(state.array_r, self._evaluated.array_r)
+        return bool(self._system.comm.allreduce(same, MPI.LAND))
+
+    def _jacobian(self, snes: Any, state: PETSc.Vec, matrix: Any, preconditioner: Any) -> None:
+        norms = self._norms
+        gained = len(norms) > 1 and norms[-1] < self._settings.reuse * norms[-2]
+        # An iterative solver has no factors to use again.
+        if gained and self._factorisations and not self._iterates:
+            return
+        self._load(state)
+        self._assemble_tangent()
+        self._factorisations += 1
+
+    def _shorten(self, state: PETSc.Vec, update: PETSc.Vec) -> bool:
+        """Halve an update until no element inverts and the residual is below one of late.
+
+        Contact closes and opens within an iteration, so the residual may rise for once: a
+        monotone search would creep along such kinks.
+        """
+        acceptable = max(self._norms[-self._settings.memory :])
+        if self._iterates:
+            # An inexact solution moves the supports a little too, which no residual would show.
+            with update as values:
+                values[self._held] = 0.0
+        for halving in range(self._settings.max_halvings):
+            self._trial.waxpy(-1.0, update, state)
+            self._load(self._trial)
+            if self._system.minimum_volume_ratio() > 0.01:
+                self._evaluate()
+                if self._system.residual_norm() <= acceptable:
+                    return halving > 0 or self._iterates
+            update.scale(0.5)
+        return True
+
+    def _converged(self, snes: Any, iteration: int, norms: tuple[float, float, float]) -> int:
+        norm = norms[2]
+        self._norms.append(norm)
+        reasons = PETSc.SNES.ConvergedReason
+        if not np.isfinite(norm):
+            return RESIDUAL_NOT_FINITE
+        scale = self._system.contact_scale()
+        limit = self._settings.absolute_tolerance + self._settings.relative_tolerance * scale
+        if norm <= limit and iteration > 0:
+            return int(reasons.CONVERGED_FNORM_ABS)
+        if iteration > 0 and 0.5 * self._norms[-2] < norm <= self._settings.floor * limit:
+            return int(reasons.CONVERGED_FNORM_RELATIVE)
+        if self._factorisations >= self._settings.max_factorisations and not (
+            norm < self._settings.reuse * self._norms[-2]
+        ):
+            return int(reasons.DIVERGED_MAX_IT)
+        return 0
+
+
+def _describe(reason: int) -> str:
+    reasons = PETSc.SNES.ConvergedReason
+    words = {
+        reasons.CONVERGED_FNORM_ABS: "the residual is small",
+        reasons.CONVERGED_FNORM_RELATIVE: "the residual is as small as rounding allows",
+        RESIDUAL_NOT_FINITE: "the residual is not a number",
+        reasons.DIVERGED_MAX_IT: "the residual stays large",
+        reasons.DIVERGED_LINEAR_SOLVE: "the tangent cannot be factorised",
+        reasons.DIVERGED_FUNCTION_DOMAIN: "an element is inverted",
+    }
+    return words.get(reason, f"SNES reason {reason}")

@@ -1,0 +1,201 @@
+"""How the indenter moves in time: waypoints, straight in between."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
+
+type PhaseName = Literal["loading", "hold", "unloading"]
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A part of a protocol in which the indenter goes one way, or stays."""
+
+    name: PhaseName
+    start: float
+    """s."""
+    end: float
+    """s."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """The straight way between two waypoints."""
+
+    start: float
+    """s."""
+    end: float
+    """s."""
+    first: float
+    """Displacement at its start (mm)."""
+    last: float
+    """Displacement at its end (mm)."""
+
+    @property
+    def phase(self) -> PhaseName:
+        """What it belongs to."""
+        if self.last == self.first:
+            return "hold"
+        return "loading" if self.last > self.first else "unloading"
+
+    @property
+    def duration(self) -> float:
+        """Return how long it lasts (s)."""
+        return self.end - self.start
+
+    @property
+    def rate(self) -> float:
+        """Speed of the indenter (mm/s), positive inwards."""
+        return (self.last - self.first) / self.duration
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """The path of the indenter, from the undeformed leg on.
+
+    Parameters
+    ----------
+    time : tuple of float
+        Of the waypoints (s), increasing.
+    displacement : tuple of float
+        Of the indenter at the waypoints (mm), zero at first touch and positive inwards. The first
+        isn't positive: nothing is deformed at the start.
+
+    Raises
+    ------
+    InputError
+        For waypoints that aren't such a path.
+    """
+
+    time: tuple[float, ...]
+    displacement: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Check the waypoints, and make them tuples of numbers."""
+        object.__setattr__(self, "time", tuple(float(t) for t in self.time))
+        object.__setattr__(self, "displacement", tuple(float(d) for d in self.displacement))
+        if len(self.time) < 2 or len(self.time) != len(self.displacement):
+            raise _wrong(
+                "time",
+                f"{len(self.time)} times and {len(self.displacement)} displacements",
+                "give as many of both, two or more",
+            )
+        if not np.isfinite([self.time, self.displacement]).all():
+            raise _wrong("time", "a waypoint is not finite", "give finite numbers")
+        for k, (before, after) in enumerate(pairwise(self.time), 2):
+            if after <= before:
+                raise _wrong(
+                    "time",
+                    f"waypoint {k} at {after:g} s is not after {before:g} s",
+                    "give times that increase",
+                )
+        if self.displacement[0] > 0:
+            raise _wrong(
+                "displacement",
+                f"starts at {self.displacement[0]:g} mm, in the leg",
+                "start at first touch (0 mm) or before it",
+            )
+
+    @classmethod
+    def through(cls, displacements: Sequence[float], rate: float) -> Protocol:
+        """Return the path from 0 mm through displacements (mm) at one speed (mm/s)."""
+        _check("rate", rate)
+        at = [0.0]
+        at += [float(d) for k, d in enumerate(displacements) if d != ([0.0, *displacements])[k]]
+        walked = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(at)))])
+        return cls(tuple(walked / rate), tuple(at))
+
+    @classmethod
+    def ramp(cls, depth: float, rate: float) -> Protocol:
+        """Return loading to a depth (mm) at a rate (mm/s)."""
+        _check("depth", depth)
+        return cls.through([depth], rate)
+
+    @classmethod
+    def ramp_and_hold(cls, depth: float, rate: float, hold: float) -> Protocol:
+        """Return loading to a depth (mm) at a rate (mm/s), then a hold (s)."""
+        return cls.ramp(depth, rate)._held(hold)
+
+    @classmethod
+    def cycle(
+        cls, depth: float, rate: float, hold: float = 0.0, unloading_rate: float | None = None
+    ) -> Protocol:
+        """Return loading, a hold (s; 0 for none), and unloading to 0 mm (rates in mm/s)."""
+        back = rate if unloading_rate is None else unloading_rate
+        _check("unloading_rate", back)
+        loaded = cls.ramp(depth, rate) if hold == 0 else cls.ramp_and_hold(depth, rate, hold)
+        end = loaded.duration + depth / back
+        return cls((*loaded.time, end), (*loaded.displacement, 0.0))
+
+    def then(self, other: Protocol, pause: float = 0.0) -> Protocol:
+        """Return this protocol with another after it, after a pause at its end (s).
+
+        The other has to start where this one ends.
+        """
+        if other.displacement[0] != self.displacement[-1]:
+            raise _wrong(
+                "displacement",
+                f"ends at {self.displacement[-1]:g} mm, and what follows starts at "
+                f"{other.displacement[0]:g} mm",
+                "join protocols where they meet",
+            )
+        held = self if pause == 0 else self._held(pause)
+        shift = held.time[-1] - other.time[0]
+        return Protocol(
+            (*held.time, *(t + shift for t in other.time[1:])),
+            (*held.displacement, *other.displacement[1:]),
+        )
+
+    @property
+    def duration(self) -> float:
+        """From the first waypoint to the last (s)."""
+        return self.time[-1] - self.time[0]
+
+    @property
+    def depth(self) -> float:
+        """Greatest displacement (mm)."""
+        return max(self.displacement)
+
+    @property
+    def segments(self) -> tuple[Segment, ...]:
+        """The ways between the waypoints."""
+        spans = zip(pairwise(self.time), pairwise(self.displacement), strict=True)
+        return tuple(Segment(*times, *ends) for times, ends in spans)
+
+    def displacement_at(self, time: ArrayLike) -> FloatArray:
+        """Return the displacement (mm) at times (s); the ends hold beyond them."""
+        return np.interp(np.asarray(time, dtype=float), self.time, self.displacement)
+
+    def phases(self) -> tuple[Phase, ...]:
+        """Return loading, holds and unloading in order, neighbours of the same name joined."""
+        joined: list[Phase] = []
+        for segment in self.segments:
+            start = segment.start
+            if joined and joined[-1].name == segment.phase:
+                start = joined.pop().start
+            joined.append(Phase(segment.phase, start, segment.end))
+        return tuple(joined)
+
+    def _held(self, hold: float) -> Protocol:
+        _check("hold", hold)
+        return Protocol(
+            (*self.time, self.time[-1] + hold), (*self.displacement, self.displacement[-1])
+        )
+
+
+def _check(field: str, value: float) -> None:
+    if not (np.isfinite(value) and value > 0):
+        raise _wrong(field, f"is {value:g}", "give a finite value of more than zero")
+
+
+def _wrong(field: str, problem: str, remedy: str) -> InputError:
+    return InputError("protocol", field, problem, remedy)

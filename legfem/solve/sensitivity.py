@@ -1,0 +1,212 @@
+r"""Forward sensitivities of the force to the model's parameters.
+
+A step solves :math:`R(u, u_o, q_o; m) = 0` from the last displacement :math:`u_o` and history
+:math:`q_o`, then sets :math:`q = Q(u, u_o, q_o; m)`. Differentiated by a parameter :math:`m`,
+
+.. math:: K\, u' = -(R_{u_o} u_o' + R_{q_o} q_o' + R_m), \qquad
+          q' = Q_u u' + Q_{u_o} u_o' + Q_{q_o} q_o' + Q_m,
+
+so one back-substitution a parameter and step gives exact derivatives of the discrete problem,
+history included. All partial derivatives are UFL's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem, la
+from ufl.algorithms import expand_derivatives
+from ufl.constantvalue import Zero
+
+from legfem.common.units import FloatArray
+from legfem.fem.compiled import compiled
+from legfem.fem.forms import DomainForms
+from legfem.fem.system import System
+from legfem.solve.newton import NewtonSolver
+
+
+class SensitivityTracker:
+    """Carries the derivatives of state and history along a loading path.
+
+    Parameters
+    ----------
+    system
+        The model.
+    parameters
+        Full names, for example ``deep.C10``.
+    """
+
+    def __init__(self, system: System, parameters: Sequence[str]) -> None:
+        self._system = system
+        self.parameters = tuple(parameters)
+        for name in self.parameters:
+            if name not in system.body_symbols and name not in system.skin_symbols:
+                raise KeyError(name)
+        self._body = _PlaceSensitivity(system.body, self.parameters)
+        self._skin = _PlaceSensitivity(system.skin, self.parameters)
+        self._rate, self._right = (fem.Function(system.spaces.space) for _ in range(2))
+
+    def reset(self) -> None:
+        """Forget the path."""
+        self._body.reset()
+        self._skin.reset()
+
+    def step(self, solver: NewtonSolver) -> FloatArray:
+        """Differentiate the step just solved, before the system advances.
+
+        Returns
+        -------
+        ndarray
+            Derivatives of the force along the travel, in the parameters' order.
+        """
+        solver.refactor()
+        system, spaces = self._system, self._system.spaces
+        right, forces = self._right, []
+        for index in range(len(self.parameters)):
+            right.x.array[:] = self._body.partial(index)
+            skin = self._skin.partial(index)
+            np.add.at(right.x.array, spaces.trace, skin)
+            right.x.scatter_reverse(la.InsertMode.add)
+            right.x.array[spaces.pinned] = 0.0
+            right.x.petsc_vec.scale(-1.0)
+            solver.linear_solver.solve(right.x.petsc_vec, self._rate.x.petsc_vec)
+            self._rate.x.scatter_forward()
+            trace = self._rate.x.array[spaces.trace]
+            force = -(skin + self._skin.tangent_action(trace)).reshape(-1, spaces.dimension)
+            forces.append(system.comm.allreduce(float(force.sum(axis=0) @ system.direction)))
+            self._body.update(index, self._rate.x.array)
+            self._skin.update(index, trace)
+        return np.array(forces)
+
+    def state_rates(self) -> dict[str, FloatArray]:
+        """Return the derivatives of the system's unknown at the last step, ghosts included."""
+        return {name: self._body.state(k).copy() for k, name in enumerate(self.parameters)}
+
+
+class Trackers:
+    """Trackers of one system by what they differentiate by, since each compiles its forms.
+
+    Parameters
+    ----------
+    system
+        The model.
+    """
+
+    def __init__(self, system: System) -> None:
+        self._system = system
+        self._known: dict[tuple[str, ...], SensitivityTracker] = {}
+
+    def fresh(self, parameters: Sequence[str]) -> SensitivityTracker | None:
+        """Return a tracker that has seen no step; None for no parameters."""
+        names = tuple(parameters)
+        if not names:
+            return None
+        if names not in self._known:
+            self._known[names] = SensitivityTracker(self._system, names)
+        self._known[names].reset()
+        return self._known[names]
+
+
+class _PlaceSensitivity:
+    """Directional derivatives of one domain's residual and history."""
+
+    def __init__(self, forms: DomainForms, parameters: Sequence[str]) -> None:
+        domain, space = forms.domain, forms.domain.unknown.function_space
+        self._history = forms.history
+        self._rate, self._before = fem.Function(space), fem.Function(space)
+        self._vector = fem.Function(space)
+        old = forms.history.variables
+        self._old = {name: fem.Function(value.function_space) for name, value in old.items()}
+        residual = expand_derivatives(forms.residual_form)
+        past = [ufl.derivative(residual, forms.before, self._before)]
+        past += [ufl.derivative(residual, old[name], self._old[name]) for name in old]
+        self._past = _compiled_if_any(sum(past[1:], past[0]))
+        self._action = compiled(ufl.derivative(residual, domain.unknown, self._rate))
+        known = [name if name in domain.symbols else None for name in parameters]
+        self._partials = [
+            _compiled_if_any(_by_symbol(residual, domain.symbols[name])) if name else None
+            for name in known
+        ]
+        self._updates = [
+            {
+                key: forms.history.expression(total)
+                for key, value in forms.updated.items()
+                if not isinstance(total := self._total(value, forms, domain, name), Zero)
+            }
+            for name in known
+        ]
+        self._states = [
+            (np.zeros_like(self._before.x.array), {k: v.x.array.copy() for k, v in old.items()})
+            for _ in parameters
+        ]
+        self.reset()
+
+    def reset(self) -> None:
+        for before, history in self._states:
+            before[:] = 0.0
+            for values in history.values():
+                values[:] = 0.0
+
+    def state(self, index: int) -> FloatArray:
+        """Return the derivative of the state that the next step starts from."""
+        return self._states[index][0]
+
+    def partial(self, index: int) -> FloatArray:
+        """Return the residual's derivative at a fixed present state."""
+        self._load(index)
+        vector = self._vector.x.array
+        vector[:] = 0.0
+        for form in (self._past, self._partials[index]):
+            if form is not None:
+                fem.assemble_vector(vector, form)
+        return vector.copy()
+
+    def tangent_action(self, rate: FloatArray) -> FloatArray:
+        """Return the tangent times the rate of the unknown."""
+        self._rate.x.array[:] = rate
+        vector = self._vector.x.array
+        vector[:] = 0.0
+        fem.assemble_vector(vector, self._action)
+        return vector.copy()
+
+    def update(self, index: int, rate: FloatArray) -> None:
+        """Move the derivatives to the end of the step."""
+        self._load(index)
+        self._rate.x.array[:] = rate
+        before, history = self._states[index]
+        for name, update in self._updates[index].items():
+            history[name][:] = self._history.values(update)
+        before[:] = rate
+
+    def _load(self, index: int) -> None:
+        before, history = self._states[index]
+        self._before.x.array[:] = before
+        for name, values in history.items():
+            self._old[name].x.array[:] = values
+
+    def _total(self, value: Any, forms: DomainForms, domain: Any, name: str | None) -> Any:
+        old = forms.history.variables
+        total = ufl.derivative(value, domain.unknown, self._rate)
+        total += ufl.derivative(value, forms.before, self._before)
+        total += sum(ufl.derivative(value, old[key], self._old[key]) for key in old)
+        if name:
+            total += ufl.diff(value, domain.symbols[name])
+        return expand_derivatives(total)
+
+
+def _by_symbol(form: Any, variable: Any) -> Any:
+    return ufl.Form(
+        [
+            integral.reconstruct(integrand=ufl.diff(integral.integrand(), variable))
+            for integral in form.integrals()
+        ]
+    )
+
+
+def _compiled_if_any(form: Any) -> Any:
+    """Return the compiled form, or None for one that vanishes identically."""
+    expanded = expand_derivatives(form)
+    return compiled(expanded) if expanded.integrals() else None

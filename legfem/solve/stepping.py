@@ -1,0 +1,351 @@
+"""Following a protocol: adaptive steps, and a typed report of every one."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+
+from legfem.common.units import FloatArray
+from legfem.fem.system import System
+from legfem.jobs.checkpoint import Checkpoint
+from legfem.solve.newton import NewtonOutcome, NewtonSolver
+from legfem.solve.protocol import Protocol, Segment
+
+
+@dataclass(frozen=True)
+class StepSettings:
+    """Sizes of the steps and how they adapt; of displacement (mm) where the indenter moves.
+
+    A step grows by ``growth`` when Newton needed at most ``easy`` factorisations, shrinks when it
+    needed ``hard`` or more, and is cut by ``cut`` when it failed. A hold starts with ``hold_first``
+    of its duration, no more than ``hold_first_time`` (s), and its steps grow by ``hold_growth``.
+
+    What a contact remembers depends on the steps, a little. Where solvers that work differently are
+    to take the same ones, ``easy`` and ``hard`` have to be out of reach: see `regular`.
+    """
+
+    first: float = 0.2
+    largest: float = 1.5
+    smallest: float = 1e-3
+    growth: float = 1.6
+    shrink: float = 0.7
+    cut: float = 0.4
+    easy: int = 5
+    hard: int = 8
+    hold_first: float = 0.01
+    hold_first_time: float = 0.1
+    hold_growth: float = 1.3
+
+    @classmethod
+    def regular(cls, **sizes: float) -> StepSettings:
+        """Return steps that grow however much work they were, and shrink only after a failure."""
+        return cls(easy=sys.maxsize, hard=sys.maxsize, **sizes)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One attempted step."""
+
+    displacement: float
+    """At its end (mm)."""
+    time: float
+    """At its end (s)."""
+    size: float
+    """mm; in a hold, s."""
+    accepted: bool
+    reason: str
+    factorisations: int
+    iterations: int
+    residual: float
+    """N/mm in 2D, N in 3D."""
+
+
+@dataclass(frozen=True)
+class SolveReport:
+    """What a solution took and how far it came."""
+
+    reached: float
+    """Greatest displacement (mm)."""
+    target: float
+    """Greatest displacement asked for (mm)."""
+    complete: bool
+    """Whether the whole path was followed."""
+    reason: str
+    """Why it stopped."""
+    steps: tuple[Step, ...] = ()
+    seconds: float = 0.0
+    unknowns: int = 0
+    contact_stiffness_factor: float = 1.0
+    """1 unless the contact had to be softened to go on."""
+    earlier_attempts: tuple[SolveReport, ...] = ()
+
+    @property
+    def factorisations(self) -> int:
+        """Of all steps, accepted or not, and of all attempts."""
+        own = sum(step.factorisations for step in self.steps)
+        return own + sum(report.factorisations for report in self.earlier_attempts)
+
+    @property
+    def iterations(self) -> int:
+        """Newton iterations of all steps."""
+        return sum(step.iterations for step in self.steps)
+
+    @property
+    def rejected(self) -> int:
+        """Number of rejected steps."""
+        return sum(not step.accepted for step in self.steps)
+
+    def __str__(self) -> str:
+        """Return one line for a log."""
+        end = "complete" if self.complete else f"stopped: {self.reason}"
+        return (
+            f"{self.reached:.2f} of {self.target:.2f} mm ({end}); {len(self.steps)} steps, "
+            f"{self.rejected} rejected, {self.factorisations} factorisations, {self.seconds:.1f} s"
+        )
+
+
+def press(
+    system: System,
+    solver: NewtonSolver,
+    targets: Sequence[float],
+    settings: StepSettings | None = None,
+    on_step: Callable[[float], None] | None = None,
+) -> SolveReport:
+    """Follow displacements (mm) from the undeformed state at 1 mm/s.
+
+    Parameters
+    ----------
+    system, solver, settings
+        As those of `follow`.
+    targets
+        Displacements (mm) where the motion turns or ends: one for loading, more for unloading and
+        reloading.
+    on_step
+        Called as that of `follow`, with the displacement (mm) alone.
+    """
+
+    def tell(time: float, displacement: float) -> None:
+        if on_step is not None:
+            on_step(displacement)
+
+    return follow(system, solver, Protocol.through(targets, rate=1.0), settings, tell)
+
+
+def follow(
+    system: System,
+    solver: NewtonSolver,
+    protocol: Protocol,
+    settings: StepSettings | None = None,
+    on_step: Callable[[float, float], None] | None = None,
+    checkpoint: Checkpoint | None = None,
+    recorded: dict[str, list[float]] | None = None,
+    guess: FloatArray | None = None,
+) -> SolveReport:
+    """Move the indenter along a protocol, each waypoint reached exactly, from the undeformed state.
+
+    Parameters
+    ----------
+    system, solver
+        The model and its Newton solver; the system is reset first.
+    protocol
+        Of the indenter.
+    settings
+        Of the steps.
+    on_step
+        Called after every accepted step with its time (s) and displacement (mm), the system being
+        in that state and its history not yet advanced.
+    checkpoint
+        Where states are kept; the last one there is gone on from.
+    recorded
+        What ``on_step`` appends to, which is kept with the states and replaced by what is found.
+    guess
+        Of the unknown at the end of the first step, where the path to it doesn't matter.
+
+    Returns
+    -------
+    SolveReport
+        Giving up is part of it: a solution that stops short isn't an exception.
+    """
+    started = time.perf_counter()
+    system.reset()
+    if guess is not None:
+        system.unknown.x.array[:] = guess
+    walk = _Walk(system, solver, settings or StepSettings(), on_step)
+    recorded = {} if recorded is None else recorded
+    if checkpoint is not None:
+        walk.keep_in(checkpoint, recorded)
+    segments = tuple(enumerate(protocol.segments))[walk.segment :]
+    stopped = next(filter(None, (walk.through(number, one) for number, one in segments)), None)
+    return SolveReport(
+        reached=max((step.displacement for step in walk.steps if step.accepted), default=0.0),
+        target=protocol.depth,
+        complete=stopped is None,
+        reason=stopped or "the target is reached",
+        steps=tuple(walk.steps),
+        seconds=time.perf_counter() - started,
+        unknowns=system.spaces.unknowns,
+    )
+
+
+@dataclass(frozen=True)
+class _Sizes:
+    """Of the steps along one segment: mm where the indenter moves, s in a hold."""
+
+    first: float
+    largest: float
+    smallest: float
+    growth: float
+    unit: str
+
+
+class _Walk:
+    """The way along a protocol: the last converged state, and how it moves."""
+
+    def __init__(
+        self,
+        system: System,
+        solver: NewtonSolver,
+        settings: StepSettings,
+        on_step: Callable[[float, float], None] | None,
+    ) -> None:
+        self._system, self._solver, self._settings = system, solver, settings
+        self._on_step = on_step
+        self.steps: list[Step] = []
+        self._state = system.unknown.x.array.copy()
+        # Last change of the state, and over how many mm or s; of motion and of a hold apart.
+        self._changes: dict[str, tuple[FloatArray, float]] = {}
+        self._size = settings.first
+        self.segment = 0
+        """Number of the protocol's segment that it is in."""
+        self._resumed: tuple[float, float] | None = None
+        self._checkpoint: Checkpoint | None = None
+        self._recorded: dict[str, list[float]] = {}
+
+    def keep_in(self, checkpoint: Checkpoint, recorded: dict[str, list[float]]) -> None:
+        """Go on from the last state kept, if there is one, and keep those to come."""
+        self._checkpoint, self._recorded = checkpoint, recorded
+        shapes = {name: values.shape for name, values in self._system.state().items()}
+        found = checkpoint.load(shapes)
+        if found is None:
+            return
+        arrays, plain = found
+        self._system.restore(arrays, plain["displacement"])
+        self._state = arrays["unknown"]
+        self._changes = {
+            unit: (arrays[f"change.{unit}"], over) for unit, over in plain["changes"].items()
+        }
+        self.steps = [Step(**step) for step in plain["steps"]]
+        self.segment, self._size = plain["segment"], plain["motion_size"]
+        self._resumed = plain["position"], plain["size"]
+        for name, values in plain["recorded"].items():
+            recorded[name][:] = values
+
+    def _keep(self, segment: Segment, position: float, size: float) -> None:
+        if self._checkpoint is None or not self._checkpoint.due:
+            return
+        changes = {f"change.{unit}": change for unit, (change, _) in self._changes.items()}
+        plain = {
+            "displacement": _place(segment, position)[1],
+            "changes": {unit: over for unit, (_, over) in self._changes.items()},
+            "steps": [asdict(step) for step in self.steps],
+            "segment": self.segment,
+            "motion_size": self._size,
+            "position": position,
+            "size": size,
+            "recorded": self._recorded,
+        }
+        self._checkpoint.save({**self._system.state(), **changes}, plain)
+
+    def through(self, number: int, segment: Segment) -> str | None:
+        """Go to the end of a segment; return why that failed, or None."""
+        self.segment = number
+        holds = segment.phase == "hold"
+        sizes = self._sizes(segment)
+        position, target = (segment.start, segment.end) if holds else (segment.first, segment.last)
+        size, sign = sizes.first, 1.0 if target > position else -1.0
+        if self._resumed is not None:
+            (position, size), self._resumed = self._resumed, None
+        elif holds:
+            self._changes.pop(sizes.unit, None)
+        while position != target:
+            length = _fitted(size, abs(target - position))
+            end = target if length == abs(target - position) else position + sign * length
+            outcome = self._attempt(segment, position, end, sizes.unit)
+            self.steps.append(_step(*_place(segment, end), length, outcome))
+            if not outcome.converged:
+                self._system.unknown.x.array[:] = self._state
+                self._move(segment, position, position)
+                size = length * self._settings.cut
+                if size < sizes.smallest:
+                    limit = f"{sizes.smallest:g} {sizes.unit}"
+                    return f"no step above {limit} converges: {outcome.reason}"
+                continue
+            self._accept(segment, end, end - position, sizes.unit)
+            position = end
+            if outcome.factorisations <= self._settings.easy:
+                size = min(sizes.largest, max(size, length * sizes.growth))
+            elif outcome.factorisations >= self._settings.hard:
+                size = length * self._settings.shrink
+            if not holds:
+                self._size = size
+            self._keep(segment, position, size)
+        return None
+
+    def _sizes(self, segment: Segment) -> _Sizes:
+        given = self._settings
+        if segment.phase != "hold":
+            return _Sizes(self._size, given.largest, given.smallest, given.growth, "mm")
+        first = min(given.hold_first * segment.duration, given.hold_first_time)
+        return _Sizes(first, segment.duration, 1e-3 * first, given.hold_growth, "s")
+
+    def _attempt(self, segment: Segment, start: float, end: float, unit: str) -> NewtonOutcome:
+        self._move(segment, start, end)
+        self._system.unknown.x.array[:] = self._state
+        if unit in self._changes:
+            change, over = self._changes[unit]
+            self._system.unknown.x.array[:] += change * ((end - start) / over)
+        return self._solver.solve()
+
+    def _move(self, segment: Segment, start: float, end: float) -> None:
+        now, displacement = _place(segment, end)
+        self._system.set_displacement(displacement)
+        self._system.set_time(now, now - _place(segment, start)[0] or 1.0)
+
+    def _accept(self, segment: Segment, end: float, change: float, unit: str) -> None:
+        if self._on_step is not None:
+            self._on_step(*_place(segment, end))
+        self._system.advance()
+        state = self._system.unknown.x.array.copy()
+        self._changes[unit] = state - self._state, change
+        self._state = state
+
+
+def _place(segment: Segment, position: float) -> tuple[float, float]:
+    """Return time and displacement at a position along a segment."""
+    if segment.phase == "hold":
+        return position, segment.last
+    if position == segment.last:
+        return segment.end, position
+    return segment.start + (position - segment.first) / segment.rate, position
+
+
+def _fitted(size: float, remaining: float) -> float:
+    """Return a step that doesn't leave a sliver before the target."""
+    if remaining <= size:
+        return remaining
+    return min(size, remaining / 2) if remaining < 2 * size else size
+
+
+def _step(now: float, end: float, length: float, outcome: NewtonOutcome) -> Step:
+    return Step(
+        end,
+        now,
+        length,
+        outcome.converged,
+        outcome.reason,
+        outcome.factorisations,
+        outcome.iterations,
+        outcome.residual,
+    )

@@ -1,0 +1,1 @@
+"""How far the default settings are from convergence."""

@@ -1,0 +1,1 @@
+"""Calibrates the 3D correction on the idealised leg."""

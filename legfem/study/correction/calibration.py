@@ -1,0 +1,209 @@
+r"""Calibration of the 3D correction: its level on a fine mesh, its trends on a coarse one.
+
+.. math:: P(d; m) = P_f(d; m_0) + P_c(d; m) - P_c(d; m_0)
+
+for the reference material :math:`m_0` on the fine mesh and all materials on the coarse one, which
+takes a tenth of the time. P is a ratio of two forces on the same grid, so that most of the mesh's
+error cancels in it, and again in the difference of two coarse ones.
+"""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+
+import dolfinx
+import numpy as np
+from mpi4py import MPI
+
+from legfem.common.errors import InputError
+from legfem.common.progress import Progress
+from legfem.common.units import FloatArray
+from legfem.correction.tabulated import TabulatedCorrection, smooth_ratio
+from legfem.jobs.pool import Workers
+from legfem.study.correction.cases import CaseOutcome, CorrectionCase, Material, remembered_case
+
+GRID = 0.5
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What is calibrated.
+
+    Parameters
+    ----------
+    reference
+        The leg, the material of the paper and the fine mesh.
+    c10_kPa, stiffening
+        The table's axes; see `legfem.correction.tabulated`.
+    coarse
+        Size of the fine mesh's elements over that of the coarse one's.
+    between
+        The same of a third mesh, which shows how P converges.
+    spread
+        Relative uncertainty of the leg's effective length, which nobody knows: P's error from it
+        is half of the difference between lengths this much shorter and longer.
+    """
+
+    reference: CorrectionCase = field(default_factory=CorrectionCase)
+    c10_kPa: tuple[float, ...] = (0.2, 0.7, 2.0, 5.0)
+    stiffening: tuple[float, ...] = (0.0, 0.5, 0.8)
+    coarse: float = 0.6
+    between: float = 0.8
+    spread: float = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class Calibrated:
+    """The correction and what it was made from."""
+
+    correction: TabulatedCorrection
+    meshes: tuple[CaseOutcome, ...]
+    """Of the reference, the finest mesh first."""
+    outcomes: tuple[CaseOutcome, ...]
+    """Of all cases."""
+
+    @property
+    def reference(self) -> CaseOutcome:
+        """On the finest mesh."""
+        return self.meshes[0]
+
+
+def run_cases(
+    cases: Sequence[CorrectionCase],
+    folder: Path,
+    jobs: int,
+    progress: Progress,
+    comm: MPI.Intracomm = MPI.COMM_SELF,
+) -> list[CaseOutcome]:
+    """Solve cases: each over the ranks of a communicator, or in processes side by side."""
+    outcomes = []
+    with Workers(_remembered, folder, jobs) as workers:
+        together = (remembered_case(case, folder, comm) for case in cases)
+        for outcome in together if comm.size > 1 else workers.in_order(cases):
+            outcomes.append(outcome)
+            progress.advance(
+                f"{outcome.unknowns} unknowns, {outcome.reached:g} mm, "
+                f"{outcome.factorisations} tangents, {outcome.seconds:.0f} s"
+            )
+    return outcomes
+
+
+def _remembered(folder: Path, case: CorrectionCase) -> CaseOutcome:
+    return remembered_case(case, folder)
+
+
+def coarsened(case: CorrectionCase, factor: float) -> CorrectionCase:
+    """Return a case on a mesh with elements larger by ``1 / factor``, the edge's size bounded."""
+    mesh = case.settings.mesh.refined(factor)
+    resolved = 2 * case.cylinder.edge_radius * mesh.degree
+    mesh = replace(mesh, edge_size=min(mesh.edge_size, resolved))
+    return replace(case, settings=replace(case.settings, mesh=mesh))
+
+
+def calibrate(
+    given: Calibration,
+    folder: Path,
+    jobs: int,
+    progress: Progress,
+    comm: MPI.Intracomm = MPI.COMM_SELF,
+) -> Calibrated:
+    """Calibrate the correction; solved cases are kept in a folder.
+
+    Raises
+    ------
+    InputError
+        If a model stops short of the depth.
+    """
+    reference = given.reference
+    coarse = coarsened(reference, given.coarse)
+    materials = [
+        stiffened(reference.material, c10, q) for c10 in given.c10_kPa for q in given.stiffening
+    ]
+    legs = [
+        replace(coarse.leg, length=coarse.leg.length * factor)
+        for factor in (1 - given.spread, 1 + given.spread)
+    ]
+    cases = [
+        reference,
+        coarsened(reference, given.between),
+        coarse,
+        *(replace(coarse, leg=leg) for leg in legs),
+        *(replace(coarse, material=material) for material in materials),
+    ]
+    progress.stage("the correction: both models of the idealised leg", len(cases))
+    outcomes = run_cases(cases, folder, jobs, progress, comm)
+    for case, outcome in zip(cases, outcomes, strict=True):
+        if not outcome.complete:
+            raise InputError(
+                "correction", "depth",
+                f"a model stops at {outcome.reached:.1f} mm of {case.depth:g} mm "
+                f"(C10 {case.material.C10_kPa:g} kPa, leg {case.leg.length:g} mm)",
+                "calibrate to a smaller --depth, or with a finer mesh",
+            )  # fmt: skip
+    displacement = np.linspace(0, reference.depth, round(reference.depth / GRID) + 1)
+    fine, middle, rough, shorter, longer, *table = (
+        smooth_ratio(o.spatial, o.plane, displacement) for o in outcomes
+    )
+    shape = (len(given.c10_kPa), len(given.stiffening), len(displacement))
+    errors = {
+        "mesh": _mesh_error(fine, rough, given.coarse),
+        "leg length": 0.5 * (longer - shorter),
+        "first contact": _first_contact_error(outcomes[0], displacement, fine),
+    }
+    correction = TabulatedCorrection(
+        name=f"idealised leg {reference.leg.length:g} mm long",
+        displacement=displacement,
+        c10=np.array(given.c10_kPa),
+        stiffening=np.array(given.stiffening),
+        values=np.array(table).reshape(shape) + (fine - rough),
+        errors=errors,
+        given=_description(given, outcomes, (fine, middle, rough)),
+    )
+    return Calibrated(correction, tuple(outcomes[:3]), tuple(outcomes))
+
+
+def stiffened(material: Material, c10: float, stiffening: float) -> Material:
+    """Return a material with another C10 (kPa) and q, as those of the table."""
+    return replace(material, C10_kPa=c10, C20_kPa=c10 * stiffening / (1 - stiffening))
+
+
+def _mesh_error(fine: FloatArray, rough: FloatArray, ratio: float) -> FloatArray:
+    """Return the fine mesh's error by Richardson's estimate, for convergence of second order."""
+    return (fine - rough) / (ratio**-2 - 1)
+
+
+def _first_contact_error(
+    outcome: CaseOutcome, displacement: FloatArray, smooth: FloatArray
+) -> FloatArray:
+    """Return how far the smooth P is from the plain ratio of the forces, zero where d is."""
+    plane = outcome.plane(displacement)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        plain = 1 - outcome.spatial(displacement) / plane
+    return np.where(plane > 0, plain - smooth, 0.0)
+
+
+def _description(
+    given: Calibration, outcomes: Sequence[CaseOutcome], meshes: Sequence[FloatArray]
+) -> dict[str, object]:
+    reference = given.reference
+    return {
+        "leg": asdict(reference.leg),
+        "cylinder": asdict(reference.cylinder),
+        "material": asdict(reference.material),
+        "numerics": asdict(reference.settings),
+        "trends_mesh": asdict(coarsened(reference, given.coarse).settings.mesh),
+        "leg_length_spread": given.spread,
+        "unknowns": outcomes[0].unknowns,
+        "trends_unknowns": outcomes[2].unknowns,
+        "P_by_unknowns": {
+            str(outcome.unknowns): np.round(values, 5).tolist()
+            for outcome, values in zip(outcomes, meshes, strict=False)
+        },
+        "balance_of_forces": outcomes[0].balance,
+        "factorisations": sum(outcome.factorisations for outcome in outcomes),
+        "processor_seconds": round(sum(outcome.seconds for outcome in outcomes), 1),
+        "versions": {"dolfinx": dolfinx.__version__, "python": platform.python_version()},
+    }

@@ -1,0 +1,1 @@
+"""Folders of subjects: their schema, loading them, those that come with legfem."""

@@ -1,0 +1,189 @@
+"""Writing a subject folder from a section, with or without recordings."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
+from legfem.geometry.contours import write_contours
+from legfem.geometry.cross_sections import back_of_calf, read_cross_section, section_from_outlines
+from legfem.geometry.section import LegSection
+from legfem.recording import Instrument, Recording, write_recording
+
+_TEMPLATE = """\
+id = {id}
+title = {title}
+origin = "{origin}"
+
+[section]
+contours = "contours.csv"
+fascia_thickness_mm = {thickness}
+
+[indenter]
+diameter_mm = 30.0
+length_mm = 50.0
+aim_mm = [{x:.4f}, {y:.4f}]  # a point on the line of travel
+direction_deg = {direction}  # of travel, from +x, counter-clockwise
+
+# C10_kPa and C20_kPa of the deep tissue are what is identified.
+[tissues.deep]
+{deep}
+
+[tissues.superficial]
+law = "neo-hookean"
+C10_kPa = 2.0
+D1_per_MPa = 22.5
+
+[tissues.fascia]
+law = "neo-hookean"
+C10_kPa = 100.0
+D1_per_MPa = 22.5
+
+# Give your instruments' own figures.
+[instrument]
+{instrument}
+
+# Whether displacement counts from first touch; if false, first contact is looked for.
+[recordings]
+starts_at_contact = {starts_at_contact}
+"""
+_DEEP = {
+    "neo-hookean": 'law = "neo-hookean"\nD1_per_MPa = 28.0',
+    "reduced-polynomial": 'law = "reduced-polynomial"\nD1_per_MPa = 28.0\nD2_per_MPa = 28.0',
+}
+_PAPER_INSTRUMENT = """\
+force_accuracy_percent = 0.25
+force_range_N = 100.0
+displacement_accuracy_mm = 0.25"""
+
+
+def convert_cross_sections(
+    path: Path,
+    level: float,
+    out: Path,
+    fascia_thickness: float = 0.6,
+    aim: FloatArray | None = None,
+    direction_deg: float = 270.0,
+) -> Path:
+    """Make a subject folder of one level of a cross-sections file.
+
+    Tissues, indenter and instruments are the first paper's; put recordings into
+    ``recordings/`` and the instruments' own figures into ``subject.toml``.
+
+    Parameters
+    ----------
+    path : Path
+        ``level_mm,part,loop,i,x_mm,y_mm``; see `legfem.geometry.cross_sections`.
+    level : float
+        mm.
+    out : Path
+        The folder to make; must not exist, or be empty.
+    fascia_thickness : float
+        mm.
+    aim : (2,) array, optional
+        A point on the cylinder's line of travel, mm; the rearmost point (largest y) by default.
+    direction_deg : float
+        Direction of travel from +x, counter-clockwise; 270 presses along -y.
+
+    Returns
+    -------
+    Path
+        ``out``.
+
+    Raises
+    ------
+    InputError
+        If the file can't be used or ``out`` isn't empty; nothing is written then.
+    """
+    section = section_from_outlines(read_cross_section(path, level), fascia_thickness, path)
+    title = f"{Path(path).name}, level {level:g} mm"
+    target = back_of_calf(section) if aim is None else aim
+    return write_subject_folder(section, out, title, target, direction_deg)
+
+
+def write_subject_folder(
+    section: LegSection,
+    out: Path,
+    title: str,
+    aim: FloatArray,
+    direction_deg: float,
+    origin: str = "measured",
+    recordings: Sequence[Recording] = (),
+    starts_at_contact: bool = False,
+    instrument: Instrument | None = None,
+    deep_law: str = "reduced-polynomial",
+) -> Path:
+    """Write ``subject.toml``, ``contours.csv`` and the recordings, all or nothing.
+
+    The instruments are the first paper's where none is given.
+
+    Raises
+    ------
+    InputError
+        If ``out`` exists and isn't an empty folder, or can't be written.
+    """
+    out = Path(out)
+    check_new_folder(out)
+    text = _TEMPLATE.format(
+        id=_toml_string(_plain(out.resolve().name)),
+        title=_toml_string(title),
+        origin=origin,
+        thickness=section.fascia_thickness,
+        x=float(aim[0]),
+        y=float(aim[1]),
+        direction=float(direction_deg),
+        starts_at_contact=str(starts_at_contact).lower(),
+        deep=_DEEP[deep_law],
+        instrument=_PAPER_INSTRUMENT
+        if instrument is None
+        else f"force_sd_N = {instrument.force_sd}\n"
+        f"displacement_sd_mm = {instrument.displacement_sd}",
+    )
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
+    except OSError as error:
+        raise InputError(
+            "--out", str(out), f"can't be written ({error})", "give a folder that you may write to"
+        ) from None
+    try:
+        (scratch / "recordings").mkdir()
+        for recording in recordings:
+            write_recording(recording, scratch / "recordings" / f"{recording.trial}.csv")
+        write_contours(section, scratch / "contours.csv")
+        (scratch / "subject.toml").write_text(text, encoding="utf-8")
+        _check_loads(scratch)
+        scratch.chmod(0o755)
+        scratch.replace(out)
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+    return out
+
+
+def check_new_folder(out: Path) -> None:
+    """Raise InputError if a folder exists and isn't empty."""
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise InputError("--out", str(out), "exists already", "give a new folder or remove it")
+
+
+def _check_loads(folder: Path) -> None:
+    # Imported here: a subject stands above geometry.
+    from legfem.subjects.subject import load_subject
+
+    load_subject(folder, need_recordings=False)
+
+
+def _plain(name: str) -> str:
+    """Return a folder's name without what an id may not have."""
+    return re.sub(r"[^\w. -]", "-", name).lstrip(". -") or "leg"
+
+
+def _toml_string(text: str) -> str:
+    # A JSON string is a TOML basic string.
+    return json.dumps(text)

@@ -1,0 +1,174 @@
+"""The schema of ``subject.toml``."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from legfem.common.toml_file import (
+    FileTable,
+    Finite,
+    NotNegative,
+    PlainName,
+    Positive,
+    Text,
+    parse_toml,
+    trouble,
+)
+
+# Half-width of a uniform distribution to its standard deviation.
+_UNIFORM = 1.0 / math.sqrt(3.0)
+
+
+class SectionEntry(FileTable):
+    """``[section]``."""
+
+    contours: Text
+    fascia_thickness_mm: Positive
+
+
+class IndenterEntry(FileTable):
+    """``[indenter]``."""
+
+    # Below 1 mm it is most likely metres or centimetres.
+    diameter_mm: Annotated[float, Field(ge=1.0, le=300.0, allow_inf_nan=False)]
+    length_mm: Annotated[float, Field(ge=1.0, le=1000.0, allow_inf_nan=False)]
+    aim_mm: Annotated[list[Finite], Field(min_length=2, max_length=2)]
+    direction_deg: Finite
+
+
+class TissueEntry(FileTable):
+    """``[tissues.deep]``, ``[tissues.superficial]`` or ``[tissues.fascia]``."""
+
+    law: Literal["neo-hookean", "reduced-polynomial"]
+    C10_kPa: Positive | None = None
+    C20_kPa: NotNegative | None = None
+    D1_per_MPa: Positive
+    D2_per_MPa: Positive | None = None
+
+    @model_validator(mode="after")
+    def _law_has_parameters(self) -> TissueEntry:
+        if self.law == "neo-hookean":
+            for key in ("C20_kPa", "D2_per_MPa"):
+                if getattr(self, key) is not None:
+                    raise trouble(
+                        key,
+                        "the neo-Hookean law has no such parameter",
+                        f'remove {key} or set law = "reduced-polynomial"',
+                    )
+        return self
+
+
+class GivenTissueEntry(TissueEntry):
+    """A tissue whose stiffness isn't identified and must be given."""
+
+    @model_validator(mode="after")
+    def _stiffness_is_given(self) -> GivenTissueEntry:
+        if self.C10_kPa is None:
+            raise trouble("C10_kPa", "missing", "give it; only the deep tissue is identified")
+        if self.law == "reduced-polynomial" and self.C20_kPa is None:
+            raise trouble("C20_kPa", "missing", "give it; only the deep tissue is identified")
+        return self
+
+
+class TissuesEntry(FileTable):
+    """``[tissues]``."""
+
+    deep: TissueEntry
+    superficial: GivenTissueEntry
+    fascia: GivenTissueEntry
+
+
+class InstrumentEntry(FileTable):
+    """``[instrument]``: standard deviations, or accuracies and range.
+
+    An accuracy of plus or minus a is read as a uniform distribution of half-width a, whose
+    standard deviation is a / sqrt(3).
+    """
+
+    force_sd_N: Positive | None = None
+    force_accuracy_percent: Positive | None = None
+    force_range_N: Positive | None = None
+    displacement_sd_mm: Positive | None = None
+    displacement_accuracy_mm: Positive | None = None
+
+    @model_validator(mode="after")
+    def _each_once(self) -> InstrumentEntry:
+        stated = self.force_accuracy_percent is not None or self.force_range_N is not None
+        if self.force_sd_N is not None and stated:
+            raise trouble(
+                "force_sd_N",
+                "given beside accuracy and range",
+                "give either force_sd_N or force_accuracy_percent with force_range_N",
+            )
+        if self.force_sd_N is None:
+            for key in ("force_accuracy_percent", "force_range_N"):
+                if getattr(self, key) is None:
+                    raise trouble(
+                        key if stated else "force_sd_N",
+                        "missing",
+                        "give force_sd_N, or force_accuracy_percent and force_range_N",
+                    )
+        if (self.displacement_sd_mm is None) == (self.displacement_accuracy_mm is None):
+            missing = self.displacement_sd_mm is None
+            raise trouble(
+                "displacement_sd_mm",
+                "missing" if missing else "given beside displacement_accuracy_mm",
+                "give either displacement_sd_mm or displacement_accuracy_mm",
+            )
+        return self
+
+    def force_sd(self) -> float:
+        """Return the standard deviation of a force reading, N."""
+        if self.force_sd_N is not None:
+            return self.force_sd_N
+        assert self.force_accuracy_percent is not None and self.force_range_N is not None
+        return self.force_accuracy_percent / 100.0 * self.force_range_N * _UNIFORM
+
+    def displacement_sd(self) -> float:
+        """Return the standard deviation of a displacement reading, mm."""
+        if self.displacement_sd_mm is not None:
+            return self.displacement_sd_mm
+        assert self.displacement_accuracy_mm is not None
+        return self.displacement_accuracy_mm * _UNIFORM
+
+
+class RecordingsEntry(FileTable):
+    """``[recordings]``, optional."""
+
+    starts_at_contact: bool = False
+    """Whether displacement counts from first touch; else first contact is looked for."""
+    plane_strain: bool | None = None
+    """Whether a plane-strain model made them, which has no ends; unless given, whether no leg was
+    measured."""
+
+
+class AccuracyEntry(FileTable):
+    """``[accuracy]``, optional: how well the leg is known."""
+
+    contour_sd_mm: NotNegative | None = None
+    """Of its outlines, over 20 mm of arc; 0 where they are exact."""
+    aim_sd_mm: NotNegative | None = None
+    direction_sd_deg: NotNegative | None = None
+
+
+class SubjectFile(FileTable):
+    """``subject.toml`` as it is written, in the file's units."""
+
+    id: PlainName
+    title: Text
+    origin: Literal["measured", "reconstructed", "simulated"]
+    section: SectionEntry
+    indenter: IndenterEntry
+    tissues: TissuesEntry
+    instrument: InstrumentEntry | None = None
+    recordings: RecordingsEntry = RecordingsEntry()
+    accuracy: AccuracyEntry = AccuracyEntry()
+
+
+def parse_subject_file(path: Path) -> SubjectFile:
+    """Read and check ``subject.toml``; see `legfem.common.toml_file.parse_toml`."""
+    return parse_toml(path, SubjectFile, "a subject folder")

@@ -1,0 +1,225 @@
+"""A subject: one leg, how it was pressed, its tissues, and the recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray, frozen_array, kpa_to_mpa
+from legfem.geometry.contours import read_contours
+from legfem.geometry.section import LegSection, first_crossing
+from legfem.recording import Instrument, Recording, read_recording, seen_instrument
+from legfem.subjects.catalogue import RESOURCES, Catalogue
+from legfem.subjects.schema import SubjectFile, TissueEntry, parse_subject_file
+
+__all__ = [
+    "SUBJECTS",
+    "Indenter",
+    "Instrument",
+    "Subject",
+    "TissueParameters",
+    "load_subject",
+]
+
+Law = Literal["neo-hookean", "reduced-polynomial"]
+Origin = Literal["measured", "reconstructed", "simulated"]
+
+SUBJECTS = Catalogue(RESOURCES / "frauziols" / "subjects", "subject.toml")
+
+
+@dataclass(frozen=True)
+class TissueParameters:
+    """A tissue's strain energy; None is a parameter that isn't given (or the law has not)."""
+
+    law: Law
+    C10: float | None
+    """MPa."""
+    C20: float | None
+    """MPa; None for neo-Hookean tissues."""
+    D1: float
+    """1/MPa."""
+    D2: float | None
+    """1/MPa; None leaves the (J - 1)^4 term out."""
+
+
+@dataclass(frozen=True, eq=False)
+class Indenter:
+    """A rigid cylinder with its axis along the leg's, and its line of travel."""
+
+    radius: float
+    """mm."""
+    length: float
+    """mm, along the leg."""
+    aim: FloatArray
+    """(2,), mm: a point on the line of travel of the cylinder's axis."""
+    direction_deg: float
+    """Direction of travel, degrees counter-clockwise from +x."""
+
+    def __post_init__(self) -> None:
+        """Keep a read-only copy of the aim."""
+        object.__setattr__(self, "aim", frozen_array(self.aim))
+
+    @property
+    def direction(self) -> FloatArray:
+        """Unit vector of travel; (2,)."""
+        angle = np.deg2rad(self.direction_deg)
+        return np.array([np.cos(angle), np.sin(angle)])
+
+
+@dataclass(frozen=True)
+class LegAccuracy:
+    """How well a leg is known, where its folder states it; None where it doesn't."""
+
+    contour_sd: float | None = None
+    """Of its outlines, mm."""
+    aim_sd: float | None = None
+    """Of the cylinder's line of travel, mm."""
+    direction_sd: float | None = None
+    """Of its direction, degrees."""
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """Everything given about one leg; see ``load_subject``."""
+
+    id: str
+    title: str
+    origin: Origin
+    section: LegSection
+    indenter: Indenter
+    tissues: Mapping[str, TissueParameters]
+    """Keys ``deep``, ``superficial``, ``fascia``."""
+    instrument: Instrument
+    recordings: tuple[Recording, ...]
+    """One a trial; empty when loaded without recordings."""
+    directory: Path
+    starts_at_contact: bool = False
+    """Whether the recordings' displacement is known to count from first touch."""
+    plane_strain: bool = False
+    """Whether the recordings come from a plane-strain model: they know no end effects."""
+    accuracy: LegAccuracy = LegAccuracy()
+
+
+def load_subject(
+    directory: Path, need_recordings: bool = True, need_instrument: bool = True
+) -> Subject:
+    """Load a subject folder: ``subject.toml``, its contours and ``recordings/*.csv``.
+
+    Parameters
+    ----------
+    directory : Path
+        The folder.
+    need_recordings : bool
+        False loads the leg alone and reads no recordings.
+    need_instrument : bool
+        False lets ``[instrument]`` be absent: its errors are then those seen in the recordings.
+
+    Raises
+    ------
+    InputError
+        If anything in the folder is missing or wrong; names file, field and remedy.
+    """
+    directory = Path(directory)
+    toml = SUBJECTS.opened(directory)
+    given = parse_subject_file(toml)
+    contours = directory / given.section.contours
+    if not contours.is_file():
+        raise InputError(
+            toml,
+            "section.contours",
+            f"there is no file '{given.section.contours}'",
+            f"put the contours into {contours}",
+        )
+    section = read_contours(contours, given.section.fascia_thickness_mm)
+    indenter = Indenter(
+        radius=given.indenter.diameter_mm / 2,
+        length=given.indenter.length_mm,
+        aim=frozen_array(given.indenter.aim_mm),
+        direction_deg=given.indenter.direction_deg,
+    )
+    _check_aim(toml, section, indenter)
+    recordings = _recordings(directory) if need_recordings else ()
+    return Subject(
+        id=given.id,
+        title=given.title,
+        origin=given.origin,
+        section=section,
+        indenter=indenter,
+        tissues=MappingProxyType(
+            {
+                name: _tissue(getattr(given.tissues, name))
+                for name in ("deep", "superficial", "fascia")
+            }
+        ),
+        instrument=_instrument(toml, given, recordings, need_instrument),
+        recordings=recordings,
+        directory=directory,
+        starts_at_contact=given.recordings.starts_at_contact,
+        plane_strain=(
+            given.origin != "measured"
+            if given.recordings.plane_strain is None
+            else given.recordings.plane_strain
+        ),
+        accuracy=LegAccuracy(
+            given.accuracy.contour_sd_mm,
+            given.accuracy.aim_sd_mm,
+            given.accuracy.direction_sd_deg,
+        ),
+    )
+
+
+def _tissue(entry: TissueEntry) -> TissueParameters:
+    def stress(value: float | None) -> float | None:
+        return None if value is None else kpa_to_mpa(value)
+
+    return TissueParameters(
+        law=entry.law,
+        C10=stress(entry.C10_kPa),
+        C20=stress(entry.C20_kPa),
+        D1=entry.D1_per_MPa,
+        D2=entry.D2_per_MPa,
+    )
+
+
+def _instrument(
+    toml: Path, given: SubjectFile, recordings: Sequence[Recording], needed: bool
+) -> Instrument:
+    entry = given.instrument
+    if entry is not None:
+        return Instrument(entry.force_sd(), entry.displacement_sd())
+    if needed:
+        raise InputError(
+            toml, "instrument", "missing", "add force_sd_N and displacement_sd_mm, or accuracies"
+        )
+    return seen_instrument(recordings)
+
+
+def _recordings(directory: Path) -> tuple[Recording, ...]:
+    files = sorted((directory / "recordings").glob("*.csv"))
+    if not files:
+        raise InputError(
+            directory / "recordings",
+            "*.csv",
+            "there are no recordings",
+            "put one CSV file a trial there: time_s,displacement_mm,force_N",
+        )
+    return tuple(read_recording(file) for file in files)
+
+
+def _check_aim(toml: Path, section: LegSection, indenter: Indenter) -> None:
+    skin = section.polygon("skin").exterior
+    try:
+        first_crossing(skin, indenter.aim, indenter.direction)
+    except ValueError:
+        raise InputError(
+            toml,
+            "indenter.aim_mm",
+            "the line of travel through this point misses the leg",
+            "give a point of the leg in the contours' coordinates, and direction_deg from +x",
+        ) from None

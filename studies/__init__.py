@@ -1,0 +1,1 @@
+"""The proofs: what the claims in the READMEs rest on, each a command ``python -m studies.NAME``."""

@@ -1,0 +1,177 @@
+"""The cases: which leg, which tissue, which protocol, and what is concealed in them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from legfem.diagnose.predict import LawName
+from legfem.solve.protocol import Protocol
+from studies.concealed.forms import FORMS, OUTSIDE, drawn_values
+
+DEPTH_MM, SLOW, FAST, HOLD_S, TRIALS = 20.0, 0.4, 1.0, 60.0, 3
+SUBJECTS_OF_LEGS: tuple[tuple[str, LawName], ...] = (
+    ("2", "neo-hookean"), ("1", "reduced-polynomial"), ("3", "reduced-polynomial"),
+)  # fmt: skip
+"""Whose sections the true legs have, and the base model's law."""
+C10_KPA, RATIO = (0.45, 1.8), (0.4, 3.0)
+PEOPLE = 3
+"""Stiffnesses of the deep tissue that stand behind each leg."""
+
+type ProtocolName = Literal["ramps", "holds"]
+type Kind = Literal["none", "single", "pair", "outside"]
+type Code = Literal["legfem", "felupe"]
+
+SINGLES: tuple[tuple[str, Code], ...] = (
+    ("viscoelasticity", "legfem"), ("preconditioning", "legfem"),
+    ("fascia-stiffness", "felupe"), ("strain-stiffening", "legfem"),
+    ("support-compliance", "felupe"), ("contact-slip", "legfem"),
+    ("superficial-stiffness", "felupe"), ("superficial-viscoelasticity", "legfem"),
+    ("muscle-contraction", "legfem"), ("compressibility", "felupe"),
+    ("force-drift", "felupe"), ("end-effects", "legfem"), ("strain-stiffening", "felupe"),
+    ("poroelastic-drainage", "legfem"), ("support-compliance", "legfem"),
+    ("contact-slip", "felupe"), ("preconditioning", "felupe"), ("fascia-stiffness", "legfem"),
+    ("superficial-stiffness", "legfem"), ("prestress", "legfem"),
+)  # fmt: skip
+"""Effects and the code that solves them, taken in turn."""
+PAIRS = (
+    ("viscoelasticity", "preconditioning"),
+    ("viscoelasticity", "support-compliance"),
+    ("superficial-stiffness", "force-drift"),
+    ("muscle-contraction", "preconditioning"),
+)
+TWINS = 0.2
+"""Twins over cases: single effects recorded once more."""
+SHARES: Mapping[Kind, float] = {"none": 0.15, "single": 0.58, "pair": 0.12, "outside": 0.15}
+
+
+@dataclass(frozen=True)
+class SealedCase:
+    """One sealed case."""
+
+    number: int
+    kind: Kind
+    leg: int
+    """Number of the true leg and of what is stated of it."""
+    law: LawName
+    """Of the base model."""
+    protocol: ProtocolName
+    code: Code
+    """Which solves the truth."""
+    c10_kpa: float
+    c20_kpa: float
+    effects: tuple[tuple[str, tuple[tuple[str, float], ...]], ...]
+    """Mechanisms with their numbers; see `studies.concealed.forms`."""
+    outside: tuple[tuple[str, float], ...]
+    """Effects outside the library with their sizes."""
+    noise_seed: int
+    twin_of: int | None = None
+    """Number of the case whose physics it repeats with other noise."""
+
+    @property
+    def name(self) -> str:
+        """Of its folder."""
+        return f"case{self.number:03d}"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of its mechanisms."""
+        return tuple(name for name, _ in self.effects)
+
+    @property
+    def protocol_of_trials(self) -> Protocol:
+        """How all its trials are driven, from first touch on."""
+        if self.protocol == "ramps":
+            return Protocol.ramp(DEPTH_MM, SLOW)
+        return Protocol.cycle(DEPTH_MM, FAST, HOLD_S)
+
+    def document(self) -> dict[str, Any]:
+        """Return it as JSON types."""
+        return asdict(self)
+
+    @classmethod
+    def of(cls, document: Mapping[str, Any]) -> SealedCase:
+        """Return the case of a document."""
+        effects = tuple(
+            (str(name), tuple((str(key), float(v)) for key, v in values))
+            for name, values in document["effects"]
+        )
+        outside = tuple((str(name), float(size)) for name, size in document["outside"])
+        return cls(**{**document, "effects": effects, "outside": outside})
+
+
+def make_cases(number: int, seed: int, legs: int) -> list[SealedCase]:
+    """Return cases without effect, with one, two, or one outside the library; and twins.
+
+    Parameters
+    ----------
+    number
+        Of cases, twins left out.
+    seed
+        Of all draws.
+    legs
+        True legs, each stated in its own wrong way; every leg costs a library.
+    """
+    generator = np.random.default_rng([seed, 20])
+    people = [
+        [_stiffness(SUBJECTS_OF_LEGS[leg % len(SUBJECTS_OF_LEGS)][1], generator)
+         for _ in range(PEOPLE)]
+        for leg in range(legs)
+    ]  # fmt: skip
+    counts = {kind: round(share * number) for kind, share in SHARES.items()}
+    counts["single"] += number - sum(counts.values())
+    kinds = [kind for kind, count in counts.items() for _ in range(count)]
+    turns = [k for count in counts.values() for k in range(count)]
+    cases = [_case(kind, turn, people, generator) for kind, turn in zip(kinds, turns, strict=True)]
+    order = generator.permutation(len(cases))
+    made = [replace(cases[k], number=position) for position, k in enumerate(order)]
+    singles = [case for case in made if case.kind == "single"][: round(TWINS * number)]
+    return made + [
+        replace(case, number=number + k, noise_seed=case.noise_seed + 1, twin_of=case.number)
+        for k, case in enumerate(singles)
+    ]
+
+
+def _case(
+    kind: Kind,
+    turn: int,
+    people: list[list[tuple[float, float]]],
+    generator: np.random.Generator,
+) -> SealedCase:
+    names: tuple[str, ...] = ()
+    outside: tuple[tuple[str, float], ...] = ()
+    code: Code = "felupe" if kind == "none" and turn % 3 == 0 else "legfem"
+    if kind == "single":
+        name, code = SINGLES[turn % len(SINGLES)]
+        names = (name,)
+    elif kind == "pair":
+        names = PAIRS[turn % len(PAIRS)]
+    elif kind == "outside":
+        which = tuple(OUTSIDE)[turn % len(OUTSIDE)]
+        code = "felupe" if which == "lump" else "legfem"
+        outside = ((which, float(generator.uniform(0.5, 1.5))),)
+    leg = int(generator.integers(len(people)))
+    if names == ("strain-stiffening",) and code == "felupe":
+        leg -= leg % len(SUBJECTS_OF_LEGS)  # its form replaces C20, so the base has none
+    law = SUBJECTS_OF_LEGS[leg % len(SUBJECTS_OF_LEGS)][1]
+    timed = any(FORMS[name].needs_time for name in names)
+    # Another code's friction is solved for one loading.
+    slides = names == ("contact-slip",) and code == "felupe"
+    protocol: ProtocolName = "ramps"
+    if timed or (not slides and generator.random() < 0.4):
+        protocol = "holds"
+    c10, c20 = people[leg][int(generator.integers(PEOPLE))]
+    return SealedCase(
+        0, kind, leg, law, protocol, code, c10, c20,
+        tuple((name, drawn_values(name, code, law, c10, generator)) for name in names),
+        outside, int(generator.integers(2**31)),
+    )  # fmt: skip
+
+
+def _stiffness(law: str, generator: np.random.Generator) -> tuple[float, float]:
+    """Return C10 and C20 of a person, kPa."""
+    c10 = float(np.exp(generator.uniform(*np.log(C10_KPA))))
+    return c10, 0.0 if law == "neo-hookean" else c10 * float(generator.uniform(*RATIO))

@@ -1,0 +1,117 @@
+"""Making sealed cases: one subject folder each, and its key."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from legfem.common.documents import write_atomically
+from legfem.common.progress import Progress
+from legfem.common.units import FloatArray
+from legfem.correction.tabulated import TabulatedCorrection
+from legfem.jobs.pool import Workers
+from legfem.subjects.from_cross_sections import write_subject_folder
+from legfem.subjects.subject import Subject
+from studies.concealed.cases import SealedCase
+from studies.concealed.legs import sealed_leg
+from studies.concealed.seal import write_sealed
+from studies.concealed.truth import SealedTruth, Truths
+from studies.lab.conditions import drawn_errors
+from studies.lab.recording import INSTRUMENT, record
+
+
+@dataclass(eq=False)
+class Maker:
+    """Simulates cases; sections are meshed once a process."""
+
+    out: Path
+    folder: Path
+    """Of the truth's solutions."""
+    seed: int
+    correction: TabulatedCorrection
+    _legs: dict[int, tuple[Subject, Truths]] = field(default_factory=dict, repr=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave finite-element models out."""
+        return {**self.__dict__, "_legs": {}}
+
+    def make(self, case: SealedCase) -> str:
+        """Write a case's folder and key; return what happened in a word."""
+        folder = self.out / "cases" / case.name
+        if (self.out / "keys" / f"{case.name}.json").is_file() and folder.is_dir():
+            return "made before"
+        stated, truths = self._leg(case.leg)
+        truth = truths.of(case)
+        if truth is None:
+            return "LEFT OUT: a finite-element solution stopped"
+        generator = np.random.default_rng(case.noise_seed)
+        if not folder.is_dir():
+            write_subject_folder(
+                stated.section,
+                folder,
+                f"Sealed case {case.number} (simulated)",
+                stated.indenter.aim,
+                stated.indenter.direction_deg,
+                origin="simulated",
+                recordings=record(truth.trials, drawn_errors(generator), generator),
+                instrument=INSTRUMENT,
+                deep_law=case.law,
+            )
+            _state_accuracy(folder / "subject.toml", stated)
+        write_sealed(self.out / "keys" / f"{case.name}.json", key_of_case(case, truth), self.seed)
+        return "made"
+
+    def _leg(self, number: int) -> tuple[Subject, Truths]:
+        if number not in self._legs:
+            leg = sealed_leg(number, self.seed)
+            truths = Truths(leg.true, self.folder, self.correction)
+            self._legs[number] = leg.stated, truths
+        return self._legs[number]
+
+
+def _state_accuracy(path: Path, stated: Subject) -> None:
+    """Add to a subject's file how well its leg is known, as the lab believes."""
+    own = stated.accuracy
+    write_atomically(
+        path,
+        f"{path.read_text()}\n[accuracy]\ncontour_sd_mm = {own.contour_sd}\n"
+        f"aim_sd_mm = {own.aim_sd}\ndirection_sd_deg = {own.direction_sd}\n",
+    )
+
+
+def key_of_case(case: SealedCase, truth: SealedTruth) -> dict[str, Any]:
+    """Return what is sealed: the case, and what its effects change of the force."""
+    changes = [
+        (a.force - b.force).tolist() for a, b in zip(truth.trials, truth.without, strict=True)
+    ]
+    return {
+        "case": case.document(),
+        "time_s": truth.trials[0].time.tolist(),
+        "change_N": changes,
+        "greatest_force_N": max(float(course.force.max()) for course in truth.without),
+    }
+
+
+def change_at(key: dict[str, Any], trial: int, time: FloatArray) -> FloatArray:
+    """Return what a key's effects change of a trial's force (N) at times since first touch (s)."""
+    return np.asarray(np.interp(time, key["time_s"], key["change_N"][trial]))
+
+
+def make(cases: Sequence[SealedCase], maker: Maker, jobs: int, progress: Progress) -> None:
+    """Make cases that aren't made yet, on several processes."""
+    progress.stage("simulating sealed cases", len(cases))
+    # In the order of their numbers, which is random: whoever stops early has a fair sample.
+    order = sorted(
+        cases, key=lambda case: (case.number if case.twin_of is None else case.twin_of, case.number)
+    )
+    with Workers(_make, maker, jobs) as workers:
+        for case, what in workers.run(order):
+            progress.advance(f"{case.name}: {what}")
+
+
+def _make(maker: Maker, case: SealedCase) -> str:
+    return maker.make(case)

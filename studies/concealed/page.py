@@ -1,0 +1,167 @@
+"""The study's pages: what was concealed, what was found, and case by case."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from legfem.common.documents import json_types
+from legfem.common.markdown import markdown_table
+from legfem.report.style import FAINT, new_figure, panel, styled
+from studies.concealed.forms import FORMS, OUTSIDE
+from studies.concealed.scoring import VISIBLE, Scored, Summary
+
+SCHEMA = 2
+
+
+def scored_document(scored: Sequence[Scored], summary: Summary) -> dict[str, Any]:
+    """Return the scores as JSON types."""
+    return {
+        "schema": SCHEMA,
+        "origin": "simulated",
+        "summary": json_types(asdict(summary)),
+        "cases": [json_types(asdict(case)) for case in scored],
+    }
+
+
+def page(everything: Sequence[Scored], summary: Summary) -> str:
+    """Return the page in Markdown; twins count for stability alone."""
+    scored = [s for s in everything if s.case.twin_of is None]
+    parts = [_summary(scored, summary), _sizes(summary), _reliability(summary), _confusion(scored)]
+    return "\n".join(parts)
+
+
+def _summary(scored: Sequence[Scored], summary: Summary) -> str:
+    seconds = sorted(s.seconds for s in scored)
+    codes = Counter(s.case.code for s in scored)
+    rows = [
+        ("cases, all simulated", f"{len(scored)}, {codes['felupe']} of them solved by felupe"),
+        (f"effects of the library, size {VISIBLE:g} or more: named first", str(summary.first)),
+        ("the same: among the explanations that hold 90 %", str(summary.in_set)),
+        ("median number of these", f"{summary.median_set:g}"),
+        ("false alarms without effect", str(summary.false_alarms)),
+        ("effects outside the library: unexplained", str(summary.outside)),
+        ("C10 within its 95 % interval, all cases", str(summary.covered)),
+        ("median error of C10 with an effect: base model, after",
+         f"{summary.bias_before:.1%}, {summary.bias_after:.1%}"),
+        ("localisation F1", f"{summary.f1:.2f}"),
+        ("twins: the same first name, or a tie said", str(summary.same_answer)),
+        ("processor seconds a diagnosis, median and longest",
+         f"{seconds[len(seconds) // 2]:.0f}, {seconds[-1]:.0f}"),
+    ]  # fmt: skip
+    return markdown_table(["", ""], rows)
+
+
+def _sizes(summary: Summary) -> str:
+    rows = [
+        [f"{low:g} to {high:g}", str(first), str(in_set)]
+        for low, high, first, in_set in summary.by_size
+    ]
+    return markdown_table(["size over all errors", "named first", "in the 90 % set"], rows)
+
+
+def _reliability(summary: Summary) -> str:
+    rows = [
+        [f"{one.low:g} to {one.high:g}", f"{one.stated:.2f}", str(one.right)]
+        for one in summary.reliability
+    ]
+    return markdown_table(["probability of the first explanation", "mean", "right"], rows)
+
+
+def _confusion(scored: Sequence[Scored]) -> str:
+    rows = []
+    for truth in sorted({truth_of(s) for s in scored}):
+        mine = [s for s in scored if truth_of(s) == truth]
+        called = Counter(_called(s) for s in mine)
+        counts = (len(mine), sum(s.visible for s in mine), sum(s.first for s in mine),
+                  sum(s.in_set for s in mine))  # fmt: skip
+        names = ", ".join(f"{name}: {count}" for name, count in called.most_common())
+        rows.append([truth, _form(mine[0]), *map(str, counts), names])
+    header = ["concealed", "form", "cases", "visible", "named first", "in the 90 % set", "called"]
+    return markdown_table(header, rows)
+
+
+def cases_page(everything: Sequence[Scored]) -> str:
+    """Return the list of cases in Markdown; twins stand beside the case that they repeat."""
+    scored = [s for s in everything if s.case.twin_of is None]
+    again = {s.case.twin_of: s for s in everything if s.case.twin_of is not None}
+    rows = []
+    for s in scored:
+        case = s.case
+        rows.append([
+            f"{case.number}", f"{case.leg}, {case.protocol}, {case.code}", truth_of(s),
+            f"{s.share:.1%}, {s.size:.1f}", _verdict(s), _verdict(again.get(case.number)),
+            f"{s.bias_before:+.1%}, {s.bias_after:+.1%}", "yes" if s.covered else "no",
+            "yes" if s.first else "in the set" if s.in_set else "no",
+        ])  # fmt: skip
+    header = ["case", "leg, protocol, code", "concealed", "share of the force, size", "verdict",
+              "with other noise", "C10 error before, after", "in its interval",
+              "right"]  # fmt: skip
+    return markdown_table(header, rows)
+
+
+@styled
+def figure(everything: Sequence[Scored], summary: Summary) -> Figure:
+    """Return the reliability diagram, and the scores by an effect's size over all errors."""
+    drawn = new_figure(9.0, 3.8)
+    left, right = drawn.subplots(1, 2)
+    left.plot([0, 1], [0, 1], color=FAINT, lw=1)
+    for one in summary.reliability:
+        if one.right.total:
+            low, high = one.right.interval
+            share = one.right.share
+            left.errorbar(one.stated, share, [[share - low], [high - share]], fmt="o",
+                          color="#0072B2", capsize=3)  # fmt: skip
+            left.annotate(f"{one.right.total}", (one.stated, share), (5, -11),
+                          textcoords="offset points", fontsize=8)  # fmt: skip
+    left.set(xlim=(0, 1), ylim=(0, 1.02), xlabel="probability of the first explanation",
+             ylabel="share that is right")  # fmt: skip
+    panel(left, "a", "are probabilities true?")
+    inside = [s for s in everything if s.case.kind in ("single", "pair")]
+    for level, (label, colour, holds) in enumerate(
+        (
+            ("named first", "#0072B2", [s.first for s in inside]),
+            ("in the 90 % set only", "#E69F00", [s.in_set and not s.first for s in inside]),
+            ("neither", "#D55E00", [not (s.in_set or s.first) for s in inside]),
+        )
+    ):
+        sizes = [max(s.size, 0.3) for s, yes in zip(inside, holds, strict=True) if yes]
+        spread = np.linspace(-0.25, 0.25, len(sizes)) if len(sizes) > 1 else np.zeros(len(sizes))
+        right.plot(sizes, level + spread, "o", ms=4, color=colour)
+        right.text(0.02, level + 0.3, label, transform=right.get_yaxis_transform(), fontsize=9)
+    right.axvline(VISIBLE, color=FAINT, lw=1)
+    right.set(xscale="log", yticks=[], ylim=(-0.5, 2.6),
+              xlabel="size of the effect over all errors (standard deviations)")  # fmt: skip
+    panel(right, "b", "what is named")
+    drawn.suptitle("Sealed cases: simulated data", x=0.01, ha="left", fontsize=12)
+    return drawn
+
+
+def truth_of(s: Scored) -> str:
+    """Return what a case conceals, in words."""
+    if s.case.kind == "none":
+        return "nothing"
+    if s.case.kind == "outside":
+        return "outside: " + " + ".join(name for name, _ in s.case.outside)
+    return " + ".join(s.case.names)
+
+
+def _form(s: Scored) -> str:
+    if s.case.kind == "outside":
+        return "; ".join(OUTSIDE[name] for name, _ in s.case.outside)
+    return "; ".join(FORMS[name].statement for name in s.case.names) or "-"
+
+
+def _called(s: Scored) -> str:
+    return " or ".join(" + ".join(model) for model in s.models) or s.verdict
+
+
+def _verdict(s: Scored | None) -> str:
+    if s is None:
+        return ""
+    return f"{s.verdict}: {_called(s)}" if s.models else s.verdict

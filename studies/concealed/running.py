@@ -1,0 +1,162 @@
+"""Diagnosing sealed cases, blind: only their folders are read."""
+
+from __future__ import annotations
+
+import io
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cholesky, solve_triangular
+
+from legfem.common.errors import InputError
+from legfem.common.progress import Progress, Silent
+from legfem.common.units import FloatArray
+from legfem.diagnose.diagnosis import Diagnosis
+from legfem.diagnose.document import document
+from legfem.diagnose.run import Diagnoser
+from legfem.jobs.key import Contents
+from legfem.jobs.pool import Workers
+from legfem.jobs.resume import finish
+from legfem.jobs.store import Store
+from legfem.subjects.subject import load_subject
+
+
+@dataclass(frozen=True, eq=False)
+class Metric:
+    """What scoring needs of a diagnosis to tell how large an effect is in it; n observations.
+
+    Parameters
+    ----------
+    trial, time
+        (n,): number, and s since first contact.
+    covariance
+        (n, n), N^2: of everything that the base model may be off by.
+    jacobian
+        (n, p), N: of the base model.
+    trial_sd
+        (n,), N: of a trial's noise.
+    located
+        (n,): where the base model is said to be wrong.
+    """
+
+    trial: NDArray[np.int_]
+    time: FloatArray
+    covariance: FloatArray
+    jacobian: FloatArray
+    trial_sd: FloatArray
+    located: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, found: Diagnosis) -> Metric:
+        """Return a diagnosis' metric."""
+        observed, errors = found.observed, found.errors
+        return cls(
+            observed.trial, observed.time, errors.covariance, found.base.fit.jacobian,
+            errors.trial_sd, found.located,
+        )  # fmt: skip
+
+    def shown(self, change: FloatArray) -> tuple[float, FloatArray]:
+        """Return a change's size over all errors, and what of it a refit leaves (n,), N.
+
+        The size is the length of the whitened change beyond the base model's parameters: how many
+        standard deviations it is away from nothing, were its shape known.
+        """
+        lower = cholesky(self.covariance, lower=True)
+        white = solve_triangular(lower, change, lower=True)
+        basis = np.linalg.qr(solve_triangular(lower, self.jacobian, lower=True))[0]
+        rest = white - basis @ (basis.T @ white)
+        return float(np.linalg.norm(rest)), np.asarray(lower @ rest)
+
+    def write(self, path: Path) -> None:
+        """Write it, whole or not at all."""
+        content = io.BytesIO()
+        np.savez_compressed(content, **vars(self))
+        scratch = path.with_suffix(".new")
+        scratch.write_bytes(content.getvalue())
+        scratch.replace(path)
+
+    @classmethod
+    def read(cls, path: Path) -> Metric:
+        """Read it."""
+        with np.load(path) as kept:
+            return cls(**dict(kept))
+
+
+def case_folders(out: Path) -> list[Path]:
+    """Return the cases' folders.
+
+    Raises
+    ------
+    InputError
+        If there are none.
+    """
+    folders = sorted(p for p in (out / "cases").glob("case*") if p.is_dir())
+    if not folders:
+        raise InputError(out, "cases", "there are none", "make them with --make N --seed S")
+    return folders
+
+
+def diagnoses(out: Path, diagnoser: Diagnoser, seed: int = 0) -> Store[dict[str, Any]]:
+    """Return the cases' diagnoses, by `asked`."""
+    return Store(
+        out / "diagnoses", dict[str, Any], (diagnoser.correction, seed),
+        ("legfem.diagnose.run", "legfem.diagnose.document"), named=lambda one: one[0],
+    )  # fmt: skip
+
+
+def asked(folder: Path) -> tuple[str, Contents]:
+    """Return what a diagnosis depends on."""
+    return folder.name, Contents(folder)
+
+
+def metric_file(out: Path, folder: Path) -> Path:
+    """Return where a diagnosis' metric is kept."""
+    return out / "diagnoses" / f"{folder.name}.npz"
+
+
+def run_cases(
+    out: Path, diagnoser: Diagnoser, jobs: int, progress: Progress, seed: int = 0
+) -> None:
+    """Diagnose all cases that aren't diagnosed yet, each in one process."""
+    store = diagnoses(out, diagnoser, seed)
+    folders = case_folders(out)
+    store.folder.mkdir(parents=True, exist_ok=True)
+    waiting = [folder for folder in folders if store.get(asked(folder)) is None]
+    for folder in _one_a_leg(waiting):
+        subject = load_subject(folder)
+        diagnoser.library(subject, diagnoser.observations(subject), progress)
+    alone = Diagnoser(diagnoser.folder, diagnoser.correction, 1)
+    with Workers(_diagnose, (alone, out, seed), jobs) as workers:
+        finish(workers, folders, store, progress, "diagnosing sealed cases", _line, asked)
+
+
+def _one_a_leg(folders: Sequence[Path]) -> list[Path]:
+    """Return a case of every leg, so that their libraries are built first, in all processes."""
+    first: dict[str, Path] = {}
+    for folder in folders:
+        first.setdefault((folder / "contours.csv").read_text(), folder)
+    return list(first.values())
+
+
+def _diagnose(context: tuple[Diagnoser, Path, int], folder: Path) -> dict[str, Any]:
+    diagnoser, out, seed = context
+    begun = time.perf_counter(), time.process_time()
+    subject = load_subject(folder)
+    found = diagnoser.diagnose(subject, Silent(), seed)
+    seconds = time.perf_counter() - begun[0]
+    processor = time.process_time() - begun[1]
+    Metric.of(found).write(metric_file(out, folder))
+    return {**document(found, subject, seed, seconds), "processor_s": processor}
+
+
+def _line(folder: Path, found: dict[str, Any]) -> str:
+    names = " | ".join("+".join(model["mechanisms"]) for model in found["models"])
+    return (
+        f"{folder.name}: {found['verdict']} {names} ({found['wall_s']:.0f} s, of a processor "
+        f"{found['processor_s']:.0f} s, {found['full_solutions']} full solutions)"
+    )

@@ -1,0 +1,266 @@
+"""What a case's leg really did: legfem on another discretisation, or another code.
+
+legfem's truths come from a finer mesh, the exponential contact law, smaller steps and another
+quadrature than the diagnosis uses. Finite-element solutions are kept on disk.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.correction.tabulated import TabulatedCorrection
+from legfem.diagnose.mechanisms import Solution, TissueMechanism
+from legfem.diagnose.mechanisms.registry import mechanism_named
+from legfem.diagnose.variants import Stopped, Variants
+from legfem.jobs.store import Store
+from legfem.mechanics.contact_settings import ContactSettings
+from legfem.solve.protocol import Protocol
+from legfem.solve.stepping import StepSettings
+from legfem.subjects.subject import Subject
+from studies.concealed.cases import DEPTH_MM, TRIALS, SealedCase
+from studies.concealed.forms import BRANCHES_S, ON_COURSE, OUTSIDE_ON_COURSE, Pressed
+from studies.lab.recording import SAMPLING_HZ, Course
+from studies.planted.truths import TRUTH_SETTINGS as FINE
+
+TRUTH_SETTINGS = replace(
+    FINE,
+    contact=ContactSettings(normal="exponential", stiffness=2000.0, onset=0.02),
+    steps=StepSettings(first=0.15, largest=1.2),
+)
+ELASTIC_RATE = 1.0
+"""mm/s, of a loading whose force knows no rate."""
+LUMP_DISTANCE_MM, LUMP_RADIUS_MM, LUMP_FACTOR = 14.0, 6.0, 3.0
+_OTHER_STEP_MM = 0.8
+_FINE = 401
+"""Points of a segment that are kept."""
+
+
+@dataclass(frozen=True)
+class ForceCourse:
+    """A solution's force (N) at times (s) of its protocol; empty where it stopped."""
+
+    time: list[float]
+    force: list[float]
+
+    @classmethod
+    def of(cls, time: FloatArray, force: FloatArray) -> ForceCourse:
+        """Return the course of arrays (n,)."""
+        return cls([float(v) for v in time], [float(v) for v in force])
+
+
+@dataclass(frozen=True, eq=False)
+class SealedTruth:
+    """All trials, with the concealed effects and without."""
+
+    trials: tuple[Course, ...]
+    without: tuple[Course, ...]
+
+
+@dataclass(eq=False)
+class Truths:
+    """Simulates cases on one true leg; it is meshed and compiled when first asked for.
+
+    Parameters
+    ----------
+    leg
+        The true leg.
+    folder
+        Of solutions.
+    correction
+        Of 3D effects, of another leg than the diagnosis'.
+    """
+
+    leg: Subject
+    folder: Path
+    correction: TabulatedCorrection
+    _variants: dict[str, Variants] = field(default_factory=dict, repr=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave finite-element models out."""
+        return {**self.__dict__, "_variants": {}}
+
+    def of(self, case: SealedCase) -> SealedTruth | None:
+        """Return what a case's leg did; None where a solution stopped."""
+        protocol = case.protocol_of_trials
+        plain = self._elastic(case, {})
+        model = self._model_force(case, protocol)
+        if plain is None or model is None:
+            return None
+        # To the end of the protocol exactly: `shortened` looks there for the deepest point.
+        time = np.append(
+            np.arange(0.0, protocol.duration - 1e-9, 1 / SAMPLING_HZ), protocol.duration
+        )
+        d = protocol.displacement_at(time)
+        grid, forces = np.array(plain.time) * ELASTIC_RATE, np.array(plain.force)
+
+        def elastic(at: FloatArray) -> FloatArray:
+            return np.asarray(np.interp(at, grid, forces))
+
+        def factor(at: FloatArray) -> FloatArray:
+            c10, c20 = np.asarray(case.c10_kpa), np.asarray(case.c20_kpa)
+            return np.asarray(of_another_leg(self.correction).correction(at, c10, c20))
+
+        pressed = np.interp(time, model.time, model.force)
+        trials, without = [], []
+        effects = {name: dict(values) for name, values in case.effects}
+        for k in range(TRIALS):
+            trial = Pressed(k, time, d, pressed, elastic, factor)
+            for name, act in ON_COURSE.items():
+                if name in effects and not _in_model(case, name):
+                    trial = replace(trial, force=act(trial, effects[name]))
+            for name, size in case.outside:
+                if name in OUTSIDE_ON_COURSE:
+                    trial = replace(trial, force=OUTSIDE_ON_COURSE[name](trial, size))
+            trials.append(Course(time, d, trial.force))
+            without.append(Course(time, d, elastic(d)))
+        return SealedTruth(tuple(trials), tuple(without))
+
+    def _model_force(self, case: SealedCase, protocol: Protocol) -> ForceCourse | None:
+        """Return the force along a protocol with the effects that are in the model."""
+        inside = {name: dict(v) for name, v in case.effects if _in_model(case, name)}
+        lump = {name: {"size": s} for name, s in case.outside if name == "lump"}
+        timed = protocol if _along_path(inside) else None
+        if timed is not None and case.code == "legfem":
+            return self._solved(case, inside, timed)
+        curve = self._elastic(case, {**inside, **lump})
+        if curve is None:
+            return None
+        time = np.linspace(0.0, protocol.duration, 4 * round(protocol.duration) + 1)
+        d = protocol.displacement_at(time)
+        force = np.interp(d, np.array(curve.time) * ELASTIC_RATE, curve.force)
+        return ForceCourse.of(time, force)
+
+    def _elastic(
+        self, case: SealedCase, effects: dict[str, dict[str, float]]
+    ) -> ForceCourse | None:
+        return self._solved(case, effects, Protocol.ramp(DEPTH_MM, ELASTIC_RATE))
+
+    def _solved(
+        self, case: SealedCase, effects: dict[str, dict[str, float]], protocol: Protocol
+    ) -> ForceCourse | None:
+        modules = (
+            "studies.concealed.other_code" if case.code == "felupe" else "legfem.diagnose.variants",
+        )
+        store = Store(self.folder, ForceCourse, _leg_of(self.leg), modules)
+        asked = [case.code, case.c10_kpa, case.c20_kpa, sorted(
+            [name, sorted(values.items())] for name, values in effects.items()
+        ), list(protocol.time), list(protocol.displacement)]  # fmt: skip
+        made = self._by_other_code if case.code == "felupe" else self._by_legfem
+        found = store.get_or_make(asked, lambda: made(case, effects, protocol))
+        return found if found.time else None
+
+    def _by_legfem(
+        self, case: SealedCase, effects: dict[str, dict[str, float]], protocol: Protocol
+    ) -> ForceCourse:
+        deep = {"deep.C10": kpa_to_mpa(case.c10_kpa), "deep.C20": kpa_to_mpa(case.c20_kpa)}
+        settings, solution = TRUTH_SETTINGS, Solution()
+        for name, v in effects.items():
+            mechanism = mechanism_named(name)
+            assert isinstance(mechanism, TissueMechanism)
+            first = mechanism.parameters[0].name
+            if name == "contact-slip":
+                contact = replace(settings.contact, tangential="coulomb", friction=v["strength"])
+                settings = replace(settings, contact=contact)
+            elif name == "strain-stiffening" and case.law == "neo-hookean":
+                deep["deep.C20"] = kpa_to_mpa(v["strength"])
+            elif "viscoelasticity" in name:
+                solution = _branches(mechanism.region, mechanism.variant, v)  # type: ignore[attr-defined]
+            else:
+                solution = mechanism.solution({first: v["strength"]})
+        variants = self._variants.setdefault(repr(settings.contact), self._made(settings))
+        path = variants.follow(protocol, deep, solution)
+        if isinstance(path, Stopped):
+            return ForceCourse([], [])
+        parts = [np.linspace(a, b, _FINE)[:-1] for a, b in pairwise(protocol.time)]
+        time = np.concatenate([*parts, [protocol.duration]])
+        return ForceCourse.of(time, path.force_at(time))
+
+    def _made(self, settings: Any) -> Variants:
+        from legfem.experiments.plane_strain import tissues_of
+
+        return Variants(self.leg.section, self.leg.indenter, tissues_of(self.leg), settings)
+
+    def _by_other_code(
+        self, case: SealedCase, effects: dict[str, dict[str, float]], protocol: Protocol
+    ) -> ForceCourse:
+        from studies.concealed.other_code import OtherCode
+
+        curve = OtherCode(self.leg, _other_case(case, effects)).solve(DEPTH_MM, _OTHER_STEP_MM)
+        if not curve.reached:
+            return ForceCourse([], [])
+        d = np.linspace(0.0, DEPTH_MM, _FINE)
+        force = CubicSpline(curve.displacement, curve.force)(d)
+        return ForceCourse.of((d / ELASTIC_RATE), force)
+
+
+def _other_case(case: SealedCase, effects: dict[str, dict[str, float]]) -> Any:
+    from studies.concealed.other_code import OtherCase
+
+    def strength(name: str) -> float | None:
+        return effects.get(name, {}).get("strength")
+
+    factors = {"superficial": strength("superficial-stiffness") or 1.0,
+               "fascia": strength("fascia-stiffness") or 1.0,
+               "deep": strength("compressibility") or 1.0}  # fmt: skip
+    friction, compliance = strength("contact-slip"), strength("support-compliance")
+    stiffening = effects.get("strain-stiffening")
+    lump = None
+    if "lump" in effects:
+        radius = LUMP_RADIUS_MM * float(np.sqrt(effects["lump"]["size"]))
+        lump = (LUMP_DISTANCE_MM, radius, LUMP_FACTOR)
+    return OtherCase(
+        case.c10_kpa,
+        case.c20_kpa,
+        (0.0, 1.0) if stiffening is None else (stiffening["strength"], stiffening["beta"]),
+        factors,
+        np.inf if friction is None else friction,
+        # Two bones share the force.
+        None if compliance is None else 0.5 / compliance,
+        lump,
+    )
+
+
+def _in_model(case: SealedCase, name: str) -> bool:
+    """Tell whether an effect is solved by finite elements."""
+    springs = name == "support-compliance" and case.code == "felupe"
+    return springs or name not in ON_COURSE
+
+
+def _along_path(effects: dict[str, dict[str, float]]) -> bool:
+    """Tell whether a solution has to follow the protocol."""
+    timed = ("viscoelasticity", "superficial-viscoelasticity", "poroelastic-drainage")
+    return any(name in (*timed, "contact-slip") for name in effects)
+
+
+def _branches(region: str, variant: str, v: dict[str, float]) -> Solution:
+    """Return a spectrum of branches whose shares are a power of their time."""
+    shares = np.array(BRANCHES_S) ** -v["power"]
+    shares /= shares.sum()
+    given: dict[str, float] = {}
+    for k, (time, share) in enumerate(zip(BRANCHES_S, shares, strict=True)):
+        name = f"{region}.viscoelasticity{k + 1}"
+        given |= {f"{name}.ratio": v["strength"] * float(share), f"{name}.relaxation_time": time}
+    return Solution(variant, given)
+
+
+def _leg_of(leg: Subject) -> list[object]:
+    """Return all that a solution on a leg depends on."""
+    indenter = leg.indenter
+    return [
+        *(leg.section.contour(part) for part in ("skin", "fascia", "tibia", "fibula")),
+        leg.section.fascia_thickness,
+        [indenter.radius, indenter.length, indenter.aim.tolist(), indenter.direction_deg],
+        [repr(leg.tissues[name]) for name in sorted(leg.tissues)],
+    ]
+
+
+def of_another_leg(correction: TabulatedCorrection) -> TabulatedCorrection:
+    """Return a correction that is off by its own errors, the leg's unknown length among them."""
+    return replace(correction, values=correction.values + sum(correction.errors.values()))

@@ -1,0 +1,182 @@
+"""``python -m studies.meshes``: the reference meshes, their definitions, quality and checksums."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from legfem.commands.leg_meshes import MadeMesh, idealised_mesh, section_mesh, stocking_mesh
+from legfem.common.command_edge import check_out_folder, command_edge, leave_to_first_rank
+from legfem.common.documents import json_types, write_atomically, write_document
+from legfem.common.progress import progress_on
+from legfem.common.versions import legfem_version, package_version
+from legfem.meshing.exchange import write_mesh
+from legfem.meshing.quality import quality_of_file
+from legfem.stocking.leg import LEGS
+from legfem.subjects.subject import SUBJECTS
+
+MANIFEST = "meshes.json"
+PAGE = "README.md"
+INTRODUCTION = """# Reference meshes
+
+Written by `python -m studies.meshes` ({versions}). Lengths in mm, elements of first order.
+Regions and surfaces are physical groups with names; geometrical entities, by which FEBio Studio
+parts a mesh, are numbered alike. `meshes.json` holds every mesh's definition, the command that
+makes it, and its checksum. Any leg goes to .msh, .xdmf, .vtu or .inp by
+`python -m legfem.meshing` (`--help`). The sections are reconstructed and the leg of the stockings
+is simulated: nobody's anatomy.
+
+Quality is gmsh's signed inverse condition number over a region, 1 for an ideal element; long ones,
+as along the fascia and the idealised leg, score low by their shape alone."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """One of the reference meshes.
+
+    Parameters
+    ----------
+    name : str
+        Of the file, without its ending.
+    title : str
+        What it shows.
+    leg : str
+        Option of ``python -m legfem.meshing`` that makes it: idealised, subject or stocking.
+    id : str
+        Of the leg; empty for the idealised one.
+    finer : float
+        Divides the sizes of the elements.
+    """
+
+    name: str
+    title: str
+    leg: str
+    id: str = ""
+    finer: float = 1.0
+
+    @property
+    def command(self) -> str:
+        """What makes the same mesh, whose file may differ with gmsh's version."""
+        which = f"--{self.leg} {self.id}".strip()
+        finer = "" if self.finer == 1.0 else f" --finer {self.finer:g}"
+        return f"python -m legfem.meshing {which}{finer} --out {self.name}.msh"
+
+    def make(self) -> MadeMesh:
+        """Make the mesh."""
+        makers: dict[str, Callable[..., MadeMesh]] = {
+            "idealised": idealised_mesh,
+            "subject": partial(section_mesh, SUBJECTS.folder / self.id),
+            "stocking": partial(stocking_mesh, LEGS.folder / self.id),
+        }
+        return makers[self.leg](finer=self.finer)
+
+
+REFERENCES = (
+    Reference("idealised-coarse", "idealised leg, a quarter", "idealised", finer=0.7),
+    Reference("idealised", "the same, default size", "idealised"),
+    Reference("idealised-fine", "the same, finer", "idealised", finer=1.5),
+    *(
+        Reference(f"section-{name}", f"section of subject {name}", "subject", name)
+        for name in ("1", "2", "3", "4")
+    ),
+    Reference("stocking-1", "leg 1 of the stockings, bare", "stocking", "1"),
+)
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+
+
+def make(reference: Reference, folder: Path) -> dict[str, Any]:
+    """Write one mesh into a folder; return its entry in the manifest."""
+    made = reference.make()
+    mesh = made.mesh
+    (path,) = write_mesh(mesh, folder / f"{reference.name}.msh")
+    quality = quality_of_file(path)
+    unit = "mm2" if mesh.dimension == 2 else "mm3"
+    measures = mesh.measures()
+    return {
+        "file": path.name,
+        "title": reference.title,
+        "sha256": checksum(path),
+        "command": reference.command,
+        "definition": json_types(made.definition),
+        "nodes": len(mesh.points),
+        "elements": mesh.cells.kind,
+        "surfaces": sorted(mesh.surfaces),
+        "regions": {
+            name: {
+                "elements": quality.elements[name],
+                "size": round(measures[name], 3), "unit": unit,
+                "quality": {"worst": round(quality.minimum[name], 3),
+                            "mean": round(quality.mean[name], 3)},
+            }
+            for name in mesh.regions
+        },
+    }  # fmt: skip
+
+
+def checksum(path: Path) -> str:
+    """Return a file's SHA-256."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """Return the manifest of a folder of meshes."""
+    manifest: dict[str, Any] = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    return manifest
+
+
+def page(manifest: Mapping[str, Any]) -> str:
+    """Return the page on the meshes, Markdown."""
+    versions = ", ".join(f"{name} {version}" for name, version in manifest["versions"].items())
+    lines = [
+        *INTRODUCTION.format(versions=versions).splitlines(),
+        "",
+        "| file | what | nodes | region | elements | size | worst quality | mean | surfaces |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]  # fmt: skip
+    for mesh in manifest["meshes"]:
+        first = (f"[{mesh['file']}]({mesh['file']})", mesh["title"], f"{mesh['nodes']:,}")
+        last = ", ".join(mesh["surfaces"])
+        for region, held in mesh["regions"].items():
+            row = (
+                *first, region, f"{held['elements']:,} {mesh['elements']}",
+                f"{held['size']:,.0f} {held['unit']}", f"{held['quality']['worst']:.2f}",
+                f"{held['quality']['mean']:.2f}", last,
+            )  # fmt: skip
+            lines.append(f"| {' | '.join(row)} |")
+            first, last = ("", "", ""), ""
+    return "\n".join(lines) + "\n"
+
+
+@app.command()
+def meshes(
+    out: Annotated[Path, typer.Option(help="Folder for the meshes.")] = Path("meshes"),
+) -> None:
+    """Make the reference meshes: the idealised leg, the four sections, a leg in 3D.
+
+    Example: python -m studies.meshes --out meshes
+    """
+    leave_to_first_rank()
+    with command_edge(), progress_on() as progress:
+        check_out_folder(out)
+        out.mkdir(parents=True, exist_ok=True)
+        progress.stage("meshing", len(REFERENCES))
+        entries = []
+        for reference in REFERENCES:
+            entries.append(make(reference, out))
+            progress.advance(reference.name)
+        versions = {"legfem": legfem_version(), "gmsh": package_version("gmsh")}
+        manifest = {"schema": 1, "versions": versions, "unit": "mm", "meshes": entries}
+        write_document(out / MANIFEST, manifest)
+        write_atomically(out / PAGE, page(manifest))
+
+
+if __name__ == "__main__":
+    app(prog_name="python -m studies.meshes")

@@ -1,0 +1,66 @@
+"""Clean curves of another code, on legs without any left-out physics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from legfem.common.errors import InputError
+from legfem.subjects.subject import Subject, load_subject
+from studies.lab.recording import Course
+
+RATE_MM_PER_S = 0.4
+TRIALS = 3
+C10_KPA = {
+    "neo-hookean": 1.50, "reduced-polynomial": 0.72, "case-30": 1.45, "case-06": 1.25,
+}  # fmt: skip
+"""By the folder; `clean.csv` lies in it."""
+
+
+@dataclass(frozen=True, eq=False)
+class CleanCurve:
+    """A leg, its true course, and its true stiffness (kPa)."""
+
+    subject: Subject
+    course: Course
+    c10: float
+
+
+def clean_curve(folder: Path) -> CleanCurve:
+    """Return what another code computed.
+
+    Raises
+    ------
+    InputError
+        If there is no such curve.
+    """
+    path = folder / "clean.csv"
+    if not path.is_file() or folder.name not in C10_KPA:
+        raise InputError(path, "clean curve", "is none of a leg without effect",
+                         f"give folders of {', '.join(C10_KPA)}")  # fmt: skip
+    names = path.read_text().splitlines()[0].split(",")
+    values = dict(zip(names, np.loadtxt(path, delimiter=",", skiprows=1).T, strict=True))
+    first = values.get("trial", np.ones(len(values["force_N"]))) == 1
+    d, force = values["displacement_mm"][first], values["force_N"][first]
+    time = values["time_s"][first] if "time_s" in values else d / RATE_MM_PER_S
+    subject = load_subject(folder, need_recordings=False)
+    return CleanCurve(subject, Course(time, d, force), C10_KPA[folder.name])
+
+
+def clean_folders(crosscheck: Path, foreign: Path | None) -> list[Path]:
+    """Return the folders of clean curves that are there.
+
+    Raises
+    ------
+    InputError
+        If there are none.
+    """
+    asked = [crosscheck / name for name in ("neo-hookean", "reduced-polynomial")]
+    if foreign is not None:
+        asked += [foreign / name for name in ("case-30", "case-06")]
+    found = [folder for folder in asked if folder.is_dir()]
+    if not found:
+        raise InputError(crosscheck, "clean curves", "there are none", "give --crosscheck FOLDER")
+    return found

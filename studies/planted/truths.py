@@ -1,0 +1,158 @@
+"""Planted truths, to see whether the 95 % intervals cover what made the data.
+
+The data come from another discretisation than the one that inverts them (finer mesh, exponential
+contact law, smaller steps), with the instruments' noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from scipy.stats import binomtest, qmc
+
+from legfem.common.units import kpa_to_mpa
+from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.identify.forward import PlaneStrainForward
+from legfem.identify.identification import measured_curve
+from legfem.identify.result import IdentificationResult
+from legfem.identify.run import identify_subject
+from legfem.identify.settings import IdentificationSettings
+from legfem.mechanics.contact_settings import ContactSettings
+from legfem.meshing.section import SectionMeshSettings
+from legfem.recording.synthesis import InstrumentNoise, record_path
+from legfem.solve.stepping import StepSettings
+from legfem.subjects.subject import SUBJECTS, Subject, load_subject
+
+C10_KPA = (0.1, 5.0)
+C20_KPA = (0.0, 5.0)
+DEPTH_MM = 25.0
+RATE_MM_PER_S, SAMPLING_HZ, TRIALS = 0.4, 10.0, 3
+
+TRUTH_SETTINGS = PlaneStrainSettings(
+    mesh=SectionMeshSettings(0.85, 0.16, 5.0, 2.2),
+    contact=ContactSettings(normal="exponential", stiffness=3000.0, onset=0.01),
+    steps=StepSettings(first=0.1, largest=0.8),
+    quadrature_degree=5,
+)
+
+
+@dataclass(frozen=True)
+class PlantedTruth:
+    """One planted case."""
+
+    number: int
+    subject: str
+    """Whose section and instruments."""
+    c10_kpa: float
+    c20_kpa: float
+    seed: int
+
+
+@dataclass(frozen=True)
+class Planted:
+    """What identification made of a truth; values in kPa."""
+
+    truth: PlantedTruth
+    c10: float
+    c10_interval: tuple[float, float]
+    c20: float
+    c20_interval: tuple[float, float]
+    c10_identifiability: str
+    c20_identifiability: str
+    forward_solves: int
+
+    @property
+    def c10_covered(self) -> bool:
+        """Whether the interval holds the true C10."""
+        return self.c10_interval[0] <= self.truth.c10_kpa <= self.c10_interval[1]
+
+    @property
+    def c20_covered(self) -> bool:
+        """Whether the interval holds the true C20."""
+        return self.c20_interval[0] <= self.truth.c20_kpa <= self.c20_interval[1]
+
+
+def planted_truths(number: int, seed: int, subjects: tuple[str, ...]) -> list[PlantedTruth]:
+    """Return a Latin hypercube over C10 and C20, the subjects' sections in turn."""
+    sampler = qmc.LatinHypercube(2, rng=np.random.default_rng(seed))
+    low, high = zip(C10_KPA, C20_KPA, strict=True)
+    points = qmc.scale(sampler.random(number), low, high)
+    return [
+        PlantedTruth(k, subjects[k % len(subjects)], float(c10), float(c20), seed)
+        for k, (c10, c20) in enumerate(points)
+    ]
+
+
+def identify_truth(context: None, truth: PlantedTruth) -> Planted:
+    """Simulate, record and identify one truth.
+
+    Raises
+    ------
+    RuntimeError
+        If the simulation of the truth stops short.
+    """
+    subject = _recorded(truth)
+    settings = IdentificationSettings(seed=truth.seed)
+    result = identify_subject(
+        subject, ["reduced-polynomial"], settings, model=_model(truth.subject, _depth(subject))
+    )[0]
+    return _outcome(truth, result)
+
+
+def _recorded(truth: PlantedTruth) -> Subject:
+    subject = _subject(truth.subject)
+    solved = _experiment(truth.subject).solve(
+        {"deep.C10": kpa_to_mpa(truth.c10_kpa), "deep.C20": kpa_to_mpa(truth.c20_kpa)}, DEPTH_MM
+    )
+    if not solved.report.complete:
+        raise RuntimeError(f"{truth}: {solved.report}")
+    generator = np.random.default_rng([truth.seed, truth.number])
+    noise = InstrumentNoise(subject.instrument)
+    true = solved.path.displacement, solved.path.force
+    trials = tuple(
+        record_path(*true, RATE_MM_PER_S, SAMPLING_HZ, noise, generator, f"trial{trial}")
+        for trial in range(1, TRIALS + 1)
+    )
+    return replace(subject, origin="simulated", recordings=trials)
+
+
+def _depth(subject: Subject) -> float:
+    return float(measured_curve(subject).displacement[-1])
+
+
+@cache
+def _subject(name: str) -> Subject:
+    return load_subject(SUBJECTS.find(name), need_recordings=False)
+
+
+@cache
+def _experiment(name: str) -> PlaneStrainIndentation:
+    return PlaneStrainIndentation.of_subject(_subject(name), TRUTH_SETTINGS)
+
+
+@cache
+def _model(name: str, depth: float) -> PlaneStrainForward:
+    return PlaneStrainForward.of_subject(_subject(name), depth)
+
+
+def _outcome(truth: PlantedTruth, result: IdentificationResult) -> Planted:
+    c10, c20 = result.parameters["deep.C10"], result.parameters["deep.C20"]
+    return Planted(
+        truth,
+        c10.shown.value,
+        c10.shown.ci95,
+        c20.shown.value,
+        c20.shown.ci95,
+        c10.identifiability,
+        c20.identifiability,
+        result.forward_solves,
+    )
+
+
+def coverage(found: list[Planted], parameter: str) -> tuple[float, float, float]:
+    """Return the share of covered truths and its 95 % interval (Clopper and Pearson)."""
+    covered = sum(getattr(case, f"{parameter}_covered") for case in found)
+    interval = binomtest(covered, len(found)).proportion_ci(0.95)
+    return covered / len(found), float(interval.low), float(interval.high)

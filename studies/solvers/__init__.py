@@ -1,0 +1,1 @@
+"""What factors and iterations cost in 3D."""

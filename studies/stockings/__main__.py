@@ -1,0 +1,75 @@
+"""Options of ``python -m studies.stockings``."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from legfem.common.command_edge import (
+    check_out_folder,
+    command_edge,
+    leave_to_first_rank,
+    usable_cores,
+)
+from legfem.study.options import Jobs
+
+
+class Part(StrEnum):
+    """What to do."""
+
+    MAKE = "make"
+    IDENTIFY = "identify"
+    CLAIMS = "claims"
+    SIZES = "sizes"
+
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+
+
+@app.command()
+def stockings(
+    part: Annotated[
+        Part,
+        typer.Argument(
+            help="make: simulate six legs' scans; identify: find the planted stiffnesses; claims: "
+            "the paper's two claims on legs of different shape; sizes: one state by size of mesh, "
+            "under mpirun on its ranks."
+        ),
+    ],
+    legs: Annotated[
+        Path, typer.Option(help="Folder of the simulated scans: made there, read from there.")
+    ] = Path("results/stockings/legs"),
+    out: Annotated[Path, typer.Option(help="Folder for results.")] = Path("results/stockings"),
+    cells: Annotated[int, typer.Option(min=10_000, help="About how many tetrahedra.")] = 15_000,
+    nelder_mead: Annotated[bool, typer.Option(help="Search as the paper does, too.")] = True,
+    seed: Annotated[int, typer.Option(min=0, help="Of the scans' noise.")] = 1,
+    jobs: Jobs = None,
+) -> None:
+    """Repeat the second paper on six simulated legs in compression stockings.
+
+    Example: python -m studies.stockings make; python -m studies.stockings identify
+    """
+    if part is not Part.SIZES:
+        leave_to_first_rank()
+    with command_edge():
+        from legfem.stocking.run import StockingSettings
+        from studies.stockings import command
+
+        check_out_folder(out)
+        processes = jobs or usable_cores()
+        if part is Part.MAKE:
+            check_out_folder(legs)
+            command.make(legs, seed, processes)
+        elif part is Part.IDENTIFY:
+            command.identify(legs, out, StockingSettings(cells, nelder_mead), processes)
+        elif part is Part.CLAIMS:
+            command.claims(out, cells, processes)
+        else:
+            command.sizes(cells)
+
+
+if __name__ == "__main__":
+    app(prog_name="python -m studies.stockings")

@@ -1,0 +1,151 @@
+"""The second paper's two claims, on legs of different shape in stockings of one class.
+
+Does the pressure at the deep veins follow the mean pressure on the skin? Does the thickness of the
+fat tell the greatest hydrostatic pressure in it, the paper's measure of discomfort? All legs have
+the paper's mean stiffnesses, so that shape alone differs; a leg's fat is scaled too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import pearsonr, spearmanr
+
+from legfem.common.units import kpa_to_mpa, mpa_to_kpa
+from legfem.geometry.parametric_leg import ParametricLeg, parametric_leg
+from legfem.geometry.shape_measures import fat_thickness_around, horizontal_curvature
+from legfem.geometry.slices import calf_levels
+from legfem.mechanics.materials import NeoHookean
+from legfem.meshing.solid_leg import settings_for_cells
+from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
+from legfem.stocking.leg_model import LegModel3D
+from legfem.stocking.pressures import PressureProbe, tissue_pressures
+from legfem.stocking.veins import default_veins
+from legfem.stocking.worn import WornLeg
+from studies.stockings.truth import D1
+
+PAPER_KPA = (3.25, 8.17)
+"""Mean C10 of muscle and fat in the paper."""
+FAT_FACTORS = (0.7, 1.0, 1.5)
+CLASSES = (CompressionClass.LIGHT, CompressionClass.MODERATE, CompressionClass.STRONG)
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A leg, its fat scaled, in a stocking of a class."""
+
+    leg: str
+    fat_factor: float
+    compression_class: str
+
+    @property
+    def name(self) -> str:
+        """For files."""
+        return f"{self.leg}-fat{self.fat_factor:g}-class{self.compression_class}"
+
+
+@dataclass(frozen=True)
+class Pressures:
+    """What a variant shows; kPa, mm."""
+
+    variant: Variant
+    mean_interface: float
+    greatest_interface: float
+    at_veins: tuple[float, ...]
+    greatest_in_fat: float
+    mean_in_muscle: float
+    fat_thickness: float
+    """Mean around the leg at the calf."""
+    least_fat_thickness: float
+    greatest_curvature: float
+    """Of the bare skin at the calf (1/mm)."""
+    converged: bool
+
+    @property
+    def mean_at_veins(self) -> float:
+        """Over the veins."""
+        return float(np.mean(self.at_veins))
+
+    def __str__(self) -> str:
+        """Return a line."""
+        return f"veins {self.mean_at_veins:.2f} kPa, skin {self.mean_interface:.2f} kPa"
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """How closely one quantity follows another over legs."""
+
+    statement: str
+    count: int
+    pearson: float
+    pearson_p: float
+    spearman: float
+    spearman_p: float
+
+
+def variants(legs: Sequence[str]) -> tuple[Variant, ...]:
+    """Return every leg with every thickness of fat in class 2, and as it is in the others."""
+    shapes = [Variant(leg, f, CompressionClass.MODERATE) for leg in legs for f in FAT_FACTORS]
+    others = [Variant(leg, 1.0, c) for leg in legs for c in (CLASSES[0], CLASSES[2])]
+    return (*shapes, *others)
+
+
+def solve_variant(leg: ParametricLeg, variant: Variant, cells: int) -> Pressures:
+    """Put a variant's stocking on and return its pressures."""
+    scaled = {name: getattr(leg, name) * variant.fat_factor for name in ("fat_mm", "shin_fat_mm")}
+    shape = parametric_leg(leg.model_copy(update=scaled))
+    laws = dict(
+        zip(
+            ("deep", "superficial"), (NeoHookean(kpa_to_mpa(c), D1) for c in PAPER_KPA), strict=True
+        )
+    )
+    model = LegModel3D(shape, laws, settings_for_cells(shape, cells))
+    chosen = CompressionClass(variant.compression_class)
+    worn = WornLeg(model, fitted_stocking(shape, ClassFit(chosen))).find()
+    level = float(np.median(calf_levels(shape)))
+    calf = int(np.argmin(np.abs(shape.levels - level)))
+    probe = PressureProbe(model.compression)
+    found = tissue_pressures(probe, worn.state, worn.load, default_veins(shape, level))
+    fat = fat_thickness_around(shape)[calf]
+    return Pressures(
+        variant,
+        mpa_to_kpa(found.mean_interface),
+        mpa_to_kpa(found.greatest_interface),
+        tuple(map(mpa_to_kpa, found.at_veins)),
+        mpa_to_kpa(found.greatest_in_fat),
+        mpa_to_kpa(found.mean_in_muscle),
+        float(fat.mean()),
+        float(fat.min()),
+        float(horizontal_curvature(shape)[calf].max()),
+        worn.converged,
+    )
+
+
+def correlations(rows: Sequence[Pressures]) -> tuple[Correlation, ...]:
+    """Return the claims' correlations, within one class and over all."""
+    one = [r for r in rows if r.variant.compression_class == CompressionClass.MODERATE]
+    plain = [r for r in rows if r.variant.fat_factor == 1.0]
+    asked = (
+        ("pressure at the veins, by mean interface pressure; all classes, fat as it is", plain,
+         "mean_interface", "mean_at_veins"),
+        ("pressure at the veins, by mean interface pressure; class 2", one,
+         "mean_interface", "mean_at_veins"),
+        ("greatest pressure in fat, by mean fat thickness; class 2", one,
+         "fat_thickness", "greatest_in_fat"),
+        ("greatest pressure in fat, by greatest interface pressure; class 2", one,
+         "greatest_interface", "greatest_in_fat"),
+        ("greatest pressure in fat, by greatest curvature of the bare leg; class 2", one,
+         "greatest_curvature", "greatest_in_fat"),
+    )  # fmt: skip
+    return tuple(_correlation(*entry) for entry in asked)
+
+
+def _correlation(statement: str, rows: Sequence[Pressures], x: str, y: str) -> Correlation:
+    a, b = (np.array([getattr(row, name) for row in rows]) for name in (x, y))
+    linear, ranked = pearsonr(a, b), spearmanr(a, b)
+    return Correlation(
+        statement, len(rows), float(linear.statistic), float(linear.pvalue),
+        float(ranked.statistic), float(ranked.pvalue),
+    )  # fmt: skip

@@ -1,0 +1,124 @@
+"""Simulated scans of the six legs, of another discretisation than identification uses.
+
+The truth is solved on a mesh four times as fine in cells, with a third of the stabilisation, in
+equilibrium with its stocking; then skin, hull and bones are put on the voxels of two scans between
+which the leg has moved.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from legfem.common.documents import write_atomically
+from legfem.common.units import kpa_to_mpa
+from legfem.experiments.compression import CompressionSettings
+from legfem.geometry.leg_shape import LegShape
+from legfem.geometry.parametric_leg import ParametricLeg, parametric_leg
+from legfem.geometry.rigid import RigidTransform
+from legfem.imaging.volume_file import write_volume
+from legfem.imaging.voxelise import SegmentationNoise, simulated_scan
+from legfem.mechanics.materials import NeoHookean
+from legfem.meshing.solid_leg import settings_for_cells
+from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
+from legfem.stocking.laplace import Stocking
+from legfem.stocking.leg_model import LegModel3D
+from legfem.stocking.worn import Worn, WornLeg
+
+VOXEL_SD = 0.15
+"""Error (mm) of outlines of a perfect segmentation on the paper's voxels, before smoothing, which
+leaves 0.09 mm of it: that was measured on leg 1."""
+D1 = 2.0
+"""1/MPa: a bulk modulus of 1 MPa, the second paper's."""
+
+
+@dataclass(frozen=True)
+class TrueTissues:
+    """Planted C10 of a leg (kPa), and its stocking."""
+
+    deep_kPa: float
+    superficial_kPa: float
+    compression_class: CompressionClass
+
+
+TRUTHS = {
+    "1": TrueTissues(3.2, 8.2, CompressionClass.MODERATE),
+    "2": TrueTissues(2.4, 4.0, CompressionClass.MODERATE),
+    "3": TrueTissues(4.5, 16.0, CompressionClass.STRONG),
+    "4": TrueTissues(2.8, 2.0, CompressionClass.MODERATE),
+    "5": TrueTissues(3.6, 12.0, CompressionClass.STRONG),
+    "6": TrueTissues(2.1, 5.5, CompressionClass.MODERATE),
+}
+"""Within the paper's 3.25 ± 0.93 kPa for muscle and 8.17 ± 7.22 kPa for fat."""
+
+
+NOISE = {"perfect": None, "noisy": SegmentationNoise()}
+"""Segmentations."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrueLeg:
+    """A simulated leg in its stocking."""
+
+    bare: LegShape
+    stocking: Stocking
+    worn: Worn
+    model: LegModel3D
+
+
+def true_leg(leg: ParametricLeg, truth: TrueTissues, cells: int = 80_000) -> TrueLeg:
+    """Put a leg in its stocking."""
+    bare = parametric_leg(leg)
+    stocking = fitted_stocking(bare, ClassFit(truth.compression_class))
+    tissues = {
+        "deep": NeoHookean(kpa_to_mpa(truth.deep_kPa), D1),
+        "superficial": NeoHookean(kpa_to_mpa(truth.superficial_kPa), D1),
+    }
+    settings = CompressionSettings(stabilisation=0.3)
+    model = LegModel3D(bare, tissues, settings_for_cells(bare, cells), settings)
+    return TrueLeg(bare, stocking, WornLeg(model, stocking).find(), model)
+
+
+def write_subject(
+    name: str, made: TrueLeg, folder: Path, seed: int, noise: SegmentationNoise | None
+) -> None:
+    """Write the folder of a leg: both scans, the stocking and ``leg.toml``, the latter last."""
+    folder.mkdir(parents=True, exist_ok=True)
+    rng = np.random.default_rng([seed, int(name)])
+    turn = Rotation.from_rotvec(np.radians(rng.normal(0.0, [0.5, 0.5, 3.0]))).as_matrix()
+    motion = RigidTransform(turn, rng.normal(0.0, [4.0, 4.0, 2.0]))
+    bare, compressed = (int(s) for s in rng.integers(0, 2**31, 2))
+    write_volume(simulated_scan(made.bare, bare, noise), folder / "bare.nii.gz")
+    write_volume(
+        simulated_scan(made.worn.shape, compressed, noise, motion), folder / "compressed.nii.gz"
+    )
+    rows = zip(made.stocking.levels, made.stocking.unstretched, strict=True)
+    table = "".join(f"{z:.3f},{length:.4f}\n" for z, length in rows)
+    write_atomically(folder / "stocking.csv", "level_mm,perimeter_mm\n" + table)
+    write_atomically(folder / "leg.toml", _toml(name, made, noise))
+
+
+def _toml(name: str, made: TrueLeg, noise: SegmentationNoise | None) -> str:
+    sd = float(np.hypot(VOXEL_SD, noise.boundary_sd if noise else 0.0))
+    length = noise.correlation_length if noise else 5.0
+    return f"""id = "{name}"
+title = "Leg {name}, simulated"
+origin = "simulated"
+
+[bare]
+scan = "bare.nii.gz"
+
+[compressed]
+scan = "compressed.nii.gz"
+
+[stocking]
+stiffness_N_per_mm = {made.stocking.stiffness:g}
+unstretched = "stocking.csv"
+
+[accuracy]
+contour_sd_mm = {sd:g}
+correlation_mm = {length:g}
+"""

@@ -1,0 +1,151 @@
+"""Every command, path and module that the documents name is there."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import runpy
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import typer
+
+ROOT = Path(__file__).resolve().parents[1]
+
+COMMANDS = (
+    "legfem.identify", "legfem.diagnose", "legfem.stocking", "legfem.geometry", "legfem.meshing",
+    "legfem.study", "legfem.plan",
+    "studies.concealed", "studies.nulls", "studies.planted", "studies.recordings",
+    "studies.worked", "studies.solvers", "studies.stockings", "studies.reconstruct",
+    "studies.meshes", "studies.bench",
+)  # fmt: skip
+
+
+def tracked() -> list[Path]:
+    if not (ROOT / ".git").exists():
+        pytest.skip("not a checkout")
+    listed = subprocess.run(
+        ["git", "-C", ROOT, "ls-files", "-z"], capture_output=True, text=True, check=True
+    )
+    return [ROOT / name for name in listed.stdout.split("\0") if name]
+
+
+def documents() -> list[Path]:
+    ours = {".md", ".toml", ".py", ".slurm", ".yml", ".cff"}
+    return [
+        path for path in tracked()
+        if (path.suffix in ours or path.name in ("Makefile", "Dockerfile", "in-env"))
+        and path.is_file() and path != Path(__file__)
+    ]  # fmt: skip
+
+
+def found(pattern: str, *suffixes: str) -> Iterator[tuple[Path, re.Match[str]]]:
+    for path in documents():
+        if not suffixes or path.suffix in suffixes:
+            for match in re.finditer(pattern, path.read_text(encoding="utf-8")):
+                yield path, match
+
+
+def where(path: Path, match: re.Match[str]) -> str:
+    return f"{path.relative_to(ROOT)}: {match[0]!r}"
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_command_shows_its_help(
+    name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", [name, "--help"])
+    # runpy warns of what is imported; a package has to stay, others hold it.
+    package = (ROOT / name.replace(".", "/")).is_dir()
+    monkeypatch.delitem(sys.modules, f"{name}.__main__" if package else name, raising=False)
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_module(name, run_name="__main__")
+    assert not ended.value.code
+    shown = capsys.readouterr().out
+    assert f"Usage: python -m {name} " in shown
+    assert "Example: python -m" in shown
+
+
+def test_commands_are_those_of_the_packages() -> None:
+    there = {path.parent for path in ROOT.glob("legfem/*/__main__.py")}
+    there |= {path.parent for path in ROOT.glob("studies/*/__main__.py")}
+    names = {".".join(path.relative_to(ROOT).parts) for path in there}
+    assert names == {name for name in COMMANDS if (ROOT / name.replace(".", "/")).is_dir()}
+
+
+def options_of(module: str, words: list[str]) -> set[str]:
+    """Return the options that a command, or its subcommand among the words, takes."""
+    package = (ROOT / module.replace(".", "/")).is_dir()
+    holder = f"{module}.__main__" if package else module
+    command = typer.main.get_command(importlib.import_module(holder).app)
+    for word in words:
+        commands = getattr(command, "commands", {})
+        if word in commands:
+            command = commands[word]
+    return {"--help", *(name for entry in command.params for name in entry.opts)}
+
+
+def test_commands_in_documents_take_their_options() -> None:
+    wrong = []
+    # Names in capitals stand for any. A command may go on in the next line, and ends at a comma.
+    word = r"(?!scripts/)[^`\s\"'),;]+"
+    pattern = rf"python -m ((?:legfem|studies)(?:\.[a-z]\w*)*)\b(?!\.)((?:[ \n]{word})*)"
+    for path, match in found(pattern):
+        module = match[1]
+        if module in ("legfem", "studies.solvers.case"):
+            continue
+        words = match[2].split()
+        if module not in COMMANDS:
+            wrong.append(where(path, match))
+            continue
+        asked = {word.strip("[].:|\\") for word in words if word.startswith(("--", "[--"))}
+        if not {name.split("=")[0] for name in asked} <= options_of(module, words):
+            wrong.append(where(path, match))
+    assert not wrong, "\n".join(wrong)
+
+
+def test_paths_in_documents_are_there() -> None:
+    wrong = []
+    pattern = r"(?<![\w./*-])((?:legfem|studies|tests|scripts|meshes)/[\w./*-]*\w)"
+    for path, match in found(pattern):
+        if not list(ROOT.glob(match[1])):
+            wrong.append(where(path, match))
+    assert not wrong, "\n".join(wrong)
+
+
+def test_links_lead_somewhere() -> None:
+    wrong = [
+        where(path, match)
+        for path, match in found(r"\]\((?!https?:|#)([^)#\s]+)[^)]*\)", ".md")
+        if not (path.parent / match[1]).exists()
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def is_there(name: str) -> bool:
+    """Whether a dotted name is a module, or what stands in one."""
+    parts = name.split(".")
+    for length in range(len(parts), 0, -1):
+        try:
+            thing: object = importlib.import_module(".".join(parts[:length]))
+        except ModuleNotFoundError:
+            continue
+        for part in parts[length:]:
+            fields = getattr(thing, "__dataclass_fields__", {})
+            if not hasattr(thing, part) and part not in fields:
+                return False
+            thing = getattr(thing, part, None)
+        return True
+    return False
+
+
+def test_modules_in_documents_are_there() -> None:
+    named = [
+        (path, match)
+        for path, match in found(r"`((?:legfem|studies)(?:\.\w+)+)`")
+        if not is_there(match[1])
+    ]
+    assert not [where(path, match) for path, match in named]

@@ -1,0 +1,134 @@
+"""``import legfem as lf``: quick to import, and a result that can be read, drawn and written."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from making_diagnosed import diagnosed
+from making_results import result
+
+import legfem as lf
+from legfem.common.errors import InputError
+from legfem.identify.forward import PlaneStrainForward
+from legfem.subjects.subject import SUBJECTS
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="module")
+def subject():
+    return lf.load_subject("3")
+
+
+def test_importing_legfem_imports_nothing_that_is_slow() -> None:
+    code = "import sys, legfem; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = set(done.stdout.split())
+    assert "legfem" in loaded
+    assert not loaded & {"numpy", "scipy", "pandas", "matplotlib", "dolfinx", "ufl", "gmsh"}
+
+
+def test_the_door_leads_to_all_it_names() -> None:
+    for name in lf.__all__:
+        assert getattr(lf, name) is not None
+    assert lf.__version__ in (ROOT / "pyproject.toml").read_text()
+    assert set(lf.__all__) <= set(dir(lf))
+    with pytest.raises(AttributeError, match="no attribute 'identity'"):
+        lf.identity  # noqa: B018
+
+
+@pytest.mark.parametrize("name", ["identify", "diagnose", "stocking"])
+def test_a_room_is_entered_by_calling_it_and_stays_a_room(name: str) -> None:
+    import legfem.api
+    import legfem.identify.run as run
+
+    room = getattr(lf, name)
+    assert callable(room) and room is sys.modules[f"legfem.{name}"]
+    assert inspect.signature(room) == inspect.signature(getattr(legfem.api, name))
+    assert run is sys.modules["legfem.identify.run"] and lf.identify.run is run
+
+
+def test_a_subject_is_known_by_its_id_or_its_folder(subject) -> None:
+    again = lf.load_subject(SUBJECTS.find("3"))
+    assert (subject.id, subject.directory) == ("3", again.directory)
+    assert len(subject.recordings) == len(again.recordings) == 3
+
+
+@pytest.mark.parametrize("load", [lf.load_subject, lf.load_leg])
+def test_a_subject_that_is_not_there_is_told_in_one_line(load, tmp_path: Path) -> None:
+    with pytest.raises(lf.InputError, match=r"give one of 1, 2, 3, 4.*path of a folder"):
+        load("none")
+    with pytest.raises(InputError, match="not found"):
+        load(tmp_path / "nowhere")
+
+
+def test_an_unknown_law_is_told_in_one_line(subject) -> None:
+    with pytest.raises(InputError, match="reduced-polynomial, both"):
+        lf.identify(subject, law="Ogden")
+
+
+def test_an_identified_leg_can_be_read_drawn_and_written(subject, tmp_path: Path) -> None:
+    laws = ("neo-hookean", "reduced-polynomial")
+    found = lf.IdentifiedLeg(subject, tuple(result(law) for law in laws))
+    assert found["neo-hookean"].law == "neo-hookean"
+    assert "C10 (kPa)" in found.summary() and "reconstructed data" in found.summary()
+    frame = found.to_frame()
+    assert list(frame["law"]) == [laws[0], laws[1], laws[1]]
+    assert list(frame["parameter"]) == ["c10_deep", "c10_deep", "c20_deep"]
+    assert (frame["low"] < frame["value"]).all() and (frame["value"] < frame["high"]).all()
+    assert set(frame["unit"]) == {"kPa"}
+    assert frame["value"][1] == found[laws[1]].parameters["deep.C10"].shown.value
+    one = lf.IdentifiedLeg(subject, found.results[:1])
+    assert one.write(tmp_path) == tmp_path / "report.txt"
+    assert one.document() == [json.loads((tmp_path / "result.json").read_text())]
+    page = found._repr_html_()
+    assert "reconstructed data" in page and "c20_deep" in page
+    assert page.count("data:image/png;base64,") == 1 and len(page) > 10_000
+
+
+def test_a_diagnosed_leg_can_be_read_drawn_and_written(subject, tmp_path: Path) -> None:
+    found = lf.DiagnosedLeg(
+        subject,
+        diagnosed({"contact-onset.offset": 0.3}, asked=("contact-onset", "force-drift")),
+        0,
+        1.0,
+    )
+    assert found.verdict == found.diagnosis.verdict == "named"
+    assert "Verdict: NAMED" in found.summary() and "Which physics" in found.summary()
+    frame = found.to_frame()
+    assert set(frame["model"]) == {"before repair", "after repair"}
+    after = frame[frame["model"] == "after repair"].set_index("parameter")
+    assert after.loc["c10_deep", "low"] < 1.0 < after.loc["c10_deep", "high"]
+    assert "contact-onset.offset" in after.index
+    assert found.write(tmp_path).is_file()
+    assert json.loads((tmp_path / "diagnosis.json").read_text())["verdict"] == "named"
+    assert "data:image/png;base64," in found._repr_html_()
+
+
+def test_a_coarse_mesh_is_for_a_quick_look(subject, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is solved here: the forward model tells what it would solve with."""
+    asked = []
+    ended = RuntimeError("enough")
+
+    def of_subject(given, depth, settings=None):
+        asked.append((given.id, depth, settings))
+        raise ended
+
+    monkeypatch.setattr(PlaneStrainForward, "of_subject", of_subject)
+    for mesh in ("coarse", None):
+        with pytest.raises(RuntimeError, match="enough"):
+            lf.identify(subject, depth=12.0, mesh=mesh)
+    (_, depth, coarse), (_, _, default) = asked
+    assert depth == pytest.approx(12.0, abs=0.3) and default is None
+    assert coarse.mesh.contact_size > 1.5 * subject_mesh_size()
+
+
+def subject_mesh_size() -> float:
+    from legfem.meshing.section import SectionMeshSettings
+
+    return SectionMeshSettings().contact_size

@@ -1,0 +1,277 @@
+"""Any parameter identified, held or given a prior by name: in closed form, and (slow) by FE."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from making import write_subject
+from making_identification import DEPTH, AnalyticLeg, curve_of, identify, pressed_leg
+from test_inference import by_differential_evolution
+from typer.testing import CliRunner
+
+from legfem.commands.identify import app
+from legfem.common.errors import InputError
+from legfem.identify.catalogue import parameter_of
+from legfem.identify.document import result_document
+from legfem.identify.settings import IdentificationSettings
+from legfem.identify.written import Written, read_prior, read_value
+from legfem.inference import minimiser
+from legfem.inference.parameter import Parameter, Prior
+from legfem.recording import Recording
+from legfem.report.fit_figure import fit_figure
+from legfem.report.text import fit_report, summary
+
+NOMINAL = AnalyticLeg().nominal
+POLYNOMIAL = ("reduced-polynomial",)
+
+
+def free(*names: str, **priors: Prior) -> list[Parameter]:
+    """Return parameters of a leg, those with a prior by the term's name."""
+    return [
+        replace(parameter_of(name, NOMINAL), prior=priors.get(name.partition(".")[0]))
+        for name in names
+    ]
+
+
+THREE = ("deep.C10", "deep.C20", "superficial.C10")
+
+
+@pytest.mark.parametrize(("truth", "seed"), [((0.7, 0.8, 2.6), 1), ((1.6, 0.3, 1.5), 2)])
+def test_three_planted_stiffnesses_are_found(
+    tmp_path: Path, truth: tuple[float, ...], seed: int
+) -> None:
+    subject = pressed_leg(tmp_path, *truth[:2], seed=seed, fat=truth[2], noise=0.002)
+    (found,) = identify(subject, laws=POLYNOMIAL, parameters=free(*THREE))
+    assert found.converged and found.forward_solves <= 25
+    assert list(found.parameters) == list(THREE) and found.search.cost_map is None
+    for value, one in zip(truth, found.parameters.values(), strict=True):
+        assert one.shown.ci95[0] <= value <= one.shown.ci95[1]
+        assert one.shown.value == pytest.approx(value, rel=0.05)
+        assert "if the assumed C10 of the fat" not in one.why
+    assert np.diag(found.correlations) == pytest.approx(1.0)
+    document = json.loads(json.dumps(result_document(found), allow_nan=False))
+    fat = document["parameters"]["c10_superficial"]
+    assert fat["unit"] == "kPa" and fat["value"] == pytest.approx(truth[2], rel=0.05)
+    assert document["search"]["solves"][0].keys() >= {"c10_kPa", "c20_kPa", "c10_superficial_kPa"}
+    text = fit_report(found) + summary([found])
+    assert "C10 (superficial)" in text and "C(C10, superficial.C10)" in text
+    assert re.search(r"superficial.C10 +\d", text) and "nan" not in text
+    fit_figure([found])
+
+
+def test_a_prior_is_one_more_measurement(tmp_path: Path) -> None:
+    """With a narrow prior the fat stands; with a wide one the recordings say where."""
+    subject = pressed_leg(tmp_path, 0.7, 0.8, seed=3, fat=2.6)
+    names = THREE
+
+    def identified(prior: Prior):
+        return identify(
+            subject, laws=POLYNOMIAL, parameters=free(*names, superficial=prior)
+        )[0]  # fmt: skip
+
+    narrow = identified(Prior(2e-3, 2e-6)).parameters
+    assert narrow["superficial.C10"].shown.value == pytest.approx(2.0, rel=2e-3)
+    assert narrow["superficial.C10"].identifiability == "not identifiable"
+    assert "add nothing to its prior" in narrow["superficial.C10"].why
+    wide = identified(Prior(2e-3, math.log(2.0), "log"))
+    assert wide.weighting == "covariance" and "priors" in wide.cost.minimised
+    fat = wide.parameters["superficial.C10"]
+    assert fat.shown.ci95[0] <= 2.6 <= fat.shown.ci95[1]
+    assert "narrow its prior to" in fat.why
+    assert fat.standard_error < fat.value * math.log(2.0)
+    deep = wide.parameters["deep.C10"].standard_error
+    assert deep > 1.05 * narrow["deep.C10"].standard_error
+    text = fit_report(wide)
+    assert "[[Assumed]]" in text and "prior 2 x/ 2 kPa (its logarithm is normal)" in text
+    assert "fascia.C10         100 kPa, held" in text
+    assert result_document(wide)["settings"]["priors"]["c10_superficial"]["centre"] == 2.0
+
+
+def test_failed_solves_among_three_parameters_are_values(tmp_path: Path) -> None:
+    """Three of the design's seven solves stop short here."""
+    subject = pressed_leg(tmp_path, 1.0, 0.8, seed=1, fat=2.4, noise=0.01)
+    prior = Prior(2e-3, math.log(1.5), "log")
+    (found,) = identify(
+        subject, model=AnalyticLeg(softest=0.6), laws=POLYNOMIAL,
+        parameters=free(*THREE, superficial=prior),
+    )  # fmt: skip
+    failed = [solve for solve in found.search.solves if not solve.complete]
+    assert len(failed) >= 3 and found.converged and found.forward_solves <= 20
+    for value, one in zip((1.0, 0.8, 2.4), found.parameters.values(), strict=True):
+        assert one.shown.ci95[0] <= value <= one.shown.ci95[1]
+
+
+def test_the_reduced_polynomial_never_costs_more_with_a_third_parameter(tmp_path: Path) -> None:
+    for seed in range(2):
+        subject = pressed_leg(tmp_path, 1.5, 0.0, seed, fat=2.3)
+        prior = Prior(2e-3, 1e-3)
+        neo_hookean, polynomial = identify(subject, parameters=free(*THREE, superficial=prior))
+        assert list(neo_hookean.parameters) == ["deep.C10", "superficial.C10"]
+        assert neo_hookean.search.cost_map is not None
+        assert polynomial.cost.minimised_value <= neo_hookean.cost.minimised_value
+        assert polynomial.cost.minimised_unit == "1"
+
+
+@pytest.mark.parametrize(
+    ("name", "truth", "unit"),
+    [("instrument.zero", 0.15, "N"), ("instrument.contact_offset", 0.4, "mm")],
+)
+def test_zero_and_onset_of_the_instrument_are_found_in_closed_form(
+    tmp_path: Path, name: str, truth: float, unit: str
+) -> None:
+    subject = pressed_leg(tmp_path, 0.7, 0.8, noise=0.0)
+    curve, times = curve_of(0.7, 0.8), np.arange(0.0, DEPTH / 0.4, 0.1)
+    read = {"instrument.zero": 0.0, "instrument.contact_offset": 0.0, name: truth}
+    d = 0.4 * times
+    force = curve(d - read["instrument.contact_offset"]) + read["instrument.zero"]
+    recording = Recording(times, d, force, "trial1")
+    subject = replace(subject, recordings=(recording,), starts_at_contact=True)
+    deep = ("deep.C10", "deep.C20")
+    (found,) = identify(subject, laws=POLYNOMIAL, parameters=free(*deep, name))
+    one = found.parameters[name]
+    assert one.value == pytest.approx(truth, abs=0.02) and one.unit == unit
+    assert one.ci95[0] <= truth <= one.ci95[1] and "of what was open before" in one.why
+    assert found.parameters["deep.C10"].shown.value == pytest.approx(0.7, rel=0.02)
+    assert name in found.values and name not in found.model_values
+    assert result_document(found)["parameters"][f"{name[11:]}_instrument"]["unit"] == unit
+    (held,) = identify(subject, laws=POLYNOMIAL, parameters=free(*deep), fixed={name: truth})
+    assert held.parameters["deep.C10"].shown.value == pytest.approx(0.7, rel=0.02)
+    assert f"{truth:g} {unit}, held" in fit_report(held)
+
+
+def test_a_gain_without_a_prior_is_not_told_from_stiffness(tmp_path: Path) -> None:
+    subject = pressed_leg(tmp_path, 0.7, 0.8, seed=5)
+    names = ("deep.C10", "instrument.gain")
+    (neo,) = identify(
+        subject, laws=("neo-hookean",), parameters=free(*names, instrument=Prior(1.0, 0.02))
+    )
+    gain = neo.parameters["instrument.gain"]
+    assert gain.unit == "-" and gain.value == pytest.approx(1.0, abs=0.2)
+    (alone,) = identify(subject, laws=POLYNOMIAL, parameters=free("instrument.gain"),
+                        fixed={"deep.C10": 0.7e-3, "deep.C20": 0.8e-3})  # fmt: skip
+    assert alone.forward_solves == 1 and alone.converged
+    assert alone.parameters["instrument.gain"].value == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_search_of_the_users_own_finds_the_same(tmp_path: Path) -> None:
+    subject = pressed_leg(tmp_path, 0.7, 0.8)
+    own = IdentificationSettings(minimiser=by_differential_evolution)
+    (found,), (usual,) = (identify(subject, s, laws=POLYNOMIAL) for s in (own, None))
+    assert found.converged
+    for name, one in found.parameters.items():
+        error = usual.parameters[name].standard_error
+        assert abs(one.value - usual.parameters[name].value) < 0.02 * error
+    named = result_document(found)["settings"]["genetic"]["minimiser"]
+    assert named == "by_differential_evolution"
+
+
+def test_the_documented_example_of_an_own_search_is_the_one_that_is_tested() -> None:
+    """The seam's docstring and CONTRIBUTING.md hold the same lines, and they run."""
+    source = Path(minimiser.__file__).read_text(encoding="utf-8")
+    lines = [line[4:] for line in source.splitlines() if line.startswith((">>>", "..."))]
+    space: dict[str, object] = {}
+    exec("\n".join(lines), space)
+    settings = space["settings"]
+    assert isinstance(settings, IdentificationSettings)
+    aim = np.array([0.2, 0.7])
+    found = settings.minimiser(
+        lambda genes: np.sum((genes - aim) ** 2, axis=-1), np.full((1, 2), 0.5), 0
+    )
+    assert found.best == pytest.approx(aim, abs=0.01)
+    contributing = Path(__file__).resolve().parents[1] / "CONTRIBUTING.md"
+    assert "\n".join(lines) in contributing.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("text", "centre", "sd", "scale"),
+    [
+        ("superficial.C10=2±1 kPa", 2e-3, 1e-3, "linear"),
+        ("superficial.C10 = 2 +- 1 kPa", 2e-3, 1e-3, "linear"),
+        ("superficial.C10=2∓1kPa", 2e-3, 1e-3, "linear"),
+        ("superficial.C10=0.002 +/- .001 MPa", 2e-3, 1e-3, "linear"),
+        ("superficial.C10=2 x/ 1.5 kPa", 2e-3, math.log(1.5), "log"),
+        ("superficial.C10=2×/1.5 kPa", 2e-3, math.log(1.5), "log"),
+        ("deep.D1=28 x/ 2 1/MPa", 28.0, math.log(2), "log"),
+        ("instrument.gain=1±0.01", 1.0, 0.01, "linear"),
+        ("instrument.gain=1±0.01 -", 1.0, 0.01, "linear"),
+        ("instrument.zero=-0.1±2e-2 N", -0.1, 0.02, "linear"),
+        ("instrument.contact_offset=0±0.5 mm", 0.0, 0.5, "linear"),
+    ],
+)
+def test_priors_are_read_as_people_write_them(
+    text: str, centre: float, sd: float, scale: str
+) -> None:
+    name, prior = read_prior(text, NOMINAL)
+    assert name == text.partition("=")[0].strip()
+    assert (prior.centre, prior.sd) == (pytest.approx(centre), pytest.approx(sd))
+    assert prior.scale == scale
+
+
+def test_what_has_only_a_prior_is_a_nuisance_and_what_is_held_is_in_the_models_unit() -> None:
+    written = Written(priors=["superficial.C10=2±1 kPa", "deep.C10=1 x/ 2 kPa"])
+    roles = {one.name: one.role for one in written.parameters(NOMINAL)}
+    assert roles == {
+        "deep.C10": "identified", "deep.C20": "identified", "superficial.C10": "nuisance"
+    }  # fmt: skip
+    assert read_value("deep.D1=28 1/MPa", NOMINAL) == ("deep.D1", 28.0)
+    assert read_value("fascia.C10=50 kPa", NOMINAL) == ("fascia.C10", pytest.approx(0.05))
+    with pytest.raises(InputError, match="to be identified too"):
+        Written(["deep.C10"], fixed=["deep.C10=1 kPa"]).held(NOMINAL)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--identify", "superfical.C10"], "did you mean superficial.C10?"),
+        (["--identify", "deep.c10"], "did you mean deep.C10?"),
+        (["--identify", "superficial.C20"], "is no parameter of this model"),
+        (["--prior", "superficial.C10=2"], "can't be read"),
+        (["--prior", "superficial.C10=2±1"], "has no unit"),
+        (["--prior", "superficial.C10=2±1 mm"], "has the unit 'mm'; give it in MPa or kPa"),
+        (["--prior", "superficial.C10=2±0 kPa"], "has no width"),
+        (["--prior", "superficial.C10=2 x/ 0.5 kPa"], "is no factor"),
+        (["--prior", "deep.C10=900±1 kPa"], "outside the bounds"),
+        (["--prior", "superficial.C10=2±1 kPa", "--weighting", "paper"], "--weighting"),
+        (["--fix", "deep.D1=28"], "has no unit"),
+        (["--fix", "deep.D1=-3 1/MPa"], "is negative"),
+        (["--fix", "deep.C10=1 kPa", "--identify", "deep.C10"], "to be identified too"),
+        (["--identify", "deep.C20"], "deep.C10: is neither identified nor given"),
+        (["--identify", "deep.C10", "--law", "reduced-polynomial"], "deep.C20: is neither"),
+        (["--identify", "deep.C20", "--law", "neo-hookean"], "nothing is left to identify"),
+    ],
+)
+def test_what_can_not_be_identified_is_told_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: list[str], words: str
+) -> None:
+    write_subject(tmp_path / "leg")
+    monkeypatch.chdir(tmp_path)
+    run = CliRunner().invoke(app, ["--subject-dir", "leg", *options])
+    assert run.exit_code == 2, run.output
+    assert len(run.output.strip().splitlines()) == 1 and words in run.output
+    assert [path.name for path in tmp_path.iterdir()] == ["leg"]
+
+
+@pytest.mark.slow
+def test_fat_is_identified_beside_muscle_from_the_command(tmp_path: Path) -> None:
+    options = ["--identify", "deep.C10", "--identify", "deep.C20", "--identify", "superficial.C10"]
+    prior = ["--prior", "superficial.C10=2.2±0.4 kPa"]
+    command = ["--subject", "3", *options, *prior, "--law", "reduced-polynomial", "--jobs", "1"]
+    run = CliRunner().invoke(app, [*command, "--out", str(tmp_path)])
+    assert run.exit_code == 0, run.output
+    document = json.loads((tmp_path / "result.json").read_text())
+    found = document["parameters"]
+    # What subject 3's recordings were simulated with (kPa).
+    for name, truth in {"c10_deep": 0.70, "c20_deep": 0.80, "c10_superficial": 2.0}.items():
+        low, high = found[name]["ci95"]
+        assert low <= truth <= high
+    assert document["converged"] and document["forward_solves"] <= 25
+    fat = found["c10_superficial"]
+    assert fat["standard_error"] < 0.4 and fat["role"] == "identified"
+    report = (tmp_path / "report.txt").read_text()
+    assert "prior 2.2 ± 0.4 kPa" in report and "C10 (superficial)" in report

@@ -1,0 +1,54 @@
+"""Files of a report come together or not at all; tables in Markdown."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from legfem.common.markdown import markdown_table
+from legfem.report.in_place import REPORT, made_in_place
+
+
+def test_files_and_folders_are_moved_into_place_the_report_last(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "results"
+    (out / "fields.bp").mkdir(parents=True)
+    (out / "fields.bp" / "old").touch()
+    moved: list[str] = []
+    replace = Path.replace
+
+    def noted(self: Path, target: Path) -> Path:
+        moved.append(self.name)
+        return replace(self, target)
+
+    with made_in_place(out) as folder:
+        for name in (REPORT, "a.png", "z.svg"):
+            (folder / name).write_text(name)
+        (folder / "fields.bp").mkdir()
+        (folder / "fields.bp" / "new").touch()
+        assert not (out / "a.png").exists()
+        monkeypatch.setattr(Path, "replace", noted)
+    assert sorted(moved) == sorted({REPORT, "a.png", "z.svg", "fields.bp"}) and moved[-1] == REPORT
+    assert {path.name for path in out.iterdir()} == set(moved)
+    assert [path.name for path in (out / "fields.bp").iterdir()] == ["new"]
+
+
+def test_nothing_is_left_of_a_report_that_fails(tmp_path: Path) -> None:
+    (tmp_path / REPORT).write_text("the last one")
+    with pytest.raises(KeyboardInterrupt), made_in_place(tmp_path) as folder:
+        (folder / REPORT).write_text("half")
+        raise KeyboardInterrupt
+    assert [path.name for path in tmp_path.iterdir()] == [REPORT]
+    assert (tmp_path / REPORT).read_text() == "the last one"
+
+
+def test_tables_in_markdown() -> None:
+    rows = [["a", "1"], ["b|c", "22"]]
+    assert markdown_table(["name", "n"], rows) == (
+        "| name | n |\n|---|---|\n| a | 1 |\n| borc | 22 |\n"
+    )
+    assert markdown_table(["name", "n"], rows, aligned=True) == (
+        "| name | n  |\n|------|----|\n| a    | 1  |\n| borc | 22 |\n"
+    )

@@ -1,0 +1,98 @@
+"""What the model doesn't know: effects of one standard deviation, with what is stated of a leg."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from making_diagnosis import GRID, fat, observations, ramps
+from scipy.interpolate import CubicSpline
+
+from legfem.correction.choice import REFERENCE
+from legfem.correction.tabulated import read_correction
+from legfem.diagnose.nuisances import (
+    AIM_SD_MM,
+    CONTOUR_ARC_MM,
+    CONTOUR_SD_MM,
+    MATERIAL_LOG_SD,
+    OUTLINES,
+    Accuracy,
+    Nuisances,
+    displaced_geometries,
+)
+
+
+@pytest.fixture(scope="module")
+def blank():
+    """A leg's observations and force, with changes that differ from geometry to geometry."""
+    observed, predictor = observations(ramps())
+    force = predictor({"C10": 1.0, "C20": 0.8})
+    geometric = {
+        own.name: 0.01 * np.cos((k + 1) * GRID / 15) for k, own in enumerate(displaced_geometries())
+    }
+    return observed, force, Nuisances(GRID, geometric, {"superficial.C10": fat(GRID)})
+
+
+def test_an_effect_is_the_force_times_its_relative_change_by_one_standard_deviation(blank):
+    observed, force, nuisances = blank
+    effects = dict(nuisances.effects(observed, force, Accuracy()))
+    expected = MATERIAL_LOG_SD["superficial.C10"] * fat(observed.displacement) * force
+    deep = observed.displacement > GRID[0]
+    np.testing.assert_allclose(effects["stiffness of the fat"][deep], expected[deep], rtol=1e-3)
+    aim = CubicSpline(GRID, nuisances.geometric["aim"])(observed.displacement) * force
+    np.testing.assert_allclose(effects["aim"][deep], aim[deep], rtol=1e-9)
+
+
+def test_effects_of_geometry_follow_what_is_stated_of_the_leg(blank):
+    observed, force, nuisances = blank
+    usual = dict(nuisances.effects(observed, force, Accuracy()))
+    worse = dict(nuisances.effects(
+        observed, force, Accuracy(2 * CONTOUR_SD_MM, 3 * AIM_SD_MM)))  # fmt: skip
+    assert list(usual) == list(worse)
+    for name, effect in usual.items():
+        outline = "outline" in name or "bones" in name
+        factor = 2 if outline else 3 if name == "aim" else 1
+        np.testing.assert_allclose(worse[name], factor * effect)
+    exact = dict(nuisances.effects(observed, force, Accuracy(0.0, 0.0, 0.0)))
+    assert list(exact) == ["stiffness of the fat"]
+
+
+def test_modes_of_an_outline_have_its_error_s_covariance_along_the_arc(blank):
+    observed, force, nuisances = blank
+    effects = nuisances.effects(observed, force, Accuracy())
+    for part in OUTLINES:
+        modes = np.array([e for name, e in effects if name.startswith(f"outline of the {part}")])
+        hats = [g for g in displaced_geometries() if g.name.startswith(f"outline of the {part}")]
+        arcs = np.array([g.moved.arc for g in hats])
+        apart = (arcs[:, None] - arcs[None, :]) / CONTOUR_ARC_MM
+        each = np.array([
+            force * CubicSpline(GRID, nuisances.geometric[g.name])(observed.displacement)
+            for g in hats
+        ])  # fmt: skip
+        expected = each.T @ np.exp(-0.5 * apart**2) @ each
+        found = modes.T @ modes
+        shallow = observed.displacement < GRID[0]
+        expected[shallow] = expected[:, shallow] = 0.0
+        found[shallow] = found[:, shallow] = 0.0
+        np.testing.assert_allclose(found, expected, atol=0.02 * np.abs(expected).max())
+
+
+def test_errors_of_the_correction_count_where_it_is_applied(blank):
+    observed, force, nuisances = blank
+    correction = read_correction(REFERENCE)
+    without = dict(nuisances.effects(observed, force, Accuracy()))
+    effects = dict(nuisances.effects(observed, force, Accuracy(), correction, (1.0, 0.8)))
+    added = {name.removeprefix("3D correction: ") for name in effects.keys() - without.keys()}
+    assert added == set(correction.errors)
+    deep = np.argmax(observed.displacement)
+    most = np.hypot.reduce([effects[f"3D correction: {name}"][deep] for name in added])
+    assert 0.001 < most / force[deep] < 0.2
+
+
+def test_displaced_geometries_are_one_standard_deviation_off_each():
+    geometries = displaced_geometries()
+    assert len({g.name for g in geometries}) == len(geometries)
+    for geometry in geometries:
+        assert (geometry.moved is None) != (geometry.placement is None)
+        if geometry.moved is not None:
+            assert geometry.moved.size == CONTOUR_SD_MM
+    assert {g.moved.outline for g in geometries if g.moved} == {*OUTLINES, "bones"}

@@ -1,0 +1,206 @@
+"""Workers: interrupted, orphaned, killed, and what they yield."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+
+import pytest
+import typer
+
+from legfem.common.command_edge import command_edge
+from legfem.common.progress import Silent
+from legfem.jobs.apart import run_apart
+from legfem.jobs.pool import Workers
+from legfem.jobs.resume import finish
+from legfem.jobs.store import Store
+
+HERE = Path(__file__).parent
+
+
+def square(context: int, task: int) -> int:
+    return context + task**2
+
+
+def with_process(context: None, task: int) -> tuple[int, int]:
+    return task, os.getpid()
+
+
+def slow_first(context: None, task: int) -> int:
+    time.sleep(0.3 if task == 0 else 0.0)
+    return task
+
+
+def die(context: None, task: int) -> int:
+    if task == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return task
+
+
+def wait(folder: Path, task: int) -> int:
+    """Tell the process, and go on for a minute."""
+    if task:
+        (folder / str(os.getpid())).touch()
+        time.sleep(60.0)
+    return task
+
+
+def fail(context: None, task: int) -> int:
+    raise ValueError("made to fail")
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_all_tasks_come_back_with_their_outcomes(jobs: int) -> None:
+    with Workers(square, 10, jobs) as workers:
+        assert dict(workers.run(range(5))) == {k: 10 + k**2 for k in range(5)}
+        assert list(workers.in_order([3, 1, 2])) == [19, 11, 14]
+        assert list(workers.run([])) == []
+
+
+def test_the_order_is_the_tasks_where_it_is_asked_for() -> None:
+    with Workers(slow_first, None, 2) as workers:
+        assert list(workers.in_order(range(6))) == list(range(6))
+        assert sorted(task for task, _ in workers.run(range(6))) == list(range(6))
+
+
+def test_fresh_workers_do_one_task_each() -> None:
+    with Workers(with_process, None, 1, fresh=True) as workers:
+        found = list(workers.in_order(range(3)))
+    assert [task for task, _ in found] == [0, 1, 2]
+    assert len({process for _, process in found} | {os.getpid()}) == 4
+
+
+def test_an_error_in_a_task_is_raised_and_ends_the_others(tmp_path: Path) -> None:
+    began = time.monotonic()
+    with pytest.raises(ValueError, match="made to fail"), Workers(fail, None, 2) as workers:
+        list(workers.run(range(4)))
+    assert time.monotonic() - began < 30.0
+
+
+def test_a_killed_process_costs_a_line_and_what_it_had_in_hand(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store = Store(tmp_path, int)
+    with (
+        pytest.raises(typer.Exit) as ended,
+        command_edge("run it again; what is done is kept"),
+        Workers(die, None, 2) as workers,
+    ):
+        finish(workers, range(4), store, Silent(), "dying", lambda task, _: f"{task}")
+    assert ended.value.exit_code == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line == (
+        "a worker process was ended from outside (out of memory?): run it again; what is done is "
+        "kept; --jobs 1 takes the least memory"
+    )
+    kept = {task for task in range(4) if store.get(task) is not None}
+    assert 3 not in kept
+    with Workers(square, 0, 1) as workers:
+        done = finish(workers, range(4), store, Silent(), "again", lambda task, _: f"{task}")
+    assert done == [task if task in kept else task**2 for task in range(4)]
+
+
+def test_a_broken_pool_is_what_it_is_without_a_command() -> None:
+    with pytest.raises(BrokenProcessPool), Workers(die, None, 2) as workers:
+        list(workers.run([3, 3]))
+
+
+def running(pids: list[int]) -> list[int]:
+    """Return those that still run; a zombie has ended."""
+    states = {}
+    for pid in pids:
+        status = Path(f"/proc/{pid}/stat")
+        try:
+            states[pid] = status.read_text().rpartition(")")[2].split()[0]
+        except OSError:
+            continue
+    return [pid for pid, state in states.items() if state != "Z"]
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+@pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+def test_processes_end_with_the_one_that_started_them(tmp_path: Path, sent: signal.Signals) -> None:
+    folder, store = tmp_path / "pids", tmp_path / "store"
+    folder.mkdir()
+    parent = subprocess.Popen(
+        [sys.executable, __file__, folder, store], cwd=HERE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        until = time.monotonic() + 60.0
+        while time.monotonic() < until and (
+            len(list(folder.iterdir())) < 2 or not list(store.glob("*.json"))
+        ):
+            time.sleep(0.05)
+        children = [int(path.name) for path in folder.iterdir()]
+        assert len(children) == 2 and running(children) == children
+        parent.send_signal(sent)
+        _, said = parent.communicate(timeout=20.0)
+    finally:
+        parent.kill()
+    until = time.monotonic() + 20.0
+    while running(children) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not running(children)
+    if sent == signal.SIGINT:
+        assert parent.returncode == 130 and said == "interrupted: run it again\n"
+    # What was done before is there.
+    assert Store(store, int).get(0) == 0
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+@pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGINT])
+def test_commands_apart_end_with_the_one_that_started_them(
+    tmp_path: Path, sent: signal.Signals
+) -> None:
+    told = tmp_path / "pid"
+    inner = f"""if True:
+        import os, pathlib, time
+        from legfem.jobs.apart import end_with_starter
+        end_with_starter()
+        pathlib.Path({str(told)!r} + ".new").write_text(str(os.getpid()))
+        pathlib.Path({str(told)!r} + ".new").rename({str(told)!r})
+        time.sleep(60.0)
+    """
+    outer = f"""if True:
+        import os, sys
+        from legfem.jobs.apart import run_apart
+        run_apart([sys.executable, "-c", {inner!r}], os.environ)
+    """
+    parent = subprocess.Popen([sys.executable, "-c", outer], stderr=subprocess.DEVNULL)
+    try:
+        until = time.monotonic() + 60.0
+        while not told.exists() and time.monotonic() < until:
+            time.sleep(0.05)
+        child = int(told.read_text())
+        assert running([child]) == [child]
+        parent.send_signal(sent)
+        parent.wait(timeout=20.0)
+    finally:
+        parent.kill()
+    until = time.monotonic() + 20.0
+    while running([child]) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not running([child])
+
+
+def test_a_command_apart_tells_how_it_ended() -> None:
+    ended = [sys.executable, "-c", "raise SystemExit(3)"]
+    assert run_apart(ended, os.environ) == 3
+
+
+def main(folder: Path, store: Path) -> None:
+    """Do one quick task and two long ones."""
+    with command_edge("run it again"), Workers(wait, folder, 2) as workers:
+        finish(workers, range(3), Store(store, int), Silent(), "", lambda task, _: f"{task}")
+
+
+if __name__ == "__main__":
+    try:
+        main(Path(sys.argv[1]), Path(sys.argv[2]))
+    except typer.Exit as end:
+        sys.exit(end.exit_code)

@@ -1,0 +1,64 @@
+"""Where a misfit sits and what it looks like: score tests and windows."""
+
+from __future__ import annotations
+
+import pytest
+from making_diagnosis import problem_of, ramps
+from scipy.stats import kstest
+
+from legfem.diagnose.mechanisms import mechanism_named
+from legfem.diagnose.score import assess
+
+SOUGHT = [
+    mechanism_named(name)
+    for name in ("contact-onset", "force-drift", "preconditioning", "support-compliance")
+]
+
+
+def test_p_values_without_effect_are_uniform():
+    p_values = []
+    for seed in range(50):
+        problem, base = problem_of(ramps(), seed=seed)
+        p_values.append(assess(problem, base, SOUGHT, seed).p_value)
+    assert kstest(p_values, "uniform").pvalue > 0.01
+
+
+def test_a_local_error_is_found_where_it_is():
+    observed = problem_of(ramps())[0].predictor.observed
+    bump = 0.15 * ((observed.displacement > 9) & (observed.displacement < 11))
+    problem, base = problem_of(ramps(), seed=4, extra=bump)
+    windows = assess(problem, base, SOUGHT).windows
+    edges = [edge for w in windows for edge in w.displacement]
+    assert min(abs(edge - 9.0) for edge in edges) < 0.5
+    assert windows[0].p_value < 0.01
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        {"contact-onset.offset": 0.2},
+        {"support-compliance.compliance": 0.06},
+        {"preconditioning.softening": 0.12},
+        {"force-drift.rate": 0.04},
+    ],
+)
+def test_a_small_effect_s_sign_is_among_the_strongest(effects):
+    """First contact is stated: an onset in all trials isn't hidden by a parameter of each."""
+    problem, base = problem_of(ramps(), effects, seed=3)
+    found = assess(problem, base, SOUGHT)
+    name = next(iter(effects)).split(".")[0]
+    assert found.score(name).p_value < 0.05
+    assert found.p_value < 0.05
+    strongest = max(found.scores, key=lambda s: s.statistic)
+    assert found.score(name).statistic > 0.5 * strongest.statistic
+    for score in found.scores:
+        assert 0.0 <= score.concealed < 1.0
+    assert {s.name for s in found.scores} == {m.name for m in SOUGHT}
+    assert found.score("levitation") is None
+
+
+def test_the_same_draws_give_the_same_p_values():
+    problem, base = problem_of(ramps(), seed=4)
+    one, other = (assess(problem, base, SOUGHT[:2], 3) for _ in range(2))
+    assert one.p_value == other.p_value
+    assert one.p_value == pytest.approx(assess(problem, base, SOUGHT[:2], 4).p_value, abs=0.15)

@@ -1,0 +1,226 @@
+"""Studies go on where they were stopped, and take nothing that an option or the code outdated."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from legfem.common.errors import InputError
+from legfem.common.progress import Silent
+from legfem.correction.choice import REFERENCE
+from legfem.correction.tabulated import read_correction
+from legfem.diagnose.run import Diagnoser
+from legfem.stocking.run import StockingSettings
+from studies.concealed import running, scoring
+from studies.planted import command as planted
+from studies.planted.truths import Planted, PlantedTruth
+from studies.solvers import command as solvers
+from studies.solvers.case import SolverCase, SolverWork
+from studies.stockings import command as stockings
+from studies.stockings.claims import Pressures, Variant
+from studies.stockings.recovery import Recovery
+from studies.stockings.truth import NOISE, TRUTHS
+
+
+@dataclass
+class Study:
+    """A study in a folder, whose work is counted instead of done."""
+
+    run: Callable[..., None]
+    """Of an option."""
+    total: int
+    """Pieces of work."""
+    result: Path
+    calls: list[object] = field(default_factory=list)
+
+    def done(self, option: int = 1) -> int:
+        """Run it; return how much was done anew."""
+        before = len(self.calls)
+        self.run(option)
+        return len(self.calls) - before
+
+
+def planted_study(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
+    study = Study(lambda seed: planted.run(4, seed, folder, 1), 4, folder / "result.json")
+
+    def identified(context: None, truth: PlantedTruth) -> Planted:
+        study.calls.append(truth)
+        c10 = truth.c10_kpa + 1e-3 * len(study.calls)
+        return Planted(truth, c10, (0.1, 9.0), 1.0, (0.0, 9.0), "yes", "yes", len(study.calls))
+
+    monkeypatch.setattr(planted, "identify_truth", identified)
+    return study
+
+
+def solvers_study(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
+    def run(option: int) -> None:
+        cases = [SolverCase(3000, s, step=option / 2) for s in ("direct", "iterative")]
+        solvers.run(cases, folder)
+
+    study = Study(run, 2, folder / "result.json")
+
+    def measured(case: SolverCase, out: Path) -> SolverWork:
+        study.calls.append(case)
+        work = SolverWork(3000, 99, 7, True, 8, 8, [15] * 8, 1.0, 2.0, 2.0, 0.3, 0.6, 0.2)
+        return replace(work, tangents=len(study.calls))
+
+    monkeypatch.setattr(solvers, "measured_apart", measured)
+    return study
+
+
+def stockings_study(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
+    legs = folder / "legs"
+    for kind in NOISE:
+        for leg in ("1", "2"):
+            (legs / kind / leg).mkdir(parents=True)
+            (legs / kind / leg / "leg.toml").write_text("id = 1")
+    study = Study(
+        lambda cells: stockings.identify(legs, folder, StockingSettings(20_000 + cells), 1),
+        4,
+        folder / "recovery.json",
+    )
+
+    def identified(context: object, task: tuple[str, str]) -> Recovery:
+        study.calls.append(task)
+        kind, leg = task
+        both = 1.0, 2.0 + len(study.calls)
+        return Recovery(leg, kind, (3.0, 8.0), both, both, both, (4, 5), True, 0.1, 1.0, None,
+                        None, None, 0.1, 7.0)  # fmt: skip
+
+    monkeypatch.setattr(stockings, "_identify", identified)
+    return study
+
+
+def claims_study(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
+    study = Study(
+        lambda cells: stockings.claims(folder, 15_000 + cells, 1), 30, folder / "claims.json"
+    )
+
+    def solved(cells: int, variant: Variant) -> Pressures:
+        study.calls.append(variant)
+        x = float(np.random.default_rng(len(study.calls)).random())
+        return Pressures(variant, x, x, (x, 1.0), x**2, x, x, x, x, True)
+
+    monkeypatch.setattr(stockings, "_claim", solved)
+    return study
+
+
+def scans_study(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
+    study = Study(
+        lambda seed: stockings.make(folder, seed, 1), len(TRUTHS), folder / "perfect" / "1" / "made"
+    )
+
+    def made(context: object, leg: str) -> str:
+        study.calls.append(leg)
+        for kind in NOISE:
+            (folder / kind / leg).mkdir(parents=True, exist_ok=True)
+            (folder / kind / leg / "made").write_text(json.dumps(len(study.calls)))
+        return "made"
+
+    monkeypatch.setattr(stockings, "_make", made)
+    return study
+
+
+def concealed_study(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
+    for k in range(3):
+        (folder / "cases" / f"case{k:03d}").mkdir(parents=True)
+        (folder / "cases" / f"case{k:03d}" / "contours.csv").write_text(f"{k}")
+    diagnoser = Diagnoser(folder / "library", read_correction(REFERENCE), 1)
+    study = Study(
+        lambda seed: running.run_cases(folder, diagnoser, 1, Silent(), seed),
+        3,
+        folder / "diagnoses" / "case000.json",
+    )
+
+    def diagnosed(context: object, case: Path) -> dict[str, object]:
+        study.calls.append(case)
+        found = {"verdict": "consistent", "models": [], "wall_s": 0.0, "processor_s": 0.0}
+        return {**found, "full_solutions": len(study.calls)}
+
+    monkeypatch.setattr(running, "_diagnose", diagnosed)
+    monkeypatch.setattr(running, "_one_a_leg", lambda *_: [])
+    return study
+
+
+@pytest.fixture(
+    params=[
+        planted_study, solvers_study, stockings_study, claims_study, scans_study, concealed_study,
+    ]
+)  # fmt: skip
+def study(
+    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Study]:
+    return request.param(tmp_path, monkeypatch)
+
+
+def test_finished_work_is_not_done_again(study: Study) -> None:
+    assert study.done() == study.total
+    found = study.result.read_text()
+    assert study.done() == 0 and study.result.read_text() == found
+
+
+def test_another_option_brings_nothing_back(study: Study) -> None:
+    study.done()
+    found = study.result.read_text()
+    assert study.done(option=2) == study.total
+    assert study.result.read_text() != found
+
+
+def test_changed_code_brings_nothing_back(study: Study, monkeypatch: pytest.MonkeyPatch) -> None:
+    study.done()
+    found = study.result.read_text()
+    monkeypatch.setattr("legfem.jobs.store.code_fingerprint", lambda *modules: "changed")
+    assert study.done() == study.total
+    assert study.result.read_text() != found
+
+
+def test_an_interrupted_study_goes_on(study: Study, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = study.calls
+
+    class Interrupts(list):
+        def append(self, one: object) -> None:
+            if len(self) == study.total - 1:
+                raise KeyboardInterrupt
+            super().append(one)
+
+    study.calls = Interrupts()
+    with pytest.raises(KeyboardInterrupt):
+        study.done()
+    study.calls = whole
+    assert study.done() == 1
+
+
+def test_legs_and_cases_that_changed_are_done_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    identified = stockings_study(tmp_path / "a", monkeypatch)
+    identified.done()
+    (tmp_path / "a" / "legs" / "noisy" / "2" / "leg.toml").write_text("id = 2")
+    assert identified.done() == 1
+    concealed = concealed_study(tmp_path / "b", monkeypatch)
+    concealed.done()
+    (tmp_path / "b" / "cases" / "case001" / "contours.csv").write_text("other")
+    assert concealed.done() == 1
+    scans = scans_study(tmp_path / "c", monkeypatch)
+    scans.done()
+    (tmp_path / "c" / "noisy" / "3" / "made").unlink()
+    assert scans.done() == 1
+
+
+def test_scores_want_diagnoses_by_this_code(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    concealed_study(tmp_path, monkeypatch).done(option=0)
+    diagnoser = Diagnoser(tmp_path / "library", read_correction(REFERENCE), 1)
+    monkeypatch.setattr(scoring, "read_sealed", lambda *_: {})
+    monkeypatch.setattr(scoring.Metric, "read", lambda path: None)
+    monkeypatch.setattr(scoring, "_scored", lambda found, *_: found["full_solutions"])
+    assert scoring.score_cases(tmp_path, 1, diagnoser) == [1, 2, 3]
+    monkeypatch.setattr("legfem.jobs.store.code_fingerprint", lambda *modules: "changed")
+    with pytest.raises(InputError, match="add --run"):
+        scoring.score_cases(tmp_path, 1, diagnoser)

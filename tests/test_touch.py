@@ -1,0 +1,107 @@
+"""Trials that show no air: they begin at the skin, or above it by less than a recording shows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from making_diagnosed import diagnosed_of
+from making_diagnosis import GRID, INSTRUMENT, NOISE, TRUTH, ClosedForm, pressed
+from scipy.special import logsumexp
+from scipy.stats import multivariate_normal, norm
+
+from legfem.diagnose.diagnosis import Diagnosis
+from legfem.diagnose.fit import Problem, fit
+from legfem.diagnose.mechanisms.base import prior_of
+from legfem.diagnose.observations import Observations, observe
+from legfem.diagnose.predict import Predictor, detected_onset, onset_name
+from legfem.diagnose.touch import AT_TOUCH, posterior_of
+from legfem.inference.errors import GAIN_SDS, ZERO_FACTORS, error_model
+from legfem.inference.evidence import Evidence, Unknown
+
+ALONE = [Unknown(None, 0.0, 0.0)]
+
+
+def seen(airs: tuple[float, ...], stated: bool = False) -> Observations:
+    return observe(pressed(airs, seed=2), INSTRUMENT, starts_at_contact=stated)
+
+
+def fitted_to(observed: Observations):
+    predictor = Predictor(observed, ClosedForm(GRID), "reduced-polynomial")
+    problem = Problem(predictor, error_model(observed, NOISE, predictor(TRUTH)))
+    return Evidence(problem.errors, ALONE), fit(problem, (), TRUTH)
+
+
+@pytest.mark.parametrize(
+    ("airs", "stated"), [((0.0, 0.0), True), ((2.0, 1.0), False)], ids=["stated", "air"]
+)
+def test_what_is_stated_or_seen_leaves_one_reading(airs, stated):
+    observed = seen(airs, stated)
+    evidence, fitted = fitted_to(observed)
+    one, other = posterior_of(evidence, fitted, observed, [0.0]), evidence.of(fitted.linearised)
+    assert one.log_evidence == other.log_evidence
+    np.testing.assert_array_equal(one.mean, other.mean)
+
+
+def in_full(fitted, errors, priors) -> float:
+    """Return the linearised model's density in millimetres and kPa's logarithm, bounds left out."""
+    own = [prior_of(p) for p in fitted.parameters]
+    by_value = fitted.change / np.array([q.sd for q in own])
+    at = np.array([q.sd * z for q, z in zip(own, fitted.departure, strict=True)])
+    at += [q.centre if q.scale == "linear" else 0.0 for q in own]
+    middle = np.array([q.centre if q.scale == "linear" else 0.0 for q in priors])
+    centred = fitted.residual + by_value @ (at - middle)
+    model = by_value * np.array([q.sd for q in priors])
+    shares = [norm.logpdf(np.arange(n) - (n - 1) / 2) for n in (len(GAIN_SDS), len(ZERO_FACTORS))]
+    gain_shares, zero_shares = (logs - logsumexp(logs) for logs in shares)
+    logs = [
+        multivariate_normal.logpdf(
+            centred, np.zeros(len(centred)),
+            replace(errors, gain_sd=gain, zero_sd=zero).covariance + model @ model.T,
+        ) + gain_share + zero_share
+        for gain, gain_share in zip(GAIN_SDS, gain_shares, strict=True)
+        for zero, zero_share in zip(errors.zero_sds, zero_shares, strict=True)
+    ]  # fmt: skip
+    return float(logsumexp(logs))
+
+
+def test_where_no_air_is_seen_the_evidence_is_that_of_both_readings():
+    observed = seen((0.0, 0.0))
+    evidence, fitted = fitted_to(observed)
+    touching = [prior_of(p) for p in fitted.parameters]
+    detected = [
+        detected_onset(observed, int(p.name[5]) - 1) if p.name.startswith("trial") else q
+        for p, q in zip(fitted.parameters, touching, strict=True)
+    ]
+    assert detected[-1].sd > 2 * touching[-1].sd
+    parts = [in_full(fitted, evidence.errors, priors) for priors in (touching, detected)]
+    expected = np.logaddexp(parts[0] + np.log(AT_TOUCH), parts[1] + np.log(1 - AT_TOUCH))
+    found = posterior_of(evidence, fitted, observed, [0.0])
+    # C20 is bounded below by zero, which the densities above leave out.
+    k = fitted.free.index("C20")
+    sd = np.sqrt(found.covariance[k, k])
+    low, high = fitted.linearised.low[k], fitted.linearised.high[k]
+    bounded = norm.sf((low - found.mean[k]) / sd) / (norm.cdf(high) - norm.cdf(low))
+    assert found.log_evidence == pytest.approx(expected + np.log(bounded), abs=0.05)
+    # The expected onset lies between those of the readings, with both one's doubt.
+    mine = posterior_of(evidence, fitted, observed, [0.0])
+    alone = evidence.of(fitted.linearised)
+    j = fitted.free.index(onset_name(0))
+    assert mine.covariance[j, j] >= 0.5 * alone.covariance[j, j]
+
+
+def found_of(airs: tuple[float, ...]) -> Diagnosis:
+    return diagnosed_of(seen(airs), ("support-compliance", "fascia-stiffness"))
+
+
+def test_air_too_little_to_be_seen_gets_no_name_and_widens_the_interval():
+    found = found_of((0.1, 0.06, 0.08))
+    assert not found.observed.shows_air
+    assert found.verdict == "consistent"
+    low, high = found.intervals["C10"]
+    assert low <= TRUTH["C10"] <= high
+    for k, air in enumerate((0.1, 0.06, 0.08)):
+        at = found.observed.contacts[k].displacement
+        ends = [at + end for end in found.base.interval(onset_name(k))]
+        assert ends[0] <= air <= ends[1]

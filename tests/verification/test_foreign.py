@@ -1,0 +1,76 @@
+"""Recordings that another code made, with their truth: ../shared/foreign, where it is there."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from making import SHARED
+
+from legfem.common.progress import Silent
+from legfem.correction.choice import REFERENCE
+from legfem.correction.tabulated import read_correction
+from legfem.diagnose.run import Diagnoser
+from legfem.subjects.subject import load_subject
+
+FOREIGN = SHARED / "foreign"
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not FOREIGN.is_dir(), reason="the other code's recordings are not there"),
+]
+
+
+@pytest.fixture(scope="module")
+def diagnoser(tmp_path_factory):
+    return Diagnoser(tmp_path_factory.mktemp("responses"), read_correction(REFERENCE), 2)
+
+
+def truth(case):
+    return json.loads((FOREIGN / "truth.json").read_text())["cases"][f"case-{case}"]
+
+
+def diagnosed(case, diagnoser):
+    return diagnoser.diagnose(load_subject(FOREIGN / f"case-{case}"), Silent())
+
+
+@pytest.mark.parametrize("case", ["30", "06"])
+def test_nothing_is_found_where_nothing_is(case, diagnoser):
+    found = diagnosed(case, diagnoser)
+    assert found.verdict == "consistent"
+    low, high = found.intervals["C10"]
+    assert low < truth(case)["true_C10_kPa"] < high
+
+
+def test_air_is_found_with_the_stiffness(diagnoser):
+    found = diagnosed("08", diagnoser)
+    assert found.verdict == "consistent"
+    for k, contact in enumerate(found.observed.contacts):
+        at = contact.displacement + found.best.value(f"trial{k + 1}.onset")
+        assert at == pytest.approx(1.2, abs=0.2)
+    assert found.best.value("C10") == pytest.approx(truth("08")["true_C10_kPa"], rel=0.03)
+
+
+def test_a_stiffer_first_trial_is_named(diagnoser):
+    found = diagnosed("16", diagnoser)
+    assert found.verdict == "named"
+    assert found.models[0].names == ("preconditioning",)
+    assert found.best.value("C10") == pytest.approx(truth("16")["true_C10_kPa"], rel=0.03)
+
+
+@pytest.mark.parametrize("case", ["05", "02"])
+def test_an_effect_is_among_few_and_the_interval_holds_the_truth(case, diagnoser):
+    found, given = diagnosed(case, diagnoser), truth(case)
+    names = [model.names for model in found.models]
+    assert len(names) <= 3
+    assert tuple(given["effects"]) in names
+    low, high = found.intervals["C10"]
+    assert low < given["true_C10_kPa"] < high
+
+
+def test_soft_bones_take_a_share_of_the_force(diagnoser):
+    """The size of what is concealed shows in the base model's bias."""
+    found, given = diagnosed("05", diagnoser), truth("05")
+    spring = next(e for e in found.explained.every if e.names == ("support-compliance",))
+    assert abs(spring.value("C10") / given["true_C10_kPa"] - 1) < 0.05
+    assert np.isfinite(spring.posterior.log_evidence)
