@@ -44,6 +44,11 @@ class Symbols:
             if name in self._constants:
                 self._constants[name].value = value
 
+    @property
+    def zeros(self) -> frozenset[str]:
+        """Names of the numbers that are zero now."""
+        return frozenset(name for name, c in self._constants.items() if float(c.value) == 0.0)
+
     def __contains__(self, name: str) -> bool:
         """Return whether a model on this mesh has that number."""
         return name in self._constants

@@ -15,6 +15,10 @@ class SymbolTable(Protocol):
     def scalar(self, name: str, value: float) -> Any:
         """Return the symbol of that name, made on first use."""
 
+    @property
+    def zeros(self) -> frozenset[str]:
+        """Names of the numbers that are zero now."""
+
     def __contains__(self, name: str) -> bool:
         """Return whether there is a number of that name."""
 

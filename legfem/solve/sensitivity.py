@@ -7,7 +7,8 @@ A step solves :math:`R(u, u_o, q_o; m) = 0` from the last displacement :math:`u_
           q' = Q_u u' + Q_{u_o} u_o' + Q_{q_o} q_o' + Q_m,
 
 so one back-substitution a parameter and step gives exact derivatives of the discrete problem,
-history included. All partial derivatives are UFL's.
+history included. All partial derivatives are UFL's. Histories that the residual multiplies by a
+number which is zero, such as a branch's overstress at the ratio 0, aren't carried along.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from typing import Any
 import numpy as np
 import ufl
 from dolfinx import fem, la
-from ufl.algorithms import expand_derivatives
+from ufl.algorithms import expand_derivatives, extract_coefficients, replace
 from ufl.constantvalue import Zero
 
 from legfem.common.units import FloatArray
@@ -48,6 +49,11 @@ class SensitivityTracker:
         self._body = _PlaceSensitivity(system.body, self.parameters)
         self._skin = _PlaceSensitivity(system.skin, self.parameters)
         self._rate, self._right = (fem.Function(system.spaces.space) for _ in range(2))
+
+    @property
+    def holds(self) -> bool:
+        """Whether the numbers that were zero when the forms were made, and used so, still are."""
+        return self._body.holds and self._skin.holds
 
     def reset(self) -> None:
         """Forget the path."""
@@ -104,7 +110,7 @@ class Trackers:
         names = tuple(parameters)
         if not names:
             return None
-        if names not in self._known:
+        if names not in self._known or not self._known[names].holds:
             self._known[names] = SensitivityTracker(self._system, names)
         self._known[names].reset()
         return self._known[names]
@@ -118,9 +124,10 @@ class _PlaceSensitivity:
         self._history = forms.history
         self._rate, self._before = fem.Function(space), fem.Function(space)
         self._vector = fem.Function(space)
-        old = forms.history.variables
-        self._old = {name: fem.Function(value.function_space) for name, value in old.items()}
         residual = expand_derivatives(forms.residual_form)
+        old, self._zeros = _felt(forms, residual)
+        self._symbols = domain.symbols
+        self._old = {name: fem.Function(value.function_space) for name, value in old.items()}
         past = [ufl.derivative(residual, forms.before, self._before)]
         past += [ufl.derivative(residual, old[name], self._old[name]) for name in old]
         self._past = _compiled_if_any(sum(past[1:], past[0]))
@@ -133,8 +140,10 @@ class _PlaceSensitivity:
         self._updates = [
             {
                 key: forms.history.expression(total)
-                for key, value in forms.updated.items()
-                if not isinstance(total := self._total(value, forms, domain, name), Zero)
+                for key in old
+                if not isinstance(
+                    total := self._total(forms.updated[key], forms, domain, name), Zero
+                )
             }
             for name in known
         ]
@@ -143,6 +152,10 @@ class _PlaceSensitivity:
             for _ in parameters
         ]
         self.reset()
+
+    @property
+    def holds(self) -> bool:
+        return self._zeros <= self._symbols.zeros
 
     def reset(self) -> None:
         for before, history in self._states:
@@ -191,10 +204,32 @@ class _PlaceSensitivity:
         old = forms.history.variables
         total = ufl.derivative(value, domain.unknown, self._rate)
         total += ufl.derivative(value, forms.before, self._before)
-        total += sum(ufl.derivative(value, old[key], self._old[key]) for key in old)
+        total += sum(ufl.derivative(value, old[key], felt) for key, felt in self._old.items())
         if name:
             total += ufl.diff(value, domain.symbols[name])
         return expand_derivatives(total)
+
+
+def _felt(forms: DomainForms, residual: Any) -> tuple[dict[str, Any], frozenset[str]]:
+    """Return the history variables that the residual feels, and the zeros that silence others."""
+    old, symbols = forms.history.variables, forms.domain.symbols
+    nothing = {symbols[name]: ufl.as_ufl(0.0) for name in symbols.zeros}
+    felt: set[str] = set()
+    silent = False
+    for name, value in old.items():
+        change = expand_derivatives(ufl.derivative(residual, value))
+        if replace(change, nothing).integrals():
+            felt.add(name)
+        else:
+            silent |= bool(change.integrals())
+    while True:
+        needed = {c for name in felt for c in extract_coefficients(forms.updated[name])}
+        more = {name for name, value in old.items() if value in needed} - felt
+        if not more:
+            break
+        felt |= more
+    zeros: frozenset[str] = symbols.zeros if silent else frozenset()
+    return {name: value for name, value in old.items() if name in felt}, zeros
 
 
 def _by_symbol(form: Any, variable: Any) -> Any:
