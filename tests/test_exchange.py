@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import signal
 from collections import Counter
 from pathlib import Path
 
@@ -130,6 +131,15 @@ def test_xdmf_is_for_dolfinx(made, tmp_path):
     assert _integral(one * outside) == pytest.approx(skin, rel=1e-8)
 
 
+@pytest.fixture
+def interrupts_kept():
+    """Ctrl-C as it was: what DOLFINx calls of gmsh leaves it ending the process."""
+    handler = signal.getsignal(signal.SIGINT)
+    yield
+    signal.signal(signal.SIGINT, handler)
+
+
+@pytest.mark.usefixtures("interrupts_kept")
 def test_dolfinx_and_gmsh_read_the_msh(made, tmp_path):
     named, sizes, skin = made
     (path,) = write_mesh(named, tmp_path / "leg.msh")
