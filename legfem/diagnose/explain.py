@@ -134,8 +134,7 @@ class Explained:
         return sum(e.probability for e in self.every if not self._adds(e))
 
     def _adds(self, one: Explanation) -> bool:
-        gain = one.posterior.log_evidence - self.base.posterior.log_evidence
-        return not one.nothing and gain > ADDS_FROM
+        return not one.nothing and _gain(one, self.base) > ADDS_FROM
 
 
 def explain(
@@ -178,7 +177,16 @@ def explain(
     found = _weighed(found)
     if confirm is not None:
         found = _confirmed(found, base, evidence, unknowns, confirm)
-    return Explained(tuple(found), next(e for e in found if e.nothing))
+    return Explained(tuple(found), _nothing(found))
+
+
+def _nothing(found: Sequence[Explanation]) -> Explanation:
+    return next(e for e in found if e.nothing)
+
+
+def _gain(one: Explanation, nothing: Explanation) -> float:
+    """Return the ln of the Bayes factor over nothing."""
+    return one.posterior.log_evidence - nothing.posterior.log_evidence
 
 
 def _open(found: Sequence[Explanation]) -> bool:
@@ -295,11 +303,15 @@ def _confirmed(
     unknowns: Sequence[Unknown],
     confirm: Confirm,
 ) -> list[Explanation]:
-    """Refit the leading explanations about full solutions, until none of them is emulated."""
+    """Refit the leading explanations about full solutions, until none of them is emulated.
+
+    Those that explain no more than nothing does stay emulated: they change no verdict.
+    """
+    nothing = _nothing(found)
     for _ in range(3):
         waiting = [
             e for e in found[:CONFIRMED_MOST] if not e.confirmed and e.names
-            and e.probability >= CONFIRMED_FROM
+            and e.probability >= CONFIRMED_FROM and _gain(e, nothing) > 0.0
         ]  # fmt: skip
         if not waiting:
             break

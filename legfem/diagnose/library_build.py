@@ -288,16 +288,16 @@ def _table(
     tasks: Sequence[_Task],
     outcomes: Sequence[Mapping[str, FloatArray] | None],
 ) -> Table | None:
-    rows: dict[float, list[FloatArray]] = {}
+    rows: dict[float, list[Mapping[str, FloatArray] | None]] = {}
     for task, outcome in zip(tasks, outcomes, strict=True):
         own = "" if task.stations is None else task.stations.key
-        if task.mechanism is not mechanism or own != key:
-            continue
-        if outcome is None:
-            return None
-        rows.setdefault(task.point[0], []).append(outcome["change"])
-    if not rows:
+        if task.mechanism is mechanism and own == key:
+            rows.setdefault(task.point[0], []).append(outcome)
+    # One stiffness serves where a solution at the other stopped.
+    whole = {c10: [o["change"] for o in found if o is not None] for c10, found in rows.items()}
+    whole = {c10: changes for c10, changes in whole.items() if len(changes) == len(rows[c10])}
+    if not whole:
         return None
-    values = np.array([np.vstack(r) for r in rows.values()])
-    logs = np.log(list(rows))
+    values = np.array([np.vstack(changes) for changes in whole.values()])
+    logs = np.log(list(whole))
     return Table(logs, values if mechanism.along_path else np.log1p(values))
