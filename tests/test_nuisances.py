@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from making_diagnosis import GRID, fat, observations, ramps
@@ -13,12 +15,16 @@ from legfem.diagnose.nuisances import (
     AIM_SD_MM,
     CONTOUR_ARC_MM,
     CONTOUR_SD_MM,
+    DIRECTION_SD_DEG,
+    DRAWN,
     MATERIAL_LOG_SD,
     OUTLINES,
     Accuracy,
     Nuisances,
     displaced_geometries,
 )
+from legfem.diagnose.run import accuracy_of
+from legfem.subjects.subject import SUBJECTS, LegAccuracy, load_subject
 
 
 @pytest.fixture(scope="module")
@@ -54,6 +60,16 @@ def test_effects_of_geometry_follow_what_is_stated_of_the_leg(blank):
         np.testing.assert_allclose(worse[name], factor * effect)
     exact = dict(nuisances.effects(observed, force, Accuracy(0.0, 0.0, 0.0)))
     assert list(exact) == ["stiffness of the fat"]
+    assert not nuisances.effects(observed, force, Accuracy(0.0, 0.0, 0.0, assumed_sd=0.0))
+
+
+def test_a_drawn_leg_is_known_unless_its_folder_says_otherwise():
+    drawn = load_subject(SUBJECTS.find("3"))
+    assert drawn.origin == "reconstructed"
+    assert accuracy_of(drawn) == DRAWN
+    stated = replace(drawn, accuracy=LegAccuracy(contour_sd=1.0, assumed_sd=0.1))
+    assert accuracy_of(stated) == Accuracy(1.0, AIM_SD_MM, DIRECTION_SD_DEG, 0.1)
+    assert accuracy_of(replace(drawn, origin="measured")) == Accuracy()
 
 
 def test_modes_of_an_outline_have_its_error_s_covariance_along_the_arc(blank):

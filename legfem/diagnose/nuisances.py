@@ -61,15 +61,24 @@ class Accuracy:
         Of the cylinder's line of travel (mm).
     direction_sd
         Of its direction (degrees).
+    assumed_sd
+        Relative, of stiffness of fat and fascia and of compressibility; the usual of each without
+        it.
     """
 
     contour_sd: float = CONTOUR_SD_MM
     aim_sd: float = AIM_SD_MM
     direction_sd: float = DIRECTION_SD_DEG
+    assumed_sd: float | None = None
+
+    def log_sd(self, material: str) -> float:
+        """Return the standard deviation of an assumed number's logarithm."""
+        return MATERIAL_LOG_SD[material] if self.assumed_sd is None else self.assumed_sd
 
 
-DRAWN = Accuracy(0.2, 0.5, 0.5)
-"""Of a leg that was drawn and simulated: as far as another code rounds the same polygons."""
+DRAWN = Accuracy(0.2, 0.5, 0.5, 0.05)
+"""Of a leg that was drawn and simulated: as far as another code rounds the same polygons, and takes
+the same constants for laws of its own."""
 
 
 @dataclass(frozen=True)
@@ -144,8 +153,9 @@ class Nuisances:
             return np.asarray(force * CubicSpline(self.grid, change)(np.maximum(d, self.grid[0])))
 
         found: list[tuple[str, FloatArray]] = [
-            (_WORDS[name], MATERIAL_LOG_SD[name] * along(change))
+            (_WORDS[name], accuracy.log_sd(name) * along(change))
             for name, change in self.material.items()
+            if accuracy.log_sd(name) > 0
         ]
         scale = {"aim": accuracy.aim_sd / AIM_SD_MM,
                  "direction": accuracy.direction_sd / DIRECTION_SD_DEG,

@@ -93,11 +93,15 @@ class Diagnoser:
 
 
 def accuracy_of(subject: Subject) -> Accuracy:
-    """Return how well a subject's leg is known: what its folder states, else what is usual."""
-    usual = Accuracy() if subject.origin == "measured" else DRAWN
+    """Return how well a subject's leg is known: what its folder states, else what is usual.
+
+    A leg that was drawn is known but for rounding, unless its folder says otherwise.
+    """
     given = subject.accuracy
+    usual = Accuracy() if subject.origin == "measured" or given.stated else DRAWN
     return Accuracy(
         usual.contour_sd if given.contour_sd is None else given.contour_sd,
         usual.aim_sd if given.aim_sd is None else given.aim_sd,
         usual.direction_sd if given.direction_sd is None else given.direction_sd,
+        usual.assumed_sd if given.assumed_sd is None else given.assumed_sd,
     )

@@ -153,6 +153,8 @@ class AccuracyEntry(FileTable):
     """Of its outlines, over 20 mm of arc; 0 where they are exact."""
     aim_sd_mm: NotNegative | None = None
     direction_sd_deg: NotNegative | None = None
+    assumed_sd_percent: NotNegative | None = None
+    """Of what is assumed: stiffness of fat and fascia, compressibility."""
 
 
 class SubjectFile(FileTable):

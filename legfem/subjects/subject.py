@@ -82,6 +82,13 @@ class LegAccuracy:
     """Of the cylinder's line of travel, mm."""
     direction_sd: float | None = None
     """Of its direction, degrees."""
+    assumed_sd: float | None = None
+    """Relative, of what is assumed: stiffness of fat and fascia, compressibility."""
+
+    @property
+    def stated(self) -> bool:
+        """Whether the folder says anything of it."""
+        return self != LegAccuracy()
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,8 +177,13 @@ def load_subject(
             given.accuracy.contour_sd_mm,
             given.accuracy.aim_sd_mm,
             given.accuracy.direction_sd_deg,
+            _relative(given.accuracy.assumed_sd_percent),
         ),
     )
+
+
+def _relative(percent: float | None) -> float | None:
+    return None if percent is None else percent / 100
 
 
 def _tissue(entry: TissueEntry) -> TissueParameters:
