@@ -114,8 +114,8 @@ def metric():
     n = 30
     at = np.linspace(0.1, 1, n)
     return Metric(
-        np.zeros(n, int), 50 * at, 0.01**2 * np.eye(n), at[:, None], np.full(n, 0.01),
-        np.zeros(n, dtype=bool),
+        np.zeros(n, int), 50 * at, 0.01**2 * np.eye(n), at[:, None], 0.01**2 * np.eye(n),
+        at[:, None], np.full(n, 0.01), np.zeros(n, dtype=bool),
     )  # fmt: skip
 
 

@@ -76,12 +76,13 @@ def test_page_of_a_name_gives_its_size_its_evidence_and_the_stiffness_before_and
     named = found["named"]
     text = flat(diagnosis_page(named, subject, []))
     model, base = named.models[0], named.base
+    alone = named.alone
     factor = "fascia-stiffness.factor"
     low, high = model.interval(factor)
     spread = (high - low) / 4
     ends = f"{number(low, spread)} to {number(high, spread)}"
     assert f"(on stiffness times thickness) {number(model.value(factor), spread)} {ends}" in text
-    assert f"{model.posterior.log_evidence - base.posterior.log_evidence:.1f}" in text
+    assert f"{model.posterior.log_evidence - alone.posterior.log_evidence:.1f}" in text
     assert percent(model.probability) in text
     assert f"{named.base_held_out.rmse:.3f}" in text and f"{named.held_out[0].rmse:.3f}" in text
     assert "NOT confirmed" in text
@@ -172,7 +173,7 @@ def test_signature_of_the_true_mechanism_matches_the_misfit(found):
     named = found["named"]
     assert leading(named)[0] == "fascia-stiffness"
     shape, share = matched(named, strongest(named, "fascia-stiffness"))
-    base = named.base.fit
+    base = named.alone.fit
     assert share > 0.9, "the true mechanism's signature is nearly all of the misfit"
     left = named.errors.whitened(base.residual - shape)
     assert left @ left < base.chi2

@@ -239,7 +239,7 @@ def test_nothing_remains_beside_an_explanation_that_suits():
     assert not model.in_part
     assert remains_of(found, model) == []
     assert explained_share(found, model) > 0.9
-    assert explained_share(found, found.base) == pytest.approx(0.0, abs=1e-9)
+    assert explained_share(found, found.alone) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_an_explanation_that_a_full_solution_cannot_confirm_loses_weight():

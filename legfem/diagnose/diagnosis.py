@@ -14,13 +14,14 @@ from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.explain import Explained, Explanation, averaged_interval, explain
-from legfem.diagnose.fit import Fit, Problem, fit, fit_base
+from legfem.diagnose.fit import Fit, Problem, fit
 from legfem.diagnose.held_out import HeldOut, held_out
 from legfem.diagnose.library import Library
 from legfem.diagnose.library_build import shown_mechanisms
 from legfem.diagnose.limits import Limit, limits_of
 from legfem.diagnose.nuisances import Accuracy
 from legfem.diagnose.observations import Observations
+from legfem.diagnose.ordinary import ordinary_explanation, ordinary_fit
 from legfem.diagnose.predict import LawName, Predictor
 from legfem.diagnose.score import Assessment, assess
 from legfem.diagnose.solved import SolvedResponses
@@ -43,6 +44,8 @@ class Diagnosis:
     law: LawName
     observed: Observations
     explained: Explained
+    ordinary: Explanation
+    """The base model by ordinary least squares."""
     models: tuple[Explanation, ...]
     """Explanations that are listed, the most probable first; none if consistent."""
     assessment: Assessment
@@ -66,13 +69,18 @@ class Diagnosis:
 
     @property
     def base(self) -> Explanation:
-        """The base model alone."""
+        """The base model: by its errors, or as near to the data as it gets if it is wrong."""
+        return self.explained.base if self.verdict == "consistent" else self.ordinary
+
+    @property
+    def alone(self) -> Explanation:
+        """The base model by its errors: what evidence and signs are reckoned about."""
         return self.explained.base
 
     @property
     def errors(self) -> ErrorModel:
         """Of the observations about the base model."""
-        return self.base.problem.errors
+        return self.alone.problem.errors
 
     @property
     def best(self) -> Explanation:
@@ -126,27 +134,31 @@ def diagnose(
     progress.stage("fitting the base model")
     made = solved.solutions if solved is not None else 0
     predictor = Predictor(observed, library, law, ends)
-    problem, base = _fitted(predictor, instrument, library, accuracy or Accuracy())
-    problem, base, error = _about_solution(problem, base, solved)
+    problem, ordinary = _fitted(predictor, instrument, library, accuracy or Accuracy())
+    problem, ordinary, error = _about_solution(problem, ordinary, solved)
+    base = fit(problem, (), ordinary.values)
     progress.stage(f"weighing {len(able)} mechanisms")
     confirm = None if solved is None else partial(_confirmed, solved)
-    explained = explain(problem, base, able, confirm)
+    explained = explain(problem, base, able, confirm, ordinary.values)
     progress.stage("where the base model is wrong")
     assessment = assess(problem, base, able, seed)
     verdict, models = _verdict(explained)
     held = tuple(held_out(m.problem, m.fit) for m in models)
+    plainly = ordinary_explanation(problem, ordinary, explained.base)
+    shown = explained.base if verdict == "consistent" else plainly
     return Diagnosis(
         verdict,
         law,
         observed,
         explained,
+        plainly,
         models,
         assessment,
-        held_out(problem, base),
+        held_out(shown.problem, shown.fit, problem.errors),
         held,
         {**untested, **library.missing},
         limits_of(explained),
-        _located(explained, models, assessment, problem.errors),
+        _located(explained, shown.fit, models, assessment, problem.errors),
         ends is not None,
         (solved.solutions if solved is not None else 0) - made,
         error,
@@ -172,7 +184,7 @@ def starts(law: LawName, middle: float) -> list[dict[str, float]]:
 def _fitted(
     predictor: Predictor, instrument: Instrument, library: Library, accuracy: Accuracy
 ) -> tuple[Problem, Fit]:
-    """Fit the base model, with errors that are shares of its own force.
+    """Fit the base model plainly, and reckon errors that are shares of its force.
 
     The noise is estimated anew once the trials' first contacts are fitted.
     """
@@ -180,12 +192,9 @@ def _fitted(
     noise = estimate_noise(observed, instrument, slowest)
     middle = float(np.sqrt(np.prod(predictor.responses.c10_bounds)))
     problem = Problem(predictor, error_model(observed, noise, observed.force))
-    base = fit_base(problem, starts(predictor.law, middle))
-    for _ in range(2):
-        noise = estimate_noise(observed, instrument, slowest, base.residual)
-        problem = problem.with_errors(_errors(problem, base, noise, library, accuracy))
-        base = fit(problem, (), base.values)
-    return problem, base
+    found = ordinary_fit(problem, starts(predictor.law, middle))
+    noise = estimate_noise(observed, instrument, slowest, found.residual)
+    return problem.with_errors(_errors(problem, found, noise, library, accuracy)), found
 
 
 def _errors(
@@ -211,7 +220,7 @@ def _about_solution(
         return problem, base, float("nan")
     problem = problem.corrected(offset)
     error = float(np.abs(offset).max() / np.abs(base.prediction).max())
-    return problem, fit(problem, (), base.values), error
+    return problem, ordinary_fit(problem, [base.values]), error
 
 
 def _offset(predictor: Predictor, fitted: Fit, solved: SolvedResponses) -> FloatArray | None:
@@ -250,6 +259,7 @@ def _verdict(explained: Explained) -> tuple[Verdict, tuple[Explanation, ...]]:
 
 def _located(
     explained: Explained,
+    base: Fit,
     models: tuple[Explanation, ...],
     assessment: Assessment,
     errors: ErrorModel,
@@ -258,7 +268,6 @@ def _located(
 
     Where a model suits, it tells what the base model misses without the noise; else the windows do.
     """
-    base = explained.base.fit
     located = np.zeros(len(base.residual), dtype=bool)
     if explained.soundness >= SOUND:
         return located

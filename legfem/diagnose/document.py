@@ -193,7 +193,7 @@ def _physics(found: Diagnosis, model: Explanation, held: HeldOut) -> list[dict[s
     entries = []
     for mechanism in model.fit.mechanisms:
         score = found.assessment.score(mechanism.name)
-        gain = model.posterior.log_evidence - found.base.posterior.log_evidence
+        gain = model.posterior.log_evidence - found.alone.posterior.log_evidence
         entries.append(
             {
                 "name": mechanism.name,

@@ -7,7 +7,7 @@ it is named in part. Leading explanations are refitted about full finite-element
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -138,7 +138,11 @@ class Explained:
 
 
 def explain(
-    problem: Problem, base: Fit, mechanisms: Sequence[Mechanism], confirm: Confirm | None = None
+    problem: Problem,
+    base: Fit,
+    mechanisms: Sequence[Mechanism],
+    confirm: Confirm | None = None,
+    start: Mapping[str, float] | None = None,
 ) -> Explained:
     """Return how probable every explanation is.
 
@@ -152,6 +156,8 @@ def explain(
         Those that the recordings can show.
     confirm
         Refits about a full solution; emulated ones stand without it.
+    start
+        Base parameters that searches begin with; the base model's fit without it.
     """
     unknowns = unknown_errors(problem.predictor.observed, base.prediction)
     evidence = Evidence(problem.errors, unknowns)
@@ -159,7 +165,9 @@ def explain(
     found.append(_base(problem, base, evidence, unknowns, True))
     each = np.log(PRIOR_SINGLE / max(len(mechanisms), 1))
     singles = [
-        _explanation(problem, fit(problem, [m], base.values), base, evidence, unknowns, each)
+        _explanation(
+            problem, fit(problem, [m], start or base.values), base, evidence, unknowns, each
+        )
         for m in mechanisms
     ]
     singles.sort(key=lambda e: -e.log_weight)

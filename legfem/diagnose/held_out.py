@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from legfem.diagnose.fit import Fit, Problem, fit
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.predict import onset_name
+from legfem.inference.errors import ErrorModel
 
 
 @dataclass(frozen=True)
@@ -49,8 +50,16 @@ def folds_of(observed: Observations) -> tuple[str, list[NDArray[np.bool_]]]:
     return how, folds
 
 
-def held_out(problem: Problem, fitted: Fit) -> HeldOut:
-    """Return the error of predicting each fold from the others."""
+def held_out(problem: Problem, fitted: Fit, errors: ErrorModel | None = None) -> HeldOut:
+    """Return the error of predicting each fold from the others.
+
+    Parameters
+    ----------
+    problem, fitted
+        The model, with the errors that it is fitted by.
+    errors
+        Of the observations, if others.
+    """
     observed = problem.predictor.observed
     how, folds = folds_of(observed)
     squares, noise, count = 0.0, 0.0, 0
@@ -60,14 +69,13 @@ def held_out(problem: Problem, fitted: Fit) -> HeldOut:
         onsets = {onset_name(int(k)) for k in np.unique(observed.trial[fold])}
         refit = fit(problem.without(fold), fitted.mechanisms, fitted.values, shapes | onsets)
         squares += float(np.sum(refit.residual[fold] ** 2))
-        noise += float(np.sum(_between_trials(problem)[fold]))
+        noise += float(np.sum(_between_trials(errors or problem.errors)[fold]))
         count += int(fold.sum())
     return HeldOut(how, float(np.sqrt(squares / count)), float(np.sqrt(noise / count)))
 
 
-def _between_trials(problem: Problem) -> NDArray[np.float64]:
+def _between_trials(errors: ErrorModel) -> NDArray[np.float64]:
     """Return the variance (n,), N^2, of what differs from trial to trial."""
-    errors = problem.errors
     return np.asarray(
         errors.trial_sd**2 + errors.gain_sd**2 * np.sum(errors.gains**2, axis=1) + errors.zero_sd**2
     )

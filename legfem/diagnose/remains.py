@@ -33,7 +33,7 @@ def explained_share(found: Diagnosis, model: Explanation) -> float:
 
     Misfits are sums of squares over the errors', less as many as there are observations.
     """
-    base = found.base.fit
+    base = found.alone.fit
     count = len(base.residual)
     before, after = max(base.cost - count, 0.0), max(model.fit.cost - count, 0.0)
     return 1.0 - min(after / before, 1.0) if before > 0 else 0.0
@@ -43,7 +43,7 @@ def remains_of(found: Diagnosis, model: Explanation) -> list[Remains]:
     """Return where something unknown is left beside an explanation, the greatest first."""
     if model.posterior.unknown < 0.5:
         return []
-    observed, base = found.observed, found.base.fit
+    observed, base = found.observed, found.alone.fit
     course = unknown_course(model, unknown_errors(observed, base.prediction))
     least = np.maximum(
         _LEAST_OF_NOISE * found.errors.trial_sd,

@@ -67,7 +67,7 @@ def trials_of(found: Diagnosis, place: Place) -> str:
 
 def evidence_table(found: Diagnosis) -> str:
     """Return how probable each reported explanation is, and what it leaves."""
-    base = found.base
+    base = found.alone
     rows = [
         [
             BASE_NAME, percent(base.probability), "-", "-", f"{found.base_held_out.rmse:.3f}", "-",

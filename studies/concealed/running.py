@@ -38,6 +38,8 @@ class Metric:
         (n, n), N^2: of everything that the base model may be off by.
     jacobian
         (n, p), N: of the base model.
+    shown_covariance, shown_jacobian
+        Of the base model as it is shown: by equal weights where it is wrong.
     trial_sd
         (n,), N: of a trial's noise.
     located
@@ -48,6 +50,8 @@ class Metric:
     time: FloatArray
     covariance: FloatArray
     jacobian: FloatArray
+    shown_covariance: FloatArray
+    shown_jacobian: FloatArray
     trial_sd: FloatArray
     located: NDArray[np.bool_]
 
@@ -56,7 +60,8 @@ class Metric:
         """Return a diagnosis' metric."""
         observed, errors = found.observed, found.errors
         return cls(
-            observed.trial, observed.time, errors.covariance, found.base.fit.jacobian,
+            observed.trial, observed.time, errors.covariance, found.alone.fit.change,
+            found.base.problem.errors.covariance, found.base.fit.change,
             errors.trial_sd, found.located,
         )  # fmt: skip
 
@@ -66,11 +71,9 @@ class Metric:
         The size is the length of the whitened change beyond the base model's parameters: how many
         standard deviations it is away from nothing, were its shape known.
         """
-        lower = cholesky(self.covariance, lower=True)
-        white = solve_triangular(lower, change, lower=True)
-        basis = np.linalg.qr(solve_triangular(lower, self.jacobian, lower=True))[0]
-        rest = white - basis @ (basis.T @ white)
-        return float(np.linalg.norm(rest)), np.asarray(lower @ rest)
+        white, _ = _beyond(self.covariance, self.jacobian, change)
+        _, rest = _beyond(self.shown_covariance, self.shown_jacobian, change)
+        return float(np.linalg.norm(white)), rest
 
     def write(self, path: Path) -> None:
         """Write it, whole or not at all."""
@@ -85,6 +88,17 @@ class Metric:
         """Read it."""
         with np.load(path) as kept:
             return cls(**dict(kept))
+
+
+def _beyond(
+    covariance: FloatArray, jacobian: FloatArray, change: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return what parameters leave of a change, whitened and in N."""
+    lower = cholesky(covariance, lower=True)
+    white = solve_triangular(lower, change, lower=True)
+    basis = np.linalg.qr(solve_triangular(lower, jacobian, lower=True))[0]
+    rest = white - basis @ (basis.T @ white)
+    return rest, np.asarray(lower @ rest)
 
 
 def case_folders(out: Path) -> list[Path]:

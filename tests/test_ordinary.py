@@ -1,0 +1,60 @@
+"""The base model by equal weights, where the errors' weights would take it far from the data."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from making_diagnosis import TRUTH, one_at_each_rate, problem_of, ramps
+from scipy.optimize import least_squares
+
+from legfem.diagnose.explain import explain
+from legfem.diagnose.fit import fit
+from legfem.diagnose.ordinary import ordinary_explanation, ordinary_fit
+
+
+def with_unknown_outlines(problem):
+    """Add five effects of 1 % of the force that the leg's outlines may have."""
+    d, force = problem.predictor.observed.displacement, problem.predictor.observed.force
+    known = np.column_stack([0.01 * force * np.cos(k * np.pi * d / 20) for k in range(5)])
+    return problem.with_errors(replace(problem.errors, known=known))
+
+
+def distance(residual):
+    return float(np.sqrt(np.mean(residual**2)))
+
+
+@pytest.mark.parametrize(
+    ("effects", "recordings"),
+    [
+        ({"viscoelasticity.ratio": 0.5, "viscoelasticity.relaxation_time": 8.0,
+          "viscoelasticity.spread": 1.0}, one_at_each_rate),
+        ({"muscle-contraction.stiffening": 0.3, "muscle-contraction.onset": 0.5,
+          "muscle-contraction.rise": 0.08}, ramps),
+    ],
+)  # fmt: skip
+def test_a_wrong_model_stays_near_the_data(effects, recordings):
+    problem = with_unknown_outlines(problem_of(recordings(), effects, seed=7)[0])
+    found = ordinary_fit(problem, [TRUTH])
+
+    def residual(logs):
+        values = {**found.values, "C10": np.exp(logs[0]), "C20": np.exp(logs[1])}
+        return problem.predictor.observed.force - problem.predictor(values, ())
+
+    best = least_squares(residual, np.log([found.values["C10"], found.values["C20"]])).fun
+    assert distance(found.residual) < 1.02 * distance(best)
+    weighed = fit(problem, (), found.values)
+    assert distance(weighed.residual) > 3 * distance(best), "nothing is to be guarded against"
+
+
+def test_a_right_model_has_the_same_stiffness_and_an_interval_that_holds_the_truth():
+    held = 0
+    for seed in range(12):
+        problem, base = problem_of(ramps(), seed=seed)
+        found = ordinary_fit(problem, [TRUTH])
+        assert found.values["C10"] == pytest.approx(base.values["C10"], rel=0.05)
+        shown = ordinary_explanation(problem, found, explain(problem, base, []).base)
+        low, high = shown.interval("C10")
+        held += low <= TRUTH["C10"] <= high
+    assert held >= 10
