@@ -120,6 +120,16 @@ def test_a_ripple_is_located_and_not_explained():
     assert not explained.every[0].names
 
 
+@pytest.mark.parametrize(("size", "sound"), [(0.5, True), (4.0, False)])
+def test_an_error_below_a_trial_s_noise_is_no_contradiction(size, sound):
+    blank = problem_of(ramps())[0]
+    observed, noise = blank.predictor.observed, float(blank.errors.trial_sd.max())
+    ripple = size * noise * np.sin(2 * np.pi * observed.displacement / 3.0)
+    problem, base = problem_of(ramps(), seed=2, extra=ripple)
+    explained = explain(problem, base, SOUGHT)
+    assert (explained.soundness >= 0.5) is sound
+
+
 def test_two_effects_are_explained_by_the_pair():
     effects = {"support-compliance.compliance": 0.2, "preconditioning.softening": 0.3,
                "preconditioning.fading": 0.2}  # fmt: skip

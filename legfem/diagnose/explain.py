@@ -133,8 +133,23 @@ class Explained:
         """
         return sum(e.probability for e in self.every if not self._adds(e))
 
+    @property
+    def plain(self) -> tuple[Explanation, ...]:
+        """What leaves nothing out that matters: the base model, or a trifling error beside it.
+
+        An error of unknown shape below a trial's noise is no contradiction: real noise is never
+        quite as assumed.
+        """
+        noise = float(self.base.problem.errors.trial_sd.max())
+        largest = float(np.abs(self.base.fit.prediction).max())
+        return tuple(
+            e for e in self.every
+            if e.nothing or (e.unknown and e.posterior.unknown_size * largest < noise)
+        )  # fmt: skip
+
     def _adds(self, one: Explanation) -> bool:
-        return not one.nothing and _gain(one, self.base) > ADDS_FROM
+        most = max(self.plain, key=lambda e: e.posterior.log_evidence)
+        return one not in self.plain and _gain(one, most) > ADDS_FROM
 
 
 def explain(
