@@ -62,6 +62,7 @@ def diagnose(
         from legfem.plan.run import plan_after
         from legfem.report.diagnosis import write_diagnosis_report
         from legfem.report.plan import plan_document, plan_lines
+        from legfem.report.web.page import PAGE, command_line
         from legfem.subjects.subject import load_subject
 
         if seed < 0:
@@ -82,6 +83,8 @@ def diagnose(
         if ranked:
             content["next_experiment_ranked"] = plan_document(ranked, found.id)["tests"]
         path = write_document(folder / "diagnosis.json", content)
-        report = write_diagnosis_report(diagnosis, found, folder, plan_lines(ranked))
+        report = write_diagnosis_report(
+            diagnosis, found, folder, plan_lines(ranked), command_line()
+        )
         print(report.read_text())
-        print(f"result: {path}\nreport: {report}")
+        print(f"result: {path}\nreport: {report}\npage:   {report.with_name(PAGE)}")

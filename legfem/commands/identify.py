@@ -124,6 +124,7 @@ def run(
         from legfem.identify.written import Written
         from legfem.report.identification import write_identification_report
         from legfem.report.text import fit_report
+        from legfem.report.web.page import PAGE, command_line
         from legfem.subjects.subject import SUBJECTS, load_subject
 
         found = load_subject(SUBJECTS.named(subject, subject_dir))
@@ -152,7 +153,9 @@ def run(
             print(f"{found.id}: {failure}", file=sys.stderr)
             raise typer.Exit(FAILED) from None
         path = write_results(results, folder, as_list=len(chosen) > 1)
-        report = write_identification_report(results, found, model.experiment, folder)
+        report = write_identification_report(
+            results, found, model.experiment, folder, command_line()
+        )
         for result in results:
             print(fit_report(result))
-        print(f"result: {path}\nreport: {report}")
+        print(f"result: {path}\nreport: {report}\npage:   {report.with_name(PAGE)}")

@@ -134,13 +134,18 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
             "full_solutions": found.solutions,
             "seed": seed,
             "wall_s": seconds,
-            "versions": {
-                "legfem": legfem_version(),
-                "dolfinx": package_version("fenics-dolfinx"),
-                "python": platform.python_version(),
-            },
+            "versions": versions(),
         }
     )
+
+
+def versions() -> dict[str, str]:
+    """Return those of the programs that a diagnosis rests on."""
+    return {
+        "legfem": legfem_version(),
+        "dolfinx": package_version("fenics-dolfinx"),
+        "python": platform.python_version(),
+    }
 
 
 def r_squared(fitted: Fit, found: Diagnosis) -> float:

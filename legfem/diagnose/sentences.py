@@ -39,18 +39,18 @@ def verdict_sentence(found: Diagnosis) -> str:
     if found.verdict == "named":
         whole = "What it left out" if not first.in_part else "What it left out, in part"
         return (
-            f"The recordings contradict the model. {whole}: {_statements(first)} (probability "
+            f"The recordings contradict the model. {whole}: {statements(first)} (probability "
             f"{percent(first.probability)}).{_in_part(found, first)} "
             f"{stiffness_sentence(found.base, first)} {air(found)}"
         ).strip()
     candidates = "; or ".join(
-        f"({k}) {_statements(model)}, {percent(model.probability)}"
+        f"({k}) {statements(model)}, {percent(model.probability)}"
         for k, model in enumerate(found.models, 1)
     )
     return (
         "The recordings contradict the model. What it left out is one of these, and the "
         f"recordings can't tell which: {candidates}. "
-        f"{_stiffness_range(found.base, found.models)} {air(found)}"
+        f"{stiffness_range(found.base, found.models)} {air(found)}"
     ).strip()
 
 
@@ -93,19 +93,20 @@ def _digits(value: float) -> str:
     return f"{value:#.3g}".rstrip(".") if value else "0"
 
 
-def _statements(model: Explanation) -> str:
+def statements(model: Explanation) -> str:
+    """Return what a model's mechanisms say was left out."""
     return " and ".join(m.statement for m in model.fit.mechanisms)
 
 
-def _stiffness_range(before: Explanation, after: Sequence[Explanation]) -> str:
+def stiffness_range(before: Explanation, after: Sequence[Explanation]) -> str:
+    """Return between which values the stiffness moves by one of several explanations."""
     parts = []
     for name in ("C10", "C20"):
         if name in before.fit.free:
             values = [model.value(name) for model in after]
-            parts.append(
-                f"{name} from {_digits(before.value(name))} kPa to between "
-                f"{_digits(min(values))} and {_digits(max(values))} kPa"
-            )
+            ends = list(dict.fromkeys(_digits(value) for value in (min(values), max(values))))
+            there = f"between {ends[0]} and {ends[1]}" if len(ends) > 1 else ends[0]
+            parts.append(f"{name} from {_digits(before.value(name))} kPa to {there} kPa")
     return f"Depending on which it is, putting it into the model moves {' and '.join(parts)}."
 
 

@@ -281,7 +281,6 @@ def _prior(parameter: Any) -> dict[str, Any]:
 
 def _versions() -> dict[str, str]:
     names = {
-        "legfem": "legfem",
         "dolfinx": "fenics-dolfinx",
         "numpy": "numpy",
         "scipy": "scipy",

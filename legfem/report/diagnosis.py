@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.document import Recorded
+from legfem.diagnose.document import Recorded, versions
 from legfem.report.diagnosis_text import diagnosis_page
 from legfem.report.in_place import REPORT, made_in_place
 from legfem.report.page import ReportFile
@@ -15,12 +15,18 @@ from legfem.report.ranking_figure import ranking_figure
 from legfem.report.recording_figure import recording_figure
 from legfem.report.signature_figure import leading, signature_figure
 from legfem.report.style import save
+from legfem.report.web.diagnosis import diagnosis_web_page
+from legfem.report.web.page import PAGE, rendered
 
 
 def write_diagnosis_report(
-    diagnosis: Diagnosis, subject: Recorded, out: Path, plan: Sequence[str] = ()
+    diagnosis: Diagnosis,
+    subject: Recorded,
+    out: Path,
+    plan: Sequence[str] = (),
+    command: str = "",
 ) -> Path:
-    """Write report.txt and the figures of a diagnosis.
+    """Write report.txt, report.html and the figures of a diagnosis.
 
     They are there together, the report last; see `made_in_place`.
 
@@ -34,6 +40,8 @@ def write_diagnosis_report(
         Folder; made if missing.
     plan
         What could be done next, each with its chance, the best first.
+    command
+        That was given, for who wants to repeat it.
 
     Returns
     -------
@@ -42,8 +50,11 @@ def write_diagnosis_report(
     """
     out = Path(out)
     with made_in_place(out) as folder:
-        entries = _figures(diagnosis, subject, folder)
+        shows = "all of it on one page for a browser, with curves to explore"
+        entries = [ReportFile([Path(PAGE)], shows), *_figures(diagnosis, subject, folder)]
         page = diagnosis_page(diagnosis, subject, entries, plan)
+        html = diagnosis_web_page(diagnosis, subject, page, plan, versions(), command)
+        (folder / PAGE).write_text(rendered(html), encoding="utf-8")
         (folder / REPORT).write_text(page, encoding="utf-8")
     return out / REPORT
 

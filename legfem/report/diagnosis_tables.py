@@ -16,6 +16,9 @@ from legfem.report.words import number, short_probability
 
 PLACES_SHOWN = 12
 
+type Cells = tuple[list[str], list[list[str]]]
+"""A table's header and rows."""
+
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return columns as wide as they need; the last one isn't padded."""
@@ -28,7 +31,15 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def places_table(found: Diagnosis) -> str:
-    """Return where the base model is wrong, by how much, against the noise."""
+    """Return `places_cells` as text, and how many more there are."""
+    text, more = table(*places_cells(found)), len(places_of(found)) - PLACES_SHOWN
+    if more > 0:
+        text += f"\n... and {more} smaller ones (all are in diagnosis.json)"
+    return text
+
+
+def places_cells(found: Diagnosis) -> Cells:
+    """Return where the base model is wrong, by how much, against the noise; the gravest ones."""
     places = places_of(found)
     kept = sorted(places, key=lambda place: -place.weight)[:PLACES_SHOWN]
     rows = [
@@ -47,10 +58,7 @@ def places_table(found: Diagnosis) -> str:
         if place in kept
     ]
     header = ["phase", "mm", "s", "size (N)", "noise (N)", "p", "trials"]
-    text = table(header, rows)
-    if len(places) > len(kept):
-        text += f"\n... and {len(places) - len(kept)} smaller ones (all are in diagnosis.json)"
-    return text
+    return header, rows
 
 
 def trials_of(found: Diagnosis, place: Place) -> str:
@@ -65,7 +73,7 @@ def trials_of(found: Diagnosis, place: Place) -> str:
     return ", ".join(observed.trials[k] for k in place.trials)
 
 
-def evidence_table(found: Diagnosis) -> str:
+def evidence_cells(found: Diagnosis) -> Cells:
     """Return how probable each reported explanation is, and what it leaves."""
     base = found.alone
     rows = [
@@ -88,19 +96,19 @@ def evidence_table(found: Diagnosis) -> str:
         "explanation", "probability", "ln Bayes factor", "of the misfit", "held-out (N)",
         "full solutions",
     ]  # fmt: skip
-    return table(header, rows)
+    return header, rows
 
 
-def explanation_table(found: Diagnosis, most: int = 8) -> str:
+def explanation_cells(found: Diagnosis, most: int = 8) -> Cells:
     """Return the most probable explanations, nothing and something unknown among them."""
     rows = [
         [model_name(e) if not e.nothing else "nothing was left out", percent(e.probability)]
         for e in found.explained.every[:most]
     ]
-    return table(["explanation", "probability"], rows)
+    return ["explanation", "probability"], rows
 
 
-def limit_table(found: Diagnosis) -> str:
+def limit_cells(found: Diagnosis) -> Cells:
     """Return how strong each mechanism may be unseen."""
     rows = []
     for limit in found.limits:
@@ -112,7 +120,7 @@ def limit_table(found: Diagnosis) -> str:
                 f"{limit.effect:.2g}",
             ]
         )
-    return table(["mechanism", "between (95 %)", "changes the force by at most (N)"], rows)
+    return ["mechanism", "between (95 %)", "changes the force by at most (N)"], rows
 
 
 def held_out_note(held: HeldOut) -> str:
@@ -202,7 +210,7 @@ def flag(model: Explanation, name: str, null: float | None) -> str:
     return ""
 
 
-def score_table(found: Diagnosis) -> str:
+def score_cells(found: Diagnosis) -> Cells:
     """Return the score tests of the base model, the strongest first."""
     rows = [
         [
@@ -212,4 +220,4 @@ def score_table(found: Diagnosis) -> str:
         ]
         for score in found.assessment.scores
     ]
-    return table(["mechanism", "p by itself", "share that a refit hides"], rows)
+    return ["mechanism", "p by itself", "share that a refit hides"], rows

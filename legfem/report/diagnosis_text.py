@@ -39,10 +39,10 @@ def diagnosis_page(
     sections = {
         "Where the base model is wrong": _where(found),
         "Which physics, and how sure": _physics(found),
-        "What these recordings can't tell apart": _alike(found),
+        "What these recordings can't tell apart": _bullets(alike(found)),
         "Stiffness before and after" if shown_models(found) else "Stiffness": _stiffness(found),
         "What was tested": _tested(found),
-        "What could not be tested": _untested(found),
+        "What could not be tested": _bullets(untested(found)),
         "Remarks on the recordings": _bullets(found.observed.remarks) or "None.",
         "What to measure next": _next(found, plan),
         "Noise and accuracy": _noise(found),
@@ -98,7 +98,7 @@ def _verdict(found: Diagnosis) -> str:
         )
     return (
         f"{_fill(verdict_sentence(found))}\n\n{_fill(looks)}\n\n"
-        f"{_indented(tables.explanation_table(found))}"
+        f"{_indented(tables.table(*tables.explanation_cells(found)))}"
     )
 
 
@@ -127,7 +127,7 @@ def _physics(found: Diagnosis) -> str:
             "None is asked for. What these recordings would have shown: with 95 % each mechanism, "
             "if it is there at all, lies between these."
         )
-        return f"{_fill(note)}\n\n{tables.limit_table(found)}"
+        return f"{_fill(note)}\n\n{tables.table(*tables.limit_cells(found))}"
     if not found.models:
         return _closest(found)
     blocks = []
@@ -137,7 +137,7 @@ def _physics(found: Diagnosis) -> str:
         blocks.append(
             _fill(f"{label}{statements}.") + f"\n{_indented(tables.mechanism_table(model))}"
         )
-    blocks.append(tables.evidence_table(found))
+    blocks.append(tables.table(*tables.evidence_cells(found)))
     blocks.append(
         _fill(
             f"{tables.held_out_note(found.base_held_out)} ln Bayes factor: how much more probable "
@@ -169,7 +169,8 @@ def _closest(found: Diagnosis) -> str:
     )  # fmt: skip
 
 
-def _alike(found: Diagnosis) -> str:
+def alike(found: Diagnosis) -> list[str]:
+    """Return sentences on what the recordings can't tell apart."""
     lines = []
     if len(found.models) > 1:
         names = [model_name(model) for model in found.models]
@@ -189,7 +190,7 @@ def _alike(found: Diagnosis) -> str:
             "A refit of the stiffness hides nearly all of a small effect of: "
             f"{', '.join(names)}. Such an effect could bias the stiffness without a sign."
         )
-    return _bullets(lines)
+    return lines
 
 
 def _stiffness(found: Diagnosis) -> str:
@@ -218,16 +219,17 @@ def _tested(found: Diagnosis) -> str:
         "likeness by noise. Of many tests some are small by chance; the verdict allows for that. "
         "Small in several rows does not mean several causes: signs of mechanisms look alike."
     )
-    return f"{_fill(note)}\n\n{tables.score_table(found)}"
+    return f"{_fill(note)}\n\n{tables.table(*tables.score_cells(found))}"
 
 
-def _untested(found: Diagnosis) -> str:
+def untested(found: Diagnosis) -> list[str]:
+    """Return which mechanisms could not be tested, and why."""
     if not found.untested:
-        return "Nothing: all mechanisms that legfem knows were tested."
+        return ["Nothing: all mechanisms that legfem knows were tested."]
     reasons: dict[str, list[str]] = {}
     for name, why in found.untested.items():
         reasons.setdefault(why, []).append(plain(name))
-    return _bullets([f"{', '.join(names)}: {why}" for why, names in reasons.items()])
+    return [f"{', '.join(names)}: {why}" for why, names in reasons.items()]
 
 
 def _next(found: Diagnosis, plan: Sequence[str]) -> str:

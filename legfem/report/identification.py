@@ -20,6 +20,9 @@ from legfem.report.leg_figure import leg_figure
 from legfem.report.page import ReportFile, report_page
 from legfem.report.paraview import write_fields
 from legfem.report.style import LAW_NAMES, save
+from legfem.report.web.identification import identification_page
+from legfem.report.web.page import PAGE, rendered
+from legfem.report.web.section import Film, PressedSection, pressed_section
 from legfem.subjects.subject import Subject
 
 
@@ -28,8 +31,9 @@ def write_identification_report(
     subject: Subject,
     experiment: PlaneStrainIndentation | None,
     out: Path,
+    command: str = "",
 ) -> Path:
-    """Write report.txt, the figures and the fields of an identification.
+    """Write report.txt, report.html, the figures and the fields of an identification.
 
     They are there together, the report last; see `made_in_place`.
 
@@ -44,6 +48,8 @@ def write_identification_report(
         and fields of it out. Under MPI all ranks of its communicator call.
     out
         Folder; made if missing.
+    command
+        That was given, for who wants to repeat it.
 
     Returns
     -------
@@ -54,12 +60,15 @@ def write_identification_report(
     comm = MPI.COMM_SELF if experiment is None else experiment.comm
     if comm.size == 1 and MPI.COMM_WORLD.rank > 0:
         return out / REPORT
-    note, entries = "", list[ReportFile]()
+    note, entries, pressed = "", list[ReportFile](), None
     with made_in_place(out, comm) as folder:
         if experiment is not None:
-            note, entries = _deformed_state(results, subject, experiment, folder)
+            note, entries, pressed = _deformed_state(results, subject, experiment, folder)
         if comm.rank == 0:
-            entries = [*_figures(results, folder), *entries]
+            html = rendered(identification_page(results, subject, pressed, command))
+            (folder / PAGE).write_text(html, encoding="utf-8")
+            shows = "all of it on one page for a browser, with curves and leg to explore"
+            entries = [ReportFile([Path(PAGE)], shows), *_figures(results, folder), *entries]
             page = report_page(results, subject, entries, note)
             (folder / REPORT).write_text(page, encoding="utf-8")
     return out / REPORT
@@ -93,20 +102,29 @@ def _deformed_state(
     subject: Subject,
     experiment: PlaneStrainIndentation,
     folder: Path,
-) -> tuple[str, list[ReportFile]]:
-    """Solve the best law once more; return a note on that, and what was written of it."""
+) -> tuple[str, list[ReportFile], PressedSection | None]:
+    """Solve the best law once more; return a note on that, what was written of it, and the film."""
     best = min(results, key=lambda result: result.cost.value)
     depth = float(best.measured.displacement[-1])
-    solved = experiment.solve(best.model_values, depth)
+    film = Film(experiment, depth) if experiment.comm.size == 1 else None
+    on_step = None if film is None else film.take
+    solved = experiment.solve(best.model_values, depth, on_step=on_step)
     if not _state_is_final(experiment, solved):
         return (
             f"The deformed state at {depth:g} mm could not be solved for again with the same mesh "
             f"({solved.report.reason}): its picture and fields are left out.",
             [],
+            None,
         )
     fields = fields_of(experiment.system)
-    entries = []
-    if experiment.comm.size == 1:
+    entries, pressed = [], None
+    if film is not None:
+        pressed = pressed_section(
+            film, solved.curve.displacement, solved.curve.force,
+            f"Section of the leg with the {LAW_NAMES[best.law]} law while the cylinder is pressed "
+            "in (model): its mesh with the hydrostatic pressure or the tissues. Dashed: the skin "
+            "before.",
+        )  # fmt: skip
         figure = leg_figure(
             fields,
             subject.section,
@@ -132,7 +150,7 @@ def _deformed_state(
         f"{best.forward_solves} counted above ({solved.report.factorisations} factorisations, "
         f"{solved.report.seconds:.1f} s)."
     )
-    return note, entries
+    return note, entries, pressed
 
 
 def _state_is_final(experiment: PlaneStrainIndentation, solved: Solved) -> bool:

@@ -48,7 +48,7 @@ def report_page(
         f"{heading}\n{'=' * len(heading)}",
         f"*** {what.upper()} ***" + (f" ({explanation}" if explanation else ""),
         _headline("Summary") + summary(results).rstrip(),
-        _headline("What was done") + _procedure(results[0], subject),
+        _headline("What was done") + procedure(results[0], subject),
         _headline("Tissues") + _tissues(results, subject),
         *(
             _headline(f"Result: {LAW_NAMES[result.law]}") + fit_report(result).rstrip()
@@ -63,7 +63,8 @@ def _headline(name: str) -> str:
     return f"{name}\n{'-' * len(name)}\n"
 
 
-def _procedure(result: IdentificationResult, subject: Subject) -> str:
+def procedure(result: IdentificationResult, subject: Subject) -> str:
+    """Return what was done with the recordings, as a paragraph."""
     measured, indenter = result.measured, subject.indenter
     correction = (
         f"with the 3D correction {result.correction.name}"

@@ -128,11 +128,9 @@ def comparison(results: Sequence[IdentificationResult]) -> list[str]:
         f"{worse.cost.value:.3g} N2, rms {better.cost.rms:.3g} against {worse.cost.rms:.3g} N)"
     )
     name = LAW_NAMES[better.law]
-    gain = worse.cost.chi_square - better.cost.chi_square
-    extra = len(better.parameters) - len(worse.parameters)
-    if extra <= 0:
+    if len(better.parameters) <= len(worse.parameters):
         return [*lines, f"The {name} law fits better: its {costs}."]
-    chance = float(chi2.sf(gain, extra)) if gain > 0 else 1.0
+    gain, chance = _gain(better, worse)
     if chance < _SIGNIFICANT:
         return [
             *lines,
@@ -145,6 +143,28 @@ def comparison(results: Sequence[IdentificationResult]) -> list[str]:
         f"The {name} law's {costs}, but the data do not ask for its further parameter: chi-square "
         f"changes by {-gain:+.2g} ({_probability(chance)}), no more than noise would give.",
     ]
+
+
+def preferred(results: Sequence[IdentificationResult]) -> IdentificationResult:
+    """Return the law that the data ask for: the better fit, unless chance explains that it is."""
+    better, *others = sorted(results, key=lambda result: result.cost.value)
+    if not others:
+        return better
+    fewer = len(better.parameters) > len(others[0].parameters)
+    by_chance = fewer and _gain(better, others[0])[1] >= _SIGNIFICANT
+    return others[0] if by_chance or better.neo_hookean_limit else better
+
+
+def _gain(better: IdentificationResult, worse: IdentificationResult) -> tuple[float, float]:
+    """Return by how much chi-square falls with further parameters, and the chance of that."""
+    gain = worse.cost.chi_square - better.cost.chi_square
+    extra = len(better.parameters) - len(worse.parameters)
+    return gain, float(chi2.sf(gain, extra)) if gain > 0 else 1.0
+
+
+def fits(result: IdentificationResult) -> bool:
+    """Return whether a law describes the recordings within the noise."""
+    return not result.cost.p_value < _SIGNIFICANT
 
 
 def _model(result: IdentificationResult) -> list[str]:
@@ -271,7 +291,7 @@ def _goodness(result: IdentificationResult) -> str:
     name, chance = LAW_NAMES[result.law], result.cost.p_value
     if math.isnan(chance):
         return f"The {name} law fits with rms {result.cost.rms:.3g} N."
-    if chance < _SIGNIFICANT:
+    if not fits(result):
         return (
             f"The {name} law does not fit within the noise ({_probability(chance)}): "
             "physics that it leaves out shows."

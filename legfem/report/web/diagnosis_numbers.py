@@ -1,0 +1,68 @@
+"""The numbers of a diagnosis, and where each comes from."""
+
+from __future__ import annotations
+
+from legfem.diagnose.diagnosis import Diagnosis
+from legfem.diagnose.document import Recorded
+from legfem.diagnose.predict import onset_name
+from legfem.geometry.section import girth
+from legfem.report import diagnosis_tables as tables
+from legfem.report.diagnosis_style import BASE_NAME, model_name, plain, shown_models
+from legfem.report.web.page import Known, Provenance
+from legfem.subjects.subject import Subject
+
+
+def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
+    """Return the stiffness with each model, the mechanisms' parameters, and what was assumed."""
+    trials = len(found.observed.trials)
+    recordings = f"{trials} recording{'s' * (trials > 1)}"
+    data: Provenance = subject.origin
+    rows = []
+    for name in (name for name in ("C10", "C20") if name in found.base.fit.free):
+        shown = [(found.base, BASE_NAME)]
+        shown += [(s.model, f"with {s.name}" if s.suits else s.name) for s in shown_models(found)]
+        for model, which in shown:
+            change = tables.relative_change(found.base.value(name), model.value(name))
+            remark = [tables.flag(model, name, 0.0), "" if model is found.base else change]
+            rows.append(
+                Known(f"{name}, {which}", f"{tables.estimate(model, name)} kPa", "estimated",
+                      recordings, tables.interval(model, name), "; ".join(filter(None, remark)))
+            )  # fmt: skip
+    for model in found.models:
+        for mechanism in model.fit.mechanisms:
+            for p in mechanism.parameters:
+                full = f"{mechanism.name}.{p.name}"
+                unit = "" if p.unit == "-" else f" {p.unit}"
+                rows.append(
+                    Known(f"{plain(mechanism.name)}: {p.statement or plain(p.name)}",
+                          tables.estimate(model, full) + unit, "estimated", recordings,
+                          tables.interval(model, full), f"model with {model_name(model)}")
+                )  # fmt: skip
+    for k, trial in enumerate(found.observed.trials):
+        low, high = found.best.interval(onset_name(k))
+        at = found.observed.contacts[k].displacement
+        rows.append(
+            Known(f"first contact of {trial}",
+                  f"{_hundredths(at + found.best.value(onset_name(k)))} mm", "estimated",
+                  "its recording", f"{_hundredths(at + low)} to {_hundredths(at + high)}")
+        )  # fmt: skip
+    noise = found.errors.noise
+    rows += [
+        Known("noise of a force reading", f"{noise.force_sd:.3g} N (sd)", data, noise.source),
+        Known("error of the displacement", f"{noise.wander_sd:.2g} mm (sd)", data, noise.source),
+    ]
+    rows += [
+        Known(f"{name}", f"{round(z, 1) + 0.0:+.1f} sd", "prior",
+              "usual accuracy, or [accuracy] in subject.toml",
+              remark="how far the fit moved it from what was assumed")
+        for name, z in zip(found.errors.names, found.best.posterior.effects, strict=True)
+    ]  # fmt: skip
+    if isinstance(subject, Subject):
+        rows.append(
+            Known("girth of the section", f"{girth(subject.section):.0f} mm", data, "contours")
+        )
+    return rows
+
+
+def _hundredths(value: float) -> str:
+    return f"{round(value, 2) + 0.0:.2f}"

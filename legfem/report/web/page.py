@@ -1,0 +1,174 @@
+"""What a page says, part by part, and how it becomes one file of HTML."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import ClassVar, Literal
+
+import click
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from legfem.common.versions import legfem_version
+from legfem.report.text import ORIGINS
+from legfem.report.web.curves import Curves, embedded
+from legfem.report.web.section import PressedSection, StillSection
+
+PAGE = "report.html"
+Tone = Literal["sound", "caution", "wrong"]
+Provenance = Literal["measured", "reconstructed", "simulated", "estimated", "assumed", "prior"]
+TONES: Mapping[Tone, str] = {
+    "sound": "Nothing speaks against the model",
+    "caution": "Read with caution",
+    "wrong": "The model is wrong here",
+}
+_PROVENANCE: Mapping[Provenance, str] = {
+    "measured": "read off measurements of this leg",
+    "reconstructed": "read off reconstructed data; no leg was measured",
+    "simulated": "read off simulated data; no leg was measured",
+    "estimated": "found here, by fitting the model to the recordings",
+    "assumed": "taken as exact; not checked by these recordings",
+    "prior": "known beforehand with a stated error, which the intervals carry",
+}
+
+
+@dataclass(frozen=True)
+class Headline:
+    """The verdict, for someone who knows no statistics."""
+
+    tone: Tone
+    sentence: str
+    answers: Sequence[tuple[str, str]]
+    """Questions that such a reader has, in their order, each with its answer."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """One number that the result has or rests on, and where it comes from."""
+
+    name: str
+    value: str
+    provenance: Provenance
+    source: str
+    interval: str = ""
+    """95 %; empty where there is none."""
+    remark: str = ""
+
+
+@dataclass(frozen=True)
+class Prose:
+    """A paragraph."""
+
+    kind: ClassVar[str] = "prose"
+    text: str
+
+
+@dataclass(frozen=True)
+class Bullets:
+    """A list of sentences."""
+
+    kind: ClassVar[str] = "bullets"
+    items: Sequence[str]
+
+
+@dataclass(frozen=True)
+class WebTable:
+    """A table; its first column names the rows."""
+
+    kind: ClassVar[str] = "table"
+    caption: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    folded: bool = False
+    """Whether it opens only when asked for."""
+
+
+@dataclass(frozen=True)
+class Verbatim:
+    """A text as it was printed, folded away."""
+
+    kind: ClassVar[str] = "verbatim"
+    title: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A PNG, and what it shows in words."""
+
+    kind: ClassVar[str] = "picture"
+    png: str
+    """Base64."""
+    alt: str
+
+
+Block = Prose | Bullets | WebTable | Verbatim | Picture | Curves | PressedSection | StillSection
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """What stands under one heading."""
+
+    title: str
+    blocks: Sequence[Block]
+
+
+@dataclass(frozen=True)
+class Repeat:
+    """How the run is made again."""
+
+    command: str
+    """Empty where it was called from Python."""
+    versions: Mapping[str, str]
+    numbers: Mapping[str, str] = field(default_factory=dict)
+    """Seed and the like, as people write them."""
+
+
+@dataclass(frozen=True)
+class WebPage:
+    """A run's page."""
+
+    title: str
+    subject: str
+    origin: str
+    """``measured``, ``reconstructed`` or ``simulated``."""
+    headline: Headline
+    warnings: Sequence[str]
+    known: Sequence[Known]
+    chapters: Sequence[Chapter]
+    """In their order; the table of what is known follows the first."""
+    repeat: Repeat
+
+
+def rendered(page: WebPage) -> str:
+    """Return a page as HTML that loads nothing."""
+    environment = Environment(
+        loader=PackageLoader("legfem", "resources/web"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    curves = [b for chapter in page.chapters for b in chapter.blocks if isinstance(b, Curves)]
+    return environment.get_template("report.html").render(
+        page=page,
+        tone=TONES[page.headline.tone],
+        data=ORIGINS[page.origin],
+        provenances=_PROVENANCE,
+        plots=embedded(curves),
+        pressed=any(
+            isinstance(b, PressedSection) for chapter in page.chapters for b in chapter.blocks
+        ),
+        legfem=legfem_version(),
+    )
+
+
+def command_line() -> str:
+    """Return the command that is running, as it can be given again; empty outside of one."""
+    context = click.get_current_context(silent=True)
+    if context is None:
+        return ""
+    program = context.find_root().info_name or ""
+    return f"{program} {shlex.join(sys.argv[1:])}".strip()

@@ -1,0 +1,192 @@
+"""The leg's section on a page: pressed with a slider where it was solved, still otherwise."""
+
+from __future__ import annotations
+
+import base64
+import json
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legfem.common.units import FloatArray
+from legfem.experiments.plane_strain import PlaneStrainIndentation
+from legfem.fem.fields import fields_of
+from legfem.geometry.section import BONES, PARTS, LegSection
+from legfem.meshing.section import REGIONS, first_touch
+from legfem.report.leg_figure import DrawnSection
+from legfem.report.style import BONE_COLOUR, REGION_COLOURS, REGION_NAMES
+from legfem.subjects.subject import Subject
+
+_STATES = 16
+"""About how many states are kept between which the page interpolates."""
+_MOVE, _PRESSURE = 1 / 200, 1 / 50
+"""mm and kPa a count: what whole numbers of 16 bits hold of them."""
+_MARGIN = 12.0
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """The section at one displacement of the indenter."""
+
+    displacement: float
+    """mm."""
+    force: float
+    """N; NaN until the solution's curve is known."""
+    centre: FloatArray
+    """(2,), mm: of the indenter."""
+    drawn: DrawnSection
+
+
+@dataclass(eq=False)
+class Film:
+    """Takes states of a section while it is being pressed, for `PlaneStrainIndentation.solve`."""
+
+    experiment: PlaneStrainIndentation
+    depth: float
+    """mm, to which it is pressed."""
+    states: list[State] = field(default_factory=list)
+
+    def take(self, at: float) -> None:
+        """Keep the state at a displacement (mm), unless the last one is near."""
+        if self.states and at < self.states[-1].displacement:
+            self.states.clear()  # the solution began anew
+        last = self.states[-1].displacement if self.states else 0.0
+        if at - last < self.depth / _STATES and not np.isclose(at, self.depth):
+            return
+        fields = fields_of(self.experiment.system)
+        centre = np.array(fields.indenter_centre)
+        self.states.append(State(at, float("nan"), centre, DrawnSection.of(fields)))
+
+
+@dataclass(frozen=True, eq=False)
+class PressedSection:
+    """A section's mesh that a reader presses, coloured by tissue or by pressure."""
+
+    kind: ClassVar[str] = "pressed"
+    caption: str
+    data: str
+    """JSON for ``press.js``."""
+    deepest: float
+    """mm."""
+    pressures: tuple[float, float]
+    """kPa: between which it is coloured."""
+    rows: list[list[str]]
+    """Displacement, force and greatest pressure of every state."""
+    header: ClassVar[list[str]] = [
+        "displacement (mm)", "force (N)", "highest pressure in muscle and fat (kPa)"
+    ]  # fmt: skip
+    tissues: ClassVar[list[tuple[str, str]]] = [
+        *((REGION_NAMES[name], REGION_COLOURS[name]) for name in REGIONS),
+        ("bone (fixed)", BONE_COLOUR),
+    ]
+
+
+def pressed_section(
+    film: Film, displacement: FloatArray, force: FloatArray, what: str
+) -> PressedSection | None:
+    """Return the states of a film with their forces (N); None where there are too few."""
+    if len(film.states) < 2:
+        return None
+    first = film.states[0].drawn
+    corners = first.cell_outlines[::2]
+    vertices, cells = np.unique(first.numbers[:, corners], return_inverse=True)
+    cells = cells.reshape(-1, len(corners))
+    moves = np.zeros((len(film.states) + 1, len(vertices), 2))
+    colours = np.zeros((len(film.states) + 1, len(cells)))
+    at = np.zeros((len(vertices), 2))
+    at[cells] = first.nodes[:, corners]
+    tissue = first.region != REGIONS["fascia"]
+    rows = [["0.0", "0.00", "0.0"]]
+    touch = film.experiment.section_mesh.touch
+    forces, centres = [0.0], [touch.tolist()]
+    for k, state in enumerate(film.states, 1):
+        moves[k][cells] = state.drawn.displacement[:, corners]
+        colours[k] = state.drawn.pressure.mean(axis=1)
+        forces.append(float(np.interp(state.displacement, displacement, force)))
+        centres.append(state.centre.tolist())
+        rows.append(
+            [f"{state.displacement:.1f}", f"{forces[-1]:.2f}", f"{colours[k][tissue].max():.1f}"]
+        )
+    low, high = np.percentile(colours[-1][tissue], [0.5, 99.5])
+    low = min(float(low), 0.0)
+    section, radius = film.experiment.section, film.experiment.indenter.radius
+    content = {
+        "displacement": [0.0, *(state.displacement for state in film.states)],
+        "force": forces,
+        "centres": centres,
+        "radius": radius,
+        "vertices": np.round(at, 3).ravel().tolist(),
+        "corners": len(corners),
+        "cells": _packed(cells, "<u2"),
+        "moves": _packed(moves / _MOVE, "<i2"),
+        "mm_a_count": _MOVE,
+        "pressures": _packed(colours / _PRESSURE, "<i2"),
+        "kPa_a_count": _PRESSURE,
+        "shown_kPa": [low, float(high)],
+        "tissue": [_colour(tag) for tag in first.region],
+        "bones": [section.contour(name).round(2).tolist() for name in BONES],
+        "skin": section.skin.round(2).tolist(),
+        "bone": BONE_COLOUR,
+        "frame": _frame(section, radius, *centres),
+    }
+    deepest = film.states[-1].displacement
+    return PressedSection(what, json.dumps(content), deepest, (low, float(high)), rows)
+
+
+def _packed(values: NDArray[Any], kind: str) -> str:
+    limits = np.iinfo(np.dtype(kind))
+    whole = np.clip(np.round(values), limits.min, limits.max).astype(kind)
+    return base64.b64encode(whole.tobytes()).decode()
+
+
+def _colour(tag: float) -> str:
+    return next(REGION_COLOURS[name] for name, known in REGIONS.items() if known == tag)
+
+
+def _frame(section: LegSection, radius: float, *centres: Any) -> list[float]:
+    """Return left, bottom, width and height (mm) of what is seen."""
+    points = np.vstack([section.skin, np.asarray(centres) - radius, np.asarray(centres) + radius])
+    low, high = points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN
+    return [float(v) for v in (*low, *(high - low))]
+
+
+@dataclass(frozen=True)
+class StillSection:
+    """The contours of a section and the indenter where it first touches."""
+
+    kind: ClassVar[str] = "still"
+    caption: str
+    view: str
+    """SVG's viewBox, y downwards."""
+    outlines: list[tuple[str, str, str]]
+    """Name, colour and points of every closed contour."""
+    indenter: tuple[float, float, float]
+    """Centre and radius, y downwards."""
+    travel: tuple[float, float, float, float]
+    """Line from the centre along the indenter's travel."""
+
+
+def still_section(subject: Subject) -> StillSection:
+    """Return a subject's section with its indenter."""
+    section, indenter = subject.section, subject.indenter
+    centre = first_touch(section.skin, indenter.radius, indenter.aim, indenter.direction)
+    end = centre + indenter.direction * indenter.radius
+    left, bottom, width, height = _frame(section, indenter.radius, centre)
+    colours = {
+        "skin": REGION_COLOURS["superficial"], "fascia": REGION_COLOURS["deep"],
+        "tibia": BONE_COLOUR, "fibula": BONE_COLOUR,
+    }  # fmt: skip
+    outlines = [
+        (part, colours[part], " ".join(f"{x:.1f},{-y:.1f}" for x, y in section.contour(part)))
+        for part in PARTS
+    ]
+    return StillSection(
+        "Section of the leg as it was given, with the cylinder where it first touches the skin and "
+        "the way it is pressed. Fat is light, muscle dark, the fascia the line between them.",
+        f"{left:.1f} {-bottom - height:.1f} {width:.1f} {height:.1f}",
+        outlines,
+        (float(centre[0]), float(-centre[1]), float(indenter.radius)),
+        (float(centre[0]), float(-centre[1]), float(end[0]), float(-end[1])),
+    )

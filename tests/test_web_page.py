@@ -1,0 +1,172 @@
+"""report.html: whole in one file, well-formed, and it says verdict, warnings and provenance."""
+
+from __future__ import annotations
+
+import base64
+import json
+from dataclasses import replace
+
+import browser
+import numpy as np
+import pytest
+from making import write_subject
+from making_diagnosed import diagnosed
+from making_results import measured_curve, result
+from reading_page import read
+from test_diagnosis_report import CASES
+
+from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.fem.fields import fields_of
+from legfem.meshing.section import SectionMeshSettings
+from legfem.report.leg_figure import DrawnSection
+from legfem.report.web import section
+from legfem.report.web.curves import Curves, Line, embedded
+from legfem.report.web.diagnosis import diagnosis_web_page
+from legfem.report.web.identification import identification_page
+from legfem.report.web.page import rendered
+from legfem.report.web.section import Film, pressed_section
+from legfem.subjects.subject import load_subject
+
+MOST_BYTES = 2_000_000
+DEPTH = 4.0
+
+
+@pytest.fixture(scope="module")
+def subject(tmp_path_factory):
+    folder = write_subject(tmp_path_factory.mktemp("page") / "made")
+    return load_subject(folder, need_recordings=False)
+
+
+@pytest.fixture(scope="module")
+def both():
+    measured = measured_curve(depth=DEPTH)
+    return [result("neo-hookean", measured), result("reduced-polynomial", measured)]
+
+
+@pytest.fixture(scope="module")
+def film(subject):
+    coarse = PlaneStrainSettings(mesh=SectionMeshSettings(contact_size=3.0, far_size=12.0))
+    taken = Film(PlaneStrainIndentation.of_subject(subject, coarse), DEPTH)
+    solved = taken.experiment.solve({}, DEPTH, on_step=taken.take)
+    return taken, solved, DrawnSection.of(fields_of(taken.experiment.system))
+
+
+@pytest.fixture(scope="module")
+def pressed(film):
+    taken, solved, _ = film
+    return pressed_section(taken, solved.curve.displacement, solved.curve.force, "A leg")
+
+
+def test_the_page_of_an_identification_says_verdict_warnings_and_provenance(subject, both, pressed):
+    command = "python -m legfem.identify --subject-dir 'my <leg>'"
+    html = rendered(identification_page(both, subject, pressed, command))
+    page = read(html)
+    assert len(html.encode()) < MOST_BYTES
+    c10 = both[1].parameters["deep.C10"].shown
+    assert f"the deep tissue's C10 is {c10.value:.2f}" in page.words
+    assert page.words.index("1 warning") < page.words.index("Recordings and model")
+    assert "the fascia's Poisson ratio is negative" in page.words
+    assert "Simulated data" in page.words or "simulated data" in page.words
+    for name in ("C10 of the deep tissue", "C10 of the fascia", "noise of a force reading"):
+        assert name in page.words
+    for provenance in ("estimated", "assumed", "simulated", "prior"):
+        assert f'<span class="tag {provenance}">' in html
+    assert '<span class="tag measured">' not in html, "nothing simulated is called measured"
+    assert command in page.words
+    assert "What could not be tested" in page.words
+
+
+def test_a_law_that_does_not_fit_is_not_praised(subject, both):
+    page = identification_page(both[:1], subject, None)
+    assert page.headline.tone == "wrong"
+    assert "don't rely on it" in dict(page.headline.answers)["What it does to C10"]
+    assert "legfem.diagnose" in dict(page.headline.answers)["What to do"]
+    unsure = replace(both[1].parameters["deep.C20"], identifiability="weakly identifiable")
+    poly = replace(both[1], parameters={**both[1].parameters, "deep.C20": unsure})
+    page = identification_page([both[0], poly], subject, None)
+    assert page.headline.tone == "caution"
+    assert "C20" in dict(page.headline.answers)["What to do"]
+
+
+def test_a_law_with_a_parameter_that_the_data_do_not_need_is_not_chosen(subject, both):
+    neo, poly = both
+    alike = replace(neo, cost=replace(neo.cost, chi_square=poly.cost.chi_square + 0.5, p_value=0.3))
+    page = identification_page([alike, poly], subject, None)
+    assert page.headline.sentence.startswith("The neo-Hookean law describes")
+
+
+@pytest.mark.parametrize("verdict", CASES)
+def test_the_page_of_a_diagnosis_says_what_is_wrong_how_sure_and_what_to_do(subject, verdict):
+    effects, bump, asked = CASES[verdict]
+    found = diagnosed(effects, bump=bump, asked=asked)
+    plan = ["press to 25 mm: 70 % chance of telling the candidates apart"]
+    html = rendered(diagnosis_web_page(found, subject, "the text", plan, {"legfem": "1"}))
+    page, answers = read(html), dict(diagnosis_web_page(found, subject, "").headline.answers)
+    assert len(html.encode()) < MOST_BYTES
+    assert list(answers) == ["What is wrong", "How sure", "What it does to C10", "What to do"]
+    assert all(answers.values())
+    assert "3.70 mm of air before first contact" in page.words
+    assert page.words.index("warning") < page.words.index("Recordings and model")
+    for model in found.models:
+        assert model.fit.mechanisms[0].statement in page.words.lower()
+        low, _ = model.interval("C10")
+        assert f"{low:.2f} to " in page.words
+    if verdict == "unexplained":
+        assert "Do not rely on the stiffness" in page.words
+    assert page.words.index("Press to 25 mm") < page.words.index("Recordings and model")
+
+
+def test_the_film_holds_the_solutions_last_state(film, pressed):
+    _, solved, last = film
+    data = json.loads(pressed.data)
+    assert data["displacement"][0] == 0 and data["displacement"][-1] == pytest.approx(DEPTH)
+    assert len(data["displacement"]) > 5
+    assert data["force"][-1] == pytest.approx(solved.curve.force[-1])
+    vertices = np.reshape(data["vertices"], (-1, 2))
+    cells = np.frombuffer(base64.b64decode(data["cells"]), "<u2").reshape(-1, data["corners"])
+    moves = np.frombuffer(base64.b64decode(data["moves"]), "<i2") * data["mm_a_count"]
+    moves = moves.reshape(-1, len(vertices), 2)
+    assert not moves[0].any()
+    corners = last.cell_outlines[::2]
+    np.testing.assert_allclose(vertices[cells], last.nodes[:, corners], atol=1e-3)
+    np.testing.assert_allclose(moves[-1][cells], last.displacement[:, corners], atol=3e-3)
+    touch, centre = data["centres"][0], data["centres"][-1]
+    assert np.linalg.norm(np.subtract(centre, touch)) == pytest.approx(DEPTH)
+
+
+def test_a_film_forgets_an_attempt_that_was_given_up(film, monkeypatch):
+    last = fields_of(film[0].experiment.system)
+    monkeypatch.setattr(section, "fields_of", lambda system: last)
+    taken = Film(film[0].experiment, DEPTH)
+    for at in (1.0, 2.0, 0.5, 1.5):
+        taken.take(at)
+    assert [state.displacement for state in taken.states] == [0.5, 1.5]
+
+
+def test_the_table_behind_a_plot_holds_what_is_drawn():
+    x = np.linspace(0.0, 10.0, 60)
+    lines = [Line("one", x**2, None), Line("other", 2 * x, x, tabled=False)]
+    curves = Curves("name", "caption", x, "mm", "N", "dN", lines)
+    assert curves.header == ["mm", "one: N"]
+    assert len(curves.rows) == 25
+    assert curves.rows[0] == ["0.00", "0.000"] and curves.rows[-1] == ["10.00", "100.000"]
+    assert embedded([curves]).places.keys() == {"name"}
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(browser.browser() is None, reason="no Chromium here")
+def test_a_browser_opens_the_page_without_fault_or_request_and_its_controls_work(
+    subject, both, pressed, tmp_path
+):
+    path = tmp_path / "report.html"
+    path.write_text(rendered(identification_page(both, subject, pressed)), encoding="utf-8")
+    seen = browser.seen(path, browser.browser())
+    assert seen["faults"] == [] and seen["requests"] == []
+    assert set(seen["off"]) == {False} and set(seen["on"]) == {True}
+    assert seen["paths_off"] < seen["paths"]
+    assert "displacement (mm)" in seen["cursor"]
+    force = f"{json.loads(pressed.data)['force'][-1]:.2f} N"
+    assert seen["readings"] == [f"{DEPTH:.1f} mm, {force}", *seen["readings"][1:2],
+                                "0.0 mm, 0.00 N"]  # fmt: skip
+    assert seen["spoken"] == seen["readings"][1]
+    assert seen["pictures"] == 4, "deep, half, none, and by tissue"
