@@ -9,7 +9,13 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.diagnose.fit import Fit, Problem, fit
-from legfem.diagnose.mechanisms import Mechanism, TissueMechanism, Values, mechanism_named
+from legfem.diagnose.mechanisms import (
+    Mechanism,
+    Stiffness,
+    TissueMechanism,
+    Values,
+    mechanism_named,
+)
 from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S, Viscoelasticity
 from legfem.diagnose.nuisances import Nuisances
 from legfem.diagnose.observations import Observations, observe
@@ -70,12 +76,7 @@ class ClosedForm:
         return force_at(c10, c20, self.grid)
 
     def relative_change(
-        self,
-        mechanism: TissueMechanism,
-        values: Values,
-        c10: float,
-        c20: float,
-        observed: Observations,
+        self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
     ) -> FloatArray:
         """Return shapes, nothing at their nulls.
 

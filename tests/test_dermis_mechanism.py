@@ -43,17 +43,15 @@ def solved(variants, tmp_path_factory):
 
 
 def test_at_its_null_it_leaves_the_force_of_the_model_without_it(solved):
-    change = solved.elastic_change(mechanism_named("dermis").solution({"stiffness": 0.0}), *SOFT)
+    change = solved.elastic_change(mechanism_named("dermis").solution({"stiffness": 0.0}), SOFT)
     np.testing.assert_array_equal(change, 0.0)
-    np.testing.assert_allclose(
-        solved._ramp(*SOFT, Solution()), solved._ramp(*SOFT, PLAIN), rtol=1e-9
-    )
+    np.testing.assert_allclose(solved.ramp(SOFT, Solution()), solved.ramp(SOFT, PLAIN), rtol=1e-9)
 
 
 def test_beyond_it_adds_what_the_membrane_does(solved, variants):
     """Against the experiment with the membrane as its only added term."""
     mechanism = mechanism_named("dermis")
-    change = solved.elastic_change(mechanism.solution({"stiffness": STIFFNESS}), *SOFT)
+    change = solved.elastic_change(mechanism.solution({"stiffness": STIFFNESS}), SOFT)
     assert np.all(change > 0.02)
     deep = {"deep.C10": 1e-3 * SOFT[0], "deep.C20": 1e-3 * SOFT[1]}
     force = [
@@ -79,7 +77,7 @@ def test_its_table_stands_in_for_solutions_between_the_strengths(solved):
     deep = (observed.displacement > 0.3 * DEPTH) & (observed.displacement < DEPTH)
     for stiffness in (0.02, 0.06, 0.2, 0.6, 2.0):
         values = {"stiffness": stiffness}
-        tabulated = library.relative_change(mechanism, values, *at, observed)[deep]
-        true = solved.relative_change(mechanism, values, *at, observed)[deep]
+        tabulated = library.relative_change(mechanism, values, at, observed)[deep]
+        true = solved.relative_change(mechanism, values, at, observed)[deep]
         assert np.all(true > 0.01)
         assert np.abs(tabulated - true).max() < NUMERICAL_ERROR, "over the force"

@@ -77,7 +77,7 @@ def test_a_mechanism_of_the_tissue_vanishes_at_its_null(
 ):
     """Along a path other steps are taken than in a ramp: its numerical error stays, 0.2 %."""
     change = responses_in(tmp_path, variants).relative_change(
-        mechanism_named(name), values, *SOFT, observed
+        mechanism_named(name), values, SOFT, observed
     )
     deep = observed.displacement > 0.3 * DEPTH
     assert np.abs(change[deep]).max() <= max(size, 1e-9)
@@ -114,8 +114,8 @@ def test_the_library_stands_in_for_solutions(variants, observed, tmp_path):
     ):
         mechanism = mechanism_named(name)
         values = {p.name: null_of(p) for p in mechanism.parameters} | values
-        emulated = library.relative_change(mechanism, values, *SOFT, observed)
-        true = solved.relative_change(mechanism, values, *SOFT, observed)
+        emulated = library.relative_change(mechanism, values, SOFT, observed)
+        true = solved.relative_change(mechanism, values, SOFT, observed)
         assert np.abs(emulated - true)[deep].max() < 0.12 * np.abs(true[deep]).max()
     nuisances = library.nuisances
     assert set(nuisances.geometric) == {g.name for g in displaced_geometries()}
@@ -123,7 +123,7 @@ def test_the_library_stands_in_for_solutions(variants, observed, tmp_path):
     at = library.middle, library.middle * float(np.expm1(0.8))
     stiffer = mechanism_named("superficial-stiffness").solution({"factor": 1.02})
     np.testing.assert_allclose(
-        solved.elastic_change(stiffer, *at) / 0.02, nuisances.material["superficial.C10"],
+        solved.elastic_change(stiffer, at) / 0.02, nuisances.material["superficial.C10"],
         rtol=0.03, atol=2e-3,
     )  # fmt: skip
 
@@ -162,10 +162,10 @@ def test_end_effects_may_err_as_the_correction_does(observed):
     correction = read_correction(REFERENCE)
     asked = observed, np.asarray(0.8), np.asarray(0.9)
     plain = {"scale": 2.0, **dict.fromkeys(EndEffects.MODES, 0.0)}
-    longer = end_effect(correction, {**plain, "leg_length": 1.0}, 0.8, 0.9, observed)
+    longer = end_effect(correction, {**plain, "leg_length": 1.0}, SOFT, observed)
     mode = np.interp(
         observed.displacement, correction.displacement, correction.errors["leg length"]
     )
     tabulated = correction.correction(asked[0].displacement, *asked[1:])
-    np.testing.assert_allclose(end_effect(correction, plain, 0.8, 0.9, observed), -2.0 * tabulated)
+    np.testing.assert_allclose(end_effect(correction, plain, SOFT, observed), -2.0 * tabulated)
     np.testing.assert_allclose(longer, -2.0 * (tabulated + mode))

@@ -10,6 +10,7 @@ import shapely
 import shapely.ops
 from making_mechanics import COARSE, subject_3
 
+from legfem.fem.compat import cell_nodes
 from legfem.geometry.curve import smooth_closed_curve
 from legfem.geometry.section import BONES, PARTS, LegSection
 from legfem.meshing.motion import MeshMotion
@@ -122,7 +123,7 @@ def test_the_fascia_keeps_its_thickness(leg, plain):
 
 def quality(given: SectionMesh) -> np.ndarray:
     """Return triangles' area over that of the equilateral one with their longest side."""
-    corners = given.mesh.geometry.x[given.mesh.geometry.dofmap[:, :3], :2]
+    corners = given.mesh.geometry.x[cell_nodes(given.mesh)[:, :3], :2]
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     area = 0.5 * (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
     longest = np.max([np.linalg.norm(v, axis=1) for v in (a, b, b - a)], axis=0)

@@ -10,6 +10,7 @@ from making import circle, leg
 from making_mechanics import COARSE, subject_3
 
 from legfem.common.errors import InputError
+from legfem.fem.compat import cell_nodes
 from legfem.geometry.section import LegSection
 from legfem.meshing.section import (
     BONE,
@@ -35,7 +36,7 @@ def meshed(section) -> SectionMesh:
 
 def _areas(meshed: SectionMesh) -> dict[str, float]:
     cells = np.arange(meshed.mesh.topology.index_map(2).size_local, dtype=np.int32)
-    corners = meshed.mesh.geometry.x[meshed.mesh.geometry.dofmap][:, :, :2]
+    corners = meshed.mesh.geometry.x[cell_nodes(meshed.mesh)][:, :, :2]
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     area = 0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
     assert np.array_equal(np.sort(meshed.cell_tags.indices), cells), "every cell has a region"
@@ -89,7 +90,7 @@ def test_elements_are_sound(meshed):
 def test_the_fascia_is_one_layer_of_its_thickness(section, meshed):
     """Every one of its cells spans the layer: its height on its longest side along it."""
     cells = meshed.cell_tags.find(REGIONS["fascia"])
-    corners = meshed.mesh.geometry.x[meshed.mesh.geometry.dofmap[cells]][:, :, :2]
+    corners = meshed.mesh.geometry.x[cell_nodes(meshed.mesh)[cells]][:, :, :2]
     outer = section.polygon("fascia").exterior
     depth = np.array([[outer.distance(shapely.Point(p)) for p in cell] for cell in corners[::7]])
     is_outer = depth < 0.5 * section.fascia_thickness

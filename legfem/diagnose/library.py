@@ -17,7 +17,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from legfem.common.units import FloatArray
 from legfem.correction.tabulated import TabulatedCorrection
-from legfem.diagnose.mechanisms import TissueMechanism, Values
+from legfem.diagnose.mechanisms import Stiffness, TissueMechanism, Values
 from legfem.diagnose.mechanisms.base import null_of, prior_of
 from legfem.diagnose.mechanisms.contact_slip import ContactSlip
 from legfem.diagnose.mechanisms.end_effects import EndEffects
@@ -80,25 +80,20 @@ class Library:
         return self.elastic(coordinates(c10, c20))
 
     def relative_change(
-        self,
-        mechanism: TissueMechanism,
-        values: Values,
-        c10: float,
-        c20: float,
-        observed: Observations,
+        self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
     ) -> FloatArray:
         """Return what a mechanism adds to the elastic force, over that force; (n,)."""
         if isinstance(mechanism, EndEffects):
-            return end_effect(self.correction, values, c10, c20, observed)
+            return end_effect(self.correction, values, at, observed)
         if not mechanism.along_path:
-            table = self.changes[mechanism.name, ""](c10)
+            table = self.changes[mechanism.name, ""](at[0])
             if isinstance(mechanism, ContactSlip):
                 change = values["slip"] * np.expm1(table[0])
             else:
                 change = np.expm1(_at_strength(mechanism, values, table))
-            at = np.maximum(observed.displacement, self.grid[0])
-            return np.asarray(CubicSpline(self.grid, change)(at))
-        rows = [self.changes[mechanism.name, s.key](c10) for s in observed.protocols]
+            pressed = np.maximum(observed.displacement, self.grid[0])
+            return np.asarray(CubicSpline(self.grid, change)(pressed))
+        rows = [self.changes[mechanism.name, s.key](at[0]) for s in observed.protocols]
         if isinstance(mechanism, Viscoelasticity):
             return observed.spread([mechanism.shares(values) @ row for row in rows])
         return observed.spread([_at_strength(mechanism, values, row) for row in rows])

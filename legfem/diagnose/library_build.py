@@ -12,7 +12,7 @@ from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.library import Library, Table, coordinates
-from legfem.diagnose.mechanisms import Mechanism, TissueMechanism, mechanisms
+from legfem.diagnose.mechanisms import Mechanism, Stiffness, TissueMechanism, mechanisms
 from legfem.diagnose.mechanisms.base import null_of
 from legfem.diagnose.mechanisms.end_effects import EndEffects
 from legfem.diagnose.mechanisms.viscoelasticity import Viscoelasticity
@@ -33,8 +33,6 @@ CHANGES_AT = (-0.35, 0.35)
 _ROUND = 0.25
 """Of the middle's ln C10; and of where its stiffening is looked up."""
 _FIRST_C10_KPA = 0.8
-
-type Point = tuple[float, float]
 
 
 def middle_of(observed: Observations, coarse: SolvedResponses, stiffening: float) -> float:
@@ -77,7 +75,7 @@ def rounded(c10: float) -> float:
 class _Task:
     """One entry of the library."""
 
-    point: Point
+    point: Stiffness
     mechanism: TissueMechanism | None = None
     strength: float = 0.0
     stations: Stations | None = None
@@ -111,20 +109,20 @@ def _solved(
 ) -> Mapping[str, FloatArray]:
     if task.geometry is not None:
         own = task.geometry
-        return {"change": coarse.displaced(own.moved, own.placement, *task.point)}
+        return {"change": coarse.displaced(own.moved, own.placement, task.point)}
     if task.material:
-        return coarse.sensitivities(tuple(MATERIAL_LOG_SD), *task.point)
+        return coarse.sensitivities(tuple(MATERIAL_LOG_SD), task.point)
     mechanism = task.mechanism
     if mechanism is None:
-        return solved.elastic(*task.point)
+        return solved.elastic(task.point)
     if isinstance(mechanism, Viscoelasticity):
         assert task.stations is not None
-        return {"change": coarse.relaxation(mechanism, task.stations, *task.point)}
+        return {"change": coarse.relaxation(mechanism, task.stations, task.point)}
     values = {p.name: null_of(p) for p in mechanism.parameters}
     solution = mechanism.solution({**values, mechanism.parameters[0].name: task.strength})
     if task.stations is None:
-        return {"change": coarse.elastic_change(solution, *task.point)}
-    return {"change": coarse.path_change(solution, task.stations, *task.point)}
+        return {"change": coarse.elastic_change(solution, task.point)}
+    return {"change": coarse.path_change(solution, task.stations, task.point)}
 
 
 def shown_mechanisms(
@@ -210,7 +208,7 @@ def build_library(
 def _tasks(
     observed: Observations, tissue: Sequence[TissueMechanism], middle: float, stiffening: float
 ) -> list[_Task]:
-    def point(log: float, q: float) -> Point:
+    def point(log: float, q: float) -> Stiffness:
         c10 = middle * float(np.exp(log))
         return c10, c10 * float(np.expm1(q))
 

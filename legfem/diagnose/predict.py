@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.mechanisms import Mechanism, TissueMechanism, Values
+from legfem.diagnose.mechanisms import Mechanism, Stiffness, TissueMechanism, Values
 from legfem.diagnose.mechanisms.base import null_of
 from legfem.diagnose.observations import Observations
 from legfem.inference.parameter import Parameter, Prior
@@ -48,12 +48,7 @@ class Responses(Protocol):
         ...
 
     def relative_change(
-        self,
-        mechanism: TissueMechanism,
-        values: Values,
-        c10: float,
-        c20: float,
-        observed: Observations,
+        self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
     ) -> FloatArray:
         """Return what a mechanism adds to the elastic force, over that force; (n,)."""
         ...
@@ -168,9 +163,8 @@ class Predictor:
             if isinstance(mechanism, TissueMechanism) and not (
                 mechanism.name == "strain-stiffening" and self.law == "neo-hookean"
             ):
-                force = force * (
-                    1 + self.responses.relative_change(mechanism, mine, c10, c20, observed)
-                )
+                change = self.responses.relative_change(mechanism, mine, (c10, c20), observed)
+                force = force * (1 + change)
             force = force * mechanism.force_factor(mine, observed)
         for mechanism in mechanisms:
             force = force + mechanism.added_force(own[mechanism.name], observed)

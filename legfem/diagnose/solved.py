@@ -17,7 +17,7 @@ from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.correction.tabulated import TabulatedCorrection
-from legfem.diagnose.mechanisms import Solution, TissueMechanism, Values
+from legfem.diagnose.mechanisms import Solution, Stiffness, TissueMechanism, Values
 from legfem.diagnose.mechanisms.contact_slip import ContactSlip
 from legfem.diagnose.mechanisms.end_effects import EndEffects
 from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S, Viscoelasticity
@@ -40,6 +40,50 @@ PLAIN = Solution("plain")
 """The base model with no term of any mechanism."""
 
 type Columns = dict[str, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """A solution, and where on its path it is asked for.
+
+    Parameters
+    ----------
+    protocol
+        Of the indenter.
+    at
+        Times of it, s.
+    stiffness
+        Of the deep tissue.
+    solution
+        Which model, and its parameters.
+    derivatives
+        Full names of parameters by which the force is differentiated.
+    moved, placement
+        Another geometry.
+    """
+
+    protocol: Protocol
+    at: FloatArray
+    stiffness: Stiffness
+    solution: Solution
+    derivatives: tuple[str, ...] = ()
+    moved: MeshMotion | None = None
+    placement: Placement | None = None
+
+    def entry(self, terms: str) -> dict[str, Any]:
+        """Return what its outcome is kept under; ``terms`` are those of its model."""
+        return {
+            "protocol": [list(self.protocol.time), list(self.protocol.displacement)],
+            "at": np.round(self.at, 9).tolist(),
+            "deep_kPa": [float(value) for value in self.stiffness],
+            "variant": self.solution.variant,
+            "terms": terms,
+            "parameters": {k: float(v) for k, v in self.solution.parameters.items()},
+            "scaled": {k: float(v) for k, v in self.solution.scaled.items()},
+            "tilt_deg": float(self.solution.tilt_deg),
+            "derivatives": list(self.derivatives),
+            "geometry": repr((self.moved, self.placement)),
+        }
 
 
 @dataclass(eq=False)
@@ -78,126 +122,93 @@ class SolvedResponses:
 
     def curve(self, c10: float, c20: float) -> FloatArray:
         """Return the elastic force at the grid, N."""
-        return self._ramp(c10, c20, Solution())
+        return self.ramp((c10, c20), Solution())
 
-    def _ramp(self, c10: float, c20: float, solution: Solution) -> FloatArray:
-        protocol = Protocol.ramp(self.depth, 1.0)
-        return self._solve(protocol, self.grid, c10, c20, solution, ())["force"]
+    def ramp(self, stiffness: Stiffness, solution: Solution) -> FloatArray:
+        """Return a solution's force at the grid, N."""
+        return self._solve(self._at_grid(stiffness, solution))["force"]
 
-    def elastic(self, c10: float, c20: float) -> Columns:
+    def elastic(self, stiffness: Stiffness) -> Columns:
         """Return the elastic force and its derivatives (N per MPa or 1/MPa) at the grid."""
-        protocol = Protocol.ramp(self.depth, 1.0)
-        return self._solve(protocol, self.grid, c10, c20, Solution(), ELASTIC_DERIVATIVES)
+        asked = self._at_grid(stiffness, Solution())
+        return self._solve(replace(asked, derivatives=ELASTIC_DERIVATIVES))
+
+    def _at_grid(self, stiffness: Stiffness, solution: Solution) -> Asked:
+        return Asked(Protocol.ramp(self.depth, 1.0), self.grid, stiffness, solution)
 
     def relative_change(
-        self,
-        mechanism: TissueMechanism,
-        values: Values,
-        c10: float,
-        c20: float,
-        observed: Observations,
+        self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
     ) -> FloatArray:
         """Return what a mechanism adds to the elastic force, over that force; (n,)."""
         if isinstance(mechanism, EndEffects):
-            return end_effect(self.correction, values, c10, c20, observed)
+            return end_effect(self.correction, values, at, observed)
         solution = mechanism.solution(values)
         if not mechanism.along_path:
-            change = self.elastic_change(solution, c10, c20)
+            change = self.elastic_change(solution, at)
             if isinstance(mechanism, ContactSlip):
                 change = values["slip"] * change
             return _at_displacement(self.grid, change, observed.displacement, level=True)
-        return observed.spread(
-            [self.path_change(solution, s, c10, c20) for s in observed.protocols]
-        )
+        return observed.spread([self.path_change(solution, s, at) for s in observed.protocols])
 
-    def elastic_change(self, solution: Solution, c10: float, c20: float) -> FloatArray:
+    def elastic_change(self, solution: Solution, stiffness: Stiffness) -> FloatArray:
         """Return the relative change of the elastic force at the grid."""
-        before = np.maximum(self.curve(c10, c20), _SMALLEST_FORCE_N)
-        return self._ramp(c10, c20, solution) / before - 1.0
+        before = np.maximum(self.ramp(stiffness, Solution()), _SMALLEST_FORCE_N)
+        return self.ramp(stiffness, solution) / before - 1.0
 
     def path_change(
-        self, solution: Solution, stations: Stations, c10: float, c20: float
+        self, solution: Solution, stations: Stations, stiffness: Stiffness
     ) -> FloatArray:
         """Return the relative change at a protocol's stations (m,)."""
         # A porous leg has another formulation: compared with itself, its own error cancels.
         porous = solution.variant == "porous"
         null = Solution("porous", dict.fromkeys(solution.parameters, 0.0)) if porous else Solution()
-        before = _at_displacement(self.grid, self._ramp(c10, c20, null), stations.displacement)
-        changed = self._solve(stations.protocol, stations.time, c10, c20, solution, ())["force"]
+        before = _at_displacement(self.grid, self.ramp(stiffness, null), stations.displacement)
+        asked = Asked(stations.protocol, stations.time, stiffness, solution)
+        changed = self._solve(asked)["force"]
         return changed / np.maximum(before, _SMALLEST_FORCE_N) - 1.0
 
     def relaxation(
-        self, mechanism: Viscoelasticity, stations: Stations, c10: float, c20: float
+        self, mechanism: Viscoelasticity, stations: Stations, stiffness: Stiffness
     ) -> FloatArray:
         """Return the relative change per unit ratio of every branch; (branches, stations)."""
         branches = mechanism.branches()
         times = dict(zip((f"{n}.relaxation_time" for n in branches), TIMES_S, strict=True))
-        asked = tuple(f"{name}.ratio" for name in branches)
+        ratios = tuple(f"{name}.ratio" for name in branches)
         solution = Solution(mechanism.variant, times)
-        columns = self._solve(stations.protocol, stations.time, c10, c20, solution, asked)
+        columns = self._solve(Asked(stations.protocol, stations.time, stiffness, solution, ratios))
         force = np.maximum(columns["force"], _SMALLEST_FORCE_N)
-        return np.array([columns[name] / force for name in asked])
+        return np.array([columns[name] / force for name in ratios])
 
-    def sensitivities(self, names: Sequence[str], c10: float, c20: float) -> Columns:
-        """Return relative changes of the elastic force at the grid by relative ones of parameters.
-
-        Parameters
-        ----------
-        names
-            Full names in the model.
-        c10, c20
-            kPa.
-        """
-        protocol = Protocol.ramp(self.depth, 1.0)
-        columns = self._solve(protocol, self.grid, c10, c20, PLAIN, tuple(names))
+    def sensitivities(self, names: Sequence[str], stiffness: Stiffness) -> Columns:
+        """Return the elastic force's relative changes at the grid by those of parameters."""
+        columns = self._solve(replace(self._at_grid(stiffness, PLAIN), derivatives=tuple(names)))
         force = np.maximum(columns["force"], _SMALLEST_FORCE_N)
         own = self.variants.parameters(PLAIN.variant)
         return {name: own[name] * columns[name] / force for name in names}
 
     def displaced(
-        self, moved: MeshMotion | None, placement: Placement | None, c10: float, c20: float
+        self, moved: MeshMotion | None, placement: Placement | None, stiffness: Stiffness
     ) -> FloatArray:
         """Return the relative change of the elastic force at the grid by another geometry."""
-        protocol = Protocol.ramp(self.depth, 1.0)
-        before = self._solve(protocol, self.grid, c10, c20, PLAIN, ())["force"]
-        after = self._solve(protocol, self.grid, c10, c20, PLAIN, (), moved, placement)["force"]
-        return after / np.maximum(before, _SMALLEST_FORCE_N) - 1.0
+        asked = self._at_grid(stiffness, PLAIN)
+        after = self._solve(replace(asked, moved=moved, placement=placement))["force"]
+        before = np.maximum(self._solve(asked)["force"], _SMALLEST_FORCE_N)
+        return after / before - 1.0
 
-    def _solve(
-        self,
-        protocol: Protocol,
-        at: FloatArray,
-        c10: float,
-        c20: float,
-        solution: Solution,
-        derivatives: tuple[str, ...],
-        moved: MeshMotion | None = None,
-        placement: Placement | None = None,
-    ) -> Columns:
+    def _solve(self, asked: Asked) -> Columns:
         """Return force and derivatives at times of a protocol."""
-        asked = {
-            "protocol": [list(protocol.time), list(protocol.displacement)],
-            "at": np.round(at, 9).tolist(),
-            "deep_kPa": [float(c10), float(c20)],
-            "variant": solution.variant,
-            "terms": self.variants.described(solution.variant),
-            "parameters": {k: float(v) for k, v in solution.parameters.items()},
-            "scaled": {k: float(v) for k, v in solution.scaled.items()},
-            "tilt_deg": float(solution.tilt_deg),
-            "derivatives": list(derivatives),
-            "geometry": repr((moved, placement)),
-        }
-        key = key_of(asked)
+        entry = asked.entry(self.variants.described(asked.solution.variant))
+        key = key_of(entry)
         if key not in self._known:
 
             def make() -> Columns:
-                return self._made(protocol, at, c10, c20, solution, derivatives, moved, placement)
+                return self._made(asked)
 
             store = self._store
-            self._known[key] = make() if store is None else store.get_or_make(asked, make)
+            self._known[key] = make() if store is None else store.get_or_make(entry, make)
         columns = self._known[key]
         if "force" not in columns:
-            return {name: np.full(len(at), np.nan) for name in ("force", *derivatives)}
+            return {name: np.full(len(asked.at), np.nan) for name in ("force", *asked.derivatives)}
         return columns
 
     @cached_property
@@ -206,39 +217,33 @@ class SolvedResponses:
             return None
         return Store(self.folder, dict[str, FloatArray], self.fingerprint)
 
-    def _made(
-        self,
-        protocol: Protocol,
-        at: FloatArray,
-        c10: float,
-        c20: float,
-        solution: Solution,
-        derivatives: tuple[str, ...],
-        moved: MeshMotion | None,
-        placement: Placement | None,
-    ) -> Columns:
+    def _made(self, asked: Asked) -> Columns:
         self.solutions += 1
+        c10, c20 = asked.stiffness
         deep = {"deep.C10": kpa_to_mpa(c10), "deep.C20": kpa_to_mpa(c20)}
+        moved = asked.moved
         variants = self.variants if moved is None else replace(self.variants, moved=moved)
-        path = variants.follow(protocol, deep, solution, derivatives, placement)
+        path = variants.follow(
+            asked.protocol, deep, asked.solution, asked.derivatives, asked.placement
+        )
         if isinstance(path, Stopped):
             return {"stopped": np.zeros(0)}
-        slopes = {name: path.sensitivity_at(name, at) for name in derivatives}
-        return {"force": path.force_at(at), **slopes}
+        slopes = {name: path.sensitivity_at(name, asked.at) for name in asked.derivatives}
+        return {"force": path.force_at(asked.at), **slopes}
 
 
 def end_effect(
     correction: TabulatedCorrection | None,
     values: Values,
-    c10: float,
-    c20: float,
+    stiffness: Stiffness,
     observed: Observations,
 ) -> FloatArray:
     """Return the relative change (n,) by a share of the idealised leg's correction."""
     if correction is None:
         raise ValueError("there is no 3D correction")
     d = observed.displacement
-    P = correction.correction(d, np.asarray(c10), np.asarray(c20))
+    c10, c20 = (np.asarray(value) for value in stiffness)
+    P = correction.correction(d, c10, c20)
     for name, mode in EndEffects.MODES.items():
         if mode in correction.errors:
             P = P + values[name] * np.interp(d, correction.displacement, correction.errors[mode])

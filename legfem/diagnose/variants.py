@@ -120,9 +120,9 @@ class Variants:
         settings = self.settings
         for mechanism in _of_variant(variant):
             if mechanism.formulation is not None:
-                settings = replace(settings, formulation=mechanism.formulation)  # type: ignore[arg-type]
+                settings = replace(settings, formulation=mechanism.formulation)
             if mechanism.tangential is not None:
-                contact = replace(settings.contact, tangential=mechanism.tangential)  # type: ignore[arg-type]
+                contact = replace(settings.contact, tangential=mechanism.tangential)
                 settings = replace(settings, contact=contact)
         return settings
 

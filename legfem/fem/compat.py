@@ -27,6 +27,12 @@ def surface_mesh(mesh: Any, facets: NDArray[np.int32]) -> Any:
     return dolfinx_mesh.create_submesh(mesh, mesh.topology.dim - 1, facets)[0]
 
 
+def cell_nodes(mesh: Any) -> NDArray[np.int32]:
+    """Return the nodes of every cell of a mesh of one cell type: of a list of maps since 0.11."""
+    maps = getattr(mesh.geometry, "dofmaps", None)
+    return np.asarray(mesh.geometry.dofmap if maps is None else maps[0])
+
+
 def collapse(subspace: Any) -> tuple[Any, NDArray[np.int32]]:
     """Return a subspace as a space of its own, and the parent's dof of each of its dofs."""
     space, parent = subspace.collapse()

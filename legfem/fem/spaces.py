@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from legfem.common.errors import InputError
-from legfem.fem.compat import collapse, surface_mesh
+from legfem.fem.compat import cell_nodes, collapse, surface_mesh
 from legfem.mechanics.model import Formulation
 from legfem.meshing.section import BONE, REGIONS, SKIN
 from legfem.meshing.support import Support
@@ -237,7 +237,7 @@ def _outward(mesh: Any, facets: NDArray[np.int32], skin: Any) -> NDArray[np.floa
     _, facet = cKDTree(dolfinx_mesh.compute_midpoints(mesh, surface, facets)).query(middle)
     inside = np.array([behind.links(f)[0] for f in facets], dtype=np.int32)[facet]
     away = middle - dolfinx_mesh.compute_midpoints(mesh, mesh.topology.dim, inside)
-    corner = skin.geometry.x[skin.geometry.dofmap]
+    corner = skin.geometry.x[cell_nodes(skin)]
     along = corner[:, 1] - corner[:, 0]
     if surface == 1:
         normal = np.stack([along[:, 1], -along[:, 0], np.zeros(len(along))], axis=1)

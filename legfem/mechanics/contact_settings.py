@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 from legfem.common.errors import InputError
 from legfem.mechanics.contact import ExponentialPressure, PressureLaw, StiffPressure
 from legfem.mechanics.traction import Coulomb, Frictionless, Rough, TangentialLaw, Tape
 
+TangentialName = Literal["rough", "frictionless", "coulomb", "tape"]
 PENALTY_PARAMETERS = ("deep.C10", "deep.C20", "superficial.C10")
 """Stiffnesses whose sum the penalty is in proportion to."""
 
@@ -37,7 +38,7 @@ class ContactSettings:
     """
 
     normal: Literal["stiff", "exponential"] = "stiff"
-    tangential: Literal["rough", "frictionless", "coulomb", "tape"] = "rough"
+    tangential: TangentialName = "rough"
     stiffness: float = 1000.0
     onset: float = 0.005
     friction: float = 0.5
@@ -47,7 +48,7 @@ class ContactSettings:
         """Check the names of the laws."""
         for field, known in (
             ("normal", ("stiff", "exponential")),
-            ("tangential", ("rough", "frictionless", "coulomb", "tape")),
+            ("tangential", get_args(TangentialName)),
         ):
             if getattr(self, field) not in known:
                 raise InputError(

@@ -11,6 +11,7 @@ from mpi4py import MPI
 
 from legfem.common.units import FloatArray
 from legfem.experiments.compression import Compressed, LegCompression
+from legfem.fem.compat import cell_nodes
 from legfem.stocking.laplace import StockingLoad
 from legfem.stocking.veins import Vein
 
@@ -54,7 +55,7 @@ class PressureProbe:
             self._dofs[region] = np.asarray(dofs).ravel()
         mesh = spaces.mesh
         self._tree = geometry.bb_tree(mesh, mesh.topology.dim)
-        self._region_of_cell = np.zeros(len(mesh.geometry.dofmap), dtype=np.int32)
+        self._region_of_cell = np.zeros(len(cell_nodes(mesh)), dtype=np.int32)
         self._region_of_cell[spaces.cell_tags.indices] = spaces.cell_tags.values
 
     def at(self, points: FloatArray, state: Compressed) -> FloatArray:

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.mechanisms import TissueMechanism, Values
+from legfem.diagnose.mechanisms import Stiffness, TissueMechanism, Values
 from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S, Viscoelasticity
 from legfem.diagnose.observations import Observations
 from studies.recordings.curves import ElasticCurves
@@ -67,16 +67,12 @@ class SpecimenResponses:
         return self.curves.at(c10, c20)
 
     def relative_change(
-        self,
-        mechanism: TissueMechanism,
-        values: Values,
-        c10: float,
-        c20: float,
-        observed: Observations,
+        self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
     ) -> FloatArray:
         """Return what relaxation adds to the elastic force, over that force; (n,)."""
         if not isinstance(mechanism, Viscoelasticity) or self.motion is None:
             raise TypeError(f"no response to {mechanism.name}")
+        c10, c20 = at
         share = c20 / (c10 + c20)
         return np.asarray(mechanism.shares(values) @ self._per_ratio(share, observed))
 

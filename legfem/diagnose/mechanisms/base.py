@@ -20,8 +20,12 @@ from legfem.inference.parameter import Parameter, Prior
 if TYPE_CHECKING:
     from legfem.experiments.plane_strain import Tissues
     from legfem.geometry.section import LegSection
+    from legfem.mechanics.contact_settings import TangentialName
+    from legfem.mechanics.model import Formulation
 
 Values = Mapping[str, float]
+type Stiffness = tuple[float, float]
+"""C10 and C20 of the deep tissue, kPa."""
 
 
 def strength(
@@ -59,8 +63,6 @@ class Mechanism:
     """Each with a prior."""
     next_experiment: ClassVar[str]
     """The measurement that would settle it."""
-    sealed: ClassVar[tuple[float, float] | None] = None
-    """Range of the strength in sealed cases; none are made without it."""
 
     def untestable(self, observed: Observations) -> str | None:
         """Return why such recordings can't show it, or None."""
@@ -129,9 +131,9 @@ class TissueMechanism(Mechanism):
 
     variant: ClassVar[str] = "elastic"
     """Of the leg's model; mechanisms of one variant share a mesh and its forms."""
-    formulation: ClassVar[str | None] = None
+    formulation: ClassVar[Formulation | None] = None
     """Of the variant, where it isn't the base model's."""
-    tangential: ClassVar[str | None] = None
+    tangential: ClassVar[TangentialName | None] = None
     """Law of contact along the surface, likewise."""
     along_path: ClassVar[bool] = False
     """Whether the response depends on time or history, not on displacement alone."""
@@ -151,4 +153,4 @@ class TissueMechanism(Mechanism):
 
     def solution(self, values: Values) -> Solution:
         """Return the solution that shows the mechanism at values."""
-        raise NotImplementedError
+        raise NotImplementedError(f"{self.name} doesn't say which solution shows it")

@@ -25,7 +25,6 @@ class Compressibility(TissueMechanism):
     )  # fmt: skip
     next_experiment: ClassVar[str] = "image the section under load and measure how its area changes"
     strengths: ClassVar[tuple[float, ...]] = (0.3, 3.0, 9.0, 26.0)
-    sealed: ClassVar[tuple[float, float] | None] = (9.0, 26.0)
 
     def solution(self, values: Values) -> Solution:
         """Return the model with that parameter scaled."""

@@ -27,7 +27,6 @@ class ContactOnset(Mechanism):
     next_experiment: ClassVar[str] = (
         "start the recording in air, 2 mm before the skin, so that first contact can be seen"
     )
-    sealed: ClassVar[tuple[float, float] | None] = (0.25, 0.9)
 
     def untestable(self, observed: Observations) -> str | None:
         """Return whether first contact is stated."""

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from legfem.diagnose.mechanisms.base import Solution, TissueMechanism, Values, strength
 from legfem.inference.parameter import Parameter
+
+if TYPE_CHECKING:
+    from legfem.mechanics.contact_settings import TangentialName
 
 
 @dataclass(frozen=True)
@@ -26,9 +29,8 @@ class ContactSlip(TissueMechanism):
         "mark the skin at the cylinder's edge and film it, or repeat with fresh tape"
     )
     variant: ClassVar[str] = "frictionless"
-    tangential: ClassVar[str | None] = "frictionless"
+    tangential: ClassVar[TangentialName | None] = "frictionless"
     strengths: ClassVar[tuple[float, ...]] = (1.0,)
-    sealed: ClassVar[tuple[float, float] | None] = (0.4, 1.0)
 
     def solution(self, values: Values) -> Solution:
         """Return the model without friction; only a whole slip is solved."""

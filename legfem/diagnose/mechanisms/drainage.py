@@ -14,6 +14,7 @@ from legfem.inference.parameter import Parameter
 if TYPE_CHECKING:
     from legfem.experiments.plane_strain import Tissues
     from legfem.geometry.section import LegSection
+    from legfem.mechanics.model import Formulation
 
 
 @dataclass(frozen=True)
@@ -30,10 +31,9 @@ class PoroelasticDrainage(TissueMechanism):
         "squared, relaxation does not"
     )
     variant: ClassVar[str] = "porous"
-    formulation: ClassVar[str | None] = "porous"
+    formulation: ClassVar[Formulation | None] = "porous"
     along_path: ClassVar[bool] = True
     strengths: ClassVar[tuple[float, ...]] = (10.0, 80.0)
-    sealed: ClassVar[tuple[float, float] | None] = (4.0, 40.0)
 
     def untestable(self, observed: Observations) -> str | None:
         """Return whether there are a hold, an unloading or two rates."""

@@ -40,7 +40,6 @@ class EndEffects(TissueMechanism):
     }  # fmt: skip
     """Names of the correction's errors by parameter."""
     next_experiment: ClassVar[str] = "repeat with a cylinder of twice the length"
-    sealed: ClassVar[tuple[float, float] | None] = (0.8, 2.0)
 
     def starts(self, observed: Observations) -> tuple[Values, ...]:
         """Return the correction as it was calibrated."""

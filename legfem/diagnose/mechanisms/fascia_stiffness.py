@@ -23,7 +23,6 @@ class FasciaStiffness(TissueMechanism):
     )  # fmt: skip
     next_experiment: ClassVar[str] = "measure the fascia by shear-wave elastography"
     strengths: ClassVar[tuple[float, ...]] = (0.2, 3.0, 9.0, 26.0)
-    sealed: ClassVar[tuple[float, float] | None] = (6.0, 20.0)
 
     def solution(self, values: Values) -> Solution:
         """Return the model with that parameter scaled."""

@@ -26,7 +26,6 @@ class FatStiffening(TissueMechanism):
     )
     next_experiment: ClassVar[str] = "image the fat's thickness under load, at several depths"
     strengths: ClassVar[tuple[float, ...]] = (1.0, 6.0, 25.0)
-    sealed: ClassVar[tuple[float, float] | None] = (3.0, 15.0)
 
     def terms(self, section: LegSection, tissues: Tissues) -> Sequence[Any]:
         """Return the fat with more coefficients of its energy."""

@@ -23,7 +23,6 @@ class ForceDrift(Mechanism):
     next_experiment: ClassVar[str] = (
         "record a minute in air before and after each trial, and compare the zeros"
     )
-    sealed: ClassVar[tuple[float, float] | None] = (0.002, 0.01)
 
     def added_force(self, values: Values, observed: Observations) -> FloatArray:
         """Return the drift."""

@@ -37,7 +37,6 @@ class MuscleContraction(Mechanism):
     next_experiment: ClassVar[str] = (
         "repeat with electromyography of the calf, or ask for a relaxed leg and compare"
     )
-    sealed: ClassVar[tuple[float, float] | None] = (0.04, 0.2)
 
     def starts(self, observed: Observations) -> tuple[Values, ...]:
         """Return onsets through the programme."""

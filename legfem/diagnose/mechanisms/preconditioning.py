@@ -40,7 +40,6 @@ class Preconditioning(Mechanism):
     next_experiment: ClassVar[str] = (
         "cycle five to ten times before recording, and rest between trials"
     )
-    sealed: ClassVar[tuple[float, float] | None] = (0.05, 0.2)
 
     def untestable(self, observed: Observations) -> str | None:
         """Return whether there are repeats."""

@@ -28,7 +28,6 @@ class Prestress(TissueMechanism):
         "measure the pressure in the compartment at rest, or shear-wave speeds along the fascia"
     )
     strengths: ClassVar[tuple[float, ...]] = (20.0, 100.0, 300.0)
-    sealed: ClassVar[tuple[float, float] | None] = (80.0, 250.0)
 
     def terms(self, section: LegSection, tissues: Tissues) -> Sequence[Any]:
         """Return the fascia's tension."""

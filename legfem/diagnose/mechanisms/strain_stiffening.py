@@ -28,7 +28,6 @@ class StrainStiffening(TissueMechanism):
     )
     next_experiment: ClassVar[str] = "press deeper, or with a smaller indenter: larger strains"
     strengths: ClassVar[tuple[float, ...]] = (0.3, 1.2, 4.0)
-    sealed: ClassVar[tuple[float, float] | None] = (0.6, 2.5)
 
     def terms(self, section: LegSection, tissues: Tissues) -> Sequence[Any]:
         """Return the tissue with a third coefficient of its energy."""

@@ -25,7 +25,6 @@ class SuperficialStiffness(TissueMechanism):
         "press gently with a small tip (2 mm deep), or image the fat's thickness under load"
     )
     strengths: ClassVar[tuple[float, ...]] = (0.4, 1.7, 3.5, 8.0)
-    sealed: ClassVar[tuple[float, float] | None] = (1.8, 3.0)
 
     def solution(self, values: Values) -> Solution:
         """Return the model with that parameter scaled."""

@@ -29,7 +29,6 @@ class SupportCompliance(Mechanism):
     next_experiment: ClassVar[str] = (
         "measure the shin's displacement during the test, or press a rigid block on the same rig"
     )
-    sealed: ClassVar[tuple[float, float] | None] = (0.1, 0.6)
 
     def displacement_loss(
         self, values: Values, observed: Observations, force: FloatArray

@@ -84,7 +84,6 @@ class Viscoelasticity(TissueMechanism):
     variant: ClassVar[str] = "viscoelastic"
     along_path: ClassVar[bool] = True
     region: ClassVar[str] = "deep"
-    sealed: ClassVar[tuple[float, float] | None] = (0.05, 0.4)
 
     def untestable(self, observed: Observations) -> str | None:
         """Return whether there are a hold, an unloading or two rates."""
@@ -130,4 +129,3 @@ class SuperficialViscoelasticity(Viscoelasticity):
     name: ClassVar[str] = "superficial-viscoelasticity"
     statement: ClassVar[str] = "the superficial tissue (fat) relaxes while it is held"
     region: ClassVar[str] = "superficial"
-    sealed: ClassVar[tuple[float, float] | None] = (0.2, 0.8)
