@@ -31,18 +31,18 @@ from legfem.experiments.plane_strain import (
     Tissues,
 )
 from legfem.experiments.pressing import solved_once
-from legfem.geometry.calf import Calf, calf_section
 from legfem.jobs.pool import Workers
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings
 from legfem.recording import Instrument
-from legfem.recording.synthesis import InstrumentNoise, record_path
 from legfem.solve.protocol import Protocol
 from legfem.solve.stepping import StepSettings
 from legfem.study.options import Jobs
 from legfem.subjects.from_cross_sections import check_new_folder, write_subject_folder
 from legfem.subjects.subject import Indenter
+from studies.lab.synthesis import InstrumentNoise, record_path
+from studies.legs.calf import Calf, calf_section
 
 DEFINITION = Path(__file__).parent / "frauziols" / "reconstruction.toml"
 PAPER_D = 28.0

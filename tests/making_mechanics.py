@@ -18,7 +18,6 @@ from mpi4py import MPI
 from legfem.experiments.plane_strain import Tissues
 from legfem.fem.spaces import LegSpaces, build_spaces
 from legfem.fem.system import System
-from legfem.geometry.calf import Calf, calf_section
 from legfem.geometry.section import LegSection
 from legfem.mechanics.contact import RigidCylinder
 from legfem.mechanics.contact_settings import ContactSettings
@@ -29,6 +28,7 @@ from legfem.meshing.section import BONE, DEEP, SKIN, SectionMeshSettings
 from legfem.solve.newton import NewtonOutcome, NewtonSettings, NewtonSolver
 from legfem.solve.stepping import StepSettings
 from legfem.subjects.subject import Indenter
+from studies.legs.calf import Calf, calf_section
 from studies.reconstruct import DEFINITION
 
 FORMULATIONS = ("displacement", "mixed")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.parametric_leg import parametric_leg, read_legs
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import SolidMeshSettings
+from studies.legs.parametric_leg import parametric_leg, read_legs
 from studies.stockings.command import LEGS
 
 PLANTED_KPA = (2.5, 6.0)

@@ -7,9 +7,9 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from legfem.geometry.leg_shape import SKIN, LegShape
-from legfem.geometry.parametric_leg import round_leg
 from legfem.geometry.shape_smoothing import smoothed
 from legfem.stocking.accuracy import ContourAccuracy
+from studies.legs.parametric_leg import round_leg
 
 
 def test_without_smoothing_the_errors_are_the_segmentation_s():

@@ -24,7 +24,6 @@ from legfem.experiments.indentation_3d import (
 )
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.experiments.pressing import PressingTest, solved_once
-from legfem.geometry.parametric_leg import round_leg
 from legfem.jobs.pool import Workers
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Contraction
@@ -34,6 +33,7 @@ from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.stepping import StepSettings
 from legfem.stocking.leg_model import LegModel3D
+from studies.legs.parametric_leg import round_leg
 
 LAW = NeoHookean(5e-3, 0.2)
 STEPS = StepSettings(first=0.5, largest=0.5)

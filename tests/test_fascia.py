@@ -8,11 +8,11 @@ import ufl
 from dolfinx import fem
 
 from legfem.experiments.compression import LegCompression
-from legfem.geometry.parametric_leg import round_leg
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Fascia
 from legfem.mechanics.terms.fascia import membrane_invariant
 from legfem.meshing.solid_leg import SolidMeshSettings, mesh_solid_leg
+from studies.legs.parametric_leg import round_leg
 
 STIFFNESS = 0.2
 """N/mm."""

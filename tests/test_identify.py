@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from typer.testing import CliRunner
 from legfem.commands.identify import app
 from legfem.identify.document import result_document
 from legfem.identify.forward import ForwardOutcome
-from legfem.identify.laws import default_parameters, with_bounds
+from legfem.identify.laws import default_parameters
 from legfem.identify.run import write_results
 from legfem.identify.settings import IdentificationSettings
 from legfem.inference.constants import IDENTIFIABLE_WITHIN
@@ -152,9 +153,9 @@ def test_genetic_algorithm_on_the_full_model_agrees(tmp_path: Path) -> None:
 
 
 def test_bounds_are_kept_and_reported(tmp_path: Path) -> None:
-    parameters = default_parameters(AnalyticLeg().nominal)
-    parameters = with_bounds(parameters, "deep.C10", (1e-3, 3e-3))
-    parameters = with_bounds(parameters, "deep.C20", (5e-4, 4e-3))
+    bounds = (1e-3, 3e-3), (5e-4, 4e-3)
+    both = zip(default_parameters(AnalyticLeg().nominal), bounds, strict=True)
+    parameters = tuple(replace(one, bounds=own) for one, own in both)
     polynomial = identify(pressed_leg(tmp_path, 0.7, 0.8), parameters=parameters)[1]
     stiffness = polynomial.parameters["deep.C10"]
     assert stiffness.value == 1e-3 and stiffness.at_bound == "lower"

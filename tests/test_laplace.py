@@ -8,7 +8,6 @@ import pytest
 from legfem.common.errors import InputError
 from legfem.common.units import MPA_PER_MMHG
 from legfem.geometry.leg_shape import LegShape, corresponding
-from legfem.geometry.parametric_leg import round_leg
 from legfem.stocking.classes import (
     ANKLE_MMHG,
     CALF_SHARE,
@@ -17,6 +16,7 @@ from legfem.stocking.classes import (
     fitted_stocking,
 )
 from legfem.stocking.laplace import Stocking, stocking_load
+from studies.legs.parametric_leg import round_leg
 
 
 def _leg(skin: np.ndarray) -> LegShape:

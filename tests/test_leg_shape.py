@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 
 from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape, corresponding, shape_of_contours
-from legfem.geometry.parametric_leg import round_leg
 from legfem.geometry.shape_checks import check_shape
 from legfem.geometry.shape_file import read_shape, write_shape
 from legfem.geometry.shape_measures import (
@@ -20,6 +19,7 @@ from legfem.geometry.shape_measures import (
 )
 from legfem.geometry.shape_motion import displaced, rigidly_moved
 from legfem.geometry.shape_smoothing import smoothed
+from studies.legs.parametric_leg import round_leg
 
 
 def cone(slope: float = 0.1) -> LegShape:

@@ -15,10 +15,10 @@ import typer
 
 from legfem.common.command_edge import command_edge
 from legfem.common.progress import Silent
-from legfem.jobs.apart import run_apart
 from legfem.jobs.pool import Workers
 from legfem.jobs.resume import finish
 from legfem.jobs.store import Store
+from studies.solvers.apart import run_apart
 
 HERE = Path(__file__).parent
 
@@ -160,7 +160,7 @@ def test_commands_apart_end_with_the_one_that_started_them(
     told = tmp_path / "pid"
     inner = f"""if True:
         import os, pathlib, time
-        from legfem.jobs.apart import end_with_starter
+        from studies.solvers.apart import end_with_starter
         end_with_starter()
         pathlib.Path({str(told)!r} + ".new").write_text(str(os.getpid()))
         pathlib.Path({str(told)!r} + ".new").rename({str(told)!r})
@@ -168,7 +168,7 @@ def test_commands_apart_end_with_the_one_that_started_them(
     """
     outer = f"""if True:
         import os, sys
-        from legfem.jobs.apart import run_apart
+        from studies.solvers.apart import run_apart
         run_apart([sys.executable, "-c", {inner!r}], os.environ)
     """
     parent = subprocess.Popen([sys.executable, "-c", outer], stderr=subprocess.DEVNULL)

@@ -9,18 +9,17 @@ import pytest
 
 from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.parametric_leg import parametric_leg, read_legs
 from legfem.geometry.rigid import RigidTransform
 from legfem.geometry.shape_surface import PartSurface
 from legfem.imaging.outlines import shape_of_volume
 from legfem.imaging.registration import (
     IterationSettings,
     bone_points,
-    register_points,
     register_shapes,
     register_surfaces,
 )
-from legfem.imaging.voxelise import ScanSettings, SegmentationNoise, simulated_scan
+from studies.legs.parametric_leg import parametric_leg, read_legs
+from studies.legs.voxelise import ScanSettings, SegmentationNoise, simulated_scan
 
 LEGS = Path(__file__).resolve().parents[1] / "studies" / "stockings" / "legs.toml"
 PLANTED = RigidTransform.of_angles((4.0, -3.0, 12.0), np.array([6.0, -8.0, 15.0]))
@@ -44,18 +43,6 @@ def scattered(leg: LegShape, generator: np.random.Generator, per_mm2: float = 1.
 
 def noisy(points: np.ndarray, generator: np.random.Generator, sd: float) -> np.ndarray:
     return points + sd * generator.standard_normal(points.shape)
-
-
-@pytest.mark.parametrize("seed", [1, 2])
-def test_the_closed_form_finds_a_planted_motion_to_a_twentieth_of_a_mm(leg, seed):
-    generator = np.random.default_rng(seed)
-    true = scattered(leg, generator)
-    moving, fixed = noisy(true, generator, 0.3), noisy(PLANTED(true), generator, 0.3)
-    found = register_points(moving, fixed)
-    error = found.transform(true) - PLANTED(true)
-    assert np.linalg.norm(error, axis=1).max() < 0.05
-    assert found.residual == pytest.approx(0.3 * np.sqrt(6), rel=0.02)
-    assert (np.abs(error.mean(axis=0)) < 4 * found.standard_error).all()
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -109,20 +96,17 @@ def test_a_motion_and_its_inverse_cancel():
     there_and_back = PLANTED.inverse().after(PLANTED)
     assert there_and_back.rotation == pytest.approx(np.eye(3))
     assert there_and_back.translation == pytest.approx(np.zeros(3), abs=1e-12)
-    assert there_and_back.angle_degrees == pytest.approx(0, abs=1e-5)
 
 
 def test_points_that_make_no_registration_give_one_line(leg):
     line = np.column_stack([np.arange(50.0)] * 3)
     cloud = np.random.default_rng(0).normal(size=(300, 3)) * 20
-    with pytest.raises(InputError, match="300 do not correspond to 299"):
-        register_points(cloud, cloud[1:])
     with pytest.raises(InputError, match="on a line"):
-        register_points(line, line)
+        register_surfaces(line, line)
     with pytest.raises(InputError, match="fewer than three points"):
-        register_points(cloud[:2], cloud[:2])
+        register_surfaces(cloud[:2], cloud[:2])
     with pytest.raises(InputError, match="finite coordinates"):
-        register_points(cloud * np.nan, cloud)
+        register_surfaces(cloud * np.nan, cloud)
     with pytest.raises(InputError, match="too few or too far apart"):
         register_surfaces(cloud, cloud)
     near = scattered(leg, np.random.default_rng(1))

@@ -15,9 +15,9 @@ from legfem.geometry.rigid import RigidTransform
 from legfem.geometry.shape_motion import rigidly_moved
 from legfem.geometry.slices import signed_distances
 from legfem.imaging.outlines import OutlineSettings, shape_of_volume
-from legfem.imaging.raster import coverage
 from legfem.imaging.volume import LabelVolume
-from legfem.imaging.voxelise import ScanSettings, SegmentationNoise, simulated_scan
+from studies.legs.raster import coverage
+from studies.legs.voxelise import ScanSettings, SegmentationNoise, simulated_scan
 
 
 def leg(length: float = 40.0) -> LegShape:

@@ -11,11 +11,12 @@ from making_ranks import run_on_ranks
 from mpi4py import MPI
 
 from legfem.common.errors import InputError
+from legfem.fem.compat import cell_nodes
 from legfem.geometry.leg_shape import LegShape, shape_of_contours
-from legfem.geometry.parametric_leg import round_leg
 from legfem.meshing.idealised_leg import END, LegMesh
 from legfem.meshing.section import BONE, DEEP, SKIN, SUPERFICIAL
 from legfem.meshing.solid_leg import SolidMeshSettings, mesh_solid_leg, settings_for_cells
+from studies.legs.parametric_leg import round_leg
 
 
 def measure(leg: LegMesh, tag: int) -> float:
@@ -62,7 +63,7 @@ def test_facets_and_cells_stand_where_their_tags_say(round_mesh):
     # In first-order tetrahedra vertices are the geometry's nodes; their numbers may differ.
     node = np.empty(mesh.topology.index_map(0).size_local, dtype=np.int64)
     cells = mesh.topology.connectivity(3, 0).array.reshape(-1, 4)
-    node[cells.ravel()] = mesh.geometry.dofmap.ravel()
+    node[cells.ravel()] = cell_nodes(mesh).ravel()
     for tag, radius in ((SKIN, 50), (BONE, 12)):
         facets = round_mesh.facet_tags.find(tag)
         corners = node[np.concatenate([vertices.links(f) for f in facets])]
@@ -73,9 +74,7 @@ def test_facets_and_cells_stand_where_their_tags_say(round_mesh):
         40,
     }
     for tag, low, high in ((SUPERFICIAL, 42, 50), (DEEP, 12, 42)):
-        radius = np.linalg.norm(
-            x[mesh.geometry.dofmap[round_mesh.cell_tags.find(tag)], :2], axis=-1
-        )
+        radius = np.linalg.norm(x[cell_nodes(mesh)[round_mesh.cell_tags.find(tag)], :2], axis=-1)
         assert radius.min() >= low - 0.01 * low
         assert radius.max() <= high + 1e-4
     assert [s.tag for s in round_mesh.supports] == [BONE]

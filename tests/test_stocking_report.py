@@ -15,7 +15,6 @@ from legfem.common.progress import Silent
 from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
 from legfem.fem.fields import fields_of
 from legfem.geometry.leg_shape import SKIN
-from legfem.geometry.parametric_leg import parametric_leg, read_legs, round_leg
 from legfem.geometry.rigid import RigidTransform
 from legfem.geometry.slices import calf_levels
 from legfem.imaging.registration import Registration
@@ -40,6 +39,7 @@ from legfem.stocking.run import StockingSettings, run_leg
 from legfem.stocking.veins import default_veins
 from legfem.stocking.warnings import stocking_warnings, unloaded_skin
 from legfem.stocking.worn import WornLeg
+from studies.legs.parametric_leg import parametric_leg, read_legs, round_leg
 
 LEGS = Path(__file__).resolve().parents[1] / "studies" / "stockings" / "legs.toml"
 MESH = SolidMeshSettings(

@@ -66,8 +66,3 @@ class RigidTransform:
         return RigidTransform(
             self.rotation @ first.rotation, self.rotation @ first.translation + self.translation
         )
-
-    @property
-    def angle_degrees(self) -> float:
-        """By how much it turns."""
-        return float(np.degrees(Rotation.from_matrix(self.rotation).magnitude()))

@@ -225,15 +225,6 @@ def contour_misfit(target: SliceSet, simulated: SliceSet) -> float:
     return sum(float((d**2).sum()) for d in slice_distances(target, simulated).values())
 
 
-def contour_cost(target: SliceSet, simulated: SliceSet, start: SliceSet) -> float:
-    """Return the second paper's cost (Eq. 4).
-
-    The misfit over that of ``start``, the simulation at the start of the identification: 1 there, 0
-    at a perfect match.
-    """
-    return contour_misfit(target, simulated) / contour_misfit(target, start)
-
-
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     crossed: FloatArray = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
     return crossed

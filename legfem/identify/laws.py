@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
@@ -165,10 +165,3 @@ def law_of(
             )  # fmt: skip
         held[key] = value
     return IdentifiedLaw(name, free, held, nominal)
-
-
-def with_bounds(
-    parameters: Sequence[Parameter], name: str, bounds: tuple[float, float]
-) -> tuple[Parameter, ...]:
-    """Return parameters, one of them with other bounds (in its unit)."""
-    return tuple(replace(one, bounds=bounds) if one.name == name else one for one in parameters)

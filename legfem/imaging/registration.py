@@ -88,36 +88,6 @@ class IterationSettings:
         )
 
 
-def register_points(moving: FloatArray, fixed: FloatArray) -> Registration:
-    """Register points on their partners, in closed form.
-
-    Parameters
-    ----------
-    moving, fixed : (n, 3) array
-        Corresponding points, mm.
-
-    Raises
-    ------
-    InputError
-        If the numbers differ, or fewer than three points, or points on a line, are given.
-    """
-    moving, fixed = _points(moving, "moving"), _points(fixed, "fixed")
-    if len(moving) != len(fixed):
-        raise InputError(
-            "registration", "points", f"{len(moving)} do not correspond to {len(fixed)}",
-            "give as many of both, or register the surfaces",
-        )  # fmt: skip
-    middle, target = moving.mean(axis=0), fixed.mean(axis=0)
-    rotation, _ = Rotation.align_vectors(fixed - target, moving - middle)
-    turn = rotation.as_matrix()
-    transform = RigidTransform(turn, target - turn @ middle)
-    apart = transform(moving) - fixed
-    normals = np.broadcast_to(np.eye(3), (len(moving), 3, 3)).reshape(-1, 3)
-    rows = _rows(np.repeat(transform(moving) - target, 3, axis=0), normals)
-    return _report(transform, apart.ravel(), rows, float(np.sqrt((apart**2).sum(axis=1).mean())),
-                   len(moving), 0, 1, True)  # fmt: skip
-
-
 def register_surfaces(
     moving: FloatArray,
     fixed: FloatArray,

@@ -18,11 +18,6 @@ from legfem.inference.least_squares import Residual, least_residual
 _MOVE = 1e-5
 
 
-def wald_interval(value: float, error: float, times: float) -> tuple[float, float]:
-    """Return value ± times * error."""
-    return value - times * error, value + times * error
-
-
 def cut_height(times: float, variance: float, inverse_curvature: float) -> float:
     r"""Return the rise :math:`t^2 V_{kk} / (A^{-1})_{kk}` at which a profile is cut."""
     return times**2 * variance / inverse_curvature

@@ -21,9 +21,9 @@ from legfem.identify.run import identify_subject
 from legfem.identify.settings import IdentificationSettings
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.meshing.section import SectionMeshSettings
-from legfem.recording.synthesis import InstrumentNoise, record_path
 from legfem.solve.stepping import StepSettings
 from legfem.subjects.subject import SUBJECTS, Subject, load_subject
+from studies.lab.synthesis import InstrumentNoise, record_path
 
 C10_KPA = (0.1, 5.0)
 C20_KPA = (0.0, 5.0)

@@ -25,11 +25,11 @@ from legfem.experiments.indentation_3d import (
     IdealisedLegIndentation,
     IdealisedLegSettings,
 )
-from legfem.jobs.apart import end_with_starter
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.idealised_leg import Cells, IdealisedLeg, LegMeshSettings, grid_counts
 from legfem.solve.linear import LinearSettings
 from legfem.solve.stepping import StepSettings
+from studies.solvers.apart import end_with_starter
 
 
 @dataclass(frozen=True)

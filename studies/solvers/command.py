@@ -17,8 +17,8 @@ from rich.table import Table
 from legfem.common.documents import write_atomically, write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
-from legfem.jobs.apart import run_apart
 from legfem.jobs.store import Store
+from studies.solvers.apart import run_apart
 from studies.solvers.case import SolverCase, SolverWork, document
 
 Measured = dict[SolverCase, SolverWork | None]

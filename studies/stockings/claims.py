@@ -14,7 +14,6 @@ import numpy as np
 from scipy.stats import pearsonr, spearmanr
 
 from legfem.common.units import kpa_to_mpa, mpa_to_kpa
-from legfem.geometry.parametric_leg import ParametricLeg, parametric_leg
 from legfem.geometry.shape_measures import fat_thickness_around, horizontal_curvature
 from legfem.geometry.slices import calf_levels
 from legfem.mechanics.materials import NeoHookean
@@ -24,6 +23,7 @@ from legfem.stocking.leg_model import LegModel3D
 from legfem.stocking.pressures import PressureProbe, tissue_pressures
 from legfem.stocking.veins import default_veins
 from legfem.stocking.worn import WornLeg
+from studies.legs.parametric_leg import ParametricLeg, parametric_leg
 from studies.stockings.truth import D1
 
 PAPER_KPA = (3.25, 8.17)

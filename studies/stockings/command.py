@@ -12,12 +12,12 @@ from mpi4py import MPI
 from legfem.common.documents import json_types, write_atomically, write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
-from legfem.geometry.parametric_leg import parametric_leg, read_legs
 from legfem.jobs.key import Contents, key_of
 from legfem.jobs.pool import Workers
 from legfem.jobs.resume import finish
 from legfem.jobs.store import Store
 from legfem.stocking.run import StockingSettings
+from studies.legs.parametric_leg import parametric_leg, read_legs
 from studies.stockings import page
 from studies.stockings.claims import Pressures, Variant, correlations, solve_variant, variants
 from studies.stockings.recovery import Recovery, recover

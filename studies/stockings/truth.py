@@ -17,16 +17,16 @@ from legfem.common.documents import write_atomically
 from legfem.common.units import kpa_to_mpa
 from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.parametric_leg import ParametricLeg, parametric_leg
 from legfem.geometry.rigid import RigidTransform
 from legfem.imaging.volume_file import write_volume
-from legfem.imaging.voxelise import SegmentationNoise, simulated_scan
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import settings_for_cells
 from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
 from legfem.stocking.laplace import Stocking
 from legfem.stocking.leg_model import LegModel3D
 from legfem.stocking.worn import Worn, WornLeg
+from studies.legs.parametric_leg import ParametricLeg, parametric_leg
+from studies.legs.voxelise import SegmentationNoise, simulated_scan
 
 VOXEL_SD = 0.15
 """Error (mm) of outlines of a perfect segmentation on the paper's voxels, before smoothing, which

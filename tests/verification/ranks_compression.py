@@ -9,7 +9,6 @@ import numpy as np
 from mpi4py import MPI
 
 from legfem.experiments.compression import CompressionSettings
-from legfem.geometry.parametric_leg import parametric_leg, read_legs
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.solve.linear import LinearSettings
@@ -19,6 +18,7 @@ from legfem.stocking.laplace import stocking_load
 from legfem.stocking.leg_model import LegModel3D
 from legfem.stocking.pressures import PressureProbe, tissue_pressures
 from legfem.stocking.veins import default_veins
+from studies.legs.parametric_leg import parametric_leg, read_legs
 
 LEGS = Path(__file__).resolve().parents[2] / "studies" / "stockings" / "legs.toml"
 

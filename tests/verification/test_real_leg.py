@@ -13,9 +13,9 @@ import pytest
 from making_mechanics import REAL_LEG
 
 from legfem.experiments.plane_strain import PlaneStrainIndentation
-from legfem.geometry.parametric_leg import parametric_leg, read_legs
 from legfem.subjects.from_cross_sections import convert_cross_sections
 from legfem.subjects.subject import load_subject
+from studies.legs.parametric_leg import parametric_leg, read_legs
 from studies.stockings.command import LEGS
 
 real_leg = pytest.mark.skipif(not REAL_LEG.is_file(), reason="needs ../shared/data/leg_geometry")

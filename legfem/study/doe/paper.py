@@ -1,9 +1,8 @@
-"""The paper's Tables 2 and 3 as printed, and what the latter's own arithmetic says about it."""
+"""The paper's Tables 2 and 3 as printed."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from decimal import Decimal
 
 from legfem.study.doe.factors import Factor
 
@@ -46,57 +45,3 @@ TABLE_3 = (
     PrintedRow("slope_5_20", "5.7e-2", "3.8e-3", "1.1e-4", "6.7e-6", "0.9980"),
     PrintedRow("slope_20_30", "0.19", "1.3e-2", "1.4e-2", "8.0e-4", "0.9336"),
 )
-
-Range = tuple[float, float]
-
-
-@dataclass(frozen=True)
-class RowCheck:
-    """What a row's figures, each within its rounding, say of the degrees of freedom."""
-
-    row: PrintedRow
-    model_dof: Range
-    """SSR/MSR."""
-    error_dof: Range
-    """SSE/MSE."""
-    r_squared: Range
-    """SSR/(SSR + SSE)."""
-
-    @property
-    def model_dof_fits(self) -> bool:
-        """Whether SSR/MSR can be 15."""
-        return self.model_dof[0] <= MODEL_DOF <= self.model_dof[1]
-
-    @property
-    def error_dof_fits(self) -> bool:
-        """Whether SSE/MSE can be 17."""
-        return self.error_dof[0] <= ERROR_DOF <= self.error_dof[1]
-
-    @property
-    def r_squared_fits(self) -> bool:
-        """Whether the printed R2 follows from the printed sums."""
-        low, high = rounding(self.row.r_squared)
-        return self.r_squared[0] <= high and low <= self.r_squared[1]
-
-
-def rounding(printed: str) -> Range:
-    """Return the numbers that are printed like this."""
-    value = Decimal(printed)
-    exponent = value.as_tuple().exponent
-    assert isinstance(exponent, int)
-    half = Decimal(5).scaleb(exponent - 1)
-    return float(value - half), float(value + half)
-
-
-def check_table_3() -> list[RowCheck]:
-    """Return what every row says."""
-    checks = []
-    for row in TABLE_3:
-        ssr, msr, sse, mse = (rounding(v) for v in (row.ssr, row.msr, row.sse, row.mse))
-        share = ssr[0] / (ssr[0] + sse[1]), ssr[1] / (ssr[1] + sse[0])
-        checks.append(RowCheck(row, _ratio(ssr, msr), _ratio(sse, mse), share))
-    return checks
-
-
-def _ratio(above: Range, below: Range) -> Range:
-    return above[0] / below[1], above[1] / below[0]

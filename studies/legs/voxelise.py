@@ -20,8 +20,8 @@ from legfem.geometry.curve import outward_normals
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.rigid import RigidTransform
 from legfem.geometry.shape_motion import rigidly_moved
-from legfem.imaging.raster import coverage
 from legfem.imaging.volume import BONE, DEEP, SUPERFICIAL, LabelVolume
+from studies.legs.raster import coverage
 
 PAPER_SPACING = (0.93, 0.93, 1.0)
 """mm; the second paper's scans."""

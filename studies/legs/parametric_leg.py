@@ -2,7 +2,7 @@
 
 A parametric leg is a segment of the calf round its largest girth. Its back points to +y, the fibula
 lies on the side of +x or -x, the tibia's crest at the front. The skin is the calf's oval of
-`legfem.geometry.calf` with a flat or hollow shin; the fat is thickest behind and thinnest over the
+`studies.legs.calf` with a flat or hollow shin; the fat is thickest behind and thinnest over the
 tibia's medial face; the hull follows the tibia there, as the fascia does.
 """
 
@@ -19,11 +19,11 @@ from shapely import Polygon
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.geometry.calf import bone_outline, outward_normals, oval
 from legfem.geometry.cross_sections import Clearances, nested_outlines
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, shape_of_contours
 from legfem.geometry.shape_checks import check_shape
 from legfem.geometry.shape_smoothing import smoothed
+from studies.legs.calf import bone_outline, outward_normals, oval
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -77,11 +77,6 @@ class ParametricLeg(BaseModel):
     """Relative growth of the tibia's radius over the segment, upwards."""
     fibula_side: Literal[1, -1] = -1
     """-1 puts the fibula on the side of -x: a right leg seen from above with the back at +y."""
-
-    @property
-    def body_mass_index(self) -> float:
-        """Weight over height squared, kg/m2."""
-        return self.weight_kg / self.height_m**2
 
 
 def parametric_leg(leg: ParametricLeg, n_points: int = 180) -> LegShape:
