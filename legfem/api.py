@@ -17,10 +17,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
+from legfem.common.doubts import say
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, Silent, progress_on
 from legfem.identify.laws import LawName
 from legfem.subjects.catalogue import Catalogue
+from legfem.subjects.plausibility import doubts_about
 from legfem.subjects.subject import SUBJECTS, Subject
 from legfem.subjects.subject import load_subject as load_subject_folder
 
@@ -56,7 +58,9 @@ def load_subject(subject: Given) -> Subject:
     InputError
         If there is no such subject, or anything in the folder is missing or wrong.
     """
-    return load_subject_folder(_folder(subject, SUBJECTS), need_instrument=False)
+    loaded = load_subject_folder(_folder(subject, SUBJECTS), need_instrument=False)
+    say(doubts_about(loaded))
+    return loaded
 
 
 def load_leg(leg: Given) -> StockingLeg:
@@ -75,7 +79,9 @@ def load_leg(leg: Given) -> StockingLeg:
     from legfem.stocking.leg import LEGS
     from legfem.stocking.leg import load_leg as load_leg_folder
 
-    return load_leg_folder(_folder(leg, LEGS))
+    loaded = load_leg_folder(_folder(leg, LEGS))
+    say(loaded.doubts)
+    return loaded
 
 
 class Found(ABC):

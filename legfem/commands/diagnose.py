@@ -13,6 +13,7 @@ from legfem.common.command_edge import (
     check_out_folder,
     work_edge,
 )
+from legfem.common.doubts import say
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 from legfem.subjects.subject import SUBJECTS
@@ -63,11 +64,13 @@ def diagnose(
         from legfem.report.diagnosis import write_diagnosis_report
         from legfem.report.plan import plan_document, plan_lines
         from legfem.report.web.page import PAGE, command_line
+        from legfem.subjects.plausibility import doubts_about
         from legfem.subjects.subject import load_subject
 
         if seed < 0:
             raise InputError("--seed", f"{seed}", "is negative", "give 0 or more")
         found = load_subject(SUBJECTS.named(subject, subject_dir), need_instrument=False)
+        say(doubts_about(found))
         ends = read_correction(correction or REFERENCE)
         folder = out or Path("results") / f"diagnose-{found.id}"
         check_out_folder(folder)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
 
-from legfem.common.errors import InputError
+from legfem.common.checks import check_finite
+from legfem.common.command_edge import command_edge
+from legfem.common.doubts import say
 from legfem.geometry.section import fat_thickness, girth
 from legfem.subjects.from_cross_sections import convert_cross_sections
+from legfem.subjects.plausibility import doubts_about
 from legfem.subjects.subject import load_subject
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -41,13 +43,14 @@ def convert(
     Example: python -m legfem.geometry --cross-sections cross_sections_5mm.csv --level 300
     --out my-leg
     """
-    try:
+    with command_edge("run the same command again"):
+        check_finite(level=level, fascia_thickness=fascia_thickness, direction=direction)
         point = None if aim is None else np.array(aim)
+        if point is not None:
+            check_finite(aim=float(point.sum()))
         convert_cross_sections(cross_sections, level, out, fascia_thickness, point, direction)
         subject = load_subject(out, need_recordings=False)
-    except InputError as error:
-        print(error, file=sys.stderr)
-        raise typer.Exit(2) from None
+        say(doubts_about(subject))
     section, indenter = subject.section, subject.indenter
     fat = fat_thickness(section, indenter.aim, indenter.direction)
     print(

@@ -15,6 +15,7 @@ from legfem.common.command_edge import (
     check_out_folder,
     work_edge,
 )
+from legfem.common.doubts import say
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 
@@ -125,9 +126,11 @@ def run(
         from legfem.report.identification import write_identification_report
         from legfem.report.text import fit_report
         from legfem.report.web.page import PAGE, command_line
+        from legfem.subjects.plausibility import doubts_about
         from legfem.subjects.subject import SUBJECTS, load_subject
 
         found = load_subject(SUBJECTS.named(subject, subject_dir))
+        say(doubts_about(found))
         if seed < 0:
             raise InputError("--seed", f"{seed}", "is negative", "give 0 or more")
         written = Written(identify or (), prior or (), fix or (), c10_bounds, c20_bounds)

@@ -8,10 +8,12 @@ from typing import Annotated
 import typer
 
 from legfem.commands.options import Jobs, Subject, SubjectDir
+from legfem.common.checks import check_finite
 from legfem.common.command_edge import (
     check_out_folder,
     work_edge,
 )
+from legfem.common.doubts import say
 from legfem.common.progress import progress_on
 from legfem.subjects.subject import SUBJECTS
 
@@ -51,11 +53,14 @@ def plan(
         from legfem.diagnose.run import Diagnoser
         from legfem.plan.run import plan_before
         from legfem.report.plan import plan_document, plan_page
+        from legfem.subjects.plausibility import doubts_about
         from legfem.subjects.subject import load_subject
 
+        check_finite(c10=c10, c20=c20, depth=depth, rate=rate)
         found = load_subject(
             SUBJECTS.named(subject, subject_dir), need_recordings=False, need_instrument=False
         )
+        say(doubts_about(found))
         folder = out or Path("results") / f"plan-{found.id}"
         check_out_folder(folder)
         responses = library or library_folder()

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from legfem.common.command_edge import FAILED, check_out_folder, command_edge
+from legfem.common.doubts import say
 from legfem.common.errors import InputError
 from legfem.common.progress import Silent, progress_on
 
@@ -52,6 +53,8 @@ def stocking(
         results = out or Path("results") / f"stocking-{leg.id}"
         check_out_folder(results)
         comm = MPI.COMM_WORLD
+        if comm.rank == 0:
+            say(leg.doubts)
         settings = StockingSettings(cells=cells, nelder_mead=nelder_mead)
         if comm.rank == 0:
             with progress_on() as progress:

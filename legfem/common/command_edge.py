@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
 import sys
@@ -19,7 +20,7 @@ BAD_INPUT, INTERRUPTED, FAILED = 2, 130, 1
 
 @contextmanager
 def command_edge(resume: str = "run the same command again to go on") -> Iterator[None]:
-    """Turn a user's mistake, Ctrl-C and a killed worker into a line on stderr and an exit status.
+    """Turn a user's mistake, Ctrl-C and what the machine lacks into a line and an exit status.
 
     Parameters
     ----------
@@ -42,6 +43,26 @@ def command_edge(resume: str = "run the same command again to go on") -> Iterato
             file=sys.stderr,
         )
         raise typer.Exit(FAILED) from None
+    except MemoryError:
+        print(
+            "memory: there is not enough for this input; are its lengths in mm? Else ask for fewer "
+            "elements, or --jobs 1",
+            file=sys.stderr,
+        )
+        raise typer.Exit(BAD_INPUT) from None
+    except RecursionError:
+        print("input: something in it is nested too deeply; flatten it", file=sys.stderr)
+        raise typer.Exit(BAD_INPUT) from None
+    except OSError as error:
+        # A pipe whose reader has left is the shell's business.
+        if error.errno == errno.EPIPE:
+            raise
+        where = error.filename or "file"
+        print(f"{where}: {error.strerror or error}; {_FREED}, and {resume}", file=sys.stderr)
+        raise typer.Exit(BAD_INPUT) from None
+
+
+_FREED = "free the disk or give a place that can be read and written"
 
 
 @contextmanager

@@ -54,6 +54,8 @@ def parse_toml[File: BaseModel](path: Path, schema: type[File], holder: str) -> 
         raise InputError(
             path, "TOML", str(error), "correct the syntax (texts in quotes, decimals with points)"
         ) from None
+    except RecursionError:
+        raise InputError(path, "TOML", "is nested too deeply", "flatten it") from None
     try:
         return schema.model_validate(content)
     except ValidationError as error:

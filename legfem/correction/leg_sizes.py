@@ -142,7 +142,7 @@ def read_leg_corrections(path: Path) -> LegCorrections:
             raise InputError(path, "kind", f"is not {KIND} of schema {SCHEMA}", remedy)
         *axes, change = (np.array(content[name], dtype=float) for name in _KNOWN)
         errors = {name: np.array(mode, dtype=float) for name, mode in content["errors"].items()}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise InputError(path, "table", f"can't be read ({error!r})", remedy) from None
     radius, depth, displacement, c10, stiffening = axes
     if change.shape != tuple(map(len, (radius, depth, c10, stiffening, displacement))):

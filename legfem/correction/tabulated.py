@@ -179,7 +179,7 @@ def read_correction(path: Path) -> TabulatedCorrection:
     """
     try:
         content = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise InputError(
             path, "--correction", f"can't be read ({error})",
             "give a file that python -m legfem.study correction wrote, or none",

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from legfem.common.documents import json_types
+from legfem.common.doubts import Doubt, doubt_documents
 from legfem.common.versions import legfem_version, package_version
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.explain import Explanation
@@ -19,7 +20,9 @@ from legfem.diagnose.predict import onset_name
 from legfem.diagnose.remains import explained_share, remains_of
 from legfem.diagnose.sentences import next_experiments
 from legfem.diagnose.windows import runs
-from legfem.subjects.subject import Origin
+from legfem.subjects import ranges
+from legfem.subjects.plausibility import doubts_about
+from legfem.subjects.subject import Origin, Subject
 
 SCHEMA = 2
 
@@ -52,6 +55,7 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
             "subject": subject.id,
             "origin": subject.origin,
             "law": found.law,
+            "doubts": doubt_documents(doubts_of(found, subject)),
             "verdict": found.verdict,
             "probability_of_no_effect": found.explained.soundness,
             "explanations": [
@@ -146,6 +150,18 @@ def versions() -> dict[str, str]:
         "dolfinx": package_version("fenics-dolfinx"),
         "python": platform.python_version(),
     }
+
+
+def doubts_of(found: Diagnosis, subject: Recorded) -> tuple[Doubt, ...]:
+    """Return what is unlikely in a leg's folder, and in the stiffness that came out of it."""
+    if not isinstance(subject, Subject):
+        return ()
+    toml = subject.directory / "subject.toml"
+    published = ranges.DEEP_C10.likely(
+        toml, "deep.C10", found.base.value("C10"),
+        "doubt the units of force_N, displacement_mm, length_mm and the other tissues' C10_kPa",
+    )  # fmt: skip
+    return (*doubts_about(subject), *published)
 
 
 def r_squared(fitted: Fit, found: Diagnosis) -> float:

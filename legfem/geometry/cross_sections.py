@@ -17,12 +17,14 @@ from shapely import Polygon, make_valid
 from legfem.common.errors import InputError
 from legfem.common.tables import read_table
 from legfem.common.units import FloatArray
-from legfem.geometry.contours import check_section
+from legfem.geometry.contours import check_girth, check_section
 from legfem.geometry.curve import resample_closed_curve
 from legfem.geometry.section import PARTS, LegSection
 
 HEADER = ("level_mm", "part", "loop", "i", "x_mm", "y_mm")
 SURFACES = ("skin", "muscle_hull", "tibia", "fibula")
+_INSIDE = 0.8
+"""Share of a part's area that lies in the skin; outlines of two scans cross by some mm."""
 
 
 @dataclass(frozen=True)
@@ -169,6 +171,7 @@ def nested_outlines(
     InputError
         If nothing is left of a part.
     """
+    _check_order(outlines, source)
     fat = room.fat(fascia_thickness)
     skin = _smooth(outlines["skin"], room)
     # Smoothing moves the contours by some tenths of a mm: keep that much in hand.
@@ -191,6 +194,22 @@ def nested_outlines(
         sheath = sheath | bone.buffer(around)
     hull = _smooth(largest_polygon(_closed(sheath, room.corner), source, "muscle_hull"), room)
     return {"skin": skin, "muscle_hull": hull, **bones}
+
+
+def _check_order(outlines: Mapping[str, Polygon], source: str | Path) -> None:
+    """Check what nesting would hide: a part's size, and which lies in which."""
+    skin, hull = outlines["skin"], outlines["muscle_hull"]
+    check_girth(float(skin.exterior.length), source)
+    for part, outline in outlines.items():
+        if part != "skin" and (outline & skin).area < _INSIDE * outline.area:
+            raise InputError(
+                source, part, "lies outside the skin", f"are skin and {part} exchanged?"
+            )
+        if part not in ("skin", "muscle_hull") and outline.area > hull.area:
+            raise InputError(
+                source, part, "is larger than the muscle's hull",
+                f"are muscle_hull and {part} exchanged?",
+            )  # fmt: skip
 
 
 def back_of_calf(section: LegSection) -> FloatArray:

@@ -26,10 +26,17 @@ def write_shape(shape: LegShape, path: Path) -> None:
     path.write_text("\n".join(rows) + "\n", encoding="utf-8")
 
 
-def read_shape(path: Path) -> LegShape:
+def read_shape(path: Path, between: tuple[float, float] = (-np.inf, np.inf)) -> LegShape:
     """Read a shape and check that its parts nest.
 
     The contours may have different numbers of points from level to level, and start anywhere.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    between : tuple of float
+        Levels (mm) beyond which rows are passed over.
 
     Raises
     ------
@@ -39,6 +46,8 @@ def read_shape(path: Path) -> LegShape:
     """
     path = Path(path)
     table = read_table(path, HEADER, text=("part",))
+    inside = table["level_mm"].between(*between)
+    table = table[inside] if inside.any() else table
     levels = np.unique(table["level_mm"].to_numpy())
     contours, points = {}, {}
     for part, rows in table.groupby("part", sort=False):

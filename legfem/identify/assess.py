@@ -37,7 +37,7 @@ from legfem.identify.result import (
 from legfem.identify.search import Search
 from legfem.identify.solver import key_of_values
 from legfem.identify.trial import Linearised, Trial
-from legfem.identify.warnings import LEAST_CHANCE, Finding, warnings_about
+from legfem.identify.warnings import LEAST_CHANCE, Finding, doubts_of, warnings_about
 from legfem.inference.constants import (
     IDENTIFIABLE_WITHIN,
     NUMERICAL_ERROR,
@@ -123,6 +123,7 @@ def assess(given: Assessment) -> IdentificationResult:
         warnings=warnings_about(finding),
         settings=_settings(given),
         versions=_versions(),
+        doubts=doubts_of(finding),
     )
 
 

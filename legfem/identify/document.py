@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from legfem.common.documents import json_types
+from legfem.common.doubts import doubt_documents
 from legfem.common.units import readable_unit
 from legfem.identify.catalogue import (
     DEEP_C10,
@@ -37,6 +38,7 @@ def result_document(result: IdentificationResult) -> dict[str, Any]:
         "title": result.subject_title,
         "origin": result.subject_origin,
         "law": result.law,
+        "doubts": doubt_documents(result.doubts),
         "parameters": {key_of(name): _estimate(one) for name, one in result.parameters.items()},
         "correlation_c10_c20": result.correlation(DEEP_C10, DEEP_C20),
         "correlations": _correlations(result),

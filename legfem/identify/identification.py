@@ -42,7 +42,7 @@ def measured_curve(subject: Subject, depth: float | None = None) -> LoadingCurve
     )
     if depth is None:
         return curve
-    if depth < MINIMAL_DEPTH_MM:
+    if not depth >= MINIMAL_DEPTH_MM:
         raise InputError("--depth", f"{depth:g} mm", "is too little to identify from",
                          f"give at least {MINIMAL_DEPTH_MM:g} mm")  # fmt: skip
     n = int((curve.displacement <= depth + 1e-9).sum())

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from legfem.common.doubts import Doubt
 from legfem.common.units import FloatArray, readable_unit
 from legfem.identify.catalogue import Values, key_of
 from legfem.identify.laws import LawName, model_values
@@ -219,6 +220,8 @@ class IdentificationResult:
     settings: Mapping[str, Any]
     """Numbers that the result depends on, their units in the names."""
     versions: Mapping[str, str] = field(default_factory=dict)
+    doubts: tuple[Doubt, ...] = ()
+    """What is unlikely in the input, or in what came out of it."""
 
     @property
     def identifiability(self) -> tuple[Identifiability, str]:

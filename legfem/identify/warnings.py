@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from legfem.common.doubts import Doubt
 from legfem.common.units import mpa_to_kpa
 from legfem.correction.choice import Correction, why_uncorrected
 from legfem.identify.catalogue import DEEP_C10, DEEP_C20, key_of
 from legfem.identify.laws import LawName
 from legfem.identify.result import Cost, Estimate, FullSolve
 from legfem.recording import LoadingCurve
-from legfem.subjects.subject import Subject, TissueParameters
+from legfem.subjects import ranges
+from legfem.subjects.plausibility import doubts_about, poisson_ratio
+from legfem.subjects.subject import Subject
 
 LEAST_CHANCE = 1e-3
 """Chance of so large a misfit, were the law right, below which the law is doubted."""
@@ -96,6 +99,21 @@ def warnings_about(found: Finding) -> tuple[str, ...]:
     return tuple(texts)
 
 
+def doubts_of(found: Finding) -> tuple[Doubt, ...]:
+    """Return what is unlikely in the input, and in stiffnesses that nobody has found so."""
+    toml = found.subject.directory / "subject.toml"
+    published = [
+        doubt
+        for name, one in found.parameters.items()
+        if name.endswith(".C10")
+        for doubt in ranges.C10[name.partition(".")[0]].likely(
+            toml, key_of(name), mpa_to_kpa(one.value),
+            "doubt the units of force_N, displacement_mm, length_mm and the other tissues' C10_kPa",
+        )
+    ]  # fmt: skip
+    return (*doubts_about(found.subject), *published)
+
+
 def _without_correction(subject: Subject) -> str:
     if subject.plane_strain:
         return (
@@ -107,11 +125,3 @@ def _without_correction(subject: Subject) -> str:
         "a constant factor on the force can't be told from C10, so end effects are part of the "
         f"stiffness given here.{'' if other is None else f' There is none by default: {other}.'}"
     )
-
-
-def poisson_ratio(tissue: TissueParameters) -> float | None:
-    """Return Poisson's ratio at small strain; None for a tissue without a stiffness."""
-    if tissue.C10 is None:
-        return None
-    bulk, shear = 2 / tissue.D1, 2 * tissue.C10
-    return (3 * bulk - 2 * shear) / (6 * bulk + 2 * shear)

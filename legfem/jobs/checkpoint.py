@@ -10,16 +10,19 @@ from __future__ import annotations
 import io
 import json
 import time
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
 from legfem.common.documents import write_document
+from legfem.jobs.key import key_of
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -64,30 +67,34 @@ class Checkpoint:
         self.comm.Barrier()
         if self.comm.rank == 0:
             head = {"key": self.key, "ranks": self.comm.size, "number": self._number}
-            write_document(self._head, {**head, "plain": plain})
+            write_document(self._head, {**head, "digest": key_of(plain), "plain": plain})
         self.comm.Barrier()
         self._part(before).unlink(missing_ok=True)
         self._last = time.monotonic()
 
     def load(self, shapes: Mapping[str, tuple[int, ...]]) -> tuple[Arrays, dict[str, Any]] | None:
         """Return the last state whose arrays have the given shapes, if there is one; collective."""
-        head = None
-        if self.comm.rank == 0 and self._head.is_file():
-            head = json.loads(self._head.read_text())
-        head = self.comm.bcast(head, root=0)
-        wanted = (self.key, self.comm.size)
-        if head is None or (head["key"], head["ranks"]) != wanted:
+        head = self.comm.bcast(self._read_head() if self.comm.rank == 0 else None, root=0)
+        if head is None:
             return None
-        part = self._part(head["number"])
-        arrays: Arrays = {}
-        if part.is_file():
-            with np.load(part) as kept:
-                arrays = dict(kept)
+        number, plain = head
+        arrays = _read_arrays(self._part(number))
         fits = all(name in arrays and arrays[name].shape == s for name, s in shapes.items())
         if not self.comm.allreduce(fits, MPI.LAND):
             return None
-        self._number = head["number"]
-        return arrays, head["plain"]
+        self._number = number
+        return arrays, plain
+
+    def _read_head(self) -> tuple[int, dict[str, Any]] | None:
+        """Return number and plain values of the last state; None without a whole one of the key."""
+        try:
+            head = json.loads(self._head.read_text(encoding="utf-8"))
+            if (head["key"], head["ranks"]) != (self.key, self.comm.size):
+                return None
+            plain = dict(head["plain"])
+            return (int(head["number"]), plain) if head["digest"] == key_of(plain) else None
+        except (OSError, ValueError, LookupError, TypeError, RecursionError):
+            return None
 
     def clear(self) -> None:
         """Remove the states: the solution is known; collective."""
@@ -104,3 +111,12 @@ class Checkpoint:
 
     def _part(self, number: int) -> Path:
         return self.folder / f"{number:05d}-{self.comm.rank}.npz"
+
+
+def _read_arrays(part: Path) -> Arrays:
+    """Return a part's arrays; none where it is missing or malformed."""
+    try:
+        with np.load(part) as kept:
+            return dict(kept)
+    except (OSError, ValueError, LookupError, TypeError, EOFError, BadZipFile, zlib.error):
+        return {}

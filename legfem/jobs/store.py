@@ -65,7 +65,7 @@ class Store[Kept]:
             if document["key"] != self.key(asked):
                 return None
             kept: Kept = _adapter(self.kind).validate_python(document["kept"])
-        except (OSError, ValueError, KeyError, TypeError):
+        except (OSError, ValueError, LookupError, TypeError, RecursionError):
             return None
         return kept
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 
+from legfem.common.doubts import doubt_lines
 from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.document import Recorded, r_squared
+from legfem.diagnose.document import Recorded, doubts_of, r_squared
 from legfem.diagnose.sentences import next_experiments, percent, verdict_sentence
 from legfem.report import diagnosis_tables as tables
 from legfem.report.diagnosis_style import model_name, plain, shown_models
@@ -51,6 +52,7 @@ def diagnosis_page(
     blocks = [
         f"{heading}\n{'=' * min(len(heading), WIDTH)}",
         f"*** {what.upper()} ***" + (f" ({explanation}" if explanation else ""),
+        *map(_fill, doubt_lines(doubts_of(found, subject))),
         _headline(f"Verdict: {found.verdict.upper()}") + _verdict(found),
         *(_headline(name) + body for name, body in sections.items() if body),
     ]

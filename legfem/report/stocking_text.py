@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 
+from legfem.common.doubts import doubt_lines
 from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
 from legfem.report.page import ReportFile
 from legfem.report.stocking_mismatch_text import mismatch_section
@@ -63,6 +64,7 @@ def stocking_page(
     blocks = [
         f"{heading}\n{'=' * min(len(heading), WIDTH)}",
         f"*** {what.upper()} ***" + (f" ({explanation}" if explanation else ""),
+        *map(fill, doubt_lines(leg.doubts)),
         *(f"{name}\n{'-' * len(name)}\n{body}" for name, body in sections.items() if body),
     ]
     return "\n\n".join(blocks) + "\n"

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from scipy.stats import chi2
 
+from legfem.common.doubts import doubt_lines
 from legfem.common.units import readable_unit
 from legfem.identify.catalogue import DEEP_C10, DEEP_C20, symbol_of, unit_of
 from legfem.identify.result import Estimate, IdentificationResult
@@ -42,7 +43,10 @@ def fit_report(result: IdentificationResult) -> str:
         sections["Correlations"] = _correlations(result)
     sections["Assumed"] = _assumed(result)
     sections["Warnings"] = result.warnings or ["none"]
-    lines = [f"DATA: {ORIGINS.get(result.subject_origin, result.subject_origin)}"]
+    lines = [
+        f"DATA: {ORIGINS.get(result.subject_origin, result.subject_origin)}",
+        *doubt_lines(result.doubts),
+    ]
     for name, body in sections.items():
         lines += [f"[[{name}]]", *(f"    {line}" for line in body)]
     return _wrapped(lines)
@@ -63,6 +67,7 @@ def summary(results: Sequence[IdentificationResult]) -> str:
     lines = [
         f"Subject {first.subject_id} ({first.subject_title})",
         f"DATA: {ORIGINS.get(first.subject_origin, first.subject_origin)}",
+        *doubt_lines(dict.fromkeys(doubt for result in results for doubt in result.doubts)),
         "",
         *(_table(results, names) if len(names) <= _COLUMNS else _list(results)),
     ]

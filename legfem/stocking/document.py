@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from legfem.common.documents import json_types
+from legfem.common.doubts import doubt_documents
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.common.versions import legfem_version, package_version
 from legfem.geometry.shape_measures import fat_thickness_around
@@ -39,6 +40,7 @@ def stocking_document(result: StockingResult, fat: FatPressures | None = None) -
             "leg": leg.id,
             "title": leg.title,
             "origin": leg.origin,
+            "doubts": doubt_documents(leg.doubts),
             "stiffness": _stiffness(result),
             "searches": [_search(search) for search in result.searches],
             "starts_agree": _starts_agree(result),

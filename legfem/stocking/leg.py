@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from legfem.common.doubts import Doubt
 from legfem.common.errors import InputError
 from legfem.common.tables import read_table
 from legfem.common.units import FloatArray, kpa_to_mpa
@@ -17,6 +18,7 @@ from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.shape_file import read_shape
 from legfem.geometry.shape_motion import rigidly_moved
 from legfem.geometry.slices import calf_levels
+from legfem.imaging.anatomy import check_anatomy, cropped
 from legfem.imaging.outlines import OutlineSettings, shape_of_volume
 from legfem.imaging.registration import Registration, register_shapes
 from legfem.imaging.surfaces import shape_of_surfaces
@@ -26,12 +28,21 @@ from legfem.mechanics.materials import NeoHookean
 from legfem.stocking.accuracy import ContourAccuracy
 from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
 from legfem.stocking.laplace import Stocking
-from legfem.stocking.leg_file import LegFile, ShapeEntry, StockingEntry, parse_leg_file
+from legfem.stocking.leg_file import (
+    LegFile,
+    SegmentEntry,
+    ShapeEntry,
+    StockingEntry,
+    parse_leg_file,
+)
+from legfem.stocking.plausibility import check_scans_differ, doubts_about_leg
 from legfem.stocking.veins import Vein, default_veins
 from legfem.subjects.catalogue import RESOURCES, Catalogue
 
 LEVEL_SPACING = 5.0
 """Of the contours between which the leg's surfaces are smooth (mm)."""
+_MARGINS = {"bare": 10.0, "compressed": 40.0}
+"""Beyond the segment that is read (mm): smoothing reaches there; the second scan may be shifted."""
 OUTLINES = OutlineSettings()
 ROOM = Clearances(bone_to_fascia=1.5, fascia_to_skin=1.5)
 LEGS = Catalogue(RESOURCES / "dubuis" / "subjects", "leg.toml")
@@ -60,6 +71,8 @@ class StockingLeg:
     slices: FloatArray
     """Levels of the five slices (mm)."""
     veins: tuple[Vein, ...]
+    doubts: tuple[Doubt, ...] = ()
+    """What is unlikely in what was given."""
 
 
 def load_leg(directory: Path) -> StockingLeg:
@@ -81,6 +94,7 @@ def load_leg(directory: Path) -> StockingLeg:
         if bare_scan.volume is not None and scan.volume is not None:
             check_same_spacing(bare_scan.volume, scan.volume)
         scanned = scan.shape()
+        check_scans_differ(scanned_bare, scanned, toml)
         registration = register_shapes(_dense(scanned), _dense(scanned_bare))
         motion = registration.transform
         shapes.append(rigidly_moved(scanned, motion.rotation, motion.translation))
@@ -92,7 +106,7 @@ def load_leg(directory: Path) -> StockingLeg:
         for name, entry in (("deep", given.tissues.deep),
                             ("superficial", given.tissues.superficial))
     }  # fmt: skip
-    return StockingLeg(
+    leg = StockingLeg(
         given.id, given.title, given.origin, bare, scanned_bare, compressed, registration,
         _stocking(directory, toml, given.stocking, bare),
         _accuracy(given, registration),
@@ -100,6 +114,7 @@ def load_leg(directory: Path) -> StockingLeg:
         None not in (given.tissues.deep.C10_kPa, given.tissues.superficial.C10_kPa),
         given.segment.ends, slices, _veins(given, bare, float(np.median(slices))),
     )  # fmt: skip
+    return replace(leg, doubts=doubts_about_leg(leg, toml))
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +125,8 @@ class _Scan:
     contours: Path | None = None
     surfaces: tuple[Mapping[str, Path], FloatArray] | None = None
     """Files by part, and the levels at which to cut them (mm)."""
+    levels: tuple[float, float] = (-np.inf, np.inf)
+    """Between which contours are read and checked (mm)."""
 
     @classmethod
     def opened(
@@ -121,9 +138,11 @@ class _Scan:
         if entry.scan is not None:
             labels = given.labels
             meaning = {"superficial": labels.superficial, "deep": labels.deep, "bone": labels.bone}
-            return cls(volume=read_volume(path(entry.scan), meaning))
+            volume = read_volume(path(entry.scan), meaning)
+            check_anatomy(volume)
+            return cls(volume=cropped(volume, *_levels_to_read(field, given.segment)))
         if entry.contours is not None:
-            return cls(contours=path(entry.contours))
+            return cls(contours=path(entry.contours), levels=_levels_to_read(field, given.segment))
         assert entry.surfaces is not None
         if given.segment.from_mm is None or given.segment.to_mm is None:
             raise InputError(
@@ -139,9 +158,18 @@ class _Scan:
         if self.volume is not None:
             return shape_of_volume(self.volume, OUTLINES, room)
         if self.contours is not None:
-            return read_shape(self.contours)
+            return read_shape(self.contours, self.levels)
         assert self.surfaces is not None
         return shape_of_surfaces(*self.surfaces, room)
+
+
+def _levels_to_read(field: str, segment: SegmentEntry) -> tuple[float, float]:
+    """Return the levels of a scan that the segment needs: what lies beyond may be anything."""
+    margin = _MARGINS[field]
+    return (
+        -np.inf if segment.from_mm is None else segment.from_mm - margin,
+        np.inf if segment.to_mm is None else segment.to_mm + margin,
+    )
 
 
 def _existing(directory: Path, name: str, toml: Path, field: str) -> Path:

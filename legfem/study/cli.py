@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from legfem.common.checks import check_finite
 from legfem.common.command_edge import (
     FAILED,
     check_out_folder,
@@ -43,6 +44,7 @@ def convergence(
     Example: python -m legfem.study convergence --subject 3
     """
     with study_edge("corners" if corners else "convergence", out, jobs) as (folder, processes):
+        check_finite(depth=depth, c10=c10_kpa, c20=c20_kpa)
         from legfem.study.convergence import command as convergence_command
 
         convergence_command.run(
@@ -172,6 +174,11 @@ def correction(
         from legfem.study.correction.calibration import Calibration
         from legfem.study.correction.cases import CorrectionCase, Material
 
+        check_finite(
+            length=length, radius=radius, bone_radius=bone_radius, bone_offset=bone_offset,
+            cylinder_length=cylinder_length, edge_radius=edge_radius, c10=c10_kpa, depth=depth,
+            finer=finer,
+        )  # fmt: skip
         folder = out or Path("results") / "correction"
         check_out_folder(folder)
         case = CorrectionCase(

@@ -169,6 +169,8 @@ class SubjectFile(FileTable):
     instrument: InstrumentEntry | None = None
     recordings: RecordingsEntry = RecordingsEntry()
     accuracy: AccuracyEntry = AccuracyEntry()
+    confirmed: list[Text] = Field(default_factory=list)
+    """Fields whose unusual values are right: they aren't doubted."""
 
 
 def parse_subject_file(path: Path) -> SubjectFile:

@@ -16,6 +16,7 @@ from legfem.geometry.contours import read_contours
 from legfem.geometry.section import LegSection, first_crossing
 from legfem.recording import Instrument, Recording, read_recording, seen_instrument
 from legfem.subjects.catalogue import RESOURCES, Catalogue
+from legfem.subjects.plausibility import doubts_about
 from legfem.subjects.schema import SubjectFile, TissueEntry, parse_subject_file
 
 __all__ = [
@@ -111,6 +112,8 @@ class Subject:
     plane_strain: bool = False
     """Whether the recordings come from a plane-strain model: they know no end effects."""
     accuracy: LegAccuracy = LegAccuracy()
+    confirmed: tuple[str, ...] = ()
+    """Fields of subject.toml, or columns, that are unusual and right."""
 
 
 def load_subject(
@@ -130,7 +133,8 @@ def load_subject(
     Raises
     ------
     InputError
-        If anything in the folder is missing or wrong; names file, field and remedy.
+        If anything in the folder is missing, wrong or impossible; names file, field and remedy.
+        What is only unlikely `legfem.subjects.plausibility.doubts_about` tells.
     """
     directory = Path(directory)
     toml = SUBJECTS.opened(directory)
@@ -152,7 +156,7 @@ def load_subject(
     )
     _check_aim(toml, section, indenter)
     recordings = _recordings(directory) if need_recordings else ()
-    return Subject(
+    subject = Subject(
         id=given.id,
         title=given.title,
         origin=given.origin,
@@ -179,7 +183,10 @@ def load_subject(
             given.accuracy.direction_sd_deg,
             _relative(given.accuracy.assumed_sd_percent),
         ),
+        confirmed=tuple(given.confirmed),
     )
+    doubts_about(subject)
+    return subject
 
 
 def _relative(percent: float | None) -> float | None:

@@ -1,0 +1,230 @@
+"""What in recordings can't be or is unlikely: units, depth, rates, copies, trials that differ."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.stats import spearmanr
+
+from legfem.common.doubts import Doubt
+from legfem.common.units import FloatArray
+from legfem.recording import Recording
+from legfem.recording.contact import contact_at_start, find_first_contact
+from legfem.recording.smoothing import sample_noise, smooth_displacement
+from legfem.subjects import ranges
+from legfem.subjects.expected_force import force_range
+
+if TYPE_CHECKING:
+    from legfem.subjects.subject import Subject
+
+_LITTLE_ROOM = 0.96
+"""Share of the way to the bone beyond which next to nothing is left of the tissue."""
+_ALIKE = 1.5
+"""Ratio of repeats' forces that is still a repeat's: a first loading is up to 1.2 of a later."""
+_APART = 4.0
+_LIKE_SPEED = 2.0
+_SAME_NOISE = 0.95
+_LEAST_NOISE_N = 5e-4
+"""Below it noise may be no more than rounding, which copies and repeats share."""
+_NOISE_FACTOR = 5.0
+_QUIET, _SOFT = 0.15, 3.0
+"""Noise so far below what is stated is a sign of another unit where the leg is soft, too."""
+_SLACK = 1.3
+"""That legs like none of those solved for may lie beyond the envelopes."""
+_IMPOSSIBLE = 20.0
+"""Times the most, or the least, that a leg can push back."""
+
+
+@dataclass(frozen=True, eq=False)
+class Loading:
+    """A trial's way from first touch to its deepest point; arrays are (n,)."""
+
+    recording: Recording
+    displacement: FloatArray
+    """mm after first contact, smoothed."""
+    force: FloatArray
+    """N above the baseline."""
+    speed: float
+    """mm/s, between a fifth and four fifths of the depth."""
+
+    @property
+    def source(self) -> str:
+        """Of the recording."""
+        return str(self.recording.source or self.recording.trial)
+
+    @property
+    def depth(self) -> float:
+        """Greatest displacement, mm."""
+        return float(self.displacement[-1])
+
+    def force_near(self, displacement: float) -> float:
+        """Return the mean force within a quarter of a millimetre of a displacement, N."""
+        near = np.abs(self.displacement - displacement) <= 0.25
+        if not near.any():
+            near = np.zeros(len(near), bool)
+            near[int(np.argmin(np.abs(self.displacement - displacement)))] = True
+        return float(self.force[near].mean())
+
+
+def loading_of(recording: Recording, starts_at_contact: bool) -> Loading:
+    """Return a trial's loading."""
+    contact = contact_at_start() if starts_at_contact else find_first_contact(recording)
+    smooth, _ = smooth_displacement(recording.time, recording.displacement)
+    end = int(np.argmax(smooth)) + 1
+    d = smooth[:end] - contact.displacement
+    low, high = (int(np.argmax(d >= share * d[-1])) for share in (0.2, 0.8))
+    taken = float(recording.time[high] - recording.time[low])
+    speed = float(d[high] - d[low]) / taken if taken > 0 else np.inf
+    return Loading(recording, d, recording.force[:end] - contact.baseline, speed)
+
+
+def doubts_about_recordings(subject: Subject, toml: Path, room: float) -> Iterator[Doubt]:
+    """Yield what is unlikely.
+
+    Parameters
+    ----------
+    subject : Subject
+        Whose recordings they are.
+    toml : Path
+        Its file.
+    room : float
+        mm that the cylinder can go; see `legfem.subjects.plausibility.room_before`.
+
+    Raises
+    ------
+    InputError
+        For what can't be.
+    """
+    if subject.instrument.stated:
+        yield from ranges.FORCE_SD.doubts(
+            toml, "instrument.force_sd_N", subject.instrument.force_sd
+        )
+        yield from ranges.DISPLACEMENT_SD.doubts(
+            toml, "instrument.displacement_sd_mm", subject.instrument.displacement_sd
+        )
+    if not subject.recordings:
+        return
+    _refuse_copies(subject.recordings)
+    loadings = [loading_of(r, subject.starts_at_contact) for r in subject.recordings]
+    for loading in loadings:
+        yield from _motion(loading, room)
+    yield from _differing(loadings)
+    yield from _force(subject, loadings)
+    if subject.instrument.stated:
+        yield from _noise(subject, toml)
+
+
+def _refuse_copies(recordings: Sequence[Recording]) -> None:
+    for one, other in combinations(recordings, 2):
+        n = min(len(one), len(other))
+        a, b = one.force[:n], other.force[:n]
+        copied = len(one) == len(other) and np.array_equal(a, b)
+        if min(sample_noise(a), sample_noise(b)) > _LEAST_NOISE_N:
+            # By ranks: one jump that both trials share is no noise.
+            copied |= spearmanr(np.diff(a, 2), np.diff(b, 2)).statistic > _SAME_NOISE
+        if copied:
+            raise Doubt(
+                str(other.source or other.trial), "force_N",
+                f"is a copy of {one.trial}: the two have the same noise, which no repeat has",
+                "remove one of them; a copy makes the result look surer than it is",
+            ).error()  # fmt: skip
+
+
+def _motion(loading: Loading, room: float) -> Iterator[Doubt]:
+    yield from ranges.SPEED.doubts(
+        loading.source, "time_s", loading.speed, "check that time is in s"
+    )
+    if loading.depth <= _LITTLE_ROOM * room:
+        return
+    found = Doubt(
+        loading.source, "displacement_mm",
+        f"the cylinder goes {loading.depth:.1f} mm deep where there is room for {room:.1f} mm "
+        "before a bone or the leg's far side",
+        "check the unit, and aim_mm, direction_deg and diameter_mm in subject.toml",
+    )  # fmt: skip
+    if loading.depth > room + 0.5:
+        raise found.error()
+    yield found
+
+
+def _differing(loadings: Sequence[Loading]) -> Iterator[Doubt]:
+    at = 0.9 * min(loading.depth for loading in loadings)
+    forces = {id(loading): loading.force_near(at) for loading in loadings}
+    worst, most = None, 1.0
+    for pair in combinations(loadings, 2):
+        soft, stiff = sorted(pair, key=lambda loading: forces[id(loading)])
+        ratio = forces[id(stiff)] / max(forces[id(soft)], 1e-9)
+        slow, fast = sorted(loading.speed for loading in pair)
+        allowed = _ALIKE if fast <= _LIKE_SPEED * slow else _APART
+        if ratio > allowed and ratio > most:
+            worst, most = (soft, stiff), ratio
+    if worst is None:
+        return
+    soft, stiff = worst
+    found = Doubt(
+        stiff.source, "force_N",
+        f"is {most:.3g} times that of {soft.recording.trial} at {at:.1f} mm: no repeat",
+        "keep one leg, posture, unit and gain in a folder, or remove the trial that is off",
+    )  # fmt: skip
+    if most > _APART:
+        raise found.error()
+    yield found
+
+
+def _force(subject: Subject, loadings: Sequence[Loading]) -> Iterator[Doubt]:
+    depth = min(loading.depth for loading in loadings)
+    at = np.linspace(0.2, 0.9, 8) * depth
+    force = np.array([np.median([one.force_near(d) for one in loadings]) for d in at])
+    error = 2 * subject.instrument.force_sd / np.sqrt(len(loadings)) + 0.02
+    low, high = force_range(subject, at)
+    quiet = (
+        subject.instrument.stated and _noise_seen(subject) < _QUIET * subject.instrument.force_sd
+    )
+    low, high = low * (_SOFT if quiet else 1 / _SLACK), high * _SLACK
+    below, above = (force + error) / low, (force - error) / high
+    if below.min() >= 1 and above.max() <= 1:
+        return
+    soft = below.min() < 1
+    k = int(np.argmin(below) if soft else np.argmax(above))
+    units = {"kgf": 9.80665, "kN": 1e3} if soft else {"mN": 1e-3, "gf": 9.80665e-3}
+    hints = [
+        f"if it is in {unit}, multiply it by {factor:g}"
+        for unit, factor in units.items()
+        if (low <= factor * force + error).all() and (factor * force - error <= high).all()
+    ]
+    noise = (
+        f", and its noise is {_QUIET:g} times the stated force_sd_N or less"
+        if soft and quiet
+        else ""
+    )
+    found = Doubt(
+        str(subject.directory / "recordings"), "force_N",
+        f"{force[k]:.3g} N at {at[k]:.1f} mm are {'less' if soft else 'more'} than the "
+        f"{(low if soft else high)[k]:.2g} N with which this leg would push back if it were very "
+        f"{'soft' if soft else 'stiff'} inside{noise}",
+        " or ".join([*hints, "check length_mm, C10_kPa and D1_per_MPa of the tissues, aim_mm"]),
+    )  # fmt: skip
+    if not (1 / _IMPOSSIBLE < below.min() and above.max() < _IMPOSSIBLE):
+        raise found.error()
+    yield found
+
+
+def _noise_seen(subject: Subject) -> float:
+    """Return the force's noise from sample to sample, N."""
+    return float(np.median([sample_noise(r.force) for r in subject.recordings]))
+
+
+def _noise(subject: Subject, toml: Path) -> Iterator[Doubt]:
+    seen = _noise_seen(subject)
+    stated = subject.instrument.force_sd
+    if seen > _NOISE_FACTOR * stated + 0.01:
+        yield Doubt(
+            str(toml), "instrument.force_sd_N",
+            f"{stated:.3g} N is stated, but force_N jumps by {seen:.3g} N from sample to sample",
+            "check the unit of force_N, or the stated accuracy",
+        )  # fmt: skip

@@ -1,0 +1,55 @@
+"""Where the numbers of a leg and of its indentation usually lie, and where they can."""
+
+from __future__ import annotations
+
+from legfem.common.doubts import PhysicalRange
+
+PAPER = "Frauziols et al. (2015)"
+_STRESS = {"Pa": 1e-3, "MPa": 1e3}
+_LENGTH = {"cm": 10.0, "m": 1e3, "micrometres": 1e-3}
+
+GIRTH = PhysicalRange(
+    "a girth", "mm", (230.0, 700.0), (100.0, 800.0),
+    "calves of adults and more: ANSUR II, Gordon et al. 2014",
+)  # fmt: skip
+FASCIA_THICKNESS = PhysicalRange(
+    "a fascia's thickness", "mm", (0.1, 3.0), (0.02, 10.0),
+    f"0.2 to 1.0 mm: {PAPER}, Table 2", _LENGTH,
+)  # fmt: skip
+DIAMETER = PhysicalRange(
+    "a cylinder's diameter", "mm", (20.0, 50.0), (2.0, 200.0), f"30 mm: {PAPER}", _LENGTH
+)
+LENGTH = PhysicalRange(
+    "a cylinder's length", "mm", (25.0, 150.0), (10.0, 500.0), f"50 mm: {PAPER}", _LENGTH
+)
+DEEP_C10 = PhysicalRange(
+    "a deep tissue's C10", "kPa", (0.05, 30.0), (0.002, 600.0),
+    f"0.5 to 15 kPa: {PAPER} and what it cites", _STRESS,
+)  # fmt: skip
+C10 = {
+    "deep": DEEP_C10,
+    "superficial": PhysicalRange(
+        "a superficial tissue's C10", "kPa", (0.1, 60.0), (0.005, 600.0),
+        f"1 to 30 kPa: {PAPER}, Table 2", _STRESS,
+    ),
+    "fascia": PhysicalRange(
+        "a fascia's C10", "kPa", (5.0, 5e4), (0.5, 1e6), f"100 kPa: {PAPER}, Table 1", _STRESS
+    ),
+}  # fmt: skip
+STIFFENING = PhysicalRange(
+    "a ratio C20 / C10", "", (0.0, 20.0), (0.0, 1e4), f"up to 4: {PAPER}, Table 5"
+)
+D1 = PhysicalRange(
+    "a D1", "1/MPa", (5e-4, 100.0), (1e-4, 2000.0),
+    "bulk modulus 2 / D1 of 20 kPa to water's", {"1/GPa": 1e-3, "1/Pa": 1e6, "1/kPa": 1e3},
+)  # fmt: skip
+SPEED = PhysicalRange(
+    "a speed of loading", "mm/s", (0.01, 100.0), (1e-6, 5000.0), f"0.4 mm/s: {PAPER}",
+    {"the inverse of ms (time in ms)": 1e3},
+)  # fmt: skip
+FORCE_SD = PhysicalRange(
+    "an error of the force", "N", (1e-5, 3.0), (1e-8, 100.0), "data sheets of load cells"
+)
+DISPLACEMENT_SD = PhysicalRange(
+    "an error of the displacement", "mm", (1e-5, 1.5), (1e-8, 20.0), "data sheets of sensors"
+)

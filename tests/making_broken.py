@@ -1,0 +1,149 @@
+"""Ways in which a good subject folder goes wrong: as people do it, and at random."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from legfem.common.errors import InputError
+from legfem.subjects.plausibility import doubts_about
+from legfem.subjects.subject import SUBJECTS, load_subject
+
+type Change = Callable[[Path], None]
+
+
+def copied(name: str, folder: Path) -> Path:
+    """Return a copy of a subject that comes with legfem, called measured."""
+    shutil.copytree(SUBJECTS.find(name), folder)
+    replaced("origin = .*", 'origin = "measured"')(folder)
+    return folder
+
+
+def told(folder: Path) -> list[str]:
+    """Return the fields that an error, or doubts, name in a folder."""
+    try:
+        return [doubt.field for doubt in doubts_about(load_subject(folder))]
+    except InputError as error:
+        assert "\n" not in str(error) and error.remedy
+        return [error.field]
+
+
+def replaced(pattern: str, by: str, table: str = "") -> Change:
+    """Return a change of subject.toml, in one of its tables."""
+
+    def change(folder: Path) -> None:
+        path = folder / "subject.toml"
+        head, mark, rest = (
+            path.read_text().partition(table) if table else ("", "", path.read_text())
+        )
+        text, count = re.subn(pattern, by, rest, count=1)
+        assert count, pattern
+        path.write_text(head + mark + text)
+
+    return change
+
+
+def trials(folder: Path) -> list[Path]:
+    return sorted((folder / "recordings").glob("*.csv"))
+
+
+def columns(**factors: float) -> Change:
+    """Return a change that multiplies columns of all recordings."""
+
+    def change(folder: Path) -> None:
+        for path in trials(folder):
+            table = pd.read_csv(path)
+            for name, factor in factors.items():
+                table[name] *= factor
+            table.to_csv(path, index=False)
+
+    return change
+
+
+def contours(factor: float) -> Change:
+    def change(folder: Path) -> None:
+        path = folder / "contours.csv"
+        table = pd.read_csv(path)
+        table[["x_mm", "y_mm"]] *= factor
+        table.to_csv(path, index=False)
+
+    return change
+
+
+def copy_of_a_trial(folder: Path) -> None:
+    shutil.copy(trials(folder)[0], folder / "recordings" / "z.csv")
+
+
+def copy_moved_in_time_and_scaled(folder: Path) -> None:
+    table = pd.read_csv(trials(folder)[0])
+    table["time_s"] += 100.0
+    table["force_N"] = 1.01 * table["force_N"] + 0.02
+    table.to_csv(folder / "recordings" / "z.csv", index=False)
+
+
+def one_trial_times(factor: float) -> Change:
+    def change(folder: Path) -> None:
+        table = pd.read_csv(trials(folder)[1])
+        table["force_N"] *= factor
+        table.to_csv(trials(folder)[1], index=False)
+
+    return change
+
+
+def exchanged(one: str, other: str) -> Change:
+    def change(folder: Path) -> None:
+        path = folder / "contours.csv"
+        table = pd.read_csv(path)
+        table["part"] = table["part"].replace({one: other, other: one})
+        table.to_csv(path, index=False)
+
+    return change
+
+
+def in_radians(folder: Path) -> None:
+    text = (folder / "subject.toml").read_text()
+    degrees = float(re.search(r"direction_deg = ([\d.]+)", text)[1])
+    replaced(r"direction_deg = [\d.]+", f"direction_deg = {np.deg2rad(degrees):.6f}")(folder)
+
+
+SILENTLY_WRONG: dict[str, tuple[Change, str]] = {
+    "force in kgf": (columns(force_N=1 / 9.80665), "force_N"),
+    "force in mN": (columns(force_N=1e3), "force_N"),
+    "force in gf": (columns(force_N=1e3 / 9.80665), "force_N"),
+    "force in kN": (columns(force_N=1e-3), "force_N"),
+    "displacement in m": (columns(displacement_mm=1e-3), "displacement_mm"),
+    "displacement in cm": (columns(displacement_mm=0.1), "displacement_mm"),
+    "displacement in micrometres": (columns(displacement_mm=1e3), "displacement_mm"),
+    "time in ms": (columns(time_s=1e3), "time_s"),
+    "length in cm": (replaced("length_mm = 50.0", "length_mm = 5.0"), "indenter.length_mm"),
+    "radius for diameter": (replaced("r_mm = 30.0", "r_mm = 15.0"), "indenter.diameter_mm"),
+    "diameter for radius": (replaced("r_mm = 30.0", "r_mm = 60.0"), "indenter.diameter_mm"),
+    "direction in radians": (in_radians, "indenter.direction_deg"),
+    "aim at the edge": (
+        replaced(r"aim_mm = \[.*?\]", "aim_mm = [45.0, 0.0]"), "indenter.aim_mm"),
+    "fat of 2000 kPa": (
+        replaced("C10_kPa = 2.0", "C10_kPa = 2000.0"), "tissues.superficial.C10_kPa"),
+    "fat in MPa": (replaced("C10_kPa = 2.0", "C10_kPa = 0.002"), "tissues.superficial.C10_kPa"),
+    "fascia in MPa": (replaced("C10_kPa = 100.0", "C10_kPa = 0.1"), "tissues.fascia.C10_kPa"),
+    "deep D1 of 5000": (
+        replaced("D1_per_MPa = 28.0", "D1_per_MPa = 5000.0"), "tissues.deep.D1_per_MPa"),
+    "fat's D1 of 800": (
+        replaced("D1_per_MPa = 22.5", "D1_per_MPa = 800.0"), "tissues.superficial.D1_per_MPa"),
+    "fascia's thickness in m": (
+        replaced(r"thickness_mm = [\d.]+", "thickness_mm = 0.0006"),
+        "section.fascia_thickness_mm"),
+    "contours halved": (contours(0.5), "section.contours"),
+    "contours in cm": (contours(0.1), "x_mm, y_mm"),
+    "contours in micrometres": (contours(1e3), "x_mm, y_mm"),
+    "skin and fascia exchanged": (exchanged("skin", "fascia"), "fascia"),
+    "a trial copied": (copy_of_a_trial, "force_N"),
+    "a trial copied, moved and scaled": (copy_moved_in_time_and_scaled, "force_N"),
+    "a trial twice as stiff": (one_trial_times(2.0), "force_N"),
+    "a trial in kgf": (one_trial_times(1 / 9.80665), "force_N"),
+}  # fmt: skip
+"""What a person would see, and the field that has to be named."""
