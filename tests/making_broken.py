@@ -147,3 +147,90 @@ SILENTLY_WRONG: dict[str, tuple[Change, str]] = {
     "a trial in kgf": (one_trial_times(1 / 9.80665), "force_N"),
 }  # fmt: skip
 """What a person would see, and the field that has to be named."""
+
+
+def _characters(rng: np.random.Generator, text: str) -> str:
+    at, odd = int(rng.integers(len(text))), str(rng.choice(list("[]{}=\"'.,;#-\n\t\0é9eN")))
+    end = at + int(rng.integers(0, 4))
+    return text[:at] + odd * int(rng.integers(0, 3)) + text[end:]
+
+
+def _number(rng: np.random.Generator, text: str) -> str:
+    found = list(re.finditer(r"-?\d+\.?\d*", text))
+    one = found[int(rng.integers(len(found)))]
+    value = float(one[0])
+    choices = [
+        value * 10.0 ** int(rng.integers(-6, 7)), -value, 0.0, np.nan, np.inf, 1e300, 1e-300,
+        value + 1e9,
+    ]  # fmt: skip
+    by = str(choices[int(rng.integers(len(choices)))])
+    by = str(rng.choice([by, by, by, '"text"', "", "1,5", "[1, 2]", "true", "0x", "[" * 3000]))
+    return text[: one.start()] + by + text[one.end() :]
+
+
+def _lines(rng: np.random.Generator, text: str) -> str:
+    lines = text.splitlines()
+    at = int(rng.integers(len(lines)))
+    other = int(rng.integers(len(lines)))
+    match int(rng.integers(6)):
+        case 0:
+            del lines[at:other]
+        case 1:
+            lines.insert(at, lines[other])
+        case 2:
+            lines[at], lines[other] = lines[other], lines[at]
+        case 3:
+            lines = lines[:at]
+        case 4:
+            lines = lines[:1] + lines[:0:-1]
+        case 5:
+            lines[at] = lines[at].replace(",", ";").replace(".", ",")
+    return "\n".join(lines)
+
+
+def _bytes(rng: np.random.Generator, text: str) -> bytes:
+    match int(rng.integers(5)):
+        case 0:
+            return b""
+        case 1:
+            return rng.bytes(500)
+        case 2:
+            return text.encode("utf-16")
+        case 3:
+            return text.encode()[: int(rng.integers(len(text)))]
+        case _:
+            return b"\xef\xbb\xbf" + text.replace("\n", "\r\n").encode()
+
+
+def _scaled(rng: np.random.Generator, text: str) -> str:
+    """Multiply a column by a power of ten, or by -1, or shift it."""
+    rows = [line.split(",") for line in text.splitlines()]
+    column = int(rng.integers(len(rows[0])))
+    factor = float(rng.choice([-1.0, 0.0, *10.0 ** np.arange(-6, 7)]))
+    shift = float(rng.choice([0.0, 0.0, 1e3, -1e3]))
+    for row in rows[1:]:
+        try:
+            row[column] = str(factor * float(row[column]) + shift)
+        except (ValueError, IndexError):
+            continue
+    return "\n".join(",".join(row) for row in rows)
+
+
+def broken_at_random(folder: Path, seed: int) -> str:
+    """Break one file of a folder in one to three ways; return what was done."""
+    rng = np.random.default_rng(seed)
+    files = [folder / "subject.toml", folder / "contours.csv", *trials(folder)]
+    path = files[int(rng.choice(len(files), p=[0.4, 0.3, *[0.3 / (len(files) - 2)] * (len(files) - 2)]))]
+    done = [path.name]
+    for _ in range(int(rng.integers(1, 4))):
+        text = path.read_text()
+        ways = [_characters, _number, _number, _lines]
+        way = ways[int(rng.integers(4))] if path.suffix == ".toml" else [*ways, _scaled, _scaled][
+            int(rng.integers(6))]
+        if text:
+            path.write_text(way(rng, text))
+            done.append(way.__name__)
+    if rng.random() < 0.1 and path.read_text():
+        path.write_bytes(_bytes(rng, path.read_text()))
+        done.append("bytes")
+    return " ".join(done)
