@@ -220,13 +220,18 @@ def broken_at_random(folder: Path, seed: int) -> str:
     """Break one file of a folder in one to three ways; return what was done."""
     rng = np.random.default_rng(seed)
     files = [folder / "subject.toml", folder / "contours.csv", *trials(folder)]
-    path = files[int(rng.choice(len(files), p=[0.4, 0.3, *[0.3 / (len(files) - 2)] * (len(files) - 2)]))]
+    path = files[
+        int(rng.choice(len(files), p=[0.4, 0.3, *[0.3 / (len(files) - 2)] * (len(files) - 2)]))
+    ]
     done = [path.name]
     for _ in range(int(rng.integers(1, 4))):
         text = path.read_text()
         ways = [_characters, _number, _number, _lines]
-        way = ways[int(rng.integers(4))] if path.suffix == ".toml" else [*ways, _scaled, _scaled][
-            int(rng.integers(6))]
+        way = (
+            ways[int(rng.integers(4))]
+            if path.suffix == ".toml"
+            else [*ways, _scaled, _scaled][int(rng.integers(6))]
+        )
         if text:
             path.write_text(way(rng, text))
             done.append(way.__name__)

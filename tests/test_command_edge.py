@@ -15,7 +15,10 @@ from legfem.common.toml_file import FileTable, parse_toml
 @pytest.mark.parametrize(
     ("error", "words"),
     [
-        (OSError(errno.ENOSPC, "No space left on device", "out/result.json"), "out/result.json: No"),
+        (
+            OSError(errno.ENOSPC, "No space left on device", "out/result.json"),
+            "out/result.json: No",
+        ),
         (PermissionError(errno.EACCES, "Permission denied", "x"), "x: Permission denied"),
         (MemoryError(), "not enough"),
         (RecursionError(), "nested too deeply"),

@@ -148,3 +148,11 @@ def test_a_section_copies_what_it_is_given():
     section = LegSection(**parts, fascia_thickness=0.6)
     parts["skin"][:] = 0.0
     assert girth(section) > 370
+
+
+def test_points_that_fall_together_are_no_contour(tmp_path):
+    """What a fuzz found: a column of zeros leaves a contour without points."""
+    parts = leg()
+    parts["tibia"] = np.full_like(parts["tibia"], 3.0)
+    with pytest.raises(InputError, match="tibia: only 0 of its points lie apart"):
+        read_contours(write_contours(tmp_path / "contours.csv", parts), 0.6)

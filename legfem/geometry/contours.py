@@ -26,6 +26,7 @@ __all__ = [
 
 HEADER = ("part", "x_mm", "y_mm")
 MINIMAL_POINTS = 8
+MOST_POINTS = 5000
 GIRTH_RANGE_MM = (100.0, 800.0)
 # A closed contour's end stands about one spacing from its start.
 OPEN_GAP_IN_SPACINGS = 5.0
@@ -59,6 +60,8 @@ def read_contours(path: Path, fascia_thickness: float) -> LegSection:
         rows = table[table["part"] == part]
         contours[part] = rows[["x_mm", "y_mm"]].to_numpy(dtype=np.float64)
         _check_contour(path, part, contours[part])
+        # Points closer than any mesh's only cost time.
+        contours[part] = contours[part][:: 1 + len(contours[part]) // MOST_POINTS]
     section = LegSection(**contours, fascia_thickness=fascia_thickness)
     check_section(section, path)
     return section
@@ -88,6 +91,12 @@ def check_section(section: LegSection, source: str | Path) -> None:
         not inside the fascia or the fascia not inside the skin, or the fascia is thicker than
         the fat or meets the bones.
     """
+    for part in PARTS:
+        if (points := len(section.contour(part))) < MINIMAL_POINTS:
+            raise InputError(
+                source, part, f"only {points} of its points lie apart",
+                f"give at least {MINIMAL_POINTS} around the part",
+            )  # fmt: skip
     polygons = {part: section.polygon(part) for part in PARTS}
     for part, polygon in polygons.items():
         if not polygon.is_valid:

@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from legfem.common.doubts import doubt_lines
 from legfem.common.units import FloatArray
 from legfem.diagnose.diagnosis import Diagnosis, Verdict
-from legfem.diagnose.document import Recorded
+from legfem.diagnose.document import Recorded, doubts_of
 from legfem.diagnose.explain import Explanation
 from legfem.diagnose.sentences import (
     next_experiments,
@@ -101,7 +102,7 @@ def diagnosis_web_page(
         subject=subject.title,
         origin=subject.origin,
         headline=_headline(found, plan),
-        warnings=_warnings(found),
+        warnings=[*doubt_lines(doubts_of(found, subject)), *_warnings(found)],
         known=known_of(found, subject),
         chapters=chapters,
         repeat=Repeat(command, versions or {}),

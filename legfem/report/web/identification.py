@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from legfem.common.doubts import doubt_lines
 from legfem.common.units import readable_unit
 from legfem.experiments.plane_strain import tissues_of
 from legfem.geometry.section import girth
@@ -66,7 +67,14 @@ def identification_page(
         subject=subject.title,
         origin=subject.origin,
         headline=_headline(chosen, subject),
-        warnings=list(dict.fromkeys(w for r in (chosen, *results) for w in r.warnings)),
+        warnings=list(
+            dict.fromkeys(
+                [
+                    *(line for r in (chosen, *results) for line in doubt_lines(r.doubts)),
+                    *(w for r in (chosen, *results) for w in r.warnings),
+                ]
+            )
+        ),
         known=_known(results, subject),
         chapters=[
             Chapter("Recordings and model", [_curves(results)]),
