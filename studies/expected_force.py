@@ -2,7 +2,8 @@
 
     python -m studies.expected_force --legs 73 --seed 11
 
-prints the two rows of coefficients in `legfem.subjects.expected_force`.
+prints two rows of coefficients as those in `legfem.subjects.expected_force`, which a first run of the
+same legs gave.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Envelopes of plane-strain solutions: ``python -m studies.expected_force`` solves random legs (girth
 250 to 450 mm, fat of 1.2 to 25 mm and 0.5 to 20 kPa, fascia of 10 kPa to 10 MPa, cylinders of 18 to
 52 mm) with the softest and the stiffest deep tissue there is, and fits planes in the logarithms
-beyond which none of them lies by more than 5 %.
+beyond which none of them lies by more than 5 %. The coefficients here are a first run's.
 """
 
 from __future__ import annotations
