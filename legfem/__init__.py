@@ -18,10 +18,12 @@ if TYPE_CHECKING:
     from legfem.api import (
         DiagnosedLeg,
         IdentifiedLeg,
+        IdentifiedSpecimen,
         LegInStocking,
         diagnose,
         identify,
         load_leg,
+        load_specimen,
         load_subject,
         stocking,
     )
@@ -32,12 +34,14 @@ if TYPE_CHECKING:
 __all__ = [
     "DiagnosedLeg",
     "IdentifiedLeg",
+    "IdentifiedSpecimen",
     "InputError",
     "LegInStocking",
     "__version__",
     "diagnose",
     "identify",
     "load_leg",
+    "load_specimen",
     "load_subject",
     "stocking",
 ]

@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 from legfem.common.doubts import say
 from legfem.common.errors import InputError
@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from legfem.identify.result import IdentificationResult
     from legfem.identify.settings import IdentificationSettings
     from legfem.inference.parameter import Parameter
+    from legfem.specimens.folder import SpecimenFolder
+    from legfem.specimens.result import SpecimenResult
     from legfem.stocking.leg import StockingLeg
     from legfem.stocking.run import StockingResult
 
@@ -61,6 +63,25 @@ def load_subject(subject: Given) -> Subject:
     loaded = load_subject_folder(_folder(subject, SUBJECTS), need_instrument=False)
     say(doubts_about(loaded))
     return loaded
+
+
+def load_specimen(folder: Given) -> SpecimenFolder:
+    """Load specimens that were tested in a lab: a ball, a punch, plates, a cylinder, a bar.
+
+    Parameters
+    ----------
+    folder : str or Path
+        That holds ``specimen.toml`` and recordings.
+
+    Raises
+    ------
+    InputError
+        If anything in the folder is missing or wrong; a recording that can't be used stands in
+        ``left_out``.
+    """
+    from legfem.specimens.folder import load_specimen as load_specimen_folder
+
+    return load_specimen_folder(Path(folder))
 
 
 def load_leg(leg: Given) -> StockingLeg:
@@ -175,6 +196,49 @@ class IdentifiedLeg(Found):
                 yield {"law": found["law"]} | _row(name, entry)
 
 
+@dataclass(frozen=True, eq=False)
+class IdentifiedSpecimen(Found):
+    """A tissue's law identified from all recordings of a folder of specimens together."""
+
+    folder: SpecimenFolder
+    results: tuple[SpecimenResult, ...]
+    """One a law."""
+
+    def __getitem__(self, law: LawName) -> SpecimenResult:
+        """Return a law's result."""
+        return next(result for result in self.results if result.law == law)
+
+    def summary(self) -> str:
+        """Return values, intervals, how well what was left out is predicted, and warnings."""
+        from legfem.report.specimen import specimen_summary
+
+        return specimen_summary(self.results)
+
+    def document(self) -> list[dict[str, Any]]:
+        """Return what ``result.json`` holds, one a law."""
+        from legfem.report.specimen import specimen_document
+
+        return [specimen_document(result) for result in self.results]
+
+    def plot(self) -> Figure:
+        """Return recordings, model and their difference, for each law."""
+        from legfem.report.specimen_figure import specimen_figure
+
+        return specimen_figure(self.results)
+
+    def write(self, folder: Given) -> Path:
+        """Write result.json, report.txt and the figure; return the report's path."""
+        from legfem.report.specimen import write_specimen_report
+
+        return write_specimen_report(self.results, Path(folder))
+
+    def _rows(self) -> Iterator[dict[str, Any]]:
+        for found in self.document():
+            for name, entry in found["parameters"].items():
+                yield {"law": found["law"]} | _row(name, entry)
+
+
+@overload
 def identify(
     leg: Subject | Given,
     law: LawName | Literal["both"] = "both",
@@ -188,15 +252,44 @@ def identify(
     progress: bool = False,
     parameters: Sequence[Parameter] | None = None,
     fixed: Mapping[str, float] | None = None,
-) -> IdentifiedLeg:
-    """Identify the stiffness of a leg's tissues from its recordings.
+) -> IdentifiedLeg: ...
+@overload
+def identify(
+    leg: SpecimenFolder,
+    law: LawName | Literal["both"] = "both",
+    *,
+    settings: IdentificationSettings | None = None,
+    out: Given | None = None,
+    jobs: int = 1,
+    progress: bool = False,
+    parameters: Sequence[Parameter] | None = None,
+    fixed: Mapping[str, float] | None = None,
+    leave_out: Sequence[str] = (),
+) -> IdentifiedSpecimen: ...
+def identify(
+    leg: Subject | SpecimenFolder | Given,
+    law: LawName | Literal["both"] = "both",
+    *,
+    correction: str = "auto",
+    depth: float | None = None,
+    settings: IdentificationSettings | None = None,
+    mesh: PlaneStrainSettings | Literal["coarse"] | None = None,
+    out: Given | None = None,
+    jobs: int = 1,
+    progress: bool = False,
+    parameters: Sequence[Parameter] | None = None,
+    fixed: Mapping[str, float] | None = None,
+    leave_out: Sequence[str] = (),
+) -> IdentifiedLeg | IdentifiedSpecimen:
+    """Identify the stiffness of a leg's tissues, or of specimens, from recordings.
 
     Parameters
     ----------
-    leg : Subject, str or Path
-        The leg, or what `load_subject` takes.
+    leg : Subject, SpecimenFolder, str or Path
+        The leg, or what `load_subject` takes; or what `load_specimen` returned.
     law : str
-        ``"neo-hookean"``, ``"reduced-polynomial"`` or ``"both"``.
+        ``"neo-hookean"``, ``"reduced-polynomial"`` or ``"both"``; ``"yeoh"`` and ``"exponential"``
+        of specimens.
     correction : str
         Of the cylinder's ends: ``"own"``, ``"none"``, a file, or ``"auto"``: the leg's own where
         it is due.
@@ -218,10 +311,13 @@ def identify(
         `legfem.identify.run.identify_subject`.
     fixed : Mapping[str, float], optional
         Values that are held in place of the folder's, by full name, in MPa, 1/MPa, N or mm.
+    leave_out : sequence of str
+        Recordings or specimens of a folder of specimens that are predicted, and not fitted. Of
+        specimens there are no correction, depth and mesh to choose.
 
     Returns
     -------
-    IdentifiedLeg
+    IdentifiedLeg or IdentifiedSpecimen
         With ``summary()``, ``plot()``, ``to_frame()``, ``document()``, ``write(folder)``.
 
     Raises
@@ -235,9 +331,12 @@ def identify(
     from legfem.identify.laws import LAWS
     from legfem.identify.run import forward_model, identify_subject
 
-    names = get_args(LawName)
-    if law not in (*names, "both"):
-        raise InputError("law", repr(law), "unknown law", f"give one of {', '.join(names)}, both")
+    if not isinstance(leg, Subject | str | Path):
+        return _identify_specimen(
+            leg, law, leave_out, settings, out, jobs, progress, parameters, fixed
+        )
+    if law not in (*LAWS, "both"):
+        raise InputError("law", repr(law), "unknown law", f"give one of {', '.join(LAWS)}, both")
     subject = leg if isinstance(leg, Subject) else load_subject(leg)
     if not subject.instrument.stated:
         raise InputError(
@@ -252,6 +351,35 @@ def identify(
             depth, told, model, parameters, fixed,
         )  # fmt: skip
     return IdentifiedLeg(subject, tuple(results), model.experiment)
+
+
+def _identify_specimen(
+    folder: SpecimenFolder,
+    law: str,
+    leave_out: Sequence[str],
+    settings: IdentificationSettings | None,
+    out: Given | None,
+    jobs: int,
+    progress: bool,
+    parameters: Sequence[Parameter] | None,
+    fixed: Mapping[str, float] | None,
+) -> IdentifiedSpecimen:
+    from legfem.specimens.identification import identify_specimen
+    from legfem.specimens.laws import Asked, laws_named
+
+    given = parameters or ()
+    asked = Asked(
+        tuple(one.name for one in given if one.role == "identified"),
+        {one.name: one.prior for one in given if one.prior is not None},
+        {one.name: one.bounds for one in given},
+        fixed or {},
+    )
+    with _told(progress) as told:
+        results = identify_specimen(
+            folder, laws_named(law), asked, leave_out, settings,
+            None if out is None else Path(out), jobs, told,
+        )  # fmt: skip
+    return IdentifiedSpecimen(folder, tuple(results))
 
 
 def _meshed(mesh: PlaneStrainSettings | Literal["coarse"] | None) -> PlaneStrainSettings | None:

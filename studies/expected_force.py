@@ -14,13 +14,13 @@ from typing import Annotated
 
 import numpy as np
 import typer
+from legfem.geometry.calf import Calf, calf_section
 from scipy.optimize import linprog
 
 from legfem.common.command_edge import command_edge
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings, Tissues
-from legfem.geometry.calf import Calf, calf_section
 from legfem.geometry.section import LegSection, depth_to_bone
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings

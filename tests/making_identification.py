@@ -73,7 +73,9 @@ class AnalyticLeg:
             "deep.D1": np.zeros(len(d)),
         }
         curve = ForceCurve(d, force, {name: by[name] for name in sensitivities})
-        return ForwardOutcome(values, curve, complete, "" if complete else "made to stop", 10, 0.0)
+        return ForwardOutcome(
+            values, (curve,), complete, "" if complete else "made to stop", 10, 0.0
+        )
 
 
 def curve_of(c10: float, c20: float, fat: float = 2.0) -> ForceCurve:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -32,6 +33,8 @@ class LawChoice(StrEnum):
 
     NEO_HOOKEAN = "neo-hookean"
     REDUCED_POLYNOMIAL = "reduced-polynomial"
+    YEOH = "yeoh"
+    EXPONENTIAL = "exponential"
     BOTH = "both"
 
 
@@ -46,11 +49,19 @@ class WeightingChoice(StrEnum):
 def run(
     subject: Subject = None,
     subject_dir: SubjectDir = None,
+    specimen_dir: Annotated[
+        Path | None, typer.Option(help="Folder of specimens in a lab's test, in place of a leg.")
+    ] = None,
+    leave_out: Annotated[
+        list[str] | None,
+        _option("Recording or specimen to predict and not to fit; may be given again."),
+    ] = None,
     law: Annotated[
         LawChoice | None,
         _option(
             "Strain energy of the deep tissue; both by default, with --identify the neo-Hookean "
-            "one unless deep.C20 is among the names or given."
+            "one unless deep.C20 is among the names or given; yeoh and exponential are for "
+            "specimens."
         ),
     ] = None,
     identify: Annotated[
@@ -111,11 +122,30 @@ def run(
 
     Reads a subject folder (subject.toml, contours.csv, recordings/*.csv); writes result.json, a
     report and figures. Every full solve is kept: the same command goes on where it was stopped.
+    With --specimen-dir a tissue is identified from all recordings of a folder of specimens
+    (specimen.toml, recordings/*.csv) together.
 
     Example: python -m legfem.identify --subject 3 --law both --out results/subject-3
     """
     resume = "run the same command again to go on; solves that are done are kept"
     with work_edge(jobs, resume) as processes:
+        if specimen_dir is not None:
+            legs_alone = {
+                "--subject": subject, "--subject-dir": subject_dir, "--depth": depth,
+                "--weighting": weighting, "--correction": None if correction == "auto" else 1,
+                "--no-emulator": None if emulator else 1,
+            }  # fmt: skip
+            for option, given in legs_alone.items():
+                if given is not None:
+                    raise InputError(option, "--specimen-dir", "is given too", "leave one out")
+            _run_specimen(
+                specimen_dir, None if law is None else law.value,
+                (identify or (), prior or (), fix or (), c10_bounds, c20_bounds),
+                leave_out or (), out, processes, seed,
+            )  # fmt: skip
+            return
+        if leave_out:
+            raise InputError("--leave-out", leave_out[0], "is for specimens", "give --specimen-dir")
         from legfem.correction.choice import choose_correction
         from legfem.experiments.plane_strain import tissues_of
         from legfem.identify.forward import values_of
@@ -162,3 +192,38 @@ def run(
         for result in results:
             print(fit_report(result))
         print(f"result: {path}\nreport: {report}\npage:   {report.with_name(PAGE)}")
+
+
+def _run_specimen(
+    directory: Path,
+    law: str | None,
+    written: tuple[Any, ...],
+    leave_out: Sequence[str],
+    out: Path | None,
+    jobs: int,
+    seed: int,
+) -> None:
+    from legfem.identify.search import SearchError
+    from legfem.identify.settings import IdentificationSettings
+    from legfem.identify.written import Written
+    from legfem.report.specimen import specimen_summary, write_specimen_report
+    from legfem.specimens.folder import load_specimen
+    from legfem.specimens.identification import identify_specimen
+    from legfem.specimens.laws import asked_in_writing, laws_named
+
+    found = load_specimen(directory)
+    asked = asked_in_writing(Written(*written))
+    folder = out or Path("results") / f"identify-{found.id}"
+    check_out_folder(folder)
+    try:
+        with progress_on() as progress:
+            results = identify_specimen(
+                found, laws_named(law), asked, leave_out, IdentificationSettings(seed=seed),
+                folder, jobs, progress,
+            )  # fmt: skip
+    except SearchError as failure:
+        print(f"{found.id}: {failure}", file=sys.stderr)
+        raise typer.Exit(FAILED) from None
+    report = write_specimen_report(results, folder)
+    print(specimen_summary(results))
+    print(f"result: {folder / 'result.json'}\nreport: {report}")

@@ -126,6 +126,9 @@ def _choices(context: dict[str, Any]) -> list[str]:
 def _known_keys(keys: list[str], schema: type[BaseModel]) -> list[str]:
     model = schema
     for key in keys:
+        # In an array of tables the number of the table stands between.
+        if key.isdigit():
+            continue
         annotation = model.model_fields[key].annotation
         candidates = [annotation, *get_args(annotation)]
         model = next(c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel))

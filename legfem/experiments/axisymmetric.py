@@ -15,7 +15,7 @@ from mpi4py import MPI
 from legfem.common.checks import check_positive
 from legfem.experiments.base import Solved
 from legfem.experiments.pressing import OnStep, Pressing, PressingTest, leg_model, motion
-from legfem.fem.spaces import build_spaces
+from legfem.fem.spaces import Symmetry, build_spaces
 from legfem.fem.system import System
 from legfem.mechanics.contact import RigidBall, RigidIndenter, RigidPlate
 from legfem.mechanics.contact_settings import ContactSettings
@@ -117,6 +117,10 @@ class Arrangement:
     mesh: MeridianMeshSettings
     side: Literal["skin", "free"] = "free"
     """Whether the body's side may be touched."""
+    symmetry: Symmetry = "axial"
+    """In plane strain the axis is a mirror."""
+    whole: float = 1.0
+    """Force of the whole indenter over the model's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,12 +173,12 @@ class AxisymmetricTest[Sizes](PressingTest):
             settings.formulation,
             regions=REGION,
             supports=given.held,
-            symmetry="axial",
+            symmetry=given.symmetry,
         )
         start, direction = np.array([0.0, given.centre]), np.array([0.0, -1.0])
         system = System(spaces, self.model, start, direction, settings.quadrature_degree)
         solver = NewtonSolver(system, settings.newton, settings.linear)
-        return Pressing(system, solver, given.contact, given.length, 1.0, settings.steps)
+        return Pressing(system, solver, given.contact, given.length, given.whole, settings.steps)
 
 
 class BallIndentation(AxisymmetricTest[BallOnLayer]):

@@ -25,6 +25,7 @@ from legfem.identify.catalogue import (
 )
 from legfem.identify.estimates import Optimum, correlations_of, estimates
 from legfem.identify.laws import IdentifiedLaw
+from legfem.identify.misfit import Misfit
 from legfem.identify.result import (
     AppliedCorrection,
     Cost,
@@ -58,7 +59,7 @@ class Assessment:
     """What a result is made from."""
 
     subject: Subject
-    search: Search
+    search: Search[Misfit]
     best: Trial
     """The optimum, with a prediction: the law's own, or its neo-Hookean limit's."""
     neo_hookean_limit: bool
@@ -122,7 +123,7 @@ def assess(given: Assessment) -> IdentificationResult:
         neo_hookean_limit=given.neo_hookean_limit,
         warnings=warnings_about(finding),
         settings=_settings(given),
-        versions=_versions(),
+        versions=versions(),
         doubts=doubts_of(finding),
     )
 
@@ -280,7 +281,8 @@ def _prior(parameter: Any) -> dict[str, Any]:
     }
 
 
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """Return those of legfem and of what a result rests on."""
     names = {
         "dolfinx": "fenics-dolfinx",
         "numpy": "numpy",

@@ -8,14 +8,21 @@ from collections.abc import Collection, Mapping
 
 from legfem.common.errors import InputError
 from legfem.common.units import kpa_to_mpa
-from legfem.identify.reading import INSTRUMENT
+from legfem.identify.reading import INSTRUMENT, READINGS
 from legfem.inference.parameter import Parameter, Scale
 
 type Values = Mapping[str, float]
 """Numbers of a model and its instrument by full name, in the model's units (mm, N, MPa, s)."""
 
 DEEP_C10, DEEP_C20, DEEP_D2 = "deep.C10", "deep.C20", "deep.D2"
-UNITS = {"C10": "MPa", "C20": "MPa", "D1": "1/MPa", "D2": "1/MPa"}
+UNITS = {
+    "C10": "MPa",
+    "C20": "MPa",
+    "C30": "MPa",
+    "stiffening": "MPa",
+    "D1": "1/MPa",
+    "D2": "1/MPa",
+}
 _BOUNDS_KPA = {"C10": (0.02, 30.0), "C20": (0.0, 50.0)}
 # The designs' greatest extent: legs lie within, and the extremes take longest to solve.
 _USUAL_KPA = {DEEP_C10: (0.15, 4.0), DEEP_C20: (0.0, 6.0)}
@@ -64,7 +71,7 @@ def check_known(names: Collection[str], nominal: Values, source: str) -> None:
 
 def unit_of(name: str) -> str:
     """Return the model's unit of a parameter; 1 (-) where it isn't known."""
-    return INSTRUMENT[name].unit if name in INSTRUMENT else UNITS.get(name.rpartition(".")[2], "-")
+    return READINGS[name].unit if name in READINGS else UNITS.get(name.rpartition(".")[2], "-")
 
 
 def parameter_of(name: str, nominal: Values) -> Parameter:

@@ -9,7 +9,7 @@ from legfem.common.units import FloatArray
 from legfem.identify.catalogue import usual_range
 from legfem.identify.coordinates import Coordinates
 from legfem.identify.laws import IdentifiedLaw
-from legfem.identify.reading import INSTRUMENT
+from legfem.identify.reading import READINGS
 from legfem.inference.domain import Domain
 from legfem.inference.parameter import Parameter
 
@@ -52,12 +52,12 @@ def half_way(coordinates: Coordinates, points: FloatArray, known: FloatArray) ->
 
 def _within(law: IdentifiedLaw, k: int, share: FloatArray) -> FloatArray:
     parameter = law.parameters[k]
-    low, high = usual_range(parameter, law.nominal)
+    low, high = law.usual.get(parameter.name) or usual_range(parameter, law.nominal)
     if parameter.scale == "log" and low > 0:
         return np.asarray(np.exp(np.log(low) + share * (np.log(high) - np.log(low))))
     return low + share * (high - low)
 
 
 def _null(parameter: Parameter) -> float:
-    known = INSTRUMENT.get(parameter.name)
+    known = READINGS.get(parameter.name)
     return 0.0 if known is None else parameter.inside(known.null)

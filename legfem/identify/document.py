@@ -39,7 +39,9 @@ def result_document(result: IdentificationResult) -> dict[str, Any]:
         "origin": result.subject_origin,
         "law": result.law,
         "doubts": doubt_documents(result.doubts),
-        "parameters": {key_of(name): _estimate(one) for name, one in result.parameters.items()},
+        "parameters": {
+            key_of(name): estimate_document(one) for name, one in result.parameters.items()
+        },
         "correlation_c10_c20": result.correlation(DEEP_C10, DEEP_C20),
         "correlations": _correlations(result),
         "identifiability": verdict,
@@ -80,7 +82,8 @@ def result_document(result: IdentificationResult) -> dict[str, Any]:
     return plain
 
 
-def _estimate(found: Estimate) -> dict[str, Any]:
+def estimate_document(found: Estimate) -> dict[str, Any]:
+    """Return a parameter's estimate, in the unit in which people read it."""
     shown = found.shown
     return {
         "value": shown.value,

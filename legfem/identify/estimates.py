@@ -93,7 +93,7 @@ def _moves(optimum: Optimum, name: str, value: float) -> FloatArray:
     free = [k for k, one in enumerate(law.parameters) if bound_of(at[k], one.bounds) == ""]
     if name not in linear.prediction.sensitivities or not free:
         return moves
-    gain = np.linalg.pinv(linear.jacobian[:, free])[:, : len(linear.misfit.displacement)]
+    gain = np.linalg.pinv(linear.jacobian[:, free])[:, : len(linear.misfit)]
     change = _STIFFER * value * linear.prediction.sensitivities[name]
     with np.errstate(divide="ignore", invalid="ignore"):
         moves[free] = -(gain @ linear.misfit.weighted(change)) / at[free]

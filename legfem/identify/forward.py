@@ -32,14 +32,20 @@ class ForwardOutcome:
 
     values: Values
     """Of the model, as asked for."""
-    curve: ForceCurve
-    """With the derivatives that were asked for, in N per unit of the parameter; ends where the
-    solve did."""
+    curves: tuple[ForceCurve, ...]
+    """One a test that is solved together: a leg has one. With the derivatives that were asked for,
+    in N per unit of the parameter; they end where the solve did."""
     complete: bool
     reason: str
     """Why it ended."""
     factorisations: int
     seconds: float
+
+    @property
+    def curve(self) -> ForceCurve:
+        """Of the only test."""
+        (only,) = self.curves
+        return only
 
 
 class ForwardModel(Protocol):
@@ -120,7 +126,7 @@ class PlaneStrainForward:
         report = solved.report
         return ForwardOutcome(
             values,
-            solved.curve,
+            (solved.curve,),
             bool(report.complete),
             report.reason,
             report.factorisations,

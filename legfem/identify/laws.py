@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
@@ -21,13 +21,14 @@ from legfem.identify.catalogue import (
     parameter_of,
     within_prior,
 )
-from legfem.identify.reading import INSTRUMENT
+from legfem.identify.reading import INSTRUMENT, READINGS
 from legfem.inference.least_squares import Priors
 from legfem.inference.parameter import Parameter
 from legfem.subjects.subject import Subject
 
-LawName = Literal["neo-hookean", "reduced-polynomial"]
+LawName = Literal["neo-hookean", "reduced-polynomial", "yeoh", "exponential"]
 LAWS: tuple[LawName, ...] = ("neo-hookean", "reduced-polynomial")
+"""Of legs; specimens take all."""
 _OF_POLYNOMIAL_ONLY = (DEEP_C20, DEEP_D2)
 
 
@@ -45,12 +46,15 @@ class IdentifiedLaw:
         Values of the model and the instrument that are held.
     nominal : Mapping[str, float]
         The model's values as assumed, for those that are neither.
+    usual : Mapping[str, tuple of float]
+        Where to look first, in place of where legs lie.
     """
 
     name: LawName
     parameters: tuple[Parameter, ...]
     fixed: Values
     nominal: Values
+    usual: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -60,7 +64,7 @@ class IdentifiedLaw:
     @cached_property
     def of_model(self) -> list[int]:
         """Which of the free parameters are the model's, and not the instrument's."""
-        return [k for k, name in enumerate(self.names) if name not in INSTRUMENT]
+        return [k for k, name in enumerate(self.names) if name not in READINGS]
 
     @property
     def priors(self) -> Priors:
@@ -90,17 +94,17 @@ class IdentifiedLaw:
         index = self.index(name)
         if index is not None:
             return np.asarray(points[..., index])
-        null = INSTRUMENT[name].null if name in INSTRUMENT else self.nominal.get(name, 0.0)
+        null = READINGS[name].null if name in READINGS else self.nominal.get(name, 0.0)
         return np.full(points.shape[:-1], self.fixed.get(name, null))
 
-    def instrument(self, points: FloatArray) -> FloatArray:
-        """Return the instrument's numbers (..., 3) at points (..., p)."""
-        return np.stack([self.column(points, name) for name in INSTRUMENT], axis=-1)
+    def readings(self, points: FloatArray) -> FloatArray:
+        """Return the numbers (..., k) of `READINGS` at points (..., p)."""
+        return np.stack([self.column(points, name) for name in READINGS], axis=-1)
 
 
 def model_values(values: Values) -> dict[str, float]:
     """Return what of values is the model's."""
-    return {name: value for name, value in values.items() if name not in INSTRUMENT}
+    return {name: value for name, value in values.items() if name not in READINGS}
 
 
 def default_parameters(nominal: Values) -> tuple[Parameter, ...]:

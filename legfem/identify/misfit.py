@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +14,7 @@ from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.correction.choice import Correction, correction_factor
 from legfem.identify.catalogue import DEEP_C10, DEEP_C20
 from legfem.identify.forward import ForwardOutcome
-from legfem.identify.reading import Reading
+from legfem.identify.reading import INSTRUMENT, Reading
 from legfem.identify.settings import Weighting
 from legfem.inference.constants import NUMERICAL_ERROR, NUMERICAL_LENGTH_MM
 from legfem.recording import LoadingCurve
@@ -39,8 +40,65 @@ class Prediction:
         return np.column_stack([self.sensitivities[name] for name in names])
 
 
+class Compared(ABC):
+    """Forces of a model beside n measured ones: what a search needs to know of recordings."""
+
+    @property
+    @abstractmethod
+    def measured_force(self) -> FloatArray:
+        """What is to be met (n,), N."""
+
+    @property
+    @abstractmethod
+    def covariance(self) -> FloatArray:
+        """Of measured less predicted force at the truth; (n, n), N2."""
+
+    @property
+    @abstractmethod
+    def reach(self) -> str:
+        """How far a solve has to come, in words."""
+
+    @abstractmethod
+    def reached_by(self, outcome: ForwardOutcome) -> bool:
+        """Return whether a solve came as far as what was measured."""
+
+    @abstractmethod
+    def predict(self, outcome: ForwardOutcome, readings: FloatArray) -> Prediction:
+        """Return a complete full solve as it is read; ``readings`` (k,) are those of a law."""
+
+    @abstractmethod
+    def read(self, force: FloatArray, readings: FloatArray) -> FloatArray:
+        """Return what is read (..., n) of the model's forces (..., m)."""
+
+    @abstractmethod
+    def weighted(self, values: FloatArray) -> FloatArray:
+        """Return values (n, ...) scaled so that `objective` is their sum of squares."""
+
+    def __len__(self) -> int:
+        """Return n."""
+        return len(self.measured_force)
+
+    @cached_property
+    def weighting_matrix(self) -> FloatArray:
+        """What `weighted` multiplies with; (n, n)."""
+        return self.weighted(np.eye(len(self)))
+
+    def cost(self, force: FloatArray) -> FloatArray:
+        """Return Eq. 12 (N2) of forces as read (..., n)."""
+        return np.asarray(np.sum((force - self.measured_force) ** 2, axis=-1))
+
+    def residual(self, force: FloatArray) -> FloatArray:
+        """Return the weighted residual (..., n) of forces as read (..., n)."""
+        flat = (force - self.measured_force).reshape(-1, force.shape[-1])
+        return self.weighted(flat.T).T.reshape(force.shape)
+
+    def objective(self, force: FloatArray) -> FloatArray:
+        """Return what is minimised but the priors' part, for forces as read (..., n)."""
+        return np.asarray(np.sum(self.residual(force) ** 2, axis=-1))
+
+
 @dataclass(frozen=True, eq=False)
-class Misfit:
+class Misfit(Compared):
     """How far forces are from the measured curve.
 
     Parameters
@@ -68,6 +126,20 @@ class Misfit:
     def displacement(self) -> FloatArray:
         """The measured curve's grid, mm; (n,)."""
         return self.measured.displacement
+
+    @property
+    def measured_force(self) -> FloatArray:
+        """Of the measured curve (n,), N."""
+        return self.measured.force
+
+    @property
+    def reach(self) -> str:
+        """The deepest point of the grid."""
+        return f"{self.grid[-1]:g} mm"
+
+    def reached_by(self, outcome: ForwardOutcome) -> bool:
+        """Return whether a solve came to the grid's end; short of it says nothing of the rest."""
+        return outcome.curve.depth >= self.grid[-1] - 1e-9
 
     @cached_property
     def grid(self) -> FloatArray:
@@ -106,32 +178,13 @@ class Misfit:
             return values
         return np.asarray(solve_triangular(self._lower, values, lower=True))
 
-    @cached_property
-    def weighting_matrix(self) -> FloatArray:
-        """What `weighted` multiplies with; (n, n)."""
-        return self.weighted(np.eye(len(self.displacement)))
+    def read(self, force: FloatArray, readings: FloatArray) -> FloatArray:
+        """Return what the instrument shows of the model's forces (..., m); (..., n)."""
+        return self._reading(force, readings) if self.reads else force
 
-    def cost(self, force: FloatArray) -> FloatArray:
-        """Return Eq. 12 (N2) of corrected forces (..., n)."""
-        return np.asarray(np.sum((force - self.measured.force) ** 2, axis=-1))
-
-    def residual(self, force: FloatArray) -> FloatArray:
-        """Return the weighted residual (..., n) of corrected forces (..., n)."""
-        if self.weighting == "paper":
-            return force - self.measured.force
-        flat = (force - self.measured.force).reshape(-1, force.shape[-1])
-        return self.weighted(flat.T).T.reshape(force.shape)
-
-    def objective(self, force: FloatArray) -> FloatArray:
-        """Return what is minimised but the priors' part, for corrected forces (..., n)."""
-        return np.asarray(np.sum(self.residual(force) ** 2, axis=-1))
-
-    def read(self, force: FloatArray, instrument: FloatArray) -> FloatArray:
-        """Return what the instrument (..., 3) shows of the model's forces (..., m); (..., n)."""
-        return self._reading(force, instrument) if self.reads else force
-
-    def predict(self, outcome: ForwardOutcome, instrument: FloatArray) -> Prediction:
-        """Return a complete full solve as the instrument (3,) shows it."""
+    def predict(self, outcome: ForwardOutcome, readings: FloatArray) -> Prediction:
+        """Return a complete full solve as the instrument shows it."""
+        instrument = readings[: len(INSTRUMENT)]
         force, by = self._corrected(outcome)
         if not self.reads:
             return Prediction(force, by, force, by)

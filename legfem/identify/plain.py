@@ -28,7 +28,7 @@ def run_plain(search: Search) -> None:
     middle = np.full((1, len(law.parameters)), 0.5)
     found = settings.plain_minimiser(cost, middle, settings.seed)
     if not search.complete:
-        raise SearchError(f"no full solve reaches {search.misfit.grid[-1]:g} mm")
+        raise SearchError(f"no full solve reaches {search.misfit.reach}")
     for number, (genes, _) in enumerate(found.path):
         values = law.values(domain.values(genes))
         trial = done.get(key_of_values(values))

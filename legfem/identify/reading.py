@@ -33,6 +33,14 @@ INSTRUMENT = {
     "instrument.contact_offset": InstrumentNumber("mm", 0.0),
 }
 GAIN, ZERO, OFFSET = INSTRUMENT
+RELAXATION = {
+    "viscoelasticity.ratio": InstrumentNumber("-", 0.0),
+    "viscoelasticity.relaxation_time": InstrumentNumber("s", 8.0),
+    "viscoelasticity.spread": InstrumentNumber("-", 1.5),
+}
+"""Of specimens: what a spectrum makes of the elastic force, see `legfem.specimens.relaxation`."""
+READINGS = INSTRUMENT | RELAXATION
+"""All that acts on a model's curve in closed form, so that no solve is needed for it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,18 +61,18 @@ class Reading:
     def __call__(self, force: FloatArray, instrument: FloatArray) -> FloatArray:
         """Return the readings (..., n) of forces (..., m).
 
-        ``instrument`` (..., 3) holds the numbers of `INSTRUMENT`; the two broadcast.
+        ``instrument`` (..., k) begins with the numbers of `INSTRUMENT`; the two broadcast.
         """
-        gain, zero, offset = np.moveaxis(instrument, -1, 0)
-        return gain[..., None] * self._at(force, offset) + zero[..., None]
+        gain, zero, offset = np.moveaxis(instrument, -1, 0)[:3]
+        return gain[..., None] * self.at(force, offset) + zero[..., None]
 
     def derivatives(self, force: FloatArray, instrument: FloatArray) -> dict[str, FloatArray]:
         """Return the derivatives (n,) of the readings of a force (m,) by the instrument's."""
-        gain, _, offset = instrument
+        gain, _, offset = instrument[:3]
         return {
-            GAIN: self._at(force, np.asarray(offset)),
+            GAIN: self.at(force, np.asarray(offset)),
             ZERO: np.ones(len(self.displacement)),
-            OFFSET: -gain * self._at(force, np.asarray(offset), derivative=True),
+            OFFSET: -gain * self.at(force, np.asarray(offset), derivative=True),
         }
 
     @cached_property
@@ -77,7 +85,7 @@ class Reading:
         unit = np.eye(len(self._knots))[:, 1:]
         return np.asarray(CubicSpline(self._knots, unit).c)
 
-    def _at(self, force: FloatArray, offset: FloatArray, derivative: bool = False) -> FloatArray:
+    def at(self, force: FloatArray, offset: FloatArray, derivative: bool = False) -> FloatArray:
         """Return forces (or their slopes) at the displacements less an offset."""
         knots = self._knots
         shape = np.broadcast_shapes(force.shape[:-1], offset.shape)

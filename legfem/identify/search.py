@@ -14,7 +14,7 @@ from legfem.identify.coordinates import Coordinates
 from legfem.identify.design import design, half_way
 from legfem.identify.forward import ForwardOutcome
 from legfem.identify.laws import IdentifiedLaw, model_values
-from legfem.identify.misfit import Misfit
+from legfem.identify.misfit import Compared
 from legfem.identify.result import Generation
 from legfem.identify.settings import IdentificationSettings
 from legfem.identify.solver import FullSolver, key_of_values
@@ -40,11 +40,11 @@ class SearchError(Exception):
 
 
 @dataclass(eq=False)
-class Search:
+class Search[Comparison: Compared]:
     """One law's search as it goes."""
 
     law: IdentifiedLaw
-    misfit: Misfit
+    misfit: Comparison
     settings: IdentificationSettings
     solver: FullSolver
     trials: list[Trial] = field(default_factory=list)
@@ -93,9 +93,9 @@ class Search:
         self, point: FloatArray, values: Values, outcome: ForwardOutcome, stage: Stage
     ) -> Trial:
         # A curve that stops short says nothing about the greatest forces.
-        if not outcome.complete or outcome.curve.depth < self.misfit.grid[-1] - 1e-9:
+        if not (outcome.complete and self.misfit.reached_by(outcome)):
             return Trial(point, values, outcome, stage, None, math.inf)
-        prediction = self.misfit.predict(outcome, self.law.instrument(point))
+        prediction = self.misfit.predict(outcome, self.law.readings(point))
         objective = float(self._total(prediction.force, point))
         return Trial(point, values, outcome, stage, prediction, objective)
 
@@ -120,7 +120,7 @@ class Search:
     def emulated(self, emulator: Emulator, points: FloatArray) -> FloatArray:
         """Return what the instrument shows (..., n) at points (..., p)."""
         force = emulator(self.coordinates.of(points))
-        return self.misfit.read(force, self.law.instrument(points))
+        return self.misfit.read(force, self.law.readings(points))
 
     def emulated_residual(self, emulator: Emulator) -> Residual:
         """Return weighted differences and departures (..., n + k) of points (..., p)."""
@@ -280,7 +280,7 @@ class Search:
             or len(self.trials) >= self.settings.most_solves
         ):
             raise SearchError(
-                f"too few full solves reach {self.misfit.grid[-1]:g} mm "
+                f"too few full solves reach {self.misfit.reach} "
                 f"(the last stopped: {self.trials[-1].outcome.reason}); "
                 "use less of the recordings with --depth"
             )

@@ -97,7 +97,8 @@ class FullSolver:
             unit, factor = readable_unit(unit_of(name))
             if unit == "kPa":
                 stiffness.append(f"{symbol_of(name)} {factor * value:.4g} kPa")
-        end = "" if outcome.complete else f", stopped at {outcome.curve.depth:.1f} mm"
+        reached = ", ".join(f"{curve.depth:.1f}" for curve in outcome.curves)
+        end = "" if outcome.complete else f", stopped at {reached} mm"
         self.progress.advance(f"{', '.join(sorted(stiffness))} ({how}{end})")
 
 

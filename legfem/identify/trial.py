@@ -11,7 +11,7 @@ from legfem.common.units import FloatArray
 from legfem.identify.catalogue import Values
 from legfem.identify.forward import ForwardOutcome
 from legfem.identify.laws import IdentifiedLaw
-from legfem.identify.misfit import Misfit, Prediction
+from legfem.identify.misfit import Compared, Prediction
 from legfem.inference.least_squares import gain_matrix, with_unit_errors
 
 Stage = Literal["design", "proposal", "genetic"]
@@ -50,7 +50,7 @@ class Linearised:
     """
 
     law: IdentifiedLaw
-    misfit: Misfit
+    misfit: Compared
     prediction: Prediction
     point: FloatArray
 
@@ -79,6 +79,6 @@ class Linearised:
 
     def at(self, points: FloatArray) -> FloatArray:
         """Return `residual` (..., n + k) at points (..., p), the force linear in the parameters."""
-        moved = (points - self.point) @ self.jacobian[: len(self.misfit.displacement)].T
+        moved = (points - self.point) @ self.jacobian[: len(self.misfit)].T
         forces = self.misfit.residual(self.prediction.force) + moved
         return np.concatenate([forces, self.law.priors.residual(points)], axis=-1)

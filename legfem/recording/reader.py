@@ -36,6 +36,19 @@ def read_recording(path: Path, minimal_depth: float = MINIMAL_DEPTH_MM) -> Recor
         If the table can't be read (see `legfem.common.tables.read_table`) or the trial can't be
         used (see `check_recording`).
     """
+    recording = read_samples(path)
+    check_recording(recording, minimal_depth)
+    return recording
+
+
+def read_samples(path: Path) -> Recording:
+    """Read one trial whatever it holds, only that time increases.
+
+    Raises
+    ------
+    InputError
+        As `read_recording` does for the table.
+    """
     path = Path(path)
     table = read_table(path, HEADER)
     time = table["time_s"].to_numpy(dtype=np.float64)
@@ -49,15 +62,13 @@ def read_recording(path: Path, minimal_depth: float = MINIMAL_DEPTH_MM) -> Recor
             f"time {word} ({time[i]:g} s, then {time[i + 1]:g} s)",
             "sort the rows by time, remove repeated ones, and keep one trial a file",
         )
-    recording = Recording(
+    return Recording(
         time=time,
         displacement=table["displacement_mm"].to_numpy(dtype=np.float64),
         force=table["force_N"].to_numpy(dtype=np.float64),
         trial=path.stem,
         source=path,
     )
-    check_recording(recording, minimal_depth)
-    return recording
 
 
 def check_recording(recording: Recording, minimal_depth: float = MINIMAL_DEPTH_MM) -> None:

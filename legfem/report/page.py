@@ -47,19 +47,20 @@ def report_page(
     blocks = [
         f"{heading}\n{'=' * len(heading)}",
         f"*** {what.upper()} ***" + (f" ({explanation}" if explanation else ""),
-        _headline("Summary") + summary(results).rstrip(),
-        _headline("What was done") + procedure(results[0], subject),
-        _headline("Tissues") + _tissues(results, subject),
+        headline("Summary") + summary(results).rstrip(),
+        headline("What was done") + procedure(results[0], subject),
+        headline("Tissues") + _tissues(results, subject),
         *(
-            _headline(f"Result: {LAW_NAMES[result.law]}") + fit_report(result).rstrip()
+            headline(f"Result: {LAW_NAMES[result.law]}") + fit_report(result).rstrip()
             for result in results
         ),
-        _headline("Files") + _listing(files, note),
+        headline("Files") + listing(files, note),
     ]
     return "\n\n".join(blocks) + "\n"
 
 
-def _headline(name: str) -> str:
+def headline(name: str) -> str:
+    """Return a section's title, underlined."""
     return f"{name}\n{'-' * len(name)}\n"
 
 
@@ -139,7 +140,8 @@ def _tissue(name: str, result: IdentificationResult) -> tuple[Hyperelastic, str]
     return Hyperelastic(C10=every[f"{name}.C10"], D1=every[f"{name}.D1"]), mark
 
 
-def _listing(files: Sequence[ReportFile], note: str) -> str:
+def listing(files: Sequence[ReportFile], note: str = "") -> str:
+    """Return a report's files and what each shows."""
     rows = []
     for entry in [*files, ReportFile([Path("result.json")], "all numbers with their units")]:
         rows.append(", ".join(path.name for path in entry.paths))

@@ -14,8 +14,18 @@ from matplotlib.figure import Figure
 from legfem.common.units import mmhg_to_mpa, mpa_to_kpa
 
 # Okabe and Ito's colours, which the colour-blind can tell apart.
-LAW_COLOURS = {"neo-hookean": "#D55E00", "reduced-polynomial": "#0072B2"}
-LAW_NAMES = {"neo-hookean": "neo-Hookean", "reduced-polynomial": "reduced polynomial"}
+LAW_COLOURS = {
+    "neo-hookean": "#D55E00",
+    "reduced-polynomial": "#0072B2",
+    "yeoh": "#009E73",
+    "exponential": "#CC79A7",
+}
+LAW_NAMES = {
+    "neo-hookean": "neo-Hookean",
+    "reduced-polynomial": "reduced polynomial",
+    "yeoh": "Yeoh",
+    "exponential": "exponential",
+}
 REGION_COLOURS = {"superficial": "#F3DFA2", "fascia": "#4D4D4D", "deep": "#D98880"}
 REGION_NAMES = {
     "superficial": "superficial tissue (fat)",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from scipy.stats import chi2
@@ -24,6 +24,8 @@ ORIGINS = {
 ENERGIES = {
     "neo-hookean": "U = C10 (I1 - 3) + (J - 1)^2 / D1",
     "reduced-polynomial": ("U = C10 (I1 - 3) + C20 (I1 - 3)^2 + (J - 1)^2 / D1 + (J - 1)^4 / D2"),
+    "yeoh": "U = C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3 + (J - 1)^2 / D1",
+    "exponential": "U = C10 (I1 - 3) + A / b (exp(b (I1 - 3)) - 1 - b (I1 - 3)) + (J - 1)^2 / D1",
 }
 WIDTH = 100
 # Parameters that stand side by side within the width.
@@ -37,7 +39,7 @@ def fit_report(result: IdentificationResult) -> str:
     sections: dict[str, Iterable[str]] = {
         "Model": _model(result),
         "Fit Statistics": _statistics(result),
-        "Variables": _variables(result),
+        "Variables": variables(result.parameters),
     }
     if len(result.parameters) > 1:
         sections["Correlations"] = _correlations(result)
@@ -49,7 +51,7 @@ def fit_report(result: IdentificationResult) -> str:
     ]
     for name, body in sections.items():
         lines += [f"[[{name}]]", *(f"    {line}" for line in body)]
-    return _wrapped(lines)
+    return wrapped(lines)
 
 
 def summary(results: Sequence[IdentificationResult]) -> str:
@@ -81,7 +83,7 @@ def summary(results: Sequence[IdentificationResult]) -> str:
                     f"{found.identifiability}: {found.why}."
                 )
     lines += [f"  Warning: {warning}" for warning in _distinct(results)]
-    return _wrapped(lines)
+    return wrapped(lines)
 
 
 def _table(results: Sequence[IdentificationResult], names: Sequence[str]) -> list[str]:
@@ -141,12 +143,12 @@ def comparison(results: Sequence[IdentificationResult]) -> list[str]:
             *lines,
             f"The {name} law fits better: its {costs}.",
             "The data ask for its further parameter: chi-square falls by "
-            f"{_number(gain)} ({_probability(chance)}).",
+            f"{_number(gain)} ({probability(chance)}).",
         ]
     return [
         *lines,
         f"The {name} law's {costs}, but the data do not ask for its further parameter: chi-square "
-        f"changes by {-gain:+.2g} ({_probability(chance)}), no more than noise would give.",
+        f"changes by {-gain:+.2g} ({probability(chance)}), no more than noise would give.",
     ]
 
 
@@ -227,7 +229,7 @@ def _statistics(result: IdentificationResult) -> list[str]:
         (
             "chi-square",
             f"{cost.chi_square:.5g} on {cost.degrees_of_freedom} degrees of freedom; "
-            f"{_probability(cost.p_value)}",
+            f"{probability(cost.p_value)}",
         ),
         (
             "full forward solves",
@@ -241,9 +243,10 @@ def _statistics(result: IdentificationResult) -> list[str]:
     return [f"{name:<20} = {value}" for name, value in rows]
 
 
-def _variables(result: IdentificationResult) -> list[str]:
+def variables(parameters: Mapping[str, Estimate]) -> list[str]:
+    """Return two lines a parameter: value and interval, and how well it is known."""
     lines = []
-    for name, found in result.parameters.items():
+    for name, found in parameters.items():
         bound = f", at the search's {found.at_bound} bound" if found.at_bound else ""
         term, _, symbol = name.rpartition(".")
         role = ", nuisance" if found.parameter.role == "nuisance" else ""
@@ -298,13 +301,13 @@ def _goodness(result: IdentificationResult) -> str:
         return f"The {name} law fits with rms {result.cost.rms:.3g} N."
     if not fits(result):
         return (
-            f"The {name} law does not fit within the noise ({_probability(chance)}): "
+            f"The {name} law does not fit within the noise ({probability(chance)}): "
             "physics that it leaves out shows."
         )
-    return f"The {name} law fits within the noise ({_probability(chance)})."
+    return f"The {name} law fits within the noise ({probability(chance)})."
 
 
-def _wrapped(lines: Iterable[str]) -> str:
+def wrapped(lines: Iterable[str]) -> str:
     """Return lines broken at the page's width, further ones indented under the first."""
     broken: list[str] = []
     for line in lines:
@@ -339,7 +342,8 @@ def _percent(found: Estimate) -> str:
     return f"{100 * found.standard_error / found.value:.2f} %"
 
 
-def _probability(chance: float) -> str:
+def probability(chance: float) -> str:
+    """Return a probability in words."""
     if math.isnan(chance):
         return "p unknown"
     return "p < 0.0001" if chance < 1e-4 else f"p = {chance:.2g}"

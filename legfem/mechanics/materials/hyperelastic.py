@@ -39,9 +39,17 @@ class Hyperelastic:
         r"""Return :math:`C_{10}(\bar I_1 - 3)` (MPa)."""
         return self.C10 * (isochoric_first_invariant(F) - 3)
 
+    def distortion_slope(self, stretch: Scalar) -> Scalar:
+        r"""Return :math:`d U_\text{distortion} / d \bar I_1` (MPa) at numbers of Ī1 - 3."""
+        return self.C10 + 0 * stretch
+
     def volumetric_remainder(self, J: Expr) -> Expr:
         """Return what the volumetric energy has beyond the quadratic term (MPa)."""
         return 0
+
+    def volumetric_slope(self, J: Scalar) -> Scalar:
+        """Return the volumetric energy's derivative (MPa) at numbers of J."""
+        return 2 * (J - 1) / self.D1
 
     def strain_energy(self, F: Expr) -> Expr:
         """Return the strain energy per unit reference volume (MPa)."""
@@ -121,6 +129,14 @@ class ReducedPolynomial(Hyperelastic):
         stretch = isochoric_first_invariant(F) - 3
         return self.C10 * stretch + self.C20 * stretch**2
 
+    def distortion_slope(self, stretch: Scalar) -> Scalar:
+        r"""Return :math:`C_{10} + 2 C_{20}(\bar I_1 - 3)` (MPa)."""
+        return self.C10 + 2 * self.C20 * stretch
+
     def volumetric_remainder(self, J: Expr) -> Expr:
         """Return ``(J - 1)^4 / D2`` (MPa)."""
         return (J - 1) ** 4 / self.D2
+
+    def volumetric_slope(self, J: Scalar) -> Scalar:
+        """Return ``2 (J - 1) / D1 + 4 (J - 1)^3 / D2`` (MPa)."""
+        return super().volumetric_slope(J) + 4 * (J - 1) ** 3 / self.D2

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Self
 
+import numpy as np
 import ufl
 
 from legfem.common.checks import check_positive
@@ -47,6 +48,10 @@ class Yeoh(_Stiffening):
         r"""Return :math:`\sum_i C_{i0}(\bar I_1 - 3)^i` (MPa)."""
         return super().distortion_energy(F) + self.C30 * (isochoric_first_invariant(F) - 3) ** 3
 
+    def distortion_slope(self, stretch: Scalar) -> Scalar:
+        r"""Return :math:`\sum_i i C_{i0}(\bar I_1 - 3)^{i - 1}` (MPa)."""
+        return super().distortion_slope(stretch) + 3 * self.C30 * stretch**2
+
 
 @dataclass(frozen=True)
 class ExponentialStiffening(_Stiffening):
@@ -84,3 +89,8 @@ class ExponentialStiffening(_Stiffening):
         grown = self.exponent * (isochoric_first_invariant(F) - 3)
         exponential = self.stiffening / self.exponent * (ufl.exp(grown) - 1 - grown)
         return super().distortion_energy(F) + exponential
+
+    def distortion_slope(self, stretch: Scalar) -> Scalar:
+        """Return the reduced polynomial's and the exponential term's (MPa)."""
+        exponential = self.stiffening * np.expm1(self.exponent * stretch)
+        return super().distortion_slope(stretch) + exponential

@@ -1,0 +1,88 @@
+"""Figure of specimens: every recording beside the model, over displacement and over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from legfem.report.style import FAINT, LAW_NAMES, new_figure, panel, styled, title
+from legfem.specimens.result import SpecimenResult
+
+_NAMED = 10
+_COLOURS = "viridis"
+
+
+@styled
+def specimen_figure(results: Sequence[SpecimenResult]) -> Figure:
+    """Return force over displacement, over time where a recording holds, and the differences.
+
+    Parameters
+    ----------
+    results
+        One a law, of one folder; a column each.
+    """
+    first = results[0]
+    rows = 3 if any(one.course.holds for one in first.recordings) else 2
+    figure = new_figure(5.4 * len(results) + 0.6, 3.2 * rows)
+    title(figure, "Measured and simulated force", first.folder.title, first.folder.origin)
+    grid = figure.subplots(rows, len(results), squeeze=False, sharey="row")
+    for column, result in enumerate(results):
+        axes = grid[:, column]
+        panel(axes[0], "ABCDEFGH"[column], LAW_NAMES[result.law])
+        _over_displacement(axes[0], result, names=column == 0)
+        if rows == 3:
+            _over_time(axes[1], result)
+        _differences(axes[-1], result)
+    grid[0, 0].set_ylabel("force (N)")
+    if rows == 3:
+        grid[1, 0].set_ylabel("force (N)")
+    grid[-1, 0].set_ylabel("simulated − measured\n(% of the greatest force)")
+    return figure
+
+
+def _colours(result: SpecimenResult) -> np.ndarray:
+    shades = matplotlib.colormaps[_COLOURS](np.linspace(0.0, 0.85, len(result.recordings)))
+    return np.asarray(shades)
+
+
+def _over_displacement(axes: Axes, result: SpecimenResult, names: bool) -> None:
+    for one, colour in zip(result.recordings, _colours(result), strict=True):
+        loading = one.course.time <= one.course.arrival
+        d = one.course.displacement[loading]
+        dots = "o" if one.fitted else "x"
+        label = f"{one.name}{'' if one.fitted else ' (left out)'}: $R^2$ {one.r_squared:.3f}"
+        axes.plot(d, one.course.force[loading], dots, color=colour, markersize=3, fillstyle="none",
+                  label=label)  # fmt: skip
+        line = "-" if one.fitted else "--"
+        axes.plot(np.append(0.0, d), np.append(0.0, one.predicted[loading]), line, color=colour)
+    axes.set_xlabel("displacement after first contact, loading (mm)")
+    if len(result.recordings) <= _NAMED:
+        axes.legend(loc="upper left", fontsize=8)
+    elif names:
+        axes.text(0.02, 0.95, f"{len(result.recordings)} recordings; x, dashed: left out",
+                  transform=axes.transAxes, va="top")  # fmt: skip
+
+
+def _over_time(axes: Axes, result: SpecimenResult) -> None:
+    for one, colour in zip(result.recordings, _colours(result), strict=True):
+        dots, line = ("o", "-") if one.fitted else ("x", "--")
+        time = one.course.time
+        axes.plot(time, one.course.force, dots, color=colour, markersize=3, fillstyle="none")
+        axes.plot(time, one.predicted, line, color=colour)
+    axes.set_xscale("log")
+    axes.set_xlabel("time after first contact (s)")
+
+
+def _differences(axes: Axes, result: SpecimenResult) -> None:
+    axes.axhline(0.0, color=FAINT, linewidth=0.6)
+    for one, colour in zip(result.recordings, _colours(result), strict=True):
+        share = 100 * (one.predicted - one.course.force) / one.course.peak
+        line = "-" if one.fitted else "--"
+        axes.plot(one.course.time / one.course.arrival, share, line, color=colour)
+    if any(one.course.holds for one in result.recordings):
+        axes.set_xscale("log")
+    axes.set_xlabel("time over the loading's")

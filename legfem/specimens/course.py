@@ -1,0 +1,238 @@
+"""What a recording of a specimen shows: loading and holds after first contact, at few stations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import medfilt
+
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
+from legfem.recording import Instrument, Recording, find_first_contact
+from legfem.recording.contact import contact_at_start
+from legfem.recording.smoothing import sample_noise
+
+STATIONS = 40
+"""Of a loading: one for so large a share of its way, and of its time."""
+SLOW_SHARE = 0.5
+"""Of a reading's variance that doesn't change within a recording (an accuracy's drift, zero)."""
+_GROWTH = 0.15
+_LEAST_SAMPLES = 10
+_LEAST_SEEN = 5.0
+_BACK = 0.02
+# Of the greatest force, where no instrument is stated.
+_READING = 0.002
+# One sample that overshoots doesn't count.
+_MEDIAN = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """A recording from first contact to its first return; arrays are (n,) at stations.
+
+    Every station is the mean of neighbouring samples: of a part of the way while the drive moves,
+    of a part of the time's logarithm while it holds.
+    """
+
+    time: FloatArray
+    """s after first contact."""
+    displacement: FloatArray
+    """mm after first contact."""
+    force: FloatArray
+    """N above what was read in air."""
+    count: FloatArray
+    """Samples of a station."""
+    instrument: Instrument
+    """Errors of one reading."""
+    arrival: float
+    """s: when the greatest displacement was reached."""
+    samples: Recording
+    """As recorded, on the stations' scales."""
+    in_air: bool
+
+    @property
+    def depth(self) -> float:
+        """Greatest displacement, mm."""
+        return float(self.displacement.max())
+
+    @property
+    def rate(self) -> float:
+        """Mean speed up to the greatest displacement, mm/s."""
+        return self.depth / self.arrival
+
+    @property
+    def peak(self) -> float:
+        """Greatest force, N."""
+        return float(self.force.max())
+
+    @property
+    def holds(self) -> bool:
+        """Whether it goes on for a third of the loading's time with the drive at rest."""
+        return bool(self.time[-1] > 4 / 3 * self.arrival)
+
+    def down_to(self, depth: float) -> Course:
+        """Return what is recorded before a displacement (mm) is exceeded."""
+        deeper = np.flatnonzero(self.displacement > depth)
+        return self if not len(deeper) else self._first(int(deeper[0]))
+
+    def _first(self, count: int) -> Course:
+        end = float(self.time[count - 1])
+        kept = self.samples.time <= end
+        return replace(
+            self,
+            time=self.time[:count],
+            displacement=self.displacement[:count],
+            force=self.force[:count],
+            count=self.count[:count],
+            arrival=min(self.arrival, end),
+            samples=_part(self.samples, kept),
+        )
+
+
+def course_of(
+    recording: Recording, instrument: Instrument | None = None, starts_at_contact: bool = False
+) -> Course:
+    """Return the course of a recording.
+
+    Parameters
+    ----------
+    recording : Recording
+        Displacement and force positive in the test's direction.
+    instrument : Instrument, optional
+        Errors of a reading; the samples' own scatter without it.
+    starts_at_contact : bool
+        Whether displacement counts from first contact; else that is looked for.
+
+    Raises
+    ------
+    InputError
+        If nothing was pressed.
+    """
+    source = recording.source or recording.trial
+    if len(recording) < _LEAST_SAMPLES:
+        raise InputError(
+            source, "rows", f"{len(recording)} samples are too few",
+            f"record at least {_LEAST_SAMPLES} during loading",
+        )  # fmt: skip
+    calm = medfilt(recording.displacement, _MEDIAN)
+    # The filter takes what lies beyond the ends for zero.
+    calm[:2], calm[-2:] = recording.displacement[:2], recording.displacement[-2:]
+    noise = sample_noise(recording.displacement)
+    start, arrived, end = _loaded_and_held(calm, noise)
+    loading = _part(recording, slice(start, arrived + 1))
+    _check(loading, source)
+    errors = instrument or Instrument(
+        max(sample_noise(loading.force), _READING * float(np.ptp(loading.force))),
+        max(noise, _READING * float(np.ptp(calm))),
+        stated=False,
+    )
+    contact = (
+        contact_at_start()
+        if starts_at_contact
+        else find_first_contact(loading, errors.force_sd, errors.displacement_sd)
+    )
+    whole = _part(recording, slice(start, end))
+    after = calm[start:end] > contact.displacement
+    first = int(np.argmax(after))
+    speed = _speed(whole.time[first:], calm[start + first : end])
+    touched = float(whole.time[first] - (calm[start + first] - contact.displacement) / speed)
+    kept = _part(whole, slice(first, None))
+    kept = replace(
+        kept,
+        time=kept.time - touched,
+        displacement=kept.displacement - contact.displacement,
+        force=kept.force - contact.baseline,
+    )
+    arrival = float(recording.time[arrived] - touched)
+    numbers = _stations(kept, float(calm[arrived] - contact.displacement), arrival)
+    count = np.bincount(numbers).astype(float)
+
+    def mean(values: FloatArray) -> FloatArray:
+        return np.asarray(np.bincount(numbers, values) / count)
+
+    found = Course(
+        mean(kept.time), mean(kept.displacement), mean(kept.force), count, errors, arrival, kept,
+        contact.in_air,
+    )  # fmt: skip
+    if len(found.time) < _LEAST_SEEN:
+        raise InputError(
+            source, "rows", f"{len(found.time)} stations of loading are too few",
+            "sample faster or press more slowly",
+        )  # fmt: skip
+    return found
+
+
+def _loaded_and_held(calm: FloatArray, noise: float) -> tuple[int, int, int]:
+    """Return where motion starts, where it arrives, and where it first goes back."""
+    deepest = float(calm.max())
+    travel = deepest - float(calm[0])
+    highest = np.maximum.accumulate(calm)
+    back = max(_BACK * travel, 5 * noise)
+    deep = highest > calm[0] + 0.3 * travel
+    returned = np.flatnonzero(deep & (calm < highest - back))
+    end = int(returned[0]) if len(returned) else len(calm)
+    if len(returned):
+        # From where it began to.
+        end = int(np.flatnonzero(calm[:end] > highest[end - 1] - 0.2 * back)[-1]) + 1
+    top = float(calm[:end].max())
+    start = max(0, int(np.argmax(calm > calm[0] + max(0.01 * travel, 3 * noise))) - 2)
+    arrived = int(np.argmax(calm[:end] >= top - max(0.005 * travel, noise)))
+    return start, arrived, end
+
+
+def _check(loading: Recording, source: object) -> None:
+    where = str(source)
+    if len(loading) < _LEAST_SAMPLES:
+        raise InputError(
+            where, "rows", f"{len(loading)} samples of loading are too few",
+            f"record at least {_LEAST_SAMPLES}: sample faster or press more slowly",
+        )  # fmt: skip
+    few = max(2, len(loading) // 20)
+    rise = float(np.median(loading.force[-few:]) - np.median(loading.force[:few]))
+    noise = sample_noise(loading.force)
+    if rise < -5 * noise:
+        raise InputError(
+            where, "force_N", f"falls by {-rise:.3g} N in loading",
+            "change its sign: displacement and force are positive in the test's direction",
+        )  # fmt: skip
+    if rise <= 5 * noise:
+        raise InputError(
+            where, "force_N", f"never touches: rises by {rise:.3g} N, noise {noise:.2g} N",
+            "remove this recording, or press deeper",
+        )  # fmt: skip
+
+
+def _speed(time: FloatArray, displacement: FloatArray) -> float:
+    """Return the speed (mm/s) just after contact."""
+    few = max(3, len(time) // 50)
+    slope = float(np.polyfit(time[:few], displacement[:few], 1)[0])
+    whole = float((displacement.max() - displacement[0]) / (time[-1] - time[0]))
+    return max(slope, whole, 1e-12)
+
+
+def _stations(kept: Recording, depth: float, arrival: float) -> NDArray[np.intp]:
+    """Return the number of the station of every sample."""
+    way, while_moving = depth / STATIONS, arrival / STATIONS
+    numbers = np.zeros(len(kept), dtype=np.intp)
+    begun_at, begun, stopped = kept.displacement[0], kept.time[0], kept.time[0]
+    for k in range(1, len(kept)):
+        at, now = kept.displacement[k], kept.time[k]
+        moved = at - begun_at >= way
+        waited = now - begun >= max(1.5 * while_moving, _GROWTH * (now - stopped))
+        if moved:
+            stopped = now
+        numbers[k] = numbers[k - 1] + (moved or waited)
+        if moved or waited:
+            begun_at, begun = at, now
+    return numbers
+
+
+def _part(recording: Recording, part: slice | NDArray[np.bool_]) -> Recording:
+    return replace(
+        recording,
+        time=recording.time[part],
+        displacement=recording.displacement[part],
+        force=recording.force[part],
+    )

@@ -1,0 +1,185 @@
+"""A specimen folder: ``specimen.toml`` and the recordings of one kind of test of one tissue."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+from legfem.common.errors import InputError
+from legfem.recording import Instrument
+from legfem.recording.reader import read_samples
+from legfem.specimens.course import Course, course_of
+from legfem.specimens.schema import (
+    SizeError,
+    Sizes,
+    SpecimenEntry,
+    SpecimenFile,
+    parse_specimen_file,
+)
+from legfem.subjects.subject import Origin
+
+FILE = "specimen.toml"
+
+
+@dataclass(frozen=True, eq=False)
+class SpecimenRecording:
+    """One recording of one specimen."""
+
+    name: str
+    """Of the file, with its folder where that tells it from others."""
+    specimen: str
+    sizes: Sizes
+    """Of the specimen and what presses it."""
+    course: Course
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A recording that can't be used."""
+
+    name: str
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class SpecimenFolder:
+    """Everything given about specimens of one tissue; see `load_specimen`."""
+
+    id: str
+    title: str
+    origin: Origin
+    recordings: tuple[SpecimenRecording, ...]
+    left_out: tuple[LeftOut, ...]
+    """Recordings that can't be used: they cost themselves alone."""
+    poisson_ratio: float | None
+    """None for a bulk modulus of 1000 shear moduli."""
+    relaxes: bool
+    directory: Path
+
+    def named(self, name: str) -> tuple[SpecimenRecording, ...]:
+        """Return the recordings that are of a name, or of a specimen of that name.
+
+        Raises
+        ------
+        InputError
+            If there are none, or no others.
+        """
+        found = tuple(one for one in self.recordings if name in (one.name, one.specimen))
+        if not found:
+            known = sorted({text for one in self.recordings for text in (one.name, one.specimen)})
+            raise InputError(
+                "--leave-out", name, "is no recording and no specimen of the folder",
+                f"give one of {', '.join(known)}",
+            )  # fmt: skip
+        if len(found) == len(self.recordings):
+            raise InputError("--leave-out", name, "leaves nothing to fit", "name fewer")
+        return found
+
+
+def load_specimen(directory: Path) -> SpecimenFolder:
+    """Load a specimen folder.
+
+    Parameters
+    ----------
+    directory : Path
+        The folder.
+
+    Raises
+    ------
+    InputError
+        If ``specimen.toml`` is missing or wrong, names collide, or no recording can be used; a
+        recording that can't is told in `SpecimenFolder.left_out`.
+    """
+    directory = Path(directory)
+    toml = directory / FILE
+    if not directory.is_dir():
+        raise InputError(directory, "specimen folder", "not found", f"give one that holds {FILE}")
+    given = parse_specimen_file(toml)
+    named = _named(directory, toml, given)
+    sizes = {entry: _sizes(toml, given, entry) for entry in {entry for _, entry, _ in named}}
+    stated = given.instrument
+    errors = None if stated is None else Instrument(stated.force_sd(), stated.displacement_sd())
+    used, left = list[SpecimenRecording](), list[LeftOut]()
+    for name, entry, path in named:
+        try:
+            course = course_of(read_samples(path), errors, given.recordings.starts_at_contact)
+        except InputError as error:
+            left.append(LeftOut(name, str(error)))
+        else:
+            specimen = given.id if entry is None else given.specimen[entry].name
+            used.append(SpecimenRecording(name, specimen, sizes[entry], course))
+    if not used:
+        raise InputError(
+            directory / "recordings", left[0].name, f"no recording can be used: {left[0].reason}",
+            "mend them",
+        )  # fmt: skip
+    relaxes = given.tissue.relaxes
+    return SpecimenFolder(
+        given.id, given.title, given.origin, tuple(used), tuple(left),
+        given.tissue.poisson_ratio,
+        any(one.course.holds for one in used) if relaxes is None else relaxes,
+        directory,
+    )  # fmt: skip
+
+
+def _named(directory: Path, toml: Path, given: SpecimenFile) -> list[tuple[str, int | None, Path]]:
+    """Return name, number of the specimen (None where there is but one) and file of recordings."""
+    _check_distinct(toml, given.specimen)
+    found: list[tuple[int | None, Path]] = []
+    entries: list[tuple[int | None, SpecimenEntry | None]]
+    entries = [*enumerate(given.specimen)] or [(None, None)]
+    for number, entry in entries:
+        patterns = ["recordings/*.csv"] if entry is None else entry.recordings
+        for pattern in patterns:
+            if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
+                raise InputError(
+                    toml, "specimen.recordings", f"{pattern!r} leaves the folder",
+                    "name files within it",
+                )  # fmt: skip
+            files = sorted(path for path in directory.glob(pattern) if path.is_file())
+            if not files:
+                where = "recordings" if entry is None else f"specimen {entry.name}"
+                raise InputError(
+                    toml, where, f"there is no file {pattern!r}",
+                    "put one CSV file a recording there: time_s,displacement_mm,force_N",
+                )  # fmt: skip
+            found += [(number, path) for path in files]
+    for path, times in Counter(path for _, path in found).items():
+        if times > 1:
+            raise InputError(
+                toml, "specimen.recordings", f"{path.name} is named {times} times",
+                "name every recording once",
+            )  # fmt: skip
+    stems = Counter(path.stem for _, path in found)
+    return [
+        (
+            path.stem
+            if stems[path.stem] == 1
+            else path.relative_to(directory).with_suffix("").as_posix(),
+            number,
+            path,
+        )
+        for number, path in found
+    ]
+
+
+def _check_distinct(toml: Path, specimens: list[SpecimenEntry]) -> None:
+    for name, times in Counter(entry.name for entry in specimens).items():
+        if times > 1:
+            raise InputError(
+                toml, "specimen.name", f"{times} specimens are called {name!r}",
+                "give every specimen a name of its own",
+            )  # fmt: skip
+
+
+def _sizes(toml: Path, given: SpecimenFile, number: int | None) -> Sizes:
+    entry = None if number is None else given.specimen[number]
+    try:
+        return given.sizes_of(entry)
+    except SizeError as error:
+        key, problem, remedy = error.args
+        where = "" if entry is None else f"specimen {entry.name}, "
+        raise InputError(toml, f"{where}{key}", problem, remedy) from None
+    except InputError as error:
+        raise InputError(toml, error.field, error.problem, error.remedy) from None

@@ -1,0 +1,315 @@
+"""Identification of a tissue's law from all recordings of a specimen folder together."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import chi2
+
+from legfem.common.errors import InputError
+from legfem.common.progress import Progress, Silent
+from legfem.identify.assess import versions
+from legfem.identify.estimates import Optimum, correlations_of, estimates
+from legfem.identify.forward import ForwardOutcome
+from legfem.identify.laws import LawName, model_values
+from legfem.identify.result import Estimate
+from legfem.identify.search import Search
+from legfem.identify.settings import IdentificationSettings
+from legfem.identify.solver import FullSolver
+from legfem.identify.warnings import LEAST_CHANCE
+from legfem.inference.constants import quantile
+from legfem.jobs.pool import Workers
+from legfem.jobs.store import Store
+from legfem.specimens.folder import LeftOut, SpecimenFolder, SpecimenRecording
+from legfem.specimens.forward import SpecimenForward
+from legfem.specimens.laws import Asked, identified_law, specimen_law
+from legfem.specimens.misfit import Part, SpecimenMisfit
+from legfem.specimens.result import ComparedRecording, SpecimenResult
+from legfem.specimens.schema import Sizes
+
+REFERENCE_MPA = 0.01
+"""Stiffness C10 at which every test is solved once, before anything is known."""
+_BEYOND = 1.02
+# Of the depth that was reached: short of where a solution stopped.
+_SHORT_OF = 0.97
+_LEAST_SHARE = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """Recordings that can be modelled, the tests that they are of, and how stiff they seem."""
+
+    recordings: tuple[SpecimenRecording, ...]
+    left_out: tuple[LeftOut, ...]
+    notes: tuple[str, ...]
+    tests: tuple[Sizes, ...]
+    depths: tuple[float, ...]
+    c10: float
+    """MPa: the middle of what each recording asks for by itself, neo-Hookean."""
+
+
+def identify_specimen(
+    folder: SpecimenFolder,
+    laws: Sequence[LawName],
+    asked: Asked | None = None,
+    leave_out: Sequence[str] = (),
+    settings: IdentificationSettings | None = None,
+    out: Path | None = None,
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> list[SpecimenResult]:
+    """Identify laws from all recordings of a folder together.
+
+    Parameters
+    ----------
+    folder : SpecimenFolder
+        With recordings.
+    laws : sequence of str
+        ``neo-hookean``, ``reduced-polynomial``, ``yeoh``, ``exponential``.
+    asked : Asked, optional
+        What is to be free or held, in place of the laws' own.
+    leave_out : sequence of str
+        Names of recordings or specimens that are predicted, and not fitted.
+    settings : IdentificationSettings, optional
+        Of the search.
+    out : Path, optional
+        Folder in whose ``solves`` every full solve is kept; none is without it.
+    jobs : int
+        Processes.
+    progress : Progress, optional
+        Told of every full solve.
+
+    Raises
+    ------
+    InputError
+        If no recording can be modelled, or there is no parameter or recording of a name.
+    SearchError
+        If too few full solves reach the recordings' depth.
+    """
+    held = {one for name in leave_out for one in folder.named(name)}
+    if len(held) == len(folder.recordings):
+        raise InputError("--leave-out", ", ".join(leave_out), "leave nothing to fit", "name fewer")
+    asked, progress = asked or Asked(), progress or Silent()
+    relaxes = folder.relaxes
+    for name in laws:
+        identified_law(name, specimen_law(name, REFERENCE_MPA, None), relaxes, asked)
+    prepared = prepare(folder, held, out, jobs, progress)
+    return [
+        _identify(
+            folder, name, prepared, held, asked, settings or IdentificationSettings(), out, jobs,
+            progress,
+        )
+        for name in laws
+    ]  # fmt: skip
+
+
+def prepare(
+    folder: SpecimenFolder,
+    held: set[SpecimenRecording],
+    out: Path | None,
+    jobs: int,
+    progress: Progress,
+) -> Prepared:
+    """Solve every test once, and leave out or shorten what can't be modelled.
+
+    Raises
+    ------
+    InputError
+        If nothing that is to be fitted is left.
+    """
+    deepest: dict[Sizes, float] = {}
+    for one in folder.recordings:
+        deepest[one.sizes] = max(deepest.get(one.sizes, 0.0), _BEYOND * one.course.depth)
+    law = specimen_law("neo-hookean", REFERENCE_MPA, folder.poisson_ratio)
+    model = SpecimenForward(tuple(deepest), tuple(deepest.values()), law)
+    progress.stage("solving every test once; on a machine's first run, compiling", len(deepest))
+    outcomes = _solved_once(model, out, jobs, progress)
+    used, left, notes = list[SpecimenRecording](), list(folder.left_out), list[str]()
+    for one in folder.recordings:
+        outcome = outcomes[one.sizes]
+        reached = outcome.curve.depth * (1.0 if outcome.complete else _SHORT_OF)
+        if one.course.depth <= reached:
+            used.append(one)
+        elif reached < _LEAST_SHARE * one.course.depth:
+            reason = f"its test can't be solved beyond {reached:.3g} mm: {outcome.reason}"
+            left.append(LeftOut(one.name, reason))
+        else:
+            used.append(_shortened(one, reached))
+            notes.append(
+                f"{one.name} is used to {reached:.3g} of its {one.course.depth:.3g} mm: its test "
+                f"stopped there ({outcome.reason})."
+            )
+    fitted = [one for one in used if one.name not in {other.name for other in held}]
+    if not fitted:
+        raise InputError(
+            folder.directory, "recordings", f"none can be modelled: {left[0].reason}",
+            "check the sizes, or record less deep",
+        )  # fmt: skip
+    depths = {
+        sizes: max(one.course.depth for one in used if one.sizes == sizes)
+        for sizes in dict.fromkeys(one.sizes for one in used)
+    }
+    stiffness = []
+    for one in fitted:
+        course = one.course
+        unit = outcomes[one.sizes].curve(course.displacement)
+        stiffness.append(REFERENCE_MPA * float(course.force @ unit / (unit @ unit)))
+    return Prepared(
+        tuple(used), tuple(left), tuple(notes), tuple(depths), tuple(depths.values()),
+        max(float(np.median(stiffness)), 1e-9),
+    )  # fmt: skip
+
+
+def _solved_once(
+    model: SpecimenForward, out: Path | None, jobs: int, progress: Progress
+) -> dict[Sizes, ForwardOutcome]:
+    store = None if out is None else Store(out / "solves", ForwardOutcome, model.law)
+    found: dict[Sizes, ForwardOutcome] = {}
+    asked = {
+        sizes: ("once", sizes, depth)
+        for sizes, depth in zip(model.tests, model.depths, strict=True)
+    }
+    for sizes in model.tests:
+        kept = store.get(asked[sizes]) if store else None
+        if kept is not None:
+            found[sizes] = kept
+    missing = [k for k, sizes in enumerate(model.tests) if sizes not in found]
+    with Workers(_solve_one, model, jobs) as workers:
+        for k, outcome in workers.run(missing):
+            sizes = model.tests[k]
+            found[sizes] = outcome
+            if store:
+                store.put(asked[sizes], outcome)
+            progress.advance(f"{type(sizes).__name__} to {outcome.curve.depth:.3g} mm")
+    return found
+
+
+def _solve_one(model: SpecimenForward, number: int) -> ForwardOutcome:
+    return model.solve_one(number, model.nominal)
+
+
+def _shortened(one: SpecimenRecording, depth: float) -> SpecimenRecording:
+    return SpecimenRecording(one.name, one.specimen, one.sizes, one.course.down_to(depth))
+
+
+def _identify(
+    folder: SpecimenFolder,
+    name: LawName,
+    prepared: Prepared,
+    held: set[SpecimenRecording],
+    asked: Asked,
+    settings: IdentificationSettings,
+    out: Path | None,
+    jobs: int,
+    progress: Progress,
+) -> SpecimenResult:
+    started = time.perf_counter()
+    away = {one.name for one in held}
+    fitted = [one for one in prepared.recordings if one.name not in away]
+    predicted = [one for one in prepared.recordings if one.name in away]
+    law = specimen_law(name, prepared.c10, folder.poisson_ratio)
+    free = identified_law(name, law, folder.relaxes, asked)
+    depth_of = dict(zip(prepared.tests, prepared.depths, strict=True))
+    tests = tuple(dict.fromkeys(one.sizes for one in fitted))
+    model = SpecimenForward(tests, tuple(depth_of[sizes] for sizes in tests), law)
+    misfit = _misfit(fitted, model, folder.relaxes)
+    store = None if out is None else Store(out / "solves", ForwardOutcome, model.fingerprint())
+    sensitivities = tuple(free.names[k] for k in free.of_model)
+    progress.stage(f"identifying the {name} law")
+    with FullSolver(model, store, jobs, progress, sensitivities) as solver:
+        search = Search(free, misfit, settings, solver)
+        search.run()
+    best = search.best
+    linear = search.linearised(best)
+    force = linear.prediction.force
+    covariance = misfit.covariance_at(force)
+    left = force - misfit.measured_force
+    departures = free.priors.residual(best.point)
+    chi_square = float(left @ np.linalg.solve(covariance, left) + departures @ departures)
+    degrees = len(left) + len(departures) - len(free.parameters)
+    p_value = float(chi2.sf(chi_square, degrees))
+    residual = search.emulated_residual(search.emulator())
+    optimum = Optimum(
+        linear, residual, covariance, quantile(len(fitted) - 1), p_value >= LEAST_CHANCE, {}
+    )
+    found = estimates(optimum)
+    compared = [
+        ComparedRecording(one.name, one.specimen, True, one.course, force[span])
+        for one, span in zip(fitted, misfit.spans, strict=True)
+    ]
+    notes = []
+    if predicted:
+        others = tuple(dict.fromkeys(one.sizes for one in predicted))
+        beside = SpecimenForward(others, tuple(depth_of[sizes] for sizes in others), law)
+        own = _misfit(predicted, beside, folder.relaxes)
+        outcome = beside.solve(model_values(best.values), ())
+        if outcome.complete:
+            seen = own.predict(outcome, free.readings(best.point)).force
+            compared += [
+                ComparedRecording(one.name, one.specimen, False, one.course, seen[span])
+                for one, span in zip(predicted, own.spans, strict=True)
+            ]
+        else:
+            notes.append(f"What was left out can't be predicted: {outcome.reason}.")
+    missing = away - {one.name for one in predicted}
+    notes += [f"{name} was to be predicted, and can't be modelled." for name in sorted(missing)]
+    outcomes = {id(trial.outcome): trial.outcome for trial in search.trials}
+    return SpecimenResult(
+        folder, name, found, correlations_of(optimum.spread), best.values,
+        {key: value for key, value in free.fixed.items() if np.isfinite(value)},
+        tuple(compared), prepared.left_out, chi_square, degrees, p_value, misfit.gain_sd(force),
+        search.converged, len(outcomes),
+        sum(not one.complete for one in outcomes.values()),
+        sum(solver.was_reused(one.values) for one in outcomes.values()),
+        search.emulator_error, settings.seed, time.perf_counter() - started,
+        _warnings(prepared, fitted, found, search, p_value, notes), versions(),
+    )  # fmt: skip
+
+
+def _misfit(
+    recordings: Sequence[SpecimenRecording], model: SpecimenForward, relaxes: bool
+) -> SpecimenMisfit:
+    parts = tuple(Part(one.course, model.tests.index(one.sizes)) for one in recordings)
+    return SpecimenMisfit(parts, model.depths, relaxes)
+
+
+def _warnings(
+    prepared: Prepared,
+    fitted: Sequence[SpecimenRecording],
+    found: Mapping[str, Estimate],
+    search: Search[SpecimenMisfit],
+    p_value: float,
+    notes: Sequence[str],
+) -> tuple[str, ...]:
+    """Return a sentence a warning, the gravest first."""
+    texts = []
+    if not search.converged:
+        texts.append("The search ended before it converged: rerun with another --seed.")
+    texts += [
+        f"{name} stands at the {one.at_bound} bound of the search."
+        for name, one in found.items()
+        if one.at_bound
+    ]
+    if p_value < LEAST_CHANCE:
+        texts.append(
+            "The law does not describe these recordings within their errors: the intervals hold "
+            "for the law as fitted and understate what is unknown."
+        )
+    in_air = [one.name for one in fitted if one.course.in_air]
+    if in_air:
+        texts.append(
+            f"{len(in_air)} recordings seem to begin in air ({', '.join(in_air)}): first contact "
+            "was looked for. If displacement counts from first touch, say so in specimen.toml: "
+            "[recordings] starts_at_contact = true."
+        )
+    failed = [trial for trial in search.trials if trial.prediction is None]
+    if failed:
+        texts.append(
+            f"{len(failed)} of {len(search.trials)} full solves stopped short; the search kept "
+            f"away from them ({failed[0].outcome.reason})."
+        )
+    return (*texts, *prepared.notes, *notes)

@@ -1,0 +1,192 @@
+"""Recordings of several tests beside one model, each counting alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from legfem.common.units import FloatArray
+from legfem.identify.forward import ForwardOutcome
+from legfem.identify.misfit import Compared, Prediction
+from legfem.identify.reading import INSTRUMENT, READINGS, Reading
+from legfem.inference.constants import NUMERICAL_ERROR
+from legfem.inference.errors import COMMON_GAIN_SD
+from legfem.specimens.course import SLOW_SHARE, STATIONS, Course
+from legfem.specimens.relaxation import branch_ratios, memory
+
+GRID = 50
+"""Displacements at which a test's force is known to the search."""
+WEIGHT = 0.01
+"""Of a recording's greatest force: what every station is taken to err by in the fit."""
+COUNTED = 20
+"""Stations that a recording counts as, however many it has: neighbours err alike."""
+LEAST_GAIN_SD = 0.01
+"""From recording to recording; more where their scatter says so."""
+_STEP = 1e-5
+
+
+def grid_to(depth: float) -> FloatArray:
+    """Return the grid (m,), mm, of a test pressed to a depth: finer at first."""
+    return np.asarray(depth * (np.arange(1, GRID + 1) / GRID) ** 1.3)
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One recording, and which of the tests that are solved it is of."""
+
+    course: Course
+    test: int
+
+    @cached_property
+    def memory(self) -> FloatArray:
+        """Of the branches; see `legfem.specimens.relaxation.memory`."""
+        return memory(self.course.time)
+
+
+@dataclass(frozen=True, eq=False)
+class SpecimenMisfit(Compared):
+    """How far forces are from recordings.
+
+    Parameters
+    ----------
+    parts : tuple of Part
+        Recordings, of n stations together.
+    depths : tuple of float
+        Of the tests (mm), how deep they are solved; all grids together have m points.
+    relaxes : bool
+        Whether the spectrum counts.
+    """
+
+    parts: tuple[Part, ...]
+    depths: tuple[float, ...]
+    relaxes: bool
+
+    @cached_property
+    def measured_force(self) -> FloatArray:
+        """Of all stations (n,), N."""
+        return np.concatenate([part.course.force for part in self.parts])
+
+    @property
+    def reach(self) -> str:
+        """The tests' depths."""
+        return ", ".join(f"{depth:.3g}" for depth in self.depths) + " mm"
+
+    def reached_by(self, outcome: ForwardOutcome) -> bool:
+        """Return whether every test came to its depth."""
+        return all(
+            curve.depth >= depth - 1e-9
+            for curve, depth in zip(outcome.curves, self.depths, strict=True)
+        )
+
+    @cached_property
+    def grids(self) -> list[FloatArray]:
+        """Of the tests, mm."""
+        return [grid_to(depth) for depth in self.depths]
+
+    @cached_property
+    def spans(self) -> list[slice]:
+        """Where every recording's stations stand."""
+        ends = np.cumsum([0, *(len(part.course.time) for part in self.parts)])
+        return [slice(*pair) for pair in pairwise(ends)]
+
+    @cached_property
+    def _sd(self) -> FloatArray:
+        """What stations count as erring by, (n,), N."""
+        return np.concatenate([
+            np.full(n := len(part.course.time), WEIGHT * part.course.peak * np.sqrt(n / COUNTED))
+            for part in self.parts
+        ])  # fmt: skip
+
+    def weighted(self, values: FloatArray) -> FloatArray:
+        """Return values (n, ...) over what they count as erring by."""
+        return values / self._sd.reshape(-1, *(1,) * (values.ndim - 1))
+
+    @cached_property
+    def _readings(self) -> list[Reading]:
+        return [Reading(self.grids[p.test], p.course.displacement) for p in self.parts]
+
+    def read(self, force: FloatArray, readings: FloatArray) -> FloatArray:
+        """Return what is read (..., n) of the models' forces (..., m)."""
+        gain, zero, offset = np.moveaxis(readings, -1, 0)[: len(INSTRUMENT)]
+        shape = np.broadcast_shapes(force.shape[:-1], readings.shape[:-1])
+        ratios = branch_ratios(readings[..., len(INSTRUMENT) :]) if self.relaxes else None
+        ratios = None if ratios is None else np.broadcast_to(ratios, (*shape, ratios.shape[-1]))
+        found = []
+        for part, reading in zip(self.parts, self._readings, strict=True):
+            own = force[..., part.test * GRID : (part.test + 1) * GRID]
+            elastic = reading.at(own, offset)
+            if ratios is not None:
+                rise = np.diff(elastic, axis=-1, prepend=0.0)
+                kept = np.tensordot(ratios, part.memory, axes=(-1, 0))
+                elastic = elastic + np.einsum("...ij,...j->...i", kept, rise)
+            found.append(elastic)
+        together = np.concatenate([np.broadcast_to(f, (*shape, f.shape[-1])) for f in found], -1)
+        return np.asarray(gain[..., None] * together + zero[..., None])
+
+    def predict(self, outcome: ForwardOutcome, readings: FloatArray) -> Prediction:
+        """Return complete full solves as they are read."""
+        pairs = list(zip(outcome.curves, self.grids, strict=True))
+        force = np.concatenate([curve(grid) for curve, grid in pairs])
+        by = {
+            name: np.concatenate([curve.sensitivity(name, grid) for curve, grid in pairs])
+            for name in pairs[0][0].sensitivities
+        }
+        linear = readings.copy()
+        linear[list(READINGS).index("instrument.zero")] = 0.0
+        seen = {name: self.read(values, linear) for name, values in by.items()}
+        seen |= self._by_readings(force, readings)
+        return Prediction(self.read(force, readings), seen, force, by)
+
+    def _by_readings(self, force: FloatArray, readings: FloatArray) -> dict[str, FloatArray]:
+        """Return the derivatives (n,) of what is read by the readings' numbers."""
+        found = {}
+        for k, name in enumerate(READINGS):
+            step = _STEP * max(abs(readings[k]), 0.1)
+            ends = np.repeat(readings[None], 2, axis=0)
+            ends[:, k] += (step, -step)
+            up, down = self.read(force, ends)
+            found[name] = (up - down) / (2 * step)
+        return found
+
+    def scales(self, force: FloatArray) -> FloatArray:
+        """Return what would make each recording's share of forces (n,) fit it best."""
+        pairs = [(self.measured_force[span], force[span]) for span in self.spans]
+        return np.array([float(one @ other / (other @ other)) for one, other in pairs])
+
+    def gain_sd(self, force: FloatArray) -> float:
+        """Return how recordings differ by a factor, one standard deviation, about forces (n,)."""
+        scales = self.scales(force)
+        if len(scales) < 2:
+            return LEAST_GAIN_SD
+        return max(LEAST_GAIN_SD, float(np.sqrt(np.sum((scales - 1) ** 2) / (len(scales) - 1))))
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """Of measured less predicted forces at the truth, (n, n), N2."""
+        return self.covariance_at(self.measured_force)
+
+    def covariance_at(self, force: FloatArray) -> FloatArray:
+        """Return the covariance (n, n), N2, about predicted forces (n,).
+
+        Readings, a gain of each recording and one of all, and the model's own error.
+        """
+        total = COMMON_GAIN_SD**2 * np.outer(force, force)
+        gain = self.gain_sd(force)
+        for part, span in zip(self.parts, self.spans, strict=True):
+            course, own = part.course, force[span]
+            d = course.displacement
+            # A hold's steps are shorter than any of the loading's.
+            way = np.maximum(np.diff(d, prepend=0.0), 0.5 * course.depth / STATIONS)
+            slope = np.maximum(np.diff(own, prepend=0.0), 0.0) / way
+            errors = course.instrument
+            white = (errors.force_sd**2 + (slope * errors.displacement_sd) ** 2) / course.count
+            apart = np.abs(d[:, None] - d[None, :])
+            block = np.diag((1 - SLOW_SHARE) * white)
+            block += SLOW_SHARE * errors.force_sd**2
+            block += gain**2 * np.outer(own, own)
+            block += NUMERICAL_ERROR**2 * np.outer(own, own) * np.exp(-3 * apart / course.depth)
+            total[span, span] += block + 1e-12 * course.peak**2 * np.eye(len(d))
+        return np.asarray(total)

@@ -1,0 +1,107 @@
+"""What an identification of specimens found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from legfem.common.units import FloatArray
+from legfem.identify.catalogue import Values
+from legfem.identify.laws import LawName
+from legfem.identify.result import Estimate
+from legfem.specimens.course import Course
+from legfem.specimens.folder import LeftOut, SpecimenFolder
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedRecording:
+    """A recording beside the model."""
+
+    name: str
+    specimen: str
+    fitted: bool
+    """Else it was left out, and is predicted."""
+    course: Course
+    predicted: FloatArray
+    """Force at the course's stations (n,), N."""
+
+    @property
+    def _differences(self) -> FloatArray:
+        samples = self.course.samples
+        inside = samples.time <= self.course.time[-1]
+        return np.asarray(self._at(samples.time[inside]) - samples.force[inside])
+
+    def _at(self, time: FloatArray) -> FloatArray:
+        known = np.concatenate([[0.0], self.course.time])
+        return np.interp(time, known, np.concatenate([[0.0], self.predicted]))
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square of the samples' differences, N."""
+        return float(np.sqrt(np.mean(self._differences**2)))
+
+    @property
+    def r_squared(self) -> float:
+        """Share of the samples' variance that is predicted."""
+        left = self._differences
+        force = self.course.samples.force[: len(left)]
+        return 1 - float(np.sum(left**2) / np.sum((force - force.mean()) ** 2))
+
+    @property
+    def scale(self) -> float:
+        """Factor on the prediction that would fit best."""
+        force = self.course.force
+        return float(force @ self.predicted / (self.predicted @ self.predicted))
+
+
+@dataclass(frozen=True, eq=False)
+class SpecimenResult:
+    """One law identified from specimens."""
+
+    folder: SpecimenFolder
+    law: LawName
+    parameters: Mapping[str, Estimate]
+    """What was free, by full name."""
+    correlations: FloatArray
+    """(p, p), of the parameters' errors, in their order."""
+    values: Values
+    """All that the optimum was solved with, in the model's units."""
+    assumed: Values
+    """What of it was held."""
+    recordings: tuple[ComparedRecording, ...]
+    """Those that were fitted, then those left out by the user."""
+    left_out: tuple[LeftOut, ...]
+    """Those that couldn't be used."""
+    chi_square: float
+    degrees_of_freedom: int
+    p_value: float
+    gain_sd: float
+    """By which factor recordings differ, one standard deviation."""
+    converged: bool
+    forward_solves: int
+    failed_solves: int
+    reused_solves: int
+    emulator_error: float
+    """N, at the last proposal."""
+    seed: int
+    wall_s: float
+    warnings: tuple[str, ...]
+    versions: Mapping[str, str]
+
+    @property
+    def fitted(self) -> tuple[ComparedRecording, ...]:
+        """Recordings that the law was fitted to."""
+        return tuple(one for one in self.recordings if one.fitted)
+
+    @property
+    def held_out(self) -> tuple[ComparedRecording, ...]:
+        """Recordings that it predicts."""
+        return tuple(one for one in self.recordings if not one.fitted)
+
+    @property
+    def rms_percent(self) -> float:
+        """Root mean square of the fit's differences over each recording's greatest force."""
+        shares = [(one.rmse / one.course.peak) ** 2 for one in self.fitted]
+        return 100 * float(np.sqrt(np.mean(shares)))
