@@ -13,6 +13,7 @@ from legfem.common.errors import InputError
 from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S, Viscoelasticity, spectrum
 from legfem.diagnose.observations import observe
 from legfem.recording import Instrument, Recording
+from legfem.specimens.folder import load_specimen
 from studies.recordings.command import full_name
 from studies.recordings.curves import (
     DEEPEST,
@@ -23,7 +24,8 @@ from studies.recordings.curves import (
 )
 from studies.recordings.data import MeatTest, phantom_kinds, read_meat, read_phantoms
 from studies.recordings.drop import ForceDrop, find_drops
-from studies.recordings.indentation import air_found, try_indentation, with_air
+from studies.recordings.folders import write_specimen_folders
+from studies.recordings.indentation import Assumed, air_found, try_indentation, with_air
 from studies.recordings.motion import held_depth, loaded_and_held, motion_of, without_end_of_hold
 from studies.recordings.responses import SpecimenResponses
 
@@ -173,3 +175,13 @@ def test_air_is_found():
     recording = loaded_and_held(read_meat(DATA)["230403|230403-FF1A"].recording)
     observed = observe([recording], Instrument(2e-3, 0.01), starts_at_contact=False)
     assert observed.contacts[0].displacement == pytest.approx(3.7, abs=0.15)
+
+
+@needs_data
+@pytest.mark.slow
+def test_every_public_recording_stands_in_a_folder_of_specimens(tmp_path):
+    folders = [load_specimen(f) for f in write_specimen_folders(DATA, tmp_path, Assumed())]
+    assert sum(len(folder.recordings) for folder in folders) == 138
+    assert not any(folder.left_out for folder in folders)
+    beef = next(folder for folder in folders if folder.id == "beef_RDG")
+    assert beef.relaxes and len({one.sizes for one in beef.recordings}) > 30

@@ -41,6 +41,8 @@ class Optimum:
         Whether the law describes the recordings within their errors.
     assumed : Mapping[str, float]
         Stiffnesses that were held, whose effect is told.
+    plane : bool
+        Whether the model is a section of a leg, which knows no ends.
     """
 
     linear: Linearised
@@ -49,6 +51,7 @@ class Optimum:
     times: float
     law_fits: bool
     assumed: Mapping[str, float]
+    plane: bool = True
 
     @property
     def spread(self) -> FloatArray:
@@ -78,9 +81,11 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
         interval = profile_interval(optimum.residual, at, k, rise, bounds, optimum.times * error)
         known = Estimated(parameter, float(at[k]), error, interval)
         own = {name: float(change[k]) for name, change in moves.items()}
+        why = _why(known, optimum.law_fits, _trade(law.names, k, correlations), own)
+        if optimum.plane and parameter.name == DEEP_C10:
+            why += "; a constant 3D factor can't be told from it"
         found[parameter.name] = Estimate(
-            parameter, known.value, error, interval, known.verdict(optimum.law_fits),
-            _why(known, optimum.law_fits, _trade(law.names, k, correlations), own), own,
+            parameter, known.value, error, interval, known.verdict(optimum.law_fits), why, own
         )  # fmt: skip
     return found
 
@@ -145,8 +150,6 @@ def _why(known: Estimated, law_fits: bool, trade: str, moves: Mapping[str, float
     ]
     if told:
         reasons.append(f"{symbol_of(parameter.name)} changes by " + " and by ".join(told))
-    if parameter.name == DEEP_C10:
-        reasons.append("a constant 3D factor can't be told from it")
     return "; ".join(reasons)
 
 

@@ -31,6 +31,8 @@ _AGREE_OF_ERROR, _AGREE_OF_VALUE = 0.1, 2e-3
 # ... and the full model's own Gauss-Newton step is no longer than this.
 _STEP_OF_ERROR, _STEP_OF_VALUE = 1e-3, 2e-5
 _LAST_STEP_OF_ERROR = 0.02
+# Of the least sum of squares: what a further solve has to gain where numbers are read off a curve.
+_WORTH = 1e-4
 # Complete solves, the best first, from which an optimum among many parameters is polished.
 _MORE_STARTS = 4
 
@@ -143,12 +145,13 @@ class Search[Comparison: Compared]:
             self._stiffen()
         if self._wide:
             self._replace_failed()
+        gained = math.inf
         for attempt in range(self.settings.most_solves):
             emulator = self.emulator()
             proposal = self.propose(emulator, attempt)
             # Near the optimum the full model's own derivatives are exact where the emulator isn't.
             near = self._is_short(proposal - self.best.point, _AGREE_OF_ERROR, _AGREE_OF_VALUE)
-            if near and self.is_stationary():
+            if near and (self.is_stationary() or (self._reads and gained <= _WORTH)):
                 self.converged = True
                 return
             if near:
@@ -164,8 +167,9 @@ class Search[Comparison: Compared]:
                 return
             if len(self.trials) >= self.settings.most_solves:
                 return
-            expected = self.emulated(emulator, proposal)
+            expected, before = self.emulated(emulator, proposal), self.best.objective
             (trial,) = self.solve(proposal[None], "proposal")
+            gained = 1 - self.best.objective / before if before > 0 else 0.0
             if trial.prediction is not None:
                 self.emulator_error = float(np.max(np.abs(trial.prediction.force - expected)))
 
@@ -260,6 +264,11 @@ class Search[Comparison: Compared]:
     def _wide(self) -> bool:
         """Whether a design can't hold all corners: failures then leave whole regions unknown."""
         return len(self.law.of_model) > 2
+
+    @property
+    def _reads(self) -> bool:
+        """Whether numbers are free that the emulator knows exactly, since no solve has them."""
+        return len(self.law.of_model) < len(self.law.parameters)
 
     def _replace_failed(self) -> None:
         """Solve half-way from every failed solve of the design to the nearest complete one."""

@@ -189,7 +189,7 @@ def _result(result: SpecimenResult) -> str:
         ],
         "Recordings": _table(result),
         "Variables": variables(result.parameters),
-        "Correlations": _correlations(result),
+        "Correlations": _correlations(result) or ["none: there is one parameter"],
         "Assumed": [f"{name} = {value:.4g}" for name, value in _assumed(result)],
         "Warnings": result.warnings or ["none"],
     }

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from legfem.report.style import FAINT, LAW_NAMES, new_figure, panel, styled, title
 from legfem.specimens.result import SpecimenResult
 
-_NAMED = 10
+_NAMED = 6
 _COLOURS = "viridis"
 
 

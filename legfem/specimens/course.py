@@ -121,6 +121,7 @@ def course_of(
     calm[:2], calm[-2:] = recording.displacement[:2], recording.displacement[-2:]
     noise = sample_noise(recording.displacement)
     start, arrived, end = _loaded_and_held(calm, noise)
+    recording = replace(recording, displacement=calm)
     loading = _part(recording, slice(start, arrived + 1))
     _check(loading, source)
     errors = instrument or Instrument(

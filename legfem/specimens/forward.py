@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from legfem.experiments.axisymmetric import (
+    AxisymmetricSettings,
     BallIndentation,
     BallOnLayer,
     CylinderBetweenPlates,
@@ -20,24 +21,55 @@ from legfem.experiments.lateral_cylinder import LateralCylinder
 from legfem.experiments.uniaxial import Bar, UniaxialTest
 from legfem.identify.catalogue import Values
 from legfem.identify.forward import ForwardOutcome
+from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import Hyperelastic
+from legfem.meshing.meridian import MeridianMeshSettings
 from legfem.solve.force_curve import ForceCurve
-from legfem.specimens.schema import Sizes, Test
+from legfem.solve.stepping import StepSettings
+from legfem.specimens.schema import Faces, Sizes, Test
+
+_STEPS, _ELEMENTS = 20, 5
+"""Of a shallow test: steps to its depth, and elements across half of its contact."""
 
 
-def experiment_of(sizes: Sizes, law: Hyperelastic) -> Test:
-    """Return the experiment with a test's sizes."""
+def experiment_of(sizes: Sizes, law: Hyperelastic, depth: float) -> Test:
+    """Return the experiment with a test's sizes, its mesh and steps fit for a depth (mm)."""
+    usual = AxisymmetricSettings()
+    steps = StepSettings(
+        first=min(usual.steps.first, depth / _STEPS), largest=min(usual.steps.largest, depth / 10)
+    )
+    # A shallow test's forces are of millinewtons, which the volume of large elements rounds.
+    newton = replace(usual.newton, absolute_tolerance=1e-10)
+    plain = replace(usual, steps=steps, newton=newton)
     match sizes:
         case Bar():
             return UniaxialTest(sizes, law)
         case BallOnLayer():
-            return BallIndentation(sizes, law)
+            radius = sizes.ball_radius
+            fine = _shallow(plain, radius, depth, sizes.ball, radius / 8)
+            return BallIndentation(sizes, law, fine)
         case PunchOnLayer():
-            return FlatPunchIndentation(sizes, law)
+            contact = _onset(sizes.punch, depth)
+            return FlatPunchIndentation(sizes, law, replace(plain, contact=contact))
         case CylinderBetweenPlates():
-            return CylinderCompression(sizes, law)
+            return CylinderCompression(sizes, law, plain)
         case _:
-            return LateralCylinder(sizes, law)
+            radius = sizes.cylinder_radius
+            fine = _shallow(plain, radius, depth, sizes.cylinder, radius / 16)
+            return LateralCylinder(sizes, law, fine)
+
+
+def _shallow(
+    plain: AxisymmetricSettings, radius: float, depth: float, faces: Faces, usual_size: float
+) -> AxisymmetricSettings:
+    """Return settings for a round indenter: elements resolve the contact, its onset the depth."""
+    size = min(usual_size, (radius * depth) ** 0.5 / _ELEMENTS)
+    return replace(plain, mesh=MeridianMeshSettings(size), contact=_onset(faces, depth))
+
+
+def _onset(faces: Faces, depth: float) -> ContactSettings:
+    usual = ContactSettings(tangential=faces, stiffness=4000.0)
+    return replace(usual, onset=min(usual.onset, 2e-3 * depth))
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +93,10 @@ class SpecimenForward(Homebound):
     @made_when_needed
     def experiments(self) -> list[Test]:
         """Meshed when first solved, in whichever process."""
-        return [experiment_of(sizes, self.law) for sizes in self.tests]
+        return [
+            experiment_of(sizes, self.law, depth)
+            for sizes, depth in zip(self.tests, self.depths, strict=True)
+        ]
 
     @property
     def nominal(self) -> Values:

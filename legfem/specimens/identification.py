@@ -234,7 +234,13 @@ def _identify(
     p_value = float(chi2.sf(chi_square, degrees))
     residual = search.emulated_residual(search.emulator())
     optimum = Optimum(
-        linear, residual, covariance, quantile(len(fitted) - 1), p_value >= LEAST_CHANCE, {}
+        linear,
+        residual,
+        covariance,
+        quantile(len(fitted) - 1),
+        p_value >= LEAST_CHANCE,
+        {},
+        plane=False,
     )
     found = estimates(optimum)
     compared = [

@@ -54,7 +54,7 @@ class PunchEntry(TestEntry):
 
     punch_diameter_mm: Positive
     edge_mm: Positive | None = None
-    """Radius of the edge's rounding; a tenth of the punch's without it."""
+    """Radius of the edge's rounding; a twentieth of the punch's without it."""
     punch: Faces = "rough"
     base: Base = "bonded"
 
@@ -62,7 +62,7 @@ class PunchEntry(TestEntry):
         """Return the test of the specimen."""
         radius = self.punch_diameter_mm / 2
         return PunchOnLayer(
-            _given(self, "thickness_mm"), radius, self.edge_mm or 0.1 * radius,
+            _given(self, "thickness_mm"), radius, self.edge_mm or 0.05 * radius,
             _given(self, "diameter_mm") / 2, self.punch, self.base,
         )  # fmt: skip
 

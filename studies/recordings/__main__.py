@@ -23,6 +23,10 @@ def recordings(
         float, typer.Option(min=0.1, help="Of the indenter, which the data don't state (mm).")
     ] = 5.0,
     layer_radius: Annotated[float, typer.Option(min=1.0, help="Of the specimens (mm).")] = 40.0,
+    specimen_folders: Annotated[
+        Path | None,
+        typer.Option(help="Only write the data as folders for legfem.identify --specimen-dir."),
+    ] = None,
     out: Out = None,
     jobs: Jobs = None,
 ) -> None:
@@ -35,6 +39,12 @@ def recordings(
         from studies.recordings.indentation import Assumed
 
         assumed = Assumed(ball_radius, layer_radius)
+        if specimen_folders is not None:
+            from studies.recordings.folders import write_specimen_folders
+
+            for made in write_specimen_folders(data, specimen_folders, assumed):
+                print(made)
+            return
         command.run(data, test or [], assumed, folder, processes)
 
 
