@@ -2,8 +2,8 @@
 
     python -m studies.expected_force --legs 73 --seed 11
 
-prints two rows of coefficients as those in `legfem.subjects.expected_force`, which a first run of the
-same legs gave.
+prints two rows of coefficients as those in `legfem.subjects.expected_force`, which a first run of
+the same legs gave.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from legfem.geometry.calf import Calf, calf_section
 from scipy.optimize import linprog
 
 from legfem.common.command_edge import command_edge
@@ -31,6 +30,7 @@ from legfem.subjects.expected_force import (
     features,
 )
 from legfem.subjects.subject import SUBJECTS, Indenter, load_subject
+from studies.legs.calf import Calf, calf_section
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 SLACK = 0.05
