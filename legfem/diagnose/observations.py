@@ -11,11 +11,9 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
+from legfem.diagnose.cut import Trial, changes_speed, cut_trial
 from legfem.diagnose.stations import (
     Stations,
-    Trial,
-    changes_speed,
-    cut_trial,
     group_trials,
     read_at,
     stations_along,

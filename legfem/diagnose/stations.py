@@ -11,76 +11,19 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.recording.contact import Contact
-from legfem.recording.phases import AIR, HOLD, LOADING, split_phases
-from legfem.recording.smoothing import local_line, sample_noise, smooth_displacement
-from legfem.recording.trial import Recording
+from legfem.diagnose.cut import Segment, Trial
+from legfem.recording.phases import AIR, HOLD, LOADING
+from legfem.recording.smoothing import local_line
 from legfem.solve.protocol import Protocol
 
 LOADING_STATIONS, HOLD_STATIONS, UNLOADING_STATIONS = 40, 12, 24
-_SHORTEST_SEGMENT = 8
-_CORNER_MM = 0.1
-# Trials whose rates, holds and depths agree this well were driven alike.
-_RATE_TOLERANCE, _DEPTH_TOLERANCE = 0.06, 0.03
-
-
-@dataclass(frozen=True, eq=False)
-class Segment:
-    """A stretch of one trial in one phase; arrays are (k,)."""
-
-    phase: str
-    time: FloatArray
-    """s since first contact."""
-    displacement: FloatArray
-    """mm after first contact, smoothed over time."""
-    force: FloatArray
-    """N above the baseline."""
-    leverage: FloatArray
-    """Variance of the smoothed displacement over that of one reading."""
-    duration: float
-    """s, with the ends next to other segments that the arrays leave out."""
-
-    @property
-    def rate(self) -> float:
-        """Speed by a straight line, mm/s; negative in unloading."""
-        return float(np.polyfit(self.time, self.displacement, 1)[0])
-
-
-@dataclass(frozen=True, eq=False)
-class Trial:
-    """One recording cut into its phases."""
-
-    name: str
-    segments: tuple[Segment, ...]
-    contact: Contact
-    white_force_sd: float
-    """N, of one reading."""
-    jitter_sd: float
-    """mm, of one reading."""
-    pressed_again: bool
-    """Whether the skin was left and pressed once more, which the segments leave out."""
-
-    @property
-    def depth(self) -> float:
-        """Greatest displacement after contact, mm."""
-        return max(float(segment.displacement.max()) for segment in self.segments)
-
-    @property
-    def reach(self) -> float:
-        """Greatest displacement that was recorded, air included, mm."""
-        return self.depth + self.contact.displacement
-
-    @property
-    def phases(self) -> tuple[str, ...]:
-        """Names of the segments' phases in order."""
-        return tuple(segment.phase for segment in self.segments)
+# Trials whose rates, holds, depths and ends of phases agree this well were driven alike.
+_RATE_TOLERANCE, _DEPTH_TOLERANCE, _END_TOLERANCE = 0.06, 0.03, 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,91 +59,6 @@ class Stations:
         )
 
 
-def cut_trial(recording: Recording, contact: Contact) -> Trial:
-    """Cut a recording into loading, hold and unloading, counted from first contact.
-
-    Raises
-    ------
-    InputError
-        If there is no loading after contact.
-    """
-    labels = _without_twitches(split_phases(recording, contact), recording.displacement)
-    segments: list[Segment] = []
-    edges = np.flatnonzero(np.diff(np.unique(labels, return_inverse=True)[1], prepend=-1))
-    start_time = None
-    for start, end in zip(edges, [*edges[1:], len(labels)], strict=True):
-        phase = str(labels[start])
-        if phase == AIR or end - start < _SHORTEST_SEGMENT:
-            continue
-        part = _within_corners(recording, phase, start, end)
-        if part.stop - part.start < _SHORTEST_SEGMENT:
-            continue
-        time, raw = recording.time[part], recording.displacement[part]
-        smooth, leverage = (
-            (np.full_like(raw, raw.mean()), np.full_like(raw, 1.0 / len(raw)))
-            if phase == HOLD
-            else smooth_displacement(time, raw)
-        )
-        smooth = smooth - contact.displacement
-        if start_time is None:
-            speed = (smooth[-1] - smooth[0]) / (time[-1] - time[0])
-            start_time = float(time[0] - max(smooth[0], 0.0) / max(speed, 1e-9))
-        force = recording.force[part] - contact.baseline
-        whole = float(recording.time[end - 1] - recording.time[start])
-        segments.append(Segment(phase, time - start_time, smooth, force, leverage, whole))
-    if not segments or segments[0].phase != LOADING:
-        raise InputError(
-            recording.source or recording.trial, "displacement_mm",
-            "the trial does not begin with loading", "take it out, or start it at first contact",
-        )  # fmt: skip
-    touched = np.maximum.accumulate(labels != AIR)
-    out = recording.displacement[touched & (labels == AIR)] - contact.displacement
-    depth = max(float(segment.displacement.max()) for segment in segments)
-    return Trial(
-        recording.trial,
-        tuple(segments),
-        contact,
-        sample_noise(recording.force),
-        sample_noise(recording.displacement),
-        bool((out > 0.5 * depth).any()),
-    )
-
-
-def _without_twitches(labels: NDArray[np.str_], displacement: FloatArray) -> NDArray[np.str_]:
-    """Call a hold what hardly moves between two holds: noise, not motion."""
-    labels = labels.copy()
-    edges = [*np.flatnonzero(labels[1:] != labels[:-1]) + 1, len(labels)]
-    least = max(0.3, 0.02 * float(np.ptp(displacement)))
-    for first, last in pairwise(edges):
-        between_holds = labels[first - 1] == HOLD and last < len(labels) and labels[last] == HOLD
-        if between_holds and abs(displacement[last - 1] - displacement[first]) < least:
-            labels[first:last] = HOLD
-    return labels
-
-
-def _within_corners(recording: Recording, phase: str, start: int, end: int) -> slice:
-    """Return a segment without its ends next to other segments: corners are known roughly only.
-
-    A moving segment loses a tenth of a millimetre there, at least two samples.
-    """
-    cut = 2
-    if phase != HOLD:
-        way = abs(recording.displacement[end - 1] - recording.displacement[start])
-        cut = max(cut, int(np.ceil(_CORNER_MM * (end - start) / max(way, 1e-9))))
-    last = len(recording.time)
-    cut = max(0, min(cut, (end - start - _SHORTEST_SEGMENT) // 2))
-    return slice(start + (cut if start > 0 else 0), end - (cut if end < last else 0))
-
-
-def changes_speed(segment: Segment) -> bool:
-    """Return whether a moving segment was driven at more than one speed."""
-    if segment.phase == HOLD:
-        return False
-    line = np.polynomial.Polynomial.fit(segment.time, segment.displacement, 1)
-    away = np.abs(segment.displacement - line(segment.time)).max()
-    return bool(away > 0.03 * np.ptp(segment.displacement))
-
-
 def group_trials(trials: Sequence[Trial]) -> list[list[int]]:
     """Return the trials' numbers, those driven alike together."""
     groups: list[list[int]] = []
@@ -220,12 +78,16 @@ def _alike(a: Trial, b: Trial) -> bool:
     return (
         a.phases == b.phases
         and deep
-        and all(_same_pace(x, y) for x, y in zip(a.segments, b.segments, strict=True))
+        and all(
+            _same_pace(x, y)
+            and abs(x.end - y.end) <= _END_TOLERANCE * a.depth + abs(a.depth - b.depth)
+            for x, y in zip(a.segments, b.segments, strict=True)
+        )
     )
 
 
 def _same_pace(a: Segment, b: Segment) -> bool:
-    if a.phase == HOLD:
+    if a.phase in (HOLD, AIR):
         return abs(a.duration / b.duration - 1) < _RATE_TOLERANCE
     return abs(a.rate / b.rate - 1) < _RATE_TOLERANCE
 
@@ -234,7 +96,8 @@ def stations_of(trials: Sequence[Trial]) -> Stations:
     """Return the stations of trials that were driven alike.
 
     Rates and holds are taken to two digits and depths to 0.1 mm, so that recordings of one protocol
-    share their solutions; the forces are read at the trials' own displacements.
+    share their solutions; the forces are read at the trials' own displacements. While the skin is
+    left there are no stations.
     """
     first = trials[0]
     depth = round(min(trial.depth for trial in trials), 1)
@@ -246,24 +109,32 @@ def stations_of(trials: Sequence[Trial]) -> Stations:
     for number, phase in enumerate(first.phases):
         parts = [trial.segments[number] for trial in trials]
         before = displacements[-1]
-        if phase == HOLD:
+        if phase in (HOLD, AIR):
             duration = float(f"{min(part.duration for part in parts):.2g}")
             times.append(times[-1] + duration)
             displacements.append(before)
+            if phase == AIR:
+                continue
             sampling = float(np.median(np.diff(parts[0].time)))
             since = np.geomspace(max(3 * sampling, duration / 150), 0.97 * duration, HOLD_STATIONS)
             d: FloatArray = np.full(HOLD_STATIONS, before)
             t = times[-2] + since
         else:
             rate = float(f"{np.mean([abs(part.rate) for part in parts]):.2g}")
+            end = round(float(np.mean([part.end for part in parts])), 2)
             if phase == LOADING:
-                end = last = depth
+                short = np.mean([t.depth - p.end for t, p in zip(trials, parts, strict=True)])
+                if short <= max(0.3, _DEPTH_TOLERANCE * depth):
+                    end = depth
+                last = end
                 count = LOADING_STATIONS
             else:
                 # Near lift-off recordings end anywhere; down to a quarter of the depth they don't.
+                if end < 0.05 * depth:
+                    end = 0.0
                 seen = max(float(part.displacement[-1]) for part in parts)
-                last = max(0.25 * depth, 0.05 * depth * np.ceil(seen / (0.05 * depth) - 0.2))
-                end = 0.0 if seen < 0.25 * depth else last
+                last = 0.05 * before * np.ceil(seen / (0.05 * before) - 0.2)
+                last = max(0.25 * before, end, last)
                 count = UNLOADING_STATIONS
             duration = abs(end - before) / rate
             times.append(times[-1] + duration)
@@ -318,6 +189,8 @@ def read_at(trial: Trial, stations: Stations) -> Readings:
     starts = stations.protocol.time
     for number, segment in enumerate(trial.segments):
         here = stations.segment == number
+        if segment.phase == AIR:
+            continue
         if segment.phase == HOLD:
             since = stations.time[here] - starts[number]
             for k, at in zip(np.flatnonzero(here), since, strict=True):

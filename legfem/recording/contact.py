@@ -75,9 +75,21 @@ def find_first_contact(
         Standard deviations of a reading, N and mm; the recording's own noise where larger.
     """
     d, _ = smooth_displacement(recording.time, recording.displacement)
-    deepest = int(np.argmax(d))
     d_noise = max(displacement_sd, sample_noise(recording.displacement))
+    deepest = _end_of_first_press(d, d_noise)
     return fit_onset(d[: deepest + 1], recording.force[: deepest + 1], force_sd, d_noise)
+
+
+def _end_of_first_press(d: FloatArray, noise: float) -> int:
+    """Return the deepest sample before the cylinder is drawn back by a tenth of the way.
+
+    Of presses by less than half of the way nothing is to be read: they are passed over.
+    """
+    reached = np.maximum.accumulate(d)
+    way = float(np.ptp(d))
+    back = reached - d > max(0.1 * way, 5.0 * noise)
+    turned = np.flatnonzero(back & (reached - d[0] > 0.5 * way))
+    return int(np.argmax(d[: turned[0]] if len(turned) else d))
 
 
 def fit_onset(d: FloatArray, force: FloatArray, force_sd: float, displacement_sd: float) -> Contact:

@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
 from legfem.recording.contact import Contact, find_first_contact, fit_onset
 from legfem.recording.smoothing import (
+    STILL,
     local_line,
+    pace,
     sample_noise,
     smooth_displacement,
-    typical_speed,
     velocity_window,
+    without_outliers,
 )
 from legfem.recording.trial import Recording
 
 LOADING, HOLD, UNLOADING, AIR = "loading", "hold", "unloading", "air"
-# Fraction of the typical speed below which the cylinder counts as still.
-_STILL = 0.15
+# A still stretch of less way than this share of the recording's holds whatever its speed.
+_HELD_SHARE = 0.05
 
 
 def split_phases(recording: Recording, contact: Contact | None = None) -> NDArray[np.str_]:
@@ -39,28 +43,60 @@ def split_phases(recording: Recording, contact: Contact | None = None) -> NDArra
         force has come back to its baseline, the cylinder is in air.
     """
     contact = find_first_contact(recording) if contact is None else contact
-    t, d = recording.time, recording.displacement
-    half = velocity_window(t, d)
+    t, d = recording.time, without_outliers(recording.displacement)
+    motion = _motion(t, d, max(_HELD_SHARE * float(np.ptp(d)), 5.0 * sample_noise(d)))
+    labels = np.array([UNLOADING, HOLD, LOADING])[motion + 1].astype("<U9")
+    smooth, _ = smooth_displacement(t, d)
+    touched = np.flatnonzero(smooth >= contact.displacement)
+    if contact.in_air:
+        labels[: touched[0] if len(touched) else len(labels)] = AIR
+    _mark_separation(recording, labels, smooth, contact)
+    return labels
+
+
+def _motion(t: FloatArray, d: FloatArray, held: float) -> NDArray[np.int_]:
+    """Return -1, 0 and 1 (n,) for unloading, still and loading.
+
+    What is still beside faster motion, but goes further than ``held`` mm, is looked at by itself:
+    a slow motion beside a fast one.
+    """
+    speed = pace(t, d).typical
+    half = velocity_window(t, d, speed)
     window = max(3, round(2 * half / float(np.median(np.diff(t)))))
-    still = _STILL * typical_speed(t, d)
+    still = STILL * speed
     velocity = local_line(t, d, t, half, min(5, len(t))).slope
     motion = np.where(np.abs(velocity) <= still, 0, np.sign(velocity)).astype(int)
     motion = _without_blips(motion, max(2, window // 2))
     motion = _fitted_corners(t, d, motion, window)
-    labels = np.array([UNLOADING, HOLD, LOADING])[motion + 1].astype("<U9")
-    if contact.in_air:
-        smooth, _ = smooth_displacement(t, d)
-        touched = np.flatnonzero(smooth >= contact.displacement)
-        labels[: touched[0] if len(touched) else len(labels)] = AIR
-    _mark_separation(recording, labels)
-    return labels
+    runs = _runs(motion)
+    least = least_way(d)
+    for (before, _), (start, end), (after, _) in zip(runs, runs[1:], runs[2:], strict=False):
+        if motion[before] == motion[after] == 0 and abs(d[end - 1] - d[start]) < least:
+            motion[start:end] = 0
+    for start, end in _runs(motion):
+        few = max(1, (end - start) // 10)
+        way = float(np.median(d[end - few : end]) - np.median(d[start : start + few]))
+        if motion[start] == 0 and abs(way) > held:
+            part = slice(start, end)
+            whole = end - start == len(t)
+            motion[part] = np.sign(way) if whole else _motion(t[part], d[part], held)
+    return motion
+
+
+def least_way(displacement: FloatArray) -> float:
+    """Return the way (mm) below which motion between two holds is noise."""
+    return max(0.3, 0.02 * float(np.ptp(displacement)))
+
+
+def _runs(marks: NDArray[np.generic]) -> list[tuple[int, int]]:
+    """Return the first number and the one after the last of each run of equal marks."""
+    edges = [0, *(int(k) + 1 for k in np.flatnonzero(marks[1:] != marks[:-1])), len(marks)]
+    return list(pairwise(edges))
 
 
 def _without_blips(motion: NDArray[np.int_], shortest: int) -> NDArray[np.int_]:
     motion = motion.copy()
-    starts = np.flatnonzero(np.diff(motion, prepend=motion[0] - 9))
-    ends = np.append(starts[1:], len(motion))
-    for start, end in zip(starts, ends, strict=True):
+    for start, end in _runs(motion):
         if end - start < shortest and start > 0:
             motion[start:end] = motion[start - 1]
     return motion
@@ -84,30 +120,74 @@ def _fitted_corners(
 
 
 def _corner(t: FloatArray, d: FloatArray) -> int:
-    costs = np.full(len(t), np.inf)
-    for i in range(2, len(t) - 1):
-        bent = t - t[i]
-        design = np.column_stack([np.ones_like(t), np.minimum(bent, 0), np.maximum(bent, 0)])
-        left = d - design @ np.linalg.lstsq(design, d, rcond=None)[0]
-        costs[i] = left @ left
-    return int(np.argmin(costs))
+    """Return the sample at which two straight lines that meet there fit best."""
+    inner = np.arange(2, len(t) - 1)
+    bent = (t[None, :] - t[inner, None]) / (t[-1] - t[0])
+    design = np.stack([np.ones_like(bent), np.minimum(bent, 0), np.maximum(bent, 0)], axis=-1)
+    left = d - d.mean()
+    across = np.swapaxes(design, 1, 2)
+    lines = np.linalg.solve(across @ design, (across @ left)[..., None])
+    # What the lines explain of the squares; the rest is smallest where this is largest.
+    return int(inner[np.argmax(np.sum(lines[..., 0] * (across @ left), axis=1))])
 
 
-def _mark_separation(recording: Recording, labels: NDArray[np.str_]) -> None:
-    """Call air what follows the force's return to a constant; unloading read backwards."""
-    moving = np.flatnonzero(labels == UNLOADING)
-    if len(moving) < 20:
-        return
-    deepest = int(np.argmax(recording.displacement))
-    branch = moving[moving > deepest]
-    if len(branch) < 20:
-        return
-    smooth, _ = smooth_displacement(recording.time[branch], recording.displacement[branch])
-    back = branch[::-1]
-    onset = fit_onset(
-        smooth[::-1], recording.force[back], 0.0, sample_noise(recording.displacement)
-    )
-    if onset.in_air:
-        left = branch[smooth < onset.displacement]
-        if len(left):
+def _mark_separation(
+    recording: Recording, labels: NDArray[np.str_], smooth: FloatArray, contact: Contact
+) -> None:
+    """Call air what follows the force's return to a constant, until the skin is pressed again.
+
+    Unloading is read backwards for it. Where the first loading met no force there either, first
+    contact isn't where it is said to be, and all that follows is called air.
+    """
+    runs = _runs(labels)
+    for k, (start, end) in enumerate(runs):
+        if labels[start] != UNLOADING or LOADING not in labels[:start] or end - start < 20:
+            continue
+        start = max(start, start + int(np.argmax(recording.displacement[start:end])) + 1)
+        part = slice(start, end)
+        smooth_part, _ = smooth_displacement(recording.time[part], recording.displacement[part])
+        onset = fit_onset(
+            smooth_part[::-1],
+            recording.force[part][::-1],
+            0.0,
+            sample_noise(recording.displacement),
+        )
+        left = start + np.flatnonzero(smooth_part < onset.displacement)
+        if not onset.in_air or len(left) == 0:
+            continue
+        if _in_vain(recording, labels, smooth, contact, onset):
             labels[left[0] :] = AIR
+            return
+        # The way back to the start, in air, is no press.
+        pressed = onset.displacement + 0.05 * (float(smooth.max()) - contact.displacement)
+        again = next(
+            (a for a, b in runs[k + 1 :] if labels[a] == LOADING and smooth[a:b].max() > pressed),
+            len(labels),
+        )
+        labels[left[0] : again] = AIR
+        deeper = np.flatnonzero(smooth[again:] >= contact.displacement)
+        labels[again : again + deeper[0] if len(deeper) else len(labels)] = AIR
+
+
+def _in_vain(
+    recording: Recording,
+    labels: NDArray[np.str_],
+    smooth: FloatArray,
+    contact: Contact,
+    left: Contact,
+) -> bool:
+    """Tell whether the first loading met no force on the way from contact to where skin was left.
+
+    Of less than a tenth of the depth nothing can be told.
+    """
+    loading = np.flatnonzero(labels == LOADING)
+    depth = float(smooth.max()) - contact.displacement
+    if left.displacement - contact.displacement < 0.1 * depth:
+        return False
+    first = loading[: np.argmax(smooth[loading] >= left.displacement)]
+    few = max(3, len(first) // 5)
+    if len(first) < 2 * few:
+        return False
+    rise = float(np.median(recording.force[first[-few:]]) - np.median(recording.force[first[:few]]))
+    whole = float(np.ptp(recording.force))
+    return rise < max(3.0 * sample_noise(recording.force), 0.005 * whole)

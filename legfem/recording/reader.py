@@ -139,8 +139,8 @@ def _check_motion(recording: Recording, source: str | Path) -> None:
 def _check_touch(recording: Recording, source: str | Path) -> None:
     smooth, _ = smooth_displacement(recording.time, recording.displacement)
     low, high = float(smooth.min()), float(smooth.max())
-    tenth = max(3, len(recording) // 20)
-    rest = float(np.median(recording.force[:tenth]))
+    before = max(3, int(np.argmax(smooth - smooth[0] > 0.05 * (high - low))))
+    rest = float(np.median(recording.force[:before]))
     deep = recording.force[smooth >= high - 0.05 * (high - low)]
     rise = float(np.median(deep)) - rest
     spread = sample_noise(recording.force)

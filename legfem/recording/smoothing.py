@@ -5,8 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import median_filter
+from shapely import LineString
 
 from legfem.common.units import FloatArray
+
+_MAX_POINTS = 8000
+STILL = 0.15
+"""Of the typical speed: below it the indenter counts as still."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +28,11 @@ class LocalLine:
 
 
 def local_line(
-    x: FloatArray, y: FloatArray, at: FloatArray, half_width: float, min_points: int = 4
+    x: FloatArray,
+    y: FloatArray,
+    at: FloatArray,
+    half_width: float | FloatArray,
+    min_points: int = 4,
 ) -> LocalLine:
     """Fit a straight line to the samples within ``half_width`` of each point.
 
@@ -32,7 +42,7 @@ def local_line(
         Samples, x not decreasing.
     at : (m,) array
         Where to evaluate.
-    half_width : float
+    half_width : float or (m,) array
         In x's unit; the window widens to the nearest ``min_points`` samples where there are
         fewer.
     min_points : int
@@ -88,19 +98,70 @@ def sample_noise(values: FloatArray) -> float:
     return float(1.4826 * np.median(np.abs(second - np.median(second))))
 
 
-def typical_speed(time: FloatArray, displacement: FloatArray) -> float:
-    """Return the speed of the moving phases, mm/s: the 90th percentile over coarse windows."""
-    half = 0.025 * float(time[-1] - time[0])
-    fit = local_line(time, displacement, time, half, min(7, len(time)))
-    return float(np.percentile(np.abs(fit.slope), 90.0))
+def without_outliers(values: FloatArray) -> FloatArray:
+    """Return a motion whose single readings far off are replaced by their neighbours' middle."""
+    middle = median_filter(values, 3, mode="nearest")
+    off = np.abs(values - middle)
+    far = off > 5.0 * sample_noise(values) + 0.02 * float(np.ptp(middle))
+    return np.where(far, middle, values)
 
 
-def velocity_window(time: FloatArray, displacement: FloatArray, accuracy: float = 0.05) -> float:
-    """Return the half-width in s over which a fitted velocity is known to ``accuracy`` of it."""
+def _stretches(time: FloatArray, displacement: FloatArray) -> FloatArray:
+    """Return the corners (k, 2), s and mm, of the straight line that follows a motion.
+
+    By Douglas' and Peucker's simplification, within five standard deviations of a reading and half
+    a hundredth of the way; a single reading far off doesn't count. How long the recording lasts
+    beside its motion doesn't matter.
+    """
+    steady = without_outliers(displacement)
+    within = max(5.0 * sample_noise(displacement), 0.005 * float(np.ptp(steady)), 1e-12)
+    kept = np.r_[0 : len(time) - 1 : -(-len(time) // _MAX_POINTS), len(time) - 1]
+    # Time is stretched until what lies perpendicular to the line is displacement.
+    stretch = 1e4 * float(np.ptp(steady) + within) / float(np.min(np.diff(time)))
+    at = (time[kept] - time[0]) * stretch
+    line = LineString(np.column_stack([at, steady[kept]])).simplify(within)
+    corners = np.asarray(line.coords)
+    return np.column_stack([corners[:, 0] / stretch + time[0], corners[:, 1]])
+
+
+@dataclass(frozen=True, eq=False)
+class Pace:
+    """How fast an indenter moves."""
+
+    typical: float
+    """mm/s: the 90th percentile over coarse windows of the moving stretches, however long the
+    holds are."""
+    local: FloatArray
+    """(n,), mm/s: of the straight stretch of the motion that a sample lies in."""
+
+
+def pace(time: FloatArray, displacement: FloatArray) -> Pace:
+    """Return how fast an indenter moves.
+
+    Moving is what is no slower than 0.15 times the speed at which, or above which, half of the way
+    is gone. A coarse window spans half of such a stretch at most.
+    """
+    corners = _stretches(time, displacement)
+    taken, way = np.abs(np.diff(corners, axis=0).T)
+    speed = way / taken
+    order = np.argsort(speed)
+    gone = np.cumsum(way[order])
+    least = STILL * speed[order[np.searchsorted(gone, 0.5 * gone[-1])]]
+    weight = np.where(speed >= least, way + 1e-12, 0.0)
+    half = min(0.025 * float(time[-1] - time[0]), 0.25 * float(np.average(taken, weights=weight)))
+    local = speed[np.searchsorted(corners[1:-1, 0], time, side="right")]
+    moving = time[local >= least]
+    fit = local_line(time, displacement, moving, half, min(7, len(time)))
+    return Pace(float(np.percentile(np.abs(fit.slope), 90.0)), local)
+
+
+def velocity_window(
+    time: FloatArray, displacement: FloatArray, speed: float, accuracy: float = 0.05
+) -> float:
+    """Return the half-width in s over which a velocity (mm/s) is known to ``accuracy`` of it."""
     step = float(np.median(np.diff(time)))
-    travel = typical_speed(time, displacement) * step
     noise = sample_noise(displacement)
-    wanted = 0.0 if travel <= 0 else (12.0 * (noise / (accuracy * travel)) ** 2) ** (1 / 3)
+    wanted = 0.0 if speed <= 0 else (12.0 * (noise / (accuracy * speed * step)) ** 2) ** (1 / 3)
     samples = float(np.clip(wanted, 5.0, max(5.0, len(time) / 8)))
     return 0.5 * samples * step
 
@@ -119,7 +180,9 @@ def smooth_displacement(
     smooth, leverage : (n,) array
         mm, and its variance over that of one reading.
     """
-    speed = typical_speed(time, displacement)
-    half = 0.5 * travel / speed if speed > 0 else 0.0
-    fit = local_line(time, displacement, time, half, min(5, len(time)))
+    found = pace(time, displacement)
+    # A fast stretch beside slow ones isn't smoothed away.
+    speed = np.where(found.local > 2.0 * found.typical, found.local, found.typical)
+    half = 0.5 * travel / speed if found.typical > 0 else 0.0
+    fit = local_line(time, without_outliers(displacement), time, half, min(5, len(time)))
     return fit.value, fit.leverage
