@@ -1,4 +1,4 @@
-"""Reading ``recordings/*.csv``: ``time_s,displacement_mm,force_N``."""
+"""Reading ``recordings/*.csv``: ``time_s,displacement_mm,force_N``; and instruments' files."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.tables import read_table
+from legfem.recording.columns import Channels, recording_of
 from legfem.recording.contact import find_first_contact
+from legfem.recording.formats import read_sheets
 from legfem.recording.smoothing import sample_noise, smooth_displacement
 from legfem.recording.trial import Recording
 
@@ -69,6 +71,21 @@ def read_samples(path: Path) -> Recording:
         trial=path.stem,
         source=path,
     )
+
+
+def read_instrument_file(
+    path: Path, channels: Channels, minimal_depth: float = MINIMAL_DEPTH_MM
+) -> Recording:
+    """Read one trial from an instrument's file and check that it can be used.
+
+    Raises
+    ------
+    InputError
+        If the file can't be read, lacks what ``channels`` name, or the trial can't be used.
+    """
+    recording = recording_of(path, read_sheets(path), channels)
+    check_recording(recording, minimal_depth)
+    return recording
 
 
 def check_recording(recording: Recording, minimal_depth: float = MINIMAL_DEPTH_MM) -> None:

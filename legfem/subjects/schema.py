@@ -18,6 +18,7 @@ from legfem.common.toml_file import (
     parse_toml,
     trouble,
 )
+from legfem.recording import Channel, Channels
 
 # Half-width of a uniform distribution to its standard deviation.
 _UNIFORM = 1.0 / math.sqrt(3.0)
@@ -136,14 +137,46 @@ class InstrumentEntry(FileTable):
         return self.displacement_accuracy_mm * _UNIFORM
 
 
+class ChannelEntry(FileTable):
+    """``[recordings.time]``, ``[recordings.displacement]`` or ``[recordings.force]``."""
+
+    column: Text
+    unit: Text
+    sign: Literal[1, -1] = 1
+
+
 class RecordingsEntry(FileTable):
-    """``[recordings]``, optional."""
+    """``[recordings]``, optional; its channels as ``python -m legfem.data look`` writes them."""
+
+    time: ChannelEntry | None = None
+    displacement: ChannelEntry | None = None
+    force: ChannelEntry | None = None
+    sheet: Text | None = None
 
     starts_at_contact: bool = False
     """Whether displacement counts from first touch; else first contact is looked for."""
     plane_strain: bool | None = None
     """Whether a plane-strain model made them, which has no ends; unless given, whether no leg was
     measured."""
+
+    @model_validator(mode="after")
+    def _all_channels_or_none(self) -> RecordingsEntry:
+        keys = ("time", "displacement", "force")
+        given = [key for key in keys if getattr(self, key) is not None]
+        missing = [key for key in keys if key not in given]
+        if missing and (given or self.sheet is not None):
+            raise trouble(missing[0], "missing", f"give column and unit of {', '.join(keys)}")
+        return self
+
+    def channels(self) -> Channels | None:
+        """Return where the quantities are found; None where files are in legfem's own form."""
+        if self.time is None or self.displacement is None or self.force is None:
+            return None
+        time, displacement, force = (
+            Channel(entry.column, entry.unit, entry.sign)
+            for entry in (self.time, self.displacement, self.force)
+        )
+        return Channels(time, displacement, force, self.sheet)
 
 
 class AccuracyEntry(FileTable):

@@ -14,7 +14,15 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array, kpa_to_mpa
 from legfem.geometry.contours import read_contours
 from legfem.geometry.section import LegSection, first_crossing
-from legfem.recording import Instrument, Recording, read_recording, seen_instrument
+from legfem.recording import (
+    Channels,
+    Instrument,
+    Recording,
+    read_instrument_file,
+    read_recording,
+    seen_instrument,
+)
+from legfem.recording.formats import READERS
 from legfem.subjects.catalogue import RESOURCES, Catalogue
 from legfem.subjects.plausibility import doubts_about
 from legfem.subjects.schema import SubjectFile, TissueEntry, parse_subject_file
@@ -155,7 +163,8 @@ def load_subject(
         direction_deg=given.indenter.direction_deg,
     )
     _check_aim(toml, section, indenter)
-    recordings = _recordings(directory) if need_recordings else ()
+    channels = given.recordings.channels()
+    recordings = _recordings(directory, channels) if need_recordings else ()
     subject = Subject(
         id=given.id,
         title=given.title,
@@ -219,16 +228,28 @@ def _instrument(
     return seen_instrument(recordings)
 
 
-def _recordings(directory: Path) -> tuple[Recording, ...]:
-    files = sorted((directory / "recordings").glob("*.csv"))
+def _recordings(directory: Path, channels: Channels | None) -> tuple[Recording, ...]:
+    folder = directory / "recordings"
+    there = sorted(f for f in folder.glob("*") if f.suffix.lower() in READERS)
+    files = there if channels is not None else [f for f in there if f.suffix == ".csv"]
     if not files:
         raise InputError(
-            directory / "recordings",
+            folder,
             "*.csv",
             "there are no recordings",
-            "put one CSV file a trial there: time_s,displacement_mm,force_N",
+            "run `python -m legfem.data look` on the instrument's files, and give [recordings]"
+            if there
+            else "put one CSV file a trial there: time_s,displacement_mm,force_N",
         )
-    return tuple(read_recording(file) for file in files)
+    if channels is None:
+        return tuple(read_recording(file) for file in files)
+    stems = [file.stem for file in files]
+    twice = next((stem for stem in stems if stems.count(stem) > 1), None)
+    if twice is not None:
+        raise InputError(
+            folder, twice, "two files have this name", "keep one file a trial, of one format"
+        )
+    return tuple(read_instrument_file(file, channels) for file in files)
 
 
 def _check_aim(toml: Path, section: LegSection, indenter: Indenter) -> None:

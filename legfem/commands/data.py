@@ -1,0 +1,93 @@
+"""``python -m legfem.data``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from legfem.common.command_edge import check_out_folder, command_edge
+from legfem.common.errors import InputError
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+
+
+@app.callback()
+def data() -> None:
+    """Look at instruments' files before they are used.
+
+    Example: python -m legfem.data look trial1.tdms trial2.tdms
+    """
+
+
+@app.command()
+def look(
+    files: Annotated[
+        list[Path], typer.Argument(help="CSV, text, xlsx, TDMS, LVM, MAT or HDF5; one trial each.")
+    ],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for results; results/look by default.")
+    ] = None,
+    time: Annotated[str | None, typer.Option(help="NAME or NAME:UNIT of the column.")] = None,
+    displacement: Annotated[str | None, typer.Option(help="NAME or NAME:UNIT.")] = None,
+    force: Annotated[str | None, typer.Option(help="NAME or NAME:UNIT.")] = None,
+    sheet: Annotated[
+        str | None, typer.Option(help="Sheet or group, where several hold one.")
+    ] = None,
+) -> None:
+    """Propose columns, units and directions of recordings, and grade them from A to D.
+
+    Writes a picture a file, report.txt, and recordings.toml: the [recordings] block for
+    subject.toml. All that is inferred is said with its reason; what is ambiguous is refused.
+
+    Example: python -m legfem.data look trial1.tdms trial2.tdms
+    """
+    with command_edge():
+        from legfem.common.documents import write_atomically
+        from legfem.recording.columns import propose, recording_of
+        from legfem.recording.formats import read_sheets
+        from legfem.recording.formats.units import Quantity
+        from legfem.recording.quality import quality_of
+        from legfem.report.look import draw_look, look_text, recordings_toml
+
+        folder = out or Path("results") / "look"
+        check_out_folder(folder)
+        named: dict[Quantity, str] = {}
+        if time is not None:
+            named["time"] = time
+        if displacement is not None:
+            named["displacement"] = displacement
+        if force is not None:
+            named["force"] = force
+        names = [path.stem for path in files]
+        if len(set(names)) < len(names):
+            twice = next(path for path in files if names.count(path.stem) > 1)
+            raise InputError(twice, "name", "two files have it", "give each trial its own name")
+        seen, tomls = [], {}
+        for path in files:
+            sheets = [s for s in read_sheets(path) if sheet is None or s.name == sheet]
+            if not sheets:
+                raise InputError(
+                    path, "--sheet", f"there is no '{sheet}'", "leave it out to see all"
+                )
+            proposal = propose(path, sheets, named, sheet)
+            recording = recording_of(path, sheets, proposal.channels)
+            seen.append((recording, proposal, quality_of(recording)))
+            tomls[path] = recordings_toml(proposal.channels)
+        first = files[0]
+        other = next((path for path in files if tomls[path] != tomls[first]), None)
+        if other is not None:
+            raise InputError(
+                other, "recordings", f"is laid out otherwise than {first.name}",
+                "look at files of each layout by themselves, and keep them in folders of their own",
+            )  # fmt: skip
+        folder.mkdir(parents=True, exist_ok=True)
+        texts = [look_text(*parts) for parts in seen]
+        pictures = [draw_look(recording, quality, folder) for recording, _, quality in seen]
+        write_atomically(folder / "report.txt", "\n".join(texts))
+        write_atomically(folder / "recordings.toml", tomls[first])
+        print("\n".join(texts))
+        print(f"for subject.toml:\n\n{tomls[first]}")
+        print("\n".join(f"picture: {path}" for path in pictures))
+        print(f"report: {folder / 'report.txt'}\ntoml: {folder / 'recordings.toml'}")

@@ -1,0 +1,1 @@
+"""``python -m legfem.data``: looking at instruments' files."""

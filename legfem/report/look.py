@@ -1,0 +1,117 @@
+"""What is seen in an instrument's file: a picture, a table, and the TOML that reads it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from legfem.common.markdown import markdown_table
+from legfem.recording import Channels, Recording
+from legfem.recording.columns import QUANTITIES, Proposal
+from legfem.recording.phases import AIR, HOLD, LOADING, UNLOADING
+from legfem.recording.quality import Quality
+from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, save, styled
+
+_PHASE_COLOURS = {AIR: "#FFFFFF", LOADING: "#D6E6F4", HOLD: "#F3E9D2", UNLOADING: "#E3E3E3"}
+_MOST_PARTS = 12
+
+
+def recordings_toml(channels: Channels) -> str:
+    """Return the ``[recordings]`` block that reads a file."""
+    lines = ["[recordings]"]
+    if channels.sheet is not None:
+        lines.append(f"sheet = {json.dumps(channels.sheet, ensure_ascii=False)}")
+    for quantity in QUANTITIES:
+        channel = getattr(channels, quantity)
+        lines += [
+            f"[recordings.{quantity}]",
+            f"column = {json.dumps(channel.column, ensure_ascii=False)}",
+            f"unit = {json.dumps(channel.unit, ensure_ascii=False)}",
+        ]
+        if quantity != "time":
+            lines.append(f"sign = {channel.sign}")
+    return "\n".join(lines) + "\n"
+
+
+def look_text(recording: Recording, proposal: Proposal, quality: Quality) -> str:
+    """Return what was found in a file and why, its phases and its grade."""
+    name = recording.source.name if recording.source is not None else recording.trial
+    contact = quality.contact
+    touch = (
+        f"at {contact.displacement:.2f} ± {contact.displacement_error:.2f} mm, after air"
+        if contact.in_air
+        else f"at the start ({contact.displacement:.2f} mm): no air is seen"
+    )
+    rows = [
+        ("samples", f"{len(recording)} in {recording.time[-1] - recording.time[0]:.4g} s"),
+        ("sampling", f"{quality.sampling:.4g} Hz, {quality.dropped} samples dropped"),
+        ("first contact", touch),
+        ("force", f"steps of {quality.force_step:.2g} N, noise {quality.force_noise:.2g} N"),
+        (
+            "displacement",
+            f"steps of {quality.displacement_step:.2g} mm, noise "
+            f"{quality.displacement_noise:.2g} mm",
+        ),
+        (
+            "saturation",
+            f"{quality.saturated} samples at the limit" if quality.saturated else "none",
+        ),
+        ("drops", ", ".join(f"{t:.4g} s" for t in quality.drops[:5]) or "none"),
+    ]
+    phases = [
+        (p.phase, f"{p.start:.4g}", f"{p.end:.4g}", f"{p.first:.2f}", f"{p.last:.2f}",
+         "" if p.phase == HOLD else f"{p.rate:.3g}")
+        for p in quality.parts[:_MOST_PARTS]
+    ]  # fmt: skip
+    more = len(quality.parts) - len(phases)
+    return "\n".join(
+        [
+            f"{name}: grade {quality.grade}",
+            *(f"  {reason}" for reason in quality.reasons),
+            "read as",
+            *(f"  {reason}" for reason in proposal.reasons),
+            "",
+            markdown_table(("what", "seen"), rows, aligned=True),
+            markdown_table(
+                ("phase", "from s", "to s", "from mm", "to mm", "mm/s"), phases, aligned=True
+            )
+            + (f"and {more} more phases\n" if more > 0 else ""),
+        ]
+    )
+
+
+@styled
+def draw_look(recording: Recording, quality: Quality, out: Path) -> Path:
+    """Draw displacement and force over time, the phases behind, and force over displacement."""
+    figure = new_figure(10, 6)
+    name = recording.source.name if recording.source is not None else recording.trial
+    figure.suptitle(f"{name}: grade {quality.grade}", x=0.01, ha="left", fontsize=12)
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.5, 1))
+    moved = figure.add_subplot(grid[0, 0])
+    forced = figure.add_subplot(grid[1, 0], sharex=moved)
+    curve = figure.add_subplot(grid[:, 1])
+    for axes, values, label, letter in (
+        (moved, recording.displacement, "displacement (mm)", "a"),
+        (forced, recording.force, "force (N)", "b"),
+    ):
+        shown = set()
+        for part in quality.parts:
+            axes.axvspan(
+                part.start, part.end, color=_PHASE_COLOURS[part.phase], lw=0,
+                label=None if part.phase in shown or part.phase == AIR else part.phase,
+            )  # fmt: skip
+            shown.add(part.phase)
+        axes.plot(recording.time, values, color=DATA_COLOUR, lw=0.8)
+        axes.set_ylabel(label)
+        panel(axes, letter, "over time")
+    for time in quality.drops:
+        forced.axvline(time, color="#D55E00", lw=1)
+    forced.set_xlabel("time (s)")
+    moved.legend(ncols=3, loc="upper right", bbox_to_anchor=(1.0, 1.2), fontsize=8)
+    curve.plot(recording.displacement, recording.force, color=DATA_COLOUR, lw=0.8)
+    curve.axvline(quality.contact.displacement, color=FAINT, ls=":", label="first contact")
+    curve.set_xlabel("displacement (mm)")
+    curve.set_ylabel("force (N)")
+    curve.legend(loc="lower right", fontsize=8)
+    panel(curve, "c", "over displacement")
+    return save(figure, out, f"{recording.trial}")[0]
