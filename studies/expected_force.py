@@ -44,7 +44,10 @@ def envelopes(
     legs: Annotated[int, typer.Option(min=20, help="Random legs.")] = 73,
     seed: Annotated[int, typer.Option(min=0, help="Of the legs.")] = 11,
 ) -> None:
-    """Solve random legs, and print the envelopes of their forces."""
+    """Solve random legs, and print the envelopes of their forces.
+
+    Example: python -m studies.expected_force --legs 73 --seed 11
+    """
     with command_edge():
         every = [*random_legs(legs, seed), *shipped_legs()]
         shipped = len(SUBJECTS.names)
@@ -110,4 +113,4 @@ def _curve(leg: Leg, c10: float, c20: float) -> tuple[FloatArray, FloatArray]:
 
 
 if __name__ == "__main__":
-    app()
+    app(prog_name="python -m studies.expected_force")

@@ -8,6 +8,7 @@ import pytest
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.meshing.section import SectionMeshSettings
 from legfem.subjects.expected_force import SOFTEST_KPA, STIFFEST_KPA, force_range
+from legfem.subjects.plausible_recordings import SLACK
 from legfem.subjects.subject import SUBJECTS, load_subject
 
 
@@ -23,5 +24,5 @@ def test_a_leg_pushes_back_between_the_envelopes_and_they_are_tight(name):
         test.solve({"deep.C10": 1e-3 * c10, "deep.C20": 0.0}, 20.0).curve(at)
         for c10 in (SOFTEST_KPA, STIFFEST_KPA)
     )
-    assert (soft > 0.95 * low).all() and (soft < 1.6 * low).all()
-    assert (stiff < 1.05 * high).all() and (stiff > 0.5 * high).all()
+    assert (SLACK * soft > low).all() and (soft < 1.6 * low).all()
+    assert (stiff < SLACK * high).all() and (stiff > 0.5 * high).all()

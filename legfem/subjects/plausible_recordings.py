@@ -34,7 +34,7 @@ _LEAST_NOISE_N = 5e-4
 _NOISE_FACTOR = 5.0
 _QUIET, _SOFT = 0.15, 3.0
 """Noise so far below what is stated is a sign of another unit where the leg is soft, too."""
-_SLACK = 1.3
+SLACK = 1.3
 """That legs like none of those solved for may lie beyond the envelopes."""
 _IMPOSSIBLE = 20.0
 """Times the most, or the least, that a leg can push back."""
@@ -185,7 +185,7 @@ def _force(subject: Subject, loadings: Sequence[Loading]) -> Iterator[Doubt]:
     quiet = (
         subject.instrument.stated and _noise_seen(subject) < _QUIET * subject.instrument.force_sd
     )
-    low, high = low * (_SOFT if quiet else 1 / _SLACK), high * _SLACK
+    low, high = low * (_SOFT if quiet else 1 / SLACK), high * SLACK
     below, above = (force + error) / low, (force - error) / high
     if below.min() >= 1 and above.max() <= 1:
         return
