@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from legfem.commands.options import Jobs, Subject, SubjectDir
+from legfem.commands.options import AsJson, Jobs, Quiet, Subject, SubjectDir
 from legfem.common.command_edge import (
     check_out_folder,
     work_edge,
@@ -43,6 +43,8 @@ def diagnose(
     seed: Annotated[
         int, typer.Option(help="Of the draws behind p-values; 0 by default.", show_default=False)
     ] = 0,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
 ) -> None:
     """Say where model and recordings differ, which physics was left out, and what adding it does.
 
@@ -53,7 +55,8 @@ def diagnose(
     Example: python -m legfem.diagnose --subject 3 --out results/diagnose-3
     """
     resume = "run the same command again to go on; solutions that are done are kept"
-    with work_edge(jobs, resume) as processes:
+    with work_edge(jobs, resume, quiet) as processes:
+        from legfem.commands.outcome import print_outcome
         from legfem.common.documents import write_document
         from legfem.correction.choice import REFERENCE
         from legfem.correction.tabulated import read_correction
@@ -63,7 +66,7 @@ def diagnose(
         from legfem.plan.run import plan_after
         from legfem.report.diagnosis import write_diagnosis_report
         from legfem.report.plan import plan_document, plan_lines
-        from legfem.report.web.page import PAGE, command_line
+        from legfem.report.web.page import command_line
         from legfem.subjects.plausibility import doubts_about
         from legfem.subjects.subject import load_subject
 
@@ -78,7 +81,7 @@ def diagnose(
         check_out_folder(responses)
         diagnoser = Diagnoser(responses, ends, processes)
         started = time.perf_counter()
-        with progress_on() as progress:
+        with progress_on(quiet=quiet) as progress:
             diagnosis = diagnoser.diagnose(found, progress, seed)
             ranked = plan_after(diagnosis, found, diagnoser, progress)
         seconds = time.perf_counter() - started
@@ -89,5 +92,4 @@ def diagnose(
         report = write_diagnosis_report(
             diagnosis, found, folder, plan_lines(ranked), command_line()
         )
-        print(report.read_text())
-        print(f"result: {path}\nreport: {report}\npage:   {report.with_name(PAGE)}")
+        print_outcome([report.read_text()], path, report, quiet, as_json)

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from legfem.commands.options import Jobs, Subject, SubjectDir
+from legfem.commands.options import AsJson, Jobs, Quiet, Subject, SubjectDir
 from legfem.common.command_edge import (
     FAILED,
     check_out_folder,
@@ -117,6 +117,8 @@ def run(
         bool,
         _option("Search on an emulator (the default), or call the full model each time (slow)."),
     ] = True,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
 ) -> None:
     """Identify the stiffness of a leg's tissues from indentation tests.
 
@@ -128,7 +130,7 @@ def run(
     Example: python -m legfem.identify --subject 3 --law both --out results/subject-3
     """
     resume = "run the same command again to go on; solves that are done are kept"
-    with work_edge(jobs, resume) as processes:
+    with work_edge(jobs, resume, quiet) as processes:
         if specimen_dir is not None:
             legs_alone = {
                 "--subject": subject, "--subject-dir": subject_dir, "--depth": depth,
@@ -141,11 +143,12 @@ def run(
             _run_specimen(
                 specimen_dir, None if law is None else law.value,
                 (identify or (), prior or (), fix or (), c10_bounds, c20_bounds),
-                leave_out or (), out, processes, seed,
+                leave_out or (), out, processes, seed, quiet, as_json,
             )  # fmt: skip
             return
         if leave_out:
             raise InputError("--leave-out", leave_out[0], "is for specimens", "give --specimen-dir")
+        from legfem.commands.outcome import print_outcome
         from legfem.correction.choice import choose_correction
         from legfem.experiments.plane_strain import tissues_of
         from legfem.identify.forward import values_of
@@ -155,7 +158,7 @@ def run(
         from legfem.identify.written import Written
         from legfem.report.identification import write_identification_report
         from legfem.report.text import fit_report
-        from legfem.report.web.page import PAGE, command_line
+        from legfem.report.web.page import command_line
         from legfem.subjects.plausibility import doubts_about
         from legfem.subjects.subject import SUBJECTS, load_subject
 
@@ -177,7 +180,7 @@ def run(
         check_out_folder(folder)
         model = forward_model(found, depth, parameters, fixed)
         try:
-            with progress_on() as progress:
+            with progress_on(quiet=quiet) as progress:
                 results = identify_subject(
                     found, chosen, settings, choose_correction(correction, found),
                     folder, processes, depth, progress, model, parameters, fixed,
@@ -189,9 +192,8 @@ def run(
         report = write_identification_report(
             results, found, model.experiment, folder, command_line()
         )
-        for result in results:
-            print(fit_report(result))
-        print(f"result: {path}\nreport: {report}\npage:   {report.with_name(PAGE)}")
+        texts = [fit_report(result) for result in results]
+        print_outcome(texts, path, report, quiet, as_json)
 
 
 def _run_specimen(
@@ -202,7 +204,10 @@ def _run_specimen(
     out: Path | None,
     jobs: int,
     seed: int,
+    quiet: bool,
+    as_json: bool,
 ) -> None:
+    from legfem.commands.outcome import print_outcome
     from legfem.identify.search import SearchError
     from legfem.identify.settings import IdentificationSettings
     from legfem.identify.written import Written
@@ -216,7 +221,7 @@ def _run_specimen(
     folder = out or Path("results") / f"identify-{found.id}"
     check_out_folder(folder)
     try:
-        with progress_on() as progress:
+        with progress_on(quiet=quiet) as progress:
             results = identify_specimen(
                 found, laws_named(law), asked, leave_out, IdentificationSettings(seed=seed),
                 folder, jobs, progress,
@@ -225,5 +230,5 @@ def _run_specimen(
         print(f"{found.id}: {failure}", file=sys.stderr)
         raise typer.Exit(FAILED) from None
     report = write_specimen_report(results, folder)
-    print(specimen_summary(results))
-    print(f"result: {folder / 'result.json'}\nreport: {report}")
+    texts = [specimen_summary(results)]
+    print_outcome(texts, folder / "result.json", report, quiet, as_json)

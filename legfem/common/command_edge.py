@@ -19,15 +19,19 @@ BAD_INPUT, INTERRUPTED, FAILED = 2, 130, 1
 
 
 @contextmanager
-def command_edge(resume: str = "run the same command again to go on") -> Iterator[None]:
+def command_edge(
+    resume: str = "run the same command again to go on", quiet: bool = False
+) -> Iterator[None]:
     """Turn a user's mistake, Ctrl-C and what the machine lacks into a line and an exit status.
 
     Parameters
     ----------
     resume : str
         How to go on after Ctrl-C or a kill.
+    quiet : bool
+        Whether messages that warn of nothing are left out.
     """
-    _show_messages()
+    _show_messages(logging.WARNING if quiet else logging.INFO)
     try:
         yield
     except InputError as error:
@@ -67,7 +71,9 @@ _FREED = "free the disk or give a place that can be read and written"
 
 @contextmanager
 def work_edge(
-    jobs: int | None = None, resume: str = "run the same command again to go on"
+    jobs: int | None = None,
+    resume: str = "run the same command again to go on",
+    quiet: bool = False,
 ) -> Iterator[int]:
     """Yield a number of processes on the first rank alone, with `command_edge` around it.
 
@@ -75,10 +81,10 @@ def work_edge(
     ----------
     jobs : int, optional
         What the user gave; all usable cores by default, one process where there are ranks.
-    resume : str
+    resume, quiet
         See `command_edge`.
     """
-    with command_edge(resume):
+    with command_edge(resume, quiet):
         yield process_count(jobs, leave_to_first_rank())
 
 
@@ -116,12 +122,12 @@ class _Stderr(logging.Handler):
         print(self.format(record), file=sys.stderr, flush=True)
 
 
-def _show_messages() -> None:
-    """Show legfem's messages of level INFO and above."""
+def _show_messages(level: int) -> None:
+    """Show legfem's messages of a level and above."""
     log = logging.getLogger("legfem")
     if not log.handlers:
         log.addHandler(_Stderr())
-        log.setLevel(logging.INFO)
+    log.setLevel(level)
 
 
 def leave_to_first_rank() -> int:

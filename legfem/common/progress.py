@@ -54,9 +54,12 @@ class Lines:
 
 
 @contextmanager
-def progress_on(stream: TextIO | None = None) -> Iterator[Progress]:
-    """Report on a stream, stderr by default: a bar on a terminal, lines otherwise."""
+def progress_on(stream: TextIO | None = None, quiet: bool = False) -> Iterator[Progress]:
+    """Report on a stream, stderr by default: a bar on a terminal, lines otherwise, or nothing."""
     stream = stream or sys.stderr
+    if quiet:
+        yield Silent()
+        return
     if not stream.isatty():
         yield Lines(stream)
         return
@@ -69,6 +72,9 @@ def progress_on(stream: TextIO | None = None) -> Iterator[Progress]:
         rich_progress.BarColumn(),
         rich_progress.MofNCompleteColumn(),
         rich_progress.TimeElapsedColumn(),
+        rich_progress.TextColumn("passed,"),
+        rich_progress.TimeRemainingColumn(),
+        rich_progress.TextColumn("left"),
         rich_progress.TextColumn("{task.fields[last]}", markup=False),
     )
     with rich_progress.Progress(*columns, console=Console(file=stream)) as bar:

@@ -1,0 +1,65 @@
+"""Progress: a bar with the time left on a terminal, lines elsewhere, nothing when asked for."""
+
+from __future__ import annotations
+
+import json
+from io import StringIO
+from pathlib import Path
+
+import pytest
+
+from legfem.commands.outcome import print_outcome
+from legfem.common.progress import progress_on
+
+
+class Terminal(StringIO):
+    """Passes for one."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def worked(stream: StringIO, quiet: bool = False) -> str:
+    with progress_on(stream, quiet) as progress:
+        progress.stage("solving", 4)
+        for k in range(3):
+            progress.advance(f"C10 {k} kPa")
+    return stream.getvalue()
+
+
+def test_a_terminal_gets_a_bar_with_what_is_done_and_the_time_left(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("COLUMNS", "160")
+    monkeypatch.setenv("TERM", "xterm")
+    shown = worked(Terminal())
+    assert "solving" in shown and "3/4" in shown and "left" in shown and "C10 2 kPa" in shown
+
+
+def test_elsewhere_every_unit_is_a_line() -> None:
+    lines = worked(StringIO()).splitlines()
+    assert [line.split("] ")[1] for line in lines] == [
+        "solving", "  1/4  C10 0 kPa", "  2/4  C10 1 kPa", "  3/4  C10 2 kPa"
+    ]  # fmt: skip
+
+
+def test_quiet_says_nothing_on_either() -> None:
+    assert worked(Terminal(), quiet=True) == worked(StringIO(), quiet=True) == ""
+
+
+def test_the_end_of_a_command_is_text_paths_or_json(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    result = tmp_path / "result.json"
+    result.write_text(json.dumps({"C10_kPa": 0.7}))
+    report = tmp_path / "report.txt"
+    (tmp_path / "report.html").touch()
+
+    def printed(quiet: bool, as_json: bool) -> str:
+        print_outcome(["a text"], result, report, quiet, as_json)
+        return capsys.readouterr().out
+
+    assert printed(False, False).startswith("a text\n")
+    paths = f"result: {result}\nreport: {report}\npage:   {tmp_path / 'report.html'}\n"
+    assert printed(True, False) == paths
+    assert json.loads(printed(True, True)) == {"C10_kPa": 0.7}
