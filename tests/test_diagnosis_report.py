@@ -187,7 +187,7 @@ def test_report_lists_every_file_it_writes(found, subject, tmp_path, verdict):
     wanted |= set() if verdict == "consistent" else {"signatures"}
     pictures = {f"{name}.png" for name in wanted}
     small = {f"{name}.svg" for name in wanted - {"recording", "signatures"}}
-    assert written == {"report.txt"} | pictures | small
+    assert written == {"report.txt", "report.html"} | pictures | small
     assert all(name in path.read_text() for name in written - {"report.txt"})
     for name in wanted:
         picture = imread(path.parent / f"{name}.png")
