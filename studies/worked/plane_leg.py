@@ -37,6 +37,7 @@ NOT_OFFERED: Mapping[str, str] = {
     "superficial-stiffness": "the idealised leg has no fat",
     "superficial-stiffening": "the idealised leg has no fat",
     "prestress": "the idealised leg has no fascia",
+    "dermis": "the idealised leg has no skin apart from its one tissue",
     "indenter-tilt": "the idealised leg is half a leg, mirrored: it can't be pressed askew",
 }
 """Mechanisms that this base model can't be given, and why."""
