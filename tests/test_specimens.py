@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from typer.testing import CliRunner
 import legfem as lf
 from legfem.commands.identify import app
 from legfem.common.errors import InputError
+from legfem.identify.search import Search, is_settled
 from legfem.inference.parameter import Parameter, Prior
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean, ReducedPolynomial, Yeoh
 from legfem.recording import Recording
@@ -243,3 +245,32 @@ def test_the_command_predicts_what_it_leaves_out(bars: Path, tmp_path: Path) -> 
 def test_a_wrong_option_is_one_line(bars: Path, more: list[str], words: str) -> None:
     done = CliRunner().invoke(app, ["--specimen-dir", str(bars), "--jobs", "1", *more])
     assert done.exit_code == 2 and words in done.output
+
+
+def test_a_solve_that_makes_it_worse_is_no_sign_of_convergence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every proposal after the first is solved to a worse fit than the emulator promised."""
+    assert is_settled(5e-5) and not is_settled(5e-3) and not is_settled(-5e-3)
+    solve, gains = Search.solve, list[float]()
+
+    def worse(search, points, stage):
+        before = min((t.objective for t in search.trials), default=np.inf)
+        trials = solve(search, points, stage)
+        if stage == "proposal" and len(search.trials) > 4:
+            raised = replace(trials[0], objective=1.01 * before)
+            search.trials[-1] = raised
+            trials = [raised]
+        if stage == "proposal":
+            gains.append(1 - trials[0].objective / before)
+        return trials
+
+    monkeypatch.setattr(Search, "solve", worse)
+    monkeypatch.setattr(Search, "is_stationary", lambda search: False)
+    monkeypatch.setattr(Search, "newton_step", lambda search: 0.01 * search.best.point)
+    law = ExponentialStiffening(1e-3, 1.0, C20=0.0, stiffening=1.5e-3, exponent=1.5)
+    folder = lf.load_specimen(write_bars(tmp_path, law, hold=60.0))
+    found = lf.identify(folder, "neo-hookean")["neo-hookean"]
+    assert any(gained < 0 for gained in gains)
+    assert not found.converged
+    assert "ended before it converged" in found.warnings[0]

@@ -37,6 +37,14 @@ _WORTH = 1e-4
 _MORE_STARTS = 4
 
 
+def is_settled(gained: float) -> bool:
+    """Whether a solve lowered the sum of squares by a share that isn't worth another one.
+
+    One that raised it says nothing of the kind: the emulator was wrong there.
+    """
+    return 0.0 <= gained <= _WORTH
+
+
 class SearchError(Exception):
     """Too few full solves reached the measured depth."""
 
@@ -151,7 +159,7 @@ class Search[Comparison: Compared]:
             proposal = self.propose(emulator, attempt)
             # Near the optimum the full model's own derivatives are exact where the emulator isn't.
             near = self._is_short(proposal - self.best.point, _AGREE_OF_ERROR, _AGREE_OF_VALUE)
-            if near and (self.is_stationary() or (self._reads and gained <= _WORTH)):
+            if near and (self.is_stationary() or (self._reads and is_settled(gained))):
                 self.converged = True
                 return
             if near:
@@ -169,7 +177,7 @@ class Search[Comparison: Compared]:
                 return
             expected, before = self.emulated(emulator, proposal), self.best.objective
             (trial,) = self.solve(proposal[None], "proposal")
-            gained = 1 - self.best.objective / before if before > 0 else 0.0
+            gained = 1 - trial.objective / before if before > 0 else 0.0
             if trial.prediction is not None:
                 self.emulator_error = float(np.max(np.abs(trial.prediction.force - expected)))
 
