@@ -58,9 +58,9 @@ def test_a_stiffer_first_trial_is_named(diagnoser):
     assert found.best.value("C10") == pytest.approx(truth("16")["true_C10_kPa"], rel=0.03)
 
 
-@pytest.mark.parametrize(("case", "most"), [("05", 3), ("02", 3), ("07", 5)])
+@pytest.mark.parametrize(("case", "most"), [("05", 3), ("02", 3), ("07", 6)])
 def test_an_effect_is_among_few_and_the_interval_holds_the_truth(case, most, diagnoser):
-    """A stiff fascia under loading alone looks like slip or compressibility: five are listed."""
+    """A stiff fascia under loading alone looks like slip, compressibility, a stiff skin."""
     found, given = diagnosed(case, diagnoser), truth(case)
     names = [model.names for model in found.models]
     assert len(names) <= most
