@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, overload
+from typing import TYPE_CHECKING, Any, Literal, Protocol, overload
 
 from legfem.common.doubts import say
 from legfem.common.errors import InputError
@@ -149,18 +149,37 @@ class Found(ABC):
 # --- stiffness from indentation ---
 
 
+class OfLaw(Protocol):
+    """What belongs to one law."""
+
+    @property
+    def law(self) -> str:
+        """Its name."""
+
+
+class ByLaw[Result: OfLaw](Found):
+    """Results of one identification, one a law."""
+
+    results: tuple[Result, ...]
+
+    def __getitem__(self, law: LawName) -> Result:
+        """Return a law's result."""
+        return next(result for result in self.results if result.law == law)
+
+    def _rows(self) -> Iterator[dict[str, Any]]:
+        for found in self.document():
+            for name, entry in found["parameters"].items():
+                yield {"law": found["law"]} | _row(name, entry)
+
+
 @dataclass(frozen=True, eq=False)
-class IdentifiedLeg(Found):
+class IdentifiedLeg(ByLaw["IdentificationResult"]):
     """Stiffness identified from a leg's recordings."""
 
     subject: Subject
     results: tuple[IdentificationResult, ...]
     """One a law."""
     _experiment: PlaneStrainIndentation | None = None
-
-    def __getitem__(self, law: LawName) -> IdentificationResult:
-        """Return a law's result."""
-        return next(result for result in self.results if result.law == law)
 
     def summary(self) -> str:
         """Return values, intervals, which law fits better, and warnings."""
@@ -190,23 +209,14 @@ class IdentifiedLeg(Found):
             self.results, self.subject, self._experiment, Path(folder)
         )
 
-    def _rows(self) -> Iterator[dict[str, Any]]:
-        for found in self.document():
-            for name, entry in found["parameters"].items():
-                yield {"law": found["law"]} | _row(name, entry)
-
 
 @dataclass(frozen=True, eq=False)
-class IdentifiedSpecimen(Found):
+class IdentifiedSpecimen(ByLaw["SpecimenResult"]):
     """A tissue's law identified from all recordings of a folder of specimens together."""
 
     folder: SpecimenFolder
     results: tuple[SpecimenResult, ...]
     """One a law."""
-
-    def __getitem__(self, law: LawName) -> SpecimenResult:
-        """Return a law's result."""
-        return next(result for result in self.results if result.law == law)
 
     def summary(self) -> str:
         """Return values, intervals, how well what was left out is predicted, and warnings."""
@@ -231,11 +241,6 @@ class IdentifiedSpecimen(Found):
         from legfem.report.specimen import write_specimen_report
 
         return write_specimen_report(self.results, Path(folder))
-
-    def _rows(self) -> Iterator[dict[str, Any]]:
-        for found in self.document():
-            for name, entry in found["parameters"].items():
-                yield {"law": found["law"]} | _row(name, entry)
 
 
 @overload

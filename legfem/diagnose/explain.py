@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import brentq
@@ -133,7 +134,7 @@ class Explained:
         """
         return sum(e.probability for e in self.every if not self._adds(e))
 
-    @property
+    @cached_property
     def plain(self) -> tuple[Explanation, ...]:
         """What leaves nothing out that matters: the base model, or a trifling error beside it.
 

@@ -17,6 +17,7 @@ import numpy as np
 from legfem.common.units import FloatArray
 from legfem.diagnose.explain import Explanation
 from legfem.diagnose.fit import Fit, Problem, fit, fit_base
+from legfem.inference.least_squares import sandwich
 
 _ROUNDS = 4
 
@@ -53,7 +54,7 @@ def ordinary_explanation(problem: Problem, fitted: Fit, base: Explanation) -> Ex
     weighed = fitted.change / np.diag(same.errors.dense)[:, None]
     own = np.eye(len(fitted.free))
     spread = np.linalg.inv(fitted.change.T @ weighed + own)
-    covariance = spread @ (weighed.T @ problem.errors.covariance @ weighed + own) @ spread
+    covariance = sandwich(spread @ weighed.T, problem.errors.covariance) + spread @ spread
     posterior = replace(base.posterior, mean=fitted.departure, covariance=covariance)
     return replace(base, problem=same, fit=fitted, posterior=posterior)
 

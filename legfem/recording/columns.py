@@ -13,6 +13,7 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.recording.formats.sheet import Column, Sheet
 from legfem.recording.formats.units import OWN, Quantity, Unit, unit_named
+from legfem.recording.time_order import backwards, not_increasing
 from legfem.recording.trial import Recording
 
 QUANTITIES: tuple[Quantity, ...] = ("time", "displacement", "force")
@@ -69,14 +70,12 @@ def recording_of(path: Path, sheets: Sequence[Sheet], channels: Channels) -> Rec
     time = values["time"]
     if not all(np.isfinite(v).all() for v in values.values()):
         raise InputError(path, "rows", "numbers that aren't finite", "take those rows out")
-    backwards = np.flatnonzero(np.diff(time) <= 0)
-    if len(backwards):
-        i = int(backwards[0])
-        word = "repeats" if time[i + 1] == time[i] else "runs backwards"
+    rows = not_increasing(time)
+    if rows:
         raise InputError(
             path,
-            f"'{channels.time.column}', row {i + 2} of {len(time)}",
-            f"time {word} ({time[i]:g} s, then {time[i + 1]:g} s; {len(backwards)} such rows)",
+            f"'{channels.time.column}', row {rows[0] + 1} of {len(time)}",
+            f"{backwards(time, rows[0])}; {len(rows)} such rows)",
             "keep one trial a file, and record time finely enough to tell samples apart",
         )
     return Recording(time, values["displacement"], values["force"], path.stem, path)

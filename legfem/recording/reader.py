@@ -12,6 +12,7 @@ from legfem.recording.columns import Channels, recording_of
 from legfem.recording.contact import find_first_contact
 from legfem.recording.formats import read_sheets
 from legfem.recording.smoothing import sample_noise, smooth_displacement
+from legfem.recording.time_order import backwards, not_increasing
 from legfem.recording.trial import Recording
 
 HEADER = ("time_s", "displacement_mm", "force_N")
@@ -54,14 +55,12 @@ def read_samples(path: Path) -> Recording:
     path = Path(path)
     table = read_table(path, HEADER)
     time = table["time_s"].to_numpy(dtype=np.float64)
-    backwards = np.flatnonzero(np.diff(time) <= 0)
-    if len(backwards):
-        i = int(backwards[0])
-        word = "repeats" if time[i + 1] == time[i] else "runs backwards"
+    rows = not_increasing(time)
+    if rows:
         raise InputError(
             path,
-            f"time_s, line {table.index[i + 1]}",
-            f"time {word} ({time[i]:g} s, then {time[i + 1]:g} s)",
+            f"time_s, line {table.index[rows[0]]}",
+            f"{backwards(time, rows[0])})",
             "sort the rows by time, remove repeated ones, and keep one trial a file",
         )
     return Recording(

@@ -11,6 +11,7 @@ from legfem.diagnose.document import Recorded, doubts_of, r_squared
 from legfem.diagnose.sentences import next_experiments, percent, verdict_sentence
 from legfem.report import diagnosis_tables as tables
 from legfem.report.diagnosis_style import model_name, plain, shown_models
+from legfem.report.lines import bullets, fill
 from legfem.report.page import ReportFile
 from legfem.report.style import LAW_NAMES
 from legfem.report.text import ORIGINS, WIDTH
@@ -40,11 +41,11 @@ def diagnosis_page(
     sections = {
         "Where the base model is wrong": _where(found),
         "Which physics, and how sure": _physics(found),
-        "What these recordings can't tell apart": _bullets(alike(found)),
+        "What these recordings can't tell apart": bullets(alike(found)),
         "Stiffness before and after" if shown_models(found) else "Stiffness": _stiffness(found),
         "What was tested": _tested(found),
-        "What could not be tested": _bullets(untested(found)),
-        "Remarks on the recordings": _bullets(found.observed.remarks) or "None.",
+        "What could not be tested": bullets(untested(found)),
+        "Remarks on the recordings": bullets(found.observed.remarks) or "None.",
         "What to measure next": _next(found, plan),
         "Noise and accuracy": _noise(found),
         "Files": _listing(files),
@@ -52,7 +53,7 @@ def diagnosis_page(
     blocks = [
         f"{heading}\n{'=' * min(len(heading), WIDTH)}",
         f"*** {what.upper()} ***" + (f" ({explanation}" if explanation else ""),
-        *map(_fill, doubt_lines(doubts_of(found, subject))),
+        *map(fill, doubt_lines(doubts_of(found, subject))),
         _headline(f"Verdict: {found.verdict.upper()}") + _verdict(found),
         *(_headline(name) + body for name, body in sections.items() if body),
     ]
@@ -61,22 +62,6 @@ def diagnosis_page(
 
 def _headline(name: str) -> str:
     return f"{name}\n{'-' * len(name)}\n"
-
-
-def _fill(text: str, indent: str = "") -> str:
-    return textwrap.fill(
-        text, WIDTH, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False,
-        break_long_words=False,
-    )  # fmt: skip
-
-
-def _bullets(lines: Sequence[str]) -> str:
-    return "\n".join(
-        textwrap.fill(
-            line, WIDTH, initial_indent="- ", subsequent_indent="  ", break_on_hyphens=False
-        )
-        for line in lines
-    )
 
 
 def _verdict(found: Diagnosis) -> str:
@@ -99,7 +84,7 @@ def _verdict(found: Diagnosis) -> str:
             "does not know and that looks alike is not ruled out."
         )
     return (
-        f"{_fill(verdict_sentence(found))}\n\n{_fill(looks)}\n\n"
+        f"{fill(verdict_sentence(found))}\n\n{fill(looks)}\n\n"
         f"{_indented(tables.table(*tables.explanation_cells(found)))}"
     )
 
@@ -108,7 +93,7 @@ def _where(found: Diagnosis) -> str:
     if found.verdict == "consistent":
         return ""
     if not found.located.any():
-        return _fill("The misfit is spread over the recordings; no interval stands out by itself.")
+        return fill("The misfit is spread over the recordings; no interval stands out by itself.")
     how = (
         "Intervals in which the repaired model differs from the base model by more than a trial's "
         "noise"
@@ -120,7 +105,7 @@ def _where(found: Diagnosis) -> str:
         "model says. Noise: standard deviation of one trial's value. p: family-wise over all "
         "intervals looked at; '-' where the interval is not significant by itself."
     )
-    return f"{_fill(note)}\n\n{tables.places_table(found)}"
+    return f"{fill(note)}\n\n{tables.places_table(found)}"
 
 
 def _physics(found: Diagnosis) -> str:
@@ -129,7 +114,7 @@ def _physics(found: Diagnosis) -> str:
             "None is asked for. What these recordings would have shown: with 95 % each mechanism, "
             "if it is there at all, lies between these."
         )
-        return f"{_fill(note)}\n\n{tables.table(*tables.limit_cells(found))}"
+        return f"{fill(note)}\n\n{tables.table(*tables.limit_cells(found))}"
     if not found.models:
         return _closest(found)
     blocks = []
@@ -137,11 +122,11 @@ def _physics(found: Diagnosis) -> str:
         label = f"({k}) " if len(found.models) > 1 else ""
         statements = "; and ".join(f"{plain(m.name)}: {m.statement}" for m in model.fit.mechanisms)
         blocks.append(
-            _fill(f"{label}{statements}.") + f"\n{_indented(tables.mechanism_table(model))}"
+            fill(f"{label}{statements}.") + f"\n{_indented(tables.mechanism_table(model))}"
         )
     blocks.append(tables.table(*tables.evidence_cells(found)))
     blocks.append(
-        _fill(
+        fill(
             f"{tables.held_out_note(found.base_held_out)} ln Bayes factor: how much more probable "
             "the recordings are with the mechanism than without; 5 is strong. In part: beside it "
             "something remains that has no name, since no real effect has exactly a model's form."
@@ -163,8 +148,8 @@ def _closest(found: Diagnosis) -> str:
         )
     held = found.base_held_out
     return (
-        f"{_fill(text)}\n\n"
-        + _fill(
+        f"{fill(text)}\n\n"
+        + fill(
             f"The base model predicts {held.how}, from a refit to the others, with an error of "
             f"{held.rmse:.3f} N; what differs from trial to trial makes {held.noise:.3f} N."
         )
@@ -199,14 +184,14 @@ def _stiffness(found: Diagnosis) -> str:
     text = tables.parameter_table(found)
     if found.verdict == "unexplained":
         return (
-            _fill(
+            fill(
                 "DO NOT RELY ON THIS STIFFNESS: no model describes the recordings, so the "
                 "intervals below are those of wrong models. They don't cover what was left out."
             )
             + f"\n\n{text}"
         )
     if found.verdict == "ambiguous":
-        text += "\n\n" + _fill(
+        text += "\n\n" + fill(
             "Which row holds depends on which mechanism it is; take the stiffness to lie "
             "anywhere in the rows of the models with a mechanism."
         )
@@ -221,7 +206,7 @@ def _tested(found: Diagnosis) -> str:
         "likeness by noise. Of many tests some are small by chance; the verdict allows for that. "
         "Small in several rows does not mean several causes: signs of mechanisms look alike."
     )
-    return f"{_fill(note)}\n\n{tables.table(*tables.score_cells(found))}"
+    return f"{fill(note)}\n\n{tables.table(*tables.score_cells(found))}"
 
 
 def untested(found: Diagnosis) -> list[str]:
@@ -237,17 +222,17 @@ def untested(found: Diagnosis) -> list[str]:
 def _next(found: Diagnosis, plan: Sequence[str]) -> str:
     wanted = next_experiments(found)
     if plan:
-        reckoned = _bullets([line[0].upper() + line[1:] for line in plan])
+        reckoned = bullets([line[0].upper() + line[1:] for line in plan])
         note = "Simulated under each candidate, the best first:"
-        others = _bullets([line[0].upper() + line[1:] for line in wanted])
-        return f"{_fill(note)}\n{reckoned}\n{_fill('Not simulated:')}\n{others}"
+        others = bullets([line[0].upper() + line[1:] for line in wanted])
+        return f"{fill(note)}\n{reckoned}\n{fill('Not simulated:')}\n{others}"
     if not wanted:
         return "Nothing is asked for by these recordings."
-    text = _bullets([line[0].upper() + line[1:] for line in wanted])
+    text = bullets([line[0].upper() + line[1:] for line in wanted])
     if found.verdict == "ambiguous":
-        return _fill("To tell the candidates apart:") + "\n" + text
+        return fill("To tell the candidates apart:") + "\n" + text
     if found.verdict == "named":
-        return _fill("To confirm what was named:") + "\n" + text
+        return fill("To confirm what was named:") + "\n" + text
     return text
 
 
@@ -270,7 +255,7 @@ def _noise(found: Diagnosis) -> str:
         + "; ".join(f"{name} {z:+.1f} sd" for name, z in far[:4])
         + "."
     )
-    return f"{_fill(text)}\n\n{_fill(note)}"
+    return f"{fill(text)}\n\n{fill(note)}"
 
 
 def _solutions(found: Diagnosis) -> str:
@@ -291,7 +276,7 @@ def _listing(files: Sequence[ReportFile]) -> str:
     rows = []
     for entry in files:
         rows.append(", ".join(path.name for path in entry.paths))
-        rows.append(_fill(entry.shows, "    "))
+        rows.append(fill(entry.shows, "    "))
     return "\n".join([*rows, "diagnosis.json", "    all numbers with their units"])
 
 

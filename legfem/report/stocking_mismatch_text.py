@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from legfem.common.units import mpa_to_kpa
-from legfem.report.stocking_words import fill
+from legfem.report.lines import fill
 from legfem.stocking.mismatch import Mismatch
 from legfem.stocking.run import StockingResult
 

@@ -6,7 +6,8 @@ import numpy as np
 
 from legfem.geometry.leg_shape import SKIN
 from legfem.report.leg_directions import Directions, angle_round
-from legfem.report.stocking_words import both_units, correlation, fill, place_in_fat, table
+from legfem.report.lines import fill
+from legfem.report.stocking_words import both_units, correlation, place_in_fat, table
 from legfem.stocking.fat_pressures import FatPressures
 from legfem.stocking.run import StockingResult
 from legfem.stocking.warnings import unloaded_skin

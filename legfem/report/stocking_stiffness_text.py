@@ -6,7 +6,8 @@ import numpy as np
 
 from legfem.common.units import mpa_to_kpa
 from legfem.inference.constants import IDENTIFIABLE_WITHIN, WEAKLY_WITHIN
-from legfem.report.stocking_words import fill, stiffness_values
+from legfem.report.lines import fill
+from legfem.report.stocking_words import stiffness_values
 from legfem.stocking.identification import Identified
 from legfem.stocking.judgement import (
     KnownStiffness,

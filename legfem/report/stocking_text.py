@@ -7,14 +7,13 @@ from collections.abc import Sequence
 
 from legfem.common.doubts import doubt_lines
 from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
+from legfem.report.lines import bullets, fill
 from legfem.report.page import ReportFile
 from legfem.report.stocking_mismatch_text import mismatch_section
 from legfem.report.stocking_pressure_text import inside_section, interface_section
 from legfem.report.stocking_stiffness_text import stiffness_section
 from legfem.report.stocking_words import (
     both_units,
-    bullets,
-    fill,
     interval,
     place_in_fat,
     share_of,

@@ -62,21 +62,6 @@ def correlation(value: float) -> str:
     return f"{value:.2f}" if np.isfinite(value) else "- (one of them is the same all round)"
 
 
-def fill(text: str) -> str:
-    """Return text in lines of the page's width."""
-    return textwrap.fill(text, WIDTH, break_on_hyphens=False, break_long_words=False)
-
-
-def bullets(lines: Sequence[str]) -> str:
-    """Return lines as a list."""
-    return "\n".join(
-        textwrap.fill(
-            line, WIDTH, initial_indent="- ", subsequent_indent="  ", break_on_hyphens=False
-        )
-        for line in lines
-    )
-
-
 def table(rows: Sequence[tuple[str, str]]) -> str:
     """Return names and values as a table without rules."""
     width = max(len(name) for name, _ in rows)
