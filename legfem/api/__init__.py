@@ -1,0 +1,24 @@
+"""The front door: ``import legfem as lf``, and a leg's folder becomes a result in one call.
+
+Thin on the rooms: every function loads what it is given by id or path, runs what the command of its
+name runs, and wraps what that found. What is found says more than the wrapper does; it stands in
+its attributes.
+"""
+
+from legfem.api.diagnosed import DiagnosedLeg, diagnose
+from legfem.api.dressed import LegInStocking, stocking
+from legfem.api.identified import IdentifiedLeg, IdentifiedSpecimen, identify
+from legfem.api.loading import load_leg, load_specimen, load_subject
+
+__all__ = [
+    "DiagnosedLeg",
+    "IdentifiedLeg",
+    "IdentifiedSpecimen",
+    "LegInStocking",
+    "diagnose",
+    "identify",
+    "load_leg",
+    "load_specimen",
+    "load_subject",
+    "stocking",
+]

@@ -1,0 +1,85 @@
+"""A leg in its compression stocking: stiffness and pressures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from legfem.api.found import Found, row
+from legfem.api.loading import Given, load_leg
+from legfem.common.progress import progress_on
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from legfem.stocking.leg import StockingLeg
+    from legfem.stocking.run import StockingResult
+
+
+@dataclass(frozen=True, eq=False)
+class LegInStocking(Found):
+    """Stiffness and pressures of a leg in a compression stocking."""
+
+    result: StockingResult
+
+    def summary(self) -> str:
+        """Return the report's text."""
+        from legfem.report.stocking_text import stocking_page
+
+        return stocking_page(self.result, None, [])
+
+    def document(self) -> dict[str, Any]:
+        """Return what ``result.json`` holds."""
+        from legfem.stocking.document import stocking_document
+
+        return stocking_document(self.result)
+
+    def plot(self) -> Figure:
+        """Return the pressure of the stocking on the skin, unrolled and on the leg."""
+        from legfem.report.stocking_pressure_figure import stocking_pressure_figure
+
+        return stocking_pressure_figure(self.result)
+
+    def write(self, folder: Given) -> Path:
+        """Write result.json, report.txt, figures and fields; return the report's path."""
+        from legfem.report.stocking import write_stocking_report
+
+        return write_stocking_report(self.result, Path(folder))
+
+    def _rows(self) -> Iterator[dict[str, Any]]:
+        for name, entry in self.document()["stiffness"].items():
+            yield row(name, entry["identified"] or entry["used_for_pressures"])
+
+
+def stocking(
+    leg: StockingLeg | Given,
+    *,
+    cells: int = 15_000,
+    nelder_mead: bool = False,
+    progress: bool = False,
+) -> LegInStocking:
+    """Find the stiffness of a leg's tissues from its scans, and the pressures inside it.
+
+    Parameters
+    ----------
+    leg : StockingLeg, str or Path
+        The leg, or what `load_leg` takes.
+    cells : int
+        About how many tetrahedra.
+    nelder_mead : bool
+        Whether to search as the paper does, too; it takes some 50 equilibria.
+    progress : bool
+        Whether to print what is being done.
+
+    Returns
+    -------
+    LegInStocking
+        With ``summary()``, ``plot()``, ``to_frame()``, ``document()``, ``write(folder)``.
+    """
+    from legfem.stocking.run import StockingSettings, run_leg
+
+    known = load_leg(leg) if isinstance(leg, str | Path) else leg
+    with progress_on(quiet=not progress) as told:
+        return LegInStocking(run_leg(known, StockingSettings(cells, nelder_mead), told))
