@@ -16,7 +16,7 @@ from legfem.identify.catalogue import DEEP_C10, DEEP_C20
 from legfem.identify.forward import ForwardOutcome
 from legfem.identify.reading import INSTRUMENT, Reading
 from legfem.identify.settings import Weighting
-from legfem.inference.constants import NUMERICAL_ERROR, NUMERICAL_LENGTH_MM
+from legfem.inference.errors import numerical_covariance
 from legfem.recording import LoadingCurve
 
 _STEP = 1e-4
@@ -152,13 +152,8 @@ class Misfit(Compared):
     @cached_property
     def covariance(self) -> FloatArray:
         """Of measured less predicted force at the truth, without the correction's; (n, n), N2."""
-        apart = np.abs(self.displacement[:, None] - self.displacement[None, :])
-        error = NUMERICAL_ERROR * self.measured.force
-        numerical = np.outer(error, error) * np.exp(-apart / NUMERICAL_LENGTH_MM)
-        total = self.measured.covariance + numerical
-        # Makes the inverse exist for recordings without noise.
-        least = 1e-12 * float(np.max(self.measured.force) ** 2)
-        return np.asarray(total + least * np.eye(len(total)))
+        measured = self.measured
+        return measured.covariance + numerical_covariance(self.displacement, measured.force)
 
     def covariance_at(self, values: Mapping[str, float]) -> FloatArray:
         """Return `covariance` with the correction's uncertainty at the model's values."""

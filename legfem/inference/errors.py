@@ -29,18 +29,22 @@ from scipy.optimize import minimize
 
 from legfem.common.units import FloatArray
 from legfem.inference.constants import NUMERICAL_ERROR, NUMERICAL_LENGTH_MM
-from legfem.recording import Instrument
+from legfem.recording.instrument import (
+    EXPECTED_GAIN_SD,
+    JITTER_LENGTH_MM,
+    WANDER_LENGTH_MM,
+    Instrument,
+)
 
 ROUGHNESS, ROUGHNESS_LENGTH_MM = 1e-4, 0.5
 """Of the model's force along the way, over the largest: elements that come into contact."""
 COMMON_GAIN_SD = 0.005
 """Relative error of the load cell's calibration, the same in all trials (class 0.5 of ISO 376)."""
-GAIN_SDS = tuple(float(0.01 * np.exp(x)) for x in (-2.0, -1.0, 0.0, 1.0, 2.0))
-"""Standard deviations of the gain from trial to trial, about the 1 % of repeats on one site; a
-factor e either way is one standard deviation of what is expected."""
+GAIN_SDS = tuple(float(EXPECTED_GAIN_SD * np.exp(x)) for x in (-2.0, -1.0, 0.0, 1.0, 2.0))
+"""Standard deviations of the gain from trial to trial; a factor e either way is one standard
+deviation of what is expected."""
 ZERO_FACTORS = (0.37, 1.0, 2.7)
 """Standard deviations of a trial's zero over the one expected: likewise."""
-WANDER_LENGTH_MM = 5.0
 CORNER_MM = 5.0
 """Way that counts as walked between two phases: there the drive stops and turns, time passes, and
 the sensor's error is no longer that of a moment ago."""
@@ -165,7 +169,7 @@ class ErrorModel:
     gains: FloatArray
     zeros: FloatArray
     trial_sd: FloatArray
-    gain_sd: float = 0.01
+    gain_sd: float = EXPECTED_GAIN_SD
     zero_sd: float = 0.02
     names: tuple[str, ...] = field(default_factory=tuple)
 
@@ -239,20 +243,13 @@ def error_model(
     numerical
         Relative error of the model's force.
     """
-    size = np.abs(force)
-    apart = np.abs(observed.displacement[:, None] - observed.displacement[None, :])
-    relative = numerical**2 * np.exp(-0.5 * (apart / NUMERICAL_LENGTH_MM) ** 2)
-    rough = (ROUGHNESS * size.max()) ** 2
-    dense = np.outer(size, size) * relative
-    dense += rough * np.exp(-0.5 * (apart / ROUGHNESS_LENGTH_MM) ** 2)
-    dense[np.diag_indices_from(dense)] += 1e-2 * rough
     own = trial_covariance(observed, noise)
     trials = np.eye(int(observed.trial.max()) + 1)[observed.trial]
     names = ("load cell's gain", *(name for name, _ in unknowns))
     columns = [COMMON_GAIN_SD * force, *(effect for _, effect in unknowns)]
     return ErrorModel(
         noise,
-        dense + own,
+        numerical_covariance(observed.displacement, force, numerical) + own,
         np.column_stack(columns),
         trials * force[:, None],
         trials,
@@ -260,6 +257,35 @@ def error_model(
         zero_sd=noise.zero_sd,
         names=names,
     )
+
+
+def numerical_covariance(
+    displacement: FloatArray,
+    force: FloatArray,
+    relative: float = NUMERICAL_ERROR,
+    length: float = NUMERICAL_LENGTH_MM,
+) -> FloatArray:
+    """Return the covariance (n, n), N^2, of a model's numerical error.
+
+    A smooth share of the force, and a rough one of the largest.
+
+    Parameters
+    ----------
+    displacement
+        (n,), mm.
+    force
+        (n,), N: that the model predicts.
+    relative
+        Standard deviation of the smooth error over the force.
+    length
+        Way over which it is correlated, mm.
+    """
+    size = np.abs(force)
+    apart = np.abs(displacement[:, None] - displacement[None, :])
+    rough = (ROUGHNESS * size.max()) ** 2
+    total = np.outer(size, size) * relative**2 * np.exp(-0.5 * (apart / length) ** 2)
+    total += rough * np.exp(-0.5 * (apart / ROUGHNESS_LENGTH_MM) ** 2)
+    return np.asarray(total + 1e-2 * rough * np.eye(len(size)))
 
 
 def estimate_noise(
@@ -285,9 +311,7 @@ def estimate_noise(
         (n,), N: of a fitted model, whose misfit is alike in all trials but whose first contacts
         are each trial's own; the recorded force without it.
     """
-    white, jitter = observed.white_sd, observed.jitter_sd**2
-    slow = max(instrument.force_sd**2 - white**2, 0.12 * instrument.force_sd**2)
-    wander = max(instrument.displacement_sd**2 - jitter, 0.04 * instrument.displacement_sd**2)
+    white = observed.white_sd
     figures = (
         "the instrument's stated accuracy"
         if instrument.stated
@@ -296,10 +320,10 @@ def estimate_noise(
     few = f"{figures} only (there are no repeats)"
     expected = Noise(
         white_sd=white,
-        slow_sd=float(np.sqrt(slow)),
+        slow_sd=instrument.slow_force_sd(white),
         correlation_time=slowest,
         zero_sd=max(instrument.force_sd, 1e-3 * float(np.abs(observed.force).max())),
-        wander_sd=float(np.sqrt(wander)),
+        wander_sd=instrument.wander_sd(observed.jitter_sd),
         source=few if observed.repeats < 2 else f"the repeats and {figures}",
     )
     if observed.repeats < 2:
@@ -332,7 +356,7 @@ def _one_trial(observed: Observed, noise: Noise, here: NDArray[np.int_]) -> Floa
         np.diag(observed.white_variance[here])
         + noise.slow_sd**2 * np.exp(-apart_s / noise.correlation_time)
         + noise.wander_sd**2 * both * np.exp(-apart_mm / WANDER_LENGTH_MM)
-        + both * np.outer(jitter, jitter) * np.exp(-apart_mm / 0.5)
+        + both * np.outer(jitter, jitter) * np.exp(-apart_mm / JITTER_LENGTH_MM)
     )
     return result
 

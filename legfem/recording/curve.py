@@ -12,13 +12,10 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
 from legfem.recording.branch import align_branches, loading_branch
 from legfem.recording.contact import Contact, contact_at_start, find_first_contact
-from legfem.recording.instrument import Instrument
+from legfem.recording.instrument import JITTER_LENGTH_MM, WANDER_LENGTH_MM, Instrument
 from legfem.recording.noise import Expectation, NoiseEstimate, estimate_noise
 from legfem.recording.smoothing import local_line, sample_noise
 from legfem.recording.trial import Recording
-
-# Travel over which a displacement sensor's slow error is taken to change.
-_WANDER_MM = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,14 +135,15 @@ def mean_loading_curve(
         white_variance + jitter * slope**2,
         _expected(contacts, instrument, white, common),
     )
-    # Smoothed displacement errs alike over about half the 1 mm it is smoothed over.
     apart = np.abs(grid[:, None] - grid[None, :])
     drift = np.sqrt(jitter) * slope
+    readings = np.mean([sample_noise(r.displacement) ** 2 for r in recordings])
+    wander = instrument.wander_sd(float(np.sqrt(readings))) * slope
     covariance = (
         noise.trial_covariance(grid, force, slope)
         + np.diag(white_variance)
-        + np.outer(drift, drift) * np.exp(-apart / 0.5)
-        + _wander(recordings, instrument) * np.outer(slope, slope) * np.exp(-apart / _WANDER_MM)
+        + np.outer(drift, drift) * np.exp(-apart / JITTER_LENGTH_MM)
+        + np.outer(wander, wander) * np.exp(-apart / WANDER_LENGTH_MM)
     ) / len(recordings) + noise.common_shift_sd**2 * np.outer(slope, slope)
     return LoadingCurve(
         displacement=frozen_array(grid),
@@ -160,16 +158,6 @@ def mean_loading_curve(
     )
 
 
-def _wander(recordings: Sequence[Recording], instrument: Instrument) -> float:
-    """Return the variance (mm^2) of the sensor's slow error in one trial.
-
-    A stated accuracy bounds jitter and wander together; what isn't seen as jitter may be wander,
-    which three repeats show too little of to estimate.
-    """
-    jitter = np.mean([sample_noise(r.displacement) ** 2 for r in recordings])
-    return float(max(instrument.displacement_sd**2 - jitter, 0.0))
-
-
 def _expected(
     contacts: Sequence[Contact], instrument: Instrument, white: float, common_shift: float
 ) -> Expectation:
@@ -182,8 +170,6 @@ def _expected(
         if aligned
         else instrument.displacement_sd,
         common_shift_sd=common_shift,
-        slow_sd=float(
-            np.sqrt(max(instrument.force_sd**2 - white**2, 0.09 * instrument.force_sd**2))
-        ),
+        slow_sd=instrument.slow_force_sd(white),
         white_sd=white,
     )

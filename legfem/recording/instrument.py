@@ -10,6 +10,15 @@ import numpy as np
 from legfem.recording.smoothing import sample_noise
 from legfem.recording.trial import Recording
 
+EXPECTED_GAIN_SD = 0.01
+"""Of the gain from trial to trial, before they are compared: repeats on one site."""
+WANDER_LENGTH_MM = 5.0
+"""Way over which a displacement sensor's slow error changes."""
+JITTER_LENGTH_MM = 0.5
+"""Way over which smoothed displacement errs alike: half of what it is smoothed over."""
+_LEAST_SLOW, _LEAST_WANDER = 0.12, 0.04
+"""Shares of a stated accuracy's variance that are slow at least, however much jitter is seen."""
+
 
 @dataclass(frozen=True)
 class Instrument:
@@ -25,6 +34,16 @@ class Instrument:
     """mm."""
     stated: bool = True
     """Whether a data sheet says so; else seen in the recordings, see `seen_instrument`."""
+
+    def slow_force_sd(self, white_sd: float) -> float:
+        """Return the load cell's slow error, N: what of its accuracy isn't seen as white noise."""
+        whole = self.force_sd**2
+        return float(np.sqrt(max(whole - white_sd**2, _LEAST_SLOW * whole)))
+
+    def wander_sd(self, jitter_sd: float) -> float:
+        """Return the displacement sensor's slow error, mm, likewise."""
+        whole = self.displacement_sd**2
+        return float(np.sqrt(max(whole - jitter_sd**2, _LEAST_WANDER * whole)))
 
 
 def seen_instrument(recordings: Sequence[Recording]) -> Instrument:

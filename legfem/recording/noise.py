@@ -5,15 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import helmert
 from scipy.optimize import minimize
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
 from legfem.common.units import FloatArray
+from legfem.recording.instrument import EXPECTED_GAIN_SD
 
 # Log-standard deviation of what is expected of each component before looking at the repeats.
 _VAGUENESS = 1.0
-_EXPECTED_GAIN_SD = 0.005
 _EXPECTED_LENGTH_MM = 1.0
 
 
@@ -126,7 +127,7 @@ def estimate_noise(
     centre = np.array(
         [
             expected.offset_sd,
-            _EXPECTED_GAIN_SD,
+            EXPECTED_GAIN_SD,
             expected.shift_sd,
             expected.slow_sd,
             _EXPECTED_LENGTH_MM,
@@ -134,7 +135,7 @@ def estimate_noise(
     )
     found = centre
     if repeats > 1:
-        contrasts = _helmert(repeats) @ curves
+        contrasts = helmert(repeats) @ curves
         mean = curves.mean(axis=0)
         ridge = np.diag(known_variance + 1e-12 * float(np.max(mean**2)))
 
@@ -178,12 +179,3 @@ def _covariance(
         + slow**2 * np.exp(-apart / length)
     )
     return total
-
-
-def _helmert(n: int) -> FloatArray:
-    rows = np.zeros((n - 1, n))
-    for k in range(1, n):
-        rows[k - 1, :k] = 1.0
-        rows[k - 1, k] = -k
-        rows[k - 1] /= np.sqrt(k * (k + 1))
-    return rows

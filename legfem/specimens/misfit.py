@@ -12,8 +12,7 @@ from legfem.common.units import FloatArray
 from legfem.identify.forward import ForwardOutcome
 from legfem.identify.misfit import Compared, Prediction
 from legfem.identify.reading import INSTRUMENT, READINGS, Reading
-from legfem.inference.constants import NUMERICAL_ERROR
-from legfem.inference.errors import COMMON_GAIN_SD
+from legfem.inference.errors import COMMON_GAIN_SD, numerical_covariance
 from legfem.specimens.course import SLOW_SHARE, STATIONS, Course
 from legfem.specimens.relaxation import branch_ratios, memory
 
@@ -183,10 +182,8 @@ class SpecimenMisfit(Compared):
             slope = np.maximum(np.diff(own, prepend=0.0), 0.0) / way
             errors = course.instrument
             white = (errors.force_sd**2 + (slope * errors.displacement_sd) ** 2) / course.count
-            apart = np.abs(d[:, None] - d[None, :])
             block = np.diag((1 - SLOW_SHARE) * white)
             block += SLOW_SHARE * errors.force_sd**2
             block += gain**2 * np.outer(own, own)
-            block += NUMERICAL_ERROR**2 * np.outer(own, own) * np.exp(-3 * apart / course.depth)
-            total[span, span] += block + 1e-12 * course.peak**2 * np.eye(len(d))
+            total[span, span] += block + numerical_covariance(d, own, length=course.depth / 3)
         return np.asarray(total)
