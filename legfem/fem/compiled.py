@@ -28,7 +28,8 @@ from ufl.domain import extract_unique_domain
 
 from legfem.common.units import FloatArray
 
-FLAGS = ("-O3", "-march=native", "-ffast-math", "-fno-finite-math-only")
+FLAGS = ("-O1", "-march=native", "-ffast-math", "-fno-finite-math-only")
+"""For gcc. ``-O3`` takes it several times as long, and shortens solves by about a twentieth."""
 _LOCK = "lock"
 _log = logging.getLogger("legfem")
 
