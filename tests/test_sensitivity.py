@@ -33,7 +33,9 @@ def test_sensitivities_with_other_tangents(formulation, tangential):
     names = ["deep.C10", "deep.C20", "contact.p0"]
     if tangential == "coulomb":
         names += ["friction.friction", "friction.stiffness"]
-    assert worst_error(system, system.model.parameters, names, UP_AND_DOWN, 0.2) < 1e-4
+    # A greater change lets points slip that stuck: the force has a kink there.
+    change = 1e-5
+    assert worst_error(system, system.model.parameters, names, UP_AND_DOWN, 0.2, change) < 1e-4
 
 
 def test_sensitivities_of_a_leg():

@@ -18,7 +18,7 @@ type Ints = NDArray[np.int_]
 
 GAUSS = (np.array([-1.0, 0.0, 1.0]) * np.sqrt(0.6), np.array([5.0, 8.0, 5.0]) / 9.0)
 """Points and weights on an edge from -1 to 1."""
-_SIZES = {"contact": 1.3, "far": 8.0}
+_SIZES = {"contact": 1.2, "far": 4.0}
 
 
 @dataclass(frozen=True, eq=False)
