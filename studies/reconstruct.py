@@ -186,6 +186,7 @@ def _write(
         origin="reconstructed",
         recordings=recordings,
         starts_at_contact=True,
+        plane_strain=True,
     )
 
 

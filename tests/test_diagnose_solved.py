@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from making_diagnosis import INSTRUMENT
@@ -16,6 +18,7 @@ from legfem.diagnose.mechanisms.end_effects import EndEffects
 from legfem.diagnose.nuisances import displaced_geometries
 from legfem.diagnose.observations import observe
 from legfem.diagnose.predict import Predictor
+from legfem.diagnose.run import no_ends_because
 from legfem.diagnose.solved import SolvedResponses, end_effect
 from legfem.diagnose.variants import Stopped, Variants
 from legfem.recording import Recording
@@ -45,6 +48,19 @@ def observed():
         force = np.zeros(len(time))
         recordings.append(Recording(time, protocol.displacement_at(time), force, f"rate{rate:g}"))
     return observe(recordings, INSTRUMENT, starts_at_contact=True)
+
+
+def test_ends_are_looked_for_where_there_may_be_some(observed):
+    correction = read_correction(REFERENCE)
+    drawn = load_subject(SUBJECTS.find("3"), need_recordings=False)
+    silent = replace(drawn, plane_strain_stated=False)
+    real = replace(drawn, origin="measured", plane_strain=False, plane_strain_stated=False)
+    for subject, ends, looked_for in (
+        (drawn, None, False), (silent, None, True), (real, correction, False), (real, None, True),
+    ):  # fmt: skip
+        able, unable = shown_mechanisms(observed, correction, no_ends_because(subject, ends))
+        assert ("end-effects" in {m.name for m in able}) == looked_for
+        assert ("end-effects" in unable) != looked_for
 
 
 def responses_in(folder, variants, correction=None):

@@ -126,7 +126,7 @@ def _solved(
 
 
 def shown_mechanisms(
-    observed: Observations, correction: TabulatedCorrection | None, with_ends: bool = False
+    observed: Observations, correction: TabulatedCorrection | None, no_ends: str | None = None
 ) -> tuple[list[Mechanism], dict[str, str]]:
     """Return the mechanisms that recordings can show, and why the others can't be.
 
@@ -136,17 +136,16 @@ def shown_mechanisms(
         The recordings.
     correction
         For the cylinder's ends.
-    with_ends
-        Whether the base model has it already.
+    no_ends
+        Why they needn't be looked for, if so.
     """
     able: list[Mechanism] = []
     unable: dict[str, str] = {}
     for mechanism in mechanisms():
         why = mechanism.untestable(observed)
         if why is None and isinstance(mechanism, EndEffects):
-            if with_ends:
-                why = "the base model has the cylinder's ends, with the errors of that correction"
-            elif correction is None:
+            why = no_ends
+            if why is None and correction is None:
                 why = "there is no 3D correction for this leg"
         if why is None:
             able.append(mechanism)

@@ -58,6 +58,11 @@ class Diagnoser:
                 "sample and between repeats. What drifts slowly or is alike in all trials can't be "
                 "told from physics; state the data sheet's figures under [instrument]."
             )
+        if subject.plane_strain and not subject.plane_strain_stated:
+            remarks.append(
+                "subject.toml doesn't say whether the simulation had the cylinder's ends, so they "
+                "are among what may be left out; state plane_strain under [recordings]."
+            )
         if observed.repeats < 2:
             remarks.append(
                 "No protocol was repeated: errors between trials aren't seen, and come from "
@@ -85,11 +90,20 @@ class Diagnoser:
         """Diagnose a subject's recordings."""
         observed = self.observations(subject)
         library, solved = self.library(subject, observed, progress)
-        law = subject.tissues["deep"].law
+        law, ends = subject.tissues["deep"].law, choose_correction("auto", subject)
         return diagnose(
             observed, subject.instrument, law, library, solved, progress, accuracy_of(subject),
-            choose_correction("auto", subject), seed,
+            ends, seed, no_ends_because(subject, ends),
         )  # fmt: skip
+
+
+def no_ends_because(subject: Subject, ends: TabulatedCorrection | None) -> str | None:
+    """Return why the cylinder's ends can't be what was left out; None if they can."""
+    if ends is not None:
+        return "the base model has the cylinder's ends, with the errors of that correction"
+    if subject.plane_strain and subject.plane_strain_stated:
+        return "the folder says that the recordings are of plane strain, which has no ends"
+    return None
 
 
 def accuracy_of(subject: Subject) -> Accuracy:

@@ -17,7 +17,7 @@ from legfem.diagnose.mechanisms import Mechanism
 from legfem.diagnose.mechanisms.base import prior_of
 from legfem.diagnose.observations import Observations, blank_observations
 from legfem.diagnose.predict import Predictor
-from legfem.diagnose.run import STIFFENING, Diagnoser, accuracy_of
+from legfem.diagnose.run import STIFFENING, Diagnoser, accuracy_of, no_ends_because
 from legfem.inference.errors import Noise, error_model
 from legfem.plan.designs import Design, designs
 from legfem.plan.reckon import Candidate, Reckoned, before_any_test, reckon
@@ -86,7 +86,7 @@ def plan_before(
     tests = designs(depth, rate, depth)
     ends = choose_correction("auto", subject)
     every = blank_observations(list(dict.fromkeys(p for t in tests for p in t.protocols)))
-    able, _ = shown_mechanisms(every, diagnoser.correction, ends is not None)
+    able, _ = shown_mechanisms(every, diagnoser.correction, no_ends_because(subject, ends))
     library = _library(diagnoser, subject, tests, able, rounded(c10), progress)
     able = [m for m in able if m.name not in library.missing]
     law = subject.tissues["deep"].law

@@ -52,7 +52,7 @@ D1_per_MPa = 22.5
 # Whether displacement counts from first touch; if false, first contact is looked for.
 [recordings]
 starts_at_contact = {starts_at_contact}
-"""
+{ends}"""
 _DEEP = {
     "neo-hookean": 'law = "neo-hookean"\nD1_per_MPa = 28.0',
     "reduced-polynomial": 'law = "reduced-polynomial"\nD1_per_MPa = 28.0\nD2_per_MPa = 28.0',
@@ -116,12 +116,14 @@ def write_subject_folder(
     origin: str = "measured",
     recordings: Sequence[Recording] = (),
     starts_at_contact: bool = False,
+    plane_strain: bool | None = None,
     instrument: Instrument | None = None,
     deep_law: str = "reduced-polynomial",
 ) -> Path:
     """Write ``subject.toml``, ``contours.csv`` and the recordings, all or nothing.
 
-    The instruments are the first paper's where none is given.
+    The instruments are the first paper's where none is given. ``plane_strain`` says whether
+    simulated recordings know no ends of the cylinder, and may stay open.
 
     Raises
     ------
@@ -139,6 +141,7 @@ def write_subject_folder(
         y=float(aim[1]),
         direction=float(direction_deg),
         starts_at_contact=str(starts_at_contact).lower(),
+        ends="" if plane_strain is None else f"plane_strain = {str(plane_strain).lower()}\n",
         deep=_DEEP[deep_law],
         instrument=_PAPER_INSTRUMENT
         if instrument is None

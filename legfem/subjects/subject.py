@@ -119,6 +119,8 @@ class Subject:
     """Whether the recordings' displacement is known to count from first touch."""
     plane_strain: bool = False
     """Whether the recordings come from a plane-strain model: they know no end effects."""
+    plane_strain_stated: bool = False
+    """Whether the folder says so, rather than that no leg was measured."""
     accuracy: LegAccuracy = LegAccuracy()
     confirmed: tuple[str, ...] = ()
     """Fields of subject.toml, or columns, that are unusual and right."""
@@ -186,6 +188,7 @@ def load_subject(
             if given.recordings.plane_strain is None
             else given.recordings.plane_strain
         ),
+        plane_strain_stated=given.recordings.plane_strain is not None,
         accuracy=LegAccuracy(
             given.accuracy.contour_sd_mm,
             given.accuracy.aim_sd_mm,
