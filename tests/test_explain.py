@@ -19,7 +19,9 @@ from making_diagnosis import (
 )
 from scipy.optimize import brentq
 from scipy.stats import norm
+from scipy.stats import t as student_t
 
+from legfem.diagnose.averaged import averaged_interval
 from legfem.diagnose.explain import (
     HELD,
     PRIOR_NONE,
@@ -28,13 +30,12 @@ from legfem.diagnose.explain import (
     PRIOR_UNKNOWN,
     Explained,
     Explanation,
-    averaged_interval,
     explain,
 )
 from legfem.diagnose.fit import Problem, fit
 from legfem.diagnose.limits import limits_of
 from legfem.diagnose.mechanisms import mechanism_named
-from legfem.diagnose.nuisances import MATERIAL_LOG_SD, Accuracy, Nuisances
+from legfem.diagnose.nuisances import MATERIAL_LOG_SD, Accuracy, Nuisances, variance_degrees
 from legfem.diagnose.predict import onset_name
 from legfem.diagnose.remains import explained_share, remains_of
 from legfem.inference.errors import error_model
@@ -81,7 +82,7 @@ def test_a_single_effect_is_named_and_its_bias_removed(effects, recordings):
     assert after < 0.03
     assert after < before or before < 0.01
     strength = next(iter(effects))
-    low, high = best.interval(strength, deviations=3.5)
+    low, high = best.interval(strength, float(norm.sf(3.5)))
     assert low <= effects[strength] <= high
     low, high = averaged_interval(explained, "C10")
     assert low <= TRUTH["C10"] <= high
@@ -185,22 +186,24 @@ def explanation(like: Explanation, mean: float, sd: float, probability: float) -
     return replace(like, posterior=posterior, probability=probability)
 
 
-def test_an_averaged_interval_is_that_of_a_mixture_of_normal_distributions():
-    """C10's logarithm is normal in each explanation: quantiles of the mixture, found by hand."""
+def test_an_averaged_interval_is_that_of_a_mixture_of_distributions():
+    """C10's logarithm is normal in one, Student's in the other: the mixture's quantiles by hand."""
     problem, base = problem_of(ramps(), seed=1)
     like = explain(problem, base, []).base
     one, other = explanation(like, 0.0, 0.02, 0.7), explanation(like, 0.2, 0.05, 0.3)
+    one = replace(one, degrees=np.full(len(base.free), np.inf))
+    other = replace(other, degrees=np.full(len(base.free), 4.0))
     prior = base.parameters[0].prior
 
     def share_below(c10: float) -> float:
         z = np.log(c10 / prior.centre) / prior.sd
-        return 0.7 * norm.cdf(z / 0.02) + 0.3 * norm.cdf((z - 0.2) / 0.05)
+        return 0.7 * norm.cdf(z / 0.02) + 0.3 * student_t.cdf((z - 0.2) / 0.05, 4)
 
     expected = [brentq(lambda c10, p=p: share_below(c10) - p, 0.06, 19.0) for p in (0.025, 0.975)]
     found = averaged_interval(Explained((one, other), one), "C10")
     np.testing.assert_allclose(found, expected, rtol=1e-6)
     alone = averaged_interval(Explained((replace(one, probability=1.0),), one), "C10")
-    np.testing.assert_allclose(alone, one.interval("C10", norm.ppf(0.975)), rtol=1e-6)
+    np.testing.assert_allclose(alone, one.interval("C10"), rtol=1e-6)
     assert averaged_interval(Explained((one, other), one), "drag.size") is None
 
 
@@ -282,3 +285,17 @@ def test_a_stopped_response_is_no_number_in_the_prediction():
 
     predictor = replace(problem.predictor, responses=Stopped())
     assert np.isnan(predictor({**TRUTH, onset_name(0): 0.1})).all()
+
+
+def test_what_is_known_poorly_of_the_leg_widens_intervals():
+    """An effect of the outlines that is all that errs: its own degrees of freedom remain."""
+    problem, base = problem_of(ramps(), seed=1)
+    errors = problem.errors
+    effect = base.change[:, :1]
+    known = replace(errors, known=effect, names=("outline of the skin, mode 1",))
+    estimator = np.linalg.pinv(base.change)
+    variance = np.full((len(base.free),) * 2, 1.0)
+    degrees = variance_degrees(variance, estimator, known)
+    assert degrees[0] == pytest.approx(3.0)
+    exact = replace(known, names=("load cell's gain",))
+    assert variance_degrees(variance, estimator, exact)[0] == np.inf

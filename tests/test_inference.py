@@ -7,13 +7,14 @@ import math
 import numpy as np
 import pytest
 from scipy.optimize import differential_evolution
+from scipy.stats import t as student_t
 
 from legfem.inference.constants import quantile
 from legfem.inference.domain import Domain
 from legfem.inference.emulator import Emulator, Samples
 from legfem.inference.genetic import Genetic
 from legfem.inference.identifiability import Estimated, bound_of, verdict_on
-from legfem.inference.intervals import cut_height, profile_interval
+from legfem.inference.intervals import cut_height, effective_degrees, profile_interval
 from legfem.inference.least_squares import (
     Priors,
     gain_matrix,
@@ -199,3 +200,17 @@ def test_minimisers_find_the_valley_where_costs_are_not_known_everywhere(minimis
     assert found.cost == pytest.approx(float(cost(found.best)))
     again = minimiser(cost, starts, 1)
     assert np.array_equal(found.best, again.best)
+
+
+def test_intervals_of_a_variance_known_in_part_cover_as_often_as_they_say():
+    """Welch's and Satterthwaite's degrees of freedom, by drawing what is known of one part."""
+    generator = np.random.default_rng(3)
+    number, degrees, part, rest = 20_000, 4.0, 1.5, 0.5
+    seen = part * generator.chisquare(degrees, number) / degrees
+    off = generator.normal(scale=np.sqrt(part + rest), size=number)
+    quantiles = student_t.isf(
+        0.025, [effective_degrees(one + rest, [(one, degrees)]) for one in seen]
+    )
+    covered = np.mean(np.abs(off) < quantiles * np.sqrt(seen + rest))
+    assert 0.93 < covered < 0.97
+    assert effective_degrees(2.0, []) == np.inf

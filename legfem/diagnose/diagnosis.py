@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.correction.tabulated import TabulatedCorrection
-from legfem.diagnose.explain import Explained, Explanation, averaged_interval, explain
+from legfem.diagnose.averaged import averaged_interval
+from legfem.diagnose.explain import Explained, Explanation, explain
 from legfem.diagnose.fit import Fit, Problem, fit
 from legfem.diagnose.held_out import HeldOut, held_out
 from legfem.diagnose.library import Library

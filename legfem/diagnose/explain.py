@@ -12,12 +12,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.stats import norm
+from scipy.linalg import solve_triangular
+from scipy.stats import t as student_t
 
 from legfem.common.units import FloatArray
 from legfem.diagnose.fit import Fit, Problem, fit
 from legfem.diagnose.mechanisms import Mechanism
+from legfem.diagnose.nuisances import variance_degrees
 from legfem.diagnose.touch import posterior_of
 from legfem.diagnose.unknown import unknown_errors
 from legfem.inference.errors import ErrorModel
@@ -58,6 +59,19 @@ class Explanation:
     confirmed: bool
     """Whether a full solution stands behind the fit."""
     probability: float = 0.0
+    degrees: FloatArray | None = None
+    """See `degrees_of_freedom`, where the fit isn't weighed by the errors."""
+
+    @cached_property
+    def degrees_of_freedom(self) -> FloatArray:
+        """Of the variances of the parameters' departures (p,); see `variance_degrees`."""
+        if self.degrees is not None:
+            return self.degrees
+        errors, change = self.problem.errors, self.fit.change
+        white = errors.whitened(change)
+        spread = np.linalg.inv(white.T @ white + np.eye(change.shape[1]))
+        gain = spread @ solve_triangular(errors.lower, white, lower=True, trans="T").T
+        return variance_degrees(self.posterior.covariance, gain, errors)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -83,13 +97,14 @@ class Explanation:
         """Return a parameter's expected value, in its unit."""
         return self.fit.moved(self.posterior.mean)[name]
 
-    def interval(self, name: str, deviations: float = 1.96) -> tuple[float, float]:
-        """Return a parameter's 95 % interval, in its unit."""
+    def interval(self, name: str, tail: float = 0.025) -> tuple[float, float]:
+        """Return a parameter's 95 % interval, or that without other tails, in its unit."""
         k = self.fit.free.index(name)
         sd = float(np.sqrt(self.posterior.covariance[k, k]))
+        half_width = float(student_t.isf(tail, self.degrees_of_freedom[k])) * sd
         low, high = self.posterior.mean.copy(), self.posterior.mean.copy()
-        low[k] -= deviations * sd
-        high[k] += deviations * sd
+        low[k] -= half_width
+        high[k] += half_width
         ends = self.fit.moved(low)[name], self.fit.moved(high)[name]
         return min(ends), max(ends)
 
@@ -350,38 +365,6 @@ def _confirmed(
 def _as_confirmed(one: Explanation) -> Explanation:
     """Return an explanation that can't be confirmed: its solution stopped."""
     return replace(one, confirmed=True, log_prior=one.log_prior - 3.0)
-
-
-def averaged_interval(
-    explained: Explained, name: str, share: float = 0.95
-) -> tuple[float, float] | None:
-    """Return a parameter's interval over all explanations, each with its probability.
-
-    The distribution is a mixture of normal ones of the parameter's departure; None where an
-    explanation that counts hasn't the parameter.
-    """
-    every = [e for e in explained.every if e.probability > 1e-4 and name in e.fit.free]
-    if not every:
-        return None
-    weights = np.array([e.probability for e in every])
-    weights /= weights.sum()
-    which = [e.fit.free.index(name) for e in every]
-    means = np.array([e.posterior.mean[k] for e, k in zip(every, which, strict=True)])
-    sds = np.array(
-        [np.sqrt(e.posterior.covariance[k, k]) for e, k in zip(every, which, strict=True)]
-    )
-
-    def quantile(probability: float) -> float:
-        low, high = float((means - 9 * sds).min()), float((means + 9 * sds).max())
-        return float(
-            brentq(lambda z: float(weights @ norm.cdf((z - means) / sds)) - probability, low, high)
-        )
-
-    parameter = every[0].fit.parameters[which[0]]
-    assert parameter.prior is not None
-    tail = (1 - share) / 2
-    ends = [parameter.inside(parameter.prior.value_at(quantile(p))) for p in (tail, 1 - tail)]
-    return min(ends), max(ends)
 
 
 def unknown_course(explanation: Explanation, unknowns: Sequence[Unknown]) -> FloatArray:

@@ -9,9 +9,6 @@ import numpy as np
 from legfem.diagnose.explain import Explained
 from legfem.diagnose.mechanisms.base import null_of
 
-ONE_SIDED = 1.645
-"""Standard deviations that 95 % lie below."""
-
 
 @dataclass(frozen=True)
 class Limit:
@@ -38,7 +35,7 @@ def limits_of(explained: Explained) -> tuple[Limit, ...]:
         full = f"{mechanism.name}.{first.name}"
         null = null_of(first)
         sided = null <= first.bounds[0]
-        low, high = one.interval(full, ONE_SIDED if sided else 1.96)
+        low, high = one.interval(full, 0.05 if sided else 0.025)
         stronger = max((low, high), key=lambda value: abs(value - null))
         values = {**one.fit.moved(one.posterior.mean), full: stronger}
         predict = one.problem.predictor

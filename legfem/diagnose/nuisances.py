@@ -18,6 +18,8 @@ from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray
 from legfem.diagnose.observations import Observations
+from legfem.inference.errors import ErrorModel
+from legfem.inference.intervals import effective_degrees
 
 if TYPE_CHECKING:
     from legfem.correction.tabulated import TabulatedCorrection
@@ -40,6 +42,11 @@ MATERIAL_LOG_SD: Mapping[str, float] = {
 """Of the logarithms of what is assumed: a factor of 1.5 to 1.65 at two standard deviations. What is
 further off is called a mechanism."""
 OUTLINES: tuple[Literal["skin", "fascia"], ...] = ("skin", "fascia")
+GEOMETRY_DOF = 3.0
+"""Degrees of freedom of the accuracy of outlines, aim and direction, stated or usual: known to some
+40 %, as inter-observer distances of 0.3 to 0.8 mm are (JCGM 100:2008, G.4.2)."""
+MATERIAL_DOF = 8.0
+"""Of how far what is assumed of a person's tissues is off: known to 25 %."""
 _HATS = (-40.0, -20.0, 0.0, 20.0, 40.0)
 _WORDS = {
     "superficial.C10": "stiffness of the fat",
@@ -79,6 +86,42 @@ class Accuracy:
 DRAWN = Accuracy(0.2, 0.5, 0.5, 0.05)
 """Of a leg that was drawn and simulated: as far as another code rounds the same polygons, and takes
 the same constants for laws of its own."""
+
+
+def _cause_of(unknown: str) -> tuple[str, float]:
+    """Return what an effect's size comes from, and that size's degrees of freedom."""
+    if unknown.startswith("outline of the ") or unknown == "depth of the bones":
+        return "outlines", GEOMETRY_DOF
+    if unknown in ("aim", "direction"):
+        return unknown, GEOMETRY_DOF
+    return unknown, MATERIAL_DOF if unknown in _WORDS.values() else math.inf
+
+
+def variance_degrees(
+    covariance: FloatArray, estimator: FloatArray, errors: ErrorModel
+) -> FloatArray:
+    """Return the degrees of freedom (p,) of the variances of estimated departures.
+
+    Parameters
+    ----------
+    covariance
+        Of the departures, (p, p).
+    estimator
+        (p, n), 1/N: what an error of the observations adds to them.
+    errors
+        What they err by.
+
+    See `legfem.inference.intervals.effective_degrees`.
+    """
+    by_cause: dict[tuple[str, float], FloatArray] = {}
+    for name, effect in zip(errors.names, errors.known.T, strict=True):
+        cause = _cause_of(name)
+        by_cause[cause] = by_cause.get(cause, np.zeros(len(covariance)))
+        by_cause[cause] = by_cause[cause] + (estimator @ effect) ** 2
+    return np.array([
+        effective_degrees(whole, [(part[k], dof) for (_, dof), part in by_cause.items()])
+        for k, whole in enumerate(np.diag(covariance))
+    ])  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ import numpy as np
 from legfem.common.units import FloatArray
 from legfem.diagnose.explain import Explanation
 from legfem.diagnose.fit import Fit, Problem, fit, fit_base
+from legfem.diagnose.nuisances import variance_degrees
 from legfem.inference.least_squares import sandwich
 
 _ROUNDS = 4
@@ -54,9 +55,15 @@ def ordinary_explanation(problem: Problem, fitted: Fit, base: Explanation) -> Ex
     weighed = fitted.change / np.diag(same.errors.dense)[:, None]
     own = np.eye(len(fitted.free))
     spread = np.linalg.inv(fitted.change.T @ weighed + own)
-    covariance = sandwich(spread @ weighed.T, problem.errors.covariance) + spread @ spread
-    posterior = replace(base.posterior, mean=fitted.departure, covariance=covariance)
-    return replace(base, problem=same, fit=fitted, posterior=posterior)
+    estimator = spread @ weighed.T
+    covariance = sandwich(estimator, problem.errors.covariance) + spread @ spread
+    return replace(
+        base,
+        problem=same,
+        fit=fitted,
+        posterior=replace(base.posterior, mean=fitted.departure, covariance=covariance),
+        degrees=variance_degrees(covariance, estimator, problem.errors),
+    )
 
 
 def _equally(problem: Problem, misfit: FloatArray) -> Problem:

@@ -3,10 +3,13 @@ r"""Standard errors and 95 % intervals: Wald's and the profile's, for any number
 A profile interval is where the least sum of squares, all other parameters refitted within their
 bounds, rises by :math:`t^2 V_{kk} / (A^{-1})_{kk}`: the height at which a quadratic sum has Wald's
 half-width :math:`t \sqrt{V_{kk}}` (`legfem.inference.least_squares`). So it may be lopsided, and
-never leaves the bounds.
+never leaves the bounds. How many standard errors t stands for depends on how well the errors'
+sizes are known, see `effective_degrees`.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterable
 
 import numpy as np
 from scipy.optimize import brentq
@@ -16,6 +19,23 @@ from legfem.inference.least_squares import Residual, least_residual
 
 # Of a value's size, for differences.
 _MOVE = 1e-5
+
+
+def effective_degrees(variance: float, parts: Iterable[tuple[float, float]]) -> float:
+    r"""Return the degrees of freedom of a variance, some of whose parts are known poorly.
+
+    Welch and Satterthwaite's :math:`V^2 / \sum_i V_i^2 / \nu_i` (JCGM 100:2008, G.4.1), where a
+    standard deviation known to a share r has :math:`\nu = 1 / (2 r^2)` (G.4.2).
+
+    Parameters
+    ----------
+    variance : float
+        The whole.
+    parts : pairs of float
+        Parts and their degrees of freedom; parts known exactly needn't be there.
+    """
+    total = sum(part**2 / degrees for part, degrees in parts)
+    return np.inf if total == 0 else variance**2 / total
 
 
 def cut_height(times: float, variance: float, inverse_curvature: float) -> float:
