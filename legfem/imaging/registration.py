@@ -9,7 +9,9 @@ every patch of one surface is paired with the nearest of the other, and
 is minimised over a small motion at a time; x and c are the patches' centres, n the normal of the
 other's plane. Both surfaces are averaged over patches of one size: a centre lies inside a curved
 surface, and on a bone that tapers a difference there would pass for a shift along it. Patches that
-lie beyond the other surface's end, or far from it, are left out.
+lie beyond the other surface's end, or far from it, are left out. Generalised ICP (small_gicp 1.0.1)
+is ten times as fast and as good across the shafts; along them it is 0.4 mm off where this is 0.1,
+on scans without noise.
 """
 
 from __future__ import annotations
