@@ -21,7 +21,8 @@ from legfem.diagnose.nuisances import Nuisances
 from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.predict import Predictor
 from legfem.diagnose.stations import Stations
-from legfem.inference.errors import Noise, error_model
+from legfem.inference.errors import error_model
+from legfem.inference.trial_noise import Noise
 from legfem.recording import Instrument, Recording
 from legfem.solve.protocol import Protocol
 

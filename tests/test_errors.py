@@ -10,13 +10,8 @@ from making_diagnosis import INSTRUMENT, NOISE, noisy, observations, ramps, two_
 from test_observations import observed as recorded
 
 from legfem.inference.constants import NUMERICAL_ERROR
-from legfem.inference.errors import (
-    COMMON_GAIN_SD,
-    ErrorModel,
-    error_model,
-    estimate_noise,
-    trial_covariance,
-)
+from legfem.inference.errors import COMMON_GAIN_SD, ErrorModel, error_model
+from legfem.inference.trial_noise import estimate_noise, trial_covariance
 from legfem.solve.protocol import Protocol
 
 TRUTH = {"C10": 1.0, "C20": 0.8}

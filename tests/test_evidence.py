@@ -10,8 +10,9 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
-from legfem.inference.errors import GAIN_SDS, ZERO_FACTORS, ErrorModel, Noise
+from legfem.inference.errors import GAIN_SDS, ZERO_FACTORS, ErrorModel
 from legfem.inference.evidence import Evidence, Linearised, Posterior, Unknown, probabilities
+from legfem.inference.trial_noise import Noise
 
 N = 30
 ALONG = np.linspace(0.0, 1.0, N)

@@ -22,16 +22,8 @@ from scipy.stats import norm
 from scipy.stats import t as student_t
 
 from legfem.diagnose.averaged import averaged_interval
-from legfem.diagnose.explain import (
-    HELD,
-    PRIOR_NONE,
-    PRIOR_PAIR,
-    PRIOR_SINGLE,
-    PRIOR_UNKNOWN,
-    Explained,
-    Explanation,
-    explain,
-)
+from legfem.diagnose.explain import PRIOR_NONE, PRIOR_PAIR, PRIOR_SINGLE, PRIOR_UNKNOWN, explain
+from legfem.diagnose.explanation import HELD, Explained, Explanation
 from legfem.diagnose.fit import Problem, fit
 from legfem.diagnose.limits import limits_of
 from legfem.diagnose.mechanisms import mechanism_named

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import t as student_t
 
-from legfem.diagnose.explain import Explained
+from legfem.diagnose.explanation import Explained
 
 _FAR = 99.0
 """Standard deviations beyond which no interval ends."""

@@ -14,7 +14,8 @@ from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.averaged import averaged_interval
-from legfem.diagnose.explain import Explained, Explanation, explain
+from legfem.diagnose.explain import explain
+from legfem.diagnose.explanation import Explained, Explanation
 from legfem.diagnose.fit import Fit, Problem, fit
 from legfem.diagnose.held_out import HeldOut, held_out
 from legfem.diagnose.library import Library
@@ -26,7 +27,8 @@ from legfem.diagnose.ordinary import ordinary_explanation, ordinary_fit
 from legfem.diagnose.predict import LawName, Predictor
 from legfem.diagnose.score import Assessment, assess
 from legfem.diagnose.solved import SolvedResponses
-from legfem.inference.errors import ErrorModel, Noise, error_model, estimate_noise
+from legfem.inference.errors import ErrorModel, error_model
+from legfem.inference.trial_noise import Noise, estimate_noise
 from legfem.recording import Instrument
 
 Verdict = Literal["consistent", "named", "ambiguous", "unexplained"]

@@ -13,7 +13,7 @@ from legfem.common.documents import json_types
 from legfem.common.doubts import Doubt, doubt_documents
 from legfem.common.versions import legfem_version, package_version
 from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.explain import Explanation
+from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.fit import Fit
 from legfem.diagnose.held_out import HeldOut
 from legfem.diagnose.predict import onset_name

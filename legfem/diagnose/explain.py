@@ -8,21 +8,17 @@ it is named in part. Leading explanations are refitted about full finite-element
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import solve_triangular
-from scipy.stats import t as student_t
 
-from legfem.common.units import FloatArray
+from legfem.diagnose.explanation import Explained, Explanation, gain_over
 from legfem.diagnose.fit import Fit, Problem, fit
 from legfem.diagnose.mechanisms import Mechanism
-from legfem.diagnose.nuisances import variance_degrees
 from legfem.diagnose.touch import posterior_of
 from legfem.diagnose.unknown import unknown_errors
 from legfem.inference.errors import ErrorModel
-from legfem.inference.evidence import Evidence, Posterior, Unknown, probabilities
+from legfem.inference.evidence import Evidence, Unknown, probabilities
 
 PRIOR_NONE, PRIOR_SINGLE, PRIOR_PAIR, PRIOR_UNKNOWN = 0.5, 0.36, 0.1, 0.04
 """Of all explanations of a kind together: half of all tests are sound."""
@@ -30,142 +26,11 @@ INEXACT = 0.5
 """Prior probability that a mechanism's form leaves something, ..."""
 INEXACT_SHARE = 0.4
 """... of this share at most of what shows of it."""
-HELD = 0.9
-"""Explanations are listed until they hold this probability."""
-ADDS_FROM = 1.0
-"""ln of the Bayes factor up to which an explanation is no better than nothing."""
-MORE_THAN_ALONE = 3.0
-"""ln of the Bayes factor from which a second mechanism counts beside a first."""
 CONFIRMED_FROM, CONFIRMED_MOST = 0.02, 5
 PAIRS_OF, PAIRS_WITH = 3, 7
 """The best single mechanisms are tried in pairs with more of them."""
-_COUNTS = 0.01
-"""Share of the most probable unknown error from which another one counts."""
-
 type Confirm = Callable[[Problem, Fit], tuple[Problem, Fit, bool]]
 """Refits about a full solution: the problem shifted to it, the refit, and whether it was made."""
-
-
-@dataclass(frozen=True, eq=False)
-class Explanation:
-    """A model with mechanisms, or with something unknown, and its probability."""
-
-    problem: Problem
-    fit: Fit
-    posterior: Posterior
-    log_prior: float
-    unknown: bool
-    """Whether something unknown is all that it adds to the base model."""
-    confirmed: bool
-    """Whether a full solution stands behind the fit."""
-    probability: float = 0.0
-    degrees: FloatArray | None = None
-    """See `degrees_of_freedom`, where the fit isn't weighed by the errors."""
-
-    @cached_property
-    def degrees_of_freedom(self) -> FloatArray:
-        """Of the variances of the parameters' departures (p,); see `variance_degrees`."""
-        if self.degrees is not None:
-            return self.degrees
-        errors, change = self.problem.errors, self.fit.change
-        white = errors.whitened(change)
-        spread = np.linalg.inv(white.T @ white + np.eye(change.shape[1]))
-        gain = spread @ solve_triangular(errors.lower, white, lower=True, trans="T").T
-        return variance_degrees(self.posterior.covariance, gain, errors)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of its mechanisms."""
-        return self.fit.names
-
-    @property
-    def log_weight(self) -> float:
-        """Logarithm of evidence times prior."""
-        return self.log_prior + self.posterior.log_evidence
-
-    @property
-    def nothing(self) -> bool:
-        """Whether it is the base model alone."""
-        return not self.unknown and not self.names
-
-    @property
-    def in_part(self) -> bool:
-        """Whether something unknown is probably left beside its mechanisms."""
-        return bool(self.names) and self.posterior.unknown > 0.5
-
-    def value(self, name: str) -> float:
-        """Return a parameter's expected value, in its unit."""
-        return self.fit.moved(self.posterior.mean)[name]
-
-    def interval(self, name: str, tail: float = 0.025) -> tuple[float, float]:
-        """Return a parameter's 95 % interval, or that without other tails, in its unit."""
-        k = self.fit.free.index(name)
-        sd = float(np.sqrt(self.posterior.covariance[k, k]))
-        half_width = float(student_t.isf(tail, self.degrees_of_freedom[k])) * sd
-        low, high = self.posterior.mean.copy(), self.posterior.mean.copy()
-        low[k] -= half_width
-        high[k] += half_width
-        ends = self.fit.moved(low)[name], self.fit.moved(high)[name]
-        return min(ends), max(ends)
-
-
-@dataclass(frozen=True, eq=False)
-class Explained:
-    """All explanations, the most probable first."""
-
-    every: tuple[Explanation, ...]
-    base: Explanation
-
-    def listed(self) -> tuple[Explanation, ...]:
-        """Return what the base model's failure is put down to, until that holds 90 %.
-
-        Probabilities are those among explanations that leave something out. A pair that explains no
-        more than one of its mechanisms does alone counts for that one.
-        """
-        rest = [e for e in self.every if self._adds(e)]
-        singles = {e.names: e for e in rest if len(e.names) == 1}
-        held: dict[tuple[str, ...], float] = {}
-        for one in rest:
-            alone = [singles[n,] for n in one.names if (n,) in singles and len(one.names) > 1]
-            best = max(alone, key=lambda e: e.posterior.log_evidence, default=one)
-            more = one.posterior.log_evidence - best.posterior.log_evidence
-            names = best.names if more < MORE_THAN_ALONE else one.names
-            held[names] = held.get(names, 0.0) + one.probability
-        total = sum(held.values())
-        shares = {names: probability / total for names, probability in held.items()}
-        by_names = {one.names: one for one in rest}
-        kept: list[Explanation] = []
-        for names, share in sorted(shares.items(), key=lambda pair: -pair[1]):
-            kept.append(replace(by_names[names], probability=share))
-            if sum(e.probability for e in kept) >= HELD:
-                break
-        return tuple(kept)
-
-    @property
-    def soundness(self) -> float:
-        """Probability that nothing was left out that shows.
-
-        Of the base model alone, and of explanations that add to it what the data don't ask for.
-        """
-        return sum(e.probability for e in self.every if not self._adds(e))
-
-    @cached_property
-    def plain(self) -> tuple[Explanation, ...]:
-        """What leaves nothing out that matters: the base model, or a trifling error beside it.
-
-        An error of unknown shape below a trial's noise is no contradiction: real noise is never
-        quite as assumed.
-        """
-        noise = float(self.base.problem.errors.trial_sd.max())
-        largest = float(np.abs(self.base.fit.prediction).max())
-        return tuple(
-            e for e in self.every
-            if e.nothing or (e.unknown and e.posterior.unknown_size * largest < noise)
-        )  # fmt: skip
-
-    def _adds(self, one: Explanation) -> bool:
-        most = max(self.plain, key=lambda e: e.posterior.log_evidence)
-        return one not in self.plain and _gain(one, most) > ADDS_FROM
 
 
 def explain(
@@ -221,11 +86,6 @@ def explain(
 
 def _nothing(found: Sequence[Explanation]) -> Explanation:
     return next(e for e in found if e.nothing)
-
-
-def _gain(one: Explanation, nothing: Explanation) -> float:
-    """Return the ln of the Bayes factor over nothing."""
-    return one.posterior.log_evidence - nothing.posterior.log_evidence
 
 
 def _open(found: Sequence[Explanation]) -> bool:
@@ -350,7 +210,7 @@ def _confirmed(
     for _ in range(3):
         waiting = [
             e for e in found[:CONFIRMED_MOST] if not e.confirmed and e.names
-            and e.probability >= CONFIRMED_FROM and _gain(e, nothing) > 0.0
+            and e.probability >= CONFIRMED_FROM and gain_over(e, nothing) > 0.0
         ]  # fmt: skip
         if not waiting:
             break
@@ -365,16 +225,3 @@ def _confirmed(
 def _as_confirmed(one: Explanation) -> Explanation:
     """Return an explanation that can't be confirmed: its solution stopped."""
     return replace(one, confirmed=True, log_prior=one.log_prior - 3.0)
-
-
-def unknown_course(explanation: Explanation, unknowns: Sequence[Unknown]) -> FloatArray:
-    """Return the expected course (n,), N, of what is unknown beside an explanation, if it is."""
-    residual, total = explanation.fit.residual, explanation.problem.errors.covariance
-    course = np.zeros_like(residual)
-    shares = explanation.posterior.of_unknown
-    for unknown, share in zip(unknowns, shares, strict=True):
-        if unknown.covariance is not None and share > _COUNTS * shares.max():
-            course += (
-                share * unknown.covariance @ np.linalg.solve(total + unknown.covariance, residual)
-            )
-    return np.asarray(course / max(explanation.posterior.unknown, _COUNTS))

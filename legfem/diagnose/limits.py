@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from legfem.diagnose.explain import Explained
+from legfem.diagnose.explanation import Explained
 from legfem.diagnose.mechanisms.base import null_of
 
 

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.explain import Explanation
+from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.fit import Fit, Problem, fit, fit_base
 from legfem.diagnose.nuisances import variance_degrees
 from legfem.inference.least_squares import sandwich

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.explain import Explanation, unknown_course
+from legfem.diagnose.explanation import Explanation, unknown_course
 from legfem.diagnose.unknown import unknown_errors
 from legfem.diagnose.windows import runs
 

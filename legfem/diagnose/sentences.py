@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.explain import Explanation
+from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.mechanisms import Mechanism
 from legfem.diagnose.mechanisms.viscoelasticity import Viscoelasticity
 from legfem.diagnose.predict import onset_name

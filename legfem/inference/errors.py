@@ -20,21 +20,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cholesky, helmert, solve_triangular
-from scipy.optimize import minimize
+from scipy.linalg import cholesky, solve_triangular
 
 from legfem.common.units import FloatArray
 from legfem.inference.constants import NUMERICAL_ERROR, NUMERICAL_LENGTH_MM
-from legfem.recording.instrument import (
-    EXPECTED_GAIN_SD,
-    JITTER_LENGTH_MM,
-    WANDER_LENGTH_MM,
-    Instrument,
-)
+from legfem.inference.trial_noise import Noise, Observed, trial_covariance
+from legfem.recording.instrument import EXPECTED_GAIN_SD
 
 ROUGHNESS, ROUGHNESS_LENGTH_MM = 1e-4, 0.5
 """Of the model's force along the way, over the largest: elements that come into contact."""
@@ -45,99 +39,6 @@ GAIN_SDS = tuple(float(EXPECTED_GAIN_SD * np.exp(x)) for x in (-2.0, -1.0, 0.0, 
 deviation of what is expected."""
 ZERO_FACTORS = (0.37, 1.0, 2.7)
 """Standard deviations of a trial's zero over the one expected: likewise."""
-CORNER_MM = 5.0
-"""Way that counts as walked between two phases: there the drive stops and turns, time passes, and
-the sensor's error is no longer that of a moment ago."""
-_VAGUENESS, _STATED = 1.0, 0.3
-"""Log-standard deviations of what is expected before looking at the repeats, and of a figure that
-the data sheet states: the repeats tell a slow error's size over its time well, each of them ill."""
-
-
-class Observed(Protocol):
-    """Observations as errors see them; arrays are (n,)."""
-
-    @property
-    def force(self) -> FloatArray:
-        """N."""
-        ...
-
-    @property
-    def displacement(self) -> FloatArray:
-        """Mm."""
-        ...
-
-    @property
-    def time(self) -> FloatArray:
-        """S."""
-        ...
-
-    @property
-    def trial(self) -> NDArray[np.int_]:
-        """Number of the trial."""
-        ...
-
-    @property
-    def segment(self) -> NDArray[np.int_]:
-        """Number of the programme's segment."""
-        ...
-
-    @property
-    def stiffness(self) -> FloatArray:
-        """Slope dF/dd, N/mm."""
-        ...
-
-    @property
-    def white_variance(self) -> FloatArray:
-        """N^2."""
-        ...
-
-    @property
-    def jitter_variance(self) -> FloatArray:
-        """mm^2."""
-        ...
-
-    @property
-    def white_sd(self) -> float:
-        """Of one force reading, N."""
-        ...
-
-    @property
-    def jitter_sd(self) -> float:
-        """Of one displacement reading, mm."""
-        ...
-
-    @property
-    def repeats(self) -> int:
-        """Trials of the most repeated programme."""
-        ...
-
-    @property
-    def repeated(self) -> Sequence[Sequence[int]]:
-        """Trials by programme."""
-        ...
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Standard deviations of a trial's errors."""
-
-    white_sd: float
-    """Of one reading, N: the mean over trials."""
-    slow_sd: float
-    """Of the load cell's slow error, N."""
-    correlation_time: float
-    """s over which the slow error's correlation falls to 1/e."""
-    zero_sd: float
-    """Expected of a trial's zero, N."""
-    wander_sd: float
-    """Of the displacement sensor's slow error, mm."""
-    source: str
-    """What the sizes are known from."""
-
-    @property
-    def force_sd(self) -> float:
-        """Of one reading about its own trial's course, N."""
-        return float(np.hypot(self.white_sd, self.slow_sd))
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,132 +187,3 @@ def numerical_covariance(
     total = np.outer(size, size) * relative**2 * np.exp(-0.5 * (apart / length) ** 2)
     total += rough * np.exp(-0.5 * (apart / ROUGHNESS_LENGTH_MM) ** 2)
     return np.asarray(total + 1e-2 * rough * np.eye(len(size)))
-
-
-def estimate_noise(
-    observed: Observed,
-    instrument: Instrument,
-    slowest: float,
-    residual: FloatArray | None = None,
-) -> Noise:
-    """Estimate the sizes of a trial's errors from repeats and instruments.
-
-    Contrasts between repeats don't hold the true curve. What differs from trial to trial otherwise
-    (a zero, a gain, a shift, a drift) is projected out of them first.
-
-    Parameters
-    ----------
-    observed
-        The recordings.
-    instrument
-        Stated accuracy: what of the load cell's isn't white noise is a slow error.
-    slowest
-        Expected correlation time of the slow error, s.
-    residual
-        (n,), N: of a fitted model, whose misfit is alike in all trials but whose first contacts
-        are each trial's own; the recorded force without it.
-    """
-    white = observed.white_sd
-    figures = (
-        "the instrument's stated accuracy"
-        if instrument.stated
-        else "differences from sample to sample"
-    )
-    few = f"{figures} only (there are no repeats)"
-    expected = Noise(
-        white_sd=white,
-        slow_sd=instrument.slow_force_sd(white),
-        correlation_time=slowest,
-        zero_sd=max(instrument.force_sd, 1e-3 * float(np.abs(observed.force).max())),
-        wander_sd=instrument.wander_sd(observed.jitter_sd),
-        source=few if observed.repeats < 2 else f"the repeats and {figures}",
-    )
-    if observed.repeats < 2:
-        # Neither a data sheet nor repeats tell of slow errors: load cells' are about as large.
-        return expected if instrument.stated else replace(expected, slow_sd=white)
-    vague = np.array([_STATED if instrument.stated else _VAGUENESS, _VAGUENESS, _VAGUENESS])
-    values = observed.force if residual is None else residual
-    return _from_repeats(observed, expected, values, vague)
-
-
-def trial_covariance(observed: Observed, noise: Noise) -> FloatArray:
-    """Return the covariance (n, n), N^2, of the trials' noise about their own courses."""
-    result = np.zeros((len(observed.force),) * 2)
-    for k in range(int(observed.trial.max()) + 1):
-        here = np.flatnonzero(observed.trial == k)
-        result[np.ix_(here, here)] = _one_trial(observed, noise, here)
-    return result
-
-
-def _one_trial(observed: Observed, noise: Noise, here: NDArray[np.int_]) -> FloatArray:
-    time, slope = observed.time[here], observed.stiffness[here]
-    steps = np.abs(np.diff(observed.displacement[here]))
-    corners = np.diff(observed.segment[here]) != 0
-    walked = np.concatenate([[0.0], np.cumsum(steps + CORNER_MM * corners)])
-    apart_s = np.abs(time[:, None] - time[None, :])
-    apart_mm = np.abs(walked[:, None] - walked[None, :])
-    both = np.outer(slope, slope)
-    jitter = np.sqrt(observed.jitter_variance[here])
-    result: FloatArray = (
-        np.diag(observed.white_variance[here])
-        + noise.slow_sd**2 * np.exp(-apart_s / noise.correlation_time)
-        + noise.wander_sd**2 * both * np.exp(-apart_mm / WANDER_LENGTH_MM)
-        + both * np.outer(jitter, jitter) * np.exp(-apart_mm / JITTER_LENGTH_MM)
-    )
-    return result
-
-
-def _from_repeats(
-    observed: Observed, expected: Noise, values: FloatArray, vague: FloatArray
-) -> Noise:
-    """Maximise the contrasts' likelihood times log-normal expectations."""
-    blocks = [_contrasts(observed, list(m), values) for m in observed.repeated if len(m) > 1]
-    centre = np.log([expected.slow_sd, expected.correlation_time, expected.wander_sd])
-
-    def noise_at(logs: FloatArray) -> Noise:
-        slow, length, wander = np.exp(centre + logs)
-        return replace(
-            expected, slow_sd=float(slow), correlation_time=float(length), wander_sd=float(wander)
-        )
-
-    def cost(logs: FloatArray) -> float:
-        noise = noise_at(logs)
-        total = 0.5 * float(np.sum((logs / vague) ** 2))
-        for here, kept, contrasts in blocks:
-            spread = kept.T @ _one_trial(observed, noise, here) @ kept
-            try:
-                factor, _ = cho_factor(spread, lower=True)
-            except np.linalg.LinAlgError:
-                return 1e12
-            white = solve_triangular(factor, contrasts, lower=True)
-            log_det = 2 * float(np.sum(np.log(np.diag(factor))))
-            total += 0.5 * (contrasts.shape[1] * log_det + float(np.sum(white**2)))
-        return total
-
-    found = minimize(cost, np.zeros(3), method="L-BFGS-B", bounds=[(-4.0, 4.0)] * 3)
-    return noise_at(found.x)
-
-
-def _contrasts(
-    observed: Observed, members: list[int], values: FloatArray
-) -> tuple[NDArray[np.int_], FloatArray, FloatArray]:
-    """Return a trial's indices, a basis (m, m - k) without smooth changes, and the contrasts."""
-    rows = [np.flatnonzero(observed.trial == k) for k in members]
-    here = rows[0]
-    mean = np.mean([observed.force[row] for row in rows], axis=0)
-    changes = np.column_stack(
-        [
-            np.ones(len(here)),
-            mean,
-            mean**2,
-            observed.stiffness[here],
-            np.gradient(observed.stiffness[here]),
-            observed.time[here],
-        ]
-    )
-    basis = np.linalg.qr(changes, mode="complete")[0][:, changes.shape[1] :]
-    return (
-        here,
-        basis,
-        basis.T @ (helmert(len(members)) @ np.array([values[row] for row in rows])).T,
-    )

@@ -27,7 +27,8 @@ from legfem.diagnose.mechanisms.end_effects import EndEffects
 from legfem.diagnose.nuisances import Accuracy, Nuisances
 from legfem.diagnose.observations import Observations, blank_observations
 from legfem.diagnose.predict import Predictor
-from legfem.inference.errors import Noise, error_model
+from legfem.inference.errors import error_model
+from legfem.inference.trial_noise import Noise
 from legfem.plan.designs import Design
 
 TOLD_APART = 3.0

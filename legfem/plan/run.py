@@ -9,7 +9,7 @@ import numpy as np
 from legfem.common.progress import Progress
 from legfem.correction.choice import choose_correction
 from legfem.diagnose.diagnosis import Diagnosis, slowest_of
-from legfem.diagnose.explain import Explanation
+from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.fit import Fit, Problem
 from legfem.diagnose.library import Library
 from legfem.diagnose.library_build import build_library, rounded, shown_mechanisms
@@ -18,7 +18,8 @@ from legfem.diagnose.mechanisms.base import prior_of
 from legfem.diagnose.observations import Observations, blank_observations
 from legfem.diagnose.predict import Predictor
 from legfem.diagnose.run import STIFFENING, Diagnoser, accuracy_of, no_ends_because
-from legfem.inference.errors import Noise, error_model
+from legfem.inference.errors import error_model
+from legfem.inference.trial_noise import Noise
 from legfem.plan.designs import Design, designs
 from legfem.plan.reckon import Candidate, Reckoned, before_any_test, reckon
 from legfem.solve.protocol import Protocol

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.explain import Explanation
+from legfem.diagnose.explanation import Explanation
 
 BASE_COLOUR = "#D55E00"
 REPAIRED_COLOUR = "#0072B2"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.explain import Explanation
+from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.held_out import HeldOut
 from legfem.diagnose.mechanisms.base import null_of
 from legfem.diagnose.remains import explained_share

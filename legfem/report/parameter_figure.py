@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.explain import Explanation
+from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.mechanisms.base import null_of
 from legfem.report.diagnosis_style import (
     BASE_COLOUR,

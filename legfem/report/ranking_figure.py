@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from legfem.diagnose.diagnosis import SOUND, Diagnosis
-from legfem.diagnose.explain import Explanation
+from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.sentences import percent
 from legfem.report.diagnosis_style import (
     BASE_COLOUR,

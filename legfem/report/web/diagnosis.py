@@ -10,7 +10,7 @@ from legfem.common.doubts import doubt_lines
 from legfem.common.units import FloatArray
 from legfem.diagnose.diagnosis import Diagnosis, Verdict
 from legfem.diagnose.document import Recorded, doubts_of
-from legfem.diagnose.explain import Explanation
+from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.sentences import (
     next_experiments,
     percent,
