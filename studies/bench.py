@@ -19,7 +19,7 @@ from rich.table import Table
 from legfem.common.command_edge import command_edge, leave_to_first_rank
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.mechanics.contact_settings import ContactSettings
-from legfem.solve.stepping import SolveReport
+from legfem.solve.report import SolveReport
 from studies.reconstruct import read_definition, test_of
 
 SUBJECT = "3"

@@ -16,7 +16,8 @@ from legfem.fem.system import System
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.solve.newton import NewtonOutcome, NewtonSettings, NewtonSolver
 from legfem.solve.protocol import Protocol
-from legfem.solve.stepping import SolveReport, Step, StepSettings, follow, press
+from legfem.solve.report import SolveReport, Step
+from legfem.solve.stepping import StepSettings, follow, press
 
 
 class FailingSolver(NewtonSolver):

@@ -11,7 +11,7 @@ from legfem.jobs.fingerprint import code_fingerprint
 from legfem.jobs.key import key_of
 from legfem.solve.force_curve import ForceCurve
 from legfem.solve.path import Path
-from legfem.solve.stepping import SolveReport
+from legfem.solve.report import SolveReport
 
 ELSEWHERE = ("comm",)
 """Fields of an experiment that change no result."""

@@ -23,8 +23,9 @@ from legfem.meshing.support import Support
 from legfem.solve.linear import LinearSettings
 from legfem.solve.newton import NewtonSettings, NewtonSolver
 from legfem.solve.protocol import Protocol
+from legfem.solve.report import SolveReport
 from legfem.solve.sensitivity import Trackers
-from legfem.solve.stepping import SolveReport, StepSettings, follow
+from legfem.solve.stepping import StepSettings, follow
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from legfem.experiments.pressing import motion
 from legfem.mechanics.materials import Hyperelastic
 from legfem.solve.path import Path
 from legfem.solve.protocol import Protocol
-from legfem.solve.stepping import SolveReport
+from legfem.solve.report import SolveReport
 
 _POINTS = 80
 # Of the length: a bar can't be pressed to nothing.

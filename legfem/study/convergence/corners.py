@@ -12,7 +12,7 @@ from legfem.experiments.pressing import solved_once
 from legfem.geometry.section import LegSection
 from legfem.jobs.pool import Workers
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
-from legfem.solve.stepping import SolveReport
+from legfem.solve.report import SolveReport
 from legfem.subjects.subject import Indenter
 
 

@@ -18,7 +18,8 @@ from legfem.experiments.pressing import solved_once
 from legfem.geometry.section import LegSection
 from legfem.jobs.pool import Workers
 from legfem.solve.force_curve import ForceCurve
-from legfem.solve.stepping import SolveReport, StepSettings
+from legfem.solve.report import SolveReport
+from legfem.solve.stepping import StepSettings
 from legfem.subjects.subject import Indenter
 
 DEPTHS = np.array([2.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0])

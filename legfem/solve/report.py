@@ -1,0 +1,67 @@
+"""What a solution took: a typed report of every step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Step:
+    """One attempted step."""
+
+    displacement: float
+    """At its end (mm)."""
+    time: float
+    """At its end (s)."""
+    size: float
+    """mm; in a hold, s."""
+    accepted: bool
+    reason: str
+    factorisations: int
+    iterations: int
+    residual: float
+    """N/mm in 2D, N in 3D."""
+
+
+@dataclass(frozen=True)
+class SolveReport:
+    """What a solution took and how far it came."""
+
+    reached: float
+    """Greatest displacement (mm)."""
+    target: float
+    """Greatest displacement asked for (mm)."""
+    complete: bool
+    """Whether the whole path was followed."""
+    reason: str
+    """Why it stopped."""
+    steps: tuple[Step, ...] = ()
+    seconds: float = 0.0
+    unknowns: int = 0
+    contact_stiffness_factor: float = 1.0
+    """1 unless the contact had to be softened to go on."""
+    earlier_attempts: tuple[SolveReport, ...] = ()
+
+    @property
+    def factorisations(self) -> int:
+        """Of all steps, accepted or not, and of all attempts."""
+        own = sum(step.factorisations for step in self.steps)
+        return own + sum(report.factorisations for report in self.earlier_attempts)
+
+    @property
+    def iterations(self) -> int:
+        """Newton iterations of all steps."""
+        return sum(step.iterations for step in self.steps)
+
+    @property
+    def rejected(self) -> int:
+        """Number of rejected steps."""
+        return sum(not step.accepted for step in self.steps)
+
+    def __str__(self) -> str:
+        """Return one line for a log."""
+        end = "complete" if self.complete else f"stopped: {self.reason}"
+        return (
+            f"{self.reached:.2f} of {self.target:.2f} mm ({end}); {len(self.steps)} steps, "
+            f"{self.rejected} rejected, {self.factorisations} factorisations, {self.seconds:.1f} s"
+        )
