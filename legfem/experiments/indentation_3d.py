@@ -19,7 +19,7 @@ from legfem.fem.system import System
 from legfem.mechanics.contact import FiniteCylinder, RigidCylinder, RigidIndenter
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import Hyperelastic
-from legfem.mechanics.model import LegModel
+from legfem.mechanics.model import LegModel, Term
 from legfem.meshing.idealised_leg import (
     IdealisedLeg,
     LegMesh,
@@ -93,6 +93,8 @@ class IdealisedLegIndentation(PressingTest):
         Numerical.
     comm
         Over which one solution is spread.
+    mechanisms
+        Terms that are added to the model, for example `legfem.mechanics.terms.Fibres`.
 
     Raises
     ------
@@ -106,6 +108,7 @@ class IdealisedLegIndentation(PressingTest):
     dimension: Literal[2, 3] = 3
     settings: IdealisedLegSettings = field(default_factory=IdealisedLegSettings)
     comm: MPI.Intracomm = field(default_factory=lambda: MPI.COMM_SELF, repr=False)
+    mechanisms: tuple[Term, ...] = ()
 
     def __post_init__(self) -> None:
         """Check what is given."""
@@ -123,7 +126,8 @@ class IdealisedLegIndentation(PressingTest):
         """The sum of terms."""
         laws = {region: self.tissues[region] for region in self.leg.regions}
         shape, settings = self.cylinder.shape(self.dimension), self.settings
-        return leg_model(laws, shape, settings.contact, settings.formulation)
+        base = leg_model(laws, shape, settings.contact, settings.formulation)
+        return base.with_terms(self.mechanisms)
 
     @made_when_needed
     def leg_mesh(self) -> LegMesh:

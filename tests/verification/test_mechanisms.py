@@ -24,7 +24,7 @@ from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainS
 from legfem.fem.system import System
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import ExponentialStiffening, Yeoh
-from legfem.mechanics.terms import Contraction, Prestress, Tissue, Viscoelasticity
+from legfem.mechanics.terms import Contraction, Fibres, Prestress, Tissue, Viscoelasticity
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.protocol import Protocol
 from legfem.solve.stepping import follow
@@ -50,6 +50,11 @@ MECHANISMS = {
         },
     ),
     "prestress": ([Prestress(CIRCLE, region="deep")], None, {"deep.prestress.tension": 1e-3}),
+    "fibres": (
+        [Fibres("deep", axis=(0.8, 0.6, 0.0))],
+        None,
+        {"deep.fibres.shear": 2e-3, "deep.fibres.extension": 5e-3},
+    ),
     "tape": ([], TAPE, {"friction.weakness": 1 / 2e-4}),
 }
 

@@ -8,6 +8,7 @@ Parameters are named ``<where>.<field>`` for what every leg has (``deep.C10``,
 from legfem.mechanics.terms.contraction import Contraction
 from legfem.mechanics.terms.drainage import Drainage
 from legfem.mechanics.terms.fascia import Fascia
+from legfem.mechanics.terms.fibres import Fibres
 from legfem.mechanics.terms.normal_contact import NormalContact
 from legfem.mechanics.terms.pressure_stabilisation import PressureStabilisation
 from legfem.mechanics.terms.prestress import Prestress
@@ -22,6 +23,7 @@ __all__ = [
     "Contraction",
     "Drainage",
     "Fascia",
+    "Fibres",
     "NormalContact",
     "PressureStabilisation",
     "Prestress",

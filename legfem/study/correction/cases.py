@@ -21,14 +21,17 @@ from legfem.fem.compat import evaluate
 from legfem.jobs.store import Store
 from legfem.mechanics.integration_domain import Skin
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
-from legfem.mechanics.terms import NormalContact
+from legfem.mechanics.terms import Fibres, NormalContact
 from legfem.meshing.idealised_leg import IdealisedLeg
 from legfem.solve.force_curve import ForceCurve
 
 
 @dataclass(frozen=True)
 class Material:
-    """The paper's tissues; the deep one is neo-Hookean where ``C20_kPa`` is zero."""
+    """The paper's tissues; the deep one is neo-Hookean where ``C20_kPa`` is zero.
+
+    ``fibre_ratio`` is that of the deep tissue's shear moduli along the leg and across.
+    """
 
     C10_kPa: float = 2.0
     C20_kPa: float = 0.0
@@ -36,6 +39,7 @@ class Material:
     superficial_C10_kPa: float = 2.0
     fascia_C10_kPa: float = 100.0
     outer_D_per_MPa: float = 22.5
+    fibre_ratio: float = 1.0
 
     @property
     def laws(self) -> dict[str, Hyperelastic]:
@@ -51,6 +55,13 @@ class Material:
             )
         }  # fmt: skip
         return {"deep": deep, **outer}
+
+    @property
+    def mechanisms(self) -> tuple[Fibres, ...]:
+        """What is added to the laws."""
+        if self.fibre_ratio == 1.0:
+            return ()
+        return (Fibres.of_ratio("deep", kpa_to_mpa(self.C10_kPa), self.fibre_ratio),)
 
 
 @dataclass(frozen=True)
@@ -116,10 +127,13 @@ def solve_case(
     States of the 3D model are kept in a folder, if one is given, until it is solved.
     """
     started = time.process_time()
+    material = case.material
     # The section is small: every rank solves all of it.
-    flat = IdealisedLegIndentation(case.leg, case.cylinder, case.material.laws, 2, case.settings)
+    flat = IdealisedLegIndentation(
+        case.leg, case.cylinder, material.laws, 2, case.settings, mechanisms=material.mechanisms
+    )
     experiment = IdealisedLegIndentation(
-        case.leg, case.cylinder, case.material.laws, 3, case.settings, comm
+        case.leg, case.cylinder, material.laws, 3, case.settings, comm, material.mechanisms
     )
     plane = flat.solve(depth=case.depth)
     spatial = experiment.solve(depth=case.depth, keep_in=keep_in)

@@ -1,0 +1,1 @@
+"""How muscle fibres along the leg change the force of a short cylinder."""

@@ -1,0 +1,117 @@
+"""``python -m studies.fibres``: P(d) of the idealised leg with fibres along it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from matplotlib.figure import Figure
+
+from legfem.common.command_edge import study_edge
+from legfem.common.documents import write_atomically, write_document
+from legfem.common.markdown import markdown_table
+from legfem.common.progress import progress_on
+from legfem.common.units import FloatArray
+from legfem.correction.tabulated import smooth_ratio
+from legfem.experiments.indentation_3d import IdealisedLegSettings
+from legfem.jobs.pool import Workers
+from legfem.meshing.idealised_leg import LegMeshSettings
+from legfem.report.style import save
+from legfem.study.correction.cases import CorrectionCase, Material, remembered_case
+from legfem.study.options import Jobs, Out
+
+C10_KPA = 1.0
+DEPTH_MM = 15.0
+RATIOS = (1.0, 2.0, 3.0, 5.0)
+"""Of the shear moduli along the leg and across; about three in the thigh's vastus lateralis."""
+AT_MM = np.array([2.0, 5.0, 10.0, 15.0])
+_COARSE = LegMeshSettings(contact_size=8, depth_size=16, edge_size=8, growth=0.5, far_size=40)
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+
+
+def case_of(ratio: float, coarse: bool = False) -> CorrectionCase:
+    """Return the idealised leg with a ratio of shear moduli."""
+    settings = IdealisedLegSettings()
+    return CorrectionCase(
+        material=Material(C10_kPa=C10_KPA, fibre_ratio=ratio),
+        settings=replace(settings, mesh=_COARSE) if coarse else settings,
+        depth=DEPTH_MM,
+    )
+
+
+def correction_of(case: CorrectionCase, folder: Path) -> tuple[FloatArray, FloatArray]:
+    """Return P and the 3D force (N) at `AT_MM`."""
+    outcome = remembered_case(case, folder)
+    return smooth_ratio(outcome.spatial, outcome.plane, AT_MM), outcome.spatial(AT_MM)
+
+
+def _solved(folder: Path, case: CorrectionCase) -> tuple[FloatArray, FloatArray]:
+    return correction_of(case, folder)
+
+
+def figure_of(found: dict[float, tuple[FloatArray, FloatArray]]) -> Figure:
+    """Return the force of fibrous muscle over that of muscle alike in all directions."""
+    figure = Figure(figsize=(6, 3.8), layout="constrained")
+    axes = figure.subplots()
+    for (ratio, (_, force)), style in zip(found.items(), ("-", "--", "-.", ":"), strict=True):
+        axes.plot(
+            AT_MM, force / found[1.0][1], style, color="black", label=rf"$\mu_L/\mu_T$ = {ratio:g}"
+        )
+    axes.set(xlabel="displacement (mm)", ylabel="3D force over that without fibres")
+    axes.legend(frameon=False)
+    return figure
+
+
+@app.command()
+def fibres(
+    coarse: Annotated[
+        bool, typer.Option("--coarse", help="A quick look on a coarse mesh.")
+    ] = False,
+    out: Out = None,
+    jobs: Jobs = None,
+) -> None:
+    """Press a cylinder of 50 mm into an idealised leg whose muscle is stiffer along it.
+
+    Solutions are kept as they are done: the same command goes on where it was stopped.
+
+    Example: python -m studies.fibres --coarse
+    """
+    resume = "run the same command again to go on; solutions that are done are kept"
+    with study_edge("fibres", out, jobs, resume) as (folder, processes), progress_on() as progress:
+        progress.stage("pressing legs with fibres", len(RATIOS))
+        cases = [case_of(ratio, coarse) for ratio in RATIOS]
+        by_ratio = {}
+        with Workers(_solved, folder / "solved", processes) as workers:
+            for case, one in workers.run(cases):
+                by_ratio[case.material.fibre_ratio] = one
+                progress.advance(f"ratio {case.material.fibre_ratio:g}")
+        found = {ratio: by_ratio[ratio] for ratio in RATIOS}
+        table = markdown_table(
+            ["shear moduli along / across", *(f"P at {d:g} mm" for d in AT_MM), "force over none"],
+            [
+                [f"{ratio:g}", *(f"{value:.3f}" for value in P),
+                 f"{force[-1] / found[1.0][1][-1]:.3f}"]
+                for ratio, (P, force) in found.items()
+            ],
+        )  # fmt: skip
+        write_document(folder / "result.json", {
+            "schema": 1,
+            "origin": "simulated",
+            "displacement_mm": AT_MM.tolist(),
+            "ratios": [
+                {"ratio": ratio, "P": P.tolist(), "force_N": force.tolist()}
+                for ratio, (P, force) in found.items()
+            ],
+        })  # fmt: skip
+        save(figure_of(found), folder, "fibres")
+        typer.echo(table)
+        write_atomically(folder / "report.md", table)
+        typer.echo(f"report: {folder / 'report.md'}")
+
+
+if __name__ == "__main__":
+    app(prog_name="python -m studies.fibres")
