@@ -42,6 +42,33 @@ _FILL = 0.17
 
 
 @dataclass(frozen=True)
+class FineStrip:
+    """A strip of skin with smaller elements: where an indenter presses.
+
+    Parameters
+    ----------
+    ends : (3,) and (3,) tuple
+        Of the line on the skin that the strip lies about (mm).
+    reach : float
+        From the line, to where elements are this small (mm).
+    size : float
+        Greatest edge length (mm).
+    """
+
+    ends: tuple[tuple[float, float, float], tuple[float, float, float]]
+    reach: float
+    size: float
+
+    def holds(self, points: FloatArray) -> NDArray[np.bool_]:
+        """Tell which points (n, 3) lie within reach."""
+        start, end = np.array(self.ends)
+        along = end - start
+        share = np.clip((points - start) @ along / (along @ along), 0.0, 1.0)
+        away = np.linalg.norm(points - start - share[:, None] * along, axis=1)
+        return np.asarray(away < self.reach)
+
+
+@dataclass(frozen=True)
 class SolidMeshSettings:
     """How fine the mesh of a leg's segment is; lengths in mm.
 
@@ -64,6 +91,8 @@ class SolidMeshSettings:
         Least distance between the parts' surfaces that is meshed.
     z_range : (float, float), optional
         Part of the leg to mesh; the whole by default.
+    strip : FineStrip, optional
+        Of the skin, with smaller elements.
     """
 
     skin_size: float = 5.0
@@ -74,6 +103,7 @@ class SolidMeshSettings:
     growth: float = 0.25
     clearance: float = 0.5
     z_range: tuple[float, float] | None = None
+    strip: FineStrip | None = None
 
     def __post_init__(self) -> None:
         """Check the sizes."""
@@ -91,6 +121,7 @@ class SolidMeshSettings:
             bone_size=self.bone_size / factor,
             layer_elements=self.layer_elements * factor,
             turn_elements=max(10.0, self.turn_elements * factor),
+            strip=self.strip and replace(self.strip, size=self.strip.size / factor),
         )
 
 
@@ -249,6 +280,9 @@ def _size_field(shape: LegShape, settings: SolidMeshSettings, spacing: float) ->
         gap = np.min([close[other].query(xyz)[0] for other in others], axis=0)
         points.append(xyz)
         sizes.append(np.minimum(size, gap / settings.layer_elements))
+        if part == SKIN and settings.strip is not None:
+            fine = settings.strip.holds(xyz)
+            sizes[-1] = np.where(fine, np.minimum(sizes[-1], settings.strip.size), sizes[-1])
     return SizeField(
         np.vstack(points), np.concatenate(sizes), settings.growth, settings.inside_size
     )

@@ -1,0 +1,81 @@
+"""A leg pressed in 3D: a round one against the idealised leg's other elements, and balance."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from legfem.common.errors import InputError
+from legfem.experiments.indentation_3d import (
+    Cylinder,
+    IdealisedLegIndentation,
+    IdealisedLegSettings,
+)
+from legfem.experiments.leg_3d import LegIndentation3D, Pose, SolidLegSettings
+from legfem.geometry.leg_shape import LegShape
+from legfem.mechanics.materials import NeoHookean
+from legfem.mechanics.terms import Fibres
+from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
+from legfem.meshing.solid_leg import SolidMeshSettings
+
+TISSUES = {"deep": NeoHookean(1e-3, 28.0), "superficial": NeoHookean(2e-3, 22.5)}
+RADIUS, BONE, FAT = 40.0, 12.0, 9.0
+CYLINDER = Cylinder(length=30.0)
+COARSE = SolidMeshSettings(skin_size=12.0, inside_size=16.0, bone_size=8.0, layer_elements=0.7)
+
+
+def round_leg(length: float) -> LegShape:
+    angle = np.linspace(0, 2 * np.pi, 96, endpoint=False)
+    ring = np.column_stack([np.cos(angle), np.sin(angle)])
+    levels = np.linspace(0, length, 9)
+    radii = {"skin": RADIUS, "hull": RADIUS - FAT, "tibia": BONE}
+    return LegShape(levels, {p: np.tile(r * ring, (len(levels), 1, 1)) for p, r in radii.items()})
+
+
+def pressed(size: float, direction_deg: float = 250.0, mesh: SolidMeshSettings = COARSE, **more):
+    length = 60.0
+    pose = Pose((0.0, 0.0), length / 2, direction_deg)
+    settings = SolidLegSettings(mesh=mesh, contact_size=size)
+    return LegIndentation3D(round_leg(length), CYLINDER, pose, TISSUES, 0.0, settings, **more)
+
+
+def test_the_cylinder_first_touches_the_skin_on_its_way():
+    test = pressed(8.0, 200.0)
+    away = -(RADIUS + CYLINDER.radius) * test.pose.direction
+    np.testing.assert_allclose(test.touch, [*away[:2], 30.0], atol=2e-3)
+
+
+def test_a_cylinder_beyond_what_was_scanned_is_refused():
+    with pytest.raises(InputError, match="leaves the leg"):
+        LegIndentation3D(round_leg(60.0), CYLINDER, Pose((0, 0), 50.0, 0.0), TISSUES)
+
+
+@pytest.mark.slow
+def test_a_round_leg_is_the_idealised_leg_s_by_other_elements():
+    """Tetrahedra of Taylor and Hood against hexahedra, once some elements touch."""
+    at = np.array([3.0, 4.0, 5.0, 6.0])
+    found = pressed(4.5, mesh=COARSE.refined(1.4)).solve(depth=6.0)
+    assert found.report.complete
+    leg = IdealisedLeg(RADIUS, BONE, 60.0, fat=FAT, ends="held")
+    mesh = LegMeshSettings(contact_size=3, depth_size=5, edge_size=3, growth=0.4, far_size=15)
+    other = IdealisedLegIndentation(
+        leg, CYLINDER, TISSUES, 3, replace(IdealisedLegSettings(), mesh=mesh)
+    ).solve(depth=6.0)
+    ratio = found.curve(at) / other.curve(at)
+    print(ratio)
+    np.testing.assert_allclose(ratio, 1.0, atol=0.01)
+
+
+@pytest.mark.slow
+def test_forces_balance_and_fibres_stiffen():
+    plain, fibrous = pressed(8.0), pressed(8.0, mechanisms=(Fibres.of_ratio("deep", 1e-3, 3.0),))
+    forces = []
+    for test in (plain, fibrous):
+        solved = test.solve(depth=3.0)
+        balance = test.system.balance()
+        across = balance.contact_force[:2] + balance.bone_reaction[:2]
+        assert np.abs(across).max() < 1e-6 * np.abs(balance.contact_force).max()
+        forces.append(solved.curve.force[-1])
+    assert 1.05 < forces[1] / forces[0] < 1.3
