@@ -62,7 +62,7 @@ def figure_of(found: dict[float, tuple[FloatArray, FloatArray]]) -> Figure:
             AT_MM, force / found[1.0][1], style, color="black", label=rf"$\mu_L/\mu_T$ = {ratio:g}"
         )
     axes.set(xlabel="displacement (mm)", ylabel="3D force over that without fibres")
-    axes.legend(frameon=False)
+    figure.legend(loc="outside right upper", frameon=False)
     return figure
 
 
