@@ -13,8 +13,11 @@ from making_results import measured_curve, result
 from matplotlib.image import imread
 from scipy.stats import chi2
 
+from legfem.correction.choice import REFERENCE
+from legfem.correction.tabulated import read_correction
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.identify.result import AppliedCorrection
+from legfem.identify.warnings import Finding, warnings_about
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report.cost_figure import confidence_ellipse, cost_figure, linear_cost
 from legfem.report.fit_figure import fit_figure
@@ -57,6 +60,17 @@ def test_the_correction_is_named_with_its_size_and_error(both):
     assert "3D correction      a leg's" in text
     assert "P -0.15 ± 0.04 at 5 mm" in text
     assert "3D correction      none" in fit_report(both[0])
+
+
+def test_who_reads_a_corrected_c10_is_told_what_fibres_would_do_to_it(both, tmp_path):
+    leg = replace(load_subject(write_subject(tmp_path)), plane_strain=False)
+    one, own = both[0], read_correction(REFERENCE)
+    finding = Finding(
+        leg, one.law, one.parameters, one.cost, False, True, (), own, one.measured
+    )  # fmt: skip
+    for correction, told in ((own, True), (None, False)):
+        texts = warnings_about(replace(finding, correction=correction))
+        assert any("alike in all directions" in text for text in texts) == told
 
 
 @pytest.mark.parametrize("origin", ["reconstructed", "simulated", "measured"])

@@ -90,6 +90,8 @@ def warnings_about(found: Finding) -> tuple[str, ...]:
             )
     if found.correction is None:
         texts.append(f"No 3D correction is applied: {_without_correction(found.subject)}")
+    elif not found.subject.plane_strain:
+        texts.append(_FIBRES)
     for name, tissue in found.subject.tissues.items():
         if name != "deep" and (ratio := poisson_ratio(tissue)) is not None and ratio < 0:
             texts.append(
@@ -112,6 +114,13 @@ def doubts_of(found: Finding) -> tuple[Doubt, ...]:
         )
     ]  # fmt: skip
     return (*doubts_about(found.subject), *published)
+
+
+_FIBRES = (
+    "The 3D correction takes muscle to be alike in all directions. Where its shear modulus along "
+    "the leg is three times that across, a cylinder of 50 mm meets 21 to 31 % more force "
+    "(studies/fibres), and C10 is about as much too high."
+)
 
 
 def _without_correction(subject: Subject) -> str:
