@@ -39,7 +39,7 @@ from legfem.recording import Instrument
 from legfem.solve.protocol import Protocol
 from legfem.solve.stepping import StepSettings
 from legfem.study.options import Jobs
-from legfem.subjects.from_cross_sections import check_new_folder, write_subject_folder
+from legfem.subjects.folder import check_new_folder, write_subject_folder
 from legfem.subjects.subject import Indenter
 from studies.lab.synthesis import InstrumentNoise, record_path
 from studies.legs.calf import Calf, calf_section

@@ -11,8 +11,10 @@ from typer.testing import CliRunner
 from legfem.common.errors import InputError
 from legfem.geometry import PARTS, fat_thickness, girth, minimal_fat_thickness
 from legfem.geometry.__main__ import app
-from legfem.geometry.cross_sections import read_cross_section, section_from_outlines
-from legfem.subjects.from_cross_sections import convert_cross_sections
+from legfem.geometry.cross_sections import section_from_outlines
+from legfem.geometry.plane import CuttingPlane
+from legfem.imaging.leg_source import LegSource
+from legfem.subjects.folder import folder_of_leg
 from legfem.subjects.subject import load_subject
 
 REAL = SHARED / "data" / "leg_geometry" / "cross_sections_5mm.csv"
@@ -27,6 +29,10 @@ def _surfaces() -> dict[str, np.ndarray]:
         "tibia": circle(0, -45, 14, 60),
         "fibula": circle(25, -20, 6, 40),
     }
+
+
+def _source(path):
+    return LegSource(str(path), contours=path)
 
 
 def _write(path, surfaces):
@@ -56,7 +62,7 @@ def test_a_tibia_under_the_skin_is_wrapped_and_cut_back():
 
 def test_a_folder_is_written_whole_and_loads(tmp_path):
     path = _write(tmp_path / "sections.csv", _surfaces())
-    out = convert_cross_sections(path, 300, tmp_path / "out" / "leg (left)", fascia_thickness=0.8)
+    out = folder_of_leg(_source(path), 300, tmp_path / "out" / "leg (left)", fascia_thickness=0.8)
     subject = load_subject(out, need_recordings=False)
     assert subject.id == "leg -left-", "an id is a plain name"
     assert subject.section.fascia_thickness == 0.8
@@ -69,11 +75,11 @@ def test_nothing_is_written_when_it_cannot_be_whole(tmp_path):
     surfaces = _surfaces() | {"tibia": circle(0, -70, 3)}
     path = _write(tmp_path / "sections.csv", surfaces)
     with pytest.raises(InputError, match="tibia"):
-        convert_cross_sections(path, 300, tmp_path / "leg")
+        folder_of_leg(_source(path), 300, tmp_path / "leg")
     assert [p.name for p in tmp_path.iterdir()] == ["sections.csv"]
     good = _write(tmp_path / "sections.csv", _surfaces())
     with pytest.raises(InputError, match="misses the leg"):
-        convert_cross_sections(good, 300, tmp_path / "leg", aim=np.array([200.0, 0.0]))
+        folder_of_leg(_source(good), 300, tmp_path / "leg", aim=np.array([200.0, 0.0]))
     assert [p.name for p in tmp_path.iterdir()] == ["sections.csv"]
 
 
@@ -82,7 +88,7 @@ def test_an_existing_folder_is_left_alone(tmp_path):
     (tmp_path / "leg").mkdir()
     (tmp_path / "leg" / "notes.txt").write_text("mine")
     with pytest.raises(InputError, match="exists already"):
-        convert_cross_sections(path, 300, tmp_path / "leg")
+        folder_of_leg(_source(path), 300, tmp_path / "leg")
     assert [p.name for p in (tmp_path / "leg").iterdir()] == ["notes.txt"]
 
 
@@ -90,10 +96,10 @@ def test_wrong_level_and_missing_surface_are_explained(tmp_path):
     surfaces = _surfaces()
     del surfaces["fibula"]
     path = _write(tmp_path / "sections.csv", surfaces)
-    with pytest.raises(InputError, match="the nearest is 300"):
-        read_cross_section(path, 305)
+    with pytest.raises(InputError, match="there is no level 305 mm, and 300 mm alone"):
+        _source(path).outlines(CuttingPlane.at_level(305))
     with pytest.raises(InputError, match="fibula: missing at level 300"):
-        read_cross_section(path, 300)
+        _source(path).outlines(CuttingPlane.at_level(300))
 
 
 def test_the_command_exits_2_with_one_line(tmp_path):
@@ -102,7 +108,7 @@ def test_the_command_exits_2_with_one_line(tmp_path):
     failed = CliRunner().invoke(app, [*options, "305"])
     assert failed.exit_code == 2
     assert failed.output.count("\n") == 1
-    assert "--level" in failed.output
+    assert "level" in failed.output
     done = CliRunner().invoke(app, [*options, "300"])
     assert done.exit_code == 0
     assert "girth 377 mm" in done.output
@@ -111,7 +117,7 @@ def test_the_command_exits_2_with_one_line(tmp_path):
 
 @real_leg
 def test_the_real_calf_becomes_a_subject(tmp_path):
-    out = convert_cross_sections(REAL, 300, tmp_path / "calf")
+    out = folder_of_leg(_source(REAL), 300, tmp_path / "calf")
     section = load_subject(out, need_recordings=False).section
     assert girth(section) == pytest.approx(378, abs=1)
     assert minimal_fat_thickness(section) > 1.5
@@ -123,5 +129,5 @@ def test_the_real_calf_becomes_a_subject(tmp_path):
 @real_leg
 @pytest.mark.parametrize("level", [170, 250, 380])
 def test_other_levels_convert_too(level):
-    section = section_from_outlines(read_cross_section(REAL, level), 0.6, REAL)
+    section = section_from_outlines(_source(REAL).outlines(CuttingPlane.at_level(level)), 0.6, REAL)
     assert minimal_fat_thickness(section) > 1.5

@@ -183,10 +183,10 @@ def test_signature_of_the_true_mechanism_matches_the_misfit(found):
 def test_report_lists_every_file_it_writes(found, subject, tmp_path, verdict):
     path = report.write_diagnosis_report(found[verdict], subject, tmp_path / "out")
     written = {entry.name for entry in path.parent.iterdir()}
-    wanted = {"recording", "parameters", "ranking"}
+    wanted = {"section", "recording", "parameters", "ranking"}
     wanted |= set() if verdict == "consistent" else {"signatures"}
     pictures = {f"{name}.png" for name in wanted}
-    small = {f"{name}.svg" for name in wanted - {"recording", "signatures"}}
+    small = {f"{name}.svg" for name in wanted - {"section", "recording", "signatures"}}
     assert written == {"report.txt", "report.html"} | pictures | small
     assert all(name in path.read_text() for name in written - {"report.txt"})
     for name in wanted:

@@ -11,8 +11,15 @@ import trimesh
 from making import SHARED
 
 from legfem.common.errors import InputError
+from legfem.geometry.leg_shape import LegShape
+from legfem.geometry.plane import CuttingPlane
 from legfem.geometry.shape_measures import fat_thickness_around, largest_girth, perimeter
-from legfem.imaging.surfaces import outlines_of_surface, read_surface, shape_of_surfaces
+from legfem.imaging.surfaces import (
+    outlines_of_surfaces,
+    read_surface,
+    read_surfaces,
+    shape_of_surfaces,
+)
 
 REAL = SHARED / "data" / "leg_geometry"
 real_leg = pytest.mark.skipif(not REAL.is_dir(), reason="needs ../shared/data/leg_geometry")
@@ -41,8 +48,13 @@ def _leg(folder: Path, **change: object) -> dict[str, Path]:
     }
 
 
+def _shape(parts: dict[str, Path], levels: np.ndarray) -> LegShape:
+    surfaces = read_surfaces({part: [path] for part, path in parts.items()})
+    return shape_of_surfaces(surfaces, levels, "leg")
+
+
 def test_a_bone_outside_the_hull_is_taken_into_it(tmp_path):
-    shape = shape_of_surfaces(_leg(tmp_path), LEVELS)
+    shape = _shape(_leg(tmp_path), LEVELS)
     assert shape.bones == ("tibia", "fibula")
     assert perimeter(shape) == pytest.approx(2 * np.pi * (55 + 0.05 * LEVELS), rel=2e-3)
     fat = fat_thickness_around(shape)
@@ -59,8 +71,9 @@ def test_a_bone_outside_the_hull_is_taken_into_it(tmp_path):
 def test_outlines_are_cut_at_any_level_also_through_vertices(tmp_path):
     surface = read_surface(_cone(tmp_path / "s.stl", 3, 4, 20, 0.1))
     levels = [1e-3, 50.0, 99.9]
-    outlines = outlines_of_surface(surface, levels, "s")
-    for outline, level in zip(outlines, levels, strict=True):
+    for level in levels:
+        plane = CuttingPlane.at_level(level)
+        outline = outlines_of_surfaces({"bone": [surface]}, plane, "s")["bone"]
         assert outline.area == pytest.approx(np.pi * (20 + 0.1 * level) ** 2, rel=2e-3)
 
 
@@ -71,21 +84,25 @@ def test_outlines_are_cut_at_any_level_also_through_vertices(tmp_path):
         ({"scale": 0.1}, LEVELS, "look like centimetres; multiply the coordinates by 10"),
         ({"scale": 10.0}, LEVELS, "not a leg's"),
         ({"scale": 0.001}, LEVELS, "look like metres"),
-        ({}, LEVELS + 60, r"level 100 mm: no closed outline there; choose levels between 0.0 and"),
+        (
+            {},
+            LEVELS + 60,
+            r"skin: no closed outline at level 100 mm; choose levels between 0.0 and",
+        ),
     ],
 )
 def test_bad_surfaces_give_one_line(tmp_path, change, levels, message):
     with pytest.raises(InputError, match=message) as caught:
-        shape_of_surfaces(_leg(tmp_path, **change), levels)
+        _shape(_leg(tmp_path, **change), levels)
     assert "\n" not in str(caught.value)
 
 
 def test_bad_files_give_one_line(tmp_path):
     parts = _leg(tmp_path)
     with pytest.raises(InputError, match="skin: the part is missing"):
-        shape_of_surfaces({k: v for k, v in parts.items() if k != "skin"}, LEVELS)
+        _shape({k: v for k, v in parts.items() if k != "skin"}, LEVELS)
     with pytest.raises(InputError, match="not found"):
-        shape_of_surfaces({**parts, "tibia": tmp_path / "none.stl"}, LEVELS)
+        _shape({**parts, "tibia": tmp_path / "none.stl"}, LEVELS)
     (tmp_path / "text.stl").write_text("nothing")
     with pytest.raises(InputError, match=r"text.stl: file"):
         read_surface(tmp_path / "text.stl")
@@ -95,7 +112,7 @@ def test_bad_files_give_one_line(tmp_path):
 def test_a_real_leg_is_read():
     parts = ("skin", "muscle_hull", "tibia", "fibula")
     files = {part: REAL / f"right_{part}.stl" for part in parts}
-    shape = shape_of_surfaces(files, np.arange(260.0, 341.0, 5.0))
+    shape = _shape(files, np.arange(260.0, 341.0, 5.0))
     assert largest_girth(shape) == pytest.approx(300, abs=5)
     assert perimeter(shape).max() == pytest.approx(378, abs=2)
     fat = fat_thickness_around(shape)

@@ -1,60 +1,145 @@
-"""``python -m legfem.geometry``: a subject folder from cross-sections."""
+"""``python -m legfem.geometry``: a subject folder from a scanned leg, and a picture of it."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
 
+from legfem.commands.options import SubjectDir
 from legfem.common.checks import check_finite
 from legfem.common.command_edge import command_edge
 from legfem.common.doubts import say
+from legfem.common.errors import InputError
 from legfem.geometry.section import fat_thickness, girth
-from legfem.subjects.from_cross_sections import convert_cross_sections
-from legfem.subjects.plausibility import doubts_about
-from legfem.subjects.subject import load_subject
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+if TYPE_CHECKING:
+    from legfem.imaging.leg_source import LegSource
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
 @app.command()
 def convert(
     cross_sections: Annotated[
-        Path, typer.Option(help="CSV file: level_mm,part,loop,i,x_mm,y_mm.", show_default=False)
-    ],
-    level: Annotated[float, typer.Option(help="Level of the section, mm.", show_default=False)],
-    out: Annotated[Path, typer.Option(help="Subject folder to make.", show_default=False)],
+        Path | None, typer.Option(help="CSV file: level_mm,part,loop,i,x_mm,y_mm.")
+    ] = None,
+    scan: Annotated[
+        Path | None,
+        typer.Option(help="Label volume (NIfTI, NRRD, DICOM-SEG, folder of a DICOM series)."),
+    ] = None,
+    label: Annotated[
+        list[str] | None,
+        typer.Option(help="TISSUE=NUMBER of the scan; repeat it. superficial=1, deep=2, bone=3."),
+    ] = None,
+    surface: Annotated[
+        list[str] | None,
+        typer.Option(help="PART=FILE (STL, PLY, OBJ, VTK); repeat it, for single muscles too."),
+    ] = None,
+    level: Annotated[
+        float | None, typer.Option(help="Level of the section, mm.", show_default=False)
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Subject folder to make.", show_default=False)
+    ] = None,
+    subject_dir: SubjectDir = None,
     fascia_thickness: Annotated[float, typer.Option(help="mm.")] = 0.6,
     aim: Annotated[
         tuple[float, float] | None,
-        typer.Option(help="Point on the line of travel, mm; the rearmost one by default."),
+        typer.Option(help="Point on the line of travel, mm; by default the one that faces it."),
     ] = None,
     direction: Annotated[
         float, typer.Option(help="Direction of travel, degrees from +x; 270 is along -y.")
     ] = 270.0,
 ) -> None:
-    """Make a subject folder (contours and subject.toml) from cross-sections of leg surfaces.
+    """Make a subject folder (contours, subject.toml, a picture) from a scanned leg.
 
-    Parts: skin, muscle_hull, tibia, fibula. +y is posterior unless you give --aim and
-    --direction.
+    Parts: skin, muscle_hull, tibia, fibula. In DICOM's coordinates +y is posterior, which the
+    default direction presses. With --subject-dir nothing is made but the picture of that folder's
+    section, cut as its subject.toml says.
 
     Example: python -m legfem.geometry --cross-sections cross_sections_5mm.csv --level 300
     --out my-leg
     """
     with command_edge("run the same command again"):
-        check_finite(level=level, fascia_thickness=fascia_thickness, direction=direction)
-        point = None if aim is None else np.array(aim)
-        if point is not None:
-            check_finite(aim=float(point.sum()))
-        convert_cross_sections(cross_sections, level, out, fascia_thickness, point, direction)
-        subject = load_subject(out, need_recordings=False)
+        from legfem.geometry.contour_table import write_outlines
+        from legfem.geometry.plane import CuttingPlane
+        from legfem.report.placement_figure import placement_figure
+        from legfem.report.style import save
+        from legfem.subjects.folder import folder_of_leg
+        from legfem.subjects.plausibility import doubts_about
+        from legfem.subjects.subject import load_subject
+
+        given = [source for source in (cross_sections, scan, surface, subject_dir) if source]
+        if len(given) != 1:
+            raise InputError(
+                "--cross-sections", f"{len(given)} legs", "one is needed",
+                "give one of --cross-sections, --scan, --surface and --subject-dir",
+            )  # fmt: skip
+        scanned = None
+        if subject_dir is not None:
+            folder = subject_dir
+        else:
+            if level is None or out is None:
+                raise InputError("--level, --out", "missing", "both are needed", "give them")
+            check_finite(level=level, fascia_thickness=fascia_thickness, direction=direction)
+            point = None if aim is None else np.array(aim)
+            if point is not None:
+                check_finite(aim=float(point.sum()))
+            source, folder = _source(cross_sections, scan, label or (), surface or ()), out
+            folder_of_leg(source, level, folder, fascia_thickness, point, direction)
+            scanned = source.outlines(CuttingPlane.at_level(level))
+            if cross_sections is None:
+                write_outlines(source.outlines_about(level), folder / "cross-sections.csv")
+        subject = load_subject(folder, need_recordings=False, need_instrument=False)
         say(doubts_about(subject))
+        picture = save(placement_figure(subject, scanned), folder, "section")[0]
     section, indenter = subject.section, subject.indenter
     fat = fat_thickness(section, indenter.aim, indenter.direction)
-    print(
-        f"{out}: girth {girth(section):.0f} mm, fat under the indenter {fat:.1f} mm. "
-        f"Next: put the trials into {out / 'recordings'} and your instruments' figures into "
-        f"{out / 'subject.toml'}."
-    )
+    print(f"{folder}: girth {girth(section):.0f} mm, fat under the indenter {fat:.1f} mm.")
+    if subject_dir is None:
+        print(
+            f"Next: put the trials into {folder / 'recordings'} and your instruments' figures into "
+            f"{folder / 'subject.toml'}."
+        )
+    print(f"picture: {picture}")
+
+
+def _source(
+    cross_sections: Path | None, scan: Path | None, label: Sequence[str], surface: Sequence[str]
+) -> LegSource:
+    from legfem.imaging.leg_source import LegSource
+    from legfem.imaging.surfaces import read_surfaces
+    from legfem.imaging.volume_file import read_volume
+
+    if cross_sections is not None:
+        return LegSource(str(cross_sections), contours=cross_sections)
+    if scan is not None:
+        meaning = {name: list(map(_label, given)) for name, given in _by_name(label).items()}
+        return LegSource(str(scan), volume=read_volume(scan, meaning or None))
+    files = {part: [Path(name) for name in names] for part, names in _by_name(surface).items()}
+    surfaces = read_surfaces(files)
+    return LegSource(str(files["skin"][0].parent), surfaces=surfaces)
+
+
+def _by_name(options: Sequence[str]) -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {}
+    for option in options:
+        name, sign, value = option.partition("=")
+        if not (sign and name and value):
+            raise InputError(
+                "--label, --surface", option, "is no NAME=VALUE",
+                "write --label deep=2 or --surface skin=skin.stl",
+            )  # fmt: skip
+        found.setdefault(name, []).append(value)
+    return found
+
+
+def _label(number: str) -> int:
+    try:
+        return int(number)
+    except ValueError:
+        raise InputError("--label", number, "is no whole number", "give the scan's") from None

@@ -16,7 +16,9 @@ from legfem.common.errors import InputError
 _DECIMAL_COMMA = re.compile(r"^\s*[+-]?\d+,\d+\s*$")
 
 
-def read_table(path: Path, columns: Sequence[str], text: Sequence[str] = ()) -> pd.DataFrame:
+def read_table(
+    path: Path, columns: Sequence[str], text: Sequence[str] = (), optional: Sequence[str] = ()
+) -> pd.DataFrame:
     """Read a CSV file whose first line is exactly ``columns``.
 
     Parameters
@@ -27,6 +29,8 @@ def read_table(path: Path, columns: Sequence[str], text: Sequence[str] = ()) -> 
         The header, in order; units stand in the names (``force_N``).
     text : sequence of str
         Columns that hold text; the others hold finite numbers.
+    optional : sequence of str
+        Columns that may be absent.
 
     Returns
     -------
@@ -40,8 +44,9 @@ def read_table(path: Path, columns: Sequence[str], text: Sequence[str] = ()) -> 
         missing, not numbers or not finite.
     """
     lines = _lines(path)
-    wanted = ",".join(columns)
     header = lines[0]
+    columns = [c for c in columns if c not in optional or c in re.split(r"[,;\t\s]+", header)]
+    wanted = ",".join(columns)
     if ";" in header or "\t" in header:
         raise InputError(
             path,

@@ -12,6 +12,7 @@ from shapely.validation import explain_validity
 from legfem.common.errors import InputError
 from legfem.common.tables import read_table
 from legfem.common.units import FloatArray
+from legfem.geometry.contour_table import HEADER as LEVELS_HEADER
 from legfem.geometry.section import PARTS, LegSection, fat_thickness, girth, minimal_fat_thickness
 
 __all__ = [
@@ -49,7 +50,12 @@ def read_contours(path: Path, fascia_thickness: float) -> LegSection:
         those of a leg (see `check_section`).
     """
     path = Path(path)
-    table = read_table(path, HEADER, text=("part",))
+    table = read_table(path, LEVELS_HEADER, text=("part",), optional=("level_mm", "loop", "i"))
+    if "level_mm" in table:
+        raise InputError(
+            path, "level_mm", "these are contours at several levels",
+            "say which to take: level_mm under [section] of subject.toml",
+        )  # fmt: skip
     for line, part in table["part"].items():
         if part not in PARTS:
             near = difflib.get_close_matches(part, PARTS, n=1)

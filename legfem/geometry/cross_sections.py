@@ -1,30 +1,35 @@
-"""From cross-sections of a leg's surfaces to a subject folder.
+"""From outlines of a leg's segmented parts at a level to a section that can be meshed.
 
-The input holds, for each level along the leg, outlines of the skin, the muscle's hull, tibia and
-fibula: ``level_mm,part,loop,i,x_mm,y_mm``, as sections of segmented surfaces give them. Such
-surfaces have no fascia, and the hull may meet the tibia or leave it outside (at the shin).
+There are outlines of the skin, the muscle's hull, tibia and fibula, as sections of segmented
+surfaces give them. These have no fascia, and the hull may meet the tibia, leave it outside (at the
+shin), or be in pieces, muscle by muscle.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from shapely import Polygon, make_valid
+from shapely import Polygon, make_valid, union_all
 
 from legfem.common.errors import InputError
-from legfem.common.tables import read_table
 from legfem.common.units import FloatArray
+from legfem.geometry.contour_table import MUSCLE_HULL, Loops
 from legfem.geometry.contours import check_girth, check_section
 from legfem.geometry.curve import resample_closed_curve
 from legfem.geometry.section import PARTS, LegSection
 
-HEADER = ("level_mm", "part", "loop", "i", "x_mm", "y_mm")
-SURFACES = ("skin", "muscle_hull", "tibia", "fibula")
+SURFACES = ("skin", MUSCLE_HULL, "tibia", "fibula")
 _INSIDE = 0.8
 """Share of a part's area that lies in the skin; outlines of two scans cross by some mm."""
+_BARE, _TOUCHING = 0.5, 0.2
+"""Share of the skin without fat, beyond which it is no skin; and how near the hull is then (mm)."""
+BRIDGE = 10.0
+"""Radius (mm) over which separate muscles are joined: gaps of twice that are spanned."""
+_SPECK = 0.02
+"""Of the largest piece's area; smaller ones are no muscle."""
 
 
 @dataclass(frozen=True)
@@ -49,53 +54,54 @@ class Clearances:
         return max(self.fascia_to_skin, 1.5 * fascia_thickness)
 
 
-def read_cross_section(path: Path, level: float) -> dict[str, Polygon]:
-    """Read the outlines of one level; the largest loop of each part.
-
-    Parameters
-    ----------
-    path : Path
-        CSV file, see the module.
-    level : float
-        mm, one of the file's.
-
-    Returns
-    -------
-    dict of Polygon
-        Keys ``skin``, ``muscle_hull``, ``tibia``, ``fibula``; mm.
+def polygons_of(loops: Loops, path: Path, where: str) -> dict[str, Polygon]:
+    """Return the outline of every part at a level: its largest, the muscles' joined.
 
     Raises
     ------
     InputError
-        If the table can't be read, there is no such level, or a part is missing there.
+        If a part is missing.
     """
-    table = read_table(Path(path), HEADER, text=("part",))
-    levels = np.unique(table["level_mm"].to_numpy())
-    here = table[np.isclose(table["level_mm"], level)]
-    if here.empty:
-        nearest = levels[int(np.argmin(np.abs(levels - level)))]
-        raise InputError(
-            path,
-            "--level",
-            f"there is no level {level:g} mm",
-            f"the nearest is {nearest:g}; levels are {levels[0]:g} to {levels[-1]:g}",
-        )
-    outlines: dict[str, Polygon] = {}
+    named = {MUSCLE_HULL if part == "hull" else part: pieces for part, pieces in loops.items()}
+    outlines = {}
     for part in SURFACES:
-        rows = here[here["part"] == part]
-        if rows.empty:
+        if part not in named:
             raise InputError(
-                path,
-                part,
-                f"missing at level {level:g} mm",
-                "choose another level or add the outline",
+                path, part, f"missing at {where}", "choose another level or add the outline"
             )
-        loops = [
-            _polygon(path, part, loop.sort_values("i")[["x_mm", "y_mm"]].to_numpy(np.float64))
-            for _, loop in rows.groupby("loop")
-        ]
-        outlines[part] = max(loops, key=lambda polygon: polygon.area)
+        pieces = [_polygon(path, part, points) for points in named[part]]
+        outlines[part] = (
+            joined(pieces, path, where)
+            if part == MUSCLE_HULL
+            else max(pieces, key=lambda piece: piece.area)
+        )
     return outlines
+
+
+def joined(
+    pieces: Sequence[Polygon], source: str | Path, where: str, bridge: float = BRIDGE
+) -> Polygon:
+    """Return the hull of muscles that were segmented apart from each other.
+
+    Where they touch nothing is moved; else the hull spans their gaps, as a taut sheet does.
+
+    Raises
+    ------
+    InputError
+        If they are too far apart for that.
+    """
+    least = _SPECK * max(piece.area for piece in pieces)
+    muscles = union_all([piece for piece in pieces if piece.area > least])
+    if not isinstance(muscles, Polygon):
+        muscles = _closed(muscles, bridge)
+        apart = [p for p in getattr(muscles, "geoms", [muscles]) if p.area > least]
+        if len(apart) > 1:
+            raise InputError(
+                source, MUSCLE_HULL,
+                f"is in {len(apart)} pieces at {where}, more than {2 * bridge:g} mm apart",
+                "segment what lies between them as muscle too",
+            )  # fmt: skip
+    return largest_polygon(muscles, source, MUSCLE_HULL)
 
 
 def section_from_outlines(
@@ -113,7 +119,7 @@ def section_from_outlines(
     Parameters
     ----------
     outlines : mapping of Polygon
-        As `read_cross_section` returns, mm.
+        Keys ``skin``, ``muscle_hull``, ``tibia``, ``fibula``; mm.
     fascia_thickness : float
         mm.
     source : str or Path
@@ -196,10 +202,22 @@ def nested_outlines(
     return {"skin": skin, "muscle_hull": hull, **bones}
 
 
+def _check_fat(outlines: Mapping[str, Polygon], source: str | Path) -> None:
+    """Check that the skin isn't the muscles' own surface: fat isn't to be invented."""
+    skin, hull = outlines["skin"].exterior, outlines[MUSCLE_HULL].buffer(_TOUCHING)
+    bare = float((skin & hull).length / skin.length)
+    if bare > _BARE:
+        raise InputError(
+            source, "skin", f"lies on the muscles' hull along {100 * bare:.0f} % of its length",
+            "give the skin's outline, outside the fat: a scan without it can't be used",
+        )  # fmt: skip
+
+
 def _check_order(outlines: Mapping[str, Polygon], source: str | Path) -> None:
     """Check what nesting would hide: a part's size, and which lies in which."""
     skin, hull = outlines["skin"], outlines["muscle_hull"]
     check_girth(float(skin.exterior.length), source)
+    _check_fat(outlines, source)
     for part, outline in outlines.items():
         if part != "skin" and (outline & skin).area < _INSIDE * outline.area:
             raise InputError(
@@ -212,9 +230,16 @@ def _check_order(outlines: Mapping[str, Polygon], source: str | Path) -> None:
             )  # fmt: skip
 
 
-def back_of_calf(section: LegSection) -> FloatArray:
-    """Return the skin's rearmost point (largest y, for +y posterior); (2,), mm."""
-    return np.array(section.skin[int(np.argmax(section.skin[:, 1]))])
+def facing_point(section: LegSection, direction: FloatArray) -> FloatArray:
+    """Return where the skin lies furthest against a direction of travel; (2,), mm.
+
+    In the middle of what lies 3 mm behind it at most: of a round back alone the noise of a scan
+    moves the furthest point by millimetres sideways.
+    """
+    before = -section.skin @ direction
+    near = section.skin[before > before.max() - 3.0]
+    point: FloatArray = near.mean(axis=0)
+    return point + (point @ -direction - before.max()) * direction
 
 
 def _check_clearances(section: LegSection, bone: float, fat: float, source: str | Path) -> None:

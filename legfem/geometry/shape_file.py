@@ -1,4 +1,8 @@
-"""Reading and writing a leg's shape: ``level_mm,part,i,x_mm,y_mm``."""
+"""Reading and writing a leg's shape: ``level_mm,part,i,x_mm,y_mm``.
+
+Cross-sections of surfaces (see `legfem.geometry.contour_table`) are read too: what they call
+``muscle_hull`` is given room.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from legfem.common.errors import InputError
-from legfem.common.tables import read_table
+from legfem.geometry.contour_table import MUSCLE_HULL, read_loops
+from legfem.geometry.cross_sections import polygons_of
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, shape_of_contours
+from legfem.geometry.nested_shape import nested_shape
 from legfem.geometry.shape_checks import check_shape
 
 HEADER = ("level_mm", "part", "i", "x_mm", "y_mm")
@@ -45,25 +51,22 @@ def read_shape(path: Path, between: tuple[float, float] = (-np.inf, np.inf)) -> 
         not those of a leg (see `legfem.geometry.shape_checks.check_shape`).
     """
     path = Path(path)
-    table = read_table(path, HEADER, text=("part",))
-    inside = table["level_mm"].between(*between)
-    table = table[inside] if inside.any() else table
-    levels = np.unique(table["level_mm"].to_numpy())
+    levels, found = read_loops(path, between)
+    if any(MUSCLE_HULL in here for here in found):
+        names = [f"level {level:g} mm" for level in levels]
+        outlines = [polygons_of(here, path, at) for here, at in zip(found, names, strict=True)]
+        return nested_shape(levels, outlines, path)
     contours, points = {}, {}
-    for part, rows in table.groupby("part", sort=False):
-        loops = {
-            level: loop.sort_values("i")[["x_mm", "y_mm"]].to_numpy(np.float64)
-            for level, loop in rows.groupby("level_mm")
-        }
-        for level in levels:
-            if len(loops.get(level, ())) < 8:
+    for part in dict.fromkeys(part for here in found for part in here):
+        loops = [max(here.get(part, [np.empty((0, 2))]), key=len) for here in found]
+        for level, loop in zip(levels, loops, strict=True):
+            if len(loop) < 8:
                 raise InputError(
-                    path, f"{part}, level {level:g} mm",
-                    f"{len(loops.get(level, ()))} points are too few",
+                    path, f"{part}, level {level:g} mm", f"{len(loop)} points are too few",
                     "give the contour of every part at every level, 8 points or more",
                 )  # fmt: skip
-        contours[str(part)] = [loops[level] for level in levels]
-        points[str(part)] = max(len(loop) for loop in loops.values())
+        contours[part] = loops
+        points[part] = max(len(loop) for loop in loops)
     for part in (SKIN, HULL):
         if part not in contours:
             raise InputError(path, part, "the part is missing", f"add rows 'level,{part},i,x,y'")

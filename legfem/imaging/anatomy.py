@@ -27,13 +27,13 @@ def check_anatomy(volume: LabelVolume) -> None:
     if outermost != "superficial":
         raise InputError(
             volume.source, "labels", f"what is labelled {outermost} lies outermost, where fat is",
-            f"exchange superficial and {outermost} under [labels] of leg.toml",
+            f"exchange superficial and {outermost} under [labels]",
         )  # fmt: skip
     bone, deep = (int((volume.labels == label).sum()) for label in (BONE, DEEP))
     if bone > deep:
         raise InputError(
             volume.source, "labels", f"there is more bone ({bone} voxels) than muscle ({deep})",
-            "exchange deep and bone under [labels] of leg.toml",
+            "exchange deep and bone under [labels]",
         )  # fmt: skip
 
 

@@ -14,8 +14,9 @@ from shapely import Polygon
 from legfem.common.checks import check_positive
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
+from legfem.geometry.contour_table import MUSCLE_HULL
 from legfem.geometry.contours import check_girth
-from legfem.geometry.cross_sections import Clearances, nested_outlines
+from legfem.geometry.cross_sections import BRIDGE, Clearances, joined, nested_outlines
 from legfem.geometry.curve import area_and_centroid
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, shape_of_contours
 from legfem.geometry.shape_checks import check_shape
@@ -24,7 +25,7 @@ from legfem.imaging.volume import BACKGROUND, BONE, DEEP, LabelVolume
 
 BONE_NAMES = ("tibia", "fibula")
 _LEAST_BONE = 0.05  # a component of bone smaller than this share of the largest is a speck
-MUSCLE_HULL = "muscle_hull"
+_LEAST_MUSCLE = 0.02
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,8 @@ class OutlineSettings:
         `legfem.geometry.shape_smoothing`).
     bone_around, bone_along : float
         The same of the bones.
+    bridge : float
+        Radius (mm) over which muscles that lie apart in a slice are joined.
     n_points : int
         Points a contour.
     """
@@ -52,11 +55,12 @@ class OutlineSettings:
     along: float = 80.0
     bone_around: float = 12.0
     bone_along: float = 12.0
+    bridge: float = BRIDGE
     n_points: int = 180
 
     def __post_init__(self) -> None:
         """Check the lengths."""
-        check_positive(self, "blur", "n_points")
+        check_positive(self, "blur", "n_points", "bridge")
         check_positive(self, "around", "along", "bone_around", "bone_along", zero_allowed=True)
 
 
@@ -147,15 +151,25 @@ def _slices_with(masks: dict[str, NDArray[np.bool_]], volume: LabelVolume) -> ND
 def _outline(
     mask: Any, volume: LabelVolume, part: str, k: int, settings: OutlineSettings
 ) -> Polygon:
-    """Return the outline of a part in a slice, without holes, mm."""
+    """Return the outline of a part in a slice, without holes, mm; muscles apart are joined."""
     if mask[[0, -1]].any() or mask[:, [0, -1]].any():
         raise InputError(
             volume.source, f"slice {k}", f"the {part} is cut off by the volume's edge",
             "give the whole leg, with background around it",
         )  # fmt: skip
     pieces, number = ndimage.label(mask)
-    if number > 1:
-        mask = pieces == 1 + int(np.argmax(np.bincount(pieces.ravel())[1:]))
+    if number <= 1:
+        return _outline_of_piece(mask, volume, part, k, settings)
+    sizes = np.bincount(pieces.ravel())[1:]
+    largest = [int(np.argmax(sizes))]
+    kept = np.flatnonzero(sizes > _LEAST_MUSCLE * sizes.max()) if part == HULL else largest
+    found = [_outline_of_piece(pieces == 1 + n, volume, part, k, settings) for n in kept]
+    return joined(found, volume.source, f"slice {k}", settings.bridge)
+
+
+def _outline_of_piece(
+    mask: Any, volume: LabelVolume, part: str, k: int, settings: OutlineSettings
+) -> Polygon:
     window = ndimage.find_objects(mask.astype(np.int8))[0]
     low = [max(0, s.start - 4) for s in window]
     around = tuple(slice(a, s.stop + 4) for a, s in zip(low, window, strict=True))

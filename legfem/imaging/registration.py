@@ -90,6 +90,31 @@ class IterationSettings:
         )
 
 
+def register_points(moving: FloatArray, fixed: FloatArray) -> Registration:
+    """Register points on the same points seen elsewhere: landmarks of bones, or fiducials.
+
+    Parameters
+    ----------
+    moving, fixed : (n, 3) array
+        In correspondence, mm.
+
+    Raises
+    ------
+    InputError
+        If fewer than three are given, or all lie on a line.
+    """
+    moving, fixed = _points(moving, "moving"), _points(fixed, "fixed")
+    here, there = moving.mean(axis=0), fixed.mean(axis=0)
+    turn = Rotation.align_vectors(fixed - there, moving - here)[0].as_matrix()
+    transform = RigidTransform(turn, there - turn @ here)
+    left = transform(moving) - fixed
+    rows = [_rows(moving @ turn.T - turn @ here, np.tile(e, (len(moving), 1))) for e in np.eye(3)]
+    residual = float(np.sqrt((left**2).sum(axis=1).mean()))
+    return _report(
+        transform, left.T.ravel(), np.vstack(rows), residual, len(moving), 0, 1, converged=True
+    )
+
+
 def register_surfaces(
     moving: FloatArray,
     fixed: FloatArray,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,15 +13,37 @@ from numpy.typing import ArrayLike
 from shapely import Polygon
 
 from legfem.common.errors import InputError
-from legfem.common.units import FloatArray
+from legfem.geometry.contour_table import MUSCLE_HULL
 from legfem.geometry.contours import check_girth
-from legfem.geometry.cross_sections import Clearances, largest_polygon, nested_outlines
-from legfem.geometry.leg_shape import HULL, SKIN, LegShape, shape_of_contours
-from legfem.geometry.shape_checks import check_shape
-from legfem.geometry.shape_smoothing import smoothed
+from legfem.geometry.cross_sections import Clearances, joined
+from legfem.geometry.leg_shape import SKIN, LegShape
+from legfem.geometry.nested_shape import nested_shape
+from legfem.geometry.plane import CuttingPlane
 
-MUSCLE_HULL = "muscle_hull"
-MESHED_CLEARANCE = 0.5
+_END = 1e-3  # mm; nearer than that to a surface's end a plane passes through it
+
+
+def read_surfaces(paths: Mapping[str, Sequence[Path]]) -> dict[str, list[Any]]:
+    """Read the closed surfaces of a leg's parts.
+
+    Parameters
+    ----------
+    paths : mapping
+        ``skin``, ``muscle_hull`` and the bones by any names to their files; coordinates in mm, z
+        along the leg. The hull may be given muscle by muscle.
+
+    Raises
+    ------
+    InputError
+        If a file is missing, its surface has holes, or the coordinates are not mm.
+    """
+    for part in (SKIN, MUSCLE_HULL):
+        if part not in paths:
+            raise InputError("surfaces", part, "the part is missing", "give its file")
+    surfaces = {part: [read_surface(file) for file in files] for part, files in paths.items()}
+    # Before anything else: levels in mm don't meet a leg in metres.
+    _check_units(surfaces[SKIN][0], paths[SKIN][0])
+    return surfaces
 
 
 def read_surface(path: Path) -> Any:
@@ -55,90 +77,101 @@ def read_surface(path: Path) -> Any:
     return surface
 
 
-def outlines_of_surface(surface: Any, levels: ArrayLike, source: str | Path) -> list[Polygon]:
-    """Return the largest outline of a surface at every level z (mm).
+def outlines_of_surfaces(
+    surfaces: Mapping[str, Sequence[Any]], plane: CuttingPlane, source: str | Path
+) -> dict[str, Polygon]:
+    """Return the outline of every part on a plane: its largest, the muscles' joined.
+
+    Parameters
+    ----------
+    surfaces : mapping
+        ``skin``, ``muscle_hull`` and the bones to their surfaces; the muscles may have several.
+    plane : CuttingPlane
+        That cuts them.
+    source : str or Path
+        What errors name as the file.
 
     Raises
     ------
     InputError
-        If a level doesn't meet the surface.
+        If the plane doesn't meet a part, or passes the skin's end.
     """
-    outlines = []
-    for level in np.asarray(levels, dtype=np.float64):
-        segments = trimesh.intersections.mesh_plane(surface, [0.0, 0.0, 1.0], [0.0, 0.0, level])
-        # The two triangles at an edge find the same point but for rounding.
-        lines = shapely.linestrings(np.round(segments[..., :2], 6)) if len(segments) else []
-        faces = shapely.polygonize(list(lines))
-        if shapely.is_empty(faces):
-            low, high = surface.bounds[:, 2]
+    outlines = {}
+    for part, every in surfaces.items():
+        pieces = [piece for surface in every for piece in _pieces(surface, plane)]
+        low, high = (f([s.bounds[k, 2] for s in every]) for f, k in ((min, 0), (max, 1)))
+        if not pieces:
             raise InputError(
-                source, f"level {level:g} mm", "no closed outline there",
+                source, part, f"no closed outline at {plane}",
                 f"choose levels between {low:.1f} and {high:.1f} mm",
             )  # fmt: skip
-        outlines.append(largest_polygon(shapely.union_all(faces), source, "outline"))
+        outlines[part] = (
+            joined(pieces, source, str(plane))
+            if part == MUSCLE_HULL
+            else max(pieces, key=lambda piece: piece.area)
+        )
+        if part == SKIN:
+            _check_ends(outlines[part], plane, low, high, source)
     return outlines
 
 
 def shape_of_surfaces(
-    paths: Mapping[str, Path],
+    surfaces: Mapping[str, Sequence[Any]],
     levels: ArrayLike,
+    source: str | Path,
     clearances: Clearances | None = None,
-    n_points: int = 180,
-    around: float = 10.0,
-    along: float = 12.0,
 ) -> LegShape:
     """Make a leg's shape of the closed surfaces of its parts.
 
-    The hull of the muscles is joined with the bones and their clearance, its furrows bridged, kept
-    off the skin; a bone that stands too close to the skin is cut back there
-    (see `legfem.geometry.cross_sections.nested_outlines`).
-
     Parameters
     ----------
-    paths : mapping of Path
-        ``skin``, ``muscle_hull`` and the bones by any names to their files; coordinates in mm, z
-        along the leg.
+    surfaces : mapping
+        As `read_surfaces` returns.
     levels : (n,) array
         Evenly spaced z, mm.
+    source : str or Path
+        What errors name as the file.
     clearances : Clearances, optional
-        Room to keep between the parts.
-    n_points : int
-        Points a contour.
-    around, along : float
-        Wavelengths (mm) below which undulations are smoothed away.
+        Room to keep between the parts; see `legfem.geometry.nested_shape.nested_shape`.
 
     Raises
     ------
     InputError
-        If a file is missing or its surface has holes, a level doesn't meet a surface, the
-        coordinates are not mm, or the parts do not nest.
+        If a level doesn't meet a surface, the coordinates are not mm, or the parts do not nest.
     """
-    for part in (SKIN, MUSCLE_HULL):
-        if part not in paths:
-            raise InputError("surfaces", part, "the part is missing", "give its file")
-    room = clearances or Clearances()
     z = np.asarray(levels, dtype=np.float64)
-    skin = read_surface(paths[SKIN])
-    # Before anything else: levels in mm don't meet a leg in metres.
-    _check_units(skin, paths[SKIN])
-    outlines = {SKIN: outlines_of_surface(skin, z, paths[SKIN])}
-    for part in paths:
-        if part != SKIN:
-            outlines[part] = outlines_of_surface(read_surface(paths[part]), z, paths[part])
-    contours: dict[str, list[FloatArray]] = {}
-    for k, level in enumerate(z):
-        here = {part: loops[k] for part, loops in outlines.items()}
-        nested = nested_outlines(here, 0.0, f"level {level:g} mm", room)
-        for part, polygon in nested.items():
-            name = HULL if part == MUSCLE_HULL else part
-            contours.setdefault(name, []).append(np.asarray(polygon.exterior.coords)[:-1])
-    shape = smoothed(shape_of_contours(z, contours, n_points), around, along)
-    check_shape(shape, paths[SKIN], MESHED_CLEARANCE)
-    return shape
+    outlines = [outlines_of_surfaces(surfaces, CuttingPlane.at_level(at), source) for at in z]
+    return nested_shape(z, outlines, source, clearances)
+
+
+def _pieces(surface: Any, plane: CuttingPlane) -> list[Polygon]:
+    """Return the outlines of a surface on a plane, without their holes; mm in the plane."""
+    segments = trimesh.intersections.mesh_plane(surface, plane.normal, plane.point)
+    # The two triangles at an edge find the same point but for rounding.
+    lines = shapely.linestrings(np.round(plane.flat(segments), 6)) if len(segments) else []
+    faces = shapely.union_all(shapely.polygonize(list(lines)))
+    return [
+        Polygon(face.exterior)
+        for face in getattr(faces, "geoms", [faces])
+        if isinstance(face, Polygon) and face.area > 0
+    ]
+
+
+def _check_ends(
+    skin: Polygon, plane: CuttingPlane, low: float, high: float, source: str | Path
+) -> None:
+    """Check that a plane cuts the skin all around, and not its closed end."""
+    corners = np.asarray(skin.exterior.coords)
+    z = corners @ plane.axes[:, 2] + (plane.point @ plane.normal) * plane.normal[2]
+    if z.min() < low + _END or z.max() > high - _END:
+        raise InputError(
+            source, SKIN, f"ends within the section at {plane}",
+            f"the surface reaches from {low:.1f} to {high:.1f} mm: cut it elsewhere",
+        )  # fmt: skip
 
 
 def _check_units(skin: Any, path: Path) -> None:
     """Check the girth at the middle of the skin's height."""
-    middle = float(skin.bounds[:, 2].mean())
-    outline = outlines_of_surface(skin, [middle], path)[0]
-    check_girth(float(outline.length), path)
+    middle = CuttingPlane.at_level(float(skin.bounds[:, 2].mean()))
+    pieces = _pieces(skin, middle)
+    check_girth(max((piece.exterior.length for piece in pieces), default=0.0), path)

@@ -58,7 +58,9 @@ class LabelVolume:
             if not present[label]:
                 raise InputError(
                     self.source, "labels", f"no voxel is labelled {label} ({name})",
-                    "segment it, or say which label it has",
+                    "segment fat and skin: without them the leg's surface isn't known"
+                    if label == SUPERFICIAL
+                    else "segment it, or say which label it has",
                 )  # fmt: skip
         if len(present) > 4 and present[4:].any():
             other = 4 + int(np.argmax(present[4:] > 0))

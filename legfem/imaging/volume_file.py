@@ -24,17 +24,21 @@ _NIFTI, _ITK, _DICOM = (".nii", ".nii.gz"), (".nrrd", ".nhdr", ".mha", ".mhd"), 
 type Meaning = Mapping[str, int | list[int]]
 
 
-def read_volume(path: Path, meaning: Meaning | None = None) -> LabelVolume:
+def read_volume(
+    path: Path, meaning: Meaning | None = None, series: Path | None = None
+) -> LabelVolume:
     """Read a label volume.
 
     Parameters
     ----------
     path : Path
         NIfTI (``.nii``, ``.nii.gz``), NRRD or MetaImage (``.nrrd``, ``.mha``, ...), or a DICOM
-        segmentation (``.dcm``).
+        segmentation (``.dcm``), or the folder of a DICOM series whose pixels are labels.
     meaning : mapping, optional
         ``superficial``, ``deep`` and ``bone`` to the labels they have in the file, one or several.
         By default 1, 2 and 3; in a DICOM segmentation by its segments' names, if these are they.
+    series : Path, optional
+        Folder of the DICOM series on which a volume was labelled that doesn't say where it lies.
 
     Raises
     ------
@@ -42,11 +46,13 @@ def read_volume(path: Path, meaning: Meaning | None = None) -> LabelVolume:
         If the file can't be read, or is not a label volume with these three tissues.
     """
     path = Path(path)
-    if not path.is_file():
+    if not path.exists():
         raise InputError(path, "file", "not found", "check the path")
     name = path.name.lower()
     readers = {_NIFTI: _read_nifti, _ITK: _read_itk, _DICOM: _read_dicom}
     reader = next((r for endings, r in readers.items() if name.endswith(endings)), None)
+    if path.is_dir():
+        reader = _read_series
     if reader is None:
         raise InputError(
             path, "file", "is of an unknown kind",
@@ -54,6 +60,8 @@ def read_volume(path: Path, meaning: Meaning | None = None) -> LabelVolume:
         )  # fmt: skip
     try:
         array, affine, named, transform = reader(path)
+        if series is not None and not transform:
+            array, affine, transform = _placed(array, path, series)
     except InputError:
         raise
     except Exception as error:  # the libraries raise all kinds
@@ -82,16 +90,52 @@ def _read_nifti(path: Path) -> _Raw:
 
 
 def _read_itk(path: Path) -> _Raw:
-    image = SimpleITK.ReadImage(str(path))
+    return _of_image(SimpleITK.ReadImage(str(path)), path)
+
+
+def _read_series(path: Path) -> _Raw:
+    return _of_image(_series(path), path)
+
+
+def _series(path: Path) -> SimpleITK.Image:
+    reader = SimpleITK.ImageSeriesReader()
+    found = reader.GetGDCMSeriesIDs(str(path))
+    if len(found) != 1:
+        raise InputError(
+            path, "series", f"the folder holds {len(found)} DICOM series",
+            "give a folder with the slices of one",
+        )  # fmt: skip
+    reader.SetFileNames(reader.GetGDCMSeriesFileNames(str(path), found[0]))
+    return reader.Execute()
+
+
+def _placed(
+    array: NDArray[np.integer], path: Path, series: Path
+) -> tuple[NDArray[np.integer], FloatArray, bool]:
+    """Return labels with the place of the series on whose voxels they lie."""
+    image = _series(series)
+    if image.GetSize() != array.shape:
+        sizes = [" x ".join(map(str, size)) for size in (array.shape, image.GetSize())]
+        raise InputError(
+            path, "shape", f"{sizes[0]} voxels, but {sizes[1]} in {series}",
+            "give the series that was labelled",
+        )  # fmt: skip
+    return array, _affine(image), True
+
+
+def _of_image(image: SimpleITK.Image, path: Path) -> _Raw:
     if image.GetNumberOfComponentsPerPixel() != 1 or image.GetDimension() != 3:
         raise InputError(path, "labels", "overlap or are not one volume", "save a label map")
-    directions = np.array(image.GetDirection()).reshape(3, 3)
-    affine = np.eye(4)
-    affine[:3, :3] = directions * np.array(image.GetSpacing())
-    affine[:3, 3] = image.GetOrigin()
     # SimpleITK's arrays are (z, y, x).
     array = SimpleITK.GetArrayFromImage(image).transpose(2, 1, 0)
-    return _integers(array, path), affine, None, True
+    return _integers(array, path), _affine(image), None, True
+
+
+def _affine(image: SimpleITK.Image) -> FloatArray:
+    affine = np.eye(4)
+    affine[:3, :3] = np.array(image.GetDirection()).reshape(3, 3) * np.array(image.GetSpacing())
+    affine[:3, 3] = image.GetOrigin()
+    return affine
 
 
 def _read_dicom(path: Path) -> _Raw:

@@ -11,12 +11,14 @@ from legfem.report.diagnosis_text import diagnosis_page
 from legfem.report.in_place import REPORT, made_in_place
 from legfem.report.page import ReportFile
 from legfem.report.parameter_figure import parameter_figure
+from legfem.report.placement_figure import SECTION_SHOWS, placement_figure
 from legfem.report.ranking_figure import ranking_figure
 from legfem.report.recording_figure import recording_figure
 from legfem.report.signature_figure import leading, signature_figure
 from legfem.report.style import save
 from legfem.report.web.diagnosis import diagnosis_web_page
 from legfem.report.web.page import PAGE, rendered
+from legfem.subjects.subject import Subject
 
 
 def write_diagnosis_report(
@@ -62,6 +64,9 @@ def write_diagnosis_report(
 def _figures(found: Diagnosis, subject: Recorded, folder: Path) -> list[ReportFile]:
     whose = subject.title, subject.origin
     entries = []
+    if isinstance(subject, Subject):
+        figure = placement_figure(subject)
+        entries.append(ReportFile(save(figure, folder, "section"), SECTION_SHOWS))
     several = len(found.observed.protocols) > 1
     for number, stations in enumerate(found.observed.protocols):
         name = f"recording-{number + 1}" if several else "recording"

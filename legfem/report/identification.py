@@ -19,6 +19,7 @@ from legfem.report.in_place import REPORT, made_in_place
 from legfem.report.leg_figure import leg_figure
 from legfem.report.page import ReportFile, report_page
 from legfem.report.paraview import write_fields
+from legfem.report.placement_figure import SECTION_SHOWS, placement_figure
 from legfem.report.style import LAW_NAMES, save
 from legfem.report.web.identification import identification_page
 from legfem.report.web.page import PAGE, rendered
@@ -68,7 +69,10 @@ def write_identification_report(
             html = rendered(identification_page(results, subject, pressed, command))
             (folder / PAGE).write_text(html, encoding="utf-8")
             shows = "all of it on one page for a browser, with curves and leg to explore"
-            entries = [ReportFile([Path(PAGE)], shows), *_figures(results, folder), *entries]
+            section = ReportFile(save(placement_figure(subject), folder, "section"), SECTION_SHOWS)
+            entries = [
+                ReportFile([Path(PAGE)], shows), *_figures(results, folder), section, *entries
+            ]  # fmt: skip
             page = report_page(results, subject, entries, note)
             (folder / REPORT).write_text(page, encoding="utf-8")
     return out / REPORT

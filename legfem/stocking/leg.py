@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -15,15 +15,13 @@ from legfem.common.tables import read_table
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.geometry.cross_sections import Clearances
 from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.shape_file import read_shape
 from legfem.geometry.shape_motion import rigidly_moved
 from legfem.geometry.slices import calf_levels
-from legfem.imaging.anatomy import check_anatomy, cropped
-from legfem.imaging.outlines import OutlineSettings, shape_of_volume
+from legfem.imaging.leg_source import LegSource
+from legfem.imaging.outlines import OutlineSettings
 from legfem.imaging.registration import Registration, register_shapes
-from legfem.imaging.surfaces import shape_of_surfaces
-from legfem.imaging.volume import LabelVolume, check_same_spacing
-from legfem.imaging.volume_file import read_volume
+from legfem.imaging.shape_entry import ShapeEntry, existing
+from legfem.imaging.volume import check_same_spacing
 from legfem.mechanics.materials import NeoHookean
 from legfem.stocking.accuracy import ContourAccuracy
 from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
@@ -31,7 +29,6 @@ from legfem.stocking.laplace import Stocking
 from legfem.stocking.leg_file import (
     LegFile,
     SegmentEntry,
-    ShapeEntry,
     StockingEntry,
     parse_leg_file,
 )
@@ -86,14 +83,14 @@ def load_leg(directory: Path) -> StockingLeg:
     directory = Path(directory)
     toml = LEGS.opened(directory)
     given = parse_leg_file(toml)
-    bare_scan = _Scan.opened(directory, toml, "bare", given.bare, given)
-    bare, scanned_bare = bare_scan.shape(ROOM), bare_scan.shape()
+    bare_scan, levels = _opened(directory, toml, "bare", given.bare, given)
+    bare, scanned_bare = (bare_scan.shape(OUTLINES, levels, room) for room in (ROOM, None))
     shapes, registration = [bare, scanned_bare], None
     if given.compressed is not None:
-        scan = _Scan.opened(directory, toml, "compressed", given.compressed, given)
+        scan, levels = _opened(directory, toml, "compressed", given.compressed, given)
         if bare_scan.volume is not None and scan.volume is not None:
             check_same_spacing(bare_scan.volume, scan.volume)
-        scanned = scan.shape()
+        scanned = scan.shape(OUTLINES, levels)
         check_scans_differ(scanned_bare, scanned, toml)
         registration = register_shapes(_dense(scanned), _dense(scanned_bare))
         motion = registration.transform
@@ -117,50 +114,20 @@ def load_leg(directory: Path) -> StockingLeg:
     return replace(leg, doubts=doubts_about_leg(leg, toml))
 
 
-@dataclass(frozen=True, eq=False)
-class _Scan:
-    """What a leg's shape is taken from, read; one of its kinds is there."""
-
-    volume: LabelVolume | None = None
-    contours: Path | None = None
-    surfaces: tuple[Mapping[str, Path], FloatArray] | None = None
-    """Files by part, and the levels at which to cut them (mm)."""
-    levels: tuple[float, float] = (-np.inf, np.inf)
-    """Between which contours are read and checked (mm)."""
-
-    @classmethod
-    def opened(
-        cls, directory: Path, toml: Path, field: str, entry: ShapeEntry, given: LegFile
-    ) -> _Scan:
-        def path(name: str) -> Path:
-            return _existing(directory, name, toml, field)
-
-        if entry.scan is not None:
-            labels = given.labels
-            meaning = {"superficial": labels.superficial, "deep": labels.deep, "bone": labels.bone}
-            volume = read_volume(path(entry.scan), meaning)
-            check_anatomy(volume)
-            return cls(volume=cropped(volume, *_levels_to_read(field, given.segment)))
-        if entry.contours is not None:
-            return cls(contours=path(entry.contours), levels=_levels_to_read(field, given.segment))
-        assert entry.surfaces is not None
-        if given.segment.from_mm is None or given.segment.to_mm is None:
-            raise InputError(
-                toml, "segment", "surfaces need the part of the leg to model",
-                "add from_mm and to_mm",
-            )  # fmt: skip
-        count = 1 + round((given.segment.to_mm - given.segment.from_mm) / LEVEL_SPACING)
-        levels = np.linspace(given.segment.from_mm, given.segment.to_mm, max(count, 2))
-        return cls(surfaces=({part: path(n) for part, n in entry.surfaces.items()}, levels))
-
-    def shape(self, room: Clearances | None = None) -> LegShape:
-        """Return the shape, its parts moved apart where they lack room."""
-        if self.volume is not None:
-            return shape_of_volume(self.volume, OUTLINES, room)
-        if self.contours is not None:
-            return read_shape(self.contours, self.levels)
-        assert self.surfaces is not None
-        return shape_of_surfaces(*self.surfaces, room)
+def _opened(
+    directory: Path, toml: Path, field: str, entry: ShapeEntry, given: LegFile
+) -> tuple[LegSource, FloatArray | None]:
+    """Return what a leg's shape is taken from, and the levels at which to cut surfaces (mm)."""
+    source = LegSource.opened(directory, toml, field, entry, given.labels)
+    source = source.between(*_levels_to_read(field, given.segment))
+    if source.surfaces is None:
+        return source, None
+    low, high = given.segment.from_mm, given.segment.to_mm
+    if low is None or high is None:
+        raise InputError(
+            toml, "segment", "surfaces need the part of the leg to model", "add from_mm and to_mm"
+        )
+    return source, np.linspace(low, high, max(1 + round((high - low) / LEVEL_SPACING), 2))
 
 
 def _levels_to_read(field: str, segment: SegmentEntry) -> tuple[float, float]:
@@ -170,13 +137,6 @@ def _levels_to_read(field: str, segment: SegmentEntry) -> tuple[float, float]:
         -np.inf if segment.from_mm is None else segment.from_mm - margin,
         np.inf if segment.to_mm is None else segment.to_mm + margin,
     )
-
-
-def _existing(directory: Path, name: str, toml: Path, field: str) -> Path:
-    found = directory / name
-    if not found.is_file():
-        raise InputError(toml, field, f"there is no file '{name}'", f"put it at {found}")
-    return found
 
 
 def _dense(shape: LegShape) -> LegShape:
@@ -212,7 +172,7 @@ def _stocking(directory: Path, toml: Path, entry: StockingEntry, bare: LegShape)
     if entry.unstretched_mm is not None:
         return Stocking(entry.stiffness_N_per_mm, bare.levels[:1], np.array([entry.unstretched_mm]))
     assert entry.unstretched is not None
-    path = _existing(directory, entry.unstretched, toml, "stocking.unstretched")
+    path = existing(directory, entry.unstretched, toml, "stocking.unstretched")
     table = read_table(path, ("level_mm", "perimeter_mm"))
     return Stocking(
         entry.stiffness_N_per_mm,

@@ -16,35 +16,7 @@ from legfem.common.toml_file import (
     parse_toml,
     trouble,
 )
-
-Labels = int | list[int]
-
-
-class ShapeEntry(FileTable):
-    """``[bare]`` or ``[compressed]``: one of a label volume, contours, or closed surfaces."""
-
-    scan: Text | None = None
-    contours: Text | None = None
-    surfaces: dict[str, Text] | None = None
-
-    @model_validator(mode="after")
-    def _one_source(self) -> ShapeEntry:
-        given = [name for name in ("scan", "contours", "surfaces") if getattr(self, name)]
-        if len(given) != 1:
-            raise trouble(
-                "scan",
-                f"{len(given)} sources of the leg's shape are given",
-                "give one of scan (label volume), contours (CSV) and surfaces (STL files by part)",
-            )
-        return self
-
-
-class LabelsEntry(FileTable):
-    """``[labels]``: which labels a scan has for a tissue."""
-
-    superficial: Labels = 1
-    deep: Labels = 2
-    bone: Labels = 3
+from legfem.imaging.shape_entry import LabelsEntry, ShapeEntry
 
 
 class StockingEntry(FileTable):

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 _GRAZING_DEG = 30.0
 """Between travel and the skin's inward normal, beyond which a cylinder slides off."""
 _MISSING_DEG = 60.0
+_LANDMARKS_MM = 2.0
+"""Of error in the aim, which a diagnosis assumes without a word."""
 _MOST_OF_LEG = 0.8
 """Of the leg's thickness along the line of travel: no deeper without a bone either."""
 
@@ -46,6 +48,7 @@ def doubts_about(subject: Subject) -> tuple[Doubt, ...]:
         *ranges.FASCIA_THICKNESS.doubts(
             toml, "section.fascia_thickness_mm", subject.section.fascia_thickness
         ),
+        *_landmarks(toml, subject),
         *_indenter(toml, subject),
         *(d for name, t in subject.tissues.items() for d in _tissue(toml, f"tissues.{name}", t)),
         *doubts_about_recordings(subject, toml, room_before(subject)),
@@ -79,6 +82,16 @@ def room_before(subject: Subject) -> float:
         except ValueError:
             continue
     return min(reached)
+
+
+def _landmarks(toml: Path, subject: Subject) -> Iterator[Doubt]:
+    apart = subject.landmark_residual
+    if apart is not None and apart > _LANDMARKS_MM:
+        yield Doubt(
+            str(toml), "indenter.landmarks",
+            f"registered landmarks lie {apart:.1f} mm apart in the mean",
+            f"measure them again, or give accuracy.aim_sd_mm = {apart:.1f}",
+        )  # fmt: skip
 
 
 def _indenter(toml: Path, subject: Subject) -> Iterator[Doubt]:

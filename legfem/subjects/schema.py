@@ -18,17 +18,22 @@ from legfem.common.toml_file import (
     parse_toml,
     trouble,
 )
+from legfem.imaging.shape_entry import LabelsEntry, ShapeEntry
 from legfem.recording import Channel, Channels
 
 # Half-width of a uniform distribution to its standard deviation.
 _UNIFORM = 1.0 / math.sqrt(3.0)
 
 
-class SectionEntry(FileTable):
-    """``[section]``."""
+class SectionEntry(ShapeEntry):
+    """``[section]``: contours of one section, or what a section is cut from."""
 
-    contours: Text
     fascia_thickness_mm: Positive
+    level_mm: Finite | None = None
+    """At which to cut, square to z; without it through the indenter's position."""
+
+
+Vector = Annotated[list[Finite], Field(min_length=3, max_length=3)]
 
 
 class IndenterEntry(FileTable):
@@ -37,8 +42,38 @@ class IndenterEntry(FileTable):
     # Below 1 mm it is most likely metres or centimetres.
     diameter_mm: Annotated[float, Field(ge=1.0, le=300.0, allow_inf_nan=False)]
     length_mm: Annotated[float, Field(ge=1.0, le=1000.0, allow_inf_nan=False)]
-    aim_mm: Annotated[list[Finite], Field(min_length=2, max_length=2)]
-    direction_deg: Finite
+    aim_mm: Annotated[list[Finite], Field(min_length=2, max_length=2)] | None = None
+    direction_deg: Finite | None = None
+
+    position_mm: Vector | None = None
+    """A point on the line of travel in the scan, in the place of ``aim_mm``."""
+    direction: Vector | None = None
+    """Of travel in the scan, in the place of ``direction_deg``."""
+    axis: Vector | None = None
+    """Of the cylinder in the scan; without it across the travel, as near to z as that is."""
+    landmarks: Text | None = None
+    """CSV of points in the coordinates of the pose and in the scan's, where they differ."""
+
+    @model_validator(mode="after")
+    def _one_place(self) -> IndenterEntry:
+        for flat, spatial in (("aim_mm", "position_mm"), ("direction_deg", "direction")):
+            if (getattr(self, flat) is None) == (getattr(self, spatial) is None):
+                what = "missing" if getattr(self, flat) is None else f"given beside {spatial}"
+                raise trouble(
+                    flat, what, f"give {flat} in the section's plane, or {spatial} in the scan"
+                )
+        if (self.position_mm is None) != (self.direction is None):
+            raise trouble(
+                "direction", "position_mm and direction belong together",
+                "give both in the scan, or aim_mm and direction_deg in the section's plane",
+            )  # fmt: skip
+        for key in ("axis", "landmarks"):
+            if getattr(self, key) is not None and self.position_mm is None:
+                raise trouble(key, "is of use with position_mm alone", "leave it out")
+        for key in ("direction", "axis"):
+            if getattr(self, key) is not None and not any(getattr(self, key)):
+                raise trouble(key, "has no length", "give a vector")
+        return self
 
 
 class TissueEntry(FileTable):
@@ -197,6 +232,7 @@ class SubjectFile(FileTable):
     title: Text
     origin: Literal["measured", "reconstructed", "simulated"]
     section: SectionEntry
+    labels: LabelsEntry = LabelsEntry()
     indenter: IndenterEntry
     tissues: TissuesEntry
     instrument: InstrumentEntry | None = None
@@ -204,6 +240,26 @@ class SubjectFile(FileTable):
     accuracy: AccuracyEntry = AccuracyEntry()
     confirmed: list[Text] = Field(default_factory=list)
     """Fields whose unusual values are right: they aren't doubted."""
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether the section is cut from something, and not given as contours of its own."""
+        return self.section.level_mm is not None or self.indenter.position_mm is not None
+
+    @model_validator(mode="after")
+    def _one_plane(self) -> SubjectFile:
+        level, position = self.section.level_mm, self.indenter.position_mm
+        if level is not None and position is not None:
+            raise trouble(
+                "section.level_mm", "is given beside indenter.position_mm",
+                "the position says where to cut: leave level_mm out",
+            )  # fmt: skip
+        if not self.is_cut and self.section.contours is None:
+            raise trouble(
+                "section.level_mm", "missing: nothing says where to cut the scan",
+                "give it, or position_mm and direction of the indenter",
+            )  # fmt: skip
+        return self
 
 
 def parse_subject_file(path: Path) -> SubjectFile:

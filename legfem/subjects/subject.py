@@ -12,7 +12,6 @@ import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array, kpa_to_mpa
-from legfem.geometry.contours import read_contours
 from legfem.geometry.section import LegSection, first_crossing
 from legfem.recording import (
     Channels,
@@ -24,6 +23,7 @@ from legfem.recording import (
 )
 from legfem.recording.formats import READERS
 from legfem.subjects.catalogue import RESOURCES, Catalogue
+from legfem.subjects.placement import placed
 from legfem.subjects.plausibility import doubts_about
 from legfem.subjects.schema import SubjectFile, TissueEntry, parse_subject_file
 
@@ -124,12 +124,14 @@ class Subject:
     accuracy: LegAccuracy = LegAccuracy()
     confirmed: tuple[str, ...] = ()
     """Fields of subject.toml, or columns, that are unusual and right."""
+    landmark_residual: float | None = None
+    """Root mean square of what registered landmarks are apart, mm; None without any."""
 
 
 def load_subject(
     directory: Path, need_recordings: bool = True, need_instrument: bool = True
 ) -> Subject:
-    """Load a subject folder: ``subject.toml``, its contours and ``recordings/*.csv``.
+    """Load a subject folder: ``subject.toml``, contours or a scan, and ``recordings/*.csv``.
 
     Parameters
     ----------
@@ -149,20 +151,13 @@ def load_subject(
     directory = Path(directory)
     toml = SUBJECTS.opened(directory)
     given = parse_subject_file(toml)
-    contours = directory / given.section.contours
-    if not contours.is_file():
-        raise InputError(
-            toml,
-            "section.contours",
-            f"there is no file '{given.section.contours}'",
-            f"put the contours into {contours}",
-        )
-    section = read_contours(contours, given.section.fascia_thickness_mm)
+    place = placed(directory, toml, given)
+    section = place.section
     indenter = Indenter(
         radius=given.indenter.diameter_mm / 2,
         length=given.indenter.length_mm,
-        aim=frozen_array(given.indenter.aim_mm),
-        direction_deg=given.indenter.direction_deg,
+        aim=place.aim,
+        direction_deg=place.direction_deg,
     )
     _check_aim(toml, section, indenter)
     channels = given.recordings.channels()
@@ -196,6 +191,7 @@ def load_subject(
             _relative(given.accuracy.assumed_sd_percent),
         ),
         confirmed=tuple(given.confirmed),
+        landmark_residual=place.landmark_residual,
     )
     doubts_about(subject)
     return subject

@@ -14,7 +14,7 @@ from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.jobs.pool import Workers
-from legfem.subjects.from_cross_sections import write_subject_folder
+from legfem.subjects.folder import write_subject_folder
 from legfem.subjects.subject import Subject
 from studies.concealed.cases import SealedCase
 from studies.concealed.legs import sealed_leg

@@ -13,7 +13,8 @@ import pytest
 from making_mechanics import REAL_LEG
 
 from legfem.experiments.plane_strain import PlaneStrainIndentation
-from legfem.subjects.from_cross_sections import convert_cross_sections
+from legfem.imaging.leg_source import LegSource
+from legfem.subjects.folder import folder_of_leg
 from legfem.subjects.subject import load_subject
 from studies.legs.parametric_leg import parametric_leg, read_legs
 from studies.stockings.command import LEGS
@@ -47,9 +48,8 @@ def test_a_real_leg_is_pressed_25_mm_at_its_back(level, tmp_path):
 
 
 def pressed_at_its_back(sections: Path, level: float, folder: Path) -> None:
-    subject = load_subject(
-        convert_cross_sections(sections, level, folder / "leg"), need_recordings=False
-    )
+    source = LegSource(str(sections), contours=sections)
+    subject = load_subject(folder_of_leg(source, level, folder / "leg"), need_recordings=False)
     test = PlaneStrainIndentation.of_subject(subject)
     assert test.section_mesh.quality.worst > 0.1
     balances = []

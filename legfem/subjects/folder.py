@@ -8,13 +8,20 @@ import shutil
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.contours import write_contours
-from legfem.geometry.cross_sections import back_of_calf, read_cross_section, section_from_outlines
+from legfem.geometry.cross_sections import facing_point, section_from_outlines
+from legfem.geometry.plane import CuttingPlane
 from legfem.geometry.section import LegSection
 from legfem.recording import Instrument, Recording, write_recording
+
+if TYPE_CHECKING:
+    from legfem.imaging.leg_source import LegSource
 
 _TEMPLATE = """\
 id = {id}
@@ -63,23 +70,23 @@ force_range_N = 100.0
 displacement_accuracy_mm = 0.25"""
 
 
-def convert_cross_sections(
-    path: Path,
+def folder_of_leg(
+    source: LegSource,
     level: float,
     out: Path,
     fascia_thickness: float = 0.6,
     aim: FloatArray | None = None,
     direction_deg: float = 270.0,
 ) -> Path:
-    """Make a subject folder of one level of a cross-sections file.
+    """Make a subject folder of one level of a scanned leg.
 
     Tissues, indenter and instruments are the first paper's; put recordings into
     ``recordings/`` and the instruments' own figures into ``subject.toml``.
 
     Parameters
     ----------
-    path : Path
-        ``level_mm,part,loop,i,x_mm,y_mm``; see `legfem.geometry.cross_sections`.
+    source : LegSource
+        A label volume, contours at several levels, or surfaces.
     level : float
         mm.
     out : Path
@@ -87,7 +94,7 @@ def convert_cross_sections(
     fascia_thickness : float
         mm.
     aim : (2,) array, optional
-        A point on the cylinder's line of travel, mm; the rearmost point (largest y) by default.
+        A point on the cylinder's line of travel, mm; by default the skin's point that faces it.
     direction_deg : float
         Direction of travel from +x, counter-clockwise; 270 presses along -y.
 
@@ -99,11 +106,14 @@ def convert_cross_sections(
     Raises
     ------
     InputError
-        If the file can't be used or ``out`` isn't empty; nothing is written then.
+        If the leg can't be used or ``out`` isn't empty; nothing is written then.
     """
-    section = section_from_outlines(read_cross_section(path, level), fascia_thickness, path)
-    title = f"{Path(path).name}, level {level:g} mm"
-    target = back_of_calf(section) if aim is None else aim
+    outlines = source.outlines(CuttingPlane.at_level(level))
+    section = section_from_outlines(outlines, fascia_thickness, source.name)
+    title = f"{Path(source.name).name}, level {level:g} mm"
+    angle = np.deg2rad(direction_deg)
+    travel = np.array([np.cos(angle), np.sin(angle)])
+    target = facing_point(section, travel) if aim is None else aim
     return write_subject_folder(section, out, title, target, direction_deg)
 
 

@@ -1,0 +1,162 @@
+"""What a leg's shape is taken from: a label volume, contours, or surfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from shapely import Polygon
+
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
+from legfem.geometry.contour_table import read_loops
+from legfem.geometry.cross_sections import SURFACES, Clearances, polygons_of
+from legfem.geometry.leg_shape import LegShape
+from legfem.geometry.nested_shape import shape_of_outlines
+from legfem.geometry.plane import CuttingPlane
+from legfem.geometry.shape_file import read_shape
+from legfem.imaging.anatomy import check_anatomy, cropped
+from legfem.imaging.outlines import OutlineSettings, shape_of_volume
+from legfem.imaging.shape_cut import outlines_of_shape
+from legfem.imaging.shape_entry import LabelsEntry, ShapeEntry, existing
+from legfem.imaging.surfaces import outlines_of_surfaces, read_surfaces, shape_of_surfaces
+from legfem.imaging.volume import LabelVolume
+from legfem.imaging.volume_file import read_volume
+
+_BEYOND = 40.0
+"""Above and below a cut of which a scan is outlined (mm): smoothing along it reaches there."""
+_APART = 5.0
+"""Of the cross-sections that are kept beside a section (mm)."""
+_FINE = OutlineSettings(n_points=360)
+
+
+@dataclass(frozen=True, eq=False)
+class LegSource:
+    """What a leg's shape is taken from, read; one of its kinds is there."""
+
+    name: str
+    """What errors name as the file."""
+    volume: LabelVolume | None = None
+    contours: Path | None = None
+    surfaces: Mapping[str, list[Any]] | None = None
+    """By part, as `legfem.imaging.surfaces.read_surfaces` returns them."""
+    levels: tuple[float, float] = (-np.inf, np.inf)
+    """Between which it is looked at, and checked (mm)."""
+
+    @classmethod
+    def opened(
+        cls, directory: Path, toml: Path, field: str, entry: ShapeEntry, labels: LabelsEntry
+    ) -> LegSource:
+        """Read what a table of a folder's file names.
+
+        Raises
+        ------
+        InputError
+            If a file is missing or can't be read.
+        """
+
+        def path(name: str) -> Path:
+            return existing(directory, name, toml, field)
+
+        if entry.scan is not None:
+            file = path(entry.scan)
+            meaning = {"superficial": labels.superficial, "deep": labels.deep, "bone": labels.bone}
+            series = None if entry.series is None else path(entry.series)
+            return cls(str(file), volume=read_volume(file, meaning, series))
+        if entry.contours is not None:
+            file = path(entry.contours)
+            return cls(str(file), contours=file)
+        assert entry.surfaces is not None
+        files = {
+            part: [path(name) for name in ([names] if isinstance(names, str) else names)]
+            for part, names in entry.surfaces.items()
+        }
+        return cls(f"{toml}, surfaces", surfaces=read_surfaces(files))
+
+    def between(self, low: float, high: float) -> LegSource:
+        """Return the source between two levels (mm): what lies beyond may be anything."""
+        volume = None if self.volume is None else cropped(self.volume, low, high)
+        return replace(self, volume=volume, levels=(low, high))
+
+    def shape(
+        self, settings: OutlineSettings, levels: FloatArray | None, room: Clearances | None = None
+    ) -> LegShape:
+        """Return the leg's shape, its parts moved apart where they lack room.
+
+        Parameters
+        ----------
+        settings : OutlineSettings
+            How a volume is outlined.
+        levels : (n,) array, optional
+            At which to cut surfaces, which need them (mm).
+        room : Clearances, optional
+            Between the parts.
+        """
+        if self.volume is not None:
+            check_anatomy(self.volume)
+            return shape_of_volume(self.volume, settings, room)
+        if self.contours is not None:
+            return read_shape(self.contours, self.levels)
+        assert self.surfaces is not None and levels is not None
+        return shape_of_surfaces(self.surfaces, levels, self.name, room)
+
+    def outlines(self, plane: CuttingPlane) -> dict[str, Polygon]:
+        """Return the outlines of skin, muscles' hull, tibia and fibula on a plane, as scanned.
+
+        Raises
+        ------
+        InputError
+            If one of them is missing there, or the scan ends before.
+        """
+        if self.surfaces is not None:
+            for part in SURFACES:
+                if part not in self.surfaces:
+                    raise InputError(self.name, part, "the part is missing", "give its file")
+            return outlines_of_surfaces(self.surfaces, plane, self.name)
+        if self.contours is not None:
+            return _outlines_of_contours(self.contours, plane)
+        return outlines_of_shape(self._near(plane), plane, self.name)
+
+    def _near(self, plane: CuttingPlane) -> LegShape:
+        """Return the shape of a volume about a plane."""
+        assert self.volume is not None
+        ends = self.volume.origin[:2] + self.volume.spacing[:2] * self.volume.labels.shape[:2]
+        low, high = plane.levels(self.volume.origin[:2], ends)
+        return self.between(low - _BEYOND, high + _BEYOND).shape(_FINE, None)
+
+    def outlines_about(self, level: float) -> dict[float, dict[str, Polygon]]:
+        """Return the outlines at a level (mm), and above and below it as far as there are any."""
+        middle = CuttingPlane.at_level(level)
+        cut = self.outlines
+        if self.volume is not None:
+            cut = partial(outlines_of_shape, self._near(middle), source=self.name)
+        found = {level: cut(middle)}
+        for way in (-_APART, _APART):
+            for at in level + way * np.arange(1, 1 + round(_BEYOND / _APART)):
+                try:
+                    found[float(at)] = cut(CuttingPlane.at_level(float(at)))
+                except InputError:
+                    break
+        return dict(sorted(found.items()))
+
+
+def _outlines_of_contours(path: Path, plane: CuttingPlane) -> dict[str, Polygon]:
+    levels, loops = read_loops(path)
+    level = float(plane.point[2])
+    nearest = int(np.argmin(np.abs(levels - level)))
+    if plane.is_level and np.isclose(levels[nearest], level):
+        return polygons_of(loops[nearest], path, f"level {level:g} mm")
+    if len(levels) < 2:
+        raise InputError(
+            path, "level", f"there is no level {level:g} mm, and {levels[0]:g} mm alone",
+            "choose that level, or give contours at several",
+        )  # fmt: skip
+    outlines = [
+        polygons_of(here, path, f"level {at:g} mm") for at, here in zip(levels, loops, strict=True)
+    ]
+    shape = shape_of_outlines(levels, outlines, _FINE.n_points)
+    return outlines_of_shape(shape, plane, str(path))

@@ -1,0 +1,75 @@
+"""A picture of a leg's section and the cylinder at first touch, before anything is solved."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from shapely import Polygon
+
+from legfem.geometry.section import fat_thickness, first_crossing, girth
+from legfem.report.style import (
+    BONE_COLOUR,
+    FAINT,
+    REGION_COLOURS,
+    REGION_NAMES,
+    new_figure,
+    styled,
+    title,
+)
+from legfem.subjects.plausibility import room_before
+from legfem.subjects.subject import Subject
+
+SECTION_SHOWS = "the section that was given or cut, with the cylinder at first touch and its travel"
+
+
+@styled
+def placement_figure(subject: Subject, scanned: Mapping[str, Polygon] | None = None) -> Figure:
+    """Return the section with the cylinder where it first touches, and its line of travel.
+
+    Parameters
+    ----------
+    subject
+        The leg.
+    scanned
+        Outlines by part as the scan has them (mm), before they were given room.
+    """
+    section, indenter = subject.section, subject.indenter
+    figure = new_figure(6.4, 6.9)
+    title(figure, "Section of the leg and the cylinder at first touch", subject.title,
+          subject.origin)  # fmt: skip
+    axes = figure.subplots()
+    fascia = section.polygon("fascia")
+    inner = np.asarray(fascia.buffer(-section.fascia_thickness).exterior.coords)
+    for name, ring in (
+        ("superficial", section.skin), ("fascia", section.fascia), ("deep", inner)
+    ):  # fmt: skip
+        axes.fill(*ring.T, facecolor=REGION_COLOURS[name], edgecolor="black", linewidth=0.6,
+                  label=REGION_NAMES[name])  # fmt: skip
+    for bone in ("tibia", "fibula"):
+        contour = section.contour(bone)
+        axes.fill(*contour.T, facecolor=BONE_COLOUR, edgecolor="black", linewidth=0.8)
+        axes.annotate(bone, contour.mean(axis=0), ha="center", va="center", fontsize=8)
+    for number, outline in enumerate((scanned or {}).values()):
+        axes.plot(*np.asarray(outline.exterior.coords).T, color=FAINT, linestyle="--",
+                  linewidth=1.0, label="as scanned" if number == 0 else None)  # fmt: skip
+    aim, direction = indenter.aim, indenter.direction
+    way = first_crossing(section.polygon("skin").buffer(indenter.radius).exterior, aim, direction)
+    room = room_before(subject)
+    start, end = aim + way * direction, aim + (way + room) * direction
+    axes.add_patch(Circle(tuple(start), indenter.radius, facecolor="#B8C4CC", edgecolor="black"))
+    axes.annotate("", tuple(end), tuple(start), arrowprops={"arrowstyle": "->", "linewidth": 1.5})
+    axes.update_datalim(np.stack([start - indenter.radius, start + indenter.radius]))
+    axes.autoscale_view()
+    axes.set_aspect("equal")
+    axes.set(xlabel="x (mm)", ylabel="y (mm)")
+    fat = fat_thickness(section, aim, direction)
+    axes.set_title(
+        f"girth {girth(section):.0f} mm, fat on the line of travel {fat:.1f} mm,\n"
+        f"room for {room:.0f} mm of travel (arrow, at {indenter.direction_deg:.4g}° from +x)",
+        fontsize=10,
+    )
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=2)
+    return figure
