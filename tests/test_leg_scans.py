@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import locale
 from pathlib import Path
 
 import nibabel
@@ -324,8 +325,11 @@ def _write_series(folder: Path, found: np.ndarray, origin: np.ndarray) -> Path:
 def test_a_dicom_series_of_labels_is_a_volume_and_places_one(tmp_path, files):
     found, origin = labels()
     found, origin = found[:, :, :12], origin + 40.0
+    before = locale.setlocale(locale.LC_ALL)
     series = _write_series(tmp_path / "dicom", found, origin)
+    locale.setlocale(locale.LC_ALL, before)
     read = read_volume(series)
+    assert locale.setlocale(locale.LC_ALL) == before, "SimpleITK would leave it at C"
     assert np.array_equal(read.labels, found)
     assert read.origin == pytest.approx(origin) and read.spacing == pytest.approx(SPACING)
     lost = nibabel.Nifti1Image(found, None)
@@ -385,9 +389,9 @@ def test_the_picture_of_a_folder_that_names_a_scan_is_made_alone(tmp_path, files
 
 def test_what_lies_beyond_a_segment_may_be_anything():
     found, origin = labels()
-    upper = found[:, :, 20:]
-    upper[upper == 1], upper[upper == 2] = 2, 1
-    upper[:, :, 3:5] = 0
+    fat, muscle = (found == label for label in (1, 2))
+    fat[:, :, :20] = muscle[:, :, :20] = False
+    found[fat], found[muscle] = 2, 1
     scan = LegSource("leg.nii", volume=LabelVolume(found, SPACING, origin, "leg.nii"))
     with pytest.raises(InputError, match="lies outermost, where fat is"):
         scan.shape(OutlineSettings(), None)

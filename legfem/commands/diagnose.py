@@ -92,4 +92,4 @@ def diagnose(
         report = write_diagnosis_report(
             diagnosis, found, folder, plan_lines(ranked), command_line()
         )
-        print_outcome([report.read_text()], path, report, quiet, as_json)
+        print_outcome([report.read_text(encoding="utf-8")], path, report, quiet, as_json)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import locale
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -59,15 +61,26 @@ def read_volume(
             f"give one of {', '.join(e for endings in readers for e in endings)}",
         )  # fmt: skip
     try:
-        array, affine, named, transform = reader(path)
-        if series is not None and not transform:
-            array, affine, transform = _placed(array, path, series)
+        with _locale_kept():
+            array, affine, named, transform = reader(path)
+            if series is not None and not transform:
+                array, affine, transform = _placed(array, path, series)
     except InputError:
         raise
     except Exception as error:  # the libraries raise all kinds
         raise InputError(path, "file", f"can't be read ({error})", "save it again") from None
     volume = volume_of_array(array, affine, str(path), meaning or named)
     return replace(volume, transform=transform)
+
+
+@contextmanager
+def _locale_kept() -> Iterator[None]:
+    """Put the process' locale back, which SimpleITK sets to C when it reads DICOM."""
+    before = locale.setlocale(locale.LC_ALL)
+    try:
+        yield
+    finally:
+        locale.setlocale(locale.LC_ALL, before)
 
 
 def write_volume(volume: LabelVolume, path: Path) -> None:
