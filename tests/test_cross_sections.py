@@ -60,6 +60,14 @@ def test_a_tibia_under_the_skin_is_wrapped_and_cut_back():
     assert fat_thickness(section, *back) == pytest.approx(10.0, abs=0.3)
 
 
+def test_outlines_of_a_hundred_thousand_points_are_thinned():
+    few = {part: Polygon(xy) for part, xy in _surfaces().items()}
+    many = dict(few, skin=Polygon(circle(0, 0, 60, 100_000)))
+    one, other = (section_from_outlines(outlines, 0.6, "made") for outlines in (few, many))
+    assert len(other.skin) == pytest.approx(len(one.skin), abs=2)
+    assert other.polygon("skin").area == pytest.approx(one.polygon("skin").area, rel=1e-3)
+
+
 def test_a_folder_is_written_whole_and_loads(tmp_path):
     path = _write(tmp_path / "sections.csv", _surfaces())
     out = folder_of_leg(_source(path), 300, tmp_path / "out" / "leg (left)", fascia_thickness=0.8)

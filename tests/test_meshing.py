@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import gmsh
 import numpy as np
 import pytest
 import shapely
@@ -12,6 +18,7 @@ from making_mechanics import COARSE, subject_3
 from legfem.common.errors import InputError
 from legfem.fem.compat import cell_nodes
 from legfem.geometry.section import LegSection
+from legfem.meshing.gmsh_mesh import generate, gmsh_model
 from legfem.meshing.section import (
     BONE,
     REGIONS,
@@ -155,3 +162,57 @@ def test_a_simple_leg_is_meshed_from_any_side():
         found = mesh_section(made, 15.0, np.zeros(2), direction, COARSE)
         assert found.quality.worst > 0.1
         np.testing.assert_allclose(found.touch, -75.0 * direction, atol=0.1)
+
+
+def _square(side: float, size: float) -> None:
+    corners = [gmsh.model.geo.addPoint(*at, 0) for at in ((0, 0), (side, 0), (side, side))]
+    lines = [gmsh.model.geo.addLine(corners[k - 1], corners[k]) for k in range(3)]
+    gmsh.model.geo.addPlaneSurface([gmsh.model.geo.addCurveLoop(lines)])
+    gmsh.model.geo.synchronize()
+    gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+
+
+def test_a_mesh_that_takes_too_long_ends_in_one_line_with_exit_status_2():
+    """In a process of its own: gmsh can't be used again after that."""
+    code = """
+from legfem.common.command_edge import command_edge
+from legfem.meshing.gmsh_mesh import generate, gmsh_model
+from test_meshing import _square
+import typer
+try:
+    with command_edge(), gmsh_model("endless") as model:
+        _square(100.0, 0.02)
+        generate(model, 2, seconds=0.2)
+except typer.Exit as end:
+    raise SystemExit(end.exit_code)
+"""
+    folder = Path(__file__).parent
+    paths = os.pathsep.join([str(folder), str(folder.parent)])
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60,
+        env={**os.environ, "PYTHONPATH": paths}, cwd=folder.parent,
+    )  # fmt: skip
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.count("\n") == 1
+    assert done.stderr.startswith("contours: mesh: gmsh was given up after 0.2 s; check the")
+
+
+def test_after_a_mesh_in_time_gmsh_can_be_used_again():
+    for size in (1.0, 0.5):
+        with gmsh_model("quick") as model:
+            _square(10.0, size)
+            generate(model, 2)
+            triangles = len(model.mesh.getElementsByType(2)[0])
+        # Half the square, of equilateral triangles.
+        assert triangles == pytest.approx(50 / (np.sqrt(3) / 4 * size**2), rel=0.35)
+
+
+def test_what_gmsh_raises_is_raised():
+    class Model:
+        class mesh:  # noqa: N801
+            @staticmethod
+            def generate(dimension: int) -> None:
+                raise RuntimeError(f"no mesh of {dimension}")
+
+    with pytest.raises(RuntimeError, match="no mesh of 3"):
+        generate(Model, 3)

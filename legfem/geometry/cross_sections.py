@@ -17,7 +17,7 @@ from shapely import Polygon, make_valid, union_all
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.contour_table import MUSCLE_HULL, Loops
-from legfem.geometry.contours import check_girth, check_section
+from legfem.geometry.contours import MOST_POINTS, check_girth, check_section
 from legfem.geometry.curve import resample_closed_curve
 from legfem.geometry.section import PARTS, LegSection
 
@@ -177,6 +177,7 @@ def nested_outlines(
     InputError
         If nothing is left of a part.
     """
+    outlines = {part: _thinned(outline) for part, outline in outlines.items()}
     _check_order(outlines, source)
     fat = room.fat(fascia_thickness)
     skin = _smooth(outlines["skin"], room)
@@ -287,6 +288,12 @@ def largest_polygon(shape: object, source: str | Path, part: str) -> Polygon:
             "choose another level or correct the outlines",
         )
     return Polygon(max(pieces, key=lambda piece: piece.area).exterior)
+
+
+def _thinned(outline: Polygon) -> Polygon:
+    """Return an outline without points closer than any mesh's, which only cost time."""
+    ring = _ring(outline)
+    return outline if len(ring) <= MOST_POINTS else Polygon(ring[:: 1 + len(ring) // MOST_POINTS])
 
 
 def _opened(shape: Polygon, radius: float) -> Polygon:

@@ -1,7 +1,13 @@
-"""gmsh's model, and a DOLFINx mesh of what gmsh has meshed."""
+"""gmsh's model, meshing it within a time, and a DOLFINx mesh of what gmsh has meshed.
+
+gmsh can't be stopped: on some contours it goes on for ever. It works in a thread of its own, so
+that Ctrl-C and a limit of time reach the one that waits; what is left of the thread ends with the
+process.
+"""
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -10,8 +16,14 @@ import gmsh
 from dolfinx import io as dolfinx_io
 from mpi4py import MPI
 
+from legfem.common.errors import InputError
+
 # Its name since DOLFINx 0.10, and before.
 _gmsh_io = dolfinx_io.gmsh if hasattr(dolfinx_io, "gmsh") else dolfinx_io.gmshio
+
+_MOST_SECONDS = {2: 120.0, 3: 1200.0}
+"""By dimension: usual sections take a second, the finest leg in 3D some minutes."""
+_THREAD = "gmsh"
 
 
 def mesh_from_gmsh(model: Any, comm: MPI.Intracomm, gdim: int) -> tuple[Any, Any, Any]:
@@ -22,7 +34,17 @@ def mesh_from_gmsh(model: Any, comm: MPI.Intracomm, gdim: int) -> tuple[Any, Any
 
 @contextmanager
 def gmsh_model(name: str) -> Iterator[Any]:
-    """Open gmsh with an empty model, and close it."""
+    """Open gmsh with an empty model, and close it.
+
+    Raises
+    ------
+    InputError
+        If it is still at work on a mesh that was given up.
+    """
+    if _at_work():
+        raise InputError(
+            "mesh", "gmsh", "still works on a mesh that was given up", "start the program again"
+        )
     gmsh.initialize(interruptible=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
@@ -30,4 +52,56 @@ def gmsh_model(name: str) -> Iterator[Any]:
         gmsh.model.add(name)
         yield gmsh.model
     finally:
-        gmsh.finalize()
+        if not _at_work():
+            gmsh.finalize()
+
+
+def generate(model: Any, dimension: int, seconds: float | None = None) -> None:
+    """Mesh a model.
+
+    Parameters
+    ----------
+    model
+        Of `gmsh_model`.
+    dimension : int
+        2 or 3.
+    seconds : float, optional
+        After which it is given up.
+
+    Raises
+    ------
+    InputError
+        If it takes longer.
+    Exception
+        What gmsh raises; nothing more specific.
+    """
+    failed: list[Exception] = []
+
+    def work() -> None:
+        try:
+            model.mesh.generate(dimension)
+        except Exception as error:
+            failed.append(error)
+
+    most = _MOST_SECONDS[dimension] if seconds is None else seconds
+    thread = threading.Thread(target=work, name=_THREAD, daemon=True)
+    thread.start()
+    thread.join(most)
+    if thread.is_alive():
+        raise InputError(
+            "contours", "mesh", f"gmsh was given up after {most:g} s",
+            "check the contours for kinks and near contacts, or ask for a coarser mesh",
+        )  # fmt: skip
+    if failed:
+        raise failed[0]
+
+
+def raise_everywhere(comm: MPI.Intracomm, error: InputError | None) -> None:
+    """Raise on all ranks what rank 0 found, if it found anything."""
+    error = comm.bcast(error, root=0)
+    if error is not None:
+        raise error
+
+
+def _at_work() -> bool:
+    return any(thread.name == _THREAD for thread in threading.enumerate())

@@ -21,7 +21,12 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.curve import ClosedCurve, smooth_closed_curve
 from legfem.geometry.section import LegSection
-from legfem.meshing.gmsh_mesh import gmsh_model, mesh_from_gmsh
+from legfem.meshing.gmsh_mesh import (
+    generate,
+    gmsh_model,
+    mesh_from_gmsh,
+    raise_everywhere,
+)
 from legfem.meshing.motion import MeshMotion
 from legfem.meshing.quality import MeshQuality, element_quality
 
@@ -108,17 +113,21 @@ def mesh_section(
     Raises
     ------
     InputError
-        If the line of travel misses the leg, or no mesh of sound quality can be made.
+        If the line of travel misses the leg, or no mesh of sound quality can be made in time.
     """
     settings = settings or SectionMeshSettings()
     skin = smooth_closed_curve(section.skin)
     reached = _skin_within_reach(skin, radius, aim, direction)
     with gmsh_model("section") as model:
         outline: FloatArray | None = None
-        quality = None
+        quality = error = None
         if comm.rank == 0:
-            outline = _build(model, section, skin, cKDTree(reached), settings)
-            quality = element_quality(model, REGIONS)
+            try:
+                outline = _build(model, section, skin, cKDTree(reached), settings)
+                quality = element_quality(model, REGIONS)
+            except InputError as found:
+                error = found
+        raise_everywhere(comm, error)
         outline, quality = comm.bcast((outline, quality), root=0)
         touch = first_touch(outline, radius, aim, direction)
         if quality.worst <= 0.02:
@@ -289,5 +298,5 @@ def _build(
     field.setString(graded, "F", f"min({contact} + {growth}*F{distance}, {settings.far_size})")
     field.setAsBackgroundMesh(graded)
     gmsh.option.setNumber("Mesh.Algorithm", 6)
-    model.mesh.generate(2)
+    generate(model, 2)
     return corners

@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.shape_surface import PartSurface
-from legfem.meshing.gmsh_mesh import gmsh_model
+from legfem.meshing.gmsh_mesh import generate, gmsh_model
 from legfem.meshing.size_field import SizeField, bilinear
 
 type Triangles = NDArray[np.int64]
@@ -97,7 +97,7 @@ def _unrolled(
     model.mesh.setPeriodic(1, [sides[1]], [sides[0]], shift)
     model.mesh.setSizeCallback(lambda dim, tag, x, y, z, lc: size(x, y))
     gmsh.option.setNumber("Mesh.Algorithm", 6)
-    model.mesh.generate(2)
+    generate(model, 2)
     points, triangles = _triangles(model)
     return points[:, :2], triangles
 
@@ -127,7 +127,7 @@ def _end_face(
         geometry.synchronize()
         model.mesh.setSizeCallback(lambda dim, tag, x, y, z, lc: size(x, y))
         gmsh.option.setNumber("Mesh.Algorithm", 6)
-        model.mesh.generate(2)
+        generate(model, 2)
         return _triangles(model)
 
 

@@ -25,7 +25,12 @@ from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.shape_checks import check_shape
 from legfem.geometry.shape_measures import perimeter
 from legfem.geometry.shape_surface import PartSurface
-from legfem.meshing.gmsh_mesh import gmsh_model, mesh_from_gmsh
+from legfem.meshing.gmsh_mesh import (
+    generate,
+    gmsh_model,
+    mesh_from_gmsh,
+    raise_everywhere,
+)
 from legfem.meshing.idealised_leg import END, LegMesh
 from legfem.meshing.quality import MeshQuality, element_quality
 from legfem.meshing.section import BONE, DEEP, SUPERFICIAL
@@ -187,7 +192,7 @@ def mesh_solid_leg(
             shell = mesh_shell(shape, _size_field(shape, settings, spacing=3.0))
         except InputError as found:
             error = found
-    _raise_everywhere(comm, error)
+    raise_everywhere(comm, error)
     with gmsh_model("leg") as model:
         quality = None
         if comm.rank == 0:
@@ -196,7 +201,7 @@ def mesh_solid_leg(
             if error is None:
                 quality = element_quality(model, SOLID_REGIONS, dimension=3)
                 error = _unsound(quality)
-        _raise_everywhere(comm, error)
+        raise_everywhere(comm, error)
         mesh, cell_tags, facet_tags = mesh_from_gmsh(model, comm, gdim=3)
     quality = comm.bcast(quality, root=0)
     supports = (Support(BONE, (0, 1, 2)),)
@@ -209,12 +214,6 @@ def _segment(shape: LegShape, settings: SolidMeshSettings) -> LegShape:
     low, high = settings.z_range
     inside = shape.levels[(shape.levels > low + 0.1) & (shape.levels < high - 0.1)]
     return shape.at_levels(np.concatenate([[low], inside, [high]]))
-
-
-def _raise_everywhere(comm: MPI.Intracomm, error: InputError | None) -> None:
-    error = comm.bcast(error, root=0)
-    if error is not None:
-        raise error
 
 
 def _unsound(quality: MeshQuality) -> InputError | None:
@@ -245,7 +244,9 @@ def _fill(
     model.mesh.setSizeCallback(lambda dim, tag, x, y, z, lc: sizes(x, y, z))
     gmsh.option.setNumber("Mesh.Algorithm3D", 1)
     try:
-        model.mesh.generate(3)
+        generate(model, 3)
+    except InputError as error:
+        return error
     except Exception as error:  # gmsh raises nothing more specific
         return InputError(
             "shape", "mesh", f"gmsh cannot fill the surfaces ({error})",
