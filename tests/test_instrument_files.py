@@ -1,8 +1,8 @@
 """Instruments' files as their programs write them are read right, and mangled ones refused.
 
-The layouts of text exports are those that readers of them on GitHub expect: Bluehill's RawData of
-the R package for Bluehill 2.0, WinTest's of `mechana` (names, units, a comma and a null byte), MTS
-TestSuite's CSV, testXpert's table with a row of units. LVM is National Instruments' specification.
+xlsx, TDMS, MAT and HDF5 are written by these formats' own libraries, LVM after National
+Instruments' specification. The text exports of Bluehill, MTS, testXpert and WinTest are written by hand after
+descriptions in manuals and in readers of others: none came from a machine.
 """
 
 from __future__ import annotations

@@ -24,8 +24,11 @@ def data() -> None:
 @app.command()
 def look(
     files: Annotated[
-        list[Path], typer.Argument(help="CSV, text, xlsx, TDMS, LVM, MAT or HDF5; one trial each.")
-    ],
+        list[Path] | None,
+        typer.Argument(
+            help="CSV, text, xlsx, TDMS, LVM, MAT or HDF5; one trial each.", show_default=False
+        ),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder for results; results/look by default.")
     ] = None,
@@ -51,6 +54,9 @@ def look(
         from legfem.recording.quality import quality_of
         from legfem.report.look import draw_look, look_text, recordings_toml
 
+        # A required argument's help would end in a backslash and [required].
+        if not files:
+            raise InputError("FILES", "missing", "there is nothing to look at", "give files")
         folder = out or Path("results") / "look"
         check_out_folder(folder)
         named: dict[Quantity, str] = {}

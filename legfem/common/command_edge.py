@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NoReturn
 
 import typer
 
@@ -112,6 +113,12 @@ def study_edge(
         folder = out or Path("results") / name
         check_out_folder(folder)
         yield folder, processes
+
+
+def end_without_a_solution(what: str) -> NoReturn:
+    """End a command of whose work nothing was solved: what did, is in its report."""
+    print(f"{what}: nothing was solved, see the report", file=sys.stderr)
+    raise typer.Exit(FAILED)
 
 
 class _Stderr(logging.Handler):

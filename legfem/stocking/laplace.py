@@ -133,7 +133,7 @@ def stocking_load(shape: LegShape, stocking: Stocking) -> StockingLoad:
             "stocking", "unstretched",
             f"the stocking (narrowest {stocking.unstretched.min():g} mm) is wider than the leg "
             f"(widest {perimeter.max():g} mm) everywhere",
-            "check the unstretched perimeters and their unit, mm",
+            "give the fabric's unstretched perimeters (not diameters or widths) in mm",
         )  # fmt: skip
     return StockingLoad(perimeter, strain, tension, curvature, tension[:, None] * curvature)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -11,9 +10,9 @@ import typer
 
 from legfem.common.checks import check_finite
 from legfem.common.command_edge import (
-    FAILED,
     check_out_folder,
     command_edge,
+    end_without_a_solution,
     study_edge,
     usable_cores,
 )
@@ -124,8 +123,7 @@ def doe(
             jobs or usable_cores(), seed, count.value, not factorial_only,
         )  # fmt: skip
         if not run(options, MPI.COMM_WORLD):
-            print("no simulation reached its depth: see the report", file=sys.stderr)
-            raise typer.Exit(FAILED)
+            end_without_a_solution("doe")
 
 
 @app.command()

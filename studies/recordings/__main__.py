@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_edge import study_edge
+from legfem.common.command_edge import end_without_a_solution, study_edge
 from legfem.study.options import Jobs, Out
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -45,7 +45,8 @@ def recordings(
             for made in write_specimen_folders(data, specimen_folders, assumed):
                 print(made)
             return
-        command.run(data, test or [], assumed, folder, processes)
+        if not command.run(data, test or [], assumed, folder, processes):
+            end_without_a_solution("recordings")
 
 
 if __name__ == "__main__":

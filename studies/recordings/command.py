@@ -33,8 +33,11 @@ DRAWN = ("230331|RDG1 1A", "230331|RDG1 1B", "230403|230403-FF1A", "230515|23051
 RELAXES = "viscoelasticity"
 
 
-def run(data: Path, tests: Sequence[str], assumed: Assumed, out: Path, jobs: int) -> None:
-    """Study the recordings; print the tables and write result and figures."""
+def run(data: Path, tests: Sequence[str], assumed: Assumed, out: Path, jobs: int) -> bool:
+    """Study the recordings; print the tables and write result and figures.
+
+    Returns whether any indentation came to a result.
+    """
     started = time.perf_counter()
     meat = read_meat(data)
     chosen = [full_name(name, list(meat)) for name in tests] or list(meat)
@@ -86,6 +89,7 @@ def run(data: Path, tests: Sequence[str], assumed: Assumed, out: Path, jobs: int
         "wall_s": time.perf_counter() - started,
     }  # fmt: skip
     print(f"result: {write_document(out / 'result.json', document)}")
+    return bool(told)
 
 
 def full_name(name: str, names: Sequence[str]) -> str:

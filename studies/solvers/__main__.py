@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_edge import study_edge
+from legfem.common.command_edge import end_without_a_solution, study_edge
 from legfem.study.options import Out
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -51,7 +51,8 @@ def solvers(
             ranks or [1],
             direct_up_to,
         )
-        solvers_command.run([replace(case, step=step) for case in cases], folder)
+        if not solvers_command.run([replace(case, step=step) for case in cases], folder):
+            end_without_a_solution("solvers")
 
 
 if __name__ == "__main__":

@@ -40,8 +40,10 @@ def cases_of(
     return pairs + (linear if tetrahedra else [])
 
 
-def run(cases: Sequence[SolverCase], out: Path) -> None:
+def run(cases: Sequence[SolverCase], out: Path) -> bool:
     """Measure cases one after the other, each in processes of its own, and write the table.
+
+    Returns whether any came to a result.
 
     Raises
     ------
@@ -68,6 +70,7 @@ def run(cases: Sequence[SolverCase], out: Path) -> None:
         console.print(line, highlight=False)
     write_atomically(out / "report.txt", console.export_text())
     print(f"result: {path}\nreport: {out / 'report.txt'}")
+    return bool(found)
 
 
 def measured_apart(case: SolverCase, out: Path) -> SolverWork | None:

@@ -1,0 +1,143 @@
+"""What can't be in a leg and its stocking is refused; what is unlikely is doubted, by its field."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from making_stocking import laws
+
+from legfem.common.errors import InputError
+from legfem.geometry.leg_shape import LegShape
+from legfem.geometry.shape_measures import perimeter
+from legfem.mechanics.materials import NeoHookean
+from legfem.stocking.accuracy import ContourAccuracy
+from legfem.stocking.laplace import Stocking
+from legfem.stocking.leg import StockingLeg
+from legfem.stocking.plausibility import check_scans_differ, doubts_about_leg
+from studies.legs.parametric_leg import parametric_leg, read_legs
+from studies.stockings.command import LEGS
+
+TOML = Path("leg.toml")
+
+type Change = Callable[[StockingLeg], StockingLeg]
+
+
+def _scaled(shape: LegShape, factor: float) -> LegShape:
+    return LegShape(shape.levels, {part: factor * xy for part, xy in shape.contours.items()})
+
+
+@pytest.fixture(scope="module")
+def leg() -> StockingLeg:
+    """In a fabric that it stretches by half all along, which presses with some 20 mmHg."""
+    shape = parametric_leg(read_legs(LEGS)["1"], n_points=90)
+    stocking = Stocking(0.3, shape.levels, perimeter(shape) / 1.5)
+    return StockingLeg(
+        "a", "A leg", "simulated", shape, shape, _scaled(shape, 0.99), None, stocking,
+        ContourAccuracy(), laws(3.0, 8.0), True, "held", shape.levels[[5, 6]], (),
+    )  # fmt: skip
+
+
+def test_a_usual_leg_in_a_usual_stocking_is_not_doubted(leg):
+    assert doubts_about_leg(leg, TOML) == ()
+
+
+def _resized(factor: float) -> Change:
+    def change(leg: StockingLeg) -> StockingLeg:
+        fabric = replace(leg.stocking, unstretched=factor * leg.stocking.unstretched)
+        shapes = {name: _scaled(getattr(leg, name), factor) for name in ("bare", "compressed")}
+        return replace(leg, stocking=fabric, **shapes)
+
+    return change
+
+
+def _tissue(name: str, **numbers: float) -> Change:
+    def change(leg: StockingLeg) -> StockingLeg:
+        law = leg.tissues[name]
+        assert isinstance(law, NeoHookean)
+        return replace(leg, tissues={**leg.tissues, name: replace(law, **numbers)})
+
+    return change
+
+
+def _compressed(factor: float) -> Change:
+    return lambda leg: replace(leg, compressed=_scaled(leg.bare, factor))
+
+
+def _fabric(stretch: float = 1.5, stiffness: float = 0.3) -> Change:
+    return lambda leg: replace(
+        leg, stocking=Stocking(stiffness, leg.bare.levels, perimeter(leg.bare) / stretch)
+    )
+
+
+def _table(low: float, high: float) -> Change:
+    """Return a change of the levels at which the fabric is known."""
+
+    def change(leg: StockingLeg) -> StockingLeg:
+        levels = np.linspace(low, high, 5)
+        around = np.interp(levels, leg.bare.levels, perimeter(leg.bare))
+        return replace(leg, stocking=Stocking(0.3, levels, around / 1.5))
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "field", "words"),
+    [
+        (_resized(0.6), "bare", "a girth of"),
+        (_tissue("deep", D1=150.0), "tissues.deep.D1_per_MPa", "a D1 of 150"),
+        (_tissue("superficial", C10=0.1), "tissues.superficial.C10_kPa", "C10 of 100 kPa"),
+        (_tissue("deep", C10=40e-3), "tissues.deep.C10_kPa", "C10 of 40 kPa"),
+        (_compressed(1.003), "compressed", "0.3 % thicker in its stocking"),
+        (_table(20.0, 120.0), "stocking.unstretched", "leaves 20 mm"),
+        (_fabric(2.8, 0.1), "stocking", "a stretch of the fabric of 180 %"),
+        (_fabric(1.03, 5.0), "stocking", "a stretch of the fabric of 3 %"),
+        (_fabric(1.5, 2.0), "stocking.stiffness_N_per_mm", "a mean pressure"),
+    ],
+)
+def test_what_is_unlikely_is_doubted(leg, change, field, words):
+    doubts = doubts_about_leg(change(leg), TOML)
+    assert [doubt.field for doubt in doubts] == [field]
+    assert words in doubts[0].problem
+
+
+@pytest.mark.parametrize(
+    ("change", "field", "words"),
+    [
+        (_resized(0.2), "bare", "a girth of"),
+        (_resized(10.0), "bare", "a girth of"),
+        (_tissue("deep", D1=5e3), "tissues.deep.D1_per_MPa", "if the value is in 1/GPa"),
+        (_tissue("superficial", C10=8.0), "tissues.superficial.C10_kPa", "if the value is in Pa"),
+        (_compressed(1.02), "compressed", "are the scans of [bare] and [compressed] exchanged?"),
+        (_table(500.0, 640.0), "stocking.unstretched", "in its coordinates"),
+        (_fabric(0.95), "unstretched", "is wider than the leg"),
+        (_fabric(4.5), "stocking", "a stretch of the fabric of 350 %"),
+        (_fabric(1.5, 300.0), "stocking.stiffness_N_per_mm", "if the value is in N/m"),
+    ],
+)
+def test_what_cannot_be_is_refused(leg, change, field, words):
+    with pytest.raises(InputError) as caught:
+        doubts_about_leg(change(leg), TOML)
+    assert caught.value.field == field
+    assert words in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_stiffness_that_is_only_a_start_is_not_doubted(leg):
+    unknown = replace(_tissue("deep", C10=40e-3)(leg), known=False)
+    assert doubts_about_leg(unknown, TOML) == ()
+
+
+def test_a_straight_tube_is_known_at_every_height(leg):
+    tube = Stocking(0.3, leg.bare.levels[:1], np.array([perimeter(leg.bare).min() / 1.4]))
+    assert not [d for d in doubts_about_leg(replace(leg, stocking=tube), TOML) if "table" in str(d)]
+
+
+def test_one_scan_given_twice_is_refused_and_a_second_one_is_not(leg):
+    with pytest.raises(InputError, match="compressed: is the same scan as"):
+        check_scans_differ(leg.bare, leg.bare, TOML)
+    again = {part: xy + 0.01 for part, xy in leg.bare.contours.items()}
+    check_scans_differ(leg.bare, LegShape(leg.bare.levels, again), TOML)
+    check_scans_differ(leg.bare, leg.bare.at_levels(leg.bare.levels[2:]), TOML)

@@ -1,0 +1,37 @@
+"""A study of which nothing was solved says so by its exit status."""
+
+from __future__ import annotations
+
+import pytest
+from typer.testing import CliRunner
+
+from studies.recordings import command as recordings
+from studies.recordings.__main__ import app as recordings_app
+from studies.recordings.indentation import Row
+from studies.solvers import command as solvers
+from studies.solvers.__main__ import app as solvers_app
+
+
+def test_solvers_of_which_none_ends_exit_nonzero(tmp_path, monkeypatch):
+    monkeypatch.setattr(solvers, "measured_apart", lambda case, out: None)
+    done = CliRunner().invoke(solvers_app, ["--size", "2000", "--out", str(tmp_path)])
+    assert done.exit_code == 1
+    assert "solvers: nothing was solved" in done.output
+    assert (tmp_path / "report.txt").is_file(), "what was tried is told all the same"
+
+
+@pytest.mark.parametrize("problems", [("no drop", "too short"), ("no drop", "")])
+def test_recordings_of_which_none_is_solved_exit_nonzero(tmp_path, monkeypatch, problems):
+    names = [f"day|{k}" for k in range(len(problems))]
+    rows = [
+        Row(name, "beef", problem, explanations=((("nothing",), 1.0),), named_first="nothing")
+        for name, problem in zip(names, problems, strict=True)
+    ]
+    monkeypatch.setattr(recordings, "read_meat", lambda data: dict.fromkeys(names))
+    monkeypatch.setattr(recordings, "phantom_kinds", lambda data: [])
+    monkeypatch.setattr(recordings, "layer_curves", lambda *_: None)
+    monkeypatch.setattr(recordings, "each_in_turn", lambda work, tests, jobs: iter(rows))
+    given = ["--data", str(tmp_path), "--out", str(tmp_path / "out")]
+    done = CliRunner().invoke(recordings_app, given)
+    assert done.exit_code == (1 if all(problems) else 0), done.output
+    assert (tmp_path / "out" / "result.json").is_file()
