@@ -1,8 +1,8 @@
 """Instruments' files as their programs write them are read right, and mangled ones refused.
 
 xlsx, TDMS, MAT and HDF5 are written by these formats' own libraries, LVM after National
-Instruments' specification. The text exports of Bluehill, MTS, testXpert and WinTest are written by hand after
-descriptions in manuals and in readers of others: none came from a machine.
+Instruments' specification. The text exports of Bluehill, MTS, testXpert and WinTest are written by
+hand after descriptions in manuals and in readers of others: none came from a machine.
 """
 
 from __future__ import annotations

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 import shapely
@@ -68,6 +69,16 @@ def test_a_bone_outside_the_hull_is_taken_into_it(tmp_path):
     assert tibia.area == pytest.approx(np.pi * 13**2, rel=0.02)
 
 
+@pytest.mark.parametrize("kind", ["ply", "obj", "vtu", "vtk"])
+def test_surfaces_of_other_programs_are_read(tmp_path, kind):
+    stl = read_surface(_cone(tmp_path / "s.stl", 3, 4, 20, 0.1))
+    if kind.startswith("vt"):
+        meshio.Mesh(stl.vertices, [("triangle", stl.faces)]).write(tmp_path / f"s.{kind}")
+    else:
+        stl.export(tmp_path / f"s.{kind}")
+    assert read_surface(tmp_path / f"s.{kind}").volume == pytest.approx(stl.volume, rel=1e-6)
+
+
 def test_outlines_are_cut_at_any_level_also_through_vertices(tmp_path):
     surface = read_surface(_cone(tmp_path / "s.stl", 3, 4, 20, 0.1))
     levels = [1e-3, 50.0, 99.9]
@@ -103,6 +114,11 @@ def test_bad_files_give_one_line(tmp_path):
         _shape({k: v for k, v in parts.items() if k != "skin"}, LEVELS)
     with pytest.raises(InputError, match="not found"):
         _shape({**parts, "tibia": tmp_path / "none.stl"}, LEVELS)
+    header = "# vtk DataFile Version 4.2\nSlicer\nASCII\nDATASET POLYDATA\nPOINTS 1 float\n0 0 0\n"
+    (tmp_path / "slicer.vtk").write_text(header)
+    with pytest.raises(InputError, match=r"can be read .*save it as STL") as caught:
+        read_surface(tmp_path / "slicer.vtk")
+    assert "\n" not in str(caught.value)
     (tmp_path / "text.stl").write_text("nothing")
     with pytest.raises(InputError, match=r"text.stl: file"):
         read_surface(tmp_path / "text.stl")

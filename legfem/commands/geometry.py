@@ -37,7 +37,7 @@ def convert(
     ] = None,
     surface: Annotated[
         list[str] | None,
-        typer.Option(help="PART=FILE (STL, PLY, OBJ, VTK); repeat it, for single muscles too."),
+        typer.Option(help="PART=FILE (STL, PLY, OBJ, VTU); repeat it, for single muscles too."),
     ] = None,
     level: Annotated[
         float | None, typer.Option(help="Level of the section, mm.", show_default=False)
