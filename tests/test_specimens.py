@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from making_specimens import BAR, compressed, ramp, record, relaxing, write_bars
 from typer.testing import CliRunner
@@ -127,6 +128,44 @@ def test_a_bad_recording_costs_itself_alone(tmp_path: Path) -> None:
     assert "change its sign" in reasons["pulled"]
     found = lf.identify(folder, "neo-hookean")
     assert "Not used: slack" in found.summary()
+
+
+def test_an_instruments_files_are_the_same_recordings(bars: Path, tmp_path: Path) -> None:
+    """In another order, force with the other sign, metres, ms, semicolons, and as xlsx."""
+    channels = """
+[recordings.time]
+column = "Time"
+unit = "ms"
+[recordings.displacement]
+column = "Crosshead"
+unit = "m"
+[recordings.force]
+column = "Load"
+unit = "N"
+sign = -1
+"""
+    (tmp_path / "recordings").mkdir()
+    (tmp_path / "specimen.toml").write_text(BAR + channels)
+    plain = lf.load_specimen(bars)
+    for one in plain.recordings:
+        table = pd.read_csv(bars / "recordings" / f"{one.name}.csv")
+        written = pd.DataFrame({
+            "Load": -table["force_N"], "Time": 1e3 * table["time_s"],
+            "Crosshead": 1e-3 * table["displacement_mm"],
+        })  # fmt: skip
+        path = tmp_path / "recordings" / one.name
+        if one.name == "slow":
+            written.to_excel(path.with_suffix(".xlsx"), index=False)
+        else:
+            written.to_csv(path.with_suffix(".csv"), sep=";", index=False)
+    (tmp_path / "recordings" / "notes.docx").write_text("not a recording")
+    read = lf.load_specimen(tmp_path)
+    assert [one.name for one in read.recordings] == ["fast", "middle", "slow"]
+    assert not read.left_out
+    for one, other in zip(plain.recordings, read.recordings, strict=True):
+        for name in ("time", "displacement", "force"):
+            wanted = getattr(one.course.samples, name)
+            assert getattr(other.course.samples, name) == pytest.approx(wanted), name
 
 
 def test_a_test_that_stops_costs_itself_alone(tmp_path: Path) -> None:

@@ -44,15 +44,24 @@ def read_recording(path: Path, minimal_depth: float = MINIMAL_DEPTH_MM) -> Recor
     return recording
 
 
-def read_samples(path: Path) -> Recording:
+def read_samples(path: Path, channels: Channels | None = None) -> Recording:
     """Read one trial whatever it holds, only that time increases.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    channels : Channels, optional
+        Where an instrument's file holds the quantities; legfem's own CSV without it.
 
     Raises
     ------
     InputError
-        As `read_recording` does for the table.
+        As `read_recording` does for the table, or if the file lacks what ``channels`` name.
     """
     path = Path(path)
+    if channels is not None:
+        return recording_of(path, read_sheets(path), channels)
     table = read_table(path, HEADER)
     time = table["time_s"].to_numpy(dtype=np.float64)
     rows = not_increasing(time)
@@ -82,7 +91,7 @@ def read_instrument_file(
     InputError
         If the file can't be read, lacks what ``channels`` name, or the trial can't be used.
     """
-    recording = recording_of(path, read_sheets(path), channels)
+    recording = read_samples(path, channels)
     check_recording(recording, minimal_depth)
     return recording
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from legfem.common.errors import InputError
 from legfem.recording import Instrument
+from legfem.recording.formats import READERS
 from legfem.recording.reader import read_samples
 from legfem.specimens.course import Course, course_of
 from legfem.specimens.schema import (
@@ -103,7 +104,8 @@ def load_specimen(directory: Path) -> SpecimenFolder:
     used, left = list[SpecimenRecording](), list[LeftOut]()
     for name, entry, path in named:
         try:
-            course = course_of(read_samples(path), errors, given.recordings.starts_at_contact)
+            samples = read_samples(path, given.recordings.channels())
+            course = course_of(samples, errors, given.recordings.starts_at_contact)
         except InputError as error:
             left.append(LeftOut(name, str(error)))
         else:
@@ -126,23 +128,29 @@ def load_specimen(directory: Path) -> SpecimenFolder:
 def _named(directory: Path, toml: Path, given: SpecimenFile) -> list[tuple[str, int | None, Path]]:
     """Return name, number of the specimen (None where there is but one) and file of recordings."""
     _check_distinct(toml, given.specimen)
+    suffixes = {".csv"} if given.recordings.channels() is None else set(READERS)
     found: list[tuple[int | None, Path]] = []
     entries: list[tuple[int | None, SpecimenEntry | None]]
     entries = [*enumerate(given.specimen)] or [(None, None)]
     for number, entry in entries:
-        patterns = ["recordings/*.csv"] if entry is None else entry.recordings
+        patterns = ["recordings/*"] if entry is None else entry.recordings
         for pattern in patterns:
             if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
                 raise InputError(
                     toml, "specimen.recordings", f"{pattern!r} leaves the folder",
                     "name files within it",
                 )  # fmt: skip
-            files = sorted(path for path in directory.glob(pattern) if path.is_file())
+            files = sorted(
+                path
+                for path in directory.glob(pattern)
+                if path.is_file() and (entry or path.suffix.lower() in suffixes)
+            )
             if not files:
                 where = "recordings" if entry is None else f"specimen {entry.name}"
                 raise InputError(
                     toml, where, f"there is no file {pattern!r}",
-                    "put one CSV file a recording there: time_s,displacement_mm,force_N",
+                    "put one CSV file a recording there: time_s,displacement_mm,force_N; or give "
+                    "the channels of your instrument's files, from `python -m legfem.data look`",
                 )  # fmt: skip
             found += [(number, path) for path in files]
     for path, times in Counter(path for _, path in found).items():
