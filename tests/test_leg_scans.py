@@ -387,6 +387,20 @@ def test_the_picture_of_a_folder_that_names_a_scan_is_made_alone(tmp_path, files
     assert sorted(p.name for p in (tmp_path / "leg").iterdir()) == ["section.png", "subject.toml"]
 
 
+def test_a_scan_of_both_legs_is_refused():
+    found, origin = labels()
+    both = LabelVolume(np.concatenate([found, found]), SPACING, origin, "leg.nii")
+    with pytest.raises(InputError, match=r"leg.nii: slice \d+: shows two legs"):
+        LegSource("leg.nii", volume=both).outlines(CuttingPlane.at_level(LEVEL))
+
+
+def test_labels_without_a_scan_are_refused_and_a_cut_is_told(tmp_path, files):
+    section = f"{_entry(files, 'csv')}\nlevel_mm = 50.0"
+    assert _subject(tmp_path / "leg", section).cut_from == "sections.csv, level 50 mm"
+    with pytest.raises(InputError, match="labels: are given without a scan"):
+        _subject(tmp_path / "leg", section, more="\n[labels]\ndeep = 2\n")
+
+
 def test_what_lies_beyond_a_segment_may_be_anything():
     found, origin = labels()
     fat, muscle = (found == label for label in (1, 2))

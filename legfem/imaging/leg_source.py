@@ -75,7 +75,7 @@ class LegSource:
             part: [path(name) for name in ([names] if isinstance(names, str) else names)]
             for part, names in entry.surfaces.items()
         }
-        return cls(f"{toml}, surfaces", surfaces=read_surfaces(files))
+        return cls(f"{toml.parent / 'surfaces'}", surfaces=read_surfaces(files))
 
     def between(self, low: float, high: float) -> LegSource:
         """Return the source between two levels (mm): what lies beyond may be anything."""

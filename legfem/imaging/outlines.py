@@ -26,6 +26,7 @@ from legfem.imaging.volume import BACKGROUND, BONE, DEEP, LabelVolume
 BONE_NAMES = ("tibia", "fibula")
 _LEAST_BONE = 0.05  # a component of bone smaller than this share of the largest is a speck
 _LEAST_MUSCLE = 0.02
+_LEAST_LEG = 0.2  # likewise of skin: as large as that it is another leg
 
 
 @dataclass(frozen=True)
@@ -93,6 +94,7 @@ def shape_of_volume(
     """
     settings = settings or OutlineSettings()
     masks = {SKIN: volume.labels != BACKGROUND, HULL: volume.labels >= DEEP}
+    _check_one_leg(masks[SKIN], volume)
     _slices_with({**masks, "bone": volume.labels == BONE}, volume)
     masks |= _bones(volume)
     slices = _slices_with(masks, volume)
@@ -112,6 +114,16 @@ def shape_of_volume(
     if clearances is not None:
         check_shape(shape, volume.source, clearance=0.5)
     return shape
+
+
+def _check_one_leg(skin: NDArray[np.bool_], volume: LabelVolume) -> None:
+    k = skin.shape[2] // 2
+    pieces, _ = ndimage.label(skin[:, :, k])
+    sizes = np.sort(np.bincount(pieces.ravel())[1:])
+    if len(sizes) > 1 and sizes[-2] > _LEAST_LEG * sizes[-1]:
+        raise InputError(
+            volume.source, f"slice {k}", "shows two legs", "give one: take the other's labels out"
+        )
 
 
 def _bones(volume: LabelVolume) -> dict[str, NDArray[np.bool_]]:

@@ -66,8 +66,9 @@ def placement_figure(subject: Subject, scanned: Mapping[str, Polygon] | None = N
     axes.set_aspect("equal")
     axes.set(xlabel="x (mm)", ylabel="y (mm)")
     fat = fat_thickness(section, aim, direction)
+    cut = f"cut from {subject.cut_from}\n" if subject.cut_from else ""
     axes.set_title(
-        f"girth {girth(section):.0f} mm, fat on the line of travel {fat:.1f} mm,\n"
+        f"{cut}girth {girth(section):.0f} mm, fat on the line of travel {fat:.1f} mm,\n"
         f"room for {room:.0f} mm of travel (arrow, at {indenter.direction_deg:.4g}° from +x)",
         fontsize=10,
     )

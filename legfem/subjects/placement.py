@@ -32,6 +32,8 @@ class Placement:
     aim: FloatArray
     """(2,), mm."""
     direction_deg: float
+    cut_from: str = ""
+    """File and plane, where the section was cut."""
     landmark_residual: float | None = None
     """Root mean square of the distances of registered landmarks, mm; None without any."""
 
@@ -61,7 +63,8 @@ def placed(directory: Path, toml: Path, given: SubjectFile) -> Placement:
         assert indenter.direction_deg is not None
         plane = CuttingPlane.at_level(entry.level_mm)
         section = section_from_outlines(source.outlines(plane), thickness, source.name)
-        return Placement(section, np.array(indenter.aim_mm), indenter.direction_deg)
+        cut = f"{Path(source.name).name}, {plane}"
+        return Placement(section, np.array(indenter.aim_mm), indenter.direction_deg, cut)
     if source.volume is not None and not source.volume.transform:
         raise InputError(
             source.name, "header", "says not where the volume lies, which a pose needs",
@@ -75,7 +78,8 @@ def placed(directory: Path, toml: Path, given: SubjectFile) -> Placement:
     section = section_from_outlines(source.outlines(plane), thickness, source.name)
     along = plane.flat(direction)
     angle = float(np.degrees(np.arctan2(along[1], along[0]))) % 360.0
-    return Placement(section, plane.flat(position), angle, residual)
+    cut = f"{Path(source.name).name}, {plane}"
+    return Placement(section, plane.flat(position), angle, cut, residual)
 
 
 def _to_scan(

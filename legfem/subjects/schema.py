@@ -254,6 +254,8 @@ class SubjectFile(FileTable):
                 "section.level_mm", "is given beside indenter.position_mm",
                 "the position says where to cut: leave level_mm out",
             )  # fmt: skip
+        if "labels" in self.model_fields_set and self.section.scan is None:
+            raise trouble("labels", "are given without a scan", "give the scan, or leave them out")
         if not self.is_cut and self.section.contours is None:
             raise trouble(
                 "section.level_mm", "missing: nothing says where to cut the scan",

@@ -124,6 +124,8 @@ class Subject:
     accuracy: LegAccuracy = LegAccuracy()
     confirmed: tuple[str, ...] = ()
     """Fields of subject.toml, or columns, that are unusual and right."""
+    cut_from: str = ""
+    """File and plane, where the section was cut from a scan."""
     landmark_residual: float | None = None
     """Root mean square of what registered landmarks are apart, mm; None without any."""
 
@@ -191,6 +193,7 @@ def load_subject(
             _relative(given.accuracy.assumed_sd_percent),
         ),
         confirmed=tuple(given.confirmed),
+        cut_from=place.cut_from,
         landmark_residual=place.landmark_residual,
     )
     doubts_about(subject)
