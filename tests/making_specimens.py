@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import brentq
 
 from legfem.mechanics.materials import Hyperelastic
 from legfem.recording import Recording, write_recording
@@ -54,6 +55,22 @@ def relaxing(elastic: np.ndarray, time: np.ndarray, branches: Sequence = BRANCHE
             kept = fade * kept + tau * (1 - fade) / step * (elastic[k] - elastic[k - 1])
             total[k] += ratio * kept
     return total
+
+
+def crept(
+    law: Hyperelastic, force: np.ndarray, time: np.ndarray, branches: Sequence = BRANCHES
+) -> np.ndarray:
+    """Return the displacement of a bar that relaxes, under a force's history, step by step."""
+    ratio, tau = np.array(branches).T
+    kept, before, way = np.zeros(len(tau)), 0.0, [0.0]
+    for k in range(1, len(time)):
+        fade = np.exp(-(time[k] - time[k - 1]) / tau)
+        share = tau * (1 - fade) / (time[k] - time[k - 1])
+        # What the elastic part has to bear, then how far that is.
+        elastic = (force[k] - ratio @ (fade * kept - share * before)) / (1 + ratio @ share)
+        kept, before = fade * kept + share * (elastic - before), elastic
+        way.append(brentq(lambda d, e=elastic: compressed(law, d) - e, -1e-3, 0.7 * LENGTH))
+    return np.array(way)
 
 
 def record(folder: Path, name: str, time: np.ndarray, d: np.ndarray, force: np.ndarray) -> None:

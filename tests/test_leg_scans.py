@@ -244,27 +244,24 @@ def test_planes_that_cut_no_leg_give_one_line(tmp_path, files, kind, section, pl
     assert "\n" not in str(caught.value)
 
 
-def _with_gap(half: float) -> np.ndarray:
-    """Return labels in which fat of twice a width (mm) splits the muscle in two behind."""
+def _split(half: float) -> LegSource:
+    """Return a scan of 30 mm in which fat of twice a width (mm) splits the muscle behind."""
     found, origin = labels()
     y = origin[1] + SPACING[1] * np.arange(found.shape[1])
     band = found[:, np.abs(y - 12.0) < half]
     found[:, np.abs(y - 12.0) < half] = np.where(band == 2, 1, band)
-    return found
+    origin = origin + np.array([0.0, 0.0, 18 * SPACING[2]])
+    return LegSource("scan", volume=LabelVolume(found[:, :, 18:33], SPACING, origin, "scan"))
 
 
-def test_muscles_apart_are_joined_to_one_hull(tmp_path, sources):
-    write_nifti(tmp_path / "apart.nii", _with_gap(2.0), labels()[1])
-    apart = LegSource("apart", volume=read_volume(tmp_path / "apart.nii"))
+def test_muscles_apart_are_joined_to_one_hull():
     plane = CuttingPlane.at_level(LEVEL)
-    hull, whole = (s.outlines(plane)["muscle_hull"] for s in (apart, sources["nifti"]))
+    hull, whole = (_split(half).outlines(plane)["muscle_hull"] for half in (2.0, 0.0))
     # The taut sheet is a chord where the gap meets the hull's edge: 4 mm of a radius of 50.
     assert hull.area == pytest.approx(whole.area, rel=5e-3)
     assert hull.hausdorff_distance(whole) < 1.0
-    write_nifti(tmp_path / "far.nii", _with_gap(14.0), labels()[1])
-    far = LegSource("far", volume=read_volume(tmp_path / "far.nii"))
     with pytest.raises(InputError, match=r"muscle_hull: is in 2 pieces at slice .* 20 mm apart"):
-        far.outlines(plane)
+        _split(14.0).outlines(plane)
 
 
 def test_muscles_may_have_a_surface_or_a_loop_each(tmp_path, files, sources):

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from making_specimens import BAR, compressed, ramp, record, relaxing, write_bars
+from making_specimens import BAR, compressed, crept, ramp, record, relaxing, write_bars
 from typer.testing import CliRunner
 
 import legfem as lf
@@ -93,6 +93,41 @@ def test_the_memory_is_that_of_branches_walked_step_by_step() -> None:
     walked = relaxing(elastic, time, list(zip(branch, TIMES_S, strict=True)))
     kept = np.tensordot(branch, memory(time[1:]), axes=1) @ np.diff(elastic)
     np.testing.assert_allclose(elastic[1:] + kept, walked[1:], rtol=1e-10)
+
+
+SHORT = ((1.2, 0.3), (0.8, 3.0), (0.4, 20.0))
+
+
+def _under_force(duration: float, newtons: float, held: float) -> Recording:
+    time = np.concatenate([np.linspace(0, duration, 121), np.arange(duration + 0.5, held, 0.5)])
+    force = newtons * np.minimum(time / duration, 1.0)
+    return Recording(time, crept(PLANTED, force, time, SHORT), force, "crept")
+
+
+def test_a_held_force_is_seen_as_creep_and_a_plateau_is_not() -> None:
+    creep = course_of(_under_force(2.0, 1.5, 120.0), starts_at_contact=True)
+    assert creep.creeps and creep.holds
+    time, d = ramp(3.0, 6.0)
+    foam = Recording(time, d, 2 * np.minimum(d, 1.0), "foam")
+    assert not course_of(foam, starts_at_contact=True).holds
+    plain = Recording(time, d, compressed(PLANTED, d), "plain")
+    assert not course_of(plain, starts_at_contact=True).creeps
+
+
+@pytest.mark.slow
+def test_a_law_is_found_from_creep_under_held_forces(tmp_path: Path) -> None:
+    """The recorded motion is imposed, and the force that it asks for compared."""
+    for name, duration, newtons in (("low", 2.0, 1.0), ("high", 8.0, 2.0)):
+        made = _under_force(duration, newtons, 200.0)
+        record(tmp_path, name, made.time, made.displacement, made.force)
+    (tmp_path / "specimen.toml").write_text(BAR)
+    folder = lf.load_specimen(tmp_path)
+    assert folder.relaxes
+    found = lf.identify(folder, "reduced-polynomial")["reduced-polynomial"]
+    print({name: value.value for name, value in found.parameters.items()}, found.rms_percent)
+    assert found.rms_percent < 1.0
+    assert found.parameters["deep.C10"].value == pytest.approx(5e-3, rel=0.1)
+    assert found.parameters["viscoelasticity.ratio"].value == pytest.approx(2.4, rel=0.2)
 
 
 def test_a_prior_and_a_held_value_count(bars: Path) -> None:

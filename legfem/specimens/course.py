@@ -24,6 +24,10 @@ _LEAST_SEEN = 5.0
 _BACK = 0.02
 # Of the greatest force, where no instrument is stated.
 _READING = 0.002
+_HELD = 0.95
+"""Of the greatest force: what is above that counts as held."""
+_SLOWED = 0.2
+"""Of the mean speed of loading: what is below that while the force is held is creep."""
 # One sample that overshoots doesn't count.
 _MEDIAN = 5
 
@@ -69,8 +73,18 @@ class Course:
 
     @property
     def holds(self) -> bool:
-        """Whether it goes on for a third of the loading's time with the drive at rest."""
-        return bool(self.time[-1] > 4 / 3 * self.arrival)
+        """Whether it goes on for a third of the loading's time with drive or force at rest."""
+        return bool(self.time[-1] > 4 / 3 * self.arrival) or self.creeps
+
+    @property
+    def creeps(self) -> bool:
+        """Whether the force is held, while what is pressed gives way ever more slowly."""
+        full = int(np.argmax(self.force >= _HELD * self.peak))
+        begun, way = float(self.time[full]), float(self.displacement[full])
+        rest = float(self.time[-1]) - begun
+        if rest < begun / 3 or (self.force[full:] < _HELD**2 * self.peak).any():
+            return False
+        return (float(self.displacement[-1]) - way) * begun < _SLOWED * way * rest
 
     def down_to(self, depth: float) -> Course:
         """Return what is recorded before a displacement (mm) is exceeded."""
