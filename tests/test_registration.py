@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import SimpleITK
 
 from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape
@@ -15,6 +16,7 @@ from legfem.imaging.outlines import shape_of_volume
 from legfem.imaging.registration import (
     IterationSettings,
     bone_points,
+    register_points,
     register_shapes,
     register_surfaces,
 )
@@ -90,6 +92,28 @@ def test_two_scans_are_registered(leg, noise, across, along):
     assert np.abs(error[:, :2]).max() < across
     assert np.abs(error[:, 2]).max() < along
     assert found.standard_error[2] > 4 * found.standard_error[:2].max()
+
+
+def test_points_that_correspond_find_it_within_the_error_that_is_told(leg):
+    generator = np.random.default_rng(4)
+    errors = []
+    for _ in range(40):
+        points = scattered(leg, generator, 1e-3)
+        found = register_points(points, noisy(PLANTED(points), generator, 1.5))
+        error = (found.transform(points) - PLANTED(points)).mean(axis=0)
+        errors.append(error / found.standard_error)
+    # Of 120 numbers with unit variance.
+    assert np.square(errors).mean() == pytest.approx(1.0, abs=4 * np.sqrt(2 / 120))
+    itk = SimpleITK.VersorRigid3DTransform(
+        SimpleITK.LandmarkBasedTransformInitializer(
+            SimpleITK.VersorRigid3DTransform(), PLANTED(points).ravel().tolist(),
+            points.ravel().tolist(),
+        )
+    )  # fmt: skip
+    exact = register_points(points, PLANTED(points)).transform
+    assert exact.inverse()(PLANTED(points)) == pytest.approx(points, abs=1e-9)
+    moved = np.array([itk.TransformPoint(p.tolist()) for p in PLANTED(points)])
+    assert exact.inverse()(PLANTED(points)) == pytest.approx(moved, abs=1e-6)
 
 
 def test_a_motion_and_its_inverse_cancel():
