@@ -1,0 +1,49 @@
+"""``python -m legfem.app.supervise FOLDER``: the process that waits for a run's command.
+
+It leads a session of its own, so that a run outlives the server that started it, and writes the
+exit status, which nobody else could learn then.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+
+def main(folder: Path, lock: int) -> None:
+    """Run the command in ``run.json``; its output goes to ``out.txt``, its messages to ``log.txt``.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the run.
+    lock : int
+        Descriptor of its lock file, locked; what the command starts holds it too.
+    """
+    # Ctrl-C reaches the whole session: it is the command's to answer.
+    signal.signal(signal.SIGINT, lambda number, frame: None)
+    given = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+    (folder / "session").write_text(f"{os.getpid()}\n")
+    with (folder / "out.txt").open("wb") as out, (folder / "log.txt").open("ab") as log:
+        try:
+            process = subprocess.Popen(
+                given["arguments"], stdin=subprocess.DEVNULL, stdout=out, stderr=log,
+                cwd=given["cwd"], pass_fds=(lock,),
+            )  # fmt: skip
+        except OSError as error:
+            log.write(f"{error.filename}: {error.strerror}\n".encode())
+            status = 1
+        else:
+            status = process.wait()
+    unfinished = folder / ".exit.json"
+    unfinished.write_text(json.dumps({"status": status, "ended": time.time()}) + "\n")
+    unfinished.replace(folder / "exit.json")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), int(sys.argv[2]))
