@@ -282,7 +282,7 @@ def test_a_form_changes_its_keys_and_leaves_the_files_comments(tmp_path):
 def test_the_form_has_every_number_of_the_schema(schema):
     names = {one.name for one in settings_of(schema, "")}
     if schema is SubjectFile:
-        assert {"indenter.aim_mm", "tissues.fascia.D1_per_MPa", "accuracy.contour_sd_mm"} <= names
+        assert {"indenter.aim_mm", "tissues.fascia.D1_per_MPa", "instrument.force_sd_N"} <= names
     else:
         assert {"stocking.stiffness_N_per_mm", "tissues.deep.C10_kPa", "bare.scan"} <= names
     needed = {one.name for one in settings_of(SubjectFile, "") if one.needed}

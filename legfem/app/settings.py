@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import types
 from collections.abc import Iterator, Mapping, MutableMapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, Union, get_args, get_origin
 
 import tomlkit
@@ -123,10 +123,12 @@ def _settings(
         plain, choices = _plain(field.annotation)
         key = (*above, name)
         if isinstance(plain, type) and issubclass(plain, BaseModel):
-            optional = type(None) in get_args(field.annotation)
-            if (optional and found is None) or name in _COLUMNS:
+            if name in _COLUMNS:
                 continue
-            yield from _settings(plain, found if isinstance(found, Mapping) else {}, key)
+            table = found if isinstance(found, Mapping) else None
+            needed = table is not None or type(None) not in get_args(field.annotation)
+            for one in _settings(plain, table or {}, key):
+                yield replace(one, needed=one.needed and needed)
         elif plain in (float, str, bool, list):
             default = None if field.is_required() else field.get_default()
             unwrapped = found.unwrap() if isinstance(found, Item) else found

@@ -147,14 +147,17 @@ def _leg_facts(subject: Subject) -> list[tuple[str, str]]:
     accuracy = "; ".join(
         f"{what} ± {value:g} {unit}" for what, (value, unit) in stated.items() if value is not None
     )
+    read, trials = subject.instrument, len(subject.recordings)
+    given = [
+        ("trials", f"{trials}"),
+        ("errors of a reading", f"{read.force_sd:.2g} N, {read.displacement_sd:.2g} mm"),
+    ]
     return [
         ("girth", f"{girth(section):.0f} mm"),
         ("fat under the indenter", f"{fat:.1f} mm"),
         ("room before a bone", f"{room_before(subject):.0f} mm"),
         ("indenter", f"{2 * indenter.radius:g} mm across, {indenter.length:g} mm long"),
-        ("trials", f"{len(subject.recordings)}"),
-        ("errors of a reading", f"{subject.instrument.force_sd:.2g} N, "
-                                f"{subject.instrument.displacement_sd:.2g} mm"),
+        *(given if trials else ()),
         ("how well the leg is known", accuracy or "not stated: what is usual is assumed"),
     ]  # fmt: skip
 

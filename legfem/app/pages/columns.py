@@ -81,7 +81,7 @@ def _choice(folder: Path, first: dict[str, Any]) -> None:
         write_atomically(path, text)
         ui.navigate.reload()
 
-    with ui.element("div").classes("row"):
+    with ui.element("div").classes("inrow"):
         ui.button("Read them so", on_click=lambda: save(True))
         ui.button(
             "They are in legfem's own form", on_click=lambda: save(False)

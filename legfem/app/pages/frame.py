@@ -93,7 +93,7 @@ def drop_zone(text: str, name: str = "") -> None:
         if name:
             zone.props["data-input"] = name
         tag("p", text, "drop-text")
-        with ui.element("div").classes("row"):
+        with ui.element("div").classes("inrow"):
             for label, props in (("Choose a folder", "webkitdirectory"), ("Choose files", "")):
                 with tag("label", label, "choose"):
                     ui.element("input").props(f'type=file multiple {props} aria-label="{label}"')

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from nicegui import ui
 
 from legfem.app.look import looked_at, seen
@@ -9,7 +11,7 @@ from legfem.app.pages.actions import actions_tab
 from legfem.app.pages.columns import columns_tab
 from legfem.app.pages.describe import describe_tab
 from legfem.app.pages.frame import drop_zone, framed, refused, tag
-from legfem.app.pages.preview import preview_tab
+from legfem.app.pages.preview import RUN, preview_tab
 from legfem.app.pages.settings import settings_tab
 from legfem.app.runs import Run
 from legfem.app.workspace import Workspace, description_of, files_of
@@ -28,7 +30,7 @@ def input_page(workspace: Workspace, name: str) -> None:
             refused(str(error))
             return
         described = description_of(folder)
-        names = ["Preview", "Assumed" if described else "Describe", "Columns", "Files", "Run"]
+        names = ["Preview", "Assumed" if described else "Describe", "Columns", "Files", RUN]
         if described in ("leg.toml", "specimen.toml"):
             names.remove("Columns")
         with ui.tabs().props("dense no-caps outside-arrows mobile-arrows align=left") as tabs:
@@ -39,7 +41,9 @@ def input_page(workspace: Workspace, name: str) -> None:
                 with ui.tab_panel(one):
                     match one:
                         case "Preview":
-                            _when_seen(looking, lambda: preview_tab(looking))
+                            _when_seen(
+                                looking, lambda: preview_tab(looking, names[1:], tabs.set_value)
+                            )
                         case "Assumed":
                             settings_tab(folder)
                         case "Describe":
@@ -52,11 +56,10 @@ def input_page(workspace: Workspace, name: str) -> None:
                             actions_tab(workspace, name)
 
 
-def _when_seen(looking: Run, put: object) -> None:
+def _when_seen(looking: Run, put: Callable[[], None]) -> None:
     """Put something once the preview is there."""
-    assert callable(put)
     place = ui.element("div")
-    with place, ui.element("div").classes("row").props("role=status"):
+    with place, ui.element("div").classes("inrow").props("role=status"):
         ui.spinner()
         tag("span", "looking at the files ...")
 

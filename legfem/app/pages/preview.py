@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any
 from urllib.parse import quote
 
@@ -11,24 +12,27 @@ from legfem.app.look import seen
 from legfem.app.pages.frame import command, refused, tag, warned
 from legfem.app.runs import Run
 
+RUN = "Run"
+"""The tab of the commands."""
 _GRADES = {
     "A": "nothing to say", "B": "usable", "C": "look at it first", "D": "not to be used"
 }  # fmt: skip
 
 
-def preview_tab(looking: Run) -> None:
-    """Put what a preview's run wrote."""
+def preview_tab(looking: Run, others: Sequence[str], go: Callable[[str], object]) -> None:
+    """Put what a preview's run wrote, and ways to the other tabs."""
     found = seen(looking)
     assert found is not None
     if found["trouble"]:
         refused(found["trouble"])
+    with ui.element("div").classes("inrow"):
+        mends = [one for one in others if one != RUN]
+        tag("span", "Mend it under" if found["trouble"] else "Is this what you measured?")
+        for one in mends if found["trouble"] else [RUN]:
+            ui.button(one, on_click=lambda name=one: go(name)).props("outline dense")
     warned(found["doubts"])
-    if found["title"]:
-        tag(
-            "p",
-            found["title"] + (f": {found['origin']} data" if found["origin"] else ""),
-            "sentence",
-        )
+    if found["origin"]:
+        tag("p", f"{found['title']}: {found['origin']} data", "sentence")
     with ui.element("div").classes("beside"):
         if found["facts"]:
             with ui.element("dl").classes("facts"):

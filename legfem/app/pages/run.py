@@ -52,7 +52,7 @@ def run_page(workspace: Workspace, name: str) -> None:
 
 def _progress(run: Run, state: RunState) -> Callable[[], None]:
     """Put how far a run is; return what brings that up to date."""
-    with ui.element("div").classes("row"):
+    with ui.element("div").classes("inrow"):
         chip(state)
         if state is not RunState.RUNNING:
             if state is not RunState.DONE:
@@ -97,7 +97,7 @@ def _results(run: Run, state: RunState) -> None:
 
 def _report(run: Run) -> None:
     assert run.report is not None
-    with ui.element("div").classes("row"):
+    with ui.element("div").classes("inrow"):
         ui.link("The report in a window of its own", address(run, run.report.name), new_tab=True)
     if run.report.suffix == ".html":
         ui.element("iframe").classes("report").props(
