@@ -4,6 +4,7 @@ import asyncio
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -12,12 +13,17 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
+from making import write_subject
+from making_diagnosed import diagnosed
+from making_results import result
 from starlette.requests import ClientDisconnect
 from starlette.responses import PlainTextResponse
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
+from test_diagnosis_report import CASES
 from typer.main import get_command
 
+from legfem.app.__main__ import app
 from legfem.app.actions import ACTIONS
 from legfem.app.describe import DressedLeg, PressedLeg, contours_in, scans_in
 from legfem.app.guard import Guard
@@ -26,12 +32,16 @@ from legfem.app.runs import Run, RunState
 from legfem.app.server import application
 from legfem.app.settings import read_value, settings_of, with_channels, with_settings
 from legfem.app.workspace import Workspace, plain_name
+from legfem.common.documents import write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Lines, Reached, reached
+from legfem.diagnose.document import document
+from legfem.identify.document import result_document
 from legfem.recording.columns import Channel, Channels
 from legfem.stocking.leg_file import LegFile, parse_leg_file
 from legfem.subjects.catalogue import RESOURCES
 from legfem.subjects.schema import SubjectFile, parse_subject_file
+from legfem.subjects.subject import load_subject
 
 SUBJECT = RESOURCES / "frauziols" / "subjects" / "3"
 PORT = 8765
@@ -206,7 +216,8 @@ def test_progress_is_read_as_it_was_written(capsys):
     lines.stage("solving", 3)
     lines.advance("C10 0.5 kPa, 2/3 done")
     printed = capsys.readouterr().out.splitlines()
-    assert reached(["warning: x", *printed[:1]]) == Reached(pytest.approx(0, abs=1), "meshing")
+    about_now = pytest.approx(0, abs=1)
+    assert reached(["warning: x", *printed[:1]]) == Reached(about_now, "meshing", began=about_now)
     last = reached(printed)
     assert (last.stage, last.done, last.total) == ("solving", 1, 3)
     assert last.last == "C10 0.5 kPa, 2/3 done"
@@ -215,6 +226,8 @@ def test_progress_is_read_as_it_was_written(capsys):
     last = reached(capsys.readouterr().out.splitlines())
     assert (last.stage, last.done, last.total, last.last) == ("searching", 1, None, "one")
     assert reached(["no line of progress"]) is None
+    read = reached(["[  10.0 s] solving", "[  40.0 s]   3/9  one"])
+    assert read.left == pytest.approx(60.0)
 
 
 def test_every_commands_options_are_those_that_it_takes():
@@ -240,24 +253,42 @@ def test_typed_options_are_taken_apart_without_a_shell():
 # --- results ---
 
 
-def test_a_runs_numbers_are_those_of_its_documents(workspace):
-    folder = workspace.run(workspace.new_run("diagnose-leg"))
+def pretended(workspace, kind):
+    folder = workspace.run(workspace.new_run(f"{kind}-leg"))
     (folder / "run.json").write_text(json.dumps(
-        {"about": "leg", "arguments": ["python", "-m", "legfem.diagnose"], "cwd": "/", "began": 0}
+        {"about": "leg", "arguments": ["python", "-m", f"legfem.{kind}"], "cwd": "/", "began": 0}
     ))  # fmt: skip
-    run = Run(folder)
-    assert [one.verdict for one in found_by(run)] == [""]
-    run.results.mkdir()
-    (run.results / "diagnosis.json").write_text('{"half')
-    assert sentence_of(run) == ""
-    c10 = {"value": 0.7061, "unit": "kPa", "ci95": [0.65, 0.777]}
-    (run.results / "diagnosis.json").write_text(json.dumps({
-        "law": "neo-hookean", "origin": "measured", "verdict": "named",
-        "physics": [{"name": "slip"}], "parameters_after": {"c10_deep": c10},
-    }))  # fmt: skip
+    (folder / "results").mkdir()
+    return Run(folder)
+
+
+def test_both_laws_of_an_identification_are_compared(workspace):
+    run, both = (
+        pretended(workspace, "identify"),
+        [result("neo-hookean"), result("reduced-polynomial")],
+    )
+    (run.results / "result.json").write_text('[{"half')
     (row,) = found_by(run)
-    assert (row.c10, row.c20, row.verdict) == ("0.706 (0.65 to 0.777) kPa", "", "named: slip")
-    assert row.kind == "diagnose" and row.state == RunState.LOST
+    assert (row.kind, row.state, row.verdict) == ("identify", RunState.LOST, "")
+    write_document(run.results / "result.json", [result_document(one) for one in both])
+    for row, one in zip(found_by(run), both, strict=True):
+        shown = one.parameters["deep.C10"].shown
+        low, high = shown.ci95
+        assert row.c10 == f"{shown.value:.3g} ({low:.3g} to {high:.3g}) kPa"
+        assert bool(row.c20) == ("deep.C20" in one.parameters)
+        assert (row.law, row.verdict) == (one.law, one.identifiability[0])
+
+
+def test_a_diagnosis_is_compared_by_its_verdict_and_what_it_makes_of_c10(workspace, tmp_path):
+    effects, bump, asked = CASES["named"]
+    found, run = diagnosed(effects, bump=bump, asked=asked), pretended(workspace, "diagnose")
+    subject = load_subject(write_subject(tmp_path))
+    write_document(run.results / "diagnosis.json", document(found, subject, 0, 1.0))
+    (row,) = found_by(run)
+    low, high = found.intervals["C10"]
+    assert f"({low:.3g} to {high:.3g}) kPa" in row.c10
+    assert row.verdict == f"named: {found.models[0].names[0]}"
+    assert sentence_of(run).endswith(row.verdict)
 
 
 # --- the form ---
@@ -449,7 +480,9 @@ def test_only_files_of_runs_and_previews_are_shown(served):
     (folder / "results" / "report.txt").write_text("found")
     (folder / "results" / "link").symlink_to("/etc/passwd")
     shown = f"/files/runs/{folder.name}/results"
-    assert visitor.get(f"{shown}/report.txt").text == "found"
+    answer = visitor.get(f"{shown}/report.txt")
+    assert answer.text == "found"
+    assert answer.headers["content-security-policy"] == "sandbox allow-scripts"
     for path in (f"{shown}/link", f"{shown}/..%2f..%2f..%2ftoken", "/files/inputs/leg/x",
                  "/files/..%2f/token", f"{shown}/none"):  # fmt: skip
         assert visitor.get(path).status_code in (400, 404), path
@@ -463,6 +496,18 @@ def test_the_pages_show_what_stands_in_the_workspace(served):
     assert "there is none" in visitor.get("/run/nothing").text
     assert visitor.get("/compare").status_code == 200
     assert visitor.get("/assets/app/press.js").status_code == 404
+
+
+def test_a_port_that_is_taken_is_said_in_a_line(tmp_path, capsys):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = str(taken.getsockname()[1])
+        with pytest.raises(SystemExit) as ended:
+            app(["--workspace", str(tmp_path / "new"), "--port", port, "--no-browser"])
+    assert ended.value.code == 2
+    assert capsys.readouterr().err.startswith(f"--port: {port}: another program has it")
+    assert not (tmp_path / "new").exists()
 
 
 @pytest.mark.slow

@@ -49,7 +49,8 @@ def serve(
         print("Ctrl-C ends the server; runs go on.", flush=True)
         if browser:
             webbrowser.open(address)
-        uvicorn.run(guarded, host=ADDRESS, port=port, log_level="warning", access_log=False)
+        uvicorn.run(guarded, host=ADDRESS, port=port, log_level="warning", access_log=False,
+                    timeout_graceful_shutdown=2)  # fmt: skip
 
 
 def _check_free(port: int) -> None:

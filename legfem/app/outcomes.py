@@ -62,13 +62,14 @@ def _identified(document: Mapping[str, Any]) -> Iterator[dict[str, str]]:
         yield from _in_stocking(document)
         return
     known = document["parameters"]
+    c10 = known.get("c10_deep", {})
     yield {
         "law": document["law"],
         "origin": document["origin"],
-        "c10": _number(known.get("c10_deep") or known.get("c10")),
-        "c20": _number(known.get("c20_deep") or known.get("c20")),
+        "c10": _number(c10),
+        "c20": _number(known.get("c20_deep")),
         "fat": _number(known.get("c10_superficial")),
-        "verdict": str(document.get("identifiability", "")),
+        "verdict": document.get("identifiability") or c10.get("identifiability", ""),
     }
 
 

@@ -14,6 +14,8 @@ from legfem.app.pages import add_pages
 from legfem.app.workspace import Workspace
 from legfem.common.errors import InputError
 
+_ALONE = {"content-security-policy": "sandbox allow-scripts"}
+"""A report's scripts run, but have nothing of the app's, in a window of its own either."""
 _ASSETS = Path(__file__).resolve().parents[1] / "resources" / "web"
 
 
@@ -39,7 +41,7 @@ def application(workspace: Workspace) -> FastAPI:
 
     @server.get("/files/{kind}/{path:path}")
     async def show(kind: str, path: str) -> Response:
-        return FileResponse(_shown(workspace, kind, path))
+        return FileResponse(_shown(workspace, kind, path), headers=_ALONE)
 
     @server.get("/assets/app/{name}")
     async def asset(name: str) -> Response:

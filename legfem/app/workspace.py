@@ -20,6 +20,7 @@ from pathlib import Path
 
 from legfem.common.errors import InputError
 from legfem.common.toml_file import FileTable
+from legfem.common.versions import legfem_version
 from legfem.recording.formats import READERS
 from legfem.stocking.leg_file import LegFile
 from legfem.subjects.schema import SubjectFile
@@ -190,13 +191,18 @@ class Workspace:
     def preview(self, name: str) -> Path:
         """Return the folder for what is seen in an input as it is now; made if it is missing.
 
-        Its name is a key of the input's files (names, sizes and times): a changed input is looked
-        at anew.
+        Its name is a key of the input's files (names, sizes and times) and of legfem's version: a
+        changed input is looked at anew.
         """
         given = self.input(name)
         stats = [(str(path.relative_to(given)), path.stat()) for path in files_of(given)]
         seen = sorted((path, stat.st_size, stat.st_mtime_ns) for path, stat in stats)
-        folder = self.folder / "previews" / name / sha256(repr(seen).encode()).hexdigest()[:16]
+        folder = (
+            self.folder
+            / "previews"
+            / name
+            / sha256(repr((legfem_version(), seen)).encode()).hexdigest()[:16]
+        )
         folder.mkdir(parents=True, exist_ok=True)
         return folder
 

@@ -66,6 +66,15 @@ class Reached:
     total: int | None = None
     last: str = ""
     """What was done last."""
+    began: float = 0.0
+    """When the stage began, s since the start."""
+
+    @property
+    def left(self) -> float | None:
+        """How long the stage will take from here (s), if the rest goes as it went."""
+        if self.total is None or self.done == 0:
+            return None
+        return (self.seconds - self.began) / self.done * (self.total - self.done)
 
 
 _LINE = re.compile(r"\[ *([\d.]+) s\] (?:  (\d+)(?:/(\d+))?  )?(.*)")
@@ -80,11 +89,11 @@ def reached(lines: Iterable[str]) -> Reached | None:
             continue
         seconds, done, total, text = read.groups()
         if done is None:
-            found = Reached(float(seconds), text)
+            found = Reached(float(seconds), text, began=float(seconds))
         else:
             whole = None if total is None else int(total)
-            stage = "" if found is None else found.stage
-            found = Reached(float(seconds), stage, int(done), whole, text)
+            stage, began = ("", 0.0) if found is None else (found.stage, found.began)
+            found = Reached(float(seconds), stage, int(done), whole, text, began)
     return found
 
 

@@ -31,7 +31,6 @@ from legfem.report.style import (
     new_figure,
     save,
     styled,
-    title,
 )
 from legfem.specimens.folder import FILE, load_specimen
 from legfem.stocking.leg import LEGS, StockingLeg, load_leg
@@ -175,7 +174,7 @@ def _stocking(folder: Path, out: Path) -> Preview:
     ]
     if leg.registration is not None:
         facts.append(("scans' bones agree within", f"{leg.registration.residual:.2f} mm"))
-    shown = "Outlines of skin and muscle at five heights, of the bare leg and in the stocking."
+    shown = "Outlines of skin and muscle at three heights, of the bare leg and in the stocking."
     return Preview(
         leg.title, leg.origin, "", tuple(doubt_lines(leg.doubts)), tuple(facts), ((picture, shown),)
     )
@@ -270,20 +269,21 @@ def section_figure(subject: Subject) -> Figure:
 
 @styled
 def slices_figure(leg: StockingLeg) -> Figure:
-    """Return outlines at the heights that are compared, bare and in the stocking."""
-    figure = new_figure(11, 3.2)
-    title(figure, "The leg, bare and in its stocking", leg.title, leg.origin)
-    every = figure.subplots(1, len(leg.slices), sharex=True, sharey=True)
+    """Return outlines at three of the heights that are compared, bare and in the stocking."""
+    levels = leg.slices[:: len(leg.slices) // 2]
+    figure = new_figure(7.4, 4.0)
+    figure.suptitle(f"Bare and in its stocking: {leg.origin} data", x=0.01, ha="left")
+    every = figure.subplots(1, len(levels), sharex=True, sharey=True)
     shapes = [("bare", leg.bare, FAINT, 1.2)]
     if leg.compressed is not None:
         shapes.append(("in the stocking", leg.compressed, "#0072B2", 1.2))
     for name, shape, colour, width in shapes:
         low, high = shape.levels[0], shape.levels[-1]
-        slices = SliceSet.of(shape, np.clip(leg.slices, low, high))
+        slices = SliceSet.of(shape, np.clip(levels, low, high))
         for number, axes in enumerate(every):
             outlines = [slices.contours(part)[number] for part in CONTOURS]
             _outlines(axes, outlines, name, colour, width)
-    for axes, level in zip(every, leg.slices, strict=True):
+    for axes, level in zip(every, levels, strict=True):
         axes.set_title(f"z = {level:.0f} mm", loc="center")
         axes.set_aspect("equal")
         axes.set_xlabel("x (mm)")

@@ -72,6 +72,8 @@ def _progress(run: Run, state: RunState) -> Callable[[], None]:
         stage.text = reached.stage + (f": {reached.done}" if reached.done else "")
         if reached.total:
             stage.text += f" of {reached.total}"
+        if reached.left:
+            stage.text += f", about {duration(reached.left)} left"
         bar.value = reached.done / reached.total if reached.total else 0.0
         bar.props("indeterminate" if not reached.total else "", remove="indeterminate")
         last.text = reached.last
