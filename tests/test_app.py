@@ -150,6 +150,7 @@ kept = pathlib.Path(sys.argv[1])
 print("kept" if kept.exists() else "anew", file=sys.stderr, flush=True)
 if not kept.exists():
     kept.touch()
+    print("[   1.0 s] solving", file=sys.stderr, flush=True)
     try:
         time.sleep(60)
     except KeyboardInterrupt:
@@ -162,8 +163,9 @@ print("result")
 def test_a_run_is_stopped_by_ctrl_c_and_goes_on_where_it_was(workspace, module, tmp_path):
     folder = workspace.run(workspace.new_run("identify-leg"))
     run = Run.begun(folder, module(GOES_ON), [str(tmp_path / "kept")], "leg")
-    said(run, "anew")
+    said(run, "solving")
     assert run.state is RunState.RUNNING and not run.resume()
+    assert run.reached().stage == "solving"
     assert run.cancel()
     assert ended(run) is RunState.STOPPED
     # Another server, which knows the folder alone.
@@ -171,7 +173,9 @@ def test_a_run_is_stopped_by_ctrl_c_and_goes_on_where_it_was(workspace, module, 
     assert not again.cancel() and again.resume()
     assert ended(again) is RunState.DONE
     assert (folder / "out.txt").read_text() == "result\n"
-    assert again.log() == ["anew", "interrupted: run the same command again to go on", "kept"]
+    stopped = "interrupted: run the same command again to go on"
+    assert again.log() == ["anew", "[   1.0 s] solving", stopped, "kept"]
+    assert again.reached() is None, "progress before the stop isn't this start's"
     assert again.command == f"python -m pretended {tmp_path / 'kept'}"
     assert again.about == "leg"
 

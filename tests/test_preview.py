@@ -19,7 +19,11 @@ SPECIMEN = Path(__file__).resolve().parents[1] / "examples" / "specimen"
 
 @pytest.fixture
 def leg(tmp_path):
-    return Path(shutil.copytree(SUBJECT, tmp_path / "leg"))
+    """Return a leg with one trial."""
+    leg = Path(shutil.copytree(SUBJECT, tmp_path / "leg"))
+    for trial in ("trial2.csv", "trial3.csv"):
+        (leg / "recordings" / trial).unlink()
+    return leg
 
 
 def changed(folder, old, new):
@@ -33,8 +37,8 @@ def test_a_leg_is_seen_with_its_section_and_recordings(leg, tmp_path):
     facts = dict(seen.facts)
     assert seen.trouble == "" and seen.doubts == () and seen.origin == "reconstructed"
     assert facts["girth"] == f"{girth(load_subject(leg).section):.0f} mm"
-    assert facts["trials"] == "3" and "usual" in facts["how well the leg is known"]
-    assert [one.grade for one in seen.recordings] == ["B"] * 3
+    assert facts["trials"] == "1" and "usual" in facts["how well the leg is known"]
+    assert [one.grade for one in seen.recordings] == ["B"]
     pictures = [file for file, _ in seen.pictures] + [one.picture for one in seen.recordings]
     assert all((tmp_path / name).stat().st_size > 5000 for name in pictures)
 
@@ -59,8 +63,6 @@ def test_what_is_unlikely_is_said_before_anything_is_solved(leg, tmp_path):
 def test_a_bad_folder_gives_the_line_with_which_the_commands_refuse_it(
     leg, tmp_path, capsys, old, new
 ):
-    for trial in ("trial2.csv", "trial3.csv"):
-        (leg / "recordings" / trial).unlink()
     changed(leg, old, new)
     with pytest.raises(InputError) as refused:
         load_subject(leg)
@@ -81,11 +83,10 @@ def test_files_of_an_instrument_are_read_before_the_folder_says_what_they_are(le
     (leg / "recordings" / "trial2.csv").write_text("no table\n")
     seen = preview_of(leg, tmp_path)
     assert "holds no subject.toml" in seen.trouble
-    first, second, third = seen.recordings
+    first, second = seen.recordings
     assert (first.channels.displacement.column, first.channels.displacement.sign) == ("Weg", -1)
     assert (first.columns[0].name, first.columns[0].unit) == ("Zeit", "s")
     assert second.channels is None and "trial2.csv" in second.trouble
-    assert third.grade and not third.trouble
     assert "contours.csv" not in [one.file for one in seen.recordings]
 
 

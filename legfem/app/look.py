@@ -14,7 +14,7 @@ def looked_at(workspace: Workspace, name: str) -> Run:
     """Return the run that looks at an input as it is now, begun if there is none."""
     folder = workspace.preview(name)
     run = Run(folder)
-    if (folder / "run.json").is_file():
+    if run.there:
         if run.state is RunState.LOST:
             run.resume()
         return run

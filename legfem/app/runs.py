@@ -24,6 +24,7 @@ from typing import Any
 
 from legfem.common.command_edge import BAD_INPUT, INTERRUPTED
 from legfem.common.documents import write_document
+from legfem.common.errors import InputError
 from legfem.common.progress import Reached, reached
 
 _MOST_LOG = 100_000
@@ -71,8 +72,8 @@ class Run:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 return False
-            (self.folder / "exit.json").unlink(missing_ok=True)
-            (self.folder / "session").unlink(missing_ok=True)
+            for name in ("exit.json", "session.json"):
+                (self.folder / name).unlink(missing_ok=True)
             supervisor = [sys.executable, "-m", "legfem.app.supervise"]
             subprocess.Popen(
                 [*supervisor, str(self.folder), str(lock.fileno())],
@@ -85,11 +86,12 @@ class Run:
         """Send Ctrl-C to all of a run's processes, or end them at once; return whether it ran."""
         if not self.alive:
             return False
-        with suppress(FileNotFoundError, ValueError, ProcessLookupError):
-            session = int((self.folder / "session").read_text())
-            os.killpg(session, signal.SIGKILL if at_once else signal.SIGINT)
-            return True
-        return False
+        leader = self._read("session.json").get("leader")
+        if leader is None:
+            return False
+        with suppress(ProcessLookupError):
+            os.killpg(leader, signal.SIGKILL if at_once else signal.SIGINT)
+        return True
 
     @property
     def alive(self) -> bool:
@@ -108,17 +110,14 @@ class Run:
         """How far it is."""
         if self.alive:
             return RunState.RUNNING
-        try:
-            status = json.loads((self.folder / "exit.json").read_text())["status"]
-        except (FileNotFoundError, ValueError, KeyError):
-            return RunState.LOST
         return {
+            None: RunState.LOST,
             0: RunState.DONE,
             BAD_INPUT: RunState.REFUSED,
             INTERRUPTED: RunState.STOPPED,
             -signal.SIGINT: RunState.STOPPED,
             -signal.SIGKILL: RunState.LOST,
-        }.get(status, RunState.FAILED)
+        }.get(self._read("exit.json").get("status"), RunState.FAILED)
 
     @property
     def results(self) -> Path:
@@ -144,7 +143,7 @@ class Run:
     def started(self) -> float:
         """When it was last started, s since the epoch."""
         try:
-            return (self.folder / "session").stat().st_mtime
+            return (self.folder / "session.json").stat().st_mtime
         except FileNotFoundError:
             return self.began
 
@@ -161,19 +160,36 @@ class Run:
 
     def log(self) -> list[str]:
         """Return the last lines of its messages."""
+        return self._lines(0)
+
+    def reached(self) -> Reached | None:
+        """Return how far its progress says that it is; None before it said anything."""
+        begun = self._read("session.json").get("log_from")
+        return None if begun is None else reached(self._lines(begun))
+
+    def _lines(self, begun: int) -> list[str]:
         try:
             with (self.folder / "log.txt").open("rb") as file:
-                file.seek(max(0, file.seek(0, os.SEEK_END) - _MOST_LOG))
+                file.seek(max(begun, file.seek(0, os.SEEK_END) - _MOST_LOG))
                 return file.read().decode("utf-8", "replace").splitlines()
         except FileNotFoundError:
             return []
 
-    def reached(self) -> Reached | None:
-        """Return how far its progress says that it is; None before it said anything."""
-        return reached(self.log())
+    @property
+    def there(self) -> bool:
+        """Whether the folder holds a run: a server may have been killed before it did."""
+        return (self.folder / "run.json").is_file()
 
     def _given(self) -> dict[str, Any]:
-        found: dict[str, Any] = json.loads((self.folder / "run.json").read_text())
+        if not self.there:
+            raise InputError(self.folder, "run.json", "not found", "begin the run anew")
+        return self._read("run.json")
+
+    def _read(self, name: str) -> dict[str, Any]:
+        try:
+            found: dict[str, Any] = json.loads((self.folder / name).read_text(encoding="utf-8"))
+        except (FileNotFoundError, ValueError):
+            return {}
         return found
 
 

@@ -28,8 +28,9 @@ def main(folder: Path, lock: int) -> None:
     # Ctrl-C reaches the whole session: it is the command's to answer.
     signal.signal(signal.SIGINT, lambda number, frame: None)
     given = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-    (folder / "session").write_text(f"{os.getpid()}\n")
     with (folder / "out.txt").open("wb") as out, (folder / "log.txt").open("ab") as log:
+        session = {"leader": os.getpid(), "log_from": log.tell()}
+        _written(folder / "session.json", session)
         try:
             process = subprocess.Popen(
                 given["arguments"], stdin=subprocess.DEVNULL, stdout=out, stderr=log,
@@ -40,9 +41,14 @@ def main(folder: Path, lock: int) -> None:
             status = 1
         else:
             status = process.wait()
-    unfinished = folder / ".exit.json"
-    unfinished.write_text(json.dumps({"status": status, "ended": time.time()}) + "\n")
-    unfinished.replace(folder / "exit.json")
+    _written(folder / "exit.json", {"status": status, "ended": time.time()})
+
+
+def _written(path: Path, content: dict[str, float]) -> None:
+    """Write a file whole; `legfem.common.documents` would bring NumPy to every run."""
+    unfinished = path.with_name(f".{path.name}")
+    unfinished.write_text(json.dumps(content) + "\n")
+    unfinished.replace(path)
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ def actions_tab(workspace: Workspace, name: str) -> None:
     for action in ACTIONS[described]:
         _action(workspace, name, action)
     mine = [run for run in map(Run, map(workspace.run, workspace.runs))
-            if (run.folder / "run.json").is_file() and run.about == name]  # fmt: skip
+            if run.there and run.about == name]  # fmt: skip
     if mine:
         tag("h2", "Its runs")
         with ui.element("ul").classes("cards"):
@@ -51,7 +51,7 @@ def _action(workspace: Workspace, name: str, action: Action) -> None:
         def options(run: str) -> list[str]:
             chosen = {
                 option: "" if box.value in (None, "") else
-                f"{box.value:g}" if isinstance(box.value, int | float) else str(box.value)
+                f"{box.value:.10g}" if isinstance(box.value, int | float) else str(box.value)
                 for option, box in boxes.items()
             }  # fmt: skip
             out = workspace.folder / "runs" / run / "results"

@@ -23,7 +23,7 @@ def compare_page(workspace: Workspace) -> None:
     """Put the page."""
     with framed("Compare"):
         runs = [Run(workspace.run(name)) for name in workspace.runs]
-        runs = [run for run in runs if (run.folder / "run.json").is_file()]
+        runs = [run for run in runs if run.there]
         if not runs:
             tag("p", "There are no runs yet.")
             return

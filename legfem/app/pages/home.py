@@ -64,7 +64,7 @@ def _card(workspace: Workspace, name: str) -> None:
 
 
 def _run(run: Run) -> None:
-    if not (run.folder / "run.json").is_file():
+    if not run.there:
         return
     with ui.element("li"):
         ui.link(run.folder.name, page_of("run", run.folder.name))

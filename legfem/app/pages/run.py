@@ -24,12 +24,13 @@ def run_page(workspace: Workspace, name: str) -> None:
     with framed(name):
         try:
             run = Run(workspace.run(name))
+            about = run.about
         except InputError as error:
             refused(str(error))
             return
         with ui.element("p"):
             tag("span", f"{run.kind} of ")
-            ui.link(run.about, page_of("input", run.about))
+            ui.link(about, page_of("input", about))
         command(run.command)
         moving, lasting = ui.element("div"), ui.element("div")
         seen: list[tuple[RunState, Callable[[], None]]] = []
