@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 
@@ -44,7 +45,7 @@ def main(folder: Path, lock: int) -> None:
     _written(folder / "exit.json", {"status": status, "ended": time.time()})
 
 
-def _written(path: Path, content: dict[str, float]) -> None:
+def _written(path: Path, content: Mapping[str, float]) -> None:
     """Write a file whole; `legfem.common.documents` would bring NumPy to every run."""
     unfinished = path.with_name(f".{path.name}")
     unfinished.write_text(json.dumps(content) + "\n")
