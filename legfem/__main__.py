@@ -12,6 +12,7 @@ COMMANDS = {
     "plan": "which tests of a leg would show which effects",
     "diagnose": "where model and recordings differ, and which physics is missing",
     "stocking": "pressures inside a leg in a compression stocking, from its scans",
+    "app": "all of this in a browser window, on this machine alone",
     "data": "columns, units, directions and a grade of instruments' files",
     "geometry": "a subject folder from cross-sections",
     "meshing": "a leg's mesh for gmsh, ParaView, Abaqus, CalculiX or FEBio Studio",

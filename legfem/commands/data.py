@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from legfem.common.command_edge import check_out_folder, command_edge
+from legfem.common.command_edge import BAD_INPUT, check_out_folder, command_edge
 from legfem.common.errors import InputError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -97,3 +98,35 @@ def look(
         print(f"for subject.toml:\n\n{tomls[first]}")
         print("\n".join(f"picture: {path}" for path in pictures))
         print(f"report: {folder / 'report.txt'}\ntoml: {folder / 'recordings.toml'}")
+
+
+@app.command()
+def preview(
+    folder: Annotated[Path, typer.Argument(help="Of a leg, a leg in a stocking, or specimens.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for results; results/preview by default.")
+    ] = None,
+) -> None:
+    """Show what a folder is taken for, before anything is solved.
+
+    Writes preview.json and pictures: the section with the indenter or the scans' outlines, the
+    recordings with phases, first contact and grade, and what is unlikely. A folder that the
+    commands refuse is looked at as far as it can be.
+
+    Example: python -m legfem.data preview path/to/folder --out seen
+    """
+    with command_edge():
+        from legfem.report.preview import PREVIEW, preview_of
+
+        target = out or Path("results") / "preview"
+        check_out_folder(target)
+        if not folder.is_dir():
+            raise InputError(folder, "folder", "not found", "give the path of one")
+        target.mkdir(parents=True, exist_ok=True)
+        seen = preview_of(folder, target)
+        seen.write(target)
+        print(seen.text)
+        print(f"preview: {target / PREVIEW}")
+        if seen.trouble:
+            print(seen.trouble, file=sys.stderr)
+            raise typer.Exit(BAD_INPUT)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Protocol, TextIO
 
 
@@ -51,6 +53,48 @@ class Lines:
     def _print(self, text: str) -> None:
         seconds = time.perf_counter() - self._started
         print(f"[{seconds:6.1f} s] {text}", file=self._stream, flush=True)
+
+
+@dataclass(frozen=True)
+class Reached:
+    """How far the lines of a run say that it is."""
+
+    seconds: float
+    """Since the start."""
+    stage: str
+    done: int = 0
+    total: int | None = None
+    last: str = ""
+    """What was done last."""
+    began: float = 0.0
+    """When the stage began, s since the start."""
+
+    @property
+    def left(self) -> float | None:
+        """How long the stage will take from here (s), if the rest goes as it went."""
+        if self.total is None or self.done == 0:
+            return None
+        return (self.seconds - self.began) / self.done * (self.total - self.done)
+
+
+_LINE = re.compile(r"\[ *([\d.]+) s\] (?:  (\d+)(?:/(\d+))?  )?(.*)")
+
+
+def reached(lines: Iterable[str]) -> Reached | None:
+    """Return how far work is that reports with `Lines`; None where no line is its own."""
+    found: Reached | None = None
+    for line in lines:
+        read = _LINE.fullmatch(line)
+        if read is None:
+            continue
+        seconds, done, total, text = read.groups()
+        if done is None:
+            found = Reached(float(seconds), text, began=float(seconds))
+        else:
+            whole = None if total is None else int(total)
+            stage, began = ("", 0.0) if found is None else (found.stage, found.began)
+            found = Reached(float(seconds), stage, int(done), whole, text, began)
+    return found
 
 
 @contextmanager

@@ -23,7 +23,9 @@ PlainName = Annotated[str, Field(pattern=r"^\w[\w. -]*$")]
 class FileTable(BaseModel):
     """A table of a file: no unknown keys, no conversion of types."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+    model_config = ConfigDict(
+        extra="forbid", strict=True, frozen=True, use_attribute_docstrings=True
+    )
 
 
 def parse_toml[File: BaseModel](path: Path, schema: type[File], holder: str) -> File:

@@ -142,22 +142,10 @@ def write_subject_folder(
     """
     out = Path(out)
     check_new_folder(out)
-    text = _TEMPLATE.format(
-        id=_toml_string(_plain(out.resolve().name)),
-        title=_toml_string(title),
-        origin=origin,
-        thickness=section.fascia_thickness,
-        x=float(aim[0]),
-        y=float(aim[1]),
-        direction=float(direction_deg),
-        starts_at_contact=str(starts_at_contact).lower(),
-        ends="" if plane_strain is None else f"plane_strain = {str(plane_strain).lower()}\n",
-        deep=_DEEP[deep_law],
-        instrument=_PAPER_INSTRUMENT
-        if instrument is None
-        else f"force_sd_N = {instrument.force_sd}\n"
-        f"displacement_sd_mm = {instrument.displacement_sd}",
-    )
+    text = subject_text(
+        plain_id(out.resolve().name), title, origin, section.fascia_thickness, aim, direction_deg,
+        starts_at_contact, instrument, deep_law, plane_strain,
+    )  # fmt: skip
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
@@ -179,6 +167,37 @@ def write_subject_folder(
     return out
 
 
+def subject_text(
+    name: str,
+    title: str,
+    origin: str,
+    fascia_thickness: float,
+    aim: Sequence[float] | FloatArray,
+    direction_deg: float,
+    starts_at_contact: bool = False,
+    instrument: Instrument | None = None,
+    deep_law: str = "reduced-polynomial",
+    plane_strain: bool | None = None,
+) -> str:
+    """Return the text of a ``subject.toml``; lengths in mm, the tissues are the first paper's."""
+    return _TEMPLATE.format(
+        id=_toml_string(name),
+        title=_toml_string(title),
+        origin=origin,
+        thickness=fascia_thickness,
+        x=float(aim[0]),
+        y=float(aim[1]),
+        direction=float(direction_deg),
+        starts_at_contact=str(starts_at_contact).lower(),
+        ends="" if plane_strain is None else f"plane_strain = {str(plane_strain).lower()}\n",
+        deep=_DEEP[deep_law],
+        instrument=_PAPER_INSTRUMENT
+        if instrument is None
+        else f"force_sd_N = {instrument.force_sd}\n"
+        f"displacement_sd_mm = {instrument.displacement_sd}",
+    )
+
+
 def check_new_folder(out: Path) -> None:
     """Raise InputError if a folder exists and isn't empty."""
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
@@ -192,7 +211,7 @@ def _check_loads(folder: Path) -> None:
     load_subject(folder, need_recordings=False)
 
 
-def _plain(name: str) -> str:
+def plain_id(name: str) -> str:
     """Return a folder's name without what an id may not have."""
     return re.sub(r"[^\w. -]", "-", name).lstrip(". -") or "leg"
 

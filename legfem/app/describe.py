@@ -1,0 +1,91 @@
+"""Makes a folder for the commands of files that were dropped loosely."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import tomlkit
+
+from legfem.app.settings import Value, with_settings
+from legfem.app.workspace import files_of, is_scan, may_be_recording
+from legfem.common.documents import write_atomically
+from legfem.subjects.from_cross_sections import plain_id, subject_text
+
+
+@dataclass(frozen=True)
+class PressedLeg:
+    """What a person has to say of a leg that was pressed; nothing else can be assumed."""
+
+    title: str
+    contours: str
+    """File in the folder."""
+    diameter: float
+    """Of the cylinder, mm."""
+    length: float
+    """Of the cylinder along the leg, mm."""
+    aim: tuple[float, float]
+    """A point on its line of travel, mm."""
+    direction: float
+    """Of travel, degrees from +x."""
+
+    def describe(self, folder: Path) -> None:
+        """Write ``subject.toml``, and move the recordings where it looks for them.
+
+        The tissues are the first paper's until they are changed; errors of the instrument are left
+        out: the commands ask for them.
+        """
+        text = subject_text(
+            plain_id(folder.name), self.title, "measured", 0.6, self.aim, self.direction
+        )
+        stated: dict[tuple[str, ...], Value] = {
+            ("section", "contours"): self.contours,
+            ("indenter", "diameter_mm"): self.diameter,
+            ("indenter", "length_mm"): self.length,
+            ("instrument",): None,
+        }
+        recordings = folder / "recordings"
+        for path in files_of(folder):
+            inside = path.parent == folder and path.name != self.contours
+            if inside and may_be_recording(path) and not is_contours(path):
+                recordings.mkdir(exist_ok=True)
+                path.rename(recordings / path.name)
+        write_atomically(folder / "subject.toml", with_settings(text, stated))
+
+
+@dataclass(frozen=True)
+class DressedLeg:
+    """What a person has to say of a leg in a stocking."""
+
+    title: str
+    bare: str
+    """Scan of the bare leg: a file in the folder."""
+    compressed: str
+    """Of the leg in its stocking; may be empty."""
+    compression_class: str
+
+    def describe(self, folder: Path) -> None:
+        """Write ``leg.toml``."""
+        text = tomlkit.document()
+        text.update({"id": plain_id(folder.name), "title": self.title, "origin": "measured"})
+        text["bare"] = {"scan": self.bare}
+        if self.compressed:
+            text["compressed"] = {"scan": self.compressed}
+        text["stocking"] = {"compression_class": self.compression_class}
+        write_atomically(folder / "leg.toml", tomlkit.dumps(text))
+
+
+def is_contours(path: Path) -> bool:
+    """Tell whether a file holds contours of a section."""
+    with path.open("rb") as file:
+        return path.suffix.lower() == ".csv" and file.readline(200).startswith(b"part,")
+
+
+def contours_in(folder: Path) -> list[str]:
+    """Return the names of files with contours."""
+    return [path.name for path in folder.glob("*.csv") if is_contours(path)]
+
+
+def scans_in(folder: Path) -> list[str]:
+    """Return the paths of scans within a folder."""
+    return [path.relative_to(folder).as_posix() for path in files_of(folder) if is_scan(path)]

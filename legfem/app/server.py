@@ -1,0 +1,69 @@
+"""The server: uploads, files of runs, and the pages, behind the guard."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from fastapi import Body, FastAPI, Request
+from fastapi.responses import FileResponse, JSONResponse, PlainTextResponse, Response
+from nicegui import ui
+from starlette.requests import ClientDisconnect
+
+from legfem.app.pages import add_pages
+from legfem.app.workspace import Workspace
+from legfem.common.errors import InputError
+
+_ALONE = {"content-security-policy": "sandbox allow-scripts"}
+"""A report's scripts run, but have nothing of the app's, in a window of its own either."""
+_ASSETS = Path(__file__).resolve().parents[1] / "resources" / "web"
+
+
+def application(workspace: Workspace) -> FastAPI:
+    """Return the server's application, without its guard; one in a process."""
+    server = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
+
+    @server.exception_handler(InputError)
+    async def refuse(request: Request, error: InputError) -> Response:
+        return PlainTextResponse(f"{error}\n", 400)
+
+    @server.post("/inputs")
+    async def begin(name: Annotated[str, Body(embed=True)]) -> Response:
+        return JSONResponse({"name": workspace.new_input(name)})
+
+    @server.put("/inputs/{name}/{path:path}")
+    async def receive(name: str, path: str, request: Request) -> Response:
+        try:
+            await workspace.receive(name, path, request.stream())
+        except ClientDisconnect:
+            return Response(status_code=400)
+        return Response(status_code=204)
+
+    @server.get("/files/{kind}/{path:path}")
+    async def show(kind: str, path: str) -> Response:
+        return FileResponse(_shown(workspace, kind, path), headers=_ALONE)
+
+    @server.get("/assets/app/{name}")
+    async def asset(name: str) -> Response:
+        return (
+            FileResponse(_ASSETS / name) if name in ("app.js", "app.css") else Response(None, 404)
+        )
+
+    add_pages(workspace)
+    ui.run_with(server, title="legfem", show_welcome_message=False, tailwind=False)
+    return server
+
+
+def _shown(workspace: Workspace, kind: str, path: str) -> Path:
+    """Return a file of a preview or a run that a page may show.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it leads out of the workspace.
+    """
+    root = (workspace.folder / kind).resolve()
+    found = (root / path).resolve()
+    if kind not in ("previews", "runs") or not found.is_relative_to(root) or not found.is_file():
+        raise InputError("files", path, "there is no such file", "choose one that a page names")
+    return found

@@ -1,0 +1,56 @@
+"""``python -m legfem.app.supervise FOLDER``: the process that waits for a run's command.
+
+It leads a session of its own, so that a run outlives the server that started it, and writes the
+exit status, which nobody else could learn then.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+
+def main(folder: Path, lock: int) -> None:
+    """Run the command in ``run.json``; its output goes to ``out.txt``, its messages to ``log.txt``.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the run.
+    lock : int
+        Descriptor of its lock file, locked; what the command starts holds it too.
+    """
+    # Ctrl-C reaches the whole session: it is the command's to answer.
+    signal.signal(signal.SIGINT, lambda number, frame: None)
+    given = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+    with (folder / "out.txt").open("wb") as out, (folder / "log.txt").open("ab") as log:
+        session = {"leader": os.getpid(), "log_from": log.tell()}
+        _written(folder / "session.json", session)
+        try:
+            process = subprocess.Popen(
+                given["arguments"], stdin=subprocess.DEVNULL, stdout=out, stderr=log,
+                cwd=given["cwd"], pass_fds=(lock,),
+            )  # fmt: skip
+        except OSError as error:
+            log.write(f"{error.filename}: {error.strerror}\n".encode())
+            status = 1
+        else:
+            status = process.wait()
+    _written(folder / "exit.json", {"status": status, "ended": time.time()})
+
+
+def _written(path: Path, content: Mapping[str, float]) -> None:
+    """Write a file whole; `legfem.common.documents` would bring NumPy to every run."""
+    unfinished = path.with_name(f".{path.name}")
+    unfinished.write_text(json.dumps(content) + "\n")
+    unfinished.replace(path)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), int(sys.argv[2]))

@@ -1,0 +1,268 @@
+"""A folder that holds all that the app knows: what was given, what was seen in it, and the runs.
+
+``inputs/NAME/`` is a folder for the commands as a user gave it, ``previews/NAME/KEY/`` what was
+seen in it before anything was solved, ``runs/NAME/`` a run (`legfem.app.runs`), ``token`` the
+secret that the browser shows.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import secrets
+import shutil
+import tempfile
+from collections.abc import AsyncIterable
+from dataclasses import dataclass
+from hashlib import sha256
+from itertools import count
+from pathlib import Path
+
+from legfem.common.errors import InputError
+from legfem.common.toml_file import FileTable
+from legfem.common.versions import legfem_version
+from legfem.recording.formats import READERS
+from legfem.stocking.leg_file import LegFile
+from legfem.subjects.schema import SubjectFile
+
+DESCRIPTIONS: dict[str, type[FileTable] | None] = {
+    "subject.toml": SubjectFile, "leg.toml": LegFile, "specimen.toml": None,
+}  # fmt: skip
+"""Files that say what a folder is, and the schemas that forms have: that of specimens stands on the
+finite elements, and they on MPI, which this process must not start."""
+SCANS = (".nii", ".nii.gz", ".nrrd", ".seg.nrrd", ".dcm")
+_MOST_PARTS, _LONGEST = 4, 200
+_FEWEST_FREE = 200e6
+"""Bytes that uploads leave free on the disk."""
+
+
+def plain_name(name: str) -> str:
+    """Return a name of a file or folder if it can't lead out of its folder.
+
+    Raises
+    ------
+    InputError
+        For a name with separators or control characters, one that begins with a dot or a dash,
+        and one that is too long.
+    """
+    bad = re.search(r"[/\\:\x00-\x1f\x7f]", name) or name[:1] in ("", ".", "-", " ", "~")
+    if bad or len(name.encode()) > _LONGEST:
+        raise InputError(
+            "upload", "name", f"{name[:80]!r} is no plain name",
+            "name files and folders without separators, and begin with a letter or a digit",
+        )  # fmt: skip
+    return name
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """The folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if it is missing.
+    """
+
+    folder: Path
+
+    @classmethod
+    def opened(cls, folder: Path) -> Workspace:
+        """Return a workspace, its folders made; nobody else on the machine may look in.
+
+        Raises
+        ------
+        InputError
+            If it can't be made or written to.
+        """
+        folder = folder.absolute()
+        try:
+            for part in ("inputs", "previews", "runs"):
+                (folder / part).mkdir(parents=True, exist_ok=True)
+            folder.chmod(0o700)
+        except OSError as error:
+            raise InputError(
+                "--workspace", str(folder), f"can't be made or written to ({error.strerror})",
+                "give a folder of your own",
+            ) from None  # fmt: skip
+        return cls(folder)
+
+    def token(self) -> str:
+        """Return the secret, made on first use; a server that was started again has the same."""
+        path = self.folder / "token"
+        try:
+            handle = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600)
+        except FileExistsError:
+            found = path.read_text(encoding="ascii").strip()
+            if len(found) < 32:
+                raise InputError(
+                    path, "token", "isn't one that legfem wrote", "delete the file"
+                ) from None
+            return found
+        with os.fdopen(handle, "w") as file:
+            file.write(token := secrets.token_urlsafe(32))
+        return token
+
+    @property
+    def inputs(self) -> list[str]:
+        """Names of what was given, the latest first."""
+        return _latest_first(self.folder / "inputs")
+
+    @property
+    def runs(self) -> list[str]:
+        """Names of the runs, the latest first."""
+        return _latest_first(self.folder / "runs")
+
+    def input(self, name: str) -> Path:
+        """Return the folder of what was given.
+
+        Raises
+        ------
+        InputError
+            If there is none of that name.
+        """
+        return _existing(self.folder / "inputs", name)
+
+    def run(self, name: str) -> Path:
+        """Return the folder of a run; raises as `input` does."""
+        return _existing(self.folder / "runs", name)
+
+    def free_run(self, wish: str) -> str:
+        """Return the name that a new run would get."""
+        return _free(self.folder / "runs", wish)
+
+    def new_input(self, wish: str) -> str:
+        """Make an empty input of the wished name, or with a number behind it; return the name."""
+        return _new(self.folder / "inputs", wish)
+
+    def new_run(self, wish: str) -> str:
+        """Make the empty folder of a run as `new_input` does."""
+        return _new(self.folder / "runs", wish)
+
+    def copied(self, folder: Path, wish: str) -> str:
+        """Copy a folder that comes with legfem to a new input; return its name."""
+        name = self.new_input(wish)
+        shutil.copytree(folder, self.input(name), dirs_exist_ok=True)
+        return name
+
+    def place(self, name: str, path: str) -> Path:
+        """Return where a file of an input is, or is to be.
+
+        Raises
+        ------
+        InputError
+            If a part of the path is no plain name, or it is too deep.
+        """
+        parts = path.split("/")
+        if len(parts) > _MOST_PARTS:
+            raise InputError(
+                "upload", path, "is too deep", f"give at most {_MOST_PARTS - 1} folders"
+            )
+        return self.input(name).joinpath(*(plain_name(part) for part in parts))
+
+    async def receive(self, name: str, path: str, content: AsyncIterable[bytes]) -> Path:
+        """Write a file as it comes in: there whole, or not at all.
+
+        Raises
+        ------
+        InputError
+            As `place` does, and where the disk is full or a folder is in the way.
+        """
+        target = self.place(name, path)
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            handle, part = tempfile.mkstemp(dir=target.parent, prefix=".part-")
+        except OSError as error:
+            raise _unwritten(path, error) from None
+        try:
+            with os.fdopen(handle, "wb") as file:
+                async for piece in content:
+                    if shutil.disk_usage(target.parent).free < len(piece) + _FEWEST_FREE:
+                        raise InputError("upload", path, "the disk is full", "free some of it")
+                    file.write(piece)
+            Path(part).chmod(0o644)
+            Path(part).replace(target)
+        except OSError as error:
+            raise _unwritten(path, error) from None
+        finally:
+            Path(part).unlink(missing_ok=True)
+        return target
+
+    def preview(self, name: str) -> Path:
+        """Return the folder for what is seen in an input as it is now; made if it is missing.
+
+        Its name is a key of the input's files (names, sizes and times) and of legfem's version: a
+        changed input is looked at anew.
+        """
+        given = self.input(name)
+        stats = [(str(path.relative_to(given)), path.stat()) for path in files_of(given)]
+        seen = sorted((path, stat.st_size, stat.st_mtime_ns) for path, stat in stats)
+        folder = (
+            self.folder
+            / "previews"
+            / name
+            / sha256(repr((legfem_version(), seen)).encode()).hexdigest()[:16]
+        )
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder
+
+
+def files_of(folder: Path) -> list[Path]:
+    """Return the files of an input in the order of their names, without hidden ones."""
+    return sorted(
+        path
+        for path in folder.rglob("*")
+        if path.is_file() and not any(p.startswith(".") for p in path.relative_to(folder).parts)
+    )
+
+
+def description_of(folder: Path) -> str | None:
+    """Return the name of the TOML file that says what a folder is; None where there is none."""
+    return next((name for name in DESCRIPTIONS if (folder / name).is_file()), None)
+
+
+def is_scan(path: Path) -> bool:
+    """Tell whether a file may be a label volume."""
+    return path.name.lower().endswith(SCANS)
+
+
+def may_be_recording(path: Path) -> bool:
+    """Tell whether a file is of a kind that instruments write."""
+    return path.suffix.lower() in READERS
+
+
+def _existing(parent: Path, name: str) -> Path:
+    folder = parent / plain_name(name)
+    if not folder.is_dir():
+        raise InputError(
+            "workspace", name, f"there is none in {parent}", "choose one that is there"
+        )
+    return folder
+
+
+def _free(parent: Path, wish: str) -> str:
+    plain = re.sub(r"[^\w. -]", "-", wish).strip(". -")[:60] or "leg"
+    names = (plain if number == 1 else f"{plain}-{number}" for number in count(1))
+    return next(name for name in names if not (parent / name).exists())
+
+
+def _new(parent: Path, wish: str) -> str:
+    while True:
+        name = _free(parent, wish)
+        try:
+            (parent / name).mkdir()
+        except FileExistsError:
+            continue  # another tab was faster
+        return name
+
+
+def _latest_first(parent: Path) -> list[str]:
+    there = [path for path in parent.iterdir() if path.is_dir() and path.name[:1] != "."]
+    return [path.name for path in sorted(there, key=lambda p: (-p.stat().st_mtime, p.name))]
+
+
+def _unwritten(path: str, error: OSError) -> InputError:
+    return InputError(
+        "upload", path, f"can't be written ({error.strerror})",
+        "free the disk, or give it another name",
+    )  # fmt: skip

@@ -1,0 +1,301 @@
+"""What is seen in a folder before anything is solved: of a leg, of specimens, of recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Polygon
+
+from legfem.common.documents import write_document
+from legfem.common.doubts import doubt_lines
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
+from legfem.geometry.section import BONES, fat_thickness, girth
+from legfem.geometry.shape_measures import perimeter
+from legfem.geometry.slices import CONTOURS, SliceSet
+from legfem.meshing.section import first_touch
+from legfem.recording.columns import Channels, Proposal, propose, recording_of
+from legfem.recording.formats import READERS, read_sheets
+from legfem.recording.quality import quality_of
+from legfem.report.look import draw_look, look_text
+from legfem.report.style import (
+    BONE_COLOUR,
+    DATA_COLOUR,
+    FAINT,
+    REGION_COLOURS,
+    new_figure,
+    save,
+    styled,
+)
+from legfem.specimens.folder import FILE, load_specimen
+from legfem.stocking.leg import LEGS, StockingLeg, load_leg
+from legfem.subjects.plausibility import doubts_about, room_before
+from legfem.subjects.schema import parse_subject_file
+from legfem.subjects.subject import SUBJECTS, Subject, load_subject
+
+PREVIEW = "preview.json"
+
+
+@dataclass(frozen=True)
+class SeenColumn:
+    """A column of numbers in an instrument's file."""
+
+    sheet: str
+    name: str
+    unit: str
+    """Empty where none is stated."""
+
+
+@dataclass(frozen=True)
+class SeenRecording:
+    """One file of recordings."""
+
+    file: str
+    grade: str = ""
+    text: str = ""
+    """What `legfem.data look` prints of it."""
+    picture: str = ""
+    trouble: str = ""
+    """The line that says why it can't be read; empty where it can."""
+    channels: Channels | None = None
+    """By which it was read."""
+    columns: tuple[SeenColumn, ...] = ()
+
+
+@dataclass(frozen=True)
+class Preview:
+    """What is seen in a folder."""
+
+    title: str
+    origin: str
+    trouble: str
+    """The line with which the commands would refuse the folder; empty where they don't."""
+    doubts: tuple[str, ...] = ()
+    facts: tuple[tuple[str, str], ...] = ()
+    pictures: tuple[tuple[str, str], ...] = ()
+    """Files, and what they show in words."""
+    recordings: tuple[SeenRecording, ...] = field(default=())
+
+    def write(self, out: Path) -> Path:
+        """Write ``preview.json``; return its path."""
+        return write_document(out / PREVIEW, asdict(self))
+
+    @property
+    def text(self) -> str:
+        """The same to print."""
+        facts = [f"{what}: {value}" for what, value in self.facts]
+        seen = [one.text or one.trouble for one in self.recordings]
+        return "\n".join([self.title, *self.doubts, *facts, "", *seen])
+
+
+def preview_of(folder: Path, out: Path) -> Preview:
+    """Look at a folder, and draw what is seen into another; nothing is solved."""
+    kinds = {SUBJECTS.file: _leg, LEGS.file: _stocking, FILE: _specimen}
+    kind = next((look for file, look in kinds.items() if (folder / file).is_file()), None)
+    if kind is not None:
+        return kind(folder, out)
+    files = [path for path in folder.rglob("*") if path.suffix.lower() in READERS]
+    seen = _recordings([path for path in sorted(files) if not _is_contours(path)], out, None)
+    error = InputError(
+        folder, "folder", f"holds no {SUBJECTS.file}, {LEGS.file} or {FILE}",
+        "say what it is: the file describes leg, test and instruments",
+    )  # fmt: skip
+    return Preview(folder.name, "", str(error), recordings=seen)
+
+
+def _leg(folder: Path, out: Path) -> Preview:
+    channels, recordings = None, folder / "recordings"
+    try:
+        channels = parse_subject_file(folder / SUBJECTS.file).recordings.channels()
+    except InputError as error:
+        seen = _recordings(_files(recordings), out, None)
+        return Preview(folder.name, "", str(error), recordings=seen)
+    seen = _recordings(_files(recordings), out, channels)
+    trouble = ""
+    try:
+        subject = load_subject(folder)
+    except InputError as error:
+        trouble = str(error)
+        try:
+            subject = load_subject(folder, need_recordings=False, need_instrument=False)
+        except InputError:
+            return Preview(folder.name, "", trouble, recordings=seen)
+    picture = save(section_figure(subject), out, "section")[0].name
+    shown = "Section of the leg with the cylinder where it first touches the skin, and its way."
+    return Preview(
+        subject.title, subject.origin, trouble, tuple(doubt_lines(doubts_about(subject))),
+        tuple(_leg_facts(subject)), ((picture, shown),), seen,
+    )  # fmt: skip
+
+
+def _leg_facts(subject: Subject) -> list[tuple[str, str]]:
+    section, indenter, known = subject.section, subject.indenter, subject.accuracy
+    fat = fat_thickness(section, indenter.aim, indenter.direction)
+    stated = {
+        "outlines": (known.contour_sd, "mm"), "aim": (known.aim_sd, "mm"),
+        "direction": (known.direction_sd, "degrees"),
+        "fat, fascia, compressibility": (
+            None if known.assumed_sd is None else 100 * known.assumed_sd, "%"
+        ),
+    }  # fmt: skip
+    accuracy = "; ".join(
+        f"{what} ± {value:g} {unit}" for what, (value, unit) in stated.items() if value is not None
+    )
+    read, trials = subject.instrument, len(subject.recordings)
+    given = [
+        ("trials", f"{trials}"),
+        ("errors of a reading", f"{read.force_sd:.2g} N, {read.displacement_sd:.2g} mm"),
+    ]
+    return [
+        ("girth", f"{girth(section):.0f} mm"),
+        ("fat under the indenter", f"{fat:.1f} mm"),
+        ("room before a bone", f"{room_before(subject):.0f} mm"),
+        ("indenter", f"{2 * indenter.radius:g} mm across, {indenter.length:g} mm long"),
+        *(given if trials else ()),
+        ("how well the leg is known", accuracy or "not stated: what is usual is assumed"),
+    ]  # fmt: skip
+
+
+def _stocking(folder: Path, out: Path) -> Preview:
+    try:
+        leg = load_leg(folder)
+    except InputError as error:
+        return Preview(folder.name, "", str(error))
+    picture = save(slices_figure(leg), out, "slices")[0].name
+    facts = [
+        ("modelled", f"{leg.bare.length:.0f} mm of the leg"),
+        ("girths", f"{perimeter(leg.bare).min():.0f} to {perimeter(leg.bare).max():.0f} mm"),
+        ("stiffness", "given" if leg.known else "to be found from the leg in its stocking"),
+    ]
+    if leg.registration is not None:
+        facts.append(("scans' bones agree within", f"{leg.registration.residual:.2f} mm"))
+    shown = "Outlines of skin and muscle at three heights, of the bare leg and in the stocking."
+    return Preview(
+        leg.title, leg.origin, "", tuple(doubt_lines(leg.doubts)), tuple(facts), ((picture, shown),)
+    )
+
+
+def _specimen(folder: Path, out: Path) -> Preview:
+    seen = _recordings(_files(folder / "recordings"), out, None)
+    try:
+        found = load_specimen(folder)
+    except InputError as error:
+        return Preview(folder.name, "", str(error), recordings=seen)
+    facts = [
+        (one.name, f"{one.course.depth:.3g} mm at {one.course.rate:.3g} mm/s, "
+                   f"up to {one.course.peak:.3g} N")
+        for one in found.recordings
+    ]  # fmt: skip
+    left = tuple(f"NOT USED: {one.name}: {one.reason}" for one in found.left_out)
+    return Preview(found.title, found.origin, "", left, tuple(facts), recordings=seen)
+
+
+def _files(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.glob("*") if path.suffix.lower() in READERS)
+
+
+def _is_contours(path: Path) -> bool:
+    with path.open("rb") as file:
+        return file.readline(200).startswith((b"part,", b"level_mm,"))
+
+
+def _recordings(
+    files: Sequence[Path], out: Path, channels: Channels | None
+) -> tuple[SeenRecording, ...]:
+    return tuple(_recording(path, out, channels) for path in files)
+
+
+def _recording(path: Path, out: Path, channels: Channels | None) -> SeenRecording:
+    columns: tuple[SeenColumn, ...] = ()
+    try:
+        sheets = read_sheets(path)
+        columns = tuple(
+            SeenColumn(sheet.name or "", column.name, column.unit or "")
+            for sheet in sheets
+            for column in sheet.columns
+        )
+        proposal = (
+            propose(path, sheets)
+            if channels is None
+            else Proposal(channels, ("as the folder's [recordings] say",))
+        )
+        recording = recording_of(path, sheets, proposal.channels)
+        quality = quality_of(recording)
+    except InputError as error:
+        return SeenRecording(path.name, trouble=str(error), columns=columns)
+    picture = draw_look(recording, quality, out).name
+    text = look_text(recording, proposal, quality)
+    return SeenRecording(
+        path.name, quality.grade, text, picture, channels=proposal.channels, columns=columns
+    )
+
+
+@styled
+def section_figure(subject: Subject) -> Figure:
+    """Return a leg's section with the indenter where it first touches, and its way."""
+    section, indenter = subject.section, subject.indenter
+    figure = new_figure(5.6, 5.6)
+    figure.suptitle(f"Section with the indenter: {subject.origin} data", x=0.01, ha="left")
+    axes = figure.add_subplot()
+    colours = {"skin": REGION_COLOURS["superficial"], "fascia": REGION_COLOURS["deep"]}
+    for part in ("skin", "fascia", *BONES):
+        colour = colours.get(part, BONE_COLOUR)
+        axes.add_patch(Polygon(section.contour(part), facecolor=colour, edgecolor=DATA_COLOUR))
+    names = {"skin": "fat", "fascia": "muscle"}
+    for part, name in (*names.items(), *((bone, bone) for bone in BONES)):
+        axes.plot([], [], "s", color=colours.get(part, BONE_COLOUR),
+                  markeredgecolor=DATA_COLOUR, label=name)  # fmt: skip
+    centre = first_touch(section.skin, indenter.radius, indenter.aim, indenter.direction)
+    axes.add_patch(
+        Circle((centre[0], centre[1]), indenter.radius, facecolor="#B8C4CC", edgecolor=DATA_COLOUR)
+    )
+    end = centre + 1.5 * indenter.radius * indenter.direction
+    axes.annotate(
+        "", (float(end[0]), float(end[1])), (float(centre[0]), float(centre[1])),
+        arrowprops={"arrowstyle": "-|>", "color": DATA_COLOUR},
+    )  # fmt: skip
+    axes.autoscale_view()
+    axes.set_aspect("equal")
+    axes.set_xlabel("x (mm)")
+    axes.set_ylabel("y (mm)")
+    figure.legend(loc="outside lower center", ncols=4)
+    return figure
+
+
+@styled
+def slices_figure(leg: StockingLeg) -> Figure:
+    """Return outlines at three of the heights that are compared, bare and in the stocking."""
+    levels = leg.slices[:: len(leg.slices) // 2]
+    figure = new_figure(7.4, 4.0)
+    figure.suptitle(f"Bare and in its stocking: {leg.origin} data", x=0.01, ha="left")
+    every = figure.subplots(1, len(levels), sharex=True, sharey=True)
+    shapes = [("bare", leg.bare, FAINT, 1.2)]
+    if leg.compressed is not None:
+        shapes.append(("in the stocking", leg.compressed, "#0072B2", 1.2))
+    for name, shape, colour, width in shapes:
+        low, high = shape.levels[0], shape.levels[-1]
+        slices = SliceSet.of(shape, np.clip(levels, low, high))
+        for number, axes in enumerate(every):
+            outlines = [slices.contours(part)[number] for part in CONTOURS]
+            _outlines(axes, outlines, name, colour, width)
+    for axes, level in zip(every, levels, strict=True):
+        axes.set_title(f"z = {level:.0f} mm", loc="center")
+        axes.set_aspect("equal")
+        axes.set_xlabel("x (mm)")
+    every[0].set_ylabel("y (mm)")
+    every[0].invert_yaxis()
+    figure.legend(*every[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    return figure
+
+
+def _outlines(
+    axes: Axes, outlines: Sequence[FloatArray], name: str, colour: str, width: float
+) -> None:
+    for number, outline in enumerate(outlines):
+        closed = np.vstack([outline, outline[:1]])
+        axes.plot(*closed.T, color=colour, lw=width, label=name if number == 0 else None)

@@ -1,0 +1,168 @@
+"""A headless Chromium that is driven through its pipe: Python's own library alone."""
+
+from __future__ import annotations
+
+import base64
+import fcntl
+import json
+import os
+import subprocess
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+FLAGS = (
+    "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync",
+    "--remote-debugging-pipe", "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
+)  # fmt: skip
+
+
+class Driven:
+    """A page in a browser; a context manager. No other machine can be reached from it."""
+
+    def __init__(self, program: str) -> None:
+        self._folder = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
+        there, ours = os.pipe(), os.pipe()
+        # The browser reads from descriptor 3 and writes to 4; these must not be in the way.
+        read, write = (fcntl.fcntl(fd, fcntl.F_DUPFD, 10) for fd in (there[0], ours[1]))
+        os.close(there[0])
+        os.close(ours[1])
+        command = [program, *FLAGS, f"--user-data-dir={self._folder.name}", "about:blank"]
+
+        def place() -> None:
+            os.dup2(read, 3)
+            os.dup2(write, 4)
+
+        self._process = subprocess.Popen(
+            command, close_fds=False, preexec_fn=place, stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        os.close(read)
+        os.close(write)
+        self._out, self._in = os.fdopen(there[1], "wb"), os.fdopen(ours[0], "rb")
+        self._rest, self._number, self._session = b"", 0, None
+        self.faults: list[str] = []
+        """What went wrong in pages' scripts and requests."""
+        target = self._call("Target.createTarget", url="about:blank")["targetId"]
+        self._session = self._call("Target.attachToTarget", targetId=target, flatten=True)[
+            "sessionId"
+        ]
+        for domain in ("Page", "Runtime", "Network", "Log", "DOM"):
+            self._call(f"{domain}.enable")
+
+    def __enter__(self) -> Driven:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._process.terminate()
+        self._process.wait(timeout=20)
+        self._folder.cleanup()
+
+    def resize(self, width: int, height: int) -> None:
+        self._call("Emulation.setDeviceMetricsOverride", width=width, height=height,
+                   deviceScaleFactor=1, mobile=width < 600)  # fmt: skip
+
+    def open(self, address: str) -> None:
+        self._call("Page.navigate", url=address)
+
+    def value(self, script: str) -> Any:
+        """Return the value of an expression in the page; None while it can't be had."""
+        found = self._call("Runtime.evaluate", expression=script, returnByValue=True,
+                           awaitPromise=True, userGesture=True)  # fmt: skip
+        return found.get("result", {}).get("value")
+
+    def until(self, script: str, seconds: float = 60.0) -> Any:
+        """Wait until an expression is true; return it."""
+        end = time.monotonic() + seconds
+        while True:
+            if found := self.value(script):
+                return found
+            if time.monotonic() > end:
+                raise AssertionError(f"not in {seconds:g} s: {script}\n{self.text[-2000:]}")
+            time.sleep(0.2)
+
+    def sees(self, text: str, seconds: float = 60.0) -> None:
+        """Wait until the page shows a text."""
+        self.until(
+            f"document.body && document.body.innerText.includes({json.dumps(text)})", seconds
+        )
+
+    @property
+    def text(self) -> str:
+        return str(self.value("document.body ? document.body.innerText : ''") or "")
+
+    def click(self, text: str, kind: str = "button, a, summary, .q-tab") -> None:
+        """Click what is labelled with a text, as soon as it is there."""
+        self.until(
+            f"(() => {{const one = [...document.querySelectorAll({json.dumps(kind)})].find((e) =>"
+            f"e.innerText.trim().toLowerCase() === {json.dumps(text.lower())});"
+            "if (!one) return false; one.scrollIntoView(); one.click(); return true;})()"
+        )
+
+    def type(self, label: str, text: str) -> None:
+        """Type into the field of a label."""
+        self.until(
+            "(() => {const one = [...document.querySelectorAll('input, textarea')].find((e) =>"
+            f"e.getAttribute('aria-label') === {json.dumps(label)});"
+            "if (!one || one.offsetParent === null) return false;"
+            "one.focus(); one.select(); return true;})()"
+        )
+        self._call("Input.insertText", text=text)
+        time.sleep(0.4)
+
+    def drop(self, files: Sequence[Path], selector: str = "[data-drop]") -> None:
+        """Drop files or folders on an element, as a person does from a file manager."""
+        self.until(f"!!document.querySelector({json.dumps(selector)})")
+        box = self.value(
+            f"(() => {{const b = document.querySelector({json.dumps(selector)})"
+            ".getBoundingClientRect(); return [b.x + b.width / 2, b.y + 10];})()"
+        )
+        data = {"items": [], "files": [str(one) for one in files], "dragOperationsMask": 1}
+        for kind in ("dragEnter", "dragOver", "drop"):
+            self._call("Input.dispatchDragEvent", type=kind, x=box[0], y=box[1], data=data)
+
+    def picture(self, path: Path) -> None:
+        """Write a picture of the whole page."""
+        size = self._call("Page.getLayoutMetrics")["cssContentSize"]
+        clip = {"x": 0, "y": 0, "width": size["width"], "height": min(size["height"], 6000),
+                "scale": 1}  # fmt: skip
+        found = self._call("Page.captureScreenshot", captureBeyondViewport=True, clip=clip)
+        path.write_bytes(base64.b64decode(found["data"]))
+
+    def _call(self, method: str, **parameters: Any) -> dict[str, Any]:
+        self._number += 1
+        message = {"id": self._number, "method": method, "params": parameters}
+        if self._session is not None:
+            message["sessionId"] = self._session
+        self._out.write(json.dumps(message).encode() + b"\0")
+        self._out.flush()
+        while True:
+            answer = self._next()
+            if answer.get("id") == self._number:
+                # A page that is just being left answers with an error: the next look finds it.
+                return answer.get("result", {})
+            self._note(answer)
+
+    def _next(self) -> dict[str, Any]:
+        while b"\0" not in self._rest:
+            piece = os.read(self._in.fileno(), 1 << 16)
+            assert piece, "the browser has ended"
+            self._rest += piece
+        first, _, self._rest = self._rest.partition(b"\0")
+        return json.loads(first)
+
+    def _note(self, event: dict[str, Any]) -> None:
+        told = event.get("params", {})
+        if event.get("method") == "Runtime.exceptionThrown":
+            self.faults.append(
+                str(told["exceptionDetails"].get("exception", {}).get("description"))
+            )
+        if event.get("method") == "Log.entryAdded" and told["entry"]["level"] == "error":
+            self.faults.append(f"{told['entry']['text']} {told['entry'].get('url', '')}")
+        if event.get("method") == "Network.requestWillBeSent":
+            address = told["request"]["url"]
+            if not address.startswith(("http://127.0.0.1", "data:", "blob:", "about:")):
+                self.faults.append(f"asked {address}")

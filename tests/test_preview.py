@@ -1,0 +1,104 @@
+"""What is seen in a folder before anything is solved."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from legfem.commands.data import app
+from legfem.common.errors import InputError
+from legfem.geometry.section import girth
+from legfem.report.preview import preview_of
+from legfem.subjects.catalogue import RESOURCES
+from legfem.subjects.subject import load_subject
+
+SUBJECT = RESOURCES / "frauziols" / "subjects" / "3"
+SPECIMEN = Path(__file__).resolve().parents[1] / "examples" / "specimen"
+
+
+@pytest.fixture
+def leg(tmp_path):
+    """Return a leg with one trial."""
+    leg = Path(shutil.copytree(SUBJECT, tmp_path / "leg"))
+    for trial in ("trial2.csv", "trial3.csv"):
+        (leg / "recordings" / trial).unlink()
+    return leg
+
+
+def changed(folder, old, new):
+    toml = folder / "subject.toml"
+    assert old in toml.read_text()
+    toml.write_text(toml.read_text().replace(old, new))
+
+
+def test_a_leg_is_seen_with_its_section_and_recordings(leg, tmp_path):
+    seen = preview_of(leg, tmp_path)
+    facts = dict(seen.facts)
+    assert seen.trouble == "" and seen.doubts == () and seen.origin == "reconstructed"
+    assert facts["girth"] == f"{girth(load_subject(leg).section):.0f} mm"
+    assert facts["trials"] == "1" and "usual" in facts["how well the leg is known"]
+    assert [one.grade for one in seen.recordings] == ["B"]
+    pictures = [file for file, _ in seen.pictures] + [one.picture for one in seen.recordings]
+    assert all((tmp_path / name).stat().st_size > 5000 for name in pictures)
+
+
+def test_what_is_unlikely_is_said_before_anything_is_solved(leg, tmp_path):
+    changed(leg, "diameter_mm = 30.0", "diameter_mm = 15.0")
+    seen = preview_of(leg, tmp_path)
+    assert seen.trouble == ""
+    assert "indenter.diameter_mm" in seen.doubts[0] and "radius" in seen.doubts[0]
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("diameter_mm = 30.0", "diameter_mm = -1.0"),
+        ("aim_mm = [0.0000, 0.0000]", "aim_mm = [900.0, 0.0]"),
+        ("contours.csv", "nothing.csv"),
+        ("[indenter]", "[indentor]"),
+        ("force_range_N = 100.0", ""),
+    ],
+)
+def test_a_bad_folder_gives_the_line_with_which_the_commands_refuse_it(
+    leg, tmp_path, capsys, old, new
+):
+    changed(leg, old, new)
+    with pytest.raises(InputError) as refused:
+        load_subject(leg)
+    out = tmp_path / "seen"
+    with pytest.raises(SystemExit) as ended:
+        app(["preview", str(leg), "--out", str(out)])
+    assert ended.value.code == 2
+    assert capsys.readouterr().err == f"{refused.value}\n"
+    assert json.loads((out / "preview.json").read_text())["trouble"] == str(refused.value)
+
+
+def test_files_of_an_instrument_are_read_before_the_folder_says_what_they_are(leg, tmp_path):
+    (leg / "subject.toml").unlink()
+    trial = leg / "recordings" / "trial1.csv"
+    rows = [line.split(",") for line in trial.read_text().splitlines()[1:]]
+    lines = [";".join((t, f"{100 - float(d)}", f"{-float(f)}")) for t, d, f in rows]
+    trial.write_text("\n".join(["Zeit [s];Weg [mm];Kraft [N]", *lines]).replace(".", ","))
+    (leg / "recordings" / "trial2.csv").write_text("no table\n")
+    seen = preview_of(leg, tmp_path)
+    assert "holds no subject.toml" in seen.trouble
+    first, second = seen.recordings
+    assert (first.channels.displacement.column, first.channels.displacement.sign) == ("Weg", -1)
+    assert (first.columns[0].name, first.columns[0].unit) == ("Zeit", "s")
+    assert second.channels is None and "trial2.csv" in second.trouble
+    assert "contours.csv" not in [one.file for one in seen.recordings]
+
+
+def test_specimens_are_seen_with_what_each_was_driven_to(tmp_path):
+    seen = preview_of(SPECIMEN, tmp_path)
+    assert seen.trouble == "" and len(seen.facts) == len(seen.recordings) == 3
+    assert "mm/s" in dict(seen.facts)["fast"]
+
+
+@pytest.mark.slow
+def test_a_leg_in_its_stocking_is_seen_at_the_heights_that_are_compared(tmp_path):
+    seen = preview_of(RESOURCES / "dubuis" / "subjects" / "1", tmp_path)
+    assert seen.trouble == ""
+    assert "to be found" in dict(seen.facts)["stiffness"]
+    assert (tmp_path / "slices.png").stat().st_size > 20_000
