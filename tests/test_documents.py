@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 COMMANDS = (
     "legfem.identify", "legfem.diagnose", "legfem.stocking", "legfem.geometry", "legfem.meshing",
-    "legfem.study", "legfem.plan", "legfem.data",
+    "legfem.study", "legfem.plan", "legfem.data", "legfem.app",
     "studies.concealed", "studies.nulls", "studies.planted", "studies.recordings",
     "studies.worked", "studies.solvers", "studies.stockings", "studies.reconstruct",
     "studies.meshes", "studies.bench", "studies.expected_force", "studies.fibres",

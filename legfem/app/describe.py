@@ -10,7 +10,7 @@ import tomlkit
 from legfem.app.settings import Value, with_settings
 from legfem.app.workspace import files_of, is_scan, may_be_recording
 from legfem.common.documents import write_atomically
-from legfem.subjects.from_cross_sections import plain_id, subject_text
+from legfem.subjects.folder import plain_id, subject_text
 
 
 @dataclass(frozen=True)

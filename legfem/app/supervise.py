@@ -1,4 +1,4 @@
-"""``python -m legfem.app.supervise FOLDER``: the process that waits for a run's command.
+"""The process that waits for the command of a run, whose folder it is given.
 
 It leads a session of its own, so that a run outlives the server that started it, and writes the
 exit status, which nobody else could learn then.
