@@ -21,7 +21,7 @@ from legfem.report.page import ReportFile, report_page
 from legfem.report.paraview import write_fields
 from legfem.report.style import LAW_NAMES, save
 from legfem.report.web.identification import identification_page
-from legfem.report.web.page import PAGE, rendered
+from legfem.report.web.page import listed, write_page
 from legfem.report.web.section import Film, PressedSection, pressed_section
 from legfem.subjects.subject import Subject
 
@@ -65,10 +65,8 @@ def write_identification_report(
         if experiment is not None:
             note, entries, pressed = _deformed_state(results, subject, experiment, folder)
         if comm.rank == 0:
-            html = rendered(identification_page(results, subject, pressed, command))
-            (folder / PAGE).write_text(html, encoding="utf-8")
-            shows = "all of it on one page for a browser, with curves and leg to explore"
-            entries = [ReportFile([Path(PAGE)], shows), *_figures(results, folder), *entries]
+            write_page(identification_page(results, subject, pressed, command), folder)
+            entries = [listed("curves and leg"), *_figures(results, folder), *entries]
             page = report_page(results, subject, entries, note)
             (folder / REPORT).write_text(page, encoding="utf-8")
     return out / REPORT
