@@ -131,11 +131,9 @@ addEventListener("load", async () => {
       .find(Boolean).data.value;
     seen.surface = [said()];
     const before = [...cells()];
-    const shown = ["x", "y"].map((axis) => document.getElementById(`response-pick-${axis}`).value);
-    const other = document.querySelectorAll(".factor input");
-    const free = [...other].findIndex((_, k) => !shown.includes(String(k)));
-    await set(`response-factor-${free < 0 ? 0 : free}`, 1);
+    await set(`response-factor-${document.getElementById("response-pick-x").value}`, 1);
     seen.surface.push(said());
+    await set("response-metric", 0);
     seen.surface_moved = cells().some((value, k) => value !== before[k]);
   }
   if (window.axe) {

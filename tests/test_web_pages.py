@@ -52,7 +52,7 @@ def checked(page, *said: str):
 def test_a_plan_names_the_best_test_and_what_no_test_shows(tmp_path):
     page = pages.planned(tmp_path)
     best = pages.ranked()[0]
-    checked(page, "Fascia stiffness, each with a chance of 80 % or more", "96 %", "40 %")
+    checked(page, "80 % or more, if it is there: fascia stiffness", "96 %", "40 %")
     assert page.headline.sentence == f"Make this test first: {best.design.name}."
     assert page.warnings == ["No test shows gain with a chance of 20 % or more."]
     assert page.headline.tone == "caution"
@@ -152,7 +152,7 @@ def test_a_leg_that_shrinks_moves_inwards_and_its_skin_shortens(shrunk):
 def test_the_turned_leg_holds_what_was_computed(shrunk):
     bare, moved = shrunk
     values = inward(bare, moved[SKIN])
-    marked = [Marked("a vein", (1.0, 2.0, 3.0))]
+    marked = [Marked("a vein", np.array([1.0, 2.0, 3.0]))]
     made = turned_leg(bare, moved, [SkinField("inward", "mm", values)], marked, "A leg")
     data = json.loads(made.data)
     skin = next(part for part in data["parts"] if part["name"] == SKIN)

@@ -82,7 +82,7 @@ def inside_section(result: StockingResult, fat: FatPressures | None) -> str:
         fill(
             "Hydrostatic pressure, positive in compression; at the veins in tissue without a vein "
             f"in it, at z = {result.leg.veins[0].position[2]:.1f} mm. Intervals (95 %) count the "
-            "errors of the stiffness and of the pressure round the leg, not those of the fabric."
+            "errors of stiffness, mesh and the pressure round the leg, not those of the fabric."
             if result.leg.veins
             else "Hydrostatic pressure, positive in compression. No veins were given or placed."
         ),

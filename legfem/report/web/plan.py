@@ -104,13 +104,13 @@ def _headline(ranked: Sequence[Reckoned], names: Sequence[str]) -> Headline:
         [
             (
                 "What it would show",
-                f"{_listed(shown)}, each with a chance of 80 % or more if it is there."
+                f"With a chance of 80 % or more, if it is there: {', '.join(shown)}."
                 if shown
-                else "No effect for certain; the most probable stand in the table.",
+                else "No effect with a chance of 80 %; the table has all.",
             ),
             (
                 "What no test here shows",
-                f"{_listed(unseen)}: it could bias the stiffness unseen."
+                f"{', '.join(unseen).capitalize()}: it could bias the stiffness unseen."
                 if unseen
                 else "Nothing that legfem knows stays unseen in all of them.",
             ),
@@ -131,11 +131,6 @@ def _never(ranked: Sequence[Reckoned], names: Sequence[str]) -> list[str]:
         for name in names
         if all(one.chances[name, NOTHING] < _UNLIKELY for one in ranked)
     ]
-
-
-def _listed(names: Sequence[str]) -> str:
-    text = ", ".join(names)
-    return text[:1].upper() + text[1:]
 
 
 def _warnings(ranked: Sequence[Reckoned], names: Sequence[str]) -> list[str]:

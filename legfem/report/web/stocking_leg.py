@@ -31,7 +31,7 @@ def dressed_leg(result: StockingResult, moved: Mapping[str, FloatArray]) -> Turn
         SkinField("stretch of the skin round the leg", "%", stretch_round(bare, moved[SKIN])),
     ]
     marked = [
-        Marked(f"{vein.name}: {mpa_to_mmhg(p):.1f} mmHg", tuple(map(float, vein.position)))
+        Marked(f"{vein.name}: {mpa_to_mmhg(p):.1f} mmHg", vein.position)
         for vein, p in zip(result.leg.veins, found.at_veins, strict=True)
         if np.isfinite(p)
     ]

@@ -25,7 +25,7 @@ _PLACE, _MOVE, _VALUE = 0.02, 1 / 1000, 1 / 10_000
 """mm, mm, and share of a field's range a count: what whole numbers of 16 bits hold of them."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SkinField:
     """Numbers on the skin that colour it."""
 
@@ -37,13 +37,13 @@ class SkinField:
     """Of the bare leg."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Marked:
     """A point inside the leg that is named."""
 
     name: str
-    position: tuple[float, float, float]
-    """mm."""
+    position: FloatArray
+    """(3,), mm."""
 
 
 @dataclass(frozen=True)
@@ -107,10 +107,7 @@ def turned_leg(
         "parts": parts,
         "mm_a_count": [_PLACE, _MOVE],
         "share_a_count": _VALUE,
-        "marked": [
-            {"name": m.name, "at": (np.array(m.position) - centre).round(2).tolist()}
-            for m in marked
-        ],
+        "marked": [{"name": m.name, "at": (m.position - centre).round(2).tolist()} for m in marked],
         "views": [directions.at(45.0 * k) for k in range(8)],
         "height": bare.length,
         "reach": float(np.abs(bare.points(SKIN) - centre)[..., :2].max()),
@@ -148,5 +145,5 @@ def _rows(bare: LegShape, moved: FloatArray, fields: Sequence[SkinField]) -> lis
             *(f"{value:.1f}" for f in fields
               for value in (f.values[k].mean(), f.values[k].min(), f.values[k].max())),
         ]
-        for k, level in enumerate(bare.levels.tolist())
+        for k, level in enumerate(bare.levels)
     ]  # fmt: skip

@@ -57,9 +57,10 @@ def to_know(result: StudyResult) -> str:
         return "Not computed: run it without --factorial-only."
     name, errors = ranked[0]
     moved = " and ".join(
-        f"{label_of(one)} {0.1 * error:+.0%}" for one, error in zip(IDENTIFIED, errors, strict=True)
+        f"{label_of(one)} {10 * error:+.0f} %"
+        for one, error in zip(IDENTIFIED, errors, strict=True)
     )
-    return f"{label_of(name)} before all: taken 10 % too high, it moves {moved}."
+    return f"Before all {label_of(name)}: taken 10 % too high, it moves {moved}."
 
 
 def to_measure(result: StudyResult) -> list[str]:
@@ -94,8 +95,8 @@ def to_measure(result: StudyResult) -> list[str]:
     lines += [
         f"{label_of(name)} is told within 50 % from {at:g} mm on."
         if at is not None
-        else f"{label_of(name)} is never told within 50 % beyond what is known of it: don't "
-        "identify it from this test."
+        else f"{label_of(name)} is never told within 50 % with fat and fascia known within their "
+        "ranges only: don't identify it from this test alone."
         for name, at in depths.items()
         if name in IDENTIFIED
     ]
@@ -114,7 +115,7 @@ def _biases(result: StudyResult) -> list[tuple[str, list[float]]]:
         return []
     try:
         each = [
-            (name, found.bias(result.definition.depth, IDENTIFIED, name).tolist())
+            (name, [float(e) for e in found.bias(result.definition.depth, IDENTIFIED, name)])
             for name in found.names
             if name not in IDENTIFIED
         ]
@@ -124,4 +125,4 @@ def _biases(result: StudyResult) -> list[tuple[str, list[float]]]:
 
 
 def _percent(half: float) -> str:
-    return f"{half:.0%}" if half < 10 else "over 1000 %"
+    return f"{100 * half:.0f} %" if half < 10 else "over 1000 %"
