@@ -1,17 +1,18 @@
-"""One page of every kind, from results with known numbers: ``python tests/making_pages.py FOLDER``.
+"""One page of every kind, from results with known numbers.
 
-The folder also gets axe-core's script, so that ``python3 tests/browser.py FOLDER/*.html`` looks at
-the pages where the browser is: outside of legfem's environment.
+``scripts/in-env env PYTHONPATH=.:tests python -m making_pages FOLDER`` writes them, and axe-core's
+script, so that ``python3 tests/browser.py FOLDER/*.html`` looks at them where the browser is:
+outside of legfem's environment.
 """
 
 from __future__ import annotations
 
-import os
 import shutil
 import sys
 from pathlib import Path
 
 import numpy as np
+from browser import AXE
 from making import write_subject
 from making_diagnosed import diagnosed
 from making_doe import SpringLeg, definition
@@ -202,4 +203,4 @@ if __name__ == "__main__":
 
     out = Path(sys.argv[1])
     write_pages(out)
-    shutil.copy(Path(os.fspath(axe_core_python.__file__)).with_name("axe.min.js"), out)
+    shutil.copy(Path(axe_core_python.__file__).with_name(AXE), out)
