@@ -1,7 +1,8 @@
 """A page in headless Chromium without a network: what went wrong, and what its controls do.
 
 Needs Python and a browser only, so that it runs where legfem's environment has no browser:
-``python3 tests/browser.py results/identify-3/report.html`` prints what was seen.
+``python3 tests/browser.py results/identify-3/report.html`` prints what was seen, and fails where
+something is wrong with a page. ``tests/making_pages.py`` makes one of every kind.
 """
 
 from __future__ import annotations
@@ -13,13 +14,15 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from importlib.util import find_spec
 from pathlib import Path
 
+AXE = "axe.min.js"
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 FLAGS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
-    "--host-resolver-rules=MAP * ~NOTFOUND", "--window-size=1000,1400",
+    "--host-resolver-rules=MAP * ~NOTFOUND",
 )  # fmt: skip
 _EARLY = """<script>
 window.seen = {faults: []};
@@ -44,6 +47,7 @@ addEventListener("load", async () => {
     .filter(Boolean).map((line) => line.visible);
   await pause();
   seen.ready_ms = performance.now();
+  seen.wide = document.documentElement.scrollWidth > document.documentElement.clientWidth;
   seen.requests = performance.getEntriesByType("resource").map((one) => one.name)
     .filter((name) => !name.startsWith("data:") && !name.startsWith("blob:"));
   const drawn = () => plots().filter((one) => one.tagName === "path").length;
@@ -87,6 +91,57 @@ addEventListener("load", async () => {
     await pause();
     seen.pictures += look()[2] !== none[2];
   }
+  const set = async (id, value) => {
+    const input = document.getElementById(id);
+    if (input.type === "checkbox" || input.type === "radio") input.checked = value;
+    else input.value = value;
+    input.dispatchEvent(new Event("input", {bubbles: true}));
+    await pause();
+  };
+  const leg = document.getElementById("turn");
+  if (leg) {
+    const pictures = [leg.toDataURL()];
+    const said = () => document.getElementById("turn-reading").textContent;
+    seen.dressed = [said()];
+    for (const [id, value] of [["turn-dressed", 0], ["turn-around", 90], ["turn-tilt", 40]]) {
+      await set(id, value);
+      pictures.push(leg.toDataURL());
+      seen.dressed.push(said());
+    }
+    for (const name of ["turn-show", "turn-colour"]) {
+      [...document.querySelectorAll(`[name=${name}]`)].pop().click();
+      await pause();
+      pictures.push(leg.toDataURL());
+    }
+    await set("turn-dressed", 100);
+    const {left, top, width, height} = leg.getBoundingClientRect();
+    const at = (x) => ({clientX: left + x * width, clientY: top + 0.5 * height, pointerId: 1});
+    leg.setPointerCapture = () => {};
+    leg.dispatchEvent(new PointerEvent("pointerdown", at(0.3)));
+    leg.dispatchEvent(new PointerEvent("pointermove", at(0.5)));
+    leg.dispatchEvent(new PointerEvent("pointerup", at(0.5)));
+    await pause();
+    pictures.push(leg.toDataURL());
+    seen.dragged = Number(document.getElementById("turn-around").value) !== 90;
+    seen.views = new Set(pictures).size;
+  }
+  if (document.getElementById("response-metric")) {
+    const said = () => document.getElementById("response-reading").textContent;
+    const cells = () => Bokeh.documents.map((one) => one.get_model_by_name("response-cells"))
+      .find(Boolean).data.value;
+    seen.surface = [said()];
+    const before = [...cells()];
+    await set(`response-factor-${document.getElementById("response-pick-x").value}`, 1);
+    seen.surface.push(said());
+    await set("response-metric", 0);
+    seen.surface_moved = cells().some((value, k) => value !== before[k]);
+  }
+  if (window.axe) {
+    const found = await axe.run(document, {resultTypes: ["violations"]});
+    const where = (node) => node.target.join(" ");
+    seen.inaccessible = found.violations.map((one) =>
+      `${one.impact}: ${one.id}: ${one.nodes.slice(0, 3).map(where).join("; ")}`);
+  }
   document.documentElement.dataset.seen = JSON.stringify(seen);
 });
 </script>"""
@@ -97,17 +152,53 @@ def browser() -> str | None:
     return next((path for name in NAMES if (path := shutil.which(name))), None)
 
 
-def seen(page: Path, program: str) -> dict:
-    """Open a copy of a page and use its controls; return what was seen."""
+def axe() -> str:
+    """Return the script of axe-core, which looks for what keeps people from reading a page."""
+    package = find_spec("axe_core_python")
+    beside = Path(sys.argv[-1]).with_name(AXE)  # as making_pages.py leaves it
+    path = beside if package is None else Path(package.origin).with_name(AXE)
+    return path.read_text(encoding="utf-8") if path.exists() else ""
+
+
+def faults(found: dict) -> list[str]:
+    """Return what is wrong with a page for whoever reads it."""
+    told = [f"error: {fault}" for fault in found["faults"]]
+    told += [f"request: {name}" for name in found["requests"]]
+    if found["wide"]:
+        told.append("the page is wider than the window")
+    return told + [
+        one for one in found.get("inaccessible", []) if one.startswith(("critical", "serious"))
+    ]
+
+
+def idle(found: dict) -> list[str]:
+    """Return the controls that don't do what they are for."""
+    works = {
+        "check boxes": "off" not in found or (not any(found["off"]) and all(found["on"])),
+        "cursor": "cursor" not in found or ":" in found["cursor"],
+        "press": "pictures" not in found or found["pictures"] == 4,
+        "turn and dress": "views" not in found or (found["views"] >= 7 and found["dragged"]),
+        "surface": "surface" not in found
+        or (found["surface_moved"] and len(set(found["surface"])) == 2),
+    }
+    return [name for name, good in works.items() if not good]
+
+
+def seen(page: Path, program: str, script: str = "", width: int = 1000) -> dict:
+    """Open a copy of a page and use its controls; return what was seen.
+
+    ``script`` is that of axe-core, if the page is to be looked at by it.
+    """
     text = page.read_text(encoding="utf-8")
     text = text.replace("<head>", f"<head>{_EARLY}", 1)
     head, _, tail = text.rpartition("</body>")
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "page.html"
-        copy.write_text(f"{head}{_LATE}</body>{tail}", encoding="utf-8")
+        looks = f"<script>{script}</script>{_LATE}" if script else _LATE
+        copy.write_text(f"{head}{looks}</body>{tail}", encoding="utf-8")
         done = subprocess.run(
-            [program, *FLAGS, f"--user-data-dir={folder}/profile", "--virtual-time-budget=20000",
-             "--dump-dom", copy.as_uri()],
+            [program, *FLAGS, f"--window-size={width},1400", f"--user-data-dir={folder}/profile",
+             "--virtual-time-budget=30000", "--dump-dom", copy.as_uri()],
             capture_output=True, text=True, check=True, timeout=300,
         )  # fmt: skip
     told = re.search(r'<html[^>]* data-seen="([^"]*)"', done.stdout)
@@ -119,5 +210,11 @@ if __name__ == "__main__":
     found = browser()
     if found is None:
         sys.exit("no Chromium here")
+    wrong = []
     for name in sys.argv[1:]:
-        print(json.dumps(seen(Path(name), found), indent=1))
+        for width in (1000, 500):
+            told = seen(Path(name), found, axe(), width)
+            print(name, width, json.dumps(told, indent=1))
+            every = [*faults(told), *(f"nothing happens: {one}" for one in idle(told))]
+            wrong += [f"{name}, {width} pixels wide: {fault}" for fault in every]
+    sys.exit("\n".join(wrong) or 0)

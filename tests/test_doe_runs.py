@@ -81,7 +81,8 @@ def test_a_study_from_definition_to_files(whole: Path) -> None:
     first = document["sobol"][0]["total"]
     assert first["deep.C10"] == pytest.approx(0, abs=0.01) and first["deep.C20"] > 0.3
     assert {p.name for p in out.iterdir()} == {
-        "runs", "runs.csv", "result.json", "report.md", "response.png", "response.svg",
+        "runs", "runs.csv", "result.json", "report.md", "report.html", "response.png",
+        "response.svg",
         "half-normal.png", "normality.png", "sobol.png", "information.png",
     }  # fmt: skip
     report = (out / "report.md").read_text()

@@ -55,7 +55,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 def conda_packages() -> list[str]:
     text = (ROOT / "environment.yml").read_text()
-    return re.findall(r"^  - (\S+)$", text.split("dependencies:")[1], flags=re.MULTILINE)
+    return re.findall(r"^ +- ([^\s:]+)$", text.split("dependencies:")[1], flags=re.MULTILINE)
 
 
 def test_lists_name_a_package_once() -> None:

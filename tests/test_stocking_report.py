@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.image import imread
+from reading_page import read
 
 from legfem.common.progress import Silent
 from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
@@ -25,6 +26,9 @@ from legfem.report.leg_directions import Directions, angle_round, unwrapped
 from legfem.report.stocking import write_stocking_report
 from legfem.report.stocking_stiffness_text import verdict_sentence
 from legfem.report.stocking_text import stocking_page
+from legfem.report.stocking_words import vein_interval
+from legfem.report.web.page import rendered
+from legfem.report.web.stocking import stocking_web_page
 from legfem.stocking.accuracy import ContourAccuracy
 from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
 from legfem.stocking.document import stocking_document
@@ -96,6 +100,38 @@ def test_a_scan_made_by_the_model_itself_is_met(result):
     np.testing.assert_allclose(result.best.parameters, [2.6e-3, 6e-3], rtol=0.02)
     assert result.best.rms < 0.01
     assert result.mismatch is not None and result.mismatch.verdict == "consistent"
+
+
+def test_the_web_page_is_whole_and_shows_the_leg(result, folder):
+    html = (folder / "report.html").read_text(encoding="utf-8")
+    page = read(html)
+    assert len(html.encode()) < 5_000_000
+    assert "mmHg on average; at the deep veins the pressure is" in page.words
+    assert "simulated data (the scans were computed" in page.words
+    for known in judge(result.best, result.leg.accuracy):
+        assert f"{mpa_to_kpa(known.value):.3g} kPa" in page.words
+    for k, vein in enumerate(result.leg.veins):
+        low, high = vein_interval(result, k)
+        assert f"pressure at the {vein.name} vein" in page.words
+        assert low < mpa_to_mmhg(result.pressures.at_veins[k]) < high
+        assert f"{low:.1f} to {high:.1f} mmHg" in page.words
+    assert page.words.index("end faces are held") < page.words.index("The leg, bare and dressed")
+    for tag in ("estimated", "computed", "assumed", "prior", "simulated"):
+        assert f'<span class="tag {tag}">' in html
+    assert '<span class="tag measured">' not in html
+
+
+def test_a_page_of_a_state_that_was_not_found_or_a_scan_that_is_missed_says_so(result):
+    report = replace(result.worn.state.report, complete=False, reason="step too small")
+    state = replace(result.worn.state, report=report)
+    lost = replace(result, worn=replace(result.worn, state=state), pressures=None)
+    page = stocking_web_page(lost, None, "")
+    assert page.headline.tone == "wrong" and "could not be computed" in page.headline.sentence
+    read(rendered(page))
+    missed = replace(result.best, rms=2 * expected_rms(result.leg.accuracy))
+    page = stocking_web_page(replace(result, searches=(missed,)), None, "")
+    assert page.headline.tone == "wrong"
+    assert page.headline.answers[-1][1].startswith("Don't use the stiffness")
 
 
 def test_page_says_who_what_and_that_it_is_simulated(result, folder):

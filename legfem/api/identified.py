@@ -76,13 +76,13 @@ class IdentifiedSpecimen(ByLaw["SpecimenResult"]):
 
     def summary(self) -> str:
         """Return values, intervals, how well what was left out is predicted, and warnings."""
-        from legfem.report.specimen import specimen_summary
+        from legfem.report.specimen_text import specimen_summary
 
         return specimen_summary(self.results)
 
     def document(self) -> list[dict[str, Any]]:
         """Return what ``result.json`` holds, one a law."""
-        from legfem.report.specimen import specimen_document
+        from legfem.report.specimen_numbers import specimen_document
 
         return [specimen_document(result) for result in self.results]
 

@@ -211,7 +211,9 @@ def _run_specimen(
     from legfem.identify.search import SearchError
     from legfem.identify.settings import IdentificationSettings
     from legfem.identify.written import Written
-    from legfem.report.specimen import specimen_summary, write_specimen_report
+    from legfem.report.specimen import write_specimen_report
+    from legfem.report.specimen_text import specimen_summary
+    from legfem.report.web.page import command_line
     from legfem.specimens.folder import load_specimen
     from legfem.specimens.identification import identify_specimen
     from legfem.specimens.laws import asked_in_writing, laws_named
@@ -229,6 +231,6 @@ def _run_specimen(
     except SearchError as failure:
         print(f"{found.id}: {failure}", file=sys.stderr)
         raise typer.Exit(FAILED) from None
-    report = write_specimen_report(results, folder)
+    report = write_specimen_report(results, folder, command_line())
     texts = [specimen_summary(results)]
     print_outcome(texts, folder / "result.json", report, quiet, as_json)

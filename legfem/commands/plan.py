@@ -40,19 +40,25 @@ def plan(
     """Say before any test which tests of a leg would show which effects, and how probably.
 
     Reads a subject folder (subject.toml and contours.csv; recordings aren't needed); writes
-    plan.json and report.txt. The leg's responses to all tests are solved once, in some minutes.
+    plan.json, report.html and report.txt. The leg's responses to all tests are solved once, in
+    some minutes.
 
     Example: python -m legfem.plan --subject 3 --c10 0.7 --c20 0.8 --depth 20 --rate 0.4
     """
     resume = "run the same command again to go on; solutions that are done are kept"
     with work_edge(jobs, resume) as processes:
-        from legfem.common.documents import write_atomically, write_document
+        from legfem.commands.outcome import print_outcome
+        from legfem.common.documents import write_document
         from legfem.correction.choice import REFERENCE
         from legfem.correction.tabulated import read_correction
+        from legfem.diagnose.document import versions
         from legfem.diagnose.leg import library_folder
         from legfem.diagnose.run import Diagnoser
-        from legfem.plan.run import plan_before
+        from legfem.plan.run import Expected, plan_before
+        from legfem.report.in_place import REPORT, made_in_place
         from legfem.report.plan import plan_document, plan_page
+        from legfem.report.web.page import command_line, write_page
+        from legfem.report.web.plan import plan_web_page
         from legfem.subjects.plausibility import doubts_about
         from legfem.subjects.subject import load_subject
 
@@ -60,16 +66,20 @@ def plan(
         found = load_subject(
             SUBJECTS.named(subject, subject_dir), need_recordings=False, need_instrument=False
         )
-        say(doubts_about(found))
+        doubts = doubts_about(found)
+        say(doubts)
         folder = out or Path("results") / f"plan-{found.id}"
         check_out_folder(folder)
         responses = library or library_folder()
         check_out_folder(responses)
         diagnoser = Diagnoser(responses, read_correction(REFERENCE), processes)
         with progress_on() as progress:
-            ranked = plan_before(found, diagnoser, c10, c20, depth, rate, progress)
+            expected = Expected(c10, c20, depth, rate)
+            ranked = plan_before(found, diagnoser, expected, progress)
         path = write_document(folder / "plan.json", plan_document(ranked, found.id))
         text = plan_page(ranked, found)
-        write_atomically(folder / "report.txt", text)
-        print(text)
-        print(f"result: {path}\nreport: {folder / 'report.txt'}")
+        page = plan_web_page(ranked, found, expected, doubts, text, versions(), command_line())
+        with made_in_place(folder) as hidden:
+            write_page(page, hidden)
+            (hidden / REPORT).write_text(text, encoding="utf-8")
+        print_outcome([text], path, folder / REPORT, quiet=False, as_json=False)

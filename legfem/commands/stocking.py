@@ -45,7 +45,9 @@ def stocking(
             raise InputError("--cells", f"{cells}", "is out of range", "give 2000 to 5000000")
         from mpi4py import MPI
 
-        from legfem.report.stocking import write_stocking_report
+        from legfem.commands.outcome import print_outcome
+        from legfem.report.stocking import NUMBERS, write_stocking_report
+        from legfem.report.web.page import command_line
         from legfem.stocking.leg import LEGS, load_leg
         from legfem.stocking.run import StockingSettings, run_leg
 
@@ -61,9 +63,9 @@ def stocking(
                 result = run_leg(leg, settings, progress, comm)
         else:
             result = run_leg(leg, settings, Silent(), comm)
-        report = write_stocking_report(result, results)
+        report = write_stocking_report(result, results, command_line())
         if comm.rank == 0:
-            print(f"report: {report}")
+            print_outcome([], results / NUMBERS, report, quiet=False, as_json=False)
         if not result.worn.converged:
             if comm.rank == 0:
                 print(f"{leg.id}: no equilibrium with the stocking was found", file=sys.stderr)

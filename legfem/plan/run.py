@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,6 +27,24 @@ from legfem.subjects.subject import Subject
 
 USUAL_GAIN_SD = 0.01
 _MOST = 4
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What a plan before any test is made for.
+
+    Parameters
+    ----------
+    c10, c20
+        Stiffness of the deep tissue that is expected (kPa).
+    depth, rate
+        Of the test that is meant (mm, mm/s).
+    """
+
+    c10: float
+    c20: float
+    depth: float
+    rate: float
 
 
 def plan_after(
@@ -63,10 +81,7 @@ def plan_after(
 def plan_before(
     subject: Subject,
     diagnoser: Diagnoser,
-    c10: float,
-    c20: float,
-    depth: float,
-    rate: float,
+    expected: Expected,
     progress: Progress,
 ) -> list[Reckoned]:
     """Return what tests of a leg would tell, the most telling first.
@@ -77,24 +92,22 @@ def plan_before(
         The leg, without recordings.
     diagnoser
         Whose folder keeps the leg's responses.
-    c10, c20
-        Stiffness that is expected (kPa).
-    depth, rate
-        Of the test that is meant (mm, mm/s).
+    expected
+        Stiffness and test.
     progress
         Told of solutions.
     """
-    tests = designs(depth, rate, depth)
+    tests = designs(expected.depth, expected.rate, expected.depth)
     ends = choose_correction("auto", subject)
     every = blank_observations(list(dict.fromkeys(p for t in tests for p in t.protocols)))
     able, _ = shown_mechanisms(every, diagnoser.correction, no_ends_because(subject, ends))
-    library = _library(diagnoser, subject, tests, able, rounded(c10), progress)
+    library = _library(diagnoser, subject, tests, able, rounded(expected.c10), progress)
     able = [m for m in able if m.name not in library.missing]
     law = subject.tissues["deep"].law
-    observed = blank_observations([Protocol.ramp(depth, rate)] * 3)
+    observed = blank_observations([Protocol.ramp(expected.depth, expected.rate)] * 3)
     predictor = Predictor(observed, library, law, ends)
     noise = _stated(subject, observed)
-    values = {"C10": c10, "C20": c20}
+    values = {"C10": expected.c10, "C20": expected.c20}
     force = predictor(values)
     problem = Problem(predictor, error_model(observed.with_force(force), noise, force))
     base = _at(problem, values)

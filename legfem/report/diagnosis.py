@@ -17,7 +17,7 @@ from legfem.report.recording_figure import recording_figure
 from legfem.report.signature_figure import leading, signature_figure
 from legfem.report.style import save
 from legfem.report.web.diagnosis import diagnosis_web_page
-from legfem.report.web.page import PAGE, rendered
+from legfem.report.web.page import listed, write_page
 from legfem.subjects.subject import Subject
 
 
@@ -52,11 +52,10 @@ def write_diagnosis_report(
     """
     out = Path(out)
     with made_in_place(out) as folder:
-        shows = "all of it on one page for a browser, with curves to explore"
-        entries = [ReportFile([Path(PAGE)], shows), *_figures(diagnosis, subject, folder)]
+        entries = [listed("curves"), *_figures(diagnosis, subject, folder)]
         page = diagnosis_page(diagnosis, subject, entries, plan)
         html = diagnosis_web_page(diagnosis, subject, page, plan, versions(), command)
-        (folder / PAGE).write_text(rendered(html), encoding="utf-8")
+        write_page(html, folder)
         (folder / REPORT).write_text(page, encoding="utf-8")
     return out / REPORT
 

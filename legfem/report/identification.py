@@ -22,7 +22,7 @@ from legfem.report.paraview import write_fields
 from legfem.report.placement_figure import SECTION_SHOWS, placement_figure
 from legfem.report.style import LAW_NAMES, save
 from legfem.report.web.identification import identification_page
-from legfem.report.web.page import PAGE, rendered
+from legfem.report.web.page import listed, write_page
 from legfem.report.web.section import Film, PressedSection, pressed_section
 from legfem.subjects.subject import Subject
 
@@ -66,13 +66,9 @@ def write_identification_report(
         if experiment is not None:
             note, entries, pressed = _deformed_state(results, subject, experiment, folder)
         if comm.rank == 0:
-            html = rendered(identification_page(results, subject, pressed, command))
-            (folder / PAGE).write_text(html, encoding="utf-8")
-            shows = "all of it on one page for a browser, with curves and leg to explore"
+            write_page(identification_page(results, subject, pressed, command), folder)
             section = ReportFile(save(placement_figure(subject), folder, "section"), SECTION_SHOWS)
-            entries = [
-                ReportFile([Path(PAGE)], shows), *_figures(results, folder), section, *entries
-            ]  # fmt: skip
+            entries = [listed("curves and leg"), *_figures(results, folder), section, *entries]
             page = report_page(results, subject, entries, note)
             (folder / REPORT).write_text(page, encoding="utf-8")
     return out / REPORT

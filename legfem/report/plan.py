@@ -15,6 +15,12 @@ from legfem.subjects.subject import Subject
 
 SCHEMA = 1
 NOTHING = "nothing"
+NOTE = (
+    "Chances that a test tells an effect of usual strength from a leg without it (a Bayes "
+    "factor of twenty), the stiffness refitted, with what isn't known of the leg and of the "
+    "instruments. Simulated; no recording was used. An effect that no test shows may bias the "
+    "stiffness unseen."
+)
 
 
 def plan_page(ranked: Sequence[Reckoned], subject: Subject) -> str:
@@ -28,17 +34,11 @@ def plan_page(ranked: Sequence[Reckoned], subject: Subject) -> str:
         Whose leg.
     """
     heading = f"Subject {subject.id} ({subject.title}): which tests would show which effects?"
-    note = (
-        "Chances that a test tells an effect of usual strength from a leg without it (a Bayes "
-        "factor of twenty), the stiffness refitted, with what isn't known of the leg and of the "
-        "instruments. Simulated; no recording was used. An effect that no test shows may bias the "
-        "stiffness unseen."
-    )
     tests = "\n".join(
         textwrap.fill(f"({k}) {one.design.name}", WIDTH, subsequent_indent="    ")
         for k, one in enumerate(ranked, 1)
     )
-    names = sorted({a for one in ranked for a, _ in one.chances if a != NOTHING})
+    names = effects_of(ranked)
     rows = [
         [plain(name), *(percent(one.chances[name, NOTHING]) for one in ranked)] for name in names
     ]
@@ -46,11 +46,16 @@ def plan_page(ranked: Sequence[Reckoned], subject: Subject) -> str:
     return "\n\n".join(
         [
             f"{heading}\n{'=' * min(len(heading), WIDTH)}",
-            textwrap.fill(note, WIDTH),
+            textwrap.fill(NOTE, WIDTH),
             f"Tests, the most telling first:\n{tests}",
             table(header, rows),
         ]
     ) + "\n"  # fmt: skip
+
+
+def effects_of(ranked: Sequence[Reckoned]) -> list[str]:
+    """Return the names of the effects that were weighed."""
+    return sorted({a for one in ranked for a, _ in one.chances if a != NOTHING})
 
 
 def plan_lines(ranked: Sequence[Reckoned]) -> list[str]:

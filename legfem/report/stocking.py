@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from legfem.common.documents import write_document
+from legfem.common.units import FloatArray
 from legfem.fem.fields import fields_of
 from legfem.geometry.leg_shape import LegShape
 from legfem.report.in_place import REPORT, made_in_place
@@ -19,8 +20,11 @@ from legfem.report.stocking_pressure_figure import stocking_pressure_figure
 from legfem.report.stocking_section_figure import stocking_section_figure
 from legfem.report.stocking_text import stocking_page
 from legfem.report.style import save
+from legfem.report.web.page import listed, write_page
+from legfem.report.web.stocking import stocking_web_page
 from legfem.stocking.document import stocking_document
 from legfem.stocking.fat_pressures import FatPressures, fat_pressures
+from legfem.stocking.leg_model import SURFACES
 from legfem.stocking.pressures import PressureProbe
 from legfem.stocking.run import StockingResult
 from legfem.stocking.section_pressures import SectionPressures, section_pressures
@@ -35,10 +39,12 @@ class _Sampled:
     section: SectionPressures | None
     fat: FatPressures | None
     simulated: LegShape | None
+    moved: dict[str, FloatArray] | None
+    """Displacement (mm) of the points of skin and hull."""
 
 
-def write_stocking_report(result: StockingResult, folder: Path) -> Path:
-    """Write report.txt, result.json, the figures and the fields of a run.
+def write_stocking_report(result: StockingResult, folder: Path, command: str = "") -> Path:
+    """Write report.txt, report.html, result.json, the figures and the fields of a run.
 
     They are there together, the report last; see `made_in_place`.
 
@@ -48,6 +54,8 @@ def write_stocking_report(result: StockingResult, folder: Path) -> Path:
         Of a run; under MPI all ranks of its communicator call.
     folder
         Made if missing.
+    command
+        That was given, for who wants to repeat it.
 
     Returns
     -------
@@ -62,7 +70,8 @@ def write_stocking_report(result: StockingResult, folder: Path) -> Path:
             entries = [*_figures(result, sampled, hidden), *entries]
             numbers = write_document(hidden / NUMBERS, stocking_document(result, sampled.fat))
             entries.append(ReportFile([numbers], "all numbers with their units"))
-            page = stocking_page(result, sampled.fat, entries)
+            page = stocking_page(result, sampled.fat, [listed("the leg to turn"), *entries])
+            write_page(stocking_web_page(result, sampled.moved, page, command), hidden)
             (hidden / REPORT).write_text(page, encoding="utf-8")
     return folder / REPORT
 
@@ -70,13 +79,14 @@ def write_stocking_report(result: StockingResult, folder: Path) -> Path:
 def _sample(result: StockingResult) -> _Sampled:
     simulated = result.simulated_scan
     if result.pressures is None:
-        return _Sampled(None, None, simulated)
+        return _Sampled(None, None, simulated, None)
     probe, shape = PressureProbe(result.model.compression), result.leg.bare
     level = float(np.median(result.leg.slices))
     return _Sampled(
         section_pressures(shape, level, result.worn, probe),
         fat_pressures(shape, result.worn, probe),
         simulated,
+        {part: result.model.displacement(part, result.worn.state.unknown) for part in SURFACES},
     )
 
 

@@ -15,10 +15,11 @@ def mismatch_section(result: StockingResult) -> str:
     found = result.mismatch
     if found is None:
         return ""
-    return "\n\n".join([fill(_verdict(found)), *_places(found), _table(found)])
+    return "\n\n".join([fill(mismatch_verdict(found)), *_places(found), _table(found)])
 
 
-def _verdict(found: Mismatch) -> str:
+def mismatch_verdict(found: Mismatch) -> str:
+    """Return in words whether model and scan differ, and why."""
     if found.verdict == "consistent":
         return (
             "Consistent: nothing of what the fit leaves is beyond the errors of contours, "

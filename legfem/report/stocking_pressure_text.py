@@ -7,7 +7,13 @@ import numpy as np
 from legfem.geometry.leg_shape import SKIN
 from legfem.report.leg_directions import Directions, angle_round
 from legfem.report.lines import fill
-from legfem.report.stocking_words import both_units, correlation, place_in_fat, table
+from legfem.report.stocking_words import (
+    both_units,
+    correlation,
+    place_in_fat,
+    table,
+    vein_interval,
+)
 from legfem.stocking.fat_pressures import FatPressures
 from legfem.stocking.run import StockingResult
 from legfem.stocking.warnings import unloaded_skin
@@ -24,7 +30,7 @@ def interface_section(result: StockingResult) -> str:
         ("mean over the skin", both_units(load.mean_pressure)),
         ("least", f"{both_units(float(load.pressure.min()))}"
          + (f"; {100 * unloaded.mean():.0f} % of the skin bears none" if unloaded.any() else "")),
-        ("greatest", f"{both_units(float(load.pressure.max()))}, {_highest(result)}"),
+        ("greatest", f"{both_units(float(load.pressure.max()))}, {highest_place(result)}"),
         ("mean at the lower end", f"{both_units(float(by_level[0]))}"),
         ("mean at the upper end", f"{both_units(float(by_level[-1]))}"),
         ("fabric", f"{stocking.stiffness:g} N/mm per unit of strain, unstretched {width} round"),
@@ -45,7 +51,8 @@ def interface_section(result: StockingResult) -> str:
     return f"{fill(note)}\n\n{table(rows)}"
 
 
-def _highest(result: StockingResult) -> str:
+def highest_place(result: StockingResult) -> str:
+    """Return where the stocking presses most, in words."""
     pressure, bare = result.worn.load.pressure, result.leg.bare
     level, point = np.unravel_index(int(np.argmax(pressure)), pressure.shape)
     skin = bare.contours[SKIN][level]
@@ -61,9 +68,9 @@ def inside_section(result: StockingResult, fat: FatPressures | None) -> str:
     mean, where = found.mean_interface, place_in_fat(result.leg.bare, found.greatest_in_fat_at)
     rows = [
         (vein.name,
-         f"{both_units(p)}, {100 * p / mean:.0f} % of the mean on the skin" if np.isfinite(p)
-         else "not in the tissues: check the vein's position")
-        for vein, p in zip(result.leg.veins, found.at_veins, strict=True)
+         f"{both_units(p)}{_interval(result, k)}, {100 * p / mean:.0f} % of the mean on the skin"
+         if np.isfinite(p) else "not in the tissues: check the vein's position")
+        for k, (vein, p) in enumerate(zip(result.leg.veins, found.at_veins, strict=True))
     ]  # fmt: skip
     rows.append(("muscle, mean", f"{both_units(found.mean_in_muscle)}"))
     rows.append(
@@ -74,7 +81,8 @@ def inside_section(result: StockingResult, fat: FatPressures | None) -> str:
     blocks = [
         fill(
             "Hydrostatic pressure, positive in compression; at the veins in tissue without a vein "
-            f"in it, at z = {result.leg.veins[0].position[2]:.1f} mm."
+            f"in it, at z = {result.leg.veins[0].position[2]:.1f} mm. Intervals (95 %) count the "
+            "errors of stiffness, mesh and the pressure round the leg, not those of the fabric."
             if result.leg.veins
             else "Hydrostatic pressure, positive in compression. No veins were given or placed."
         ),
@@ -97,3 +105,8 @@ def inside_section(result: StockingResult, fat: FatPressures | None) -> str:
             )
         )
     return "\n\n".join(blocks)
+
+
+def _interval(result: StockingResult, vein: int) -> str:
+    low, high = vein_interval(result, vein)
+    return f", {low:.1f} to {high:.1f} mmHg" if np.isfinite(high) else ""

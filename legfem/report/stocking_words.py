@@ -10,9 +10,11 @@ import numpy as np
 from legfem.common.units import FloatArray, mpa_to_kpa, mpa_to_mmhg
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.geometry.shape_measures import fat_thickness_around
+from legfem.inference.constants import quantile
 from legfem.report.leg_directions import Directions, angle_round
 from legfem.report.text import WIDTH
 from legfem.stocking.judgement import KnownStiffness
+from legfem.stocking.run import StockingResult
 from legfem.stocking.warnings import TISSUES
 
 
@@ -41,6 +43,14 @@ def interval(known: KnownStiffness) -> str:
     """Return a 95 % interval in kPa."""
     low, high = (mpa_to_kpa(value) for value in known.interval95)
     return f"95 % interval {low:.3g} to {high:.3g}"
+
+
+def vein_interval(result: StockingResult, vein: int) -> tuple[float, float]:
+    """Return the 95 % interval of a vein's pressure (mmHg), NaN where it isn't known."""
+    assert result.pressures is not None
+    half = quantile(0) * result.pressures.at_veins_sd[vein]
+    middle = result.pressures.at_veins[vein]
+    return mpa_to_mmhg(middle - half), mpa_to_mmhg(middle + half)
 
 
 def place_in_fat(bare: LegShape, point: FloatArray) -> str:

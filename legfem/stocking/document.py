@@ -63,15 +63,20 @@ def stocking_document(result: StockingResult, fat: FatPressures | None = None) -
                 "all": result.states,
             },
             "wall_s": result.wall_s,
-            "versions": {
-                "legfem": legfem_version(),
-                "dolfinx": package_version("fenics-dolfinx"),
-                "numpy": package_version("numpy"),
-                "scipy": package_version("scipy"),
-                "python": platform.python_version(),
-            },
+            "versions": versions(),
         }
     )
+
+
+def versions() -> dict[str, str]:
+    """Return those of the programs that make a result."""
+    return {
+        "legfem": legfem_version(),
+        "dolfinx": package_version("fenics-dolfinx"),
+        "numpy": package_version("numpy"),
+        "scipy": package_version("scipy"),
+        "python": platform.python_version(),
+    }
 
 
 def _stiffness(result: StockingResult) -> dict[str, Any]:
@@ -219,9 +224,12 @@ def _pressures(result: StockingResult) -> dict[str, Any] | None:
                 "name": vein.name,
                 "position_mm": vein.position.tolist(),
                 "pressure_kPa": mpa_to_kpa(pressure),
+                "standard_error_kPa": mpa_to_kpa(sd),
                 "share_of_mean_interface": pressure / found.mean_interface,
             }
-            for vein, pressure in zip(result.leg.veins, found.at_veins, strict=True)
+            for vein, pressure, sd in zip(
+                result.leg.veins, found.at_veins, found.at_veins_sd, strict=True
+            )
         ],
     }
 

@@ -33,6 +33,9 @@ class TissuePressures:
     mean_in_muscle: float
     at_veins: tuple[float, ...]
     """Hydrostatic, in the veins' order."""
+    at_veins_sd: tuple[float, ...] = ()
+    """Standard deviations, from the stiffness and the stocking's pressure; see
+    `legfem.stocking.vein_intervals`."""
 
 
 class PressureProbe:

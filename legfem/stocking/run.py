@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from mpi4py import MPI
 
@@ -19,6 +19,7 @@ from legfem.stocking.leg_model import PARAMETERS, LegModel3D
 from legfem.stocking.misfit import ContourMisfit
 from legfem.stocking.mismatch import Mismatch, mismatch_of
 from legfem.stocking.pressures import PressureProbe, TissuePressures, tissue_pressures
+from legfem.stocking.vein_intervals import vein_pressure_sd
 from legfem.stocking.worn import Worn, WornLeg
 
 
@@ -123,6 +124,12 @@ def run_leg(
     if worn.state.report.complete:
         probe = PressureProbe(model.compression)
         pressures = tissue_pressures(probe, worn.state, worn.load, leg.veins)
+        covariance = None if leg.known or not searches else searches[0].log_covariance
+        sd = vein_pressure_sd(
+            worn_leg, worn, probe, leg.veins, parameters, covariance, leg.accuracy.pressure_sd
+        )
+        pressures = replace(pressures, at_veins_sd=tuple(map(float, sd)))
+        progress.advance("errors of the pressures at the veins")
     return StockingResult(
         leg, model, load, misfit, searches, mismatch, parameters, worn, pressures,
         worn_leg.states, time.perf_counter() - started,

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from html import escape
+from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 from bokeh.embed import components
@@ -53,7 +54,7 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """Two panels over one abscissa."""
+    """Two panels over one abscissa, or one."""
 
     kind: ClassVar[str] = "curves"
     name: str
@@ -65,13 +66,18 @@ class Curves:
     x_label: str
     above_label: str
     below_label: str
+    """Empty for no lower panel."""
     lines: Sequence[Line]
     band: FloatArray | None = None
-    """(n,): half the width of a band about zero in the lower panel."""
+    """(n,): half the width of a band: about zero in the lower panel, else about the first line."""
     band_name: str = ""
     located: Sequence[tuple[float, float]] = ()
     """Stretches of the abscissa that are marked in the lower panel."""
     located_name: str = ""
+
+    def figure(self) -> Any:
+        """Return the panels, for Bokeh; a line is found again by the names of its curves."""
+        return _panels(self)
 
     @property
     def header(self) -> list[str]:
@@ -85,8 +91,20 @@ class Curves:
         picked = np.unique(np.linspace(0, len(self.x) - 1, _MOST_ROWS).round().astype(int))
         tabled = [line.above for line in self.lines if line.tabled and line.above is not None]
         return [
-            [f"{self.x[k]:.2f}", *(f"{above[k]:.3f}" for above in tabled)] for k in picked.tolist()
+            [f"{self.x[k]:.2f}", *(f"{a[k]:.3f}" if np.isfinite(a[k]) else "–" for a in tabled)]
+            for k in picked.tolist()
         ]
+
+
+class Plotted(Protocol):
+    """What Bokeh draws on a page."""
+
+    @property
+    def name(self) -> str:
+        """Of its own in a page."""
+
+    def figure(self) -> Any:
+        """Return a model of Bokeh's."""
 
 
 @dataclass(frozen=True)
@@ -100,24 +118,26 @@ class Embedded:
     """By the plot's name, the element that it is drawn into."""
 
 
-def embedded(curves: Sequence[Curves]) -> Embedded:
+def embedded(plots: Sequence[Plotted]) -> Embedded:
     """Return plots as HTML; the library is in it, so that nothing is loaded."""
-    if not curves:
+    if not plots:
         return Embedded("", "", {})
     library = Resources(mode="inline", components=["bokeh"], log_level="error").render_js()
-    script, places = components({one.name: _plot(one) for one in curves})
+    script, places = components({one.name: one.figure() for one in plots})
     return Embedded(library, script, places)
 
 
-def _plot(curves: Curves) -> Any:
-    """Return both panels; a line is found again by the names of its curves."""
+def _panels(curves: Curves) -> Any:
     cursor = Span(dimension="height", line_width=1, line_dash="dashed", line_color=FAINT)
-    above = _panel(320, curves.above_label)
-    below = _panel(200, curves.below_label, x_range=above.x_range, toolbar_location=None)
+    above = panel(320, curves.above_label)
+    panels = [above]
+    if curves.below_label:
+        panels.append(panel(200, curves.below_label, x_range=above.x_range, toolbar_location=None))
+        above.xaxis.major_label_text_font_size = "0pt"
+    below = panels[-1]
     below.xaxis.axis_label = curves.x_label
-    above.xaxis.major_label_text_font_size = "0pt"
-    for panel in (above, below):
-        panel.add_tools(CrosshairTool(overlay=cursor, dimensions="height"))
+    for one in panels:
+        one.add_tools(CrosshairTool(overlay=cursor, dimensions="height"))
     source = ColumnDataSource({"x": curves.x})
     below.add_layout(Span(location=0, dimension="width", line_width=1, line_color=DATA_COLOUR))
     for low, high in _joined(curves.located):
@@ -129,16 +149,18 @@ def _plot(curves: Curves) -> Any:
             )
         )  # fmt: skip
     if curves.band is not None:
-        source.data["band"], source.data["minus"] = curves.band, -curves.band
+        about = curves.lines[0].above if below is above else None
+        middle = np.zeros(len(curves.x)) if about is None else about
+        source.data["band"], source.data["minus"] = middle + curves.band, middle - curves.band
         below.varea("x", "minus", "band", source=source, color=FAINT, alpha=0.3)
     for number, line in enumerate(curves.lines):
-        for panel, values, place in ((above, line.above, "above"), (below, line.below, "below")):
+        for one, values, place in ((above, line.above, "above"), (below, line.below, "below")):
             if values is not None:
                 key = f"{place}{number}"
                 source.data[key] = values
-                _draw(panel, source, key, line, f"{curves.name}-{place}-{number}")
+                _draw(one, source, key, line, f"{curves.name}-{place}-{number}")
     _add_readings(above, below, source, curves)
-    return column(above, below, sizing_mode="stretch_width", spacing=0)
+    return column(*panels, sizing_mode="stretch_width", spacing=0)
 
 
 def _joined(stretches: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
@@ -152,27 +174,29 @@ def _joined(stretches: Sequence[tuple[float, float]]) -> list[tuple[float, float
     return joined
 
 
-def _panel(height: int, label: str, **options: Any) -> Any:
-    panel = figure(
+def panel(height: int, label: str, **options: Any) -> Any:
+    """Return an empty panel with the page's tools and types."""
+    made = figure(
         height=height, sizing_mode="stretch_width", tools=_TOOLS, active_drag="box_zoom",
         min_border_left=_LEFT, min_border_right=12, output_backend="svg", **options,
     )  # fmt: skip
-    panel.toolbar.logo = None
-    panel.yaxis.axis_label = label
-    for axis in (*panel.xaxis, *panel.yaxis):
+    made.toolbar.logo = None
+    made.yaxis.axis_label = label
+    made.yaxis.formatter.use_scientific = False
+    for axis in (*made.xaxis, *made.yaxis):
         axis.axis_label_text_font_style = "normal"
         axis.axis_label_text_font_size = "13px"
         axis.major_label_text_font_size = "12px"
-    return panel
+    return made
 
 
-def _draw(panel: Any, source: ColumnDataSource, key: str, line: Line, name: str) -> None:
+def _draw(place: Any, source: ColumnDataSource, key: str, line: Line, name: str) -> None:
     if line.points:
-        panel.scatter(
+        place.scatter(
             "x", key, source=source, size=5, fill_color=None, line_color=line.colour, name=name
         )
         return
-    panel.line(
+    place.line(
         "x", key, source=source, color=line.colour, line_dash=line.dash, name=name,
         line_width=1 if line.faint else 2, line_alpha=0.7 if line.faint else 1.0,
     )  # fmt: skip
@@ -181,7 +205,7 @@ def _draw(panel: Any, source: ColumnDataSource, key: str, line: Line, name: str)
 def _add_readings(above: Any, below: Any, source: ColumnDataSource, curves: Curves) -> None:
     """Add what stands beside the cursor: all values there, in either panel."""
     first = [(curves.x_label, "@x{0.00}")]
-    for panel, place in ((above, "above"), (below, "below")):
+    for drawn, place in ((above, "above"), (below, "below")):
         shown = [
             (line.name, f"@{place}{k}{{0.000}}")
             for k, line in enumerate(curves.lines)
@@ -191,10 +215,23 @@ def _add_readings(above: Any, below: Any, source: ColumnDataSource, curves: Curv
             continue
         # One that is always there to be hit, whatever is switched off.
         (key,) = [text.split("{")[0].removeprefix("@") for _, text in shown[:1]]
-        target = panel.line("x", key, source=source, line_alpha=0)
-        panel.add_tools(
+        target = drawn.line("x", key, source=source, line_alpha=0)
+        drawn.add_tools(
             HoverTool(
-                renderers=[target], tooltips=[*first, *shown], mode="vline",
+                renderers=[target], tooltips=_readings([*first, *shown]), mode="vline",
                 point_policy="snap_to_data", line_policy="nearest",
             )
         )  # fmt: skip
+
+
+def _readings(rows: Sequence[tuple[str, str]]) -> str:
+    """Return what stands beside the cursor, in ink: Bokeh's own labels are too pale to read."""
+    return "".join(
+        f'<div><span style="color: #444">{_literal(name)}:</span> {value}</div>'
+        for name, value in rows
+    )
+
+
+def _literal(text: str) -> str:
+    """Return text that Bokeh and HTML take as it is."""
+    return escape(text).replace("@", "&#64;").replace("$", "&#36;")

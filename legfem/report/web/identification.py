@@ -4,25 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from legfem.common.doubts import doubt_lines
-from legfem.common.units import readable_unit
-from legfem.experiments.plane_strain import tissues_of
-from legfem.geometry.section import girth
-from legfem.identify.catalogue import parameter_of, symbol_of, unit_of
-from legfem.identify.forward import values_of
-from legfem.identify.result import Estimate, IdentificationResult
-from legfem.inference.constants import NUMERICAL_ERROR
+from legfem.identify.result import IdentificationResult
 from legfem.report.page import procedure
-from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES, REGION_NAMES
-from legfem.report.text import comparison, fit_report, fits, preferred, prior_text
+from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES
+from legfem.report.text import comparison, fit_report, fits, preferred
 from legfem.report.web.curves import Curves, Dash, Line
+from legfem.report.web.estimates import (
+    held_text,
+    how_sure,
+    interval_text,
+    unknown_among,
+    value_text,
+    why_identifiable,
+)
+from legfem.report.web.identification_numbers import known_of
 from legfem.report.web.page import (
     Bullets,
     Chapter,
     Headline,
-    Known,
     Prose,
     Repeat,
     Tone,
@@ -30,7 +30,6 @@ from legfem.report.web.page import (
     WebPage,
 )
 from legfem.report.web.section import PressedSection, still_section
-from legfem.report.words import number
 from legfem.subjects.subject import Subject
 
 _DASHES: dict[str, Dash] = {"neo-hookean": "dashed", "reduced-polynomial": "solid"}
@@ -75,13 +74,24 @@ def identification_page(
                 ]
             )
         ),
-        known=_known(results, subject),
+        known=known_of(results, subject),
         chapters=[
             Chapter("Recordings and model", [_curves(results)]),
             Chapter("The leg, pressed", [pressed or still_section(subject)]),
             Chapter(
                 "What was tested",
-                [Bullets([*comparison(results), *_identifiable(results)])],
+                [
+                    Bullets(
+                        [
+                            *comparison(results),
+                            *(
+                                line
+                                for r in reversed(results)
+                                for line in why_identifiable(r.parameters, r.law)
+                            ),
+                        ]
+                    )
+                ],
             ),
             Chapter("What could not be tested", [Bullets(_NOT_TESTED)]),
             Chapter("What to do next", [Bullets(_next(chosen, subject))]),
@@ -101,8 +111,7 @@ def identification_page(
 
 
 def _headline(chosen: IdentificationResult, subject: Subject) -> Headline:
-    law, every = LAW_NAMES[chosen.law], chosen.parameters.values()
-    known = all(found.identifiability == "identifiable" for found in every)
+    law, known = LAW_NAMES[chosen.law], not unknown_among(chosen.parameters)
     tone: Tone = "wrong" if not fits(chosen) else "sound" if known else "caution"
     if tone == "wrong":
         sentence = (
@@ -112,25 +121,13 @@ def _headline(chosen: IdentificationResult, subject: Subject) -> Headline:
     else:
         sentence = f"The {law} law describes this test, and the deep tissue's C10 is {_c10(chosen)}"
         wrong = "Nothing that the loading of these recordings could show."
-    sure = "; ".join(
-        f"{symbol_of(name)} is {found.identifiability}"
-        + (
-            f" (within {100 * found.relative_half_width:.0f} %)"
-            if np.isfinite(found.relative_half_width)
-            else ""
-        )
-        for name, found in chosen.parameters.items()
-    )
-    c10 = _value("deep.C10", chosen)
+    c10 = _c10_value(chosen)
     return Headline(
         tone,
         sentence,
         [
             ("What is wrong", wrong),
-            (
-                "How sure",
-                f"{sure}. If the model is right, 19 of 20 such intervals hold the true value.",
-            ),
+            ("How sure", how_sure(chosen.parameters)),
             (
                 "What it does to C10",
                 f"{c10} is the best fit, but don't rely on it: its interval doesn't cover what was "
@@ -146,111 +143,15 @@ def _headline(chosen: IdentificationResult, subject: Subject) -> Headline:
 
 def _c10(chosen: IdentificationResult) -> str:
     found = chosen.parameters.get("deep.C10")
-    if found is None:
-        return f"{_value('deep.C10', chosen)}, as given."
-    return f"{_value('deep.C10', chosen)} (95 % interval {_interval(found)})."
+    interval = "as given." if found is None else f"(95 % interval {interval_text(found)})."
+    return f"{_c10_value(chosen)}{', ' if found is None else ' '}{interval}"
 
 
-def _value(name: str, result: IdentificationResult) -> str:
-    found = result.parameters.get(name)
+def _c10_value(chosen: IdentificationResult) -> str:
+    found = chosen.parameters.get("deep.C10")
     if found is not None:
-        return f"{number(found.shown.value, found.shown.standard_error)} {found.shown.unit}"
-    unit, factor = readable_unit(unit_of(name))
-    return f"{factor * {**result.assumed, **result.values}[name]:.4g} {unit}"
-
-
-def _interval(found: Estimate) -> str:
-    shown = found.shown
-    return " to ".join(number(end, shown.standard_error) for end in shown.ci95)
-
-
-def _known(results: Sequence[IdentificationResult], subject: Subject) -> list[Known]:
-    first = results[0]
-    data = subject.origin
-    curve, trials = first.measured, first.measured.n_trials
-    rows = [
-        Known(
-            f"{_words(name)}, {LAW_NAMES[result.law]} law",
-            _value(name, result),
-            "estimated" if found.parameter.role == "identified" else "prior",
-            f"{trials} recording{'s' * (trials > 1)}"
-            + (f"; {prior_text(found.parameter)}" if found.parameter.prior else ""),
-            _interval(found),
-            _remark(found),
-        )
-        for result in reversed(results)
-        for name, found in result.parameters.items()
-    ]
-    given = values_of(tissues_of(subject))
-    free = {name for result in results for name in result.parameters}
-    held = {n: v for result in results for n, v in result.assumed.items() if n not in free}
-    for name, value in held.items():
-        unit, factor = readable_unit(unit_of(name))
-        stated = np.isclose(given.get(name, np.nan), value)
-        source = "subject.toml" if stated else "given with the command, or the law's own"
-        rows.append(
-            Known(_words(name), f"{factor * value:.4g} {unit}", "assumed", source,
-                  remark=_moved(name, results))
-        )  # fmt: skip
-    rows.append(
-        Known("thickness of the fascia", f"{subject.section.fascia_thickness:g} mm", "assumed",
-              "subject.toml")
-    )  # fmt: skip
-    if first.correction is not None:
-        applied = first.correction
-        rows.append(
-            Known(
-                f"3D correction P at {curve.displacement[-1]:.3g} mm", f"{applied.P[-1]:+.3f}",
-                "prior", applied.name,
-                f"{applied.P[-1] - 2 * applied.sd[-1]:+.3f} to "
-                f"{applied.P[-1] + 2 * applied.sd[-1]:+.3f}",
-            )
-        )  # fmt: skip
-    rows += [
-        Known("error of the numerical model", f"{100 * NUMERICAL_ERROR:g} % of the force (sd)",
-              "prior", "study convergence"),
-        Known("noise of a force reading", f"{curve.noise.force_sd:.3g} N (sd)", data,
-              curve.noise.source),
-        Known("greatest displacement used", f"{curve.displacement[-1]:.4g} mm", data,
-              "recordings, from first contact"),
-        Known("girth of the section", f"{girth(subject.section):.0f} mm", data,
-              "contours of the skin"),
-        Known("cylinder", f"{2 * subject.indenter.radius:g} mm across, "
-              f"{subject.indenter.length:g} mm long", "assumed", "subject.toml"),
-    ]  # fmt: skip
-    return rows
-
-
-def _words(name: str) -> str:
-    tissue, _, field = name.rpartition(".")
-    if tissue not in REGION_NAMES:
-        return parameter_of(name, {name: 1.0}).statement
-    return f"{field} of the {REGION_NAMES[tissue]}"
-
-
-def _remark(found: Estimate) -> str:
-    bound = f"; at the {found.at_bound} bound of the search" if found.at_bound else ""
-    return f"{found.identifiability}{bound}"
-
-
-def _moved(name: str, results: Sequence[IdentificationResult]) -> str:
-    """Return what 10 % more of an assumed number would do to what was found."""
-    moved = [
-        f"{symbol_of(found)} {100 * estimate.moves[name]:+.1f} % ({LAW_NAMES[result.law]})"
-        for result in reversed(results)
-        for found, estimate in result.parameters.items()
-        if name in estimate.moves
-    ]
-    return f"10 % higher: {', '.join(moved)}" if moved else ""
-
-
-def _identifiable(results: Sequence[IdentificationResult]) -> list[str]:
-    return [
-        f"{symbol_of(name)} of the {LAW_NAMES[result.law]} law is {found.identifiability}: "
-        f"{found.why}."
-        for result in reversed(results)
-        for name, found in result.parameters.items()
-    ]
+        return value_text(found)
+    return held_text("deep.C10", {**chosen.assumed, **chosen.values}["deep.C10"])
 
 
 def _next(chosen: IdentificationResult, subject: Subject) -> list[str]:
@@ -258,11 +159,7 @@ def _next(chosen: IdentificationResult, subject: Subject) -> list[str]:
     diagnose = f"python -m legfem.diagnose {folder}"
     if not fits(chosen):
         return [f"Don't use the stiffness. Find out which physics is missing: {diagnose}"]
-    unknown = [
-        symbol_of(name)
-        for name, found in chosen.parameters.items()
-        if found.identifiability != "identifiable"
-    ]
+    unknown = unknown_among(chosen.parameters)
     lines = []
     if unknown:
         lines.append(

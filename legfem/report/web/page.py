@@ -6,19 +6,26 @@ import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import ClassVar, Literal
 
 import click
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from legfem.common.versions import legfem_version
+from legfem.report.page import ReportFile
 from legfem.report.text import ORIGINS
+from legfem.report.web.bars import Bars
 from legfem.report.web.curves import Curves, embedded
+from legfem.report.web.response import ResponseSurface
 from legfem.report.web.section import PressedSection, StillSection
+from legfem.report.web.turned import TurnedLeg
 
 PAGE = "report.html"
 Tone = Literal["sound", "caution", "wrong"]
-Provenance = Literal["measured", "reconstructed", "simulated", "estimated", "assumed", "prior"]
+Provenance = Literal[
+    "measured", "reconstructed", "simulated", "estimated", "computed", "assumed", "prior"
+]  # fmt: skip
 TONES: Mapping[Tone, str] = {
     "sound": "Nothing speaks against the model",
     "caution": "Read with caution",
@@ -28,8 +35,9 @@ _PROVENANCE: Mapping[Provenance, str] = {
     "measured": "read off measurements of this leg",
     "reconstructed": "read off reconstructed data; no leg was measured",
     "simulated": "read off simulated data; no leg was measured",
-    "estimated": "found here, by fitting the model to the recordings",
-    "assumed": "taken as exact; not checked by these recordings",
+    "estimated": "found here, by fitting the model to what was measured",
+    "computed": "computed here, by the model with the numbers above and below",
+    "assumed": "taken as exact; not checked here",
     "prior": "known beforehand with a stated error, which the intervals carry",
 }
 
@@ -42,6 +50,8 @@ class Headline:
     sentence: str
     answers: Sequence[tuple[str, str]]
     """Questions that such a reader has, in their order, each with its answer."""
+    heading: str = ""
+    """In place of the tone's, where a page judges no model."""
 
 
 @dataclass(frozen=True)
@@ -94,17 +104,13 @@ class Verbatim:
     text: str
 
 
-@dataclass(frozen=True)
-class Picture:
-    """A PNG, and what it shows in words."""
-
-    kind: ClassVar[str] = "picture"
-    png: str
-    """Base64."""
-    alt: str
-
-
-Block = Prose | Bullets | WebTable | Verbatim | Picture | Curves | PressedSection | StillSection
+Block = (
+    Prose | Bullets | WebTable | Verbatim | Bars | Curves | PressedSection | StillSection
+    | ResponseSurface | TurnedLeg
+)  # fmt: skip
+_SCRIPTS: Mapping[str, str] = {
+    "pressed": "press.js", "turned": "turn.js", "response": "response.js"
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -140,6 +146,20 @@ class WebPage:
     chapters: Sequence[Chapter]
     """In their order; the table of what is known follows the first."""
     repeat: Repeat
+    data: str = ""
+    """What kind of data, in words, where `ORIGINS` don't say it."""
+
+
+def listed(explore: str) -> ReportFile:
+    """Return a page's entry in a report's list of files: what there is to explore."""
+    return ReportFile(
+        [Path(PAGE)], f"all of it on one page for a browser, with {explore} to explore"
+    )
+
+
+def write_page(page: WebPage, folder: Path) -> None:
+    """Write ``report.html`` into a folder."""
+    (folder / PAGE).write_text(rendered(page), encoding="utf-8")
 
 
 def rendered(page: WebPage) -> str:
@@ -151,16 +171,15 @@ def rendered(page: WebPage) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    curves = [b for chapter in page.chapters for b in chapter.blocks if isinstance(b, Curves)]
+    blocks = [block for chapter in page.chapters for block in chapter.blocks]
+    kinds = {block.kind for block in blocks}
     return environment.get_template("report.html").render(
         page=page,
-        tone=TONES[page.headline.tone],
-        data=ORIGINS[page.origin],
+        tone=page.headline.heading or TONES[page.headline.tone],
+        data=page.data or ORIGINS[page.origin],
         provenances=_PROVENANCE,
-        plots=embedded(curves),
-        pressed=any(
-            isinstance(b, PressedSection) for chapter in page.chapters for b in chapter.blocks
-        ),
+        plots=embedded([b for b in blocks if isinstance(b, Curves | ResponseSurface)]),
+        scripts=[name for kind, name in _SCRIPTS.items() if kind in kinds],
         legfem=legfem_version(),
     )
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import base64
 import json
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
 from legfem.experiments.plane_strain import PlaneStrainIndentation
@@ -17,6 +15,7 @@ from legfem.geometry.section import BONES, PARTS, LegSection
 from legfem.meshing.section import REGIONS, first_touch
 from legfem.report.leg_figure import DrawnSection
 from legfem.report.style import BONE_COLOUR, REGION_COLOURS, REGION_NAMES
+from legfem.report.web.packed import packed
 from legfem.subjects.subject import Subject
 
 _STATES = 16
@@ -119,10 +118,10 @@ def pressed_section(
         "radius": radius,
         "vertices": np.round(at, 3).ravel().tolist(),
         "corners": len(corners),
-        "cells": _packed(cells, "<u2"),
-        "moves": _packed(moves / _MOVE, "<i2"),
+        "cells": packed(cells, "<u2"),
+        "moves": packed(moves / _MOVE, "<i2"),
         "mm_a_count": _MOVE,
-        "pressures": _packed(colours / _PRESSURE, "<i2"),
+        "pressures": packed(colours / _PRESSURE, "<i2"),
         "kPa_a_count": _PRESSURE,
         "shown_kPa": [low, float(high)],
         "tissue": [_colour(tag) for tag in first.region],
@@ -133,12 +132,6 @@ def pressed_section(
     }
     deepest = film.states[-1].displacement
     return PressedSection(what, json.dumps(content), deepest, (low, float(high)), rows)
-
-
-def _packed(values: NDArray[Any], kind: str) -> str:
-    limits = np.iinfo(np.dtype(kind))
-    whole = np.clip(np.round(values), limits.min, limits.max).astype(kind)
-    return base64.b64encode(whole.tobytes()).decode()
 
 
 def _colour(tag: float) -> str:

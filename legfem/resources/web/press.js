@@ -2,8 +2,6 @@
 "use strict";
 (() => {
   const given = JSON.parse(document.getElementById("press-data").textContent);
-  const unpacked = (text, Kind) =>
-    new Kind(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer);
   const cells = unpacked(given.cells, Uint16Array);
   const moves = unpacked(given.moves, Int16Array);
   const pressures = unpacked(given.pressures, Int16Array);
@@ -13,16 +11,7 @@
   const canvas = document.getElementById("press"), slider = document.getElementById("press-at");
   const reading = document.getElementById("press-reading");
   const mesh = document.getElementById("press-mesh");
-  // ColorBrewer's YlGnBu: also a scale of greys, light to dark.
-  const scale = [[255, 255, 217], [199, 233, 180], [127, 205, 187], [65, 182, 196],
-    [29, 145, 192], [34, 94, 168], [8, 29, 88]];
-  const between = (a, b, part) => a + (b - a) * part;
-
-  const colour = (pressure) => {
-    const at = Math.min(Math.max((pressure - low) / (high - low), 0), 1) * (scale.length - 1);
-    const k = Math.min(Math.floor(at), scale.length - 2);
-    return `rgb(${scale[k].map((v, c) => Math.round(between(v, scale[k + 1][c], at - k)))})`;
-  };
+  const colour = (pressure) => scaled((pressure - low) / (high - low));
 
   const draw = () => {
     const d = Number(slider.value), known = given.displacement;

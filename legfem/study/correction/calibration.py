@@ -205,5 +205,10 @@ def _description(
         "balance_of_forces": outcomes[0].balance,
         "factorisations": sum(outcome.factorisations for outcome in outcomes),
         "processor_seconds": round(sum(outcome.seconds for outcome in outcomes), 1),
-        "versions": {"dolfinx": dolfinx.__version__, "python": platform.python_version()},
+        "versions": versions(),
     }
+
+
+def versions() -> dict[str, str]:
+    """Return those of the programs that calibrate."""
+    return {"dolfinx": dolfinx.__version__, "python": platform.python_version()}

@@ -11,15 +11,15 @@ from mpi4py import MPI
 from rich.console import Console
 from rich.table import Table
 
-from legfem.common.documents import write_document
+from legfem.common.documents import write_atomically, write_document
 from legfem.common.progress import Lines, Progress, Silent
 from legfem.common.units import FloatArray
 from legfem.correction.tabulated import smooth_ratio
 from legfem.experiments.indentation_3d import IdealisedLegIndentation
 from legfem.fem.fields import fields_of
 from legfem.report.paraview import write_fields
+from legfem.report.web.page import PAGE, command_line, rendered
 from legfem.study.correction.calibration import (
-    Calibrated,
     Calibration,
     calibrate,
     coarsened,
@@ -29,9 +29,8 @@ from legfem.study.correction.cases import CaseOutcome, CorrectionCase
 from legfem.study.correction.checks import check
 from legfem.study.correction.figure import draw_correction, draw_trends
 from legfem.study.correction.leg_table import LegTable, tabulate_legs
-
-Trend = dict[str, dict[str, FloatArray]]
-"""P by the value of what is varied, by what that is."""
+from legfem.study.correction.tables import Cells, correction_cells, meshes_cells, trend_cells
+from legfem.study.correction.web_page import correction_web_page
 
 
 @dataclass(frozen=True)
@@ -46,9 +45,6 @@ class Asked:
     """How far the default mesh goes, and what first-order tetrahedra make of P."""
     fields: bool = False
     """Fields of the reference leg in 3D for ParaView, which solves it once more."""
-
-
-SHOWN = np.array([2.5, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0])
 
 
 def run(given: Calibration, asked: Asked, out: Path, jobs: int) -> None:
@@ -71,8 +67,9 @@ def run(given: Calibration, asked: Asked, out: Path, jobs: int) -> None:
     found = calibrate(given, kept, jobs, progress, comm)
     if comm.rank == 0:
         path = found.correction.write(out / "correction.json")
-        Console(width=110).print(correction_table(found))
-        Console(width=110).print(meshes_table(found))
+        title = f"P(d) = 1 - (RF3D / L) / RF2D, {found.correction.name}"
+        Console(width=110).print(as_table(title, correction_cells(found)))
+        Console(width=110).print(as_table("P on three meshes", meshes_cells(found)))
         print(f"correction: {path}", flush=True)
     progress.stage("cylinders of other lengths", len(LENGTHS))
     coarse = coarsened(given.reference, given.coarse)
@@ -92,15 +89,18 @@ def run(given: Calibration, asked: Asked, out: Path, jobs: int) -> None:
             print(f"legs: {table.write(out / 'correction-legs.json')}", flush=True)
     if asked.checks:
         check(given.reference, out, kept, jobs, progress, comm)
-    if not asked.trends:
-        return
-    studied: Trend = {"cylinder's length (mm)": lengths}
-    for name, cases in _trend_cases(coarse).items():
+    studied = {"cylinder's length (mm)": lengths}
+    for name, cases in _trend_cases(coarse).items() if asked.trends else ():
         progress.stage(f"P against the {name}", len(cases))
         studied[name] = _vary(cases, kept, jobs, progress, comm)
-    if comm.rank == 0:
+    if comm.rank != 0:
+        return
+    page = correction_web_page(given, found, studied, command_line())
+    write_atomically(out / PAGE, rendered(page))
+    print(f"page: {out / PAGE}")
+    if asked.trends:
         for name, curves in studied.items():
-            Console(width=110).print(trend_table(name, curves))
+            Console(width=110).print(as_table(f"P against the {name}", trend_cells(name, curves)))
         displacement = _grid(coarse.depth)
         write_document(
             out / "trends.json",
@@ -188,50 +188,12 @@ def _listed(values: FloatArray) -> list[float | None]:
     return [None if np.isnan(value) else round(float(value), 5) for value in values]
 
 
-def correction_table(found: Calibrated) -> Table:
-    """Return forces, P and its errors, a row a depth."""
-    correction, reference = found.correction, found.reference
-    depths = SHOWN[SHOWN <= correction.displacement[-1]]
-    table = Table(title=f"P(d) = 1 - (RF3D / L) / RF2D, {correction.name}")
-    for name in ("d (mm)", "RF3D (N)", "L RF2D (N)", "P", *correction.errors, "sd"):
+def as_table(title: str, cells: Cells) -> Table:
+    """Return cells as a table for a terminal."""
+    header, rows = cells
+    table = Table(title=title)
+    for name in header:
         table.add_column(name, justify="right")
-    smooth = smooth_ratio(reference.spatial, reference.plane, depths)
-    modes = [np.interp(depths, correction.displacement, m) for m in correction.errors.values()]
-    spread = correction.standard_deviation(depths)
-    for k, depth in enumerate(depths):
-        table.add_row(
-            f"{depth:g}", f"{reference.spatial(depth):.3f}", f"{reference.plane(depth):.3f}",
-            f"{smooth[k]:+.4f}", *(f"{mode[k]:+.4f}" for mode in modes), f"{spread[k]:.4f}",
-        )  # fmt: skip
-    return table
-
-
-def meshes_table(found: Calibrated) -> Table:
-    """Return P on the meshes, a row a mesh, and the finest one's error by Richardson's estimate."""
-    displacement = found.correction.displacement
-    depths = SHOWN[SHOWN <= displacement[-1]]
-    table = Table(title="P on three meshes")
-    for column in ("unknowns", *(f"{depth:g} mm" for depth in depths), "tangents", "s"):
-        table.add_column(column, justify="right")
-    for outcome in reversed(found.meshes):
-        values = smooth_ratio(outcome.spatial, outcome.plane, depths)
-        table.add_row(
-            f"{outcome.unknowns}", *(f"{p:+.4f}" for p in values),
-            f"{outcome.factorisations}", f"{outcome.seconds:.0f}",
-        )  # fmt: skip
-    error = np.interp(depths, displacement, found.correction.errors["mesh"])
-    table.add_row("limit", *(f"{p:+.4f}" for p in values + error), "", "")
-    return table
-
-
-def trend_table(name: str, curves: dict[str, FloatArray]) -> Table:
-    """Return P, a row a value of what is varied."""
-    displacement = 0.5 * np.arange(len(next(iter(curves.values()))))
-    depths = SHOWN[SHOWN <= displacement[-1]]
-    table = Table(title=f"P against the {name}")
-    for column in (name, *(f"{depth:g} mm" for depth in depths)):
-        table.add_column(column, justify="right")
-    for value, curve in curves.items():
-        at = np.interp(depths, displacement, curve)
-        table.add_row(value, *("-" if np.isnan(p) else f"{p:+.4f}" for p in at))
+    for row in rows:
+        table.add_row(*row)
     return table

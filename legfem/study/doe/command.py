@@ -16,6 +16,7 @@ from legfem.common.progress import progress_on
 from legfem.jobs.pool import Workers
 from legfem.jobs.ranks import lead
 from legfem.jobs.store import Store
+from legfem.report.web.page import PAGE, write_page
 from legfem.study.doe.anova import Counting
 from legfem.study.doe.definition import Definition, read_definition
 from legfem.study.doe.document import study_document, verdict_documents
@@ -28,6 +29,7 @@ from legfem.study.doe.simulator import PlaneStrainSimulator, Record, Request, Si
 from legfem.study.doe.study import StudyResult, study
 from legfem.study.doe.tables import anova_table, beside_table_3
 from legfem.study.doe.verdict import verdicts
+from legfem.study.doe.web_page import study_web_page
 from legfem.subjects.catalogue import RESOURCES
 from legfem.subjects.subject import SUBJECTS, Subject, load_subject
 
@@ -148,11 +150,13 @@ def _study(
         for draw in (draw_response, draw_half_normal, draw_normality, draw_sobol, draw_information)
         for path in draw(result, out)
     ]
-    write_atomically(out / "report.md", report_page(result, files))
+    text = report_page(result, [Path(PAGE), *files])
+    write_page(study_web_page(result, text, options.seed, _command(options)), out)
+    write_atomically(out / "report.md", text)
     wall = time.perf_counter() - began
     write_document(out / "result.json", study_document(result, options.seed, wall))
     print(f"{definition.title}: {len(result.records)} runs, {result.seconds:.0f} s; "
-          f"report: {out / 'report.md'}")  # fmt: skip
+          f"report: {out / 'report.md'}\npage:   {out / PAGE}")  # fmt: skip
     return result
 
 

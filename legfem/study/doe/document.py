@@ -26,10 +26,7 @@ def study_document(result: StudyResult, seed: int, wall_s: float) -> dict[str, A
         "origin": result.subject.origin,
         "seed": seed,
         "wall_s": wall_s,
-        "versions": {
-            "legfem": legfem_version(),
-            **{n: package_version(n) for n in ("fenics-dolfinx", "statsmodels", "SALib", "pyDOE3")},
-        },
+        "versions": versions(),
         "forward_solves": len(result.records),
         "depth_mm": definition.depth,
         "windows_mm": [list(window) for window in definition.windows],
@@ -53,6 +50,12 @@ def study_document(result: StudyResult, seed: int, wall_s: float) -> dict[str, A
     }
     plain: dict[str, Any] = json_types(document)
     return plain
+
+
+def versions() -> dict[str, str]:
+    """Return those of the programs that make a study."""
+    others = ("fenics-dolfinx", "statsmodels", "SALib", "pyDOE3")
+    return {"legfem": legfem_version(), **{name: package_version(name) for name in others}}
 
 
 def verdict_documents(found: Sequence[Verdict], titles: Sequence[str]) -> list[dict[str, Any]]:

@@ -22,8 +22,17 @@ def markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return markdown_table(header, rows, aligned=True)
 
 
+type Cells = tuple[list[str], list[list[str]]]
+"""A table's header and rows."""
+
+
 def anova_table(result: StudyResult) -> str:
     """Return the analysis of variance, as in the paper's Table 3 and with more columns."""
+    return markdown(*anova_cells(result))
+
+
+def anova_cells(result: StudyResult) -> Cells:
+    """Return the same as cells."""
     rows = []
     for a in result.analyses:
         found = a.anova
@@ -32,8 +41,7 @@ def anova_table(result: StudyResult) -> str:
             f"{found.mse:.2g}", f"{found.r_squared:.4f}", f"{found.predicted_r_squared:.4f}",
             f"{found.F:.0f}", f"{found.p_value:.0e}", f"{found.model_dof}, {found.error_dof}",
         ])  # fmt: skip
-    header = ["metric", "SSR", "MSR", "SSE", "MSE", "R2", "R2 predicted", "F", "p", "df"]
-    return markdown(header, rows)
+    return ["metric", "SSR", "MSR", "SSE", "MSE", "R2", "R2 predicted", "F", "p", "df"], rows
 
 
 def beside_table_3(result: StudyResult) -> str:
@@ -84,11 +92,16 @@ def coefficient_table(result: StudyResult) -> str:
 
 def effects_table(result: StudyResult) -> str:
     """Return what a statistician looks at beside the t tests."""
+    return markdown(*effects_cells(result))
+
+
+def effects_cells(result: StudyResult) -> Cells:
+    """Return the same as cells."""
     rows = [_effects_row(a) for a in result.analyses]
     header = ["metric", "largest", "Lenth's PSE", "margin", "simultaneous", "beyond it",
               "corners - centre", "its p", "its share of SSE", "normal: outputs",
               "residuals"]  # fmt: skip
-    return markdown(header, rows)
+    return header, rows
 
 
 def _effects_row(a: MetricAnalysis) -> list[str]:
@@ -150,9 +163,15 @@ def sobol_table(result: StudyResult) -> str:
 
 def information_table(result: StudyResult) -> str:
     """Return 95 % half-widths by depth, and the least depth from which each is told."""
+    cells = information_cells(result)
+    return "" if cells is None else markdown(*cells)
+
+
+def information_cells(result: StudyResult) -> Cells | None:
+    """Return the same as cells; None where no information was computed."""
     found = result.information
     if found is None:
-        return ""
+        return None
     depths = sorted({end for _, end in result.definition.windows})
     pair = [name for name in IDENTIFIED if name in found.names]
     rows = []
@@ -171,7 +190,7 @@ def information_table(result: StudyResult) -> str:
     header = ["parameter", f"alone, at {at} mm", "deep pair unknown",
               "others within their ranges", "all unknown",
               "others within ranges: told from"]  # fmt: skip
-    return markdown(header, rows)
+    return header, rows
 
 
 def verdict_page(found: Sequence[Verdict], titles: Sequence[str]) -> str:

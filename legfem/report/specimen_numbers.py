@@ -1,0 +1,76 @@
+"""Numbers of specimens as ``result.json`` has them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from legfem.common.documents import json_types
+from legfem.common.units import readable_unit
+from legfem.identify.catalogue import key_of, unit_of, unit_suffix
+from legfem.identify.document import estimate_document
+from legfem.specimens.result import ComparedRecording, SpecimenResult
+
+SCHEMA = "legfem.identify-specimen/1"
+
+
+def specimen_document(result: SpecimenResult) -> dict[str, Any]:
+    """Return a result as JSON types; every number's unit is in its name or beside it."""
+    names = list(result.parameters)
+    document = {
+        "schema": SCHEMA,
+        "specimen": result.folder.id,
+        "title": result.folder.title,
+        "origin": result.folder.origin,
+        "law": result.law,
+        "parameters": {
+            key_of(name): estimate_document(one) for name, one in result.parameters.items()
+        },
+        "correlations": {
+            key_of(one): dict(zip(map(key_of, names), row, strict=True))
+            for one, row in zip(names, result.correlations, strict=True)
+        },
+        "assumed": dict(assumed_numbers(result)),
+        "recordings": [_recording(one) for one in result.recordings],
+        "not_used": {one.name: one.reason for one in result.left_out},
+        "chi_square": result.chi_square,
+        "degrees_of_freedom": result.degrees_of_freedom,
+        "p_value": result.p_value,
+        "gain_sd_between_recordings": result.gain_sd,
+        "converged": result.converged,
+        "forward_solves": result.forward_solves,
+        "forward_solves_reused": result.reused_solves,
+        "failed_solves": result.failed_solves,
+        "emulator_error_N": result.emulator_error,
+        "warnings": list(result.warnings),
+        "seed": result.seed,
+        "wall_s": result.wall_s,
+        "versions": dict(result.versions),
+    }
+    plain: dict[str, Any] = json_types(document)
+    return plain
+
+
+def _recording(one: ComparedRecording) -> dict[str, Any]:
+    course = one.course
+    return {
+        "name": one.name,
+        "specimen": one.specimen,
+        "fitted": one.fitted,
+        "rate_mm_per_s": course.rate,
+        "depth_mm": course.depth,
+        "rmse_N": one.rmse,
+        "r_squared": one.r_squared,
+        "scale": one.scale,
+        "time_s": course.time,
+        "displacement_mm": course.displacement,
+        "force_N": course.force,
+        "predicted_force_N": one.predicted,
+    }
+
+
+def assumed_numbers(result: SpecimenResult) -> Iterable[tuple[str, float]]:
+    """Yield what was held, as people read it, by names that end with the unit."""
+    for name, value in result.assumed.items():
+        unit, factor = readable_unit(unit_of(name))
+        yield f"{name.replace('.', '_')}_{unit_suffix(unit)}", factor * value

@@ -1,0 +1,85 @@
+"""Estimated and assumed parameters as a page shows them: of a leg's tissues and of specimens."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from legfem.common.units import readable_unit
+from legfem.identify.catalogue import parameter_of, symbol_of, unit_of
+from legfem.identify.result import Estimate
+from legfem.report.style import LAW_NAMES, REGION_NAMES
+from legfem.report.text import prior_text
+from legfem.report.web.page import Known
+from legfem.report.words import number
+
+
+def value_text(found: Estimate) -> str:
+    """Return an estimate with the digits that its error leaves, and its unit."""
+    return f"{number(found.shown.value, found.shown.standard_error)} {found.shown.unit}"
+
+
+def held_text(name: str, value: float) -> str:
+    """Return a value in the model's unit as people read it."""
+    unit, factor = readable_unit(unit_of(name))
+    return f"{factor * value:.4g} {unit}"
+
+
+def interval_text(found: Estimate) -> str:
+    """Return an estimate's 95 % interval."""
+    shown = found.shown
+    return " to ".join(number(end, shown.standard_error) for end in shown.ci95)
+
+
+def words_of(name: str) -> str:
+    """Return a parameter's full name in words."""
+    tissue, _, field = name.rpartition(".")
+    if tissue not in REGION_NAMES:
+        return parameter_of(name, {name: 1.0}).statement
+    return f"{field} of the {REGION_NAMES[tissue]}"
+
+
+def estimated(what: str, found: Estimate, recordings: int) -> Known:
+    """Return an estimate's row: what it is, in words, and from how many recordings it comes."""
+    bound = f"; at the {found.at_bound} bound of the search" if found.at_bound else ""
+    prior = f"; {prior_text(found.parameter)}" if found.parameter.prior else ""
+    return Known(
+        what,
+        value_text(found),
+        "estimated" if found.parameter.role == "identified" else "prior",
+        f"{recordings} recording{'s' * (recordings > 1)}{prior}",
+        interval_text(found),
+        f"{found.identifiability}{bound}",
+    )
+
+
+def how_sure(parameters: Mapping[str, Estimate]) -> str:
+    """Return how well parameters are known, for someone who knows no statistics."""
+    each = "; ".join(
+        f"{symbol_of(name)} is {found.identifiability}"
+        + (
+            f" (within {100 * found.relative_half_width:.0f} %)"
+            if np.isfinite(found.relative_half_width)
+            else ""
+        )
+        for name, found in parameters.items()
+    )
+    return f"{each}. If the model is right, 19 of 20 such intervals hold the true value."
+
+
+def why_identifiable(parameters: Mapping[str, Estimate], law: str) -> list[str]:
+    """Return a sentence a parameter: how well it is known, and why it is called that."""
+    return [
+        f"{symbol_of(name)} of the {LAW_NAMES[law]} law is {found.identifiability}: {found.why}."
+        for name, found in parameters.items()
+    ]
+
+
+def unknown_among(parameters: Mapping[str, Estimate]) -> list[str]:
+    """Return the symbols of what isn't identifiable."""
+    return [
+        symbol_of(name)
+        for name, found in parameters.items()
+        if found.identifiability != "identifiable"
+    ]

@@ -1,0 +1,78 @@
+"""The numbers of an identification, and where each comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from legfem.experiments.plane_strain import tissues_of
+from legfem.geometry.section import girth
+from legfem.identify.catalogue import symbol_of
+from legfem.identify.forward import values_of
+from legfem.identify.result import IdentificationResult
+from legfem.inference.constants import NUMERICAL_ERROR
+from legfem.report.style import LAW_NAMES
+from legfem.report.web.estimates import estimated, held_text, words_of
+from legfem.report.web.page import Known
+from legfem.subjects.subject import Subject
+
+
+def known_of(results: Sequence[IdentificationResult], subject: Subject) -> list[Known]:
+    """Return what was found with each law, what was held, and what was measured."""
+    first = results[0]
+    data = subject.origin
+    curve = first.measured
+    rows = [
+        estimated(f"{words_of(name)}, {LAW_NAMES[result.law]} law", found, curve.n_trials)
+        for result in reversed(results)
+        for name, found in result.parameters.items()
+    ]
+    given = values_of(tissues_of(subject))
+    free = {name for result in results for name in result.parameters}
+    held = {n: v for result in results for n, v in result.assumed.items() if n not in free}
+    for name, value in held.items():
+        stated = np.isclose(given.get(name, np.nan), value)
+        source = "subject.toml" if stated else "given with the command, or the law's own"
+        rows.append(
+            Known(words_of(name), held_text(name, value), "assumed", source,
+                  remark=_moved(name, results))
+        )  # fmt: skip
+    rows.append(
+        Known("thickness of the fascia", f"{subject.section.fascia_thickness:g} mm", "assumed",
+              "subject.toml")
+    )  # fmt: skip
+    if first.correction is not None:
+        applied = first.correction
+        rows.append(
+            Known(
+                f"3D correction P at {curve.displacement[-1]:.3g} mm", f"{applied.P[-1]:+.3f}",
+                "prior", applied.name,
+                f"{applied.P[-1] - 2 * applied.sd[-1]:+.3f} to "
+                f"{applied.P[-1] + 2 * applied.sd[-1]:+.3f}",
+            )
+        )  # fmt: skip
+    rows += [
+        Known("error of the numerical model", f"{100 * NUMERICAL_ERROR:g} % of the force (sd)",
+              "prior", "study convergence"),
+        Known("noise of a force reading", f"{curve.noise.force_sd:.3g} N (sd)", data,
+              curve.noise.source),
+        Known("greatest displacement used", f"{curve.displacement[-1]:.4g} mm", data,
+              "recordings, from first contact"),
+        Known("girth of the section", f"{girth(subject.section):.0f} mm", data,
+              "contours of the skin"),
+        Known("cylinder", f"{2 * subject.indenter.radius:g} mm across, "
+              f"{subject.indenter.length:g} mm long", "assumed", "subject.toml"),
+    ]  # fmt: skip
+    return rows
+
+
+def _moved(name: str, results: Sequence[IdentificationResult]) -> str:
+    """Return what 10 % more of an assumed number would do to what was found."""
+    moved = [
+        f"{symbol_of(found)} {100 * estimate.moves[name]:+.1f} % ({LAW_NAMES[result.law]})"
+        for result in reversed(results)
+        for found, estimate in result.parameters.items()
+        if name in estimate.moves
+    ]
+    return f"10 % higher: {', '.join(moved)}" if moved else ""

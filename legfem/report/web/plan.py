@@ -1,0 +1,186 @@
+"""The page of a plan: which test to make first, and what it would show."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from legfem.common.doubts import Doubt, doubt_lines
+from legfem.diagnose.sentences import percent
+from legfem.geometry.section import girth
+from legfem.plan.reckon import Reckoned
+from legfem.plan.run import Expected
+from legfem.report.diagnosis_style import plain
+from legfem.report.plan import NOTE, NOTHING, effects_of
+from legfem.report.style import LAW_NAMES
+from legfem.report.web.bars import Bar, Bars
+from legfem.report.web.page import (
+    Bullets,
+    Chapter,
+    Headline,
+    Known,
+    Prose,
+    Repeat,
+    Verbatim,
+    WebPage,
+    WebTable,
+)
+from legfem.report.web.section import still_section
+from legfem.subjects.subject import Subject
+
+_LIKELY, _UNLIKELY = 0.8, 0.2
+"""Chances from which an effect is called shown, and below which it is called unseen."""
+_NOT_WEIGHED = (
+    "Effects that legfem doesn't know: no plan can name what would show them.",
+    "Two effects at once, and effects weaker or stronger than usual.",
+    "What a test costs in time, and what the person can bear.",
+)
+
+
+def plan_web_page(
+    ranked: Sequence[Reckoned],
+    subject: Subject,
+    expected: Expected,
+    doubts: Sequence[Doubt],
+    text: str,
+    versions: Mapping[str, str],
+    command: str = "",
+) -> WebPage:
+    """Return the page of a plan.
+
+    Parameters
+    ----------
+    ranked
+        Tests, the most telling first.
+    subject
+        Whose leg.
+    expected
+        Stiffness and test that the plan is made for.
+    doubts
+        About what was given.
+    text
+        Of ``report.txt``.
+    versions
+        Of the programs that made it.
+    command
+        That was given; empty where there was none.
+    """
+    names = effects_of(ranked)
+    return WebPage(
+        title=f"Which test of leg {subject.id} should be made first?",
+        subject=subject.title,
+        origin="simulated",
+        headline=_headline(ranked, names),
+        warnings=[*doubt_lines(doubts), *_warnings(ranked, names)],
+        known=_known(subject, expected),
+        chapters=[
+            Chapter("Tests, the most telling first", [_tests(ranked)]),
+            Chapter("What each test would show", [Prose(NOTE), _chances(ranked, names)]),
+            Chapter("The leg", [still_section(subject)]),
+            Chapter("What to do next", [Bullets(_next(ranked, subject))]),
+            Chapter("What was not weighed", [Bullets(_NOT_WEIGHED)]),
+            Chapter("The full report", [Verbatim("report.txt", text)]),
+        ],
+        repeat=Repeat(command, versions),
+        data=f"simulated data (no test was made yet; section of the leg: {subject.origin})",
+    )
+
+
+def _shown(one: Reckoned, names: Sequence[str], low: float, high: float) -> list[str]:
+    return [plain(name) for name in names if low <= one.chances[name, NOTHING] <= high]
+
+
+def _headline(ranked: Sequence[Reckoned], names: Sequence[str]) -> Headline:
+    heading = "What to test"
+    if not ranked:
+        return Headline(
+            "wrong", "No test could be weighed: the leg's responses don't reach the depth.",
+            [("What to do", "Plan a less deep test (--depth).")], heading,
+        )  # fmt: skip
+    best = ranked[0]
+    shown, unseen = _shown(best, names, _LIKELY, 1.0), _never(ranked, names)
+    return Headline(
+        "caution" if unseen else "sound",
+        f"Make this test first: {best.design.name}.",
+        [
+            (
+                "What it would show",
+                f"With a chance of 80 % or more, if it is there: {', '.join(shown)}."
+                if shown
+                else "No effect with a chance of 80 %; the table has all.",
+            ),
+            (
+                "What no test here shows",
+                f"{', '.join(unseen).capitalize()}: it could bias the stiffness unseen."
+                if unseen
+                else "Nothing that legfem knows stays unseen in all of them.",
+            ),
+            (
+                "How sure",
+                "Chances are reckoned for effects of usual strength, from this leg's shape and the "
+                "instruments' errors. Nothing was measured yet.",
+            ),
+            ("What to do", "Make the test, then have it diagnosed."),
+        ],
+        heading,
+    )
+
+
+def _never(ranked: Sequence[Reckoned], names: Sequence[str]) -> list[str]:
+    return [
+        plain(name)
+        for name in names
+        if all(one.chances[name, NOTHING] < _UNLIKELY for one in ranked)
+    ]
+
+
+def _warnings(ranked: Sequence[Reckoned], names: Sequence[str]) -> list[str]:
+    unseen = _never(ranked, names)
+    if not unseen:
+        return []
+    return [f"No test shows {', '.join(unseen)} with a chance of 20 % or more."]
+
+
+def _tests(ranked: Sequence[Reckoned]) -> Bars:
+    return Bars(
+        "Chance that whatever is wrong is told from all else",
+        ("test", "chance"),
+        [Bar(one.design.name, 100 * one.chance, percent(one.chance)) for one in ranked],
+        greatest=100.0,
+    )
+
+
+def _chances(ranked: Sequence[Reckoned], names: Sequence[str]) -> WebTable:
+    return WebTable(
+        "Chance that a test tells an effect from a leg without it; tests by their rank",
+        ["effect", *(f"({k})" for k in range(1, len(ranked) + 1))],
+        [[plain(n), *(percent(one.chances[n, NOTHING]) for one in ranked)] for n in names],
+    )
+
+
+def _next(ranked: Sequence[Reckoned], subject: Subject) -> list[str]:
+    folder = f"--subject-dir {subject.directory}"
+    return [
+        *(f"Test {k}: {one.design.name}." for k, one in enumerate(ranked[:3], 1)),
+        "Put the recordings into the folder's recordings/, then: "
+        f"python -m legfem.diagnose {folder}",
+    ]
+
+
+def _known(subject: Subject, expected: Expected) -> list[Known]:
+    instrument = subject.instrument
+    stated = "given with the command"
+    return [
+        Known("C10 that is expected", f"{expected.c10:g} kPa", "assumed", stated,
+              remark=f"{LAW_NAMES[subject.tissues['deep'].law]} law"),
+        Known("C20 that is expected", f"{expected.c20:g} kPa", "assumed", stated),
+        Known("depth", f"{expected.depth:g} mm", "assumed", stated),
+        Known("rate", f"{expected.rate:g} mm/s", "assumed", stated),
+        Known("error of a force reading", f"{instrument.force_sd:.3g} N (sd)", "prior",
+              "subject.toml, or usual"),
+        Known("error of a displacement reading", f"{instrument.displacement_sd:.3g} mm (sd)",
+              "prior", "subject.toml, or usual"),
+        Known("girth of the section", f"{girth(subject.section):.0f} mm", subject.origin,
+              "contours of the skin"),
+        Known("cylinder", f"{2 * subject.indenter.radius:g} mm across, "
+              f"{subject.indenter.length:g} mm long", "assumed", "subject.toml"),
+    ]  # fmt: skip

@@ -1,0 +1,256 @@
+"""The page of specimens: one tissue's law from all their recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from legfem.common.units import FloatArray
+from legfem.identify.catalogue import symbol_of
+from legfem.identify.warnings import LEAST_CHANCE
+from legfem.report.specimen_text import origin_text, predictions, procedure, specimen_summary
+from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES
+from legfem.report.text import probability
+from legfem.report.web.bars import Bar, Bars
+from legfem.report.web.curves import Curves, Dash, Line
+from legfem.report.web.estimates import (
+    estimated,
+    held_text,
+    how_sure,
+    interval_text,
+    unknown_among,
+    value_text,
+    why_identifiable,
+    words_of,
+)
+from legfem.report.web.page import (
+    Block,
+    Bullets,
+    Chapter,
+    Headline,
+    Known,
+    Prose,
+    Repeat,
+    Tone,
+    Verbatim,
+    WebPage,
+)
+from legfem.specimens.result import ComparedRecording, SpecimenResult
+
+_MOST_CURVES = 6
+_DASHES: tuple[Dash, ...] = ("solid", "dashed", "dotdash", "dotted")
+_NOT_TESTED = (
+    "A constant factor on the force (the load cell's gain, the specimen's size) looks like a "
+    "change of stiffness, and would sit in it unseen.",
+    "Unloading and everything after the first return: it was not used.",
+    "Whether the tissue is alike in all directions, and whether it is the same in the body.",
+)
+
+
+def specimen_web_page(results: Sequence[SpecimenResult], text: str, command: str = "") -> WebPage:
+    """Return the page of specimens.
+
+    Parameters
+    ----------
+    results
+        One a law, of one folder.
+    text
+        Of ``report.txt``.
+    command
+        That was given; empty where there was none.
+    """
+    best = _best(results)
+    left = dict.fromkeys(one for result in results for one in result.left_out)
+    warnings = [
+        *(f"Not used: {one.name}: {one.reason}." for one in left),
+        *(f"{LAW_NAMES[r.law]} law: {line}" for r in results for line in r.warnings),
+    ]
+    return WebPage(
+        title=f"How stiff is the tissue of specimen {best.folder.id}?",
+        subject=best.folder.title,
+        origin=best.folder.origin,
+        headline=_headline(best),
+        warnings=warnings,
+        known=_known(results),
+        chapters=[
+            Chapter("Recordings and model", _recordings(results)),
+            Chapter("What was tested", [Bullets(_tested(results))]),
+            Chapter("What could not be tested", [Bullets(_NOT_TESTED)]),
+            Chapter("What to do next", [Bullets(_next(best))]),
+            Chapter(
+                "How it was done",
+                [
+                    Prose(" ".join(procedure(best).split())),
+                    Verbatim("Summary", specimen_summary(results)),
+                    Verbatim("report.txt", text),
+                ],
+            ),
+        ],
+        repeat=Repeat(command, best.versions, {"seed": f"{best.seed}"}),
+        data=origin_text(best),
+    )
+
+
+def _best(results: Sequence[SpecimenResult]) -> SpecimenResult:
+    """Return the law that fits best for the number of its parameters (Akaike)."""
+    return min(results, key=lambda r: r.chi_square + 2 * len(r.parameters))
+
+
+def _fits(result: SpecimenResult) -> bool:
+    return not result.p_value < LEAST_CHANCE
+
+
+def _headline(best: SpecimenResult) -> Headline:
+    law = LAW_NAMES[best.law]
+    values = "; ".join(
+        f"{_words(name)} {value_text(found)} (95 % {interval_text(found)})"
+        for name, found in best.parameters.items()
+        if found.parameter.role == "identified"
+    )
+    unsure = unknown_among(best.parameters)
+    tone: Tone = "wrong" if not _fits(best) else "caution" if unsure or best.left_out else "sound"
+    fitted = len(best.fitted)
+    describes = "describes" if _fits(best) else "does not describe"
+    return Headline(
+        tone,
+        f"The {law} law {describes} {_together(fitted)} within {best.rms_percent:.2g} % of the "
+        f"greatest force{'' if _fits(best) else ', which is more than their errors'}.",
+        [
+            (
+                "What is wrong",
+                "Nothing that these recordings could show."
+                if _fits(best)
+                else f"Something that the law leaves out shows ({probability(best.p_value)}).",
+            ),
+            ("How stiff", f"{values}."),
+            ("How sure", how_sure(best.parameters)),
+            ("What to do", _next(best)[0]),
+        ],
+    )
+
+
+def _together(count: int) -> str:
+    return "the recording" if count == 1 else f"the {count} recordings together"
+
+
+def _words(name: str) -> str:
+    """Return a parameter's full name in words: the specimen is one tissue."""
+    return f"{symbol_of(name)} of the tissue" if name.startswith("deep.") else words_of(name)
+
+
+def _next(best: SpecimenResult) -> list[str]:
+    lines = []
+    unknown = unknown_among(best.parameters)
+    if not _fits(best):
+        lines.append(
+            "Try the other laws (--law yeoh, --law exponential); if none fits, use the numbers "
+            "only to compare specimens of this test."
+        )
+    elif unknown:
+        lines.append(
+            f"These recordings don't tell {', '.join(unknown)} well: press deeper, add rates or "
+            "holds, or state what is known beforehand (--prior)."
+        )
+    else:
+        lines.append(
+            f"Use these numbers together with the {LAW_NAMES[best.law]} law and within the strains "
+            "of the test."
+        )
+    if not best.held_out:
+        lines.append("Have one recording predicted from the others: --leave-out NAME.")
+    return lines
+
+
+def _known(results: Sequence[SpecimenResult]) -> list[Known]:
+    rows = [
+        estimated(f"{_words(name)}, {LAW_NAMES[r.law]} law", found, len(r.fitted))
+        for r in results
+        for name, found in r.parameters.items()
+    ]
+    free = {name for r in results for name in r.parameters}
+    held = {n: v for r in results for n, v in r.assumed.items() if n not in free}
+    rows += [
+        Known(_words(name), held_text(name, value), "assumed",
+              "specimen.toml, the command, or the law's own")
+        for name, value in held.items()
+    ]  # fmt: skip
+    first = results[0]
+    rows.append(
+        Known("factor by which recordings differ", f"{100 * first.gain_sd:.2g} % (sd)",
+              "estimated", "their forces; the intervals carry it")
+    )  # fmt: skip
+    rows += [
+        Known("sizes (mm)", f"{sizes}", "assumed", "specimen.toml")
+        for sizes in dict.fromkeys(one.sizes for one in first.folder.recordings)
+    ]
+    return rows
+
+
+def _recordings(results: Sequence[SpecimenResult]) -> list[Block]:
+    first = _best(results)
+    worst = sorted(first.recordings, key=lambda one: one.r_squared)[:_MOST_CURVES]
+    blocks: list[Block] = []
+    if len(first.recordings) > _MOST_CURVES:
+        blocks.append(
+            Prose(
+                f"The {_MOST_CURVES} of {len(first.recordings)} recordings that fit least are "
+                "drawn; fit.png has all."
+            )
+        )
+    for number, one in enumerate(worst):
+        blocks.append(_curves(results, one, number, one.course.displacement, "displacement (mm)"))
+        if one.course.holds:
+            blocks.append(_curves(results, one, number, one.course.time, "time (s)"))
+    blocks.append(
+        Bars(
+            f"How much of each recording the {LAW_NAMES[first.law]} law explains (R²)",
+            ("recording", "R², error"),
+            [
+                Bar(
+                    f"{one.name}{'' if one.fitted else ' (left out, predicted)'}",
+                    max(one.r_squared, 0.0),
+                    f"{one.r_squared:.4f}, {one.rmse:.3g} N of {one.course.peak:.3g} N",
+                )
+                for one in first.recordings
+            ],
+            greatest=1.0,
+        )
+    )
+    return blocks
+
+
+def _curves(
+    results: Sequence[SpecimenResult],
+    one: ComparedRecording,
+    number: int,
+    x: FloatArray,
+    label: str,
+) -> Curves:
+    lines = [Line("recorded", one.course.force, None, DATA_COLOUR, points=True)]
+    for k, result in enumerate(results):
+        same = next((r for r in result.recordings if r.name == one.name), None)
+        if same is not None:
+            lines.append(
+                Line(f"model, {LAW_NAMES[result.law]}", same.predicted,
+                     same.predicted - same.course.force, LAW_COLOURS[result.law], _DASHES[k % 4])
+            )  # fmt: skip
+    what = label.split(" ")[0]
+    return Curves(
+        f"{what}{number}",
+        f"{one.name}{'' if one.fitted else ' (left out, predicted)'}: force over {what} after "
+        "first contact, recorded and of the model; beneath, the model less the recording.",
+        x, label, "force (N)", "model − recorded (N)", lines,
+    )  # fmt: skip
+
+
+def _tested(results: Sequence[SpecimenResult]) -> list[str]:
+    return [
+        line
+        for result in results
+        for line in (
+            f"The {LAW_NAMES[result.law]} law leaves {result.rms_percent:.2g} % (rms), chi-square "
+            f"{result.chi_square:.4g} on {result.degrees_of_freedom} degrees of freedom "
+            f"({probability(result.p_value)}).",
+            *why_identifiable(result.parameters, result.law),
+            *(f"{text}." for text in predictions(result)),
+        )
+    ]

@@ -1,0 +1,286 @@
+"""``report.html`` of a study: what a test of this leg shows, and what to measure beside it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from legfem.common.units import FloatArray
+from legfem.report.style import DATA_COLOUR, FAINT
+from legfem.report.web.bars import Bar, Bars
+from legfem.report.web.curves import Curves, Line
+from legfem.report.web.page import (
+    Block,
+    Bullets,
+    Chapter,
+    Headline,
+    Known,
+    Prose,
+    Repeat,
+    Verbatim,
+    WebPage,
+    WebTable,
+)
+from legfem.report.web.response import ResponseSurface, SurfaceFactor, SurfaceMetric
+from legfem.study.doe import tables
+from legfem.study.doe.advice import in_words, largest_share, not_seen, shares, to_know, to_measure
+from legfem.study.doe.document import versions
+from legfem.study.doe.report import fascia_note
+from legfem.study.doe.study import MetricAnalysis, StudyResult
+from legfem.study.doe.surface import term_label
+from legfem.study.doe.verdict import verdicts
+
+_NOT_TESTED = (
+    "Whether a real leg follows the model: every force here is simulated, in plane strain.",
+    "What the tissues do in time, friction, and other physics that the model leaves out: see "
+    "python -m legfem.plan.",
+    "Values beyond the ranges below.",
+)
+_NO_METRIC = "No metric could be analysed."
+_POINTS = 121
+
+
+def study_web_page(result: StudyResult, text: str, seed: int, command: str) -> WebPage:
+    """Return the page of one study.
+
+    Parameters
+    ----------
+    result
+        Of the study.
+    text
+        Of ``report.md``.
+    seed
+        Of the emulator's points.
+    command
+        That does it again.
+    """
+    chapters = [
+        Chapter("What each factor makes", _effects(result)),
+        Chapter("The forces behind it", [_curves(result)]),
+        Chapter("The response surface", _surface(result)),
+        Chapter("Analysis of variance", _variance(result)),
+        Chapter("What to measure", [Bullets(to_measure(result)), *_information(result)]),
+        Chapter("What was tested", _claims(result)),
+        Chapter("What could not be tested", [Bullets(_NOT_TESTED)]),
+        Chapter("The full report", [Verbatim("report.md", text)]),
+    ]
+    return WebPage(
+        title=f"What does a compression test of this leg show? {result.definition.title}",
+        subject=f"{result.subject.title}, section of subject {result.subject.id}",
+        origin="simulated",
+        headline=_headline(result),
+        warnings=_warnings(result),
+        known=_known(result),
+        chapters=chapters,
+        repeat=Repeat(command, versions(), {"seed": f"{seed}"}),
+        data=f"simulated data (forces of a model; section of the leg: {result.subject.origin})",
+    )
+
+
+def _headline(result: StudyResult) -> Headline:
+    if not result.analyses:
+        return Headline(
+            "wrong",
+            "No metric could be analysed: too few simulations reached their depth.",
+            [("What to do", "Look at the warnings, narrow the ranges, and run it again.")],
+            "The study gave no answer",
+        )
+    factor, share, metric = largest_share(result)
+    fits = [a.anova.predicted_r_squared for a in result.analyses]
+    unseen = not_seen(result)
+    return Headline(
+        "caution" if _warnings(result) else "sound",
+        f"A press {result.definition.depth:g} mm deep shows {in_words(factor)} most: it makes "
+        f"{100 * share:.0f} % of how the {metric.label} varies over the ranges.",
+        [
+            (
+                "What it doesn't show",
+                f"{', '.join(unseen)}: below 1 % in every window."
+                if unseen
+                else "Every factor makes 1 % or more somewhere.",
+            ),
+            (
+                "How sure",
+                f"The surface predicts runs that it hasn't seen with R² of {min(fits):.3f} to "
+                f"{max(fits):.3f}. The runs are a model's, without noise.",
+            ),
+            ("What must be known beforehand", to_know(result)),
+            ("What to do", to_measure(result)[0]),
+        ],
+        "What a test of this leg can show",
+    )
+
+
+def _warnings(result: StudyResult) -> list[str]:
+    total, failed = len(result.records), result.failed
+    lines = []
+    if failed:
+        runs = ", ".join(map(str, failed))
+        lines.append(
+            f"{len(failed)} of {total} simulations stopped short (run {runs}): the analysis is of "
+            "what there is."
+        )
+    lines += [f"{metric.label} isn't analysed: {why}." for metric, why in result.not_analysed]
+    note = fascia_note(result)
+    return [*lines, note] if note else lines
+
+
+def _known(result: StudyResult) -> list[Known]:
+    source = result.definition.source.name
+    rows = [
+        Known(f.label, f"{f.low:g} to {f.high:g} {f.unit_text}", "assumed", source,
+              remark=f"range of the design, {f.coding}")
+        for f in result.definition.factors
+    ]  # fmt: skip
+    rows.append(Known("depth of the press", f"{result.definition.depth:g} mm", "assumed", source))
+    found = result.information
+    if found is not None:
+        instrument = result.subject.instrument
+        rows += [
+            Known("error of a force reading", f"{instrument.force_sd:.3g} N (sd)", "prior",
+                  "subject.toml, or usual"),
+            Known("error of a displacement reading", f"{instrument.displacement_sd:.3g} mm (sd)",
+                  "prior", "subject.toml, or usual"),
+        ]  # fmt: skip
+    return rows
+
+
+def _effects(result: StudyResult) -> list[Block]:
+    if not result.analyses:
+        return [Prose(_NO_METRIC)]
+    blocks: list[Block] = [
+        Prose(
+            "Shares of how a metric varies when every factor goes from its low to its high value: "
+            "squares of the coefficients over their sum. Slopes say how hard the leg is to press "
+            "in a window of depth, curvatures how fast that grows."
+        )
+    ]
+    factors = result.definition.factors
+    every = [(analysis.metric.label, *shares(analysis)) for analysis in result.analyses]
+    deepest, main, interactions = every[-1]
+    bars = [Bar(f.label, 100 * main[f.symbol], f"{100 * main[f.symbol]:.1f} %") for f in factors]
+    bars.append(Bar("all interactions", 100 * interactions, f"{100 * interactions:.1f} %"))
+    rows = [[f.label, *(f"{100 * one[f.symbol]:.1f} %" for _, one, _ in every)] for f in factors]
+    rows.append(["all interactions", *(f"{100 * rest:.1f} %" for _, _, rest in every)])
+    return [
+        *blocks,
+        Bars(f"Shares of the {deepest}", ("factor", "share"), bars, greatest=100.0),
+        WebTable("Shares of every metric", ["factor", *(name for name, _, _ in every)], rows),
+    ]
+
+
+def _curves(result: StudyResult) -> Curves:
+    depth = result.definition.depth
+    grid = np.linspace(0.0, depth, _POINTS)
+    every = np.array([_on(grid, r.displacement, r.force_per_length) for r in result.records])
+    centre, corners = every[-1], every[:-1]
+    lines = [Line("centre of the ranges", centre, None, DATA_COLOUR)]
+    if result.analyses:
+        factor, _, _ = largest_share(result)
+        k = result.definition.factors.index(factor)
+        for level, word, colour in ((-1, "low", "#E69F00"), (1, "high", "#0072B2")):
+            chosen = corners[result.coded[: len(corners), k] == level]
+            lines.append(
+                Line(
+                    f"mean with {factor.label} {word}", chosen.mean(axis=0), None, colour, "dashed"
+                )
+            )
+    if np.isfinite(corners).any(axis=1).any():
+        lines += [
+            Line("least of all runs", corners.min(axis=0), None, FAINT, "dotted"),
+            Line("greatest of all runs", corners.max(axis=0), None, FAINT, "dotdash"),
+        ]
+    return Curves(
+        "runs",
+        f"Force per length of the cylinder over its displacement, of {len(result.records)} "
+        "simulations; where one stopped short, the lines over all end.",
+        grid,
+        "displacement (mm)",
+        "force per length (N/mm)",
+        "",
+        lines,
+    )
+
+
+def _on(grid: FloatArray, at: FloatArray, values: FloatArray) -> FloatArray:
+    if len(at) == 0:
+        return np.full(len(grid), np.nan)
+    return np.interp(grid, at, values, right=np.nan)
+
+
+def _surface(result: StudyResult) -> list[Block]:
+    if not result.analyses:
+        return [Prose(_NO_METRIC)]
+    factors = result.definition.factors
+    numbers = {f.symbol: k for k, f in enumerate(factors)}
+    main, _ = shares(result.analyses[-1])
+    first, second, *_ = sorted(numbers, key=lambda symbol: -main[symbol])
+    return [
+        ResponseSurface(
+            "Map of the fitted surface over two factors, the others where their sliders stand; the "
+            "cross is there, too. Light is little, dark is much.",
+            [
+                SurfaceFactor(
+                    f.label,
+                    (*(f"{f.value(at):.3g} {f.unit_text}" for at in (-1.0, 0.0, 1.0)),),  # type: ignore[arg-type]
+                )
+                for f in factors
+            ],
+            [
+                SurfaceMetric(
+                    a.metric.label,
+                    a.metric.typeset_unit,
+                    {
+                        tuple(numbers[s] for s in t.term.split(":") if s in numbers): t.value
+                        for t in a.tests
+                    },
+                )
+                for a in result.analyses
+            ],
+            ["coefficient of the coded factors", *(a.metric.label for a in result.analyses)],
+            [
+                [
+                    term_label(test.term, factors),
+                    *(_coefficient(a, k) for a in result.analyses),
+                ]
+                for k, test in enumerate(result.analyses[0].tests)
+            ],
+            (numbers[first], numbers[second]),
+        )
+    ]
+
+
+def _coefficient(analysis: MetricAnalysis, number: int) -> str:
+    test = analysis.tests[number]
+    return f"{test.value:+.2e} (t {test.t:+.1f}){'*' if test.significant else ''}"
+
+
+def _variance(result: StudyResult) -> list[Block]:
+    return [
+        Prose(
+            "Sums of squares in (N/mm²)² for slopes and (N/mm³)² for curvatures. R² predicted is "
+            "that of runs which the surface hasn't seen. The runs have no noise: what is taken for "
+            "error is the surface's lack of fit."
+        ),
+        WebTable("Sums of squares and what they say, a row a metric", *tables.anova_cells(result)),
+        WebTable(
+            "Effects without an error estimate (Lenth), curvature at the centre, normality",
+            *tables.effects_cells(result), folded=True,
+        ),
+    ]  # fmt: skip
+
+
+def _information(result: StudyResult) -> list[Block]:
+    cells = tables.information_cells(result)
+    if cells is None:
+        return []
+    return [
+        WebTable("95 % half-widths of the parameters by depth, the least that a test can have",
+                 *cells)
+    ]  # fmt: skip
+
+
+def _claims(result: StudyResult) -> list[Block]:
+    rows = [
+        [v.claim, v.verdict, "; ".join(f.evidence for f in v.findings)] for v in verdicts([result])
+    ]
+    return [WebTable("The paper's claims, put to this study", ["claim", "verdict", "why"], rows)]

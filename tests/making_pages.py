@@ -1,0 +1,206 @@
+"""One page of every kind, from results with known numbers.
+
+``scripts/in-env env PYTHONPATH=.:tests python -m making_pages FOLDER`` writes them, and axe-core's
+script, so that ``python3 tests/browser.py FOLDER/*.html`` looks at them where the browser is:
+outside of legfem's environment.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+from browser import AXE
+from making import write_subject
+from making_diagnosed import diagnosed
+from making_doe import SpringLeg, definition
+from making_results import measured_curve, result
+from making_specimens import write_bars
+from making_stocking import COARSE, laws, short_leg
+
+from legfem.common.progress import Silent
+from legfem.correction.tabulated import TabulatedCorrection
+from legfem.diagnose.document import versions
+from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.geometry.slices import calf_levels
+from legfem.identify.catalogue import parameter_of
+from legfem.identify.result import Estimate
+from legfem.jobs.pool import Workers
+from legfem.jobs.store import Store
+from legfem.mechanics.materials import ReducedPolynomial
+from legfem.meshing.section import SectionMeshSettings
+from legfem.plan.designs import designs
+from legfem.plan.reckon import Reckoned
+from legfem.plan.run import Expected
+from legfem.report.web.diagnosis import diagnosis_web_page
+from legfem.report.web.identification import identification_page
+from legfem.report.web.page import WebPage, rendered
+from legfem.report.web.plan import plan_web_page
+from legfem.report.web.section import Film, pressed_section
+from legfem.report.web.specimen import specimen_web_page
+from legfem.report.web.stocking import stocking_web_page
+from legfem.solve.force_curve import ForceCurve
+from legfem.specimens.folder import LeftOut, load_specimen
+from legfem.specimens.result import ComparedRecording, SpecimenResult
+from legfem.stocking.accuracy import ContourAccuracy
+from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
+from legfem.stocking.leg import StockingLeg
+from legfem.stocking.leg_model import SURFACES
+from legfem.stocking.run import StockingResult, StockingSettings, run_leg
+from legfem.stocking.veins import default_veins
+from legfem.study.correction.calibration import Calibrated, Calibration
+from legfem.study.correction.cases import CaseOutcome
+from legfem.study.correction.web_page import correction_web_page
+from legfem.study.doe.definition import read_definition
+from legfem.study.doe.runs import Workshop, simulate
+from legfem.study.doe.simulator import Record
+from legfem.study.doe.study import StudyResult, study
+from legfem.study.doe.web_page import study_web_page
+from legfem.subjects.subject import load_subject
+
+COMMAND = "python -m legfem.identify --subject-dir 'my <leg>'"
+DEPTH = 4.0
+
+
+def subject_in(folder: Path):
+    return load_subject(write_subject(folder / "leg"), need_recordings=False)
+
+
+def identified(folder: Path) -> WebPage:
+    subject, measured = subject_in(folder), measured_curve(depth=DEPTH)
+    coarse = PlaneStrainSettings(mesh=SectionMeshSettings(contact_size=3.0, far_size=12.0))
+    film = Film(PlaneStrainIndentation.of_subject(subject, coarse), DEPTH)
+    solved = film.experiment.solve({}, DEPTH, on_step=film.take)
+    pressed = pressed_section(film, solved.curve.displacement, solved.curve.force, "A leg")
+    results = [result("neo-hookean", measured), result("reduced-polynomial", measured)]
+    return identification_page(results, subject, pressed, COMMAND)
+
+
+def diagnosis(folder: Path) -> WebPage:
+    found = diagnosed({"fascia-stiffness.factor": 4.0})
+    return diagnosis_web_page(found, subject_in(folder), "the text", (), versions(), COMMAND)
+
+
+def ranked(chances: tuple[tuple[float, float], ...] = ((0.96, 0.1), (0.4, 0.05))) -> list[Reckoned]:
+    """Tests that tell a stiff fascia and a gain with these chances."""
+    return [
+        Reckoned(
+            design, {("fascia-stiffness", "nothing"): a, ("gain", "nothing"): b,
+                     ("nothing", "gain"): 0.5}, a,
+        )
+        for design, (a, b) in zip(designs(20.0, 0.5, 30.0), chances, strict=False)
+    ]  # fmt: skip
+
+
+def planned(folder: Path) -> WebPage:
+    expected = Expected(0.8, 0.0, 20.0, 0.5)
+    return plan_web_page(
+        ranked(), subject_in(folder), expected, (), "the text", versions(), COMMAND
+    )
+
+
+def studied(folder: Path, **spring: object) -> StudyResult:
+    """The paper's design on a leg of springs, without the emulator's stages."""
+    text = definition(folder).read_text().replace("training = 30", "training = 0")
+    given = read_definition(definition(folder, text))
+    with Workers(simulate, SpringLeg(**spring), 1) as workers:
+        store = Store(folder / "runs", Record, workers.context.fingerprint())
+        workshop = Workshop(workers, store, Silent())
+        return study(
+            given, subject_in(folder), workshop, "coefficients", 1, True, lambda table: None
+        )
+
+
+def calibrated() -> tuple[Calibration, Calibrated]:
+    """P = -0.2 + 0.01 d at 2 kPa, of curves that have it; 0.05 more at 5 kPa."""
+    d = np.linspace(0.0, 20.0, 41)
+    level = -0.2 + 0.01 * d
+    plane = ForceCurve(d, d + 0.02 * d**3)
+    spatial = ForceCurve(d, (1 - level) * (d + 0.02 * d**3))
+    outcomes = tuple(
+        CaseOutcome(spatial, plane, True, 20.0, unknowns, 40, 0, False, 50, 1.0, 1e-12)
+        for unknowns in (4000, 3000, 2000)
+    )
+    correction = TabulatedCorrection(
+        "idealised leg 120 mm long", d, np.array([2.0, 5.0]), np.array([0.0]),
+        np.array([[level], [level + 0.05]]), {"mesh": np.full(41, 0.01)},
+    )  # fmt: skip
+    return Calibration(c10_kPa=(2.0, 5.0), stiffening=(0.0,)), Calibrated(
+        correction, outcomes, outcomes
+    )
+
+
+def corrected(folder: Path) -> WebPage:
+    given, found = calibrated()
+    short = np.where(np.arange(41) < 30, -0.1, np.nan)
+    lengths = {"30": short, "50": np.full(41, -0.2)}
+    return correction_web_page(given, found, {"cylinder's length (mm)": lengths}, COMMAND)
+
+
+def specimens(folder: Path, p_value: float = 0.4) -> list[SpecimenResult]:
+    """Bars whose forces are met to a per cent by a law of 5 kPa."""
+    given = load_specimen(write_bars(folder / "bars", ReducedPolynomial(5e-3, 1.0, 3e-3, np.inf)))
+    found = Estimate(
+        parameter_of("deep.C10", {}), 5e-3, 1e-4, (4.8e-3, 5.2e-3), "identifiable",
+        "its interval is narrow",
+    )  # fmt: skip
+    compared = tuple(
+        ComparedRecording(one.name, one.specimen, k > 0, one.course, 1.01 * one.course.force)
+        for k, one in enumerate(given.recordings)
+    )
+    return [
+        SpecimenResult(
+            given, "neo-hookean", {"deep.C10": found}, np.eye(1), {"deep.C10": 5e-3},
+            {"deep.D1": 1.0}, compared, (LeftOut("torn", "it <never> touched"),), 30.0, 28, p_value,
+            0.02, True, 9, 0, 0, 1e-3, 1, 2.0, ("a warning",), {"legfem": "1"},
+        )
+    ]  # fmt: skip
+
+
+def stocking() -> StockingResult:
+    """A short leg of given stiffness in its stocking, on a coarse mesh."""
+    bare, tissues = short_leg(), laws(2.6, 6.0)
+    slices = calf_levels(bare)
+    leg = StockingLeg(
+        "short", "60 mm of a leg", "simulated", bare, bare, None, None,
+        fitted_stocking(bare, ClassFit(CompressionClass.MODERATE)), ContourAccuracy(), tissues,
+        True, "held", slices, default_veins(bare, float(np.median(slices))),
+    )  # fmt: skip
+    return run_leg(leg, StockingSettings(), Silent(), mesh=COARSE)
+
+
+def dressed(folder: Path) -> WebPage:
+    found = stocking()
+    moved = {part: found.model.displacement(part, found.worn.state.unknown) for part in SURFACES}
+    return stocking_web_page(found, moved, "the text", COMMAND)
+
+
+PAGES = {
+    "identification": identified,
+    "diagnosis": diagnosis,
+    "plan": planned,
+    "doe": lambda folder: study_web_page(studied(folder), "the text", 1, COMMAND),
+    "correction": corrected,
+    "specimen": lambda folder: specimen_web_page(specimens(folder), "the text", COMMAND),
+    "stocking": dressed,
+}
+
+
+def write_pages(folder: Path) -> dict[str, Path]:
+    """Write every page; return where they are."""
+    written = {}
+    for name, made in PAGES.items():
+        (folder / name).mkdir(parents=True, exist_ok=True)
+        written[name] = folder / f"{name}.html"
+        written[name].write_text(rendered(made(folder / name)), encoding="utf-8")
+    return written
+
+
+if __name__ == "__main__":
+    import axe_core_python
+
+    out = Path(sys.argv[1])
+    write_pages(out)
+    shutil.copy(Path(axe_core_python.__file__).with_name(AXE), out)

@@ -1,0 +1,62 @@
+"""Errors of the pressures at the veins against equilibria that are found anew."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from making_stocking import COARSE, laws, short_leg
+
+from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
+from legfem.stocking.leg_model import PARAMETERS, LegModel3D
+from legfem.stocking.pressures import PressureProbe
+from legfem.stocking.vein_intervals import MESH_ERROR, vein_pressure_sd
+from legfem.stocking.veins import default_veins
+from legfem.stocking.worn import FixedPointSettings, WornLeg
+
+KPA = (2.6, 6.0)
+
+
+@pytest.fixture(scope="module")
+def leg():
+    bare = short_leg()
+    return WornLeg(
+        LegModel3D(bare, laws(*KPA), COARSE),
+        fitted_stocking(bare, ClassFit(CompressionClass.MODERATE)),
+        FixedPointSettings(tolerance=2e-4, max_states=20),
+    )
+
+
+@pytest.mark.slow
+def test_they_are_those_of_the_leg_solved_anew(leg):
+    """With muscle 20 % stiffer and softer, and with a pressure 5 % higher all round."""
+    values = dict(zip(PARAMETERS, (1e-3 * k for k in KPA), strict=True))
+    worn, probe = leg.find(values), PressureProbe(leg.model.compression)
+    veins = default_veins(leg.model.shape, 80.0)
+    points = np.array([vein.position for vein in veins])
+
+    def at_veins(muscle: float, error: float = 0.0):
+        other = {**values, PARAMETERS[0]: muscle * values[PARAMETERS[0]]}
+        return probe.at(points, leg.find(other, start=worn, error=error).state)
+
+    middle = at_veins(1.0)
+
+    def known_to(covariance, pressure_sd):
+        sd = vein_pressure_sd(leg, worn, probe, veins, values, covariance, pressure_sd)
+        return np.sqrt(np.maximum(sd**2 - (MESH_ERROR * middle) ** 2, 0.0))
+
+    stiffness = np.abs(at_veins(math.exp(0.2)) - at_veins(math.exp(-0.2))) / 0.4
+    got = known_to(np.diag([1.0, 0.0]), 0.0)
+    # An equilibrium is found to 0.02 % of its pressure.
+    assert got == pytest.approx(stiffness, rel=0.1, abs=2e-3 * middle.max())
+    # Sectors sum to one, so that their pressures' slopes sum to that of the whole.
+    whole = np.abs(at_veins(1.0, 0.05) - middle) / 0.05
+    sd = known_to(None, 1.0)
+    assert (sd > 0.9 * whole / math.sqrt(8)).all() and (sd < 1.1 * whole).all()
+    both = known_to(np.diag([1.0, 0.0]), 1.0)
+    np.testing.assert_allclose(both, np.hypot(got, sd), rtol=0.01)
+
+
+def test_no_veins_have_no_errors(leg):
+    assert len(vein_pressure_sd(leg, None, None, (), {}, None, 0.01)) == 0

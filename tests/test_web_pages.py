@@ -1,0 +1,210 @@
+"""report.html of plans, studies, specimens and stockings: what it says, that it is whole and light.
+
+`test_web_page.py` has the pages of identifications and diagnoses.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+from dataclasses import replace
+from html import unescape
+
+import browser
+import making_pages as pages
+import numpy as np
+import pytest
+from reading_page import read
+
+from legfem.geometry.leg_shape import HULL, SKIN
+from legfem.report.web.bars import Bar, Bars
+from legfem.report.web.curves import Curves, Line, embedded
+from legfem.report.web.page import rendered
+from legfem.report.web.plan import plan_web_page
+from legfem.report.web.specimen import specimen_web_page
+from legfem.report.web.stocking_leg import inward, stretch_round
+from legfem.report.web.turned import Marked, SkinField, turned_leg
+from legfem.study.correction.web_page import correction_web_page
+from legfem.study.doe.advice import not_seen, shares, to_measure
+from legfem.study.doe.web_page import study_web_page
+from studies.legs.parametric_leg import round_leg
+
+MOST_BYTES = 2_000_000
+
+
+def checked(page, *said: str):
+    """Read a page strictly; look that it says these words, and the verdict before all else."""
+    html = rendered(page)
+    read_page = read(html)
+    assert len(html.encode()) < MOST_BYTES
+    for words in (*said, pages.COMMAND, "Simulated data"):
+        assert words.lower() in read_page.words.lower(), words
+    first = read_page.words.index(page.headline.sentence)
+    for warning in page.warnings:
+        assert first < read_page.words.index(warning) < read_page.words.index("To repeat it")
+    assert first < read_page.words.index(page.chapters[0].title)
+    for one in page.known:
+        assert one.name in read_page.words and f'<span class="tag {one.provenance}">' in html
+    assert '<span class="tag measured">' not in html, "nothing simulated is called measured"
+    return read_page
+
+
+def test_a_plan_names_the_best_test_and_what_no_test_shows(tmp_path):
+    page = pages.planned(tmp_path)
+    best = pages.ranked()[0]
+    checked(page, "80 % or more, if it is there: fascia stiffness", "96 %", "40 %")
+    assert page.headline.sentence == f"Make this test first: {best.design.name}."
+    assert page.warnings == ["No test shows gain with a chance of 20 % or more."]
+    assert page.headline.tone == "caution"
+    seen = pages.ranked(((0.9, 0.3), (0.4, 0.2)))
+    subject = pages.subject_in(tmp_path)
+    expected = pages.Expected(0.8, 0.0, 20.0, 0.5)
+    assert plan_web_page(seen, subject, expected, (), "", {}).headline.tone == "sound"
+    none = plan_web_page([], subject, expected, (), "", {})
+    assert none.headline.tone == "wrong"
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    return pages.studied(tmp_path_factory.mktemp("study"))
+
+
+def test_a_study_says_what_a_press_shows_and_what_to_measure(study):
+    page = study_web_page(study, "the text", 1, pages.COMMAND)
+    checked(page, "C20 of the deep tissue", "Poisson's ratio is", "slope 20-30 mm", "R2 predicted")
+    assert not study.failed and len(to_measure(study)) >= 3
+    # F/L grows with C20 d^2 before all, and C10 of fat and muscle hardly count.
+    assert page.headline.sentence.startswith("A press 30 mm deep shows C20 of the deep tissue")
+    assert not_seen(study) == ["C10 fat", "C10 deep"]
+
+
+def test_shares_are_those_of_the_variance_that_the_surface_explains(study):
+    for analysis in study.analyses:
+        main, interactions = shares(analysis)
+        assert sum(main.values()) + interactions == pytest.approx(1.0)
+        fit = analysis.surface.fit
+        corners = np.asarray(fit.model.exog)[:32]
+        for test in analysis.main():
+            k = list(analysis.surface.coefficients.index).index(test.term)
+            explained = np.sum((corners[:, k] * test.value) ** 2)
+            assert main[test.term] == pytest.approx(explained / fit.ess, rel=1e-9)
+
+
+def test_the_map_predicts_what_the_surface_does(study):
+    page = study_web_page(study, "", 1, "")
+    (block,) = next(c.blocks for c in page.chapters if c.title == "The response surface")
+    data = json.loads(block.data)
+    at = np.random.default_rng(1).uniform(-1, 1, 5)
+    point = {f.symbol: [x] for f, x in zip(study.definition.factors, at, strict=True)}
+    for metric, analysis in zip(data["metrics"], study.analyses, strict=True):
+        value = sum(size * np.prod(at[term]) for term, size in metric["terms"])
+        assert value == pytest.approx(float(analysis.surface.fit.predict(point).iloc[0]))
+
+
+def test_a_study_in_which_runs_stopped_warns_on_top(tmp_path):
+    found = pages.studied(tmp_path, stops=(("deep.C20", 5e-4, 12.0),))
+    page = study_web_page(found, "the text", 1, pages.COMMAND)
+    assert page.headline.tone == "caution" and "stopped short" in page.warnings[0]
+    checked(page)
+    none = replace(found, analyses=(), information=None)
+    assert checked(study_web_page(none, "", 1, pages.COMMAND)).words.count("No metric") >= 2
+
+
+def test_a_correction_says_how_large_it_is_and_in_which_direction():
+    given, found = pages.calibrated()
+    page = correction_web_page(given, found, {"x": {"1": np.full(41, -0.2)}}, pages.COMMAND)
+    checked(page, "P is +0.000 ± 0.010", "limit")
+    table = found.correction
+    more = replace(found, correction=replace(table, values=table.values - 0.2))
+    page = correction_web_page(given, more, {"x": {"1": np.full(41, -0.2)}}, pages.COMMAND)
+    checked(page, "bears 20 % more force", "C10 about 20 % too high")
+    less = replace(found, correction=replace(table, values=table.values + 0.1))
+    page = correction_web_page(given, less, {"x": {"1": np.full(41, -0.2)}}, pages.COMMAND)
+    checked(page, "bears 10 % less force", "C10 about 10 % too low")
+
+
+def test_specimens_say_how_stiff_what_was_left_out_and_when_not_to_trust(tmp_path):
+    page = specimen_web_page(pages.specimens(tmp_path), "the text", pages.COMMAND)
+    checked(page, "C10 of the tissue 5.00 kPa", "95 % 4.80 to 5.20", "torn: it <never> touched",
+            "left out, predicted")  # fmt: skip
+    assert page.headline.tone == "caution", "a recording was left out"
+    wrong = specimen_web_page(pages.specimens(tmp_path, p_value=1e-9), "", "")
+    assert wrong.headline.tone == "wrong" and "does not describe" in wrong.headline.sentence
+
+
+@pytest.fixture(scope="module")
+def shrunk():
+    """A round leg that shrinks by 2 % of its radius, and what it was moved by."""
+    bare = round_leg()
+    moved = {part: np.zeros_like(bare.points(part)) for part in (SKIN, HULL)}
+    centre = bare.contours[SKIN].mean(axis=1, keepdims=True)
+    moved[SKIN][..., :2] = -0.02 * (bare.contours[SKIN] - centre)
+    return bare, moved
+
+
+def test_a_leg_that_shrinks_moves_inwards_and_its_skin_shortens(shrunk):
+    bare, moved = shrunk
+    radius = np.linalg.norm(bare.contours[SKIN] - bare.contours[SKIN].mean(axis=1)[:, None], axis=2)
+    np.testing.assert_allclose(inward(bare, moved[SKIN]), 0.02 * radius, rtol=1e-3)
+    np.testing.assert_allclose(stretch_round(bare, moved[SKIN]), -2.0, rtol=1e-9)
+
+
+def test_the_turned_leg_holds_what_was_computed(shrunk):
+    bare, moved = shrunk
+    values = inward(bare, moved[SKIN])
+    marked = [Marked("a vein", np.array([1.0, 2.0, 3.0]))]
+    made = turned_leg(bare, moved, [SkinField("inward", "mm", values)], marked, "A leg")
+    data = json.loads(made.data)
+    skin = next(part for part in data["parts"] if part["name"] == SKIN)
+    rows, columns = skin["shape"]
+    step = bare.contours[SKIN].shape[1] // columns
+    place, move = data["mm_a_count"]
+
+    def unpacked(text, kind):
+        return np.frombuffer(base64.b64decode(text), kind)
+
+    at = unpacked(skin["at"], "<i2").reshape(rows, columns, 3) * place
+    back = bare.points(SKIN)[:, ::step]
+    np.testing.assert_allclose(at - at[0, 0], back - back[0, 0], atol=2 * place)
+    by = unpacked(skin["moves"], "<i2").reshape(rows, columns, 3) * move
+    np.testing.assert_allclose(by, moved[SKIN][:, ::step], atol=move)
+    (field,) = skin["fields"]
+    low, high = field["range"]
+    shown = low + (high - low) * data["share_a_count"] * unpacked(field["values"], "<u2")
+    np.testing.assert_allclose(shown.reshape(rows, columns), values[:, ::step], atol=1e-3)
+    first = dict(zip(made.header, made.rows[0], strict=True))
+    bare_girth, girth = float(first["girth, bare (mm)"]), float(first["girth, dressed (mm)"])
+    assert girth == pytest.approx(0.98 * bare_girth, abs=0.1)
+
+
+def test_bars_are_in_proportion_and_ends_stay_within():
+    bars = Bars("c", ("a", "b"), [Bar("x", 5.0, "5", (4.0, 10.0)), Bar("y", 0.0, "0")])
+    half, none = bars.drawn
+    assert half.width == 50.0 and half.interval == (40.0, 100.0) and none.width == 0.0
+    (over,) = replace(bars, bars=[Bar("x", 120.0, "")], greatest=100.0).drawn
+    assert over.width == 100.0
+    assert Bars("c", ("a", "b"), []).drawn == []
+
+
+def test_curves_of_one_panel_and_of_names_with_signs_are_drawn():
+    x = np.linspace(0.0, 1.0, 5)
+    lines = [Line("a@b <$c>", np.where(x < 0.6, x, np.nan), None)]
+    one = Curves("one", "caption", x, "mm", "N", "", lines, band=np.full(5, 0.1))
+    assert one.rows[-1] == ["1.00", "–"]
+    script = unescape(embedded([one]).script)
+    assert "a@b" not in script and "a&#64;b &lt;&#36;c&gt;" in script
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(browser.browser() is None, reason="no Chromium here")
+@pytest.mark.parametrize("name", pages.PAGES)
+def test_a_browser_finds_no_fault_no_request_and_nothing_inaccessible(name, tmp_path):
+    path = tmp_path / f"{name}.html"
+    path.write_text(rendered(pages.PAGES[name](tmp_path)), encoding="utf-8")
+    assert path.stat().st_size < (5_000_000 if name == "stocking" else MOST_BYTES)
+    script = browser.axe()
+    assert script, "axe-core is among what tests need"
+    for width in (1000, 500):
+        seen = browser.seen(path, browser.browser(), script, width)
+        assert browser.faults(seen) == []
+        assert browser.idle(seen) == []
