@@ -9,30 +9,27 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Polygon
 
 from legfem.common.documents import write_document
 from legfem.common.doubts import doubt_lines
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.geometry.section import BONES, fat_thickness, girth
+from legfem.geometry.section import fat_thickness, girth
 from legfem.geometry.shape_measures import perimeter
 from legfem.geometry.slices import CONTOURS, SliceSet
-from legfem.meshing.section import first_touch
 from legfem.recording.columns import Channels, Proposal, propose, recording_of
 from legfem.recording.formats import READERS, read_sheets
 from legfem.recording.quality import quality_of
 from legfem.report.look import draw_look, look_text
+from legfem.report.placement_figure import SECTION_SHOWS, placement_figure
 from legfem.report.style import (
-    BONE_COLOUR,
-    DATA_COLOUR,
     FAINT,
-    REGION_COLOURS,
     new_figure,
     save,
     styled,
 )
 from legfem.specimens.folder import FILE, load_specimen
+from legfem.specimens.schema import parse_specimen_file
 from legfem.stocking.leg import LEGS, StockingLeg, load_leg
 from legfem.subjects.plausibility import doubts_about, room_before
 from legfem.subjects.schema import parse_subject_file
@@ -125,11 +122,10 @@ def _leg(folder: Path, out: Path) -> Preview:
             subject = load_subject(folder, need_recordings=False, need_instrument=False)
         except InputError:
             return Preview(folder.name, "", trouble, recordings=seen)
-    picture = save(section_figure(subject), out, "section")[0].name
-    shown = "Section of the leg with the cylinder where it first touches the skin, and its way."
+    picture = save(placement_figure(subject), out, "section")[0].name
     return Preview(
         subject.title, subject.origin, trouble, tuple(doubt_lines(doubts_about(subject))),
-        tuple(_leg_facts(subject)), ((picture, shown),), seen,
+        tuple(_leg_facts(subject)), ((picture, SECTION_SHOWS),), seen,
     )  # fmt: skip
 
 
@@ -152,6 +148,7 @@ def _leg_facts(subject: Subject) -> list[tuple[str, str]]:
         ("errors of a reading", f"{read.force_sd:.2g} N, {read.displacement_sd:.2g} mm"),
     ]
     return [
+        *((("section", f"cut from {subject.cut_from}"),) if subject.cut_from else ()),
         ("girth", f"{girth(section):.0f} mm"),
         ("fat under the indenter", f"{fat:.1f} mm"),
         ("room before a bone", f"{room_before(subject):.0f} mm"),
@@ -181,7 +178,11 @@ def _stocking(folder: Path, out: Path) -> Preview:
 
 
 def _specimen(folder: Path, out: Path) -> Preview:
-    seen = _recordings(_files(folder / "recordings"), out, None)
+    try:
+        channels = parse_specimen_file(folder / FILE).recordings.channels()
+    except InputError:
+        channels = None  # load_specimen says what is wrong
+    seen = _recordings(_files(folder / "recordings"), out, channels)
     try:
         found = load_specimen(folder)
     except InputError as error:
@@ -233,38 +234,6 @@ def _recording(path: Path, out: Path, channels: Channels | None) -> SeenRecordin
     return SeenRecording(
         path.name, quality.grade, text, picture, channels=proposal.channels, columns=columns
     )
-
-
-@styled
-def section_figure(subject: Subject) -> Figure:
-    """Return a leg's section with the indenter where it first touches, and its way."""
-    section, indenter = subject.section, subject.indenter
-    figure = new_figure(5.6, 5.6)
-    figure.suptitle(f"Section with the indenter: {subject.origin} data", x=0.01, ha="left")
-    axes = figure.add_subplot()
-    colours = {"skin": REGION_COLOURS["superficial"], "fascia": REGION_COLOURS["deep"]}
-    for part in ("skin", "fascia", *BONES):
-        colour = colours.get(part, BONE_COLOUR)
-        axes.add_patch(Polygon(section.contour(part), facecolor=colour, edgecolor=DATA_COLOUR))
-    names = {"skin": "fat", "fascia": "muscle"}
-    for part, name in (*names.items(), *((bone, bone) for bone in BONES)):
-        axes.plot([], [], "s", color=colours.get(part, BONE_COLOUR),
-                  markeredgecolor=DATA_COLOUR, label=name)  # fmt: skip
-    centre = first_touch(section.skin, indenter.radius, indenter.aim, indenter.direction)
-    axes.add_patch(
-        Circle((centre[0], centre[1]), indenter.radius, facecolor="#B8C4CC", edgecolor=DATA_COLOUR)
-    )
-    end = centre + 1.5 * indenter.radius * indenter.direction
-    axes.annotate(
-        "", (float(end[0]), float(end[1])), (float(centre[0]), float(centre[1])),
-        arrowprops={"arrowstyle": "-|>", "color": DATA_COLOUR},
-    )  # fmt: skip
-    axes.autoscale_view()
-    axes.set_aspect("equal")
-    axes.set_xlabel("x (mm)")
-    axes.set_ylabel("y (mm)")
-    figure.legend(loc="outside lower center", ncols=4)
-    return figure
 
 
 @styled

@@ -63,10 +63,10 @@ def _choice(folder: Path, first: dict[str, Any]) -> None:
     def save(use: bool) -> None:
         described = description_of(folder)
         try:
-            if described != "subject.toml":
+            if described is None:
                 raise InputError(
-                    "columns", folder.name, "there is no subject.toml to hold them",
-                    "describe the leg first",
+                    "columns", folder.name, "there is no file yet to hold them",
+                    "say first what was measured",
                 )  # fmt: skip
             path = folder / described
             channels = None

@@ -31,7 +31,7 @@ def input_page(workspace: Workspace, name: str) -> None:
             return
         described = description_of(folder)
         names = ["Preview", "Assumed" if described else "Describe", "Columns", "Files", RUN]
-        if described in ("leg.toml", "specimen.toml"):
+        if described == "leg.toml":
             names.remove("Columns")
         with ui.tabs().props("dense no-caps outside-arrows mobile-arrows align=left") as tabs:
             for one in names:
