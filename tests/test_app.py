@@ -363,6 +363,13 @@ def test_loose_files_become_a_leg_that_lacks_nothing_but_the_instrument(tmp_path
     assert len(list((folder / "recordings").iterdir())) == 3
 
 
+def test_a_scan_takes_the_place_of_contours(tmp_path):
+    (tmp_path / "leg.nii.gz").touch()
+    PressedLeg("Mine", "leg.nii.gz", 30, 50, (0, 0), 90, 300.0).describe(tmp_path)
+    section = parse_subject_file(tmp_path / "subject.toml").section
+    assert (section.scan, section.contours, section.level_mm) == ("leg.nii.gz", None, 300.0)
+
+
 def test_two_scans_become_a_leg_in_its_stocking(tmp_path):
     for name in ("bare.nii.gz", "in stocking.nii.gz", "notes.txt"):
         (tmp_path / name).touch()

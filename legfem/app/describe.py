@@ -18,8 +18,8 @@ class PressedLeg:
     """What a person has to say of a leg that was pressed; nothing else can be assumed."""
 
     title: str
-    contours: str
-    """File in the folder."""
+    source: str
+    """File in the folder: contours of the section, or a scan that it is cut from."""
     diameter: float
     """Of the cylinder, mm."""
     length: float
@@ -28,6 +28,8 @@ class PressedLeg:
     """A point on its line of travel, mm."""
     direction: float
     """Of travel, degrees from +x."""
+    level: float | None = None
+    """At which a scan is cut, mm."""
 
     def describe(self, folder: Path) -> None:
         """Write ``subject.toml``, and move the recordings where it looks for them.
@@ -39,14 +41,16 @@ class PressedLeg:
             plain_id(folder.name), self.title, "measured", 0.6, self.aim, self.direction
         )
         stated: dict[tuple[str, ...], Value] = {
-            ("section", "contours"): self.contours,
+            ("section", "contours"): None,
+            ("section", "scan" if is_scan(folder / self.source) else "contours"): self.source,
+            ("section", "level_mm"): self.level,
             ("indenter", "diameter_mm"): self.diameter,
             ("indenter", "length_mm"): self.length,
             ("instrument",): None,
         }
         recordings = folder / "recordings"
         for path in files_of(folder):
-            inside = path.parent == folder and path.name != self.contours
+            inside = path.parent == folder and path.name != self.source
             if inside and may_be_recording(path) and not is_contours(path):
                 recordings.mkdir(exist_ok=True)
                 path.rename(recordings / path.name)

@@ -14,27 +14,29 @@ from legfem.common.errors import InputError
 
 _NO_CONTOURS = (
     "A leg that was pressed needs its section's contours: a CSV file part,x_mm,y_mm with the parts "
-    "skin, fascia, tibia and fibula. Add it under Files; until then the recordings are graded."
+    "skin, fascia, tibia and fibula, or a scan with labels. Add it under Files; until then the "
+    "recordings are graded."
 )
 
 
 def describe_tab(folder: Path) -> None:
     """Put a form for what the files can be."""
     contours, scans = contours_in(folder), scans_in(folder)
-    if contours:
-        _pressed(folder, contours)
+    if contours or scans:
+        _pressed(folder, [*contours, *scans])
     else:
         tag("p", _NO_CONTOURS)
     if scans:
         _dressed(folder, scans)
 
 
-def _pressed(folder: Path, contours: list[str]) -> None:
+def _pressed(folder: Path, sources: list[str]) -> None:
     with ui.element("fieldset"):
         tag("legend", "A leg that was pressed with a cylinder")
         with ui.element("div").classes("fields"):
             title = ui.input("title", value=folder.name)
-            section = ui.select(contours, value=contours[0], label="contours")
+            section = ui.select(sources, value=sources[0], label="contours, or a scan")
+            level = ui.number("level to cut a scan at (mm)")
             numbers = [
                 ui.number(label)
                 for label in (
@@ -50,7 +52,7 @@ def _pressed(folder: Path, contours: list[str]) -> None:
                 raise InputError("form", "numbers", "some are missing", "fill in every one")
             diameter, length, x, y, direction = values
             leg = PressedLeg(title.value or folder.name, section.value, diameter, length, (x, y),
-                             direction)  # fmt: skip
+                             direction, level.value)  # fmt: skip
             leg.describe(folder)
 
         _button(describe)
