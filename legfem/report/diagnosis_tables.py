@@ -19,6 +19,8 @@ PLACES_SHOWN = 12
 type Cells = tuple[list[str], list[list[str]]]
 """A table's header and rows."""
 
+OVER_ALL = "over all explanations"
+
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return columns as wide as they need; the last one isn't padded."""
@@ -166,11 +168,8 @@ def parameter_table(found: Diagnosis) -> str:
             rows.append(["", title, *_cells(shown.model, name), change])
             if mark := flag(shown.model, name, 0.0):
                 rows.append(["", f"  {mark}", "", "", ""])
-        if name in found.intervals:
-            low, high = found.intervals[name]
-            sd = (high - low) / 4
-            over = f"{number(low, sd)} to {number(high, sd)}"
-            rows.append(["", "over all explanations", "", over, ""])
+        if over := averaged(found, name):
+            rows.append(["", OVER_ALL, "", over, ""])
     header = ["", "model", "value", "95 % interval", "change" if models else ""]
     return table(header, rows)
 
@@ -195,6 +194,14 @@ def interval(model: Explanation, name: str) -> str:
     if not determined(model, name):
         return "as known beforehand"
     low, high = model.interval(name)
+    return f"{number(low, (high - low) / 4)} to {number(high, (high - low) / 4)}"
+
+
+def averaged(found: Diagnosis, name: str) -> str:
+    """Return a parameter's 95 % interval over all explanations; nothing where there is none."""
+    if name not in found.intervals:
+        return ""
+    low, high = found.intervals[name]
     return f"{number(low, (high - low) / 4)} to {number(high, (high - low) / 4)}"
 
 

@@ -159,7 +159,7 @@ def _stiffness(found: Diagnosis) -> str:
         return stiffness_range(found.base, found.models)
     low_high = "; ".join(
         f"{name} is {tables.estimate(found.base, name)} kPa "
-        f"({tables.interval(found.base, name)}, 95 %)"
+        f"({tables.averaged(found, name) or tables.interval(found.base, name)}, 95 %)"
         for name in ("C10", "C20")
         if name in found.base.fit.free
     )

@@ -28,6 +28,8 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
                 Known(f"{name}, {which}", f"{tables.estimate(model, name)} kPa", "estimated",
                       recordings, tables.interval(model, name), "; ".join(filter(None, remark)))
             )  # fmt: skip
+        if over := tables.averaged(found, name):
+            rows.append(Known(f"{name}, {tables.OVER_ALL}", "", "estimated", recordings, over))
     for model in found.models:
         for mechanism in model.fit.mechanisms:
             for p in mechanism.parameters:
