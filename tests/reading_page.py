@@ -47,7 +47,8 @@ class Read(HTMLParser):
                 self.wanted.append(value[1:])
             elif not value.startswith("data:"):
                 self.loads.append(value)
-        self.wanted += [given[k] for k in ("for", "aria-labelledby") if k in given]
+        for name in {"for", "aria-labelledby"} & given.keys():
+            self.wanted += given[name].split()
         if len(tag) == 2 and tag[0] == "h" and tag[1].isdigit():
             self.headings.append(int(tag[1]))
         if tag == "img" and not given.get("alt"):

@@ -14,8 +14,11 @@ import browser
 import making_pages as pages
 import numpy as np
 import pytest
+from making import write_subject
 from reading_page import read
+from typer.testing import CliRunner
 
+from legfem.commands.plan import app
 from legfem.geometry.leg_shape import HULL, SKIN
 from legfem.report.web.bars import Bar, Bars
 from legfem.report.web.curves import Curves, Line, embedded
@@ -62,6 +65,18 @@ def test_a_plan_names_the_best_test_and_what_no_test_shows(tmp_path):
     assert plan_web_page(seen, subject, expected, (), "", {}).headline.tone == "sound"
     none = plan_web_page([], subject, expected, (), "", {})
     assert none.headline.tone == "wrong"
+
+
+def test_the_command_of_a_plan_writes_its_page(tmp_path, monkeypatch):
+    monkeypatch.setattr("legfem.plan.run.plan_before", lambda *_: pages.ranked())
+    leg, out = write_subject(tmp_path / "leg"), tmp_path / "out"
+    asked = ["--subject-dir", str(leg), "--depth", "12", "--out", str(out), "--jobs", "1"]
+    done = CliRunner().invoke(app, [*asked, "--library", str(tmp_path / "library")])
+    assert done.exit_code == 0, done.output
+    assert {p.name for p in out.iterdir()} == {"plan.json", "report.txt", "report.html"}
+    assert f"page:   {out / 'report.html'}" in done.output
+    words = read((out / "report.html").read_text(encoding="utf-8")).words
+    assert "12 mm" in words and (out / "report.txt").read_text()[:20] in words
 
 
 @pytest.fixture(scope="module")

@@ -95,6 +95,7 @@ def _headline(result: StockingResult) -> Headline:
             ("What it means for comfort", _comfort(result)),
             ("What to do", _next(result)[0]),
         ],
+        "" if result.pressures is not None else "There is no answer",
     )
 
 
@@ -152,9 +153,10 @@ def _wrong(result: StockingResult) -> str:
 def _sure(result: StockingResult) -> str:
     best = best_complete(result)
     parts = [] if best is None else [verdict_sentence(k) for k in judge(best, result.leg.accuracy)]
-    if result.leg.known:
+    if result.leg.known and result.pressures is not None:
         parts.append("The pressures are those of the stiffness that was given.")
-    ends = [vein_interval(result, k) for k in range(len(result.leg.veins))]
+    veins = range(len(result.leg.veins)) if result.pressures is not None else ()
+    ends = [vein_interval(result, k) for k in veins]
     spreads = [high - low for low, high in ends if np.isfinite(high)]
     if spreads:
         parts.append(
