@@ -1,0 +1,34 @@
+"""Equations as MathML, by docutils' own converter."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from docutils import nodes
+from docutils.utils.math import MathError
+from docutils.utils.math.latex2mathml import tex2mathml
+from sphinx.application import Sphinx
+from sphinx.util import logging
+
+
+def _converted(writer: Any, node: nodes.Element, as_block: bool) -> None:
+    """Write an equation; one that can't be converted is a warning, which ends a strict build."""
+    try:
+        writer.body.append(tex2mathml(node.astext(), as_block=as_block))
+    except MathError as error:
+        logging.getLogger(__name__).warning("%s: %s", error, node.astext(), location=node)
+    raise nodes.SkipNode
+
+
+def _inline(writer: Any, node: nodes.Element) -> None:
+    _converted(writer, node, as_block=False)
+
+
+def _block(writer: Any, node: nodes.Element) -> None:
+    _converted(writer, node, as_block=True)
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Offer the renderer to Sphinx."""
+    app.add_html_math_renderer("mathml", (_inline, None), (_block, None))
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
