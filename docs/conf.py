@@ -40,6 +40,8 @@ nb_execution_show_tb = True
 html_theme = "furo"
 html_title = f"legfem {release}"
 html_extra_path = ["start"]
+html_static_path = ["static"]
+html_css_files = ["site.css"]
 html_copy_source = html_show_sourcelink = False
 
 autodoc_member_order = "bysource"

@@ -37,7 +37,7 @@ for thickness, colour in ((60.0, "C0"), (5.0, "C1")):
     x = np.sqrt(radius * d) / thickness
     series = 1 + 1.133 * x + 1.283 * x**2 + 0.769 * x**3 + 0.0975 * x**4
     axes.plot(d, curve(d) / hertz, color=colour, label=f"legfem, {thickness:g} mm")
-    axes.plot(d, series, "--", color=colour, label="Dimitriadis et al.")
+    axes.plot(d, series, "--", color=colour, label=f"closed form, {thickness:g} mm")
     print(f"{thickness:g} mm: {curve(d[0]) / hertz[0] / series[0] - 1:+.1%} at {d[0]:.2f} mm")
 axes.set(xlabel="displacement (mm)", ylabel="force over Hertz' force")
 axes.legend(frameon=False)

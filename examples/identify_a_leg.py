@@ -28,7 +28,7 @@ measured = found.measured
 fig, axes = plt.subplots(figsize=(6, 3.6), layout="constrained")
 axes.plot(measured.displacement, measured.force, "k.", label="mean of the recordings")
 axes.plot(measured.displacement, found.predicted.force, label="model")
-axes.set(xlabel="displacement (mm)", ylabel="force (N)", title=f"{leg.title}, {leg.origin}")
+axes.set(xlabel="displacement (mm)", ylabel="force (N)", title=f"subject 3, {leg.origin}")
 axes.legend(frameon=False)
 print(f"root mean square {np.sqrt(np.mean((measured.force - found.predicted.force) ** 2)):.3f} N")
 plt.show()

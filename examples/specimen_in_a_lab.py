@@ -29,7 +29,8 @@ found = result["yeoh"]
 fig, axes = plt.subplots(figsize=(6, 3.6), layout="constrained")
 for compared in found.recordings:
     course = compared.course
-    (line,) = axes.semilogx(course.time, course.force, ".", label=compared.name)
+    how = "fitted" if compared.fitted else "predicted"
+    (line,) = axes.semilogx(course.time, course.force, ".", label=f"{compared.name}, {how}")
     axes.semilogx(course.time, compared.predicted, color=line.get_color())
 axes.set(xlabel="time after first contact (s)", ylabel="force (N)")
 axes.legend(frameon=False)

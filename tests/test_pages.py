@@ -228,7 +228,7 @@ def test_the_gallery_has_twelve_examples() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "data"),
-    [("first_steps", "reconstructed data"), ("specimen_step_by_step", "SIMULATED DATA")],
+    [("first_steps", "reconstructed data"), ("specimen_step_by_step", "simulated data")],
 )
 def test_the_notebook_runs(name: str, data: str, tmp_path: Path) -> None:
     notebook = nbformat.read(EXAMPLES / f"{name}.ipynb", as_version=4)

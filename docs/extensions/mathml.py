@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from docutils import nodes
@@ -10,11 +11,14 @@ from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.application import Sphinx
 from sphinx.util import logging
 
+# With a subscript docutils takes an accented letter for an operator with limits; a group is none.
+_ACCENTED = re.compile(r"(\\(?:bar|dot|hat|tilde)\s*(?:\{[^{}]*\}|[A-Za-z]))(?=\s*_)")
+
 
 def _converted(writer: Any, node: nodes.Element, as_block: bool) -> None:
     """Write an equation; one that can't be converted is a warning, which ends a strict build."""
     try:
-        writer.body.append(tex2mathml(node.astext(), as_block=as_block))
+        writer.body.append(tex2mathml(_ACCENTED.sub(r"{{}\1}", node.astext()), as_block=as_block))
     except MathError as error:
         logging.getLogger(__name__).warning("%s: %s", error, node.astext(), location=node)
     raise nodes.SkipNode
