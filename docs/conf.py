@@ -37,6 +37,7 @@ nb_execution_timeout = 600
 nb_execution_raise_on_error = True
 nb_execution_show_tb = True
 
+highlight_language = "none"  # of a block that names none: commands and reports
 html_theme = "furo"
 html_title = f"legfem {release}"
 html_extra_path = ["start"]
@@ -68,3 +69,18 @@ sphinx_gallery_conf = {
     "capture_repr": ("_repr_html_",),
     "within_subsection_order": "FileNameSortKey",
 }
+
+
+def setup(app):
+    """Keep napoleon, of priority 500, from taking an attribute's words before a colon for its type."""
+    given = {}
+
+    def before(app, what, name, obj, options, lines):
+        given[name] = list(lines)
+
+    def after(app, what, name, obj, options, lines):
+        if what in ("attribute", "data", "property"):
+            lines[:] = given[name]
+
+    app.connect("autodoc-process-docstring", before, priority=400)
+    app.connect("autodoc-process-docstring", after, priority=600)

@@ -11,14 +11,21 @@ from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.application import Sphinx
 from sphinx.util import logging
 
-# With a subscript docutils takes an accented letter for an operator with limits; a group is none.
-_ACCENTED = re.compile(r"(\\(?:bar|dot|hat|tilde)\s*(?:\{[^{}]*\}|[A-Za-z]))(?=\s*_)")
+_SPELT_OUT = (
+    # With a subscript docutils takes an accented letter for an operator with limits: not a group.
+    (re.compile(r"(\\(?:bar|dot|hat|tilde)\s*(?:\{[^{}]*\}|[A-Za-z]))(?=\s*_)"), r"{{}\1}"),
+    # It takes the two digits of a fraction for one number.
+    (re.compile(r"\\([td]?frac)\s*(\d)\s*(\d)"), r"\\\1{\2}{\3}"),
+)
 
 
 def _converted(writer: Any, node: nodes.Element, as_block: bool) -> None:
     """Write an equation; one that can't be converted is a warning, which ends a strict build."""
+    equation = node.astext()
+    for pattern, spelt_out in _SPELT_OUT:
+        equation = pattern.sub(spelt_out, equation)
     try:
-        writer.body.append(tex2mathml(_ACCENTED.sub(r"{{}\1}", node.astext()), as_block=as_block))
+        writer.body.append(tex2mathml(equation, as_block=as_block))
     except MathError as error:
         logging.getLogger(__name__).warning("%s: %s", error, node.astext(), location=node)
     raise nodes.SkipNode
