@@ -72,7 +72,7 @@ sphinx_gallery_conf = {
 
 
 def setup(app):
-    """Keep napoleon, of priority 500, from taking an attribute's words before a colon for its type."""
+    """Keep napoleon (priority 500) from taking words before a colon for an attribute's type."""
     given = {}
 
     def before(app, what, name, obj, options, lines):
