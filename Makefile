@@ -3,7 +3,7 @@ RESULTS = results
 ARGS =
 
 .DEFAULT_GOAL := help
-.PHONY: help demo demo-stocking test lint format verify test-next bench clean
+.PHONY: help demo demo-stocking test lint format verify test-next bench docs clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' Makefile | expand -t 12
@@ -38,7 +38,10 @@ test-next: ## make test on Debian unstable's DOLFINx
 bench: ## time the solver
 	$(RUN) python -m studies.bench $(ARGS)
 
+docs: ## the site, in docs/_build/html; runs the gallery and the notebooks
+	LEGFEM_DOCS=1 $(RUN) python -m sphinx -W --keep-going -c docs -d docs/_build/doctrees . docs/_build/html $(ARGS)
+
 clean: ## remove what the commands and tools wrote here
-	rm -rf $(RESULTS) build dist .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(RESULTS) build dist docs/_build docs/gallery .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 	rm -rf ./*.egg-info

@@ -104,19 +104,30 @@ def test_versions_of_the_release_agree() -> None:
     assert f"license: {PROJECT['license']}\n" in citation
 
 
+def locked(name: str) -> dict[str, str]:
+    """Return the version of every package of a lock, each of which has hashes."""
+    text = (ROOT / "scripts" / name).read_text()
+    versions = {}
+    for entry in re.split(r"\n(?=\S)", text.split("\n", maxsplit=1)[1].strip()):
+        package, version = re.match(r"([\w.-]+)==([\w.]+)", entry).groups()
+        versions[package.lower().replace("_", "-")] = version
+        assert len(re.findall(r"--hash=sha256:[0-9a-f]{64}\b", entry)) >= 1, package
+    return versions
+
+
 def test_the_lock_of_the_wheel_route_has_every_package_with_a_version_and_hashes() -> None:
-    text = (ROOT / "scripts" / "packages-wheel.lock").read_text()
-    entries = re.split(r"\n(?=\S)", text.split("\n", maxsplit=1)[1].strip())
-    locked = {}
-    for entry in entries:
-        name, version = re.match(r"([\w.-]+)==([\w.]+)", entry).groups()
-        locked[name.lower().replace("_", "-")] = version
-        assert len(re.findall(r"--hash=sha256:[0-9a-f]{64}\b", entry)) >= 1, name
-    assert locked["dolfinx-solver-real"].startswith("0.11.")
+    versions = locked("packages-wheel.lock")
+    assert versions["dolfinx-solver-real"].startswith("0.11.")
     wanted = {pypi_name(p) for p in DEBIAN if p.startswith("python3-") and p not in NOT_RUNTIME}
     wanted |= {bare(p) for p in PYPI} | {"pytest", "setuptools"}
     wanted -= {"petsc4py"}  # within DOLFINx's wheel
-    assert wanted <= set(locked)
+    assert wanted <= set(versions)
+
+
+def test_the_lock_of_the_docs_has_them_and_no_dolfinx_of_its_own() -> None:
+    versions = locked("packages-docs.lock")
+    assert {bare(p) for p in PROJECT["optional-dependencies"]["docs"]} <= set(versions)
+    assert not {"dolfinx-solver-real", "numpy", "matplotlib", "petsc4py"} & set(versions)
 
 
 def in_env(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
