@@ -172,7 +172,7 @@ def test_a_search_of_the_users_own_finds_the_same(tmp_path: Path) -> None:
 
 
 def test_the_documented_example_of_an_own_search_is_the_one_that_is_tested() -> None:
-    """The seam's docstring and CONTRIBUTING.md hold the same lines, and they run."""
+    """The seam's docstring and the page hold the same lines, and they run."""
     source = Path(minimiser.__file__).read_text(encoding="utf-8")
     lines = [line[4:] for line in source.splitlines() if line.startswith((">>>", "..."))]
     space: dict[str, object] = {}
@@ -184,8 +184,8 @@ def test_the_documented_example_of_an_own_search_is_the_one_that_is_tested() -> 
         lambda genes: np.sum((genes - aim) ** 2, axis=-1), np.full((1, 2), 0.5), 0
     )
     assert found.best == pytest.approx(aim, abs=0.01)
-    contributing = Path(__file__).resolve().parents[1] / "CONTRIBUTING.md"
-    assert "\n".join(lines) in contributing.read_text(encoding="utf-8")
+    page = Path(__file__).resolve().parents[1] / "docs" / "extending.md"
+    assert "\n".join(lines) in page.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(
