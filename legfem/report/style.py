@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import textwrap
 from pathlib import Path
 from typing import Any, Literal
 
@@ -69,9 +70,15 @@ def new_figure(width: float, height: float) -> Figure:
     return _Shown(figsize=(width, height), layout="constrained")
 
 
+_TITLE_SIZE, _LETTER = 12, 0.57
+"""Of titles: points, and a letter's mean width over them."""
+
+
 def title(figure: Figure, what: str, subject: str, origin: str) -> None:
-    """Put a title that ends with where the data come from."""
-    figure.suptitle(f"{what}\n{subject}: {origin} data", x=0.01, ha="left", fontsize=12)
+    """Put a title that ends with where the data come from, in as many lines as it needs."""
+    across = int(72 * figure.get_figwidth() / (_LETTER * _TITLE_SIZE))
+    lines = [textwrap.fill(line, across) for line in (what, f"{subject}: {origin} data")]
+    figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=_TITLE_SIZE)
 
 
 def panel(axes: Axes, letter: str, name: str) -> None:
