@@ -153,7 +153,9 @@ class Misfit(Compared):
     def covariance(self) -> FloatArray:
         """Of measured less predicted force at the truth, without the correction's; (n, n), N2."""
         measured = self.measured
-        return measured.covariance + numerical_covariance(self.displacement, measured.force)
+        return measured.covariance + numerical_covariance(
+            self.displacement, measured.force, power=1.0
+        )
 
     def covariance_at(self, values: Mapping[str, float]) -> FloatArray:
         """Return `covariance` with the correction's uncertainty at the model's values."""

@@ -165,8 +165,9 @@ def numerical_covariance(
     force: FloatArray,
     relative: float = NUMERICAL_ERROR,
     length: float = NUMERICAL_LENGTH_MM,
+    power: float = 2.0,
 ) -> FloatArray:
-    """Return the covariance (n, n), N^2, of a model's numerical error.
+    r"""Return the covariance (n, n), N^2, of a model's numerical error.
 
     A smooth share of the force, and a rough one of the largest.
 
@@ -179,11 +180,14 @@ def numerical_covariance(
     relative
         Standard deviation of the smooth error over the force.
     length
-        Way over which it is correlated, mm.
+        Way l over which it is correlated, mm.
+    power
+        p of the correlation :math:`\exp(-(a / l)^p / p)` at a distance a: 2 for a smooth error, 1
+        where the errors of an emulator, which wiggle along the curve, are to weigh little.
     """
     size = np.abs(force)
     apart = np.abs(displacement[:, None] - displacement[None, :])
     rough = (ROUGHNESS * size.max()) ** 2
-    total = np.outer(size, size) * relative**2 * np.exp(-0.5 * (apart / length) ** 2)
+    total = np.outer(size, size) * relative**2 * np.exp(-((apart / length) ** power) / power)
     total += rough * np.exp(-0.5 * (apart / ROUGHNESS_LENGTH_MM) ** 2)
     return np.asarray(total + 1e-2 * rough * np.eye(len(size)))

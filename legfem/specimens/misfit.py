@@ -185,5 +185,7 @@ class SpecimenMisfit(Compared):
             block = np.diag((1 - SLOW_SHARE) * white)
             block += SLOW_SHARE * errors.force_sd**2
             block += gain**2 * np.outer(own, own)
-            total[span, span] += block + numerical_covariance(d, own, length=course.depth / 3)
+            total[span, span] += block + numerical_covariance(
+                d, own, length=course.depth / 3, power=1.0
+            )
         return np.asarray(total)
