@@ -121,10 +121,11 @@ def mean_loading_curve(
     slope = Polynomial.fit(grid, force, min(5, len(grid) - 2)).deriv()(grid)
     white = float(np.sqrt(np.mean([sample_noise(r.force) ** 2 for r in recordings])))
     white_variance = white**2 * np.mean([fit.leverage for fit in fits], axis=0)
+    readings = [sample_noise(r.displacement) ** 2 for r in recordings]
     jitter = np.mean(
         [
-            np.interp(grid, b.depth, b.leverage) * sample_noise(r.displacement) ** 2
-            for b, r in zip(branches, recordings, strict=True)
+            np.interp(grid, b.depth, b.leverage) * variance
+            for b, variance in zip(branches, readings, strict=True)
         ],
         axis=0,
     )
@@ -137,8 +138,7 @@ def mean_loading_curve(
     )
     apart = np.abs(grid[:, None] - grid[None, :])
     drift = np.sqrt(jitter) * slope
-    readings = np.mean([sample_noise(r.displacement) ** 2 for r in recordings])
-    wander = instrument.wander_sd(float(np.sqrt(readings))) * slope
+    wander = instrument.wander_sd(float(np.sqrt(np.mean(readings)))) * slope
     covariance = (
         noise.trial_covariance(grid, force, slope)
         + np.diag(white_variance)

@@ -43,14 +43,10 @@ def case_of(ratio: float, coarse: bool = False) -> CorrectionCase:
     )
 
 
-def correction_of(case: CorrectionCase, folder: Path) -> tuple[FloatArray, FloatArray]:
+def correction_of(folder: Path, case: CorrectionCase) -> tuple[FloatArray, FloatArray]:
     """Return P and the 3D force (N) at `AT_MM`."""
     outcome = remembered_case(case, folder)
     return smooth_ratio(outcome.spatial, outcome.plane, AT_MM), outcome.spatial(AT_MM)
-
-
-def _solved(folder: Path, case: CorrectionCase) -> tuple[FloatArray, FloatArray]:
-    return correction_of(case, folder)
 
 
 def figure_of(found: dict[float, tuple[FloatArray, FloatArray]]) -> Figure:
@@ -85,7 +81,7 @@ def fibres(
         progress.stage("pressing legs with fibres", len(RATIOS))
         cases = [case_of(ratio, coarse) for ratio in RATIOS]
         by_ratio = {}
-        with Workers(_solved, folder / "solved", processes) as workers:
+        with Workers(correction_of, folder / "solved", processes) as workers:
             for case, one in workers.run(cases):
                 by_ratio[case.material.fibre_ratio] = one
                 progress.advance(f"ratio {case.material.fibre_ratio:g}")
