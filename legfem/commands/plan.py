@@ -80,6 +80,5 @@ def plan(
         text = plan_page(ranked, found)
         page = plan_web_page(ranked, found, expected, doubts, text, versions(), command_line())
         with made_in_place(folder) as hidden:
-            write_page(page, hidden)
-            (hidden / REPORT).write_text(text, encoding="utf-8")
+            write_page(page, hidden, text)
         print_outcome([text], path, folder / REPORT, quiet=False, as_json=False)

@@ -28,9 +28,7 @@ def write_diagnosis_report(
     plan: Sequence[str] = (),
     command: str = "",
 ) -> Path:
-    """Write report.txt, report.html and the figures of a diagnosis.
-
-    They are there together, the report last; see `made_in_place`.
+    """Write report.txt, report.html and the figures of a diagnosis; return report.txt's path.
 
     Parameters
     ----------
@@ -44,19 +42,13 @@ def write_diagnosis_report(
         What could be done next, each with its chance, the best first.
     command
         That was given, for who wants to repeat it.
-
-    Returns
-    -------
-    Path
-        Of report.txt.
     """
     out = Path(out)
     with made_in_place(out) as folder:
         entries = [listed("curves"), *_figures(diagnosis, subject, folder)]
         page = diagnosis_page(diagnosis, subject, entries, plan)
         html = diagnosis_web_page(diagnosis, subject, page, plan, versions(), command)
-        write_page(html, folder)
-        (folder / REPORT).write_text(page, encoding="utf-8")
+        write_page(html, folder, page)
     return out / REPORT
 
 

@@ -23,19 +23,7 @@ def diagnosis_page(
     files: Sequence[ReportFile],
     plan: Sequence[str] = (),
 ) -> str:
-    """Return the text of ``report.txt``.
-
-    Parameters
-    ----------
-    found
-        The diagnosis.
-    subject
-        Whose recordings they are.
-    files
-        What else was written.
-    plan
-        What could be done next, each with its chance, the best first.
-    """
+    """Return the text of ``report.txt``: what was found, other files, what could be done next."""
     heading = f"Subject {subject.id} ({subject.title}): does the model describe the recordings?"
     what, _, explanation = ORIGINS[subject.origin].partition(" (")
     sections = {

@@ -36,7 +36,7 @@ def write_identification_report(
 ) -> Path:
     """Write report.txt, report.html, the figures and the fields of an identification.
 
-    They are there together, the report last; see `made_in_place`.
+    Returns report.txt's path.
 
     Parameters
     ----------
@@ -51,11 +51,6 @@ def write_identification_report(
         Folder; made if missing.
     command
         That was given, for who wants to repeat it.
-
-    Returns
-    -------
-    Path
-        Of report.txt.
     """
     out = Path(out)
     comm = MPI.COMM_SELF if experiment is None else experiment.comm
@@ -66,11 +61,10 @@ def write_identification_report(
         if experiment is not None:
             note, entries, pressed = _deformed_state(results, subject, experiment, folder)
         if comm.rank == 0:
-            write_page(identification_page(results, subject, pressed, command), folder)
             section = ReportFile(save(placement_figure(subject), folder, "section"), SECTION_SHOWS)
             entries = [listed("curves and leg"), *_figures(results, folder), section, *entries]
-            page = report_page(results, subject, entries, note)
-            (folder / REPORT).write_text(page, encoding="utf-8")
+            html = identification_page(results, subject, pressed, command)
+            write_page(html, folder, report_page(results, subject, entries, note))
     return out / REPORT
 
 

@@ -29,19 +29,7 @@ def report_page(
     files: Sequence[ReportFile],
     note: str = "",
 ) -> str:
-    """Return the text of ``report.txt``.
-
-    Parameters
-    ----------
-    results
-        One a law, of one subject.
-    subject
-        Whose results they are.
-    files
-        What else was written.
-    note
-        A remark on the files.
-    """
+    """Return the text of ``report.txt``: one result a law, and what else was written."""
     heading = f"Stiffness of the deep tissue of subject {subject.id} from indentation"
     what, _, explanation = ORIGINS[subject.origin].partition(" (")
     blocks = [

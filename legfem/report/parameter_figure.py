@@ -36,17 +36,7 @@ class EstimateRow:
 
 @styled
 def parameter_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
-    """Return the deep tissue's parameters in every model, and the mechanisms' own.
-
-    Parameters
-    ----------
-    found
-        The diagnosis.
-    subject
-        Its title.
-    origin
-        Of the data.
-    """
+    """Return the deep tissue's parameters in every model and the mechanisms' own, with a title."""
     models = shown_models(found)[: ROWS - 1]
     rows = [EstimateRow(BASE_NAME, found.base, BASE_COLOUR)]
     rows += [EstimateRow(m.name, m.model, REPAIRED_COLOUR if m.suits else FAINT) for m in models]

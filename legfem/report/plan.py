@@ -24,15 +24,7 @@ NOTE = (
 
 
 def plan_page(ranked: Sequence[Reckoned], subject: Subject) -> str:
-    """Return the text of ``report.txt``.
-
-    Parameters
-    ----------
-    ranked
-        Tests, the most telling first.
-    subject
-        Whose leg.
-    """
+    """Return the text of ``report.txt``: tests of a leg, the most telling first."""
     heading = f"Subject {subject.id} ({subject.title}): which tests would show which effects?"
     tests = "\n".join(
         textwrap.fill(f"({k}) {one.design.name}", WIDTH, subsequent_indent="    ")

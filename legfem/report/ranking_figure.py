@@ -23,17 +23,7 @@ _LEAST = 1e-4
 
 @styled
 def ranking_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
-    """Return the probability of every explanation, a bar each.
-
-    Parameters
-    ----------
-    found
-        The diagnosis.
-    subject
-        Its title.
-    origin
-        Of the data.
-    """
+    """Return the probability of every explanation, a bar each, with a title."""
     every = found.explained.every[:SHOWN]
     listed = {model.names for model in found.models}
     figure = new_figure(8.6, 1.9 + 0.27 * len(every))

@@ -36,6 +36,5 @@ def write_specimen_report(results: Sequence[SpecimenResult], out: Path, command:
             "every recording beside the model over displacement and time, and their differences",
         )
         text = specimen_page(results, [listed("curves"), figure])
-        write_page(specimen_web_page(results, text, command), folder)
-        (folder / REPORT).write_text(text, encoding="utf-8")
+        write_page(specimen_web_page(results, text, command), folder, text)
     return out / REPORT

@@ -46,7 +46,7 @@ class _Sampled:
 def write_stocking_report(result: StockingResult, folder: Path, command: str = "") -> Path:
     """Write report.txt, report.html, result.json, the figures and the fields of a run.
 
-    They are there together, the report last; see `made_in_place`.
+    Returns report.txt's path.
 
     Parameters
     ----------
@@ -56,11 +56,6 @@ def write_stocking_report(result: StockingResult, folder: Path, command: str = "
         Made if missing.
     command
         That was given, for who wants to repeat it.
-
-    Returns
-    -------
-    Path
-        Of report.txt.
     """
     folder = Path(folder)
     comm, sampled = result.model.compression.comm, _sample(result)
@@ -71,8 +66,7 @@ def write_stocking_report(result: StockingResult, folder: Path, command: str = "
             numbers = write_document(hidden / NUMBERS, stocking_document(result, sampled.fat))
             entries.append(ReportFile([numbers], "all numbers with their units"))
             page = stocking_page(result, sampled.fat, [listed("the leg to turn"), *entries])
-            write_page(stocking_web_page(result, sampled.moved, page, command), hidden)
-            (hidden / REPORT).write_text(page, encoding="utf-8")
+            write_page(stocking_web_page(result, sampled.moved, page, command), hidden, page)
     return folder / REPORT
 
 

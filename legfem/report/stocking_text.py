@@ -35,17 +35,7 @@ ORIGINS = {
 def stocking_page(
     result: StockingResult, fat: FatPressures | None, files: Sequence[ReportFile]
 ) -> str:
-    """Return the text of ``report.txt``.
-
-    Parameters
-    ----------
-    result
-        Of a run.
-    fat
-        Pressures in the fat, if the worn state was found.
-    files
-        What else was written.
-    """
+    """Return the text of ``report.txt``; pressures in the fat if the worn state was found."""
     leg = result.leg
     heading = f"Leg {leg.id} ({leg.title}) in its compression stocking"
     what, _, explanation = ORIGINS[leg.origin].partition(" (")

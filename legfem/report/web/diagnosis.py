@@ -19,24 +19,13 @@ from legfem.diagnose.sentences import (
 from legfem.report import diagnosis_tables as tables
 from legfem.report.diagnosis_style import BASE_NAME, model_name, plain
 from legfem.report.diagnosis_text import alike, untested
+from legfem.report.web import page as web
 from legfem.report.web.diagnosis_curves import curves_of
 from legfem.report.web.diagnosis_numbers import known_of
-from legfem.report.web.page import (
-    Block,
-    Bullets,
-    Chapter,
-    Headline,
-    Prose,
-    Repeat,
-    Tone,
-    Verbatim,
-    WebPage,
-    WebTable,
-)
 from legfem.report.web.section import still_section
 from legfem.subjects.subject import Subject
 
-_TONES: Mapping[Verdict, Tone] = {
+_TONES: Mapping[Verdict, web.Tone] = {
     "consistent": "sound",
     "named": "caution",
     "ambiguous": "caution",
@@ -51,7 +40,7 @@ def diagnosis_web_page(
     plan: Sequence[str] = (),
     versions: Mapping[str, str] | None = None,
     command: str = "",
-) -> WebPage:
+) -> web.WebPage:
     """Return the page of a diagnosis.
 
     Parameters
@@ -70,20 +59,20 @@ def diagnosis_web_page(
         That was given; empty where there was none.
     """
     chapters = [
-        Chapter(
+        web.Chapter(
             "Recordings and model",
             [block for k in range(len(found.observed.protocols)) for block in curves_of(found, k)],
         ),
-        Chapter("Where the model is wrong", _where(found)),
-        Chapter("Which physics, and how sure", _physics(found)),
-        Chapter("What was tested", _tested(found)),
-        Chapter("What could not be tested", [Bullets([*untested(found), *alike(found)])]),
-        Chapter("What to do next", [Bullets(_next(found, plan))]),
+        web.Chapter("Where the model is wrong", _where(found)),
+        web.Chapter("Which physics, and how sure", _physics(found)),
+        web.Chapter("What was tested", _tested(found)),
+        web.Chapter("What could not be tested", [web.Bullets([*untested(found), *alike(found)])]),
+        web.Chapter("What to do next", [web.Bullets(_next(found, plan))]),
     ]
     if isinstance(subject, Subject):
-        chapters.insert(1, Chapter("The leg", [still_section(subject)]))
-    chapters.append(Chapter("The full report", [Verbatim("report.txt", text)]))
-    return WebPage(
+        chapters.insert(1, web.Chapter("The leg", [still_section(subject)]))
+    chapters.append(web.Chapter("The full report", [web.Verbatim("report.txt", text)]))
+    return web.WebPage(
         title=f"Does the model describe the test of subject {subject.id}?",
         subject=subject.title,
         origin=subject.origin,
@@ -91,12 +80,12 @@ def diagnosis_web_page(
         warnings=[*doubt_lines(doubts_of(found, subject)), *_warnings(found)],
         known=known_of(found, subject),
         chapters=chapters,
-        repeat=Repeat(command, versions or {}),
+        repeat=web.Repeat(command, versions or {}),
     )
 
 
-def _headline(found: Diagnosis, plan: Sequence[str]) -> Headline:
-    return Headline(
+def _headline(found: Diagnosis, plan: Sequence[str]) -> web.Headline:
+    return web.Headline(
         _TONES[found.verdict],
         _sentence(found),
         [
@@ -188,49 +177,51 @@ def _name(model: Explanation) -> str:
     return f"with {model_name(model)}" if model.names else BASE_NAME
 
 
-def _where(found: Diagnosis) -> list[Block]:
+def _where(found: Diagnosis) -> list[web.Block]:
     if not found.located.any():
         return [
-            Prose(
+            web.Prose(
                 "Nowhere that stands out of the noise."
                 if found.verdict == "consistent"
                 else "The misfit is spread over the recordings; no interval stands out by itself."
             )
         ]
     return [
-        Prose("Size: recorded less model; above zero the leg pushed back harder than it should."),
-        WebTable("Intervals in which the model is wrong", *tables.places_cells(found)),
+        web.Prose(
+            "Size: recorded less model; above zero the leg pushed back harder than it should."
+        ),
+        web.WebTable("Intervals in which the model is wrong", *tables.places_cells(found)),
     ]
 
 
-def _physics(found: Diagnosis) -> list[Block]:
-    every = WebTable("How probable each explanation is", *tables.explanation_cells(found))
+def _physics(found: Diagnosis) -> list[web.Block]:
+    every = web.WebTable("How probable each explanation is", *tables.explanation_cells(found))
     if found.verdict == "consistent":
         return [
             every,
-            WebTable(
+            web.WebTable(
                 "How strong each mechanism may be without having been seen",
                 *tables.limit_cells(found), folded=True,
             ),
         ]  # fmt: skip
-    blocks: list[Block] = [Prose(verdict_sentence(found)), every]
+    blocks: list[web.Block] = [web.Prose(verdict_sentence(found)), every]
     if found.models:
         blocks += [
-            WebTable("What the reported explanations explain", *tables.evidence_cells(found)),
-            Prose(tables.held_out_note(found.base_held_out)),
+            web.WebTable("What the reported explanations explain", *tables.evidence_cells(found)),
+            web.Prose(tables.held_out_note(found.base_held_out)),
         ]
     return blocks
 
 
-def _tested(found: Diagnosis) -> list[Block]:
+def _tested(found: Diagnosis) -> list[web.Block]:
     if not found.assessment.scores:
-        return [Prose("Nothing: these recordings show none of the mechanisms.")]
+        return [web.Prose("Nothing: these recordings show none of the mechanisms.")]
     return [
-        Prose(
+        web.Prose(
             "Each effect's sign was looked for by itself. Of many tests some come out small by "
             "chance, and signs look alike; the verdict allows for both."
         ),
-        WebTable("Signs of mechanisms in what the model misses", *tables.score_cells(found)),
+        web.WebTable("Signs of mechanisms in what the model misses", *tables.score_cells(found)),
     ]
 
 

@@ -9,26 +9,10 @@ from legfem.identify.result import IdentificationResult
 from legfem.report.page import procedure
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES
 from legfem.report.text import comparison, fit_report, fits, preferred
+from legfem.report.web import estimates
+from legfem.report.web import page as web
 from legfem.report.web.curves import Curves, Dash, Line
-from legfem.report.web.estimates import (
-    held_text,
-    how_sure,
-    interval_text,
-    unknown_among,
-    value_text,
-    why_identifiable,
-)
 from legfem.report.web.identification_numbers import known_of
-from legfem.report.web.page import (
-    Bullets,
-    Chapter,
-    Headline,
-    Prose,
-    Repeat,
-    Tone,
-    Verbatim,
-    WebPage,
-)
 from legfem.report.web.section import PressedSection, still_section
 from legfem.subjects.subject import Subject
 
@@ -46,22 +30,10 @@ def identification_page(
     subject: Subject,
     pressed: PressedSection | None,
     command: str = "",
-) -> WebPage:
-    """Return the page of an identification.
-
-    Parameters
-    ----------
-    results
-        One a law, of one subject.
-    subject
-        Whose results they are.
-    pressed
-        The section while it is pressed, where it was solved for.
-    command
-        That was given; empty where there was none.
-    """
+) -> web.WebPage:
+    """Return the page of an identification, with the section pressed where it was solved for."""
     chosen = preferred(results)
-    return WebPage(
+    return web.WebPage(
         title=f"How stiff is the deep tissue of subject {subject.id}?",
         subject=subject.title,
         origin=subject.origin,
@@ -76,43 +48,43 @@ def identification_page(
         ),
         known=known_of(results, subject),
         chapters=[
-            Chapter("Recordings and model", [_curves(results)]),
-            Chapter("The leg, pressed", [pressed or still_section(subject)]),
-            Chapter(
+            web.Chapter("Recordings and model", [_curves(results)]),
+            web.Chapter("The leg, pressed", [pressed or still_section(subject)]),
+            web.Chapter(
                 "What was tested",
                 [
-                    Bullets(
+                    web.Bullets(
                         [
                             *comparison(results),
                             *(
                                 line
                                 for r in reversed(results)
-                                for line in why_identifiable(r.parameters, r.law)
+                                for line in estimates.why_identifiable(r.parameters, r.law)
                             ),
                         ]
                     )
                 ],
             ),
-            Chapter("What could not be tested", [Bullets(_NOT_TESTED)]),
-            Chapter("What to do next", [Bullets(_next(chosen, subject))]),
-            Chapter(
+            web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
+            web.Chapter("What to do next", [web.Bullets(_next(chosen, subject))]),
+            web.Chapter(
                 "How it was done",
                 [
-                    Prose(" ".join(procedure(results[0], subject).split())),
+                    web.Prose(" ".join(procedure(results[0], subject).split())),
                     *(
-                        Verbatim(f"All numbers: {LAW_NAMES[r.law]} law", fit_report(r))
+                        web.Verbatim(f"All numbers: {LAW_NAMES[r.law]} law", fit_report(r))
                         for r in results
                     ),
                 ],
             ),
         ],
-        repeat=Repeat(command, chosen.versions, {"seed": f"{chosen.seed}"}),
+        repeat=web.Repeat(command, chosen.versions, {"seed": f"{chosen.seed}"}),
     )
 
 
-def _headline(chosen: IdentificationResult, subject: Subject) -> Headline:
-    law, known = LAW_NAMES[chosen.law], not unknown_among(chosen.parameters)
-    tone: Tone = "wrong" if not fits(chosen) else "sound" if known else "caution"
+def _headline(chosen: IdentificationResult, subject: Subject) -> web.Headline:
+    law, known = LAW_NAMES[chosen.law], not estimates.unknown_among(chosen.parameters)
+    tone: web.Tone = "wrong" if not fits(chosen) else "sound" if known else "caution"
     if tone == "wrong":
         sentence = (
             "The model does not describe this test: the stiffness below is that of a wrong model."
@@ -122,12 +94,12 @@ def _headline(chosen: IdentificationResult, subject: Subject) -> Headline:
         sentence = f"The {law} law describes this test, and the deep tissue's C10 is {_c10(chosen)}"
         wrong = "Nothing that the loading of these recordings could show."
     c10 = _c10_value(chosen)
-    return Headline(
+    return web.Headline(
         tone,
         sentence,
         [
             ("What is wrong", wrong),
-            ("How sure", how_sure(chosen.parameters)),
+            ("How sure", estimates.how_sure(chosen.parameters)),
             (
                 "What it does to C10",
                 f"{c10} is the best fit, but don't rely on it: its interval doesn't cover what was "
@@ -143,15 +115,17 @@ def _headline(chosen: IdentificationResult, subject: Subject) -> Headline:
 
 def _c10(chosen: IdentificationResult) -> str:
     found = chosen.parameters.get("deep.C10")
-    interval = "as given." if found is None else f"(95 % interval {interval_text(found)})."
+    interval = (
+        "as given." if found is None else f"(95 % interval {estimates.interval_text(found)})."
+    )
     return f"{_c10_value(chosen)}{', ' if found is None else ' '}{interval}"
 
 
 def _c10_value(chosen: IdentificationResult) -> str:
     found = chosen.parameters.get("deep.C10")
     if found is not None:
-        return value_text(found)
-    return held_text("deep.C10", {**chosen.assumed, **chosen.values}["deep.C10"])
+        return estimates.value_text(found)
+    return estimates.held_text("deep.C10", {**chosen.assumed, **chosen.values}["deep.C10"])
 
 
 def _next(chosen: IdentificationResult, subject: Subject) -> list[str]:
@@ -159,7 +133,7 @@ def _next(chosen: IdentificationResult, subject: Subject) -> list[str]:
     diagnose = f"python -m legfem.diagnose {folder}"
     if not fits(chosen):
         return [f"Don't use the stiffness. Find out which physics is missing: {diagnose}"]
-    unknown = unknown_among(chosen.parameters)
+    unknown = estimates.unknown_among(chosen.parameters)
     lines = []
     if unknown:
         lines.append(

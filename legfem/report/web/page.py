@@ -13,6 +13,7 @@ import click
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from legfem.common.versions import legfem_version
+from legfem.report.in_place import REPORT
 from legfem.report.page import ReportFile
 from legfem.report.text import ORIGINS
 from legfem.report.web.bars import Bars
@@ -157,9 +158,11 @@ def listed(explore: str) -> ReportFile:
     )
 
 
-def write_page(page: WebPage, folder: Path) -> None:
-    """Write ``report.html`` into a folder."""
+def write_page(page: WebPage, folder: Path, text: str = "") -> None:
+    """Write ``report.html`` into a folder, and ``report.txt`` where a text is given."""
     (folder / PAGE).write_text(rendered(page), encoding="utf-8")
+    if text:
+        (folder / REPORT).write_text(text, encoding="utf-8")
 
 
 def rendered(page: WebPage) -> str:

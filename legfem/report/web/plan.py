@@ -12,18 +12,8 @@ from legfem.plan.run import Expected
 from legfem.report.diagnosis_style import plain
 from legfem.report.plan import NOTE, NOTHING, effects_of
 from legfem.report.style import LAW_NAMES
+from legfem.report.web import page as web
 from legfem.report.web.bars import Bar, Bars
-from legfem.report.web.page import (
-    Bullets,
-    Chapter,
-    Headline,
-    Known,
-    Prose,
-    Repeat,
-    Verbatim,
-    WebPage,
-    WebTable,
-)
 from legfem.report.web.section import still_section
 from legfem.subjects.subject import Subject
 
@@ -44,7 +34,7 @@ def plan_web_page(
     text: str,
     versions: Mapping[str, str],
     command: str = "",
-) -> WebPage:
+) -> web.WebPage:
     """Return the page of a plan.
 
     Parameters
@@ -65,7 +55,7 @@ def plan_web_page(
         That was given; empty where there was none.
     """
     names = effects_of(ranked)
-    return WebPage(
+    return web.WebPage(
         title=f"Which test of leg {subject.id} should be made first?",
         subject=subject.title,
         origin="simulated",
@@ -73,14 +63,14 @@ def plan_web_page(
         warnings=[*doubt_lines(doubts), *_warnings(ranked, names)],
         known=_known(subject, expected),
         chapters=[
-            Chapter("Tests, the most telling first", [_tests(ranked)]),
-            Chapter("What each test would show", [Prose(NOTE), _chances(ranked, names)]),
-            Chapter("The leg", [still_section(subject)]),
-            Chapter("What to do next", [Bullets(_next(ranked, subject))]),
-            Chapter("What was not weighed", [Bullets(_NOT_WEIGHED)]),
-            Chapter("The full report", [Verbatim("report.txt", text)]),
+            web.Chapter("Tests, the most telling first", [_tests(ranked)]),
+            web.Chapter("What each test would show", [web.Prose(NOTE), _chances(ranked, names)]),
+            web.Chapter("The leg", [still_section(subject)]),
+            web.Chapter("What to do next", [web.Bullets(_next(ranked, subject))]),
+            web.Chapter("What was not weighed", [web.Bullets(_NOT_WEIGHED)]),
+            web.Chapter("The full report", [web.Verbatim("report.txt", text)]),
         ],
-        repeat=Repeat(command, versions),
+        repeat=web.Repeat(command, versions),
         data=f"simulated data (no test was made yet; section of the leg: {subject.origin})",
     )
 
@@ -89,16 +79,16 @@ def _shown(one: Reckoned, names: Sequence[str], low: float, high: float) -> list
     return [plain(name) for name in names if low <= one.chances[name, NOTHING] <= high]
 
 
-def _headline(ranked: Sequence[Reckoned], names: Sequence[str]) -> Headline:
+def _headline(ranked: Sequence[Reckoned], names: Sequence[str]) -> web.Headline:
     heading = "What to test"
     if not ranked:
-        return Headline(
+        return web.Headline(
             "wrong", "No test could be weighed: the leg's responses don't reach the depth.",
             [("What to do", "Plan a less deep test (--depth).")], heading,
         )  # fmt: skip
     best = ranked[0]
     shown, unseen = _shown(best, names, _LIKELY, 1.0), _never(ranked, names)
-    return Headline(
+    return web.Headline(
         "caution" if unseen else "sound",
         f"Make this test first: {best.design.name}.",
         [
@@ -149,8 +139,8 @@ def _tests(ranked: Sequence[Reckoned]) -> Bars:
     )
 
 
-def _chances(ranked: Sequence[Reckoned], names: Sequence[str]) -> WebTable:
-    return WebTable(
+def _chances(ranked: Sequence[Reckoned], names: Sequence[str]) -> web.WebTable:
+    return web.WebTable(
         "Chance that a test tells an effect from a leg without it; tests by their rank",
         ["effect", *(f"({k})" for k in range(1, len(ranked) + 1))],
         [[plain(n), *(percent(one.chances[n, NOTHING]) for one in ranked)] for n in names],
@@ -166,21 +156,21 @@ def _next(ranked: Sequence[Reckoned], subject: Subject) -> list[str]:
     ]
 
 
-def _known(subject: Subject, expected: Expected) -> list[Known]:
+def _known(subject: Subject, expected: Expected) -> list[web.Known]:
     instrument = subject.instrument
     stated = "given with the command"
     return [
-        Known("C10 that is expected", f"{expected.c10:g} kPa", "assumed", stated,
+        web.Known("C10 that is expected", f"{expected.c10:g} kPa", "assumed", stated,
               remark=f"{LAW_NAMES[subject.tissues['deep'].law]} law"),
-        Known("C20 that is expected", f"{expected.c20:g} kPa", "assumed", stated),
-        Known("depth", f"{expected.depth:g} mm", "assumed", stated),
-        Known("rate", f"{expected.rate:g} mm/s", "assumed", stated),
-        Known("error of a force reading", f"{instrument.force_sd:.3g} N (sd)", "prior",
+        web.Known("C20 that is expected", f"{expected.c20:g} kPa", "assumed", stated),
+        web.Known("depth", f"{expected.depth:g} mm", "assumed", stated),
+        web.Known("rate", f"{expected.rate:g} mm/s", "assumed", stated),
+        web.Known("error of a force reading", f"{instrument.force_sd:.3g} N (sd)", "prior",
               "subject.toml, or usual"),
-        Known("error of a displacement reading", f"{instrument.displacement_sd:.3g} mm (sd)",
+        web.Known("error of a displacement reading", f"{instrument.displacement_sd:.3g} mm (sd)",
               "prior", "subject.toml, or usual"),
-        Known("girth of the section", f"{girth(subject.section):.0f} mm", subject.origin,
+        web.Known("girth of the section", f"{girth(subject.section):.0f} mm", subject.origin,
               "contours of the skin"),
-        Known("cylinder", f"{2 * subject.indenter.radius:g} mm across, "
+        web.Known("cylinder", f"{2 * subject.indenter.radius:g} mm across, "
               f"{subject.indenter.length:g} mm long", "assumed", "subject.toml"),
     ]  # fmt: skip

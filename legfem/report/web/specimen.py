@@ -10,30 +10,10 @@ from legfem.identify.warnings import LEAST_CHANCE
 from legfem.report.specimen_text import origin_text, predictions, procedure, specimen_summary
 from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES
 from legfem.report.text import probability
+from legfem.report.web import estimates
+from legfem.report.web import page as web
 from legfem.report.web.bars import Bar, Bars
 from legfem.report.web.curves import Curves, Dash, Line
-from legfem.report.web.estimates import (
-    estimated,
-    held_text,
-    how_sure,
-    interval_text,
-    unknown_among,
-    value_text,
-    why_identifiable,
-    words_of,
-)
-from legfem.report.web.page import (
-    Block,
-    Bullets,
-    Chapter,
-    Headline,
-    Known,
-    Prose,
-    Repeat,
-    Tone,
-    Verbatim,
-    WebPage,
-)
 from legfem.specimens.result import ComparedRecording, SpecimenResult
 
 _MOST_CURVES = 6
@@ -46,7 +26,9 @@ _NOT_TESTED = (
 )
 
 
-def specimen_web_page(results: Sequence[SpecimenResult], text: str, command: str = "") -> WebPage:
+def specimen_web_page(
+    results: Sequence[SpecimenResult], text: str, command: str = ""
+) -> web.WebPage:
     """Return the page of specimens.
 
     Parameters
@@ -64,7 +46,7 @@ def specimen_web_page(results: Sequence[SpecimenResult], text: str, command: str
         *(f"Not used: {one.name}: {one.reason}." for one in left),
         *(f"{LAW_NAMES[r.law]} law: {line}" for r in results for line in r.warnings),
     ]
-    return WebPage(
+    return web.WebPage(
         title=f"How stiff is the tissue of specimen {best.folder.id}?",
         subject=best.folder.title,
         origin=best.folder.origin,
@@ -72,20 +54,20 @@ def specimen_web_page(results: Sequence[SpecimenResult], text: str, command: str
         warnings=warnings,
         known=_known(results),
         chapters=[
-            Chapter("Recordings and model", _recordings(results)),
-            Chapter("What was tested", [Bullets(_tested(results))]),
-            Chapter("What could not be tested", [Bullets(_NOT_TESTED)]),
-            Chapter("What to do next", [Bullets(_next(best))]),
-            Chapter(
+            web.Chapter("Recordings and model", _recordings(results)),
+            web.Chapter("What was tested", [web.Bullets(_tested(results))]),
+            web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
+            web.Chapter("What to do next", [web.Bullets(_next(best))]),
+            web.Chapter(
                 "How it was done",
                 [
-                    Prose(" ".join(procedure(best).split())),
-                    Verbatim("Summary", specimen_summary(results)),
-                    Verbatim("report.txt", text),
+                    web.Prose(" ".join(procedure(best).split())),
+                    web.Verbatim("Summary", specimen_summary(results)),
+                    web.Verbatim("report.txt", text),
                 ],
             ),
         ],
-        repeat=Repeat(command, best.versions, {"seed": f"{best.seed}"}),
+        repeat=web.Repeat(command, best.versions, {"seed": f"{best.seed}"}),
         data=origin_text(best),
     )
 
@@ -99,18 +81,20 @@ def _fits(result: SpecimenResult) -> bool:
     return not result.p_value < LEAST_CHANCE
 
 
-def _headline(best: SpecimenResult) -> Headline:
+def _headline(best: SpecimenResult) -> web.Headline:
     law = LAW_NAMES[best.law]
     values = "; ".join(
-        f"{_words(name)} {value_text(found)} (95 % {interval_text(found)})"
+        f"{_words(name)} {estimates.value_text(found)} (95 % {estimates.interval_text(found)})"
         for name, found in best.parameters.items()
         if found.parameter.role == "identified"
     )
-    unsure = unknown_among(best.parameters)
-    tone: Tone = "wrong" if not _fits(best) else "caution" if unsure or best.left_out else "sound"
+    unsure = estimates.unknown_among(best.parameters)
+    tone: web.Tone = (
+        "wrong" if not _fits(best) else "caution" if unsure or best.left_out else "sound"
+    )
     fitted = len(best.fitted)
     describes = "describes" if _fits(best) else "does not describe"
-    return Headline(
+    return web.Headline(
         tone,
         f"The {law} law {describes} {_together(fitted)} within {best.rms_percent:.2g} % of the "
         f"greatest force{'' if _fits(best) else ', which is more than their errors'}.",
@@ -122,7 +106,7 @@ def _headline(best: SpecimenResult) -> Headline:
                 else f"Something that the law leaves out shows ({probability(best.p_value)}).",
             ),
             ("How stiff", f"{values}."),
-            ("How sure", how_sure(best.parameters)),
+            ("How sure", estimates.how_sure(best.parameters)),
             ("What to do", _next(best)[0]),
         ],
     )
@@ -134,12 +118,14 @@ def _together(count: int) -> str:
 
 def _words(name: str) -> str:
     """Return a parameter's full name in words: the specimen is one tissue."""
-    return f"{symbol_of(name)} of the tissue" if name.startswith("deep.") else words_of(name)
+    return (
+        f"{symbol_of(name)} of the tissue" if name.startswith("deep.") else estimates.words_of(name)
+    )
 
 
 def _next(best: SpecimenResult) -> list[str]:
     lines = []
-    unknown = unknown_among(best.parameters)
+    unknown = estimates.unknown_among(best.parameters)
     if not _fits(best):
         lines.append(
             "Try the other laws (--law yeoh, --law exponential); if none fits, use the numbers "
@@ -160,38 +146,38 @@ def _next(best: SpecimenResult) -> list[str]:
     return lines
 
 
-def _known(results: Sequence[SpecimenResult]) -> list[Known]:
+def _known(results: Sequence[SpecimenResult]) -> list[web.Known]:
     rows = [
-        estimated(f"{_words(name)}, {LAW_NAMES[r.law]} law", found, len(r.fitted))
+        estimates.estimated(f"{_words(name)}, {LAW_NAMES[r.law]} law", found, len(r.fitted))
         for r in results
         for name, found in r.parameters.items()
     ]
     free = {name for r in results for name in r.parameters}
     held = {n: v for r in results for n, v in r.assumed.items() if n not in free}
     rows += [
-        Known(_words(name), held_text(name, value), "assumed",
+        web.Known(_words(name), estimates.held_text(name, value), "assumed",
               "specimen.toml, the command, or the law's own")
         for name, value in held.items()
     ]  # fmt: skip
     first = results[0]
     rows.append(
-        Known("factor by which recordings differ", f"{100 * first.gain_sd:.2g} % (sd)",
+        web.Known("factor by which recordings differ", f"{100 * first.gain_sd:.2g} % (sd)",
               "estimated", "their forces; the intervals carry it")
     )  # fmt: skip
     rows += [
-        Known("sizes (mm)", f"{sizes}", "assumed", "specimen.toml")
+        web.Known("sizes (mm)", f"{sizes}", "assumed", "specimen.toml")
         for sizes in dict.fromkeys(one.sizes for one in first.folder.recordings)
     ]
     return rows
 
 
-def _recordings(results: Sequence[SpecimenResult]) -> list[Block]:
+def _recordings(results: Sequence[SpecimenResult]) -> list[web.Block]:
     first = _best(results)
     worst = sorted(first.recordings, key=lambda one: one.r_squared)[:_MOST_CURVES]
-    blocks: list[Block] = []
+    blocks: list[web.Block] = []
     if len(first.recordings) > _MOST_CURVES:
         blocks.append(
-            Prose(
+            web.Prose(
                 f"The {_MOST_CURVES} of {len(first.recordings)} recordings that fit least are "
                 "drawn; fit.png has all."
             )
@@ -250,7 +236,7 @@ def _tested(results: Sequence[SpecimenResult]) -> list[str]:
             f"The {LAW_NAMES[result.law]} law leaves {result.rms_percent:.2g} % (rms), chi-square "
             f"{result.chi_square:.4g} on {result.degrees_of_freedom} degrees of freedom "
             f"({probability(result.p_value)}).",
-            *why_identifiable(result.parameters, result.law),
+            *estimates.why_identifiable(result.parameters, result.law),
             *(f"{text}." for text in predictions(result)),
         )
     ]

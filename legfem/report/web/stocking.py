@@ -13,19 +13,8 @@ from legfem.report.stocking_pressure_text import highest_place
 from legfem.report.stocking_stiffness_text import verdict_sentence
 from legfem.report.stocking_text import ORIGINS
 from legfem.report.stocking_words import both_units, place_in_fat, share_of, vein_interval
+from legfem.report.web import page as web
 from legfem.report.web.bars import Bar, Bars
-from legfem.report.web.page import (
-    Block,
-    Bullets,
-    Chapter,
-    Headline,
-    Prose,
-    Repeat,
-    Tone,
-    Verbatim,
-    WebPage,
-    WebTable,
-)
 from legfem.report.web.stocking_leg import dressed_leg
 from legfem.report.web.stocking_numbers import known_of
 from legfem.report.words import short_probability
@@ -47,7 +36,7 @@ def stocking_web_page(
     moved: Mapping[str, FloatArray] | None,
     text: str,
     command: str = "",
-) -> WebPage:
+) -> web.WebPage:
     """Return the page of a leg in its stocking.
 
     Parameters
@@ -64,15 +53,15 @@ def stocking_web_page(
     leg, found = result.leg, result.pressures
     chapters = []
     if found is not None and moved is not None:
-        chapters.append(Chapter("The leg, bare and dressed", [dressed_leg(result, moved)]))
-        chapters.append(Chapter("Pressures on the skin and inside", _pressures(result)))
+        chapters.append(web.Chapter("The leg, bare and dressed", [dressed_leg(result, moved)]))
+        chapters.append(web.Chapter("Pressures on the skin and inside", _pressures(result)))
     chapters += [
-        Chapter("Where model and scan differ", _mismatch(result)),
-        Chapter("What could not be tested", [Bullets(_NOT_TESTED)]),
-        Chapter("What to do next", [Bullets(_next(result))]),
-        Chapter("The full report", [Verbatim("report.txt", text)]),
+        web.Chapter("Where model and scan differ", _mismatch(result)),
+        web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
+        web.Chapter("What to do next", [web.Bullets(_next(result))]),
+        web.Chapter("The full report", [web.Verbatim("report.txt", text)]),
     ]
-    return WebPage(
+    return web.WebPage(
         title=f"What does its compression stocking do to leg {leg.id}?",
         subject=leg.title,
         origin=leg.origin,
@@ -80,13 +69,13 @@ def stocking_web_page(
         warnings=[*doubt_lines(leg.doubts), *stocking_warnings(result)],
         known=known_of(result),
         chapters=chapters,
-        repeat=Repeat(command, versions()),
+        repeat=web.Repeat(command, versions()),
         data=ORIGINS[leg.origin],
     )
 
 
-def _headline(result: StockingResult) -> Headline:
-    return Headline(
+def _headline(result: StockingResult) -> web.Headline:
+    return web.Headline(
         _tone(result),
         _sentence(result),
         [
@@ -104,7 +93,7 @@ def _misses(result: StockingResult) -> bool:
     return best is not None and model_misses(best, result.leg.accuracy)
 
 
-def _tone(result: StockingResult) -> Tone:
+def _tone(result: StockingResult) -> web.Tone:
     verdict = None if result.mismatch is None else result.mismatch.verdict
     if result.pressures is None or verdict == "unexplained" or _misses(result):
         return "wrong"
@@ -204,7 +193,7 @@ def _next(result: StockingResult) -> list[str]:
     return lines
 
 
-def _pressures(result: StockingResult) -> list[Block]:
+def _pressures(result: StockingResult) -> list[web.Block]:
     found, leg = result.pressures, result.leg
     assert found is not None
     load = result.worn.load
@@ -238,14 +227,14 @@ def _pressures(result: StockingResult) -> list[Block]:
     ]  # fmt: skip
 
 
-def _mismatch(result: StockingResult) -> list[Block]:
+def _mismatch(result: StockingResult) -> list[web.Block]:
     found = result.mismatch
     if found is None:
-        return [Prose(_wrong(result))]
-    blocks: list[Block] = [Prose(mismatch_verdict(found))]
+        return [web.Prose(_wrong(result))]
+    blocks: list[web.Block] = [web.Prose(mismatch_verdict(found))]
     if found.places:
         blocks.append(
-            WebTable(
+            web.WebTable(
                 "Places that differ beyond the errors: the model outside the scan",
                 ["contour", "angle from +x to +y (°)", "heights z (mm)", "distance (mm)", "p"],
                 [
@@ -257,7 +246,7 @@ def _mismatch(result: StockingResult) -> list[Block]:
             )
         )  # fmt: skip
     blocks.append(
-        WebTable(
+        web.WebTable(
             "What was tried as a reason (p: family-wise, of a sign as strong by chance)",
             ["mechanism", "what it is", "chi-square", "p"],
             [

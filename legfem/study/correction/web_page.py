@@ -8,18 +8,8 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.correction.tabulated import DEFINITION
+from legfem.report.web import page as web
 from legfem.report.web.curves import Curves, Dash, Line
-from legfem.report.web.page import (
-    Block,
-    Bullets,
-    Chapter,
-    Headline,
-    Known,
-    Prose,
-    Repeat,
-    WebPage,
-    WebTable,
-)
 from legfem.study.correction import tables
 from legfem.study.correction.calibration import Calibrated, Calibration, versions
 
@@ -37,7 +27,7 @@ _NOT_TESTED = (
 
 def correction_web_page(
     given: Calibration, found: Calibrated, trends: Trend, command: str
-) -> WebPage:
+) -> web.WebPage:
     """Return the page of a calibration.
 
     Parameters
@@ -51,7 +41,7 @@ def correction_web_page(
     command
         That was given; empty where there was none.
     """
-    return WebPage(
+    return web.WebPage(
         title="How much do a cylinder's ends change the force on a leg?",
         subject=found.correction.name,
         origin="simulated",
@@ -59,13 +49,13 @@ def correction_web_page(
         warnings=_warnings(found),
         known=_known(given, found),
         chapters=[
-            Chapter("The correction", [_correction(given, found)]),
-            Chapter("What it depends on", _dependence(trends)),
-            Chapter("How sure", _sure(found)),
-            Chapter("What could not be tested", [Bullets(_NOT_TESTED)]),
-            Chapter("What to do next", [Bullets(_next())]),
+            web.Chapter("The correction", [_correction(given, found)]),
+            web.Chapter("What it depends on", _dependence(trends)),
+            web.Chapter("How sure", _sure(found)),
+            web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
+            web.Chapter("What to do next", [web.Bullets(_next())]),
         ],
-        repeat=Repeat(command, versions()),
+        repeat=web.Repeat(command, versions()),
         data="simulated data (an idealised leg; no leg was measured)",
     )
 
@@ -78,11 +68,11 @@ def _at_end(given: Calibration, found: Calibrated) -> tuple[float, float, float]
     return float(depth[0]), float(P[0]), float(correction.standard_deviation(depth)[0])
 
 
-def _headline(given: Calibration, found: Calibrated) -> Headline:
+def _headline(given: Calibration, found: Calibrated) -> web.Headline:
     depth, P, sd = _at_end(given, found)
     more = "more" if P < 0 else "less"
     length = given.reference.cylinder.length
-    return Headline(
+    return web.Headline(
         "caution" if _warnings(found) or 1.96 * sd > abs(P) else "sound",
         f"A cylinder of {length:g} mm bears {100 * abs(P):.0f} % {more} force than plane strain "
         f"says, {depth:g} mm deep.",
@@ -118,28 +108,29 @@ def _next() -> list[str]:
     ]
 
 
-def _known(given: Calibration, found: Calibrated) -> list[Known]:
+def _known(given: Calibration, found: Calibrated) -> list[web.Known]:
     leg, cylinder, material = (
         given.reference.leg, given.reference.cylinder, given.reference.material,
     )  # fmt: skip
     depth, P, sd = _at_end(given, found)
     option = "option, or legfem's usual"
     return [
-        Known(f"P at {depth:g} mm", f"{P:+.4f}", "computed", "both models of one leg",
+        web.Known(f"P at {depth:g} mm", f"{P:+.4f}", "computed", "both models of one leg",
               f"{P - 1.96 * sd:+.3f} to {P + 1.96 * sd:+.3f}"),
-        Known("leg", f"radius {leg.radius:g} mm, {leg.length:g} mm long, ends {leg.ends}",
+        web.Known("leg", f"radius {leg.radius:g} mm, {leg.length:g} mm long, ends {leg.ends}",
               "assumed", option),
-        Known("bone", f"radius {leg.bone_radius:g} mm, {leg.depth_to_bone:g} mm deep", "assumed",
+        web.Known("bone", f"radius {leg.bone_radius:g} mm, {leg.depth_to_bone:g} mm deep",
+              "assumed", option),
+        web.Known("cylinder", f"{2 * cylinder.radius:g} mm across, {cylinder.length:g} mm long, "
+              f"edges rounded by {cylinder.edge_radius:g} mm", "assumed", option),
+        web.Known("C10 of the deep tissue, reference", f"{material.C10_kPa:g} kPa", "assumed",
               option),
-        Known("cylinder", f"{2 * cylinder.radius:g} mm across, {cylinder.length:g} mm long, edges "
-              f"rounded by {cylinder.edge_radius:g} mm", "assumed", option),
-        Known("C10 of the deep tissue, reference", f"{material.C10_kPa:g} kPa", "assumed", option),
-        Known("C10 of fat and fascia",
+        web.Known("C10 of fat and fascia",
               f"{material.superficial_C10_kPa:g} and {material.fascia_C10_kPa:g} kPa", "assumed",
               "the paper"),
-        Known("error of the leg's length", f"{100 * given.spread:g} %", "prior",
+        web.Known("error of the leg's length", f"{100 * given.spread:g} %", "prior",
               "legfem's usual"),
-        Known("error of the balance of forces", f"{found.reference.balance:.1e} of the force",
+        web.Known("error of the balance of forces", f"{found.reference.balance:.1e} of the force",
               "computed", "the 3D model"),
     ]  # fmt: skip
 
@@ -162,7 +153,7 @@ def _correction(given: Calibration, found: Calibrated) -> Curves:
     )  # fmt: skip
 
 
-def _dependence(trends: Trend) -> list[Block]:
+def _dependence(trends: Trend) -> list[web.Block]:
     return [
         Curves(
             f"trend{number}",
@@ -177,12 +168,12 @@ def _dependence(trends: Trend) -> list[Block]:
     ]  # fmt: skip
 
 
-def _sure(found: Calibrated) -> list[Block]:
+def _sure(found: Calibrated) -> list[web.Block]:
     return [
-        Prose(
+        web.Prose(
             "Errors of P are modes over the displacement: of the mesh by Richardson's estimate, "
             "of a leg shorter or longer, and of the first contact."
         ),
-        WebTable("Forces, P and its errors by depth", *tables.correction_cells(found)),
-        WebTable("P on three meshes, and in the limit", *tables.meshes_cells(found)),
+        web.WebTable("Forces, P and its errors by depth", *tables.correction_cells(found)),
+        web.WebTable("P on three meshes, and in the limit", *tables.meshes_cells(found)),
     ]

@@ -6,20 +6,9 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.report.style import DATA_COLOUR, FAINT
+from legfem.report.web import page as web
 from legfem.report.web.bars import Bar, Bars
 from legfem.report.web.curves import Curves, Line
-from legfem.report.web.page import (
-    Block,
-    Bullets,
-    Chapter,
-    Headline,
-    Known,
-    Prose,
-    Repeat,
-    Verbatim,
-    WebPage,
-    WebTable,
-)
 from legfem.report.web.response import ResponseSurface, SurfaceFactor, SurfaceMetric
 from legfem.study.doe import tables
 from legfem.study.doe.advice import in_words, largest_share, not_seen, shares, to_know, to_measure
@@ -39,7 +28,7 @@ _NO_METRIC = "No metric could be analysed."
 _POINTS = 121
 
 
-def study_web_page(result: StudyResult, text: str, seed: int, command: str) -> WebPage:
+def study_web_page(result: StudyResult, text: str, seed: int, command: str) -> web.WebPage:
     """Return the page of one study.
 
     Parameters
@@ -54,16 +43,16 @@ def study_web_page(result: StudyResult, text: str, seed: int, command: str) -> W
         That does it again.
     """
     chapters = [
-        Chapter("What each factor makes", _effects(result)),
-        Chapter("The forces behind it", [_curves(result)]),
-        Chapter("The response surface", _surface(result)),
-        Chapter("Analysis of variance", _variance(result)),
-        Chapter("What to measure", [Bullets(to_measure(result)), *_information(result)]),
-        Chapter("What was tested", _claims(result)),
-        Chapter("What could not be tested", [Bullets(_NOT_TESTED)]),
-        Chapter("The full report", [Verbatim("report.md", text)]),
+        web.Chapter("What each factor makes", _effects(result)),
+        web.Chapter("The forces behind it", [_curves(result)]),
+        web.Chapter("The response surface", _surface(result)),
+        web.Chapter("Analysis of variance", _variance(result)),
+        web.Chapter("What to measure", [web.Bullets(to_measure(result)), *_information(result)]),
+        web.Chapter("What was tested", _claims(result)),
+        web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
+        web.Chapter("The full report", [web.Verbatim("report.md", text)]),
     ]
-    return WebPage(
+    return web.WebPage(
         title=f"What does a compression test of this leg show? {result.definition.title}",
         subject=f"{result.subject.title}, section of subject {result.subject.id}",
         origin="simulated",
@@ -71,14 +60,14 @@ def study_web_page(result: StudyResult, text: str, seed: int, command: str) -> W
         warnings=_warnings(result),
         known=_known(result),
         chapters=chapters,
-        repeat=Repeat(command, versions(), {"seed": f"{seed}"}),
+        repeat=web.Repeat(command, versions(), {"seed": f"{seed}"}),
         data=f"simulated data (forces of a model; section of the leg: {result.subject.origin})",
     )
 
 
-def _headline(result: StudyResult) -> Headline:
+def _headline(result: StudyResult) -> web.Headline:
     if not result.analyses:
-        return Headline(
+        return web.Headline(
             "wrong",
             "No metric could be analysed: too few simulations reached their depth.",
             [("What to do", "Look at the warnings, narrow the ranges, and run it again.")],
@@ -87,7 +76,7 @@ def _headline(result: StudyResult) -> Headline:
     factor, share, metric = largest_share(result)
     fits = [a.anova.predicted_r_squared for a in result.analyses]
     unseen = not_seen(result)
-    return Headline(
+    return web.Headline(
         "caution" if _warnings(result) else "sound",
         f"A press {result.definition.depth:g} mm deep shows {in_words(factor)} most: it makes "
         f"{100 * share:.0f} % of how the {metric.label} varies over the ranges.",
@@ -124,31 +113,33 @@ def _warnings(result: StudyResult) -> list[str]:
     return [*lines, note] if note else lines
 
 
-def _known(result: StudyResult) -> list[Known]:
+def _known(result: StudyResult) -> list[web.Known]:
     source = result.definition.source.name
     rows = [
-        Known(f.label, f"{f.low:g} to {f.high:g} {f.unit_text}", "assumed", source,
+        web.Known(f.label, f"{f.low:g} to {f.high:g} {f.unit_text}", "assumed", source,
               remark=f"range of the design, {f.coding}")
         for f in result.definition.factors
     ]  # fmt: skip
-    rows.append(Known("depth of the press", f"{result.definition.depth:g} mm", "assumed", source))
+    rows.append(
+        web.Known("depth of the press", f"{result.definition.depth:g} mm", "assumed", source)
+    )
     found = result.information
     if found is not None:
         instrument = result.subject.instrument
         rows += [
-            Known("error of a force reading", f"{instrument.force_sd:.3g} N (sd)", "prior",
+            web.Known("error of a force reading", f"{instrument.force_sd:.3g} N (sd)", "prior",
                   "subject.toml, or usual"),
-            Known("error of a displacement reading", f"{instrument.displacement_sd:.3g} mm (sd)",
-                  "prior", "subject.toml, or usual"),
+            web.Known("error of a displacement reading",
+                  f"{instrument.displacement_sd:.3g} mm (sd)", "prior", "subject.toml, or usual"),
         ]  # fmt: skip
     return rows
 
 
-def _effects(result: StudyResult) -> list[Block]:
+def _effects(result: StudyResult) -> list[web.Block]:
     if not result.analyses:
-        return [Prose(_NO_METRIC)]
-    blocks: list[Block] = [
-        Prose(
+        return [web.Prose(_NO_METRIC)]
+    blocks: list[web.Block] = [
+        web.Prose(
             "Shares of how a metric varies when every factor goes from its low to its high value: "
             "squares of the coefficients over their sum. Slopes say how hard the leg is to press "
             "in a window of depth, curvatures how fast that grows."
@@ -164,7 +155,7 @@ def _effects(result: StudyResult) -> list[Block]:
     return [
         *blocks,
         Bars(f"Shares of the {deepest}", ("factor", "share"), bars, greatest=100.0),
-        WebTable("Shares of every metric", ["factor", *(name for name, _, _ in every)], rows),
+        web.WebTable("Shares of every metric", ["factor", *(name for name, _, _ in every)], rows),
     ]
 
 
@@ -207,9 +198,9 @@ def _on(grid: FloatArray, at: FloatArray, values: FloatArray) -> FloatArray:
     return np.interp(grid, at, values, right=np.nan)
 
 
-def _surface(result: StudyResult) -> list[Block]:
+def _surface(result: StudyResult) -> list[web.Block]:
     if not result.analyses:
-        return [Prose(_NO_METRIC)]
+        return [web.Prose(_NO_METRIC)]
     factors = result.definition.factors
     numbers = {f.symbol: k for k, f in enumerate(factors)}
     main, _ = shares(result.analyses[-1])
@@ -254,33 +245,37 @@ def _coefficient(analysis: MetricAnalysis, number: int) -> str:
     return f"{test.value:+.2e} (t {test.t:+.1f}){'*' if test.significant else ''}"
 
 
-def _variance(result: StudyResult) -> list[Block]:
+def _variance(result: StudyResult) -> list[web.Block]:
     return [
-        Prose(
+        web.Prose(
             "Sums of squares in (N/mm²)² for slopes and (N/mm³)² for curvatures. R² predicted is "
             "that of runs which the surface hasn't seen. The runs have no noise: what is taken for "
             "error is the surface's lack of fit."
         ),
-        WebTable("Sums of squares and what they say, a row a metric", *tables.anova_cells(result)),
-        WebTable(
+        web.WebTable(
+            "Sums of squares and what they say, a row a metric", *tables.anova_cells(result)
+        ),
+        web.WebTable(
             "Effects without an error estimate (Lenth), curvature at the centre, normality",
             *tables.effects_cells(result), folded=True,
         ),
     ]  # fmt: skip
 
 
-def _information(result: StudyResult) -> list[Block]:
+def _information(result: StudyResult) -> list[web.Block]:
     cells = tables.information_cells(result)
     if cells is None:
         return []
     return [
-        WebTable("95 % half-widths of the parameters by depth, the least that a test can have",
+        web.WebTable("95 % half-widths of the parameters by depth, the least that a test can have",
                  *cells)
     ]  # fmt: skip
 
 
-def _claims(result: StudyResult) -> list[Block]:
+def _claims(result: StudyResult) -> list[web.Block]:
     rows = [
         [v.claim, v.verdict, "; ".join(f.evidence for f in v.findings)] for v in verdicts([result])
     ]
-    return [WebTable("The paper's claims, put to this study", ["claim", "verdict", "why"], rows)]
+    return [
+        web.WebTable("The paper's claims, put to this study", ["claim", "verdict", "why"], rows)
+    ]
