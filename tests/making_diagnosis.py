@@ -21,10 +21,13 @@ from legfem.diagnose.nuisances import Nuisances
 from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.predict import Predictor
 from legfem.diagnose.stations import Stations
+from legfem.diagnose.variants import Variants
+from legfem.experiments.plane_strain import PlaneStrainSettings, tissues_of
 from legfem.inference.errors import error_model
 from legfem.inference.trial_noise import Noise
 from legfem.recording import Instrument, Recording
 from legfem.solve.protocol import Protocol
+from legfem.subjects.subject import SUBJECTS, load_subject
 
 INSTRUMENT = Instrument(force_sd=0.03, displacement_sd=0.01)
 NOISE = Noise(0.02, 0.02, 12.0, 0.02, 0.008, "made")
@@ -215,3 +218,10 @@ def mechanisms_in(effects: Mapping[str, float]) -> tuple[Mechanism, ...]:
     """Return the mechanisms that parameters are of."""
     names = dict.fromkeys(name.split(".")[0] for name in effects if not name.startswith("trial"))
     return tuple(mechanism_named(name) for name in names)
+
+
+def coarse_leg() -> Variants:
+    """Return subject 3's leg on a mesh coarse enough for tests."""
+    subject = load_subject(SUBJECTS.find("3"), need_recordings=False)
+    settings = PlaneStrainSettings(mesh=PlaneStrainSettings().mesh.refined(0.4))
+    return Variants(subject.section, subject.indenter, tissues_of(subject), settings)

@@ -12,7 +12,7 @@ import pytest
 from legfem.common.errors import InputError
 from legfem.subjects.subject import load_subject
 from studies.concealed.cases import SealedCase, make_cases
-from studies.concealed.forms import FORMS, ON_COURSE, OUTSIDE, OUTSIDE_ON_COURSE, Pressed
+from studies.concealed.forms import FORMS, NAMED, ON_COURSE, OUTSIDE, OUTSIDE_ON_COURSE, Pressed
 from studies.concealed.other_code import OtherCase, OtherCode
 from studies.concealed.other_tissue import DeepTissue
 from studies.concealed.page import cases_page, figure, page, scored_document
@@ -33,12 +33,14 @@ def test_cases_hold_all_kinds_and_mechanisms_and_thirty_are_another_codes():
     cases = [case for case in everything if case.twin_of is None]
     assert len(cases) == 150
     assert {case.kind for case in cases} == {"none", "single", "pair", "outside"}
-    assert {name for case in cases for name in case.names} == set(FORMS)
+    assert {name for case in cases for name, _ in case.effects} == set(FORMS)
+    assert {name for case in cases for name in case.names} == {*FORMS, *NAMED.values()}
+    assert all(case.judged == "single" for case in cases if "uneven-muscle" in case.names)
     assert {name for case in cases for name, _ in case.outside} == set(OUTSIDE)
     assert sum(case.code == "felupe" for case in cases) >= 30
     assert {case.leg for case in cases} == set(range(6))
     for case in cases:
-        if any(FORMS[name].needs_time for name in case.names):
+        if any(FORMS[name].needs_time for name, _ in case.effects):
             assert case.protocol == "holds"
 
 

@@ -7,21 +7,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from making_diagnosis import observations, ramps
+from making_diagnosis import coarse_leg, observations, ramps
 
 from legfem.common.progress import Silent
 from legfem.diagnose.library_build import CHANGES_AT, build_library, rounded
 from legfem.diagnose.mechanisms import Solution, mechanism_named
 from legfem.diagnose.solved import PLAIN, SolvedResponses
-from legfem.diagnose.variants import Variants
-from legfem.experiments.plane_strain import (
-    PlaneStrainIndentation,
-    PlaneStrainSettings,
-    tissues_of,
-)
+from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.inference.constants import NUMERICAL_ERROR
 from legfem.mechanics.terms.dermis import Dermis
-from legfem.subjects.subject import SUBJECTS, load_subject
 
 DEPTH, STIFFNESS = 6.0, 0.08
 SOFT = (0.8, 0.9)
@@ -32,9 +26,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def variants():
-    subject = load_subject(SUBJECTS.find("3"), need_recordings=False)
-    coarse = PlaneStrainSettings(mesh=PlaneStrainSettings().mesh.refined(0.4))
-    return Variants(subject.section, subject.indenter, tissues_of(subject), coarse)
+    return coarse_leg()
 
 
 @pytest.fixture(scope="module")

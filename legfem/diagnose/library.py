@@ -21,7 +21,6 @@ from legfem.diagnose.mechanisms import Stiffness, TissueMechanism, Values
 from legfem.diagnose.mechanisms.base import null_of, prior_of
 from legfem.diagnose.mechanisms.contact_slip import ContactSlip
 from legfem.diagnose.mechanisms.end_effects import EndEffects
-from legfem.diagnose.mechanisms.viscoelasticity import Viscoelasticity
 from legfem.diagnose.nuisances import Nuisances
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import end_effect
@@ -56,8 +55,9 @@ class Library:
     grid: FloatArray
     elastic: Emulator
     changes: Mapping[tuple[str, str], Table]
-    """Along a path: relative changes by mechanism and protocol, (strengths or branches, stations);
-    else logarithms of the forces' ratio by mechanism, (strengths, grid)."""
+    """Along a path, or by derivatives: relative changes by mechanism and protocol, (strengths or
+    derivatives, stations or grid); else logarithms of the forces' ratio by mechanism, (strengths,
+    grid)."""
     nuisances: Nuisances
     middle: float
     """C10, kPa."""
@@ -89,12 +89,14 @@ class Library:
             table = self.changes[mechanism.name, ""](at[0])
             if isinstance(mechanism, ContactSlip):
                 change = values["slip"] * np.expm1(table[0])
+            elif mechanism.derivatives:
+                change = mechanism.shares(values) @ table
             else:
                 change = np.expm1(_at_strength(mechanism, values, table))
             pressed = np.maximum(observed.displacement, self.grid[0])
             return np.asarray(CubicSpline(self.grid, change)(pressed))
         rows = [self.changes[mechanism.name, s.key](at[0]) for s in observed.protocols]
-        if isinstance(mechanism, Viscoelasticity):
+        if mechanism.derivatives:
             return observed.spread([mechanism.shares(values) @ row for row in rows])
         return observed.spread([_at_strength(mechanism, values, row) for row in rows])
 

@@ -15,7 +15,6 @@ from legfem.diagnose.library import Library, Table, coordinates
 from legfem.diagnose.mechanisms import Mechanism, Stiffness, TissueMechanism, mechanisms
 from legfem.diagnose.mechanisms.base import null_of
 from legfem.diagnose.mechanisms.end_effects import EndEffects
-from legfem.diagnose.mechanisms.viscoelasticity import Viscoelasticity
 from legfem.diagnose.nuisances import MATERIAL_LOG_SD, Displaced, Nuisances, displaced_geometries
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses
@@ -115,9 +114,8 @@ def _solved(
     mechanism = task.mechanism
     if mechanism is None:
         return solved.elastic(task.point)
-    if isinstance(mechanism, Viscoelasticity):
-        assert task.stations is not None
-        return {"change": coarse.relaxation(mechanism, task.stations, task.point)}
+    if mechanism.derivatives:
+        return {"change": coarse.by_derivatives(mechanism, task.stations, task.point)}
     values = {p.name: null_of(p) for p in mechanism.parameters}
     solution = mechanism.solution({**values, mechanism.parameters[0].name: task.strength})
     if task.stations is None:
@@ -228,8 +226,8 @@ def _tasks(
         _Task(at, m, strength)
         for m in tissue
         if not m.along_path
-        for at in where
-        for strength in m.strengths
+        for at in (where if m.strengths else [centre])
+        for strength in (m.strengths or (0.0,))
     ]
     return tasks
 
@@ -297,4 +295,5 @@ def _table(
         return None
     values = np.array([np.vstack(changes) for changes in whole.values()])
     logs = np.log(list(whole))
-    return Table(logs, values if mechanism.along_path else np.log1p(values))
+    ratios = mechanism.strengths and not mechanism.along_path
+    return Table(logs, np.log1p(values) if ratios else values)

@@ -18,9 +18,9 @@ from scipy.interpolate import CubicSpline
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.mechanisms import Solution, Stiffness, TissueMechanism, Values
+from legfem.diagnose.mechanisms.base import null_of
 from legfem.diagnose.mechanisms.contact_slip import ContactSlip
 from legfem.diagnose.mechanisms.end_effects import EndEffects
-from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S, Viscoelasticity
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.stations import Stations
 from legfem.diagnose.variants import Stopped, Variants
@@ -167,17 +167,20 @@ class SolvedResponses:
         changed = self._solve(asked)["force"]
         return changed / np.maximum(before, _SMALLEST_FORCE_N) - 1.0
 
-    def relaxation(
-        self, mechanism: Viscoelasticity, stations: Stations, stiffness: Stiffness
+    def by_derivatives(
+        self, mechanism: TissueMechanism, stations: Stations | None, stiffness: Stiffness
     ) -> FloatArray:
-        """Return the relative change per unit ratio of every branch; (branches, stations)."""
-        branches = mechanism.branches()
-        times = dict(zip((f"{n}.relaxation_time" for n in branches), TIMES_S, strict=True))
-        ratios = tuple(f"{name}.ratio" for name in branches)
-        solution = Solution(mechanism.variant, times)
-        columns = self._solve(Asked(stations.protocol, stations.time, stiffness, solution, ratios))
+        """Return the relative change by each of a mechanism's derivatives at its null.
+
+        (k, stations); (k, grid) of a mechanism that doesn't follow a path.
+        """
+        solution = mechanism.solution({p.name: null_of(p) for p in mechanism.parameters})
+        asked = self._at_grid(stiffness, solution)
+        if stations is not None:
+            asked = Asked(stations.protocol, stations.time, stiffness, solution)
+        columns = self._solve(replace(asked, derivatives=mechanism.derivatives))
         force = np.maximum(columns["force"], _SMALLEST_FORCE_N)
-        return np.array([columns[name] / force for name in ratios])
+        return np.array([columns[name] / force for name in mechanism.derivatives])
 
     def sensitivities(self, names: Sequence[str], stiffness: Stiffness) -> Columns:
         """Return the elastic force's relative changes at the grid by those of parameters."""

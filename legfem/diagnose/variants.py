@@ -127,7 +127,7 @@ class Variants:
         return settings
 
     def _terms(self, variant: str) -> list[Any]:
-        return [term for m in _of_variant(variant) for term in m.terms(self.section, self.tissues)]
+        return [term for m in _of_variant(variant) for term in m.terms(self)]
 
 
 def _of_variant(variant: str) -> list[TissueMechanism]:

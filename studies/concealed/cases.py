@@ -10,7 +10,7 @@ import numpy as np
 
 from legfem.diagnose.predict import LawName
 from legfem.solve.protocol import Protocol
-from studies.concealed.forms import FORMS, OUTSIDE, drawn_values
+from studies.concealed.forms import FORMS, NAMED, OUTSIDE, drawn_values
 
 DEPTH_MM, SLOW, FAST, HOLD_S, TRIALS = 20.0, 0.4, 1.0, 60.0, 3
 SUBJECTS_OF_LEGS: tuple[tuple[str, LawName], ...] = (
@@ -78,8 +78,14 @@ class SealedCase:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of its mechanisms."""
-        return tuple(name for name, _ in self.effects)
+        """Of the mechanisms that are the truth."""
+        outside = tuple(NAMED[name] for name, _ in self.outside if name in NAMED)
+        return tuple(name for name, _ in self.effects) + outside
+
+    @property
+    def judged(self) -> Kind:
+        """What its diagnosis is judged as: an outside effect that has a mechanism is a single."""
+        return "single" if self.kind == "outside" and self.names else self.kind
 
     @property
     def protocol_of_trials(self) -> Protocol:

@@ -88,6 +88,8 @@ OUTSIDE: Mapping[str, str] = {
     "clipping": "an amplifier that saturates",
     "leg-shift": "the leg moves away and comes back",
 }
+NAMED: Mapping[str, str] = {"lump": "uneven-muscle"}
+"""Of these, the mechanism that the library has for it, in another form."""
 
 
 def drawn_values(

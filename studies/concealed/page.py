@@ -122,7 +122,7 @@ def figure(everything: Sequence[Scored], summary: Summary) -> Figure:
     left.set(xlim=(0, 1), ylim=(0, 1.02), xlabel="probability of the first explanation",
              ylabel="share that is right")  # fmt: skip
     panel(left, "a", "are probabilities true?")
-    inside = [s for s in everything if s.case.kind in ("single", "pair")]
+    inside = [s for s in everything if s.case.judged in ("single", "pair")]
     for level, (label, colour, holds) in enumerate(
         (
             ("named first", "#0072B2", [s.first for s in inside]),
@@ -146,15 +146,14 @@ def truth_of(s: Scored) -> str:
     """Return what a case conceals, in words."""
     if s.case.kind == "none":
         return "nothing"
-    if s.case.kind == "outside":
+    if s.case.judged == "outside":
         return "outside: " + " + ".join(name for name, _ in s.case.outside)
     return " + ".join(s.case.names)
 
 
 def _form(s: Scored) -> str:
-    if s.case.kind == "outside":
-        return "; ".join(OUTSIDE[name] for name, _ in s.case.outside)
-    return "; ".join(FORMS[name].statement for name in s.case.names) or "-"
+    forms = [FORMS[name].statement for name, _ in s.case.effects]
+    return "; ".join([*forms, *(OUTSIDE[name] for name, _ in s.case.outside)]) or "-"
 
 
 def _called(s: Scored) -> str:

@@ -82,7 +82,7 @@ class Scored:
 
     def is_truth(self, one: Explained) -> bool:
         """Tell whether an explanation is what was concealed."""
-        if self.case.kind == "outside":
+        if self.case.judged == "outside":
             return one.unknown
         return not one.unknown and set(one.names) == set(self.case.names)
 
@@ -94,7 +94,7 @@ class Scored:
         """
         if self.case.kind == "none":
             return self.verdict == "consistent"
-        if self.case.kind == "outside":
+        if self.case.judged == "outside":
             return self.verdict == "unexplained"
         return bool(self.models) and set(self.models[0]) == set(self.case.names)
 
@@ -197,10 +197,10 @@ def summarise(everything: Sequence[Scored]) -> Summary:
     scored = [s for s in everything if s.case.twin_of is None]
     known = {s.case.number: s for s in scored}
     twins = [(s, known[s.case.twin_of]) for s in everything if s.case.twin_of in known]
-    inside = [s for s in scored if s.case.kind in ("single", "pair")]
+    inside = [s for s in scored if s.case.judged in ("single", "pair")]
     seen = [s for s in inside if s.visible]
     none = [s for s in scored if s.case.kind == "none"]
-    outside = [s for s in scored if s.case.kind == "outside" and s.visible]
+    outside = [s for s in scored if s.case.judged == "outside" and s.visible]
     hit, wrong, missed = np.sum([s.located for s in [*seen, *outside]] or [(0, 0, 0)], axis=0)
     return Summary(
         _rate(seen, lambda s: s.first),

@@ -18,8 +18,7 @@ from legfem.diagnose.observations import Observations
 from legfem.inference.parameter import Parameter, Prior
 
 if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import Tissues
-    from legfem.geometry.section import LegSection
+    from legfem.diagnose.variants import Variants
     from legfem.mechanics.contact_settings import TangentialName
     from legfem.mechanics.model import Formulation
 
@@ -140,7 +139,20 @@ class TissueMechanism(Mechanism):
     strengths: ClassVar[tuple[float, ...]] = ()
     """Where the response is tabulated, beside the null."""
 
-    def terms(self, section: LegSection, tissues: Tissues) -> Sequence[Any]:
+    @property
+    def derivatives(self) -> tuple[str, ...]:
+        """Parameters of its model by which the response is tabulated, in place of strengths.
+
+        They are zero at the mechanism's null, and the response is their derivatives there, times
+        `shares`.
+        """
+        return ()
+
+    def shares(self, values: Values) -> FloatArray:
+        """Return what each of the derivatives is multiplied by (k,)."""
+        raise NotImplementedError(f"{self.name} isn't tabulated by derivatives")
+
+    def terms(self, leg: Variants) -> Sequence[Any]:
         """Return the terms that it adds to the leg's model, at their nulls."""
         return ()
 

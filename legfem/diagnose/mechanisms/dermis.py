@@ -10,8 +10,7 @@ from legfem.diagnose.mechanisms.base import Solution, TissueMechanism, Values, s
 from legfem.inference.parameter import Parameter
 
 if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import Tissues
-    from legfem.geometry.section import LegSection
+    from legfem.diagnose.variants import Variants
 
 
 @dataclass(frozen=True)
@@ -36,7 +35,7 @@ class Dermis(TissueMechanism):
     )
     strengths: ClassVar[tuple[float, ...]] = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)
 
-    def terms(self, section: LegSection, tissues: Tissues) -> Sequence[Any]:
+    def terms(self, leg: Variants) -> Sequence[Any]:
         """Return the membrane."""
         from legfem.mechanics.terms.dermis import Dermis as Membrane
 

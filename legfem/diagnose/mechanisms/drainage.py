@@ -12,8 +12,7 @@ from legfem.diagnose.observations import Observations
 from legfem.inference.parameter import Parameter
 
 if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import Tissues
-    from legfem.geometry.section import LegSection
+    from legfem.diagnose.variants import Variants
     from legfem.mechanics.model import Formulation
 
 
@@ -39,11 +38,11 @@ class PoroelasticDrainage(TissueMechanism):
         """Return whether there are a hold, an unloading or two rates."""
         return needs_time(observed)
 
-    def terms(self, section: LegSection, tissues: Tissues) -> Sequence[Any]:
+    def terms(self, leg: Variants) -> Sequence[Any]:
         """Return the flow."""
         from legfem.mechanics.terms import Drainage
 
-        return [Drainage("deep", tissues.deep)]
+        return [Drainage("deep", leg.tissues.deep)]
 
     def solution(self, values: Values) -> Solution:
         """Return the porous model."""

@@ -11,8 +11,7 @@ from legfem.diagnose.mechanisms.base import Solution, TissueMechanism, Values, s
 from legfem.inference.parameter import Parameter
 
 if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import Tissues
-    from legfem.geometry.section import LegSection
+    from legfem.diagnose.variants import Variants
 
 
 @dataclass(frozen=True)
@@ -27,12 +26,12 @@ class FatStiffening(TissueMechanism):
     next_experiment: ClassVar[str] = "image the fat's thickness under load, at several depths"
     strengths: ClassVar[tuple[float, ...]] = (1.0, 6.0, 25.0)
 
-    def terms(self, section: LegSection, tissues: Tissues) -> Sequence[Any]:
+    def terms(self, leg: Variants) -> Sequence[Any]:
         """Return the fat with more coefficients of its energy."""
         from legfem.mechanics.materials import Yeoh
         from legfem.mechanics.terms import Tissue
 
-        return [Tissue("superficial", Yeoh.of(tissues.superficial))]
+        return [Tissue("superficial", Yeoh.of(leg.tissues.superficial))]
 
     def solution(self, values: Values) -> Solution:
         """Return the law with its third coefficient."""

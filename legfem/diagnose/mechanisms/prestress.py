@@ -11,8 +11,7 @@ from legfem.diagnose.mechanisms.base import Solution, TissueMechanism, Values, s
 from legfem.inference.parameter import Parameter
 
 if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import Tissues
-    from legfem.geometry.section import LegSection
+    from legfem.diagnose.variants import Variants
 
 
 @dataclass(frozen=True)
@@ -29,11 +28,11 @@ class Prestress(TissueMechanism):
     )
     strengths: ClassVar[tuple[float, ...]] = (20.0, 100.0, 300.0)
 
-    def terms(self, section: LegSection, tissues: Tissues) -> Sequence[Any]:
+    def terms(self, leg: Variants) -> Sequence[Any]:
         """Return the fascia's tension."""
         from legfem.mechanics.terms import Prestress as Tension
 
-        return [Tension(section.fascia)]
+        return [Tension(leg.section.fascia)]
 
     def solution(self, values: Values) -> Solution:
         """Return the model with the tension."""

@@ -11,8 +11,7 @@ from legfem.diagnose.mechanisms.base import Solution, TissueMechanism, Values, s
 from legfem.inference.parameter import Parameter
 
 if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import Tissues
-    from legfem.geometry.section import LegSection
+    from legfem.diagnose.variants import Variants
 
 
 @dataclass(frozen=True)
@@ -29,12 +28,12 @@ class StrainStiffening(TissueMechanism):
     next_experiment: ClassVar[str] = "press deeper, or with a smaller indenter: larger strains"
     strengths: ClassVar[tuple[float, ...]] = (0.3, 1.2, 4.0)
 
-    def terms(self, section: LegSection, tissues: Tissues) -> Sequence[Any]:
+    def terms(self, leg: Variants) -> Sequence[Any]:
         """Return the tissue with a third coefficient of its energy."""
         from legfem.mechanics.materials import Yeoh
         from legfem.mechanics.terms import Tissue
 
-        return [Tissue("deep", Yeoh.of(tissues.deep))]
+        return [Tissue("deep", Yeoh.of(leg.tissues.deep))]
 
     def solution(self, values: Values) -> Solution:
         """Return the law with its third coefficient."""

@@ -17,8 +17,7 @@ from legfem.inference.parameter import Parameter, Prior
 from legfem.recording.phases import HOLD, UNLOADING
 
 if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import Tissues
-    from legfem.geometry.section import LegSection
+    from legfem.diagnose.variants import Variants
 
 TIMES_S = (0.1, 0.35, 1.2, 4.2, 14.0, 48.0, 170.0)
 """Relaxation times of the model's branches: a continuous spectrum is spread over them."""
@@ -97,26 +96,30 @@ class Viscoelasticity(TissueMechanism):
             for spread in (0.4, 2.0)
         )
 
-    def terms(self, section: LegSection, tissues: Tissues) -> Sequence[Any]:
+    def terms(self, leg: Variants) -> Sequence[Any]:
         """Return the branches."""
         from legfem.mechanics.terms import Viscoelasticity as Branch
 
-        law = getattr(tissues, self.region)
+        law = getattr(leg.tissues, self.region)
         return [Branch(self.region, law, branch=str(k + 1)) for k in range(len(TIMES_S))]
+
+    @property
+    def derivatives(self) -> tuple[str, ...]:
+        """Ratios of the model's branches: as they are small or great, the response is linear."""
+        return tuple(f"{name}.ratio" for name in self._branches())
 
     def shares(self, values: Values) -> FloatArray:
         """Return every branch's ratio."""
         each = spectrum(values["relaxation_time"], values["spread"])
         return values["ratio"] * np.array(each)
 
-    def branches(self) -> list[str]:
-        """Return the names of the model's branches."""
+    def _branches(self) -> list[str]:
         return [f"{self.region}.viscoelasticity{k + 1}" for k in range(len(TIMES_S))]
 
     def solution(self, values: Values) -> Solution:
         """Return the model with its branches."""
         given = {}
-        for name, time, ratio in zip(self.branches(), TIMES_S, self.shares(values), strict=True):
+        for name, time, ratio in zip(self._branches(), TIMES_S, self.shares(values), strict=True):
             given[f"{name}.ratio"] = float(ratio)
             given[f"{name}.relaxation_time"] = time
         return Solution(self.variant, given)

@@ -16,6 +16,7 @@ from legfem.mechanics.terms.skin_pressure import SkinPressure
 from legfem.mechanics.terms.stiffness_gradient import StiffnessGradient
 from legfem.mechanics.terms.tangential_contact import TangentialContact
 from legfem.mechanics.terms.tissue import Tissue
+from legfem.mechanics.terms.uneven_stiffness import UnevenStiffness
 from legfem.mechanics.terms.viscoelasticity import Viscoelasticity
 from legfem.mechanics.terms.volume_loss import VolumeLoss
 
@@ -31,6 +32,7 @@ __all__ = [
     "StiffnessGradient",
     "TangentialContact",
     "Tissue",
+    "UnevenStiffness",
     "Viscoelasticity",
     "VolumeLoss",
 ]

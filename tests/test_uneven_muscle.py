@@ -1,0 +1,104 @@
+"""A muscle that isn't alike everywhere: against a uniform one, its derivatives, its table."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from making_diagnosis import coarse_leg, observations, ramps
+
+from legfem.common.progress import Silent
+from legfem.diagnose.library_build import build_library, rounded
+from legfem.diagnose.mechanisms import Solution, mechanism_named
+from legfem.diagnose.solved import PLAIN, SolvedResponses
+from legfem.experiments.plane_strain import PlaneStrainIndentation
+from legfem.mechanics.terms.uneven_stiffness import UnevenStiffness
+
+DEPTH = 6.0
+MUSCLE = (0.8, 0.9)
+"""C10 and C20, kPa."""
+EVERYWHERE_MM = 1e5
+EXCESS = "deep.uneven_stiffness.excess1"
+
+
+@pytest.fixture(scope="module")
+def variants():
+    return coarse_leg()
+
+
+@pytest.fixture(scope="module")
+def solved(variants, tmp_path_factory):
+    return SolvedResponses(variants, DEPTH, tmp_path_factory.mktemp("uneven"), {"test": 1})
+
+
+@pytest.fixture(scope="module")
+def mechanism():
+    return mechanism_named("uneven-muscle")
+
+
+@pytest.mark.slow
+def test_an_excess_everywhere_is_a_stiffer_muscle(variants):
+    """But for the contact, whose penalty follows the muscle's C10 and not its excess (0.08 %)."""
+    deep = {"deep.C10": 1e-3 * MUSCLE[0], "deep.C20": 1e-3 * MUSCLE[1]}
+    excess = 0.4
+
+    def force(values, *terms):
+        experiment = PlaneStrainIndentation(
+            variants.section, variants.indenter, variants.tissues, variants.settings,
+            mechanisms=terms,
+        )  # fmt: skip
+        return experiment.solve(values, DEPTH).curve(np.linspace(0.5, DEPTH, 12))
+
+    everywhere = UnevenStiffness("deep", variants.tissues.deep, ((0.0, 0.0),), EVERYWHERE_MM)
+    uneven = force({**deep, EXCESS: excess}, everywhere)
+    stiffer = force({name: (1 + excess) * value for name, value in deep.items()})
+    np.testing.assert_allclose(uneven, stiffer, rtol=1e-3)
+
+
+@pytest.mark.slow
+def test_at_its_null_it_leaves_the_force_of_the_model_without_it(solved, mechanism):
+    values = {"factor": 1.0, "depth": 11.0, "side": -3.0}
+    without = solved.ramp(MUSCLE, PLAIN)
+    np.testing.assert_allclose(solved.ramp(MUSCLE, mechanism.solution(values)), without, rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_its_derivatives_are_those_of_the_force(solved, mechanism):
+    """Central differences of the excess at two of the places."""
+    rows = solved.by_derivatives(mechanism, None, MUSCLE)
+    assert rows.shape == (9, len(solved.grid))
+    assert np.all(rows > 0), "stiffer anywhere is a greater force"
+    step, far = 1e-3, slice(3, None)
+    for k in (1, 4):
+        name = mechanism.derivatives[k]
+        up, down = (
+            solved.ramp(MUSCLE, Solution("uneven", {name: sign * step})) for sign in (1, -1)
+        )
+        slope = (up - down) / (2 * step) / solved.ramp(MUSCLE, PLAIN)
+        np.testing.assert_allclose(rows[k][far], slope[far], rtol=2e-3)
+
+
+@pytest.mark.slow
+def test_its_table_is_near_full_solutions_between_the_places(solved, mechanism):
+    """A full solution confirms what is reported; the table has to find it."""
+    observed, _ = observations(ramps(1))
+    library = build_library(
+        solved, solved, observed, [mechanism], None, 1, Silent(), 0.8, rounded(MUSCLE[0])
+    )
+    assert library.missing == {}
+    at = library.middle, library.middle * float(np.expm1(0.8))
+    deep = (observed.displacement > 0.3 * DEPTH) & (observed.displacement < DEPTH)
+    for factor, depth, side in ((0.5, 8.0, 0.0), (1.7, 12.0, 7.0), (3.0, 22.0, -6.0)):
+        values = {"factor": factor, "depth": depth, "side": side}
+        tabulated = library.relative_change(mechanism, values, at, observed)[deep]
+        true = solved.relative_change(mechanism, values, at, observed)[deep]
+        assert np.abs(true).min() > 0.02
+        np.testing.assert_allclose(tabulated, true, rtol=0.1)
+
+
+def test_a_place_is_shared_out_among_its_neighbours(mechanism):
+    for depth, side in ((0.0, -20.0), (6.0, 0.0), (21.0, 9.0), (36.0, 20.0)):
+        shares = mechanism.shares({"factor": 2.0, "depth": depth, "side": side})
+        excess = sum(mechanism.solution({"factor": 2.0, "depth": depth, "side": side})
+                     .parameters.values())  # fmt: skip
+        assert np.all(shares >= 0)
+        assert excess == pytest.approx(1.0)
