@@ -1,4 +1,4 @@
-# Debian 13's DOLFINx with legfem in it. Not built in CI.
+# Debian 13's DOLFINx with legfem in it, and the tests' browser. Not built in CI.
 #
 #   docker build -t legfem .
 #   docker run --rm -v "$PWD:/data" legfem python -m legfem.identify --subject-dir /data/my-subject --out /data/out

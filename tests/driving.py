@@ -13,15 +13,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-FLAGS = (
-    "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
-    "--disable-background-networking", "--disable-component-update", "--disable-sync",
-    "--remote-debugging-pipe", "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
-)  # fmt: skip
+from browser import FLAGS
+
+_AXE = """axe.run(document, {resultTypes: ["violations"], iframes: false}).then((found) =>
+  found.violations.map((one) => `${one.impact}: ${one.id}: `
+    + one.nodes.slice(0, 3).map((node) => node.target.join(" ")).join("; ")))"""
+_DRAWN = """document.readyState === "complete"
+  && (!window.Bokeh || Bokeh.documents.every((one) => one.is_idle))
+  && new Promise((done) => requestAnimationFrame(() => setTimeout(() => done(true))))"""
 
 
 class Driven:
-    """A page in a browser; a context manager. No other machine can be reached from it."""
+    """A browser with a page that is driven; a context manager. It reaches this machine alone."""
 
     def __init__(self, program: str) -> None:
         self._folder = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
@@ -30,7 +33,8 @@ class Driven:
         read, write = (fcntl.fcntl(fd, fcntl.F_DUPFD, 10) for fd in (there[0], ours[1]))
         os.close(there[0])
         os.close(ours[1])
-        command = [program, *FLAGS, f"--user-data-dir={self._folder.name}", "about:blank"]
+        profile = f"--user-data-dir={self._folder.name}"
+        command = [program, *FLAGS, "--remote-debugging-pipe", profile, "about:blank"]
 
         def place() -> None:
             os.dup2(read, 3)
@@ -44,14 +48,26 @@ class Driven:
         os.close(write)
         self._out, self._in = os.fdopen(there[1], "wb"), os.fdopen(ours[0], "rb")
         self._rest, self._number, self._session = b"", 0, None
+        self._sessions: list[str] = []
+        self._opened = ""
         self.faults: list[str] = []
         """What went wrong in pages' scripts and requests."""
+        self.add_tab()
+
+    def add_tab(self) -> int:
+        """Open another page beside those that are there, and drive it; return its number."""
+        self._session = None  # of the browser itself
         target = self._call("Target.createTarget", url="about:blank")["targetId"]
-        self._session = self._call("Target.attachToTarget", targetId=target, flatten=True)[
-            "sessionId"
-        ]
+        attached = self._call("Target.attachToTarget", targetId=target, flatten=True)
+        self._sessions.append(attached["sessionId"])
+        self.turn_to(len(self._sessions) - 1)
         for domain in ("Page", "Runtime", "Network", "Log", "DOM"):
             self._call(f"{domain}.enable")
+        return len(self._sessions) - 1
+
+    def turn_to(self, tab: int) -> None:
+        """Drive the page of a number."""
+        self._session = self._sessions[tab]
 
     def __enter__(self) -> Driven:
         return self
@@ -66,7 +82,22 @@ class Driven:
                    deviceScaleFactor=1, mobile=width < 600)  # fmt: skip
 
     def open(self, address: str) -> None:
+        self._opened = address
         self._call("Page.navigate", url=address)
+
+    def seconds_to_open(self, address: str) -> float:
+        """Open a page; return the seconds until it is drawn whole."""
+        began = time.monotonic()
+        self.open(address)
+        self.until(_DRAWN, every=0.02)
+        return time.monotonic() - began
+
+    def inaccessible(self, axe: str) -> list[str]:
+        """Return what axe-core, whose script is given, finds critical or serious in the page."""
+        self.value(f"{axe}; true")
+        found = self.value(_AXE)
+        assert found is not None, "axe-core didn't come to its end"
+        return [one for one in found if one.startswith(("critical", "serious"))]
 
     def value(self, script: str) -> Any:
         """Return the value of an expression in the page; None while it can't be had."""
@@ -74,7 +105,7 @@ class Driven:
                            awaitPromise=True, userGesture=True)  # fmt: skip
         return found.get("result", {}).get("value")
 
-    def until(self, script: str, seconds: float = 60.0) -> Any:
+    def until(self, script: str, seconds: float = 60.0, every: float = 0.2) -> Any:
         """Wait until an expression is true; return it."""
         end = time.monotonic() + seconds
         while True:
@@ -82,7 +113,7 @@ class Driven:
                 return found
             if time.monotonic() > end:
                 raise AssertionError(f"not in {seconds:g} s: {script}\n{self.text[-2000:]}")
-            time.sleep(0.2)
+            time.sleep(every)
 
     def sees(self, text: str, seconds: float = 60.0) -> None:
         """Wait until the page shows a text."""
@@ -160,9 +191,12 @@ class Driven:
             self.faults.append(
                 str(told["exceptionDetails"].get("exception", {}).get("description"))
             )
+        if event.get("method") == "Runtime.consoleAPICalled" and told["type"] == "error":
+            self.faults.append(" ".join(str(one.get("value")) for one in told["args"]))
         if event.get("method") == "Log.entryAdded" and told["entry"]["level"] == "error":
             self.faults.append(f"{told['entry']['text']} {told['entry'].get('url', '')}")
         if event.get("method") == "Network.requestWillBeSent":
             address = told["request"]["url"]
-            if not address.startswith(("http://127.0.0.1", "data:", "blob:", "about:")):
+            own = (self._opened, "http://127.0.0.1", "data:", "blob:", "about:")
+            if not address.startswith(own):
                 self.faults.append(f"asked {address}")

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import shutil
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from browser import AXE
-from making import write_subject
+from making import press, write_recording, write_subject
 from making_diagnosed import diagnosed
 from making_doe import SpringLeg, definition
 from making_results import measured_curve, result
@@ -34,8 +35,13 @@ from legfem.meshing.section import SectionMeshSettings
 from legfem.plan.designs import designs
 from legfem.plan.reckon import Reckoned
 from legfem.plan.run import Expected
+from legfem.recording.columns import propose, recording_of
+from legfem.recording.formats import read_sheets
+from legfem.recording.quality import quality_of
+from legfem.report.look import recordings_toml
 from legfem.report.web.diagnosis import diagnosis_web_page
 from legfem.report.web.identification import identification_page
+from legfem.report.web.look import Looked, look_web_page
 from legfem.report.web.page import WebPage, rendered
 from legfem.report.web.plan import plan_web_page
 from legfem.report.web.section import Film, pressed_section
@@ -177,7 +183,22 @@ def dressed(folder: Path) -> WebPage:
     return stocking_web_page(found, moved, "the text", COMMAND)
 
 
+def looked(folder: Path) -> WebPage:
+    """A good recording, and one whose force was cut off at a limit."""
+    good = press(air=3.0, hold=20.0, unload=True, force_sd=0.01, displacement_sd=0.005)
+    cut = replace(good, force=np.minimum(good.force, 0.6 * good.force.max()))
+    seen = []
+    for name, one in (("good", good), ("saturated", cut)):
+        path = write_recording(folder / f"{name}.csv", one)
+        sheets = read_sheets(path)
+        proposal = propose(path, sheets)
+        read = recording_of(path, sheets, proposal.channels)
+        seen.append(Looked(read, proposal, quality_of(read)))
+    return look_web_page(seen, recordings_toml(seen[0].proposal.channels), "the text", COMMAND)
+
+
 PAGES = {
+    "look": looked,
     "identification": identified,
     "diagnosis": diagnosis,
     "plan": planned,

@@ -12,10 +12,12 @@ import tomllib
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
 import pytest
 from making import write_subject
 from making_diagnosed import diagnosed
 from making_results import result
+from making_specimens import write_bars
 from starlette.requests import ClientDisconnect
 from starlette.responses import PlainTextResponse
 from starlette.testclient import TestClient
@@ -25,7 +27,14 @@ from typer.main import get_command
 
 from legfem.app.__main__ import app
 from legfem.app.actions import ACTIONS
-from legfem.app.describe import DressedLeg, PressedLeg, contours_in, scans_in
+from legfem.app.describe import (
+    DressedLeg,
+    LabSpecimens,
+    PressedLeg,
+    contours_in,
+    known_tests,
+    scans_in,
+)
 from legfem.app.guard import Guard
 from legfem.app.outcomes import found_by, sentence_of
 from legfem.app.runs import Run, RunState
@@ -37,7 +46,10 @@ from legfem.common.errors import InputError
 from legfem.common.progress import Lines, Reached, reached
 from legfem.diagnose.document import document
 from legfem.identify.document import result_document
+from legfem.mechanics.materials import ReducedPolynomial
 from legfem.recording.columns import Channel, Channels
+from legfem.specimens.folder import load_specimen
+from legfem.specimens.schema import SpecimenFile, parse_specimen_file
 from legfem.stocking.leg_file import LegFile, parse_leg_file
 from legfem.subjects.catalogue import RESOURCES
 from legfem.subjects.schema import SubjectFile, parse_subject_file
@@ -377,6 +389,27 @@ def test_two_scans_become_a_leg_in_its_stocking(tmp_path):
     DressedLeg("Mine", "bare.nii.gz", "in stocking.nii.gz", "2").describe(tmp_path)
     given = parse_leg_file(tmp_path / "leg.toml")
     assert given.bare.scan == "bare.nii.gz" and given.stocking.compression_class == "2"
+
+
+@pytest.mark.parametrize("test", SpecimenFile.alternatives)
+def test_recordings_become_specimens_that_lack_nothing(tmp_path, test):
+    write_bars(tmp_path, ReducedPolynomial(5e-3, 1.0, 3e-3, np.inf))
+    (tmp_path / "specimen.toml").unlink()
+    for path in (tmp_path / "recordings").iterdir():
+        path.rename(tmp_path / path.name)
+    stated = {
+        one.key[-1]: one.choices[0] if one.choices else 10.0 if test in one.key[-1] else 40.0
+        for one in known_tests()[test]
+        if one.needed
+    }
+    LabSpecimens("Mine", test, {**stated, "never stated": None}).describe(tmp_path)
+    found = load_specimen(tmp_path)
+    assert found.origin == "measured" and not found.left_out
+    assert len(found.recordings) == len(list((tmp_path / "recordings").iterdir())) > 1
+    given = parse_specimen_file(tmp_path / "specimen.toml").test
+    assert {name: getattr(given, name) for name in stated} == stated
+    names = {one.key[0] for one in settings_of(SpecimenFile, f"[{test}]\n")}
+    assert names & set(SpecimenFile.alternatives) == {test}, "the form has no other test's numbers"
 
 
 # --- who may ask ---

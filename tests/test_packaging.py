@@ -27,8 +27,9 @@ CONDA = {
     "libopenblas0-serial": "libblas",
     "gcc": "c-compiler",
 }
-# On conda python and c-compiler bring the former; the latter asks for PETSc with real numbers.
-NOT_ON_CONDA = {"python3-venv", "libc6-dev"}
+# On conda python and c-compiler bring the first two, and there is no Chromium: what needs one is
+# skipped. PETSc is asked for with real numbers.
+NOT_ON_CONDA = {"python3-venv", "libc6-dev", "chromium-headless-shell"}
 ONLY_ON_CONDA = {"python", "petsc"}
 
 # Not what legfem imports: the tools around it, and DOLFINx, which PyPI doesn't have.

@@ -9,6 +9,7 @@ from dataclasses import replace
 import browser
 import numpy as np
 import pytest
+from driving import Driven
 from making import write_subject
 from making_diagnosed import diagnosed
 from making_results import measured_curve, result
@@ -153,15 +154,17 @@ def test_the_table_behind_a_plot_holds_what_is_drawn():
     assert embedded([curves]).places.keys() == {"name"}
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(browser.browser() is None, reason="no Chromium here")
+in_browser = pytest.mark.skipif(browser.browser() is None, reason="no Chromium here")
+
+
+@in_browser
 def test_a_browser_opens_the_page_without_fault_or_request_and_its_controls_work(
     subject, both, pressed, tmp_path
 ):
     path = tmp_path / "report.html"
     path.write_text(rendered(identification_page(both, subject, pressed)), encoding="utf-8")
-    seen = browser.seen(path, browser.browser())
-    assert seen["faults"] == [] and seen["requests"] == []
+    seen = browser.seen(path, browser.browser(), browser.axe())
+    assert browser.faults(seen) == [] and "inaccessible" in seen
     assert set(seen["off"]) == {False} and set(seen["on"]) == {True}
     assert seen["paths_off"] < seen["paths"]
     assert "displacement (mm)" in seen["cursor"]
@@ -170,3 +173,22 @@ def test_a_browser_opens_the_page_without_fault_or_request_and_its_controls_work
                                 "0.0 mm, 0.00 N"]  # fmt: skip
     assert seen["spoken"] == seen["readings"][1]
     assert seen["pictures"] == 4, "deep, half, none, and by tissue"
+
+
+@in_browser
+def test_a_page_that_errs_or_asks_or_cannot_be_read_aloud_is_found_out(tmp_path):
+    path, asked = tmp_path / "bad.html", "http://192.0.2.1/a.png"
+    path.write_text(
+        f'<!DOCTYPE html><html lang="en"><head><title>bad</title></head><body><main><h1>bad</h1>'
+        f'<img src="{asked}"><script>console.error("told"); none.of.this();</script>'
+        '<div style="width: 3000px">wide</div></main></body></html>'
+    )
+    found = browser.faults(browser.seen(path, browser.browser(), browser.axe()))
+    wanted = ("error: told", "error: Uncaught ReferenceError", f"request: {asked}",
+              "the page is wider", "critical: image-alt")  # fmt: skip
+    assert [any(one.startswith(words) for one in found) for words in wanted] == [True] * 5
+    with Driven(browser.browser()) as page:
+        page.seconds_to_open(path.as_uri())
+        told = "\n".join(page.faults)
+        assert f"asked {asked}" in told and "told" in told and "none is not defined" in told
+        assert [one.split(":")[1] for one in page.inaccessible(browser.axe())] == [" image-alt"]

@@ -14,6 +14,7 @@ import browser
 import making_pages as pages
 import numpy as np
 import pytest
+from driving import Driven
 from making import write_subject
 from reading_page import read
 from typer.testing import CliRunner
@@ -33,6 +34,8 @@ from legfem.study.doe.web_page import study_web_page
 from studies.legs.parametric_leg import round_leg
 
 MOST_BYTES = 2_000_000
+MOST_SECONDS = 2.0
+"""In which a page is drawn whole."""
 
 
 def checked(page, *said: str):
@@ -201,6 +204,28 @@ def test_bars_are_in_proportion_and_ends_stay_within():
     assert Bars("c", ("a", "b"), []).drawn == []
 
 
+def test_files_that_were_looked_at_say_their_grades_and_how_they_were_read(tmp_path):
+    page = pages.looked(tmp_path)
+    html = rendered(page)
+    words = read(html).words
+    assert len(html.encode()) < MOST_BYTES
+    assert page.headline.tone == "wrong"
+    assert page.headline.sentence == (
+        "Of 2 recordings, 1 is of grade A (nothing to say), 1 is of grade D (not to be used)."
+    )
+    (warning,) = page.warnings
+    assert warning.startswith("saturated.csv: ") and "saturated" in warning
+    assert words.index(page.headline.sentence) < words.index(warning) < words.index("To repeat it")
+    for said in (
+        "displacement from 'displacement' (mm)",
+        "good.csv",
+        "after air",
+        "[recordings.force]",
+        pages.COMMAND,
+    ):
+        assert said in words, said
+
+
 def test_curves_of_one_panel_and_of_names_with_signs_are_drawn():
     x = np.linspace(0.0, 1.0, 5)
     lines = [Line("a@b <$c>", np.where(x < 0.6, x, np.nan), None)]
@@ -219,6 +244,11 @@ def test_a_browser_finds_no_fault_no_request_and_nothing_inaccessible(name, tmp_
     assert path.stat().st_size < (5_000_000 if name == "stocking" else MOST_BYTES)
     script = browser.axe()
     assert script, "axe-core is among what tests need"
+    with Driven(browser.browser()) as page:
+        # What else the machine does only adds to it.
+        opened = min(page.seconds_to_open(path.as_uri()) for _ in range(3))
+        assert opened < MOST_SECONDS
+        assert page.faults == []
     for width in (1000, 500):
         seen = browser.seen(path, browser.browser(), script, width)
         assert browser.faults(seen) == []

@@ -2,7 +2,8 @@
 
 Needs Python and a browser only, so that it runs where legfem's environment has no browser:
 ``python3 tests/walking.py [--quick] [FOLDER FOR PICTURES]`` starts the server with
-``scripts/in-env``; the quick walk leaves the diagnosis out.
+``scripts/in-env``; the quick walk leaves the diagnosis out. Where there is axe-core, it looks at
+every page.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from browser import browser
+from browser import axe, browser
 from driving import Driven
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -106,7 +107,11 @@ class Walk:
         return self.address.split("?")[0]
 
     def look(self, name: str) -> None:
-        """Take a picture, where pictures are wanted."""
+        """Look for what keeps people from reading the page; take a picture, where one is wanted."""
+        script = axe()
+        if script:
+            found = [f"{name}: {fault}" for fault in self.page.inaccessible(script)]
+            self.seen.setdefault("inaccessible", []).extend(found)
         if self.pictures is not None:
             time.sleep(2.0)
             self.page.picture(self.pictures / f"{name}.png")
@@ -135,7 +140,7 @@ class Walk:
                               ("direction of travel (degrees from +x)", "90")):  # fmt: skip
             page.type(label, number)
         self.look("describe")
-        page.click("This is what it is")
+        page.click("It is a pressed leg")
         page.sees("columns are separated by ;", 3 * _MINUTES)
         page.click("Columns")
         page.sees("turned round (-1)")
@@ -215,7 +220,7 @@ class Walk:
         self.seen["compared"] = page.text
 
     def see_on_a_phone(self) -> None:
-        """Take pictures at a phone's width."""
+        """At a phone's width."""
         self.page.resize(390, 844)
         for at in ("", "input/my%20leg", "run/identify-my%20leg", "compare"):
             self.page.open(f"{self.home}{at}")
@@ -237,8 +242,7 @@ def walk(
         here.be_refused()
         if whole:
             here.diagnose()
-        if pictures is not None:
-            here.see_on_a_phone()
+        here.see_on_a_phone()
         return {**here.seen, "faults": page.faults}
 
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import tomlkit
 
-from legfem.app.settings import Value, with_settings
+from legfem.app.settings import Setting, Value, settings_of, with_settings
 from legfem.app.workspace import files_of, is_scan, may_be_recording
 from legfem.common.documents import write_atomically
+from legfem.specimens.schema import SIZES, SpecimenFile
 from legfem.subjects.folder import plain_id, subject_text
 
 
@@ -48,12 +50,7 @@ class PressedLeg:
             ("indenter", "length_mm"): self.length,
             ("instrument",): None,
         }
-        recordings = folder / "recordings"
-        for path in files_of(folder):
-            inside = path.parent == folder and path.name != self.source
-            if inside and may_be_recording(path) and not is_contours(path):
-                recordings.mkdir(exist_ok=True)
-                path.rename(recordings / path.name)
+        _gather_recordings(folder, but=[self.source])
         write_atomically(folder / "subject.toml", with_settings(text, stated))
 
 
@@ -77,6 +74,51 @@ class DressedLeg:
             text["compressed"] = {"scan": self.compressed}
         text["stocking"] = {"compression_class": self.compression_class}
         write_atomically(folder / "leg.toml", tomlkit.dumps(text))
+
+
+@dataclass(frozen=True)
+class LabSpecimens:
+    """What a person has to say of specimens of one size; others' sizes go into the file's text."""
+
+    title: str
+    test: str
+    """A table of ``specimen.toml``: what was done to them."""
+    stated: Mapping[str, Value]
+    """Sizes of specimen and instrument and what sticks, by the table's keys; None is left out."""
+
+    def describe(self, folder: Path) -> None:
+        """Write ``specimen.toml``, and move the recordings where it looks for them."""
+        text = tomlkit.document()
+        text.update({"id": plain_id(folder.name), "title": self.title, "origin": "measured"})
+        text[self.test] = {key: value for key, value in self.stated.items() if value is not None}
+        _gather_recordings(folder)
+        write_atomically(folder / "specimen.toml", tomlkit.dumps(text))
+
+
+def _gather_recordings(folder: Path, but: Collection[str] = ()) -> None:
+    """Move what may be recordings into the folder's folder of them."""
+    recordings = folder / "recordings"
+    for path in files_of(folder):
+        inside = path.parent == folder and path.name not in but
+        if inside and may_be_recording(path) and not is_contours(path):
+            recordings.mkdir(exist_ok=True)
+            path.rename(recordings / path.name)
+
+
+def known_tests() -> dict[str, list[Setting]]:
+    """Return the tests that ``specimen.toml`` can have, each with what is asked for.
+
+    A size that several specimens could have of their own is needed: here there is one.
+    """
+    every: dict[str, list[Setting]] = {}
+    for name in SpecimenFile.alternatives:
+        found = settings_of(SpecimenFile, f"[{name}]\n")
+        every[name] = [
+            replace(one, needed=one.needed or one.key[-1] in SIZES)
+            for one in found
+            if one.key[0] == name
+        ]
+    return every
 
 
 def is_contours(path: Path) -> bool:

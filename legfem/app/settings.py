@@ -9,12 +9,12 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, Union, get_args, get_origin
 
 import tomlkit
-from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import Item
 
 from legfem.common.errors import InputError
+from legfem.common.toml_file import FileTable
 from legfem.recording.columns import Channels
 
 type Value = str | float | bool | list[float] | None
@@ -56,10 +56,11 @@ class Setting:
         return ".".join(self.key)
 
 
-def settings_of(schema: type[BaseModel], text: str) -> list[Setting]:
+def settings_of(schema: type[FileTable], text: str) -> list[Setting]:
     """Return the keys of numbers and texts that a schema knows, in its order.
 
-    Tables in arrays and names of files' columns are left to others.
+    Tables in arrays and names of files' columns are left to others; of tables that are alternatives
+    the one that is given is there.
 
     Raises
     ------
@@ -116,14 +117,14 @@ def _parsed(text: str) -> tomlkit.TOMLDocument:
 
 
 def _settings(
-    schema: type[BaseModel], given: Mapping[str, Any], above: tuple[str, ...]
+    schema: type[FileTable], given: Mapping[str, Any], above: tuple[str, ...]
 ) -> Iterator[Setting]:
     for name, field in schema.model_fields.items():
         found = given.get(name)
         plain, choices = _plain(field.annotation)
         key = (*above, name)
-        if isinstance(plain, type) and issubclass(plain, BaseModel):
-            if name in _COLUMNS:
+        if isinstance(plain, type) and issubclass(plain, FileTable):
+            if name in _COLUMNS or (found is None and name in schema.alternatives):
                 continue
             table = found if isinstance(found, Mapping) else None
             needed = table is not None or type(None) not in get_args(field.annotation)

@@ -22,14 +22,15 @@ from legfem.common.errors import InputError
 from legfem.common.toml_file import FileTable
 from legfem.common.versions import legfem_version
 from legfem.recording.formats import READERS
+from legfem.specimens.schema import SpecimenFile
 from legfem.stocking.leg_file import LegFile
 from legfem.subjects.schema import SubjectFile
 
-DESCRIPTIONS: dict[str, type[FileTable] | None] = {
-    "subject.toml": SubjectFile, "leg.toml": LegFile, "specimen.toml": None,
+DESCRIPTIONS: dict[str, type[FileTable]] = {
+    "subject.toml": SubjectFile, "leg.toml": LegFile, "specimen.toml": SpecimenFile,
 }  # fmt: skip
-"""Files that say what a folder is, and the schemas that forms have: that of specimens stands on the
-finite elements, and they on MPI, which this process must not start."""
+"""Files that say what a folder is, and their schemas. No schema stands on the finite elements: they
+bring MPI, which this process must not start."""
 SCANS = (".nii", ".nii.gz", ".nrrd", ".seg.nrrd", ".dcm")
 _MOST_PARTS, _LONGEST = 4, 200
 _FEWEST_FREE = 200e6

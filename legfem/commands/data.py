@@ -42,8 +42,8 @@ def look(
 ) -> None:
     """Propose columns, units and directions of recordings, and grade them from A to D.
 
-    Writes a picture a file, report.txt, and recordings.toml: the [recordings] block for
-    subject.toml. All that is inferred is said with its reason; what is ambiguous is refused.
+    Writes report.html, a picture a file, report.txt, and recordings.toml: the [recordings] block
+    for subject.toml. All that is inferred is said with its reason; what is ambiguous is refused.
 
     Example: python -m legfem.data look trial1.tdms trial2.tdms
     """
@@ -54,6 +54,8 @@ def look(
         from legfem.recording.formats.units import Quantity
         from legfem.recording.quality import quality_of
         from legfem.report.look import draw_look, look_text, recordings_toml
+        from legfem.report.web.look import Looked, look_web_page
+        from legfem.report.web.page import PAGE, command_line, write_page
 
         # A required argument's help would end in a backslash and [required].
         if not files:
@@ -80,7 +82,7 @@ def look(
                 )
             proposal = propose(path, sheets, named, sheet)
             recording = recording_of(path, sheets, proposal.channels)
-            seen.append((recording, proposal, quality_of(recording)))
+            seen.append(Looked(recording, proposal, quality_of(recording)))
             tomls[path] = recordings_toml(proposal.channels)
         first = files[0]
         other = next((path for path in files if tomls[path] != tomls[first]), None)
@@ -90,14 +92,16 @@ def look(
                 "look at files of each layout by themselves, and keep them in folders of their own",
             )  # fmt: skip
         folder.mkdir(parents=True, exist_ok=True)
-        texts = [look_text(*parts) for parts in seen]
+        text = "\n".join(look_text(*parts) for parts in seen)
         pictures = [draw_look(recording, quality, folder) for recording, _, quality in seen]
-        write_atomically(folder / "report.txt", "\n".join(texts))
+        write_page(look_web_page(seen, tomls[first], text, command_line()), folder)
+        write_atomically(folder / "report.txt", text)
         write_atomically(folder / "recordings.toml", tomls[first])
-        print("\n".join(texts))
+        print(text)
         print(f"for subject.toml:\n\n{tomls[first]}")
         print("\n".join(f"picture: {path}" for path in pictures))
-        print(f"report: {folder / 'report.txt'}\ntoml: {folder / 'recordings.toml'}")
+        print(f"page: {folder / PAGE}\nreport: {folder / 'report.txt'}")
+        print(f"toml: {folder / 'recordings.toml'}")
 
 
 @app.command()

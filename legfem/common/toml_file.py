@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, ClassVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
@@ -26,6 +26,8 @@ class FileTable(BaseModel):
     model_config = ConfigDict(
         extra="forbid", strict=True, frozen=True, use_attribute_docstrings=True
     )
+    alternatives: ClassVar[tuple[str, ...]] = ()
+    """Tables in it of which one is given."""
 
 
 def parse_toml[File: BaseModel](path: Path, schema: type[File], holder: str) -> File:

@@ -23,6 +23,8 @@ _FEW_SAMPLES, _VERY_FEW_SAMPLES = 100, 40
 _MANY_DROPPED = 0.02
 _DROP_SHARE = 0.05
 _SATURATED_SAMPLES = 10
+GRADES = {"A": "nothing to say", "B": "usable", "C": "look at it first", "D": "not to be used"}
+"""What grades mean."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,7 @@ class Quality:
     drops: tuple[float, ...]
     """Times (s) of sudden falls of the force while loading."""
     grade: str
-    """A (nothing to say), B (usable), C (look at it first) or D (not to be used)."""
+    """One of `GRADES`."""
     reasons: tuple[str, ...]
 
 

@@ -33,19 +33,26 @@ def recordings_toml(channels: Channels) -> str:
     return "\n".join(lines) + "\n"
 
 
+def recording_name(recording: Recording) -> str:
+    """Return the name of the file, or of the trial where there is none."""
+    return recording.trial if recording.source is None else recording.source.name
+
+
+def contact_text(quality: Quality) -> str:
+    """Return where first contact is seen, in words."""
+    contact = quality.contact
+    if contact.in_air:
+        return f"at {contact.displacement:.2f} ± {contact.displacement_error:.2f} mm, after air"
+    return f"at the start ({contact.displacement:.2f} mm): no air is seen"
+
+
 def look_text(recording: Recording, proposal: Proposal, quality: Quality) -> str:
     """Return what was found in a file and why, its phases and its grade."""
-    name = recording.source.name if recording.source is not None else recording.trial
-    contact = quality.contact
-    touch = (
-        f"at {contact.displacement:.2f} ± {contact.displacement_error:.2f} mm, after air"
-        if contact.in_air
-        else f"at the start ({contact.displacement:.2f} mm): no air is seen"
-    )
+    name = recording_name(recording)
     rows = [
         ("samples", f"{len(recording)} in {recording.time[-1] - recording.time[0]:.4g} s"),
         ("sampling", f"{quality.sampling:.4g} Hz, {quality.dropped} samples dropped"),
-        ("first contact", touch),
+        ("first contact", contact_text(quality)),
         ("force", f"steps of {quality.force_step:.2g} N, noise {quality.force_noise:.2g} N"),
         (
             "displacement",
@@ -84,7 +91,7 @@ def look_text(recording: Recording, proposal: Proposal, quality: Quality) -> str
 def draw_look(recording: Recording, quality: Quality, out: Path) -> Path:
     """Draw displacement and force over time, the phases behind, and force over displacement."""
     figure = new_figure(10, 6)
-    name = recording.source.name if recording.source is not None else recording.trial
+    name = recording_name(recording)
     figure.suptitle(f"{name}: grade {quality.grade}", x=0.01, ha="left", fontsize=12)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.5, 1))
     moved = figure.add_subplot(grid[0, 0])

@@ -12,12 +12,11 @@ from legfem.recording.formats import READERS
 from legfem.recording.reader import read_samples
 from legfem.specimens.course import Course, course_of
 from legfem.specimens.schema import (
-    SizeError,
-    Sizes,
     SpecimenEntry,
     SpecimenFile,
     parse_specimen_file,
 )
+from legfem.specimens.sizes import SizeError, Sizes, sizes_of
 from legfem.subjects.subject import Origin
 
 FILE = "specimen.toml"
@@ -184,7 +183,7 @@ def _check_distinct(toml: Path, specimens: list[SpecimenEntry]) -> None:
 def _sizes(toml: Path, given: SpecimenFile, number: int | None) -> Sizes:
     entry = None if number is None else given.specimen[number]
     try:
-        return given.sizes_of(entry)
+        return sizes_of(given, entry)
     except SizeError as error:
         key, problem, remedy = error.args
         where = "" if entry is None else f"specimen {entry.name}, "

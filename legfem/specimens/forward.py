@@ -26,7 +26,8 @@ from legfem.mechanics.materials import Hyperelastic
 from legfem.meshing.meridian import MeridianMeshSettings
 from legfem.solve.force_curve import ForceCurve
 from legfem.solve.stepping import StepSettings
-from legfem.specimens.schema import Faces, Sizes, Test
+from legfem.specimens.schema import Faces
+from legfem.specimens.sizes import Sizes, Test
 
 _STEPS, _ELEMENTS = 20, 5
 """Of a shallow test: steps to its depth, and elements across half of its contact."""

@@ -29,7 +29,7 @@ from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import Asked, identified_law, specimen_law
 from legfem.specimens.misfit import Part, SpecimenMisfit
 from legfem.specimens.result import ComparedRecording, SpecimenResult
-from legfem.specimens.schema import Sizes
+from legfem.specimens.sizes import Sizes
 
 REFERENCE_MPA = 0.01
 """Stiffness C10 at which every test is solved once, before anything is known."""

@@ -1,4 +1,4 @@
-"""What loose files are: a leg that was pressed, or one in a stocking."""
+"""What loose files are: a leg that was pressed, one in a stocking, or specimens."""
 
 from __future__ import annotations
 
@@ -8,8 +8,19 @@ from pathlib import Path
 
 from nicegui import ui
 
-from legfem.app.describe import DressedLeg, PressedLeg, contours_in, scans_in
+from legfem.app.describe import (
+    DressedLeg,
+    LabSpecimens,
+    PressedLeg,
+    contours_in,
+    is_contours,
+    known_tests,
+    scans_in,
+)
 from legfem.app.pages.frame import tag
+from legfem.app.pages.settings import setting_field, typed_value
+from legfem.app.settings import Setting, Value
+from legfem.app.workspace import files_of, may_be_recording
 from legfem.common.errors import InputError
 
 _NO_CONTOURS = (
@@ -17,6 +28,13 @@ _NO_CONTOURS = (
     "skin, fascia, tibia and fibula, or a scan with labels. Add it under Files; until then the "
     "recordings are graded."
 )
+_TESTS = {
+    "ball": "a ball pressed them on a rigid base",
+    "punch": "a flat punch pressed them on a rigid base",
+    "plates": "pressed between plates, end-on (round specimens)",
+    "cylinder": "a cylinder lying across a block pressed it",
+    "uniaxial": "a bar pulled or pressed along its length",
+}
 
 
 def describe_tab(folder: Path) -> None:
@@ -28,6 +46,8 @@ def describe_tab(folder: Path) -> None:
         tag("p", _NO_CONTOURS)
     if scans:
         _dressed(folder, scans)
+    if any(may_be_recording(path) and not is_contours(path) for path in files_of(folder)):
+        _tested(folder)
 
 
 def _pressed(folder: Path, sources: list[str]) -> None:
@@ -55,7 +75,7 @@ def _pressed(folder: Path, sources: list[str]) -> None:
                              direction, level.value)  # fmt: skip
             leg.describe(folder)
 
-        _button(describe)
+        _button("It is a pressed leg", describe)
     tag("p", "Tissues are the first paper's until you change them under Assumed.", "quiet")
 
 
@@ -71,13 +91,38 @@ def _dressed(folder: Path, scans: list[str]) -> None:
             strength = ui.select(["1", "2", "3", "4"], value="2", label="class (RAL-GZ 387/1)")
 
         _button(
+            "It is a leg in a stocking",
             lambda: DressedLeg(
                 title.value or folder.name, bare.value, other.value, strength.value
-            ).describe(folder)
+            ).describe(folder),
         )
 
 
-def _button(describe: Callable[[], None]) -> None:
+def _tested(folder: Path) -> None:
+    with ui.element("fieldset"):
+        tag("legend", "Specimens of one tissue in a lab's test")
+        title = ui.input("title", value=folder.name)
+        chosen = ui.select(_TESTS, value=next(iter(_TESTS)), label="what was done")
+        fields: dict[str, list[tuple[Setting, Callable[[], str]]]] = {}
+        for test, settings in known_tests().items():
+            with ui.element("div").classes("fields") as shown:
+                shown.bind_visibility_from(chosen, "value", value=test)
+                fields[test] = [(one, setting_field(one)) for one in settings]
+
+        def describe() -> None:
+            stated = dict[str, Value]()
+            for one, get in fields[chosen.value]:
+                value = stated[one.key[-1]] = typed_value(one, get())
+                if one.needed and value is None:
+                    raise InputError("form", one.key[-1], "is missing", "fill it in")
+            LabSpecimens(title.value or folder.name, chosen.value, stated).describe(folder)
+
+        _button("They are specimens", describe)
+    tag("p", "All recordings are then of specimens of this size; where sizes differ, give each its "
+        "[[specimen]] in the file's text under Assumed.", "quiet")  # fmt: skip
+
+
+def _button(text: str, describe: Callable[[], None]) -> None:
     def done() -> None:
         try:
             describe()
@@ -86,4 +131,4 @@ def _button(describe: Callable[[], None]) -> None:
             return
         ui.navigate.reload()
 
-    ui.button("This is what it is", on_click=done)
+    ui.button(text, on_click=done)

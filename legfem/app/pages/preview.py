@@ -11,12 +11,10 @@ from nicegui import ui
 from legfem.app.look import seen
 from legfem.app.pages.frame import command, refused, tag, warned
 from legfem.app.runs import Run
+from legfem.recording.quality import GRADES
 
 RUN = "Run"
 """The tab of the commands."""
-_GRADES = {
-    "A": "nothing to say", "B": "usable", "C": "look at it first", "D": "not to be used"
-}  # fmt: skip
 
 
 def preview_tab(looking: Run, others: Sequence[str], go: Callable[[str], object]) -> None:
@@ -53,7 +51,7 @@ def _recording(looking: Run, recording: dict[str, Any]) -> None:
         with tag("h3", recording["file"]):
             if recording["grade"]:
                 grade = recording["grade"]
-                tag("span", f"grade {grade}: {_GRADES[grade]}", f"chip grade-{grade.lower()}")
+                tag("span", f"grade {grade}: {GRADES[grade]}", f"chip grade-{grade.lower()}")
         if recording["trouble"]:
             refused(recording["trouble"])
             return

@@ -15,12 +15,15 @@ from legfem.common.documents import write_atomically
 from legfem.common.errors import InputError
 
 _TABLES = {
-    "": "The leg", "section": "Section", "indenter": "Indenter",
+    "": "What it is", "section": "Section", "indenter": "Indenter",
     "tissues.deep": "Muscle", "tissues.superficial": "Fat", "tissues.fascia": "Fascia",
     "instrument": "Instrument: give standard deviations, or accuracies and range",
     "recordings": "Recordings", "accuracy": "How well the leg is known; empty: what is usual",
     "bare": "Bare leg", "compressed": "Leg in its stocking", "stocking": "Stocking",
     "segment": "Part that is modelled",
+    "ball": "Test: a ball on a layer", "punch": "Test: a flat punch on a layer",
+    "plates": "Test: between plates", "cylinder": "Test: a cylinder across a block",
+    "uniaxial": "Test: a bar", "tissue": "Tissue",
 }  # fmt: skip
 
 
@@ -32,15 +35,12 @@ def settings_tab(folder: Path) -> None:
     text = path.read_text(encoding="utf-8-sig")
     schema = DESCRIPTIONS[described]
     tag("p", f"These are the keys of {path.name}. Empty ones are left to their defaults.", "quiet")
-    if schema is not None:
-        try:
-            _form(path, settings_of(schema, text))
-        except InputError as error:
-            refused(str(error))
-    with ui.element("details") as details:
+    try:
+        _form(path, settings_of(schema, text))
+    except InputError as error:
+        refused(str(error))
+    with ui.element("details"):
         tag("summary", f"{path.name} as text")
-        if schema is None:
-            details.props("open")
         _text(path, text)
 
 
@@ -51,13 +51,13 @@ def _form(path: Path, settings: list[Setting]) -> None:
             tag("legend", _TABLES.get(table, table))
             with ui.element("div").classes("fields"):
                 for setting in those:
-                    get = _field(setting)
+                    get = setting_field(setting)
                     fields.append((setting, get, get()))
 
     def save() -> None:
         try:
             changed: dict[tuple[str, ...], Value] = {
-                one.key: _value(one, get()) for one, get, shown in fields if get() != shown
+                one.key: typed_value(one, get()) for one, get, shown in fields if get() != shown
             }
             if not changed:
                 ui.notify("nothing was changed")
@@ -73,11 +73,12 @@ def _form(path: Path, settings: list[Setting]) -> None:
     ui.button("Save", on_click=save)
 
 
-def _value(setting: Setting, text: str) -> Value:
+def typed_value(setting: Setting, text: str) -> Value:
+    """Return what was typed or chosen in a field; raises as `read_value` does."""
     return text == "yes" if setting.kind is bool and text else read_value(setting, text)
 
 
-def _field(setting: Setting) -> Callable[[], str]:
+def setting_field(setting: Setting) -> Callable[[], str]:
     """Put a field; return what reads it."""
     label = setting.key[-1] + (" *" if setting.needed else "")
     now = _written(setting.value)
@@ -114,7 +115,7 @@ def _text(path: Path, text: str) -> None:
             ui.notify("the file was changed elsewhere: copy your text, and reload", type="negative")
             return
         try:
-            settings_of(DESCRIPTIONS["subject.toml"], box.value)  # type: ignore[arg-type]
+            settings_of(DESCRIPTIONS[path.name], box.value)
         except InputError as error:
             ui.notify(str(error), type="negative", multi_line=True)
             return
