@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -42,12 +42,14 @@ class SpatialLeg:
     source: str
     extruded: bool
 
-    def shortened(self, share: float) -> SpatialLeg:
-        """Return the leg with both ends nearer to the cylinder, its length times ``share``."""
+    def trimmed(self, held: float, share: float) -> SpatialLeg:
+        """Return the leg with a share of what lies beyond the middle ``held`` (mm) cut away."""
+        half = 0.5 * held
+        low, high = self.shape.levels[0], self.shape.levels[-1]
         z = np.linspace(
-            share * self.shape.levels[0], share * self.shape.levels[-1], len(self.shape.levels)
+            low + share * (-half - low), high - share * (high - half), len(self.shape.levels)
         )
-        return SpatialLeg(self.shape.at_levels(z), self.source, self.extruded)
+        return replace(self, shape=self.shape.at_levels(z))
 
 
 def spatial_leg(subject: Subject) -> SpatialLeg:
