@@ -113,6 +113,7 @@ def identify(
     progress: bool = False,
     parameters: Sequence[Parameter] | None = None,
     fixed: Mapping[str, float] | None = None,
+    model: Literal["2d", "3d"] = "2d",
 ) -> IdentifiedLeg: ...
 @overload
 def identify(
@@ -141,6 +142,7 @@ def identify(
     parameters: Sequence[Parameter] | None = None,
     fixed: Mapping[str, float] | None = None,
     leave_out: Sequence[str] = (),
+    model: Literal["2d", "3d"] = "2d",
 ) -> IdentifiedLeg | IdentifiedSpecimen:
     """Identify the stiffness of a leg's tissues, or of specimens, from recordings.
 
@@ -174,7 +176,9 @@ def identify(
         Values that are held in place of the folder's, by full name, in MPa, 1/MPa, N or mm.
     leave_out : sequence of str
         Recordings or specimens of a folder of specimens that are predicted, and not fitted. Of
-        specimens there are no correction, depth and mesh to choose.
+        specimens there are no correction, depth, mesh and model to choose.
+    model : {"2d", "3d"}
+        Whether the correction is a table's, or confirmed by full solves of the leg in 3D.
 
     Returns
     -------
@@ -204,14 +208,20 @@ def identify(
             subject.directory / SUBJECTS.file, "instrument", "missing",
             "add force_sd_N and displacement_sd_mm, or accuracies",
         )  # fmt: skip
-    model = forward_model(subject, depth, parameters, fixed, _meshed(mesh))
+    section = forward_model(subject, depth, parameters, fixed, _meshed(mesh))
+    leg_in_3d = None
+    if model == "3d":
+        from legfem.identify.spatial import SOLVES, LegModels
+
+        kept = None if out is None else Path(out) / SOLVES
+        leg_in_3d = LegModels.of_subject(subject, section.depth, kept)
     with progress_on(quiet=not progress) as told:
         results = identify_subject(
             subject, [name for name in LAWS if law in ("both", name)], settings,
             choose_correction(correction, subject), None if out is None else Path(out), jobs,
-            depth, told, model, parameters, fixed,
+            depth, told, section, parameters, fixed, leg_in_3d,
         )  # fmt: skip
-    return IdentifiedLeg(subject, tuple(results), model.experiment)
+    return IdentifiedLeg(subject, tuple(results), section.experiment)
 
 
 def _identify_specimen(

@@ -38,6 +38,13 @@ class LawChoice(StrEnum):
     BOTH = "both"
 
 
+class ModelChoice(StrEnum):
+    """Where the cylinder's ends come from."""
+
+    SECTION = "2d"
+    LEG = "3d"
+
+
 class WeightingChoice(StrEnum):
     """What to minimise."""
 
@@ -98,6 +105,14 @@ def run(
             "default, none for recordings simulated in plane strain."
         ),
     ] = "auto",
+    model: Annotated[
+        ModelChoice,
+        _option(
+            "2d (the default): a section in plane strain, corrected from a table; 3d: some full "
+            "solves of the leg itself confirm the correction and take the table's place (tens of "
+            "minutes)."
+        ),
+    ] = ModelChoice.SECTION,
     weighting: Annotated[
         WeightingChoice | None,
         _option(
@@ -136,6 +151,7 @@ def run(
                 "--subject": subject, "--subject-dir": subject_dir, "--depth": depth,
                 "--weighting": weighting, "--correction": None if correction == "auto" else 1,
                 "--no-emulator": None if emulator else 1,
+                "--model": None if model is ModelChoice.SECTION else 1,
             }  # fmt: skip
             for option, given in legs_alone.items():
                 if given is not None:
@@ -178,19 +194,24 @@ def run(
         )
         folder = out or Path("results") / f"identify-{found.id}"
         check_out_folder(folder)
-        model = forward_model(found, depth, parameters, fixed)
+        section = forward_model(found, depth, parameters, fixed)
+        leg = None
+        if model is ModelChoice.LEG:
+            from legfem.identify.spatial import SOLVES, LegModels
+
+            leg = LegModels.of_subject(found, section.depth, folder / SOLVES)
         try:
             with progress_on(quiet=quiet) as progress:
                 results = identify_subject(
                     found, chosen, settings, choose_correction(correction, found),
-                    folder, processes, depth, progress, model, parameters, fixed,
+                    folder, processes, depth, progress, section, parameters, fixed, leg,
                 )  # fmt: skip
         except SearchError as failure:
             print(f"{found.id}: {failure}", file=sys.stderr)
             raise typer.Exit(FAILED) from None
         path = write_results(results, folder, as_list=len(chosen) > 1)
         report = write_identification_report(
-            results, found, model.experiment, folder, command_line()
+            results, found, section.experiment, folder, command_line()
         )
         texts = [fit_report(result) for result in results]
         print_outcome(texts, path, report, quiet, as_json)

@@ -67,6 +67,24 @@ def smooth_ratio(
     return np.where(displacement < first, below, fit(np.maximum(displacement, first)))
 
 
+def mesh_error(fine: FloatArray, rough: FloatArray, ratio: float) -> FloatArray:
+    """Return the error of a fine mesh's P by Richardson's estimate, for second-order convergence.
+
+    ``ratio`` is the size of the fine mesh's elements over that of the rough one's.
+    """
+    return np.asarray((fine - rough) / (ratio**-2 - 1))
+
+
+def first_contact_error(
+    spatial: ForceCurve, plane: ForceCurve, displacement: FloatArray, smooth: FloatArray
+) -> FloatArray:
+    """Return how far a smooth P is from the plain ratio of the forces, zero without force."""
+    force = plane(displacement)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        plain = 1 - spatial(displacement) / force
+    return np.where(force > 0, plain - smooth, 0.0)
+
+
 @dataclass(frozen=True, eq=False)
 class TabulatedCorrection:
     """P(d) for a range of the deep tissue's stiffness.

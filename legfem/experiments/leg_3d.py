@@ -13,6 +13,7 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments.base import made_when_needed
 from legfem.experiments.indentation_3d import Cylinder
+from legfem.experiments.plane_strain import tissues_of
 from legfem.experiments.pressing import Pressing, PressingTest, leg_model
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
@@ -29,6 +30,8 @@ from legfem.meshing.support import Support
 from legfem.solve.linear import LinearSettings
 from legfem.solve.newton import NewtonSettings, NewtonSolver
 from legfem.solve.stepping import StepSettings
+from legfem.subjects.spatial import SpatialLeg
+from legfem.subjects.subject import Subject
 
 _LEVELS, _TURNS = 41, 720
 """Along the cylinder and round the leg, at which the skin is looked for."""
@@ -68,14 +71,21 @@ class SolidLegSettings:
     """
 
     mesh: SolidMeshSettings = field(
-        default_factory=lambda: SolidMeshSettings(skin_size=10.0, inside_size=14.0, bone_size=8.0)
+        default_factory=lambda: SolidMeshSettings(
+            skin_size=18.0, inside_size=26.0, bone_size=14.0, layer_elements=0.3, turn_elements=7.0
+        )
     )
-    contact_size: float = 5.0
+    contact_size: float = 10.0
     contact: ContactSettings = field(default_factory=ContactSettings)
     newton: NewtonSettings = field(default_factory=NewtonSettings)
     linear: LinearSettings = field(default_factory=LinearSettings)
-    steps: StepSettings = field(default_factory=StepSettings.regular)
+    steps: StepSettings = field(default_factory=lambda: StepSettings.regular(largest=2.0))
     quadrature_degree: int = 4
+
+
+def membrane_stiffness(c10: float, thickness: float) -> float:
+    """Return what `legfem.mechanics.terms.Fascia` takes (N/mm) of a layer of C10 (MPa)."""
+    return 2 * c10 * thickness
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +123,27 @@ class LegIndentation3D(PressingTest):
     settings: SolidLegSettings = field(default_factory=SolidLegSettings)
     comm: MPI.Intracomm = field(default_factory=lambda: MPI.COMM_SELF, repr=False)
     mechanisms: tuple[Term, ...] = ()
+
+    @classmethod
+    def of_subject(
+        cls,
+        subject: Subject,
+        leg: SpatialLeg,
+        settings: SolidLegSettings | None = None,
+        comm: MPI.Intracomm = MPI.COMM_SELF,
+    ) -> LegIndentation3D:
+        """Return the test of a subject; see `legfem.subjects.spatial.spatial_leg`."""
+        given, tissues = subject.indenter, tissues_of(subject)
+        pose = Pose((float(given.aim[0]), float(given.aim[1])), 0.0, given.direction_deg)
+        return cls(
+            leg.shape,
+            Cylinder(given.radius, given.length),
+            pose,
+            {"deep": tissues.deep, "superficial": tissues.superficial},
+            membrane_stiffness(tissues.fascia.C10, subject.section.fascia_thickness),
+            settings or SolidLegSettings(),
+            comm,
+        )
 
     def __post_init__(self) -> None:
         """Check that the cylinder lies over the leg."""

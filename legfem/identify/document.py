@@ -24,6 +24,7 @@ from legfem.identify.result import (
     IdentificationResult,
     PredictedCurve,
     SearchPath,
+    SpatialEvidence,
 )
 
 SCHEMA = "legfem.identify/1"
@@ -57,6 +58,8 @@ def result_document(result: IdentificationResult) -> dict[str, Any]:
         "wall_s": result.wall_s,
         "seed": result.seed,
         "emulator_error_N": result.emulator_error,
+        "model": "2d" if result.spatial is None else "3d",
+        "spatial": None if result.spatial is None else _spatial(result.spatial),
         "correction": None if result.correction is None else result.correction.name,
         "weighting": result.weighting,
         "curve": {
@@ -136,6 +139,30 @@ def _cost(cost: Cost) -> dict[str, Any]:
         "minimised": cost.minimised,
         "minimised_value": cost.minimised_value,
         "minimised_unit": cost.minimised_unit,
+    }
+
+
+def _spatial(found: SpatialEvidence) -> dict[str, Any]:
+    return {
+        "shape": found.shape,
+        "extruded": found.extruded,
+        "length_mm": found.length,
+        "converged": found.converged,
+        "full_solves": found.full_solves,
+        "rough_solves": found.rough_solves,
+        "confirmations": [
+            {
+                "c10_kPa": one.c10,
+                "c20_kPa": one.c20,
+                "seconds": one.seconds,
+                "factorisations": one.factorisations,
+                "relative_difference_from_predicted_force": one.error,
+                "relative_change_of_c10_after": one.moved,
+            }
+            for one in found.confirmations
+        ],
+        "greatest_error_of_P": dict(found.errors),
+        "correction_P_of_table": found.table_P,
     }
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from legfem.common.documents import write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, Silent
-from legfem.correction.choice import Correction
+from legfem.correction.tabulated import TabulatedCorrection
 from legfem.identify.catalogue import DEEP_C20, Values
 from legfem.identify.document import result_document
 from legfem.identify.forward import ForwardOutcome, PlaneStrainForward
@@ -30,6 +30,7 @@ from legfem.subjects.subject import Subject
 
 if TYPE_CHECKING:
     from legfem.experiments.plane_strain import PlaneStrainSettings
+    from legfem.identify.spatial import LegModels
 
 ALWAYS_BY = ("deep.C10", "deep.C20", "superficial.C10", "fascia.C10")
 """What every solve differentiates the force by: the back-substitutions cost next to nothing."""
@@ -39,7 +40,7 @@ def identify_subject(
     subject: Subject,
     laws: Sequence[LawName],
     settings: IdentificationSettings | None = None,
-    correction: Correction | None = None,
+    correction: TabulatedCorrection | None = None,
     out: Path | None = None,
     jobs: int = 1,
     depth: float | None = None,
@@ -47,6 +48,7 @@ def identify_subject(
     model: PlaneStrainForward | None = None,
     parameters: Sequence[Parameter] | None = None,
     fixed: Values | None = None,
+    leg: LegModels | None = None,
 ) -> list[IdentificationResult]:
     """Identify a subject's tissues, and its instrument, from the recordings.
 
@@ -58,7 +60,7 @@ def identify_subject(
         Of the deep tissue: ``neo-hookean``, ``reduced-polynomial``.
     settings : IdentificationSettings, optional
         Of the search.
-    correction : Correction, optional
+    correction : TabulatedCorrection, optional
         For 3D effects.
     out : Path, optional
         Folder in whose ``solves`` every full solve is kept; none is without it.
@@ -76,6 +78,9 @@ def identify_subject(
         `legfem.identify.catalogue.parameter_of` makes one with bounds that suit legs.
     fixed : Mapping[str, float], optional
         Values that are held, in place of those that the folder gives.
+    leg : LegModels, optional
+        The leg in 3D, pressed as deep as the model: full solves of it confirm the correction and
+        take its place. See `legfem.identify.two_fidelity`.
 
     Raises
     ------
@@ -98,7 +103,11 @@ def identify_subject(
     store = None if out is None else Store(out / "solves", ForwardOutcome, model.fingerprint())
     with FullSolver(model, store, jobs, progress, sensitivities_of(chosen)) as solver:
         found = Identification(subject, measured, chosen, solver, settings, correction)
-        return found.identify(laws)
+        if leg is None:
+            return found.identify(laws)
+        from legfem.identify.two_fidelity import TwoFidelities
+
+        return TwoFidelities(found, leg, progress, correction).identify(laws)
 
 
 def forward_model(

@@ -82,6 +82,28 @@ class LegSource:
         volume = None if self.volume is None else cropped(self.volume, low, high)
         return replace(self, volume=volume, levels=(low, high))
 
+    def shape_between(self, low: float, high: float) -> LegShape:
+        """Return the leg's shape between two levels (mm), or as much of it as was scanned.
+
+        Its parts have room between them, so that it can be meshed.
+
+        Raises
+        ------
+        InputError
+            If there are fewer than two levels, or the parts can't be told.
+        """
+        within, levels = self.between(low, high), None
+        if self.surfaces is not None:
+            ends = np.array(
+                [[f(s.bounds[k, 2] for s in every) for f, k in ((min, 0), (max, 1))]
+                 for every in self.surfaces.values()]
+            )  # fmt: skip
+            # A plane through a surface's very end cuts nothing.
+            first = max(low, float(ends[:, 0].max()) + 1.0)
+            last = min(high, float(ends[:, 1].min()) - 1.0)
+            levels = np.linspace(first, last, max(2, 1 + round((last - first) / _APART)))
+        return within.shape(OutlineSettings(), levels, Clearances())
+
     def shape(
         self, settings: OutlineSettings, levels: FloatArray | None, room: Clearances | None = None
     ) -> LegShape:

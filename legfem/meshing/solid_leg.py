@@ -125,7 +125,7 @@ class SolidMeshSettings:
             inside_size=self.inside_size / factor,
             bone_size=self.bone_size / factor,
             layer_elements=self.layer_elements * factor,
-            turn_elements=max(10.0, self.turn_elements * factor),
+            turn_elements=max(min(10.0, self.turn_elements), self.turn_elements * factor),
             strip=self.strip and replace(self.strip, size=self.strip.size / factor),
         )
 

@@ -6,7 +6,6 @@ import math
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 
-import numpy as np
 from scipy.stats import chi2
 
 from legfem.common.doubts import doubt_lines
@@ -14,6 +13,7 @@ from legfem.common.units import readable_unit
 from legfem.identify.catalogue import DEEP_C10, DEEP_C20, symbol_of, unit_of
 from legfem.identify.result import Estimate, IdentificationResult
 from legfem.inference.parameter import Parameter
+from legfem.report.correction_text import correction_lines
 from legfem.report.style import LAW_NAMES
 
 ORIGINS = {
@@ -183,29 +183,11 @@ def _model(result: IdentificationResult) -> list[str]:
         f"{measured.displacement[-1]:.2f} mm after first contact",
         f"noise of a reading {measured.noise.force_sd:.3g} N (from {measured.noise.source}), "
         f"correlated over {measured.noise.correlation_length:.2g} mm",
-        *_correction(result),
+        *correction_lines(result),
         f"weighting          {_WEIGHTINGS[result.weighting]}",
     ]
 
 
-def _correction(result: IdentificationResult) -> list[str]:
-    applied = result.correction
-    if applied is None:
-        return ["3D correction      none (plane strain times the cylinder's length)"]
-    grid = result.measured.displacement
-    depths = [d for d in _CORRECTED_AT if grid[0] <= d <= grid[-1]] or [float(grid[-1])]
-    values = [
-        f"{np.interp(d, grid, applied.P):+.2f} ± {np.interp(d, grid, applied.sd):.2f} at {d:.3g} mm"
-        for d in depths
-    ]
-    return [
-        f"3D correction      {applied.name}",
-        f"                   force = (1 - P) x plane strain; P {', '.join(values)}",
-        "                   (one standard deviation; the intervals carry it)",
-    ]
-
-
-_CORRECTED_AT = (5.0, 15.0, 25.0)
 _WEIGHTINGS = {
     "paper": "none: every point of the curve counts alike, as in the paper",
     "covariance": "by the inverse of the curve's covariance",

@@ -11,7 +11,8 @@ import numpy as np
 from legfem.common.documents import write_atomically, write_document
 from legfem.common.markdown import markdown_table
 from legfem.common.progress import progress_on
-from legfem.correction.choice import Correction, correction_of, size_of
+from legfem.correction.choice import correction_of, size_of
+from legfem.correction.tabulated import TabulatedCorrection
 from legfem.identify.catalogue import DEEP_C10, DEEP_C20
 from legfem.identify.document import result_document
 from legfem.identify.result import IdentificationResult
@@ -57,7 +58,9 @@ def run(seed: int, out: Path, jobs: int, corrected: bool = False) -> None:
     with_correction: dict[str, list[IdentificationResult]] = {}
     with progress_on() as progress:
 
-        def identify(name: str, correction: Correction | None) -> list[IdentificationResult]:
+        def identify(
+            name: str, correction: TabulatedCorrection | None
+        ) -> list[IdentificationResult]:
             return identify_subject(
                 load_subject(SUBJECTS.find(name)),
                 ["neo-hookean", "reduced-polynomial"],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from legfem.geometry.section import LegSection
 from legfem.imaging.registration import register_points
 from legfem.imaging.shape_entry import existing
 from legfem.subjects.schema import IndenterEntry, SubjectFile
+
+if TYPE_CHECKING:
+    from legfem.imaging.leg_source import LegSource
 
 _LANDMARKS = ("name", "x_mm", "y_mm", "z_mm", "scan_x_mm", "scan_y_mm", "scan_z_mm")
 _MOST_APART = 6.0
@@ -36,6 +40,10 @@ class Placement:
     """File and plane, where the section was cut."""
     landmark_residual: float | None = None
     """Root mean square of the distances of registered landmarks, mm; None without any."""
+    source: LegSource | None = None
+    """What the section was cut from; None where its contours alone are given."""
+    plane: CuttingPlane | None = None
+    """In which it was cut."""
 
 
 def placed(directory: Path, toml: Path, given: SubjectFile) -> Placement:
@@ -64,7 +72,8 @@ def placed(directory: Path, toml: Path, given: SubjectFile) -> Placement:
         plane = CuttingPlane.at_level(entry.level_mm)
         section = section_from_outlines(source.outlines(plane), thickness, source.name)
         cut = f"{Path(source.name).name}, {plane}"
-        return Placement(section, np.array(indenter.aim_mm), indenter.direction_deg, cut)
+        aim = np.array(indenter.aim_mm)
+        return Placement(section, aim, indenter.direction_deg, cut, source=source, plane=plane)
     if source.volume is not None and not source.volume.transform:
         raise InputError(
             source.name, "header", "says not where the volume lies, which a pose needs",
@@ -79,7 +88,7 @@ def placed(directory: Path, toml: Path, given: SubjectFile) -> Placement:
     along = plane.flat(direction)
     angle = float(np.degrees(np.arctan2(along[1], along[0]))) % 360.0
     cut = f"{Path(source.name).name}, {plane}"
-    return Placement(section, plane.flat(position), angle, cut, residual)
+    return Placement(section, plane.flat(position), angle, cut, residual, source, plane)
 
 
 def _to_scan(

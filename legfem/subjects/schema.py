@@ -31,6 +31,8 @@ class SectionEntry(ShapeEntry):
     fascia_thickness_mm: Positive
     level_mm: Finite | None = None
     """At which to cut, square to z; without it through the indenter's position."""
+    length_mm: Positive | None = None
+    """Of the leg that a model in 3D holds, the cylinder at its middle; 120 mm without it."""
 
 
 Vector = Annotated[list[Finite], Field(min_length=3, max_length=3)]

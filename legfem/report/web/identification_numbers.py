@@ -10,11 +10,11 @@ from legfem.experiments.plane_strain import tissues_of
 from legfem.geometry.section import girth
 from legfem.identify.catalogue import symbol_of
 from legfem.identify.forward import values_of
-from legfem.identify.result import IdentificationResult
+from legfem.identify.result import IdentificationResult, SpatialEvidence
 from legfem.inference.constants import NUMERICAL_ERROR
 from legfem.report.style import LAW_NAMES
 from legfem.report.web.estimates import estimated, held_text, words_of
-from legfem.report.web.page import Known
+from legfem.report.web.page import Known, Provenance
 from legfem.subjects.subject import Subject
 
 
@@ -52,6 +52,8 @@ def known_of(results: Sequence[IdentificationResult], subject: Subject) -> list[
                 f"{applied.P[-1] + 2 * applied.sd[-1]:+.3f}",
             )
         )  # fmt: skip
+    if first.spatial is not None:
+        rows += _of_leg_in_3d(first.spatial, float(curve.displacement[-1]))
     rows += [
         Known("error of the numerical model", f"{100 * NUMERICAL_ERROR:g} % of the force (sd)",
               "prior", "study convergence"),
@@ -64,6 +66,24 @@ def known_of(results: Sequence[IdentificationResult], subject: Subject) -> list[
         Known("cylinder", f"{2 * subject.indenter.radius:g} mm across, "
               f"{subject.indenter.length:g} mm long", "assumed", "subject.toml"),
     ]  # fmt: skip
+    return rows
+
+
+def _of_leg_in_3d(found: SpatialEvidence, depth: float) -> list[Known]:
+    """Return what the leg's own solves in 3D say."""
+    source: Provenance = "assumed" if found.extruded else "measured"
+    rows = [
+        Known("leg in 3D", f"{found.length:.4g} mm long", source, found.shape),
+        Known("full solves in 3D", f"{found.full_solves} and {found.rough_solves} rougher ones",
+              "computed", "; ".join(
+                  f"{100 * one.error:.2g} % off the predicted force" for one in found.confirmations
+              )),
+    ]  # fmt: skip
+    if found.table_P is not None:
+        rows.append(
+            Known(f"P at {depth:.3g} mm of the table's idealised legs",
+                  f"{found.table_P[-1]:+.3f}", "computed", "for comparison")
+        )  # fmt: skip
     return rows
 
 

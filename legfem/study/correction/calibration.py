@@ -21,7 +21,12 @@ from mpi4py import MPI
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
-from legfem.correction.tabulated import TabulatedCorrection, smooth_ratio
+from legfem.correction.tabulated import (
+    TabulatedCorrection,
+    first_contact_error,
+    mesh_error,
+    smooth_ratio,
+)
 from legfem.jobs.pool import Workers
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase, Material, remembered_case
 
@@ -144,14 +149,17 @@ def calibrate(
                 "calibrate to a smaller --depth, or with a finer mesh",
             )  # fmt: skip
     displacement = np.linspace(0, reference.depth, round(reference.depth / GRID) + 1)
+    reference_case = outcomes[0]
     fine, middle, rough, shorter, longer, *table = (
         smooth_ratio(o.spatial, o.plane, displacement) for o in outcomes
     )
     shape = (len(given.c10_kPa), len(given.stiffening), len(displacement))
     errors = {
-        "mesh": _mesh_error(fine, rough, given.coarse),
+        "mesh": mesh_error(fine, rough, given.coarse),
         "leg length": 0.5 * (longer - shorter),
-        "first contact": _first_contact_error(outcomes[0], displacement, fine),
+        "first contact": first_contact_error(
+            reference_case.spatial, reference_case.plane, displacement, fine
+        ),
     }
     correction = TabulatedCorrection(
         name=f"idealised leg {reference.leg.length:g} mm long",
@@ -168,21 +176,6 @@ def calibrate(
 def stiffened(material: Material, c10: float, stiffening: float) -> Material:
     """Return a material with another C10 (kPa) and q, as those of the table."""
     return replace(material, C10_kPa=c10, C20_kPa=c10 * stiffening / (1 - stiffening))
-
-
-def _mesh_error(fine: FloatArray, rough: FloatArray, ratio: float) -> FloatArray:
-    """Return the fine mesh's error by Richardson's estimate, for convergence of second order."""
-    return (fine - rough) / (ratio**-2 - 1)
-
-
-def _first_contact_error(
-    outcome: CaseOutcome, displacement: FloatArray, smooth: FloatArray
-) -> FloatArray:
-    """Return how far the smooth P is from the plain ratio of the forces, zero where d is."""
-    plane = outcome.plane(displacement)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        plain = 1 - outcome.spatial(displacement) / plane
-    return np.where(plane > 0, plain - smooth, 0.0)
 
 
 def _description(

@@ -1,0 +1,138 @@
+"""The forward model of a subject's leg in 3D, as identification sees it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from legfem.common.errors import InputError
+from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membrane_stiffness
+from legfem.experiments.plane_strain import tissues_of
+from legfem.identify.catalogue import Values
+from legfem.identify.forward import ForwardModel, ForwardOutcome, values_of
+from legfem.subjects.spatial import SpatialLeg, spatial_leg
+from legfem.subjects.subject import Subject
+
+SOLVES = "solves-3d"
+"""In a folder of results."""
+ROUGHER = 1.3
+"""Size of the elements of the solves that measure errors, over that of the others."""
+TRIMMED = 1 / 3
+"""Share of the leg beyond the cylinder that is cut away, to see what its length does."""
+_FASCIA = "fascia."
+
+
+@dataclass(eq=False)
+class SpatialForward:
+    """A `legfem.identify.forward.ForwardModel` of the leg itself.
+
+    Parameters
+    ----------
+    subject
+        Cylinder, tissues and fascia.
+    leg
+        Its shape.
+    depth
+        mm.
+    settings
+        Numerical.
+    states
+        Folder for the states of the solve in hand, from which one that was killed goes on.
+    """
+
+    subject: Subject
+    leg: SpatialLeg
+    depth: float
+    settings: SolidLegSettings
+    states: Path | None = None
+
+    @cached_property
+    def experiment(self) -> LegIndentation3D:
+        """The finite-element model; compiled and meshed when first solved."""
+        return LegIndentation3D.of_subject(self.subject, self.leg, self.settings)
+
+    @property
+    def nominal(self) -> Values:
+        """The tissues' values (MPa, 1/MPa), by the names of the model in plane strain."""
+        return values_of(tissues_of(self.subject))
+
+    def solve(self, values: Values, sensitivities: Sequence[str] = ()) -> ForwardOutcome:
+        """Solve in full for values by the names of the model in plane strain."""
+        every = {**self.nominal, **values}
+        own = {name: value for name, value in every.items() if not name.startswith(_FASCIA)}
+        own["fascia.membrane.stiffness"] = membrane_stiffness(
+            every["fascia.C10"], self.subject.section.fascia_thickness
+        )
+        solved = self.experiment.solve(own, self.depth, sensitivities, keep_in=self.states)
+        report = solved.report
+        return ForwardOutcome(
+            values, (solved.curve,), bool(report.complete), report.reason, report.factorisations,
+            float(report.seconds) + sum(before.seconds for before in report.earlier_attempts),
+        )  # fmt: skip
+
+    def fingerprint(self) -> Mapping[str, Any]:
+        """Return leg, cylinder, tissues, settings, depth and code."""
+        return {"model": "3D", "depth_mm": self.depth, **self.experiment.fingerprint()}
+
+
+@dataclass(frozen=True, eq=False)
+class LegModels:
+    """The models in 3D of one leg that an identification solves in full.
+
+    Parameters
+    ----------
+    full
+        Whose solves make the correction.
+    rough, shorter
+        By larger elements, and the same of a shorter leg: what they differ by measures errors.
+    leg
+        The leg's shape.
+    depth
+        mm.
+    kept
+        Folder of the solves.
+    """
+
+    full: ForwardModel
+    rough: ForwardModel
+    shorter: ForwardModel
+    leg: SpatialLeg
+    depth: float
+    kept: Path | None = None
+
+    @classmethod
+    def of_subject(
+        cls,
+        subject: Subject,
+        depth: float,
+        kept: Path | None = None,
+        settings: SolidLegSettings | None = None,
+    ) -> LegModels:
+        """Return the models of a subject's leg, pressed to a depth (mm).
+
+        Raises
+        ------
+        InputError
+            If the recordings are made in plane strain, or the leg's shape can't be had.
+        """
+        if subject.plane_strain:
+            raise InputError(
+                "--model", "3d", "the recordings are simulated in plane strain, without ends",
+                "leave it out, or give plane_strain = false in [recordings] if they have ends",
+            )  # fmt: skip
+        settings, leg = settings or SolidLegSettings(), spatial_leg(subject)
+        larger = replace(
+            settings,
+            mesh=settings.mesh.refined(1 / ROUGHER),
+            contact_size=ROUGHER * settings.contact_size,
+        )
+        trimmed = leg.trimmed(subject.indenter.length, TRIMMED)
+        states = None if kept is None else kept / "states"
+        full, rough, shorter = (
+            SpatialForward(subject, shape, depth, numbers, states)
+            for shape, numbers in ((leg, settings), (leg, larger), (trimmed, larger))
+        )
+        return cls(full, rough, shorter, leg, depth, kept)

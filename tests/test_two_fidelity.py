@@ -1,0 +1,176 @@
+"""A section's identification corrected by the leg's own solves in 3D, on legs in closed form."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from making_identification import DEPTH, AnalyticLeg, Killed, pressed_leg
+from making_legs_3d import cone_folder
+
+from legfem.common.errors import InputError
+from legfem.common.progress import Silent
+from legfem.correction.confirmed import confirmed_correction
+from legfem.correction.tabulated import TabulatedCorrection
+from legfem.identify.document import result_document
+from legfem.identify.forward import ForwardOutcome
+from legfem.identify.identification import Identification, measured_curve
+from legfem.identify.result import CLOSE
+from legfem.identify.run import laws_of, sensitivities_of
+from legfem.identify.search import SearchError
+from legfem.identify.settings import IdentificationSettings
+from legfem.identify.solver import FullSolver
+from legfem.identify.spatial import LegModels
+from legfem.identify.two_fidelity import MOST_SOLVES, TwoFidelities
+from legfem.recording import Instrument, Recording
+from legfem.report.text import fit_report
+from legfem.subjects.spatial import spatial_leg
+from legfem.subjects.subject import Subject, load_subject
+
+GRID = np.linspace(0.0, DEPTH, 41)
+
+
+def P_of(c10: float, displacement: np.ndarray, level: float = 0.0) -> np.ndarray:
+    """Return an invented leg's P: it grows with the depth and depends on C10 (kPa)."""
+    return -0.15 - 0.006 * displacement + 0.05 * np.log(c10) + level
+
+
+@dataclass
+class AnalyticSolid(AnalyticLeg):
+    """The analytic leg with ends; ``level`` is added to its P."""
+
+    level: float = 0.0
+
+    def fingerprint(self) -> Mapping[str, Any]:
+        return {"model": "analytic solid", "level": self.level}
+
+    def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> ForwardOutcome:
+        flat = super().solve(values, sensitivities)
+        d = flat.curve.displacement
+        factor = 1 - P_of(1e3 * values["deep.C10"], d, self.level)
+        return replace(flat, curves=(replace(flat.curve, force=factor * flat.curve.force),))
+
+
+def recorded(folder: Path, c10: float, seed: int = 0) -> Subject:
+    """Return a subject whose recordings are the solid leg's, with errors."""
+    flat = pressed_leg(folder, c10, 0.0, seed)
+    curve = AnalyticSolid().solve({"deep.C10": 1e-3 * c10, "deep.C20": 0.0}, ()).curve
+    rng = np.random.default_rng(seed)
+    trials = tuple(
+        Recording(
+            one.time, one.displacement,
+            curve(0.4 * one.time.clip(max=DEPTH / 0.4)) + 0.03 * rng.standard_normal(len(one.time)),
+            one.trial,
+        )
+        for one in flat.recordings
+    )  # fmt: skip
+    return replace(flat, recordings=trials, plane_strain=False)
+
+
+def table(level: float, trend: float = 0.05) -> TabulatedCorrection:
+    """Return a table of other legs: off by a level, and it errs by as much."""
+    c10 = np.array([0.05, 0.5, 1.0, 3.0, 30.0])
+    values = P_of(1.0, GRID) + level + trend * np.log(c10)[:, None, None]
+    errors = {"leg length": np.full(len(GRID), abs(level) + 0.1)}
+    return TabulatedCorrection("other legs", GRID, c10, np.array([0.0]), values, errors)
+
+
+def identified(
+    subject: Subject,
+    start: TabulatedCorrection | None,
+    kept: Path | None = None,
+    solid: AnalyticSolid | None = None,
+    laws: tuple[Any, ...] = ("neo-hookean",),
+):
+    section = AnalyticLeg()
+    models = LegModels(
+        solid or AnalyticSolid(), AnalyticSolid(level=0.01), AnalyticSolid(level=0.014),
+        spatial_leg(subject), DEPTH, kept,
+    )  # fmt: skip
+    chosen = laws_of(subject, laws, section.nominal)
+    with FullSolver(section, None, 1, Silent(), sensitivities_of(chosen)) as solver:
+        found = Identification(
+            subject, measured_curve(subject), chosen, solver, IdentificationSettings()
+        )
+        return TwoFidelities(found, models, Silent(), start).identify(laws)
+
+
+@pytest.mark.parametrize("start", [table(0.3), table(0.0, trend=0.0), None])
+def test_c10_is_recovered_from_any_start_by_few_solves(start, tmp_path):
+    solid = AnalyticSolid()
+    (result,) = identified(recorded(tmp_path, 1.3), start, solid=solid)
+    found = result.parameters["deep.C10"]
+    low, high = found.ci95
+    assert low < 1.3e-3 < high
+    assert abs(found.value / 1.3e-3 - 1) < 0.02
+    assert result.spatial.converged and result.converged
+    assert result.spatial.full_solves == solid.calls <= 4
+    last = result.spatial.confirmations[-1]
+    assert last.error < CLOSE and last.moved < CLOSE
+
+
+def test_what_is_left_of_the_correction_s_error_is_in_the_interval_and_the_table_s_is_not(tmp_path):
+    (result,) = identified(recorded(tmp_path, 1.3), table(0.3))
+    assert set(result.spatial.errors) == {"prediction", "first contact", "mesh", "leg's length"}
+    np.testing.assert_allclose(result.spatial.errors["leg's length"], 0.004, rtol=0.02)
+    assert 0.01 < result.correction.sd[-1] < 0.04
+    width = result.parameters["deep.C10"].relative_half_width
+    assert 2 * 0.01 / 1.3 < width < 0.1
+
+
+def test_both_laws_share_the_budget(tmp_path):
+    solid = AnalyticSolid()
+    laws = ("neo-hookean", "reduced-polynomial")
+    results = identified(recorded(tmp_path, 0.7), table(0.2), solid=solid, laws=laws)
+    assert results[-1].spatial.full_solves == solid.calls
+    assert solid.calls + results[-1].spatial.rough_solves <= MOST_SOLVES
+
+
+def test_solves_are_kept_and_a_killed_run_goes_on(tmp_path):
+    subject, kept = recorded(tmp_path, 1.3), tmp_path / "solves-3d"
+    with pytest.raises(Killed):
+        identified(subject, table(0.3), kept, AnalyticSolid(killed_after=1))
+    again = AnalyticSolid()
+    (result,) = identified(subject, table(0.3), kept, again)
+    assert again.calls == result.spatial.full_solves - 1
+    once_more = AnalyticSolid()
+    (same,) = identified(subject, table(0.3), kept, once_more)
+    assert once_more.calls == 0
+    assert same.parameters["deep.C10"].value == result.parameters["deep.C10"].value
+
+
+def test_a_leg_that_stops_short_is_a_search_error(tmp_path):
+    with pytest.raises(SearchError, match="--depth"):
+        identified(recorded(tmp_path, 1.3), None, solid=AnalyticSolid(softest=100.0))
+
+
+def test_report_and_document_say_what_the_leg_itself_said(tmp_path):
+    (result,) = identified(recorded(tmp_path, 1.3), table(0.3))
+    text = fit_report(result)
+    assert "extruded over 120 mm (assumed)" in text and "the table of idealised legs" in text
+    document = result_document(result)
+    assert document["model"] == "3d"
+    assert len(document["spatial"]["confirmations"]) == result.spatial.full_solves
+    assert document["spatial"]["extruded"] and any("extruded" in w for w in document["warnings"])
+    assert len(document["spatial"]["correction_P_of_table"]) == len(result.measured.displacement)
+
+
+def test_recordings_in_plane_strain_are_refused(tmp_path):
+    subject = load_subject(cone_folder(tmp_path, level=100.0), need_recordings=False)
+    with pytest.raises(InputError, match="plane strain"):
+        LegModels.of_subject(replace(subject, plane_strain=True), DEPTH)
+    models = LegModels.of_subject(replace(subject, instrument=Instrument(0.1, 0.1)), DEPTH)
+    assert models.rough.fingerprint() != models.full.fingerprint() != models.shorter.fingerprint()
+
+
+def test_a_confirmed_correction_is_what_was_solved_and_follows_the_table_from_there():
+    P = P_of(1.0, GRID) + 0.02
+    for trend in (None, table(0.3)):
+        made = confirmed_correction("own", trend, (1.0, 0.0), GRID, P, {})
+        np.testing.assert_allclose(made.correction(GRID, 1.0, 0.0), P, atol=1e-12)
+        change = made.correction(GRID, 3.0, 0.0) - P
+        np.testing.assert_allclose(change, 0.0 if trend is None else 0.05 * np.log(3), atol=1e-12)
