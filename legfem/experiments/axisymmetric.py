@@ -21,7 +21,8 @@ from legfem.mechanics.contact import RigidBall, RigidIndenter, RigidPlate
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Formulation, LegModel, Term
-from legfem.meshing.meridian import REGION, MeridianMeshSettings, mesh_meridian, supports
+from legfem.meshing.meridian import MeridianMeshSettings, mesh_meridian, supports
+from legfem.meshing.section import REGIONS
 from legfem.meshing.support import Support
 from legfem.solve.force_curve import ForceCurve
 from legfem.solve.linear import LinearSettings
@@ -121,13 +122,16 @@ class Arrangement:
     """In plane strain the axis is a mirror."""
     whole: float = 1.0
     """Force of the whole indenter over the model's."""
+    interface: float | None = None
+    """Height up to which the tissue is the deep one; all of it without."""
 
 
 @dataclass(frozen=True, eq=False)
 class AxisymmetricTest[Sizes](PressingTest):
-    """A test with axial symmetry, of one tissue; solves for any parameters without meshing again.
+    """A test with axial symmetry; solves for any parameters without meshing again.
 
-    A test of one's own says in ``arrangement`` what presses on what.
+    A test of one's own says in ``arrangement`` what presses on what, and in ``laws`` what tissues
+    there are if it has more than one.
 
     Parameters
     ----------
@@ -154,24 +158,30 @@ class AxisymmetricTest[Sizes](PressingTest):
     def arrangement(self) -> Arrangement:
         """What presses on what."""
 
+    @property
+    def laws(self) -> Mapping[str, Hyperelastic]:
+        """Laws of the tissues by region; one tissue is called as the leg's deep one."""
+        return {"deep": self.law}
+
     @cached_property
     def model(self) -> LegModel:
         """The sum of terms."""
         given, formulation = self.arrangement, self.settings.formulation
-        model = leg_model({"deep": self.law}, given.indenter, given.contact, formulation)
+        model = leg_model(self.laws, given.indenter, given.contact, formulation)
         return model.with_terms(self.mechanisms)
 
     def _made(self) -> Pressing:
         given, settings = self.arrangement, self.settings
         meshed = mesh_meridian(
-            given.radius, given.height, given.fine, given.mesh, given.side, self.comm
-        )
+            given.radius, given.height, given.fine, given.mesh, given.side, self.comm,
+            given.interface,
+        )  # fmt: skip
         spaces = build_spaces(
             meshed.mesh,
             meshed.cell_tags,
             meshed.facet_tags,
             settings.formulation,
-            regions=REGION,
+            regions={name: REGIONS[name] for name in self.laws},
             supports=given.held,
             symmetry=given.symmetry,
         )

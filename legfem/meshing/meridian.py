@@ -15,12 +15,10 @@ from mpi4py import MPI
 from legfem.common.checks import check_positive
 from legfem.common.units import FloatArray
 from legfem.meshing.grid import spaced, tagged
-from legfem.meshing.section import BONE, DEEP, SKIN
+from legfem.meshing.section import BONE, DEEP, SKIN, SUPERFICIAL
 from legfem.meshing.support import Support
 
 AXIS, BASE, SIDE = 13, BONE, 16
-REGION = {"deep": DEEP}
-"""A specimen is of one tissue, called as the leg's deep one."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +58,7 @@ class MeridianMesh:
     mesh: Any
     """`dolfinx.mesh.Mesh`, mm."""
     cell_tags: Any
+    """`DEEP`, and `SUPERFICIAL` above an interface."""
     facet_tags: Any
     """`SKIN` above, `BASE` below, `AXIS`, and the side: `SKIN` or `SIDE`."""
 
@@ -71,6 +70,7 @@ def mesh_meridian(
     settings: MeridianMeshSettings,
     side: Literal["skin", "free"] = "free",
     comm: MPI.Intracomm = MPI.COMM_SELF,
+    interface: float | None = None,
 ) -> MeridianMesh:
     """Mesh a specimen of a radius and height (mm).
 
@@ -86,7 +86,10 @@ def mesh_meridian(
         Whether what presses may touch the side too.
     comm
         Of the mesh.
+    interface
+        Height (mm) up to which the tissue is the deep one; all of it without.
     """
+    deep = height if interface is None else interface
 
     def graded(distance: FloatArray) -> FloatArray:
         size = settings.size + settings.growth * np.maximum(distance, 0.0)
@@ -96,7 +99,7 @@ def mesh_meridian(
         return graded(np.maximum(fine[0] - r, r - fine[1]))
 
     r = spaced(radius, across)
-    z = height - spaced(height, graded)[::-1]
+    z = height - spaced(height, graded, (height - deep,))[::-1]
     counts = [len(r) - 1, len(z) - 1]
     made = dolfinx_mesh.create_rectangle(
         comm,
@@ -107,7 +110,8 @@ def mesh_meridian(
     )
     sides = {(0, 0): AXIS, (0, counts[0]): SKIN if side == "skin" else SIDE,
              (1, 0): BASE, (1, counts[1]): SKIN}  # fmt: skip
-    cell_tags, facet_tags = tagged(made, [DEEP] * counts[1], sides)
+    rows = np.where(0.5 * (z[1:] + z[:-1]) < deep, DEEP, SUPERFICIAL)
+    cell_tags, facet_tags = tagged(made, rows.tolist(), sides)
     nodes = made.geometry.x
     nodes[:, 0] = np.interp(nodes[:, 0], np.arange(len(r)), r)
     nodes[:, 1] = np.interp(nodes[:, 1], np.arange(len(z)), z)

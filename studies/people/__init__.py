@@ -1,0 +1,1 @@
+"""Fat and muscle of living people: how stiff they are, and how much people differ."""

@@ -1,0 +1,130 @@
+"""The table of in vivo indentations: one person and site a row."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
+
+FILE = "indentation.csv"
+SITES = {
+    "UA_A": "upper arm, front", "UA_P": "upper arm, back",
+    "LA_A": "forearm, front", "LA_P": "forearm, back",
+    "UL_A": "thigh, front", "UL_P": "thigh, back",
+    "LL_A": "shin", "LL_P": "calf",
+}  # fmt: skip
+"""By the table's names."""
+_NUMBERS = (
+    "MaxForce", "maxForce_normArea", "Thickness", "Skin", "Fat", "Muscle", "SkinStrain",
+    "fat_disp", "muscle_disp", "Total_Stiff",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Indentations:
+    """Presses of a flat probe on people's limbs, at the deepest image; arrays are (n,).
+
+    Skin counts with fat as the superficial tissue: of the skin's 1.5 mm the images tell no change.
+    """
+
+    people: tuple[str, ...]
+    """Names of the persons."""
+    sites: tuple[str, ...]
+    """Names of the sites."""
+    person: NDArray[np.int64]
+    """Place in ``people``."""
+    site: NDArray[np.int64]
+    """Place in ``sites``."""
+    force: FloatArray
+    """N."""
+    area: FloatArray
+    """Of the probe's face, mm2."""
+    superficial: FloatArray
+    """Thickness without load, mm."""
+    deep: FloatArray
+    """Thickness without load, mm."""
+    superficial_loss: FloatArray
+    """Of thickness under the force, mm."""
+    deep_loss: FloatArray
+    """Of thickness under the force, mm."""
+    compliance: FloatArray
+    """Thickness lost per pressure along the whole press, by a straight line, mm/MPa."""
+
+    def __len__(self) -> int:
+        return len(self.force)
+
+    @property
+    def radius(self) -> FloatArray:
+        """Of the circle of the probe's area (mm)."""
+        return np.sqrt(self.area / np.pi)
+
+    @property
+    def secant_compliance(self) -> FloatArray:
+        """Thickness lost at the deepest image over the pressure there, mm/MPa."""
+        return (self.superficial_loss + self.deep_loss) * self.area / self.force
+
+    def where(self, kept: NDArray[np.bool_]) -> Indentations:
+        """Return some rows, with the names of all people and sites."""
+        rows = (
+            self.person, self.site, self.force, self.area, self.superficial, self.deep,
+            self.superficial_loss, self.deep_loss, self.compliance,
+        )  # fmt: skip
+        return Indentations(self.people, self.sites, *(row[kept] for row in rows))
+
+
+def read_indentations(folder: Path) -> Indentations:
+    """Read the table; rows without a thickness or a change of it are left out.
+
+    Raises
+    ------
+    InputError
+        If the table isn't there, lacks a column, or has nothing to use.
+    """
+    path = folder / FILE
+    try:
+        table = pd.read_csv(path, dtype={"SubID": str, "Location": str})
+    except (OSError, ValueError) as error:
+        raise InputError(
+            str(path), "", f"can't be read ({type(error).__name__})",
+            "give --data the folder of the MULTIS table (doi 10.18735/S5R97F)",
+        ) from error  # fmt: skip
+    missing = {"SubID", "Location", *_NUMBERS} - set(table.columns)
+    if missing:
+        raise InputError(
+            str(path), sorted(missing)[0], "no such column",
+            "give the table as it is published, with all its columns",
+        )  # fmt: skip
+    numbers = table[list(_NUMBERS)].apply(pd.to_numeric, errors="coerce")
+    positive = numbers[
+        ["MaxForce", "maxForce_normArea", "Thickness", "Fat", "Muscle", "Total_Stiff"]
+    ]
+    good = np.isfinite(numbers).all(axis=1) & (positive > 0).all(axis=1)
+    good &= table["Location"].isin(SITES) & table["SubID"].notna()
+    table, numbers = table[good], numbers[good]
+    if not len(table):
+        raise InputError(
+            str(path), "", "holds no person with all numbers",
+            "give forces in N, thicknesses in mm, pressures in MPa",
+        )  # fmt: skip
+    people = tuple(sorted(set(table["SubID"])))
+    sites = tuple(site for site in SITES if site in set(table["Location"]))
+    get = {name: numbers[name].to_numpy(dtype=float) for name in _NUMBERS}
+    return Indentations(
+        people,
+        sites,
+        np.array([people.index(name) for name in table["SubID"]]),
+        np.array([sites.index(name) for name in table["Location"]]),
+        get["MaxForce"],
+        np.round(get["MaxForce"] / get["maxForce_normArea"], 1),
+        get["Skin"] + get["Fat"],
+        get["Muscle"],
+        get["SkinStrain"] * get["Skin"] + get["fat_disp"],
+        get["muscle_disp"],
+        1 / get["Total_Stiff"],
+    )

@@ -1,0 +1,224 @@
+r"""How stiff fat and muscle are, and how much people differ: a hierarchical fit.
+
+With :math:`\theta_{ij} = (\ln C_{10}^{sup}, \ln C_{10}^{deep})` of person i at site j,
+
+.. math:: \theta_{ij} \sim N(\mu_j + p_i, \Omega),\quad p_i \sim N(0, P),\quad \mu_j \sim N(M, S),
+
+and the thickness lost by the superficial layer, and by both, each seen with an error of
+`BOUNDARY_SD_MM`: the two share the fascia's line in the image. Gibbs' sampler draws M, :math:`\mu`,
+p and the covariances from their conditional distributions, which are normal and inverse Wishart
+(A. Gelman et al., Bayesian Data Analysis, 3rd ed., 2013, ch. 15), and Metropolis' steps draw every
+:math:`\theta_{ij}`, all rows at once. There are twice as many of these as rows, far too many for an
+ensemble's walkers (emcee), and the model is a table, of which no derivative is needed (NumPyro,
+PyMC).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.random import Generator
+from scipy.stats import invwishart
+
+from legfem.common.units import FloatArray
+from studies.people.data import Indentations
+from studies.people.losses import Losses, allowed
+
+BOUNDARY_SD_MM = 0.2
+"""Of a boundary's motion in the images: two observers' changes of a layer's thickness, which has
+two boundaries, differ by 0.19 to 0.32 mm (the data's page)."""
+_DOF = 4.0
+"""Of the covariances' prior, the least with a mean."""
+_SPREAD = 0.3
+"""Of people and sites, about which that prior lies (logarithms)."""
+_WITHIN = 2.0
+"""Standard deviation of M's prior about `_CENTRE`: hardly any."""
+_CENTRE = float(np.log(5e-3))
+_ADAPTED = 25
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """One draw."""
+
+    theta: FloatArray
+    """(n, 2): logarithms of C10 (MPa), superficial and deep, by row."""
+    person: FloatArray
+    """(people, 2): p."""
+    site: FloatArray
+    """(sites, 2): mu."""
+    mean: FloatArray
+    """(2,): M."""
+    between_sites: FloatArray
+    """(2, 2): S."""
+    between_people: FloatArray
+    """(2, 2): P."""
+    within: FloatArray
+    """(2, 2): Omega."""
+
+    @property
+    def spread(self) -> FloatArray:
+        """Covariance (2, 2) of people at one site."""
+        return self.between_people + self.within
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """Draws of a population, stacked: a `State`'s fields with the draws first."""
+
+    states: Sequence[State]
+
+    def __getitem__(self, name: str) -> FloatArray:
+        return np.array([getattr(state, name) for state in self.states])
+
+
+def draw_population(
+    losses: Losses,
+    kept: int,
+    burn_in: int,
+    rng: Generator,
+    start: State | None = None,
+    thin: int = 1,
+    boundary_sd: float = BOUNDARY_SD_MM,
+) -> Drawn:
+    """Draw from the posterior distribution.
+
+    Parameters
+    ----------
+    losses
+        Of the rows that count.
+    kept, burn_in, thin
+        Draws to keep, sweeps before, and sweeps between those kept.
+    rng
+        Source of randomness.
+    start
+        Of the chain; what its numbers of rows, people and sites were doesn't matter.
+    boundary_sd
+        Of the error of a boundary's motion, mm.
+    """
+    rows = losses.rows
+    state = _start(rows) if start is None else _fitted_to(start, rows)
+    chain = _Chain(losses, boundary_sd, rng)
+    step = np.full((len(rows), 2), 0.3)
+    states = []
+    for sweep in range(burn_in + kept * thin):
+        theta, accepted = chain.rows_given(state, step)
+        if sweep < burn_in:
+            # Robbins and Monro's steps to an acceptance of 0.44, the best in one dimension.
+            step = np.clip(step * np.exp((accepted - 0.44) / (1 + sweep / _ADAPTED)), 0.01, 3.0)
+        state = chain.population_given(replace(state, theta=theta))
+        if sweep >= burn_in and (sweep - burn_in) % thin == 0:
+            states.append(state)
+    return Drawn(states)
+
+
+def _start(rows: Indentations) -> State:
+    spread = _SPREAD**2 * np.eye(2)
+    return State(
+        np.full((len(rows), 2), _CENTRE), np.zeros((len(rows.people), 2)),
+        np.full((len(rows.sites), 2), _CENTRE), np.full(2, _CENTRE), spread, spread, spread,
+    )  # fmt: skip
+
+
+def _fitted_to(start: State, rows: Indentations) -> State:
+    if len(start.theta) == len(rows):
+        return start
+    return replace(start, theta=start.site[rows.site] + start.person[rows.person])
+
+
+@dataclass(frozen=True, eq=False)
+class _Chain:
+    losses: Losses
+    boundary_sd: float
+    rng: Generator
+
+    def log_likelihood(self, theta: FloatArray) -> FloatArray:
+        """Return that of every row (n,)."""
+        rows = self.losses.rows
+        superficial, total = self.losses(theta)
+        off = (
+            (rows.superficial_loss - superficial) ** 2
+            + (rows.superficial_loss + rows.deep_loss - total) ** 2
+        )  # fmt: skip
+        return np.where(allowed(theta), -0.5 * off / self.boundary_sd**2, -np.inf)
+
+    def rows_given(self, state: State, step: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return new logarithms of C10 (n, 2), and which steps were accepted (n, 2)."""
+        rows, rng = self.losses.rows, self.rng
+        centre = state.site[rows.site] + state.person[rows.person]
+        precision = np.linalg.inv(state.within)
+        theta = state.theta
+        likelihood = self.log_likelihood(theta)
+
+        def prior(at: FloatArray) -> FloatArray:
+            off = at - centre
+            return -0.5 * np.einsum("ni,ij,nj->n", off, precision, off)
+
+        accepted = np.zeros(theta.shape)
+        for k in range(2):
+            trial = theta.copy()
+            trial[:, k] += step[:, k] * rng.standard_normal(len(theta))
+            new = self.log_likelihood(trial)
+            better = new + prior(trial) - likelihood - prior(theta)
+            taken = np.log(rng.random(len(theta))) < better
+            theta = np.where(taken[:, None], trial, theta)
+            likelihood = np.where(taken, new, likelihood)
+            accepted[:, k] = taken
+        # A row that tells little of its fat: a step to anywhere in the population.
+        within = state.within
+        slope = within[0, 1] / within[1, 1]
+        sd = np.sqrt(within[0, 0] - slope * within[0, 1])
+        trial = theta.copy()
+        trial[:, 0] = (
+            centre[:, 0] + slope * (theta[:, 1] - centre[:, 1])
+            + sd * rng.standard_normal(len(theta))
+        )  # fmt: skip
+        new = self.log_likelihood(trial)
+        taken = np.log(rng.random(len(theta))) < new - likelihood
+        return np.where(taken[:, None], trial, theta), accepted
+
+    def population_given(self, state: State) -> State:
+        """Return the state with all but the rows' own numbers drawn anew."""
+        rows, rng = self.losses.rows, self.rng
+        theta = state.theta
+        inside = np.linalg.inv(state.within)
+        person = self._effects(
+            theta - state.site[rows.site], rows.person, len(rows.people), inside,
+            np.linalg.inv(state.between_people), np.zeros(2),
+        )  # fmt: skip
+        site = self._effects(
+            theta - person[rows.person], rows.site, len(rows.sites), inside,
+            np.linalg.inv(state.between_sites), state.mean,
+        )  # fmt: skip
+        sites = np.linalg.inv(state.between_sites)
+        whole = len(site) * sites + np.eye(2) / _WITHIN**2
+        pull = sites @ site.sum(axis=0) + np.full(2, _CENTRE) / _WITHIN**2
+        mean = rng.multivariate_normal(np.linalg.solve(whole, pull), np.linalg.inv(whole))
+        # People without a row, as one who was left out, tell nothing of how people differ.
+        seen = np.unique(rows.person)
+        return State(
+            theta, person, site, mean,
+            self._covariance(site - mean),
+            self._covariance(person[seen]),
+            self._covariance(theta - site[rows.site] - person[rows.person]),
+        )  # fmt: skip
+
+    def _effects(
+        self, left: FloatArray, group: FloatArray, count: int, inside: FloatArray,
+        outside: FloatArray, centre: FloatArray,
+    ) -> FloatArray:  # fmt: skip
+        """Draw the means (count, 2) of groups of rows, given their covariances' inverses."""
+        sums = np.zeros((count, 2))
+        np.add.at(sums, group, left)
+        members = np.bincount(group, minlength=count)
+        whole = outside + members[:, None, None] * inside
+        covariance = np.linalg.inv(whole)
+        mean = np.einsum("gij,gj->gi", covariance, sums @ inside + outside @ centre)
+        root = np.linalg.cholesky(covariance)
+        return mean + np.einsum("gij,gj->gi", root, self.rng.standard_normal((count, 2)))
+
+    def _covariance(self, off: FloatArray) -> FloatArray:
+        scale = (_DOF - 3) * _SPREAD**2 * np.eye(2) + off.T @ off
+        return np.asarray(invwishart.rvs(_DOF + len(off), scale, random_state=self.rng))
