@@ -16,7 +16,8 @@ from legfem.diagnose.mechanisms import Mechanism, Stiffness, TissueMechanism, me
 from legfem.diagnose.mechanisms.base import null_of
 from legfem.diagnose.mechanisms.end_effects import EndEffects
 from legfem.diagnose.mechanisms.viscoelasticity import Viscoelasticity
-from legfem.diagnose.nuisances import MATERIAL_LOG_SD, Displaced, Nuisances, displaced_geometries
+from legfem.diagnose.models import Models
+from legfem.diagnose.nuisances import Displaced, Nuisances
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses
 from legfem.diagnose.stations import Stations
@@ -111,7 +112,7 @@ def _solved(
         own = task.geometry
         return {"change": coarse.displaced(own.moved, own.placement, task.point)}
     if task.material:
-        return coarse.sensitivities(tuple(MATERIAL_LOG_SD), task.point)
+        return coarse.sensitivities(coarse.variants.assumed, task.point)
     mechanism = task.mechanism
     if mechanism is None:
         return solved.elastic(task.point)
@@ -126,7 +127,10 @@ def _solved(
 
 
 def shown_mechanisms(
-    observed: Observations, correction: TabulatedCorrection | None, no_ends: str | None = None
+    observed: Observations,
+    correction: TabulatedCorrection | None,
+    no_ends: str | None = None,
+    every: Sequence[Mechanism] | None = None,
 ) -> tuple[list[Mechanism], dict[str, str]]:
     """Return the mechanisms that recordings can show, and why the others can't be.
 
@@ -138,10 +142,12 @@ def shown_mechanisms(
         For the cylinder's ends.
     no_ends
         Why they needn't be looked for, if so.
+    every
+        Mechanisms that the body may have; all that legfem knows without it.
     """
     able: list[Mechanism] = []
     unable: dict[str, str] = {}
-    for mechanism in mechanisms():
+    for mechanism in mechanisms() if every is None else every:
         why = mechanism.untestable(observed)
         if why is None and isinstance(mechanism, EndEffects):
             why = no_ends
@@ -192,7 +198,7 @@ def build_library(
         progress.stage("how stiff the leg is, roughly")
         middle = middle_of(observed, coarse, stiffening)
     tissue = [m for m in asked if isinstance(m, TissueMechanism) and not isinstance(m, EndEffects)]
-    tasks = _tasks(observed, tissue, middle, stiffening)
+    tasks = _tasks(observed, tissue, middle, stiffening, coarse.variants)
     progress.stage("the leg's library of responses", len(tasks))
     found: dict[int, Mapping[str, FloatArray] | None] = {}
     numbers = {id(task): k for k, task in enumerate(tasks)}
@@ -205,7 +211,11 @@ def build_library(
 
 
 def _tasks(
-    observed: Observations, tissue: Sequence[TissueMechanism], middle: float, stiffening: float
+    observed: Observations,
+    tissue: Sequence[TissueMechanism],
+    middle: float,
+    stiffening: float,
+    models: Models,
 ) -> list[_Task]:
     def point(log: float, q: float) -> Stiffness:
         c10 = middle * float(np.exp(log))
@@ -223,7 +233,7 @@ def _tasks(
     ]
     tasks += [_Task(point(log, q)) for log in LATTICE for q in STIFFENINGS]
     tasks.append(_Task(centre, material=True))
-    tasks += [_Task(centre, geometry=geometry) for geometry in displaced_geometries()]
+    tasks += [_Task(centre, geometry=geometry) for geometry in models.displaced]
     tasks += [
         _Task(at, m, strength)
         for m in tissue

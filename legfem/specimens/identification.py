@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,13 +26,11 @@ from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.specimens.folder import LeftOut, SpecimenFolder, SpecimenRecording
 from legfem.specimens.forward import SpecimenForward
-from legfem.specimens.laws import Asked, identified_law, specimen_law
+from legfem.specimens.laws import REFERENCE_MPA, Asked, identified_law, specimen_law
 from legfem.specimens.misfit import Part, SpecimenMisfit
 from legfem.specimens.result import ComparedRecording, SpecimenResult
 from legfem.specimens.schema import Sizes
 
-REFERENCE_MPA = 0.01
-"""Stiffness C10 at which every test is solved once, before anything is known."""
 _BEYOND = 1.02
 # Of the depth that was reached: short of where a solution stopped.
 _SHORT_OF = 0.97
@@ -193,7 +191,7 @@ def _solve_one(model: SpecimenForward, number: int) -> ForwardOutcome:
 
 
 def _shortened(one: SpecimenRecording, depth: float) -> SpecimenRecording:
-    return SpecimenRecording(one.name, one.specimen, one.sizes, one.course.down_to(depth))
+    return replace(one, course=one.course.down_to(depth))
 
 
 def _identify(

@@ -21,6 +21,7 @@ from legfem.subjects.schema import InstrumentEntry, RecordingsEntry
 
 Base = Literal["bonded", "sliding"]
 Faces = Literal["rough", "frictionless"]
+BaseLaw = Literal["neo-hookean", "reduced-polynomial"]
 type Sizes = BallOnLayer | PunchOnLayer | CylinderBetweenPlates | CylinderOnBlock | Bar
 Test = BallIndentation | FlatPunchIndentation | CylinderCompression | LateralCylinder | UniaxialTest
 SIZES = ("thickness_mm", "diameter_mm", "height_mm", "width_mm", "length_mm", "area_mm2")
@@ -132,6 +133,8 @@ class TissueEntry(FileTable):
 
     poisson_ratio: Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False)] | None = None
     """At small strain; a bulk modulus of 1000 shear moduli without it."""
+    law: BaseLaw = "neo-hookean"
+    """That `legfem.diagnose` asks what it leaves out."""
     relaxes: bool | None = None
     """Whether its stress relaxes; without it, whether a recording holds."""
 

@@ -13,6 +13,7 @@ from legfem.inference.parameter import Parameter
 if TYPE_CHECKING:
     from legfem.experiments.plane_strain import Tissues
     from legfem.geometry.section import LegSection
+    from legfem.mechanics.materials import Hyperelastic
 
 
 @dataclass(frozen=True)
@@ -31,10 +32,14 @@ class StrainStiffening(TissueMechanism):
 
     def terms(self, section: LegSection, tissues: Tissues) -> Sequence[Any]:
         """Return the tissue with a third coefficient of its energy."""
+        return self.terms_of(tissues.deep)
+
+    def terms_of(self, law: Hyperelastic) -> Sequence[Any]:
+        """Return the same of a body of one tissue."""
         from legfem.mechanics.materials import Yeoh
         from legfem.mechanics.terms import Tissue
 
-        return [Tissue("deep", Yeoh.of(tissues.deep))]
+        return [Tissue("deep", Yeoh.of(law))]
 
     def solution(self, values: Values) -> Solution:
         """Return the law with its third coefficient."""

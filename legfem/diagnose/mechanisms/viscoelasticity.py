@@ -19,6 +19,7 @@ from legfem.recording.phases import HOLD, UNLOADING
 if TYPE_CHECKING:
     from legfem.experiments.plane_strain import Tissues
     from legfem.geometry.section import LegSection
+    from legfem.mechanics.materials import Hyperelastic
 
 TIMES_S = (0.1, 0.35, 1.2, 4.2, 14.0, 48.0, 170.0)
 """Relaxation times of the model's branches: a continuous spectrum is spread over them."""
@@ -99,9 +100,15 @@ class Viscoelasticity(TissueMechanism):
 
     def terms(self, section: LegSection, tissues: Tissues) -> Sequence[Any]:
         """Return the branches."""
+        return self._branches_of(getattr(tissues, self.region))
+
+    def terms_of(self, law: Hyperelastic) -> Sequence[Any]:
+        """Return the same of a body of one tissue, which is called deep."""
+        return self._branches_of(law) if self.region == "deep" else ()
+
+    def _branches_of(self, law: Hyperelastic) -> Sequence[Any]:
         from legfem.mechanics.terms import Viscoelasticity as Branch
 
-        law = getattr(tissues, self.region)
         return [Branch(self.region, law, branch=str(k + 1)) for k in range(len(TIMES_S))]
 
     def shares(self, values: Values) -> FloatArray:
