@@ -63,6 +63,8 @@ class SpecimenFolder:
     instrument: Instrument | None = None
     """As stated; seen in the recordings without it."""
     starts_at_contact: bool = False
+    one_stiffness: bool = False
+    """Whether all specimens are taken to be equally stiff."""
     base_law: BaseLaw = "neo-hookean"
     """That `legfem.diagnose` asks what it leaves out."""
 
@@ -138,7 +140,8 @@ def load_specimen(directory: Path) -> SpecimenFolder:
         given.id, given.title, given.origin, tuple(used), tuple(left),
         given.tissue.poisson_ratio,
         any(one.course.holds for one in used) if relaxes is None else relaxes,
-        directory, errors, given.recordings.starts_at_contact, given.tissue.law,
+        directory, errors, given.recordings.starts_at_contact, given.tissue.one_stiffness,
+        given.tissue.law,
     )  # fmt: skip
 
 

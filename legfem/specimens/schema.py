@@ -133,6 +133,8 @@ class TissueEntry(FileTable):
 
     poisson_ratio: Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False)] | None = None
     """At small strain; a bulk modulus of 1000 shear moduli without it."""
+    one_stiffness: bool = False
+    """Whether specimens are equally stiff; each has a stiffness of its own without it."""
     law: BaseLaw = "neo-hookean"
     """That `legfem.diagnose` asks what it leaves out."""
     relaxes: bool | None = None
