@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -25,6 +26,16 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 def diagnose(
     subject: Subject = None,
     subject_dir: SubjectDir = None,
+    specimen_dir: Annotated[
+        Path | None, typer.Option(help="Folder of specimens in a lab's test, in place of a leg.")
+    ] = None,
+    specimen: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Of several specimens the one to diagnose; may be given again. All by default.",
+            show_default=False,
+        ),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder for results; results/diagnose-ID by default.")
     ] = None,
@@ -51,11 +62,27 @@ def diagnose(
     Reads a subject folder (subject.toml, contours.csv, recordings/*.csv, one trial a file with
     loading, holds and unloading at any rates); writes diagnosis.json, a report and figures. The
     first diagnosis of a leg solves its library of responses (some minutes); later ones use it.
+    With --specimen-dir each specimen of a folder (specimen.toml, recordings/*.csv) is diagnosed.
 
     Example: python -m legfem.diagnose --subject 3 --out results/diagnose-3
     """
     resume = "run the same command again to go on; solutions that are done are kept"
     with work_edge(jobs, resume, quiet) as processes:
+        if seed < 0:
+            raise InputError("--seed", f"{seed}", "is negative", "give 0 or more")
+        if specimen_dir is not None:
+            legs_alone = {
+                "--subject": subject, "--subject-dir": subject_dir, "--correction": correction
+            }  # fmt: skip
+            for option, given in legs_alone.items():
+                if given is not None:
+                    raise InputError(option, "--specimen-dir", "is given too", "leave one out")
+            _run_specimens(
+                specimen_dir, specimen or (), out, library, processes, seed, quiet, as_json
+            )
+            return
+        if specimen:
+            raise InputError("--specimen", specimen[0], "is for specimens", "give --specimen-dir")
         from legfem.commands.outcome import print_outcome
         from legfem.common.documents import write_document
         from legfem.correction.choice import REFERENCE
@@ -70,8 +97,6 @@ def diagnose(
         from legfem.subjects.plausibility import doubts_about
         from legfem.subjects.subject import load_subject
 
-        if seed < 0:
-            raise InputError("--seed", f"{seed}", "is negative", "give 0 or more")
         found = load_subject(SUBJECTS.named(subject, subject_dir), need_instrument=False)
         say(doubts_about(found))
         ends = read_correction(correction or REFERENCE)
@@ -93,3 +118,31 @@ def diagnose(
             diagnosis, found, folder, plan_lines(ranked), command_line()
         )
         print_outcome([report.read_text(encoding="utf-8")], path, report, quiet, as_json)
+
+
+def _run_specimens(
+    directory: Path,
+    names: Sequence[str],
+    out: Path | None,
+    library: Path | None,
+    jobs: int,
+    seed: int,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    from legfem.commands.outcome import print_outcome
+    from legfem.diagnose.leg import library_folder
+    from legfem.report.specimen_diagnosis import write_specimen_diagnoses
+    from legfem.report.web.page import command_line
+    from legfem.specimens.diagnosis import diagnose_specimens
+    from legfem.specimens.folder import load_specimen
+
+    found = load_specimen(directory)
+    folder = out or Path("results") / f"diagnose-{found.id}"
+    check_out_folder(folder)
+    responses = library or library_folder()
+    check_out_folder(responses)
+    with progress_on(quiet=quiet) as progress:
+        every = diagnose_specimens(found, names, responses, jobs, progress, seed)
+        path, report = write_specimen_diagnoses(every, found, folder, seed, command_line())
+    print_outcome([report.read_text(encoding="utf-8")], path, report, quiet, as_json)

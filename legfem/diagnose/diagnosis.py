@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Literal
@@ -21,6 +21,7 @@ from legfem.diagnose.held_out import HeldOut, held_out
 from legfem.diagnose.library import Library
 from legfem.diagnose.library_build import shown_mechanisms
 from legfem.diagnose.limits import Limit, limits_of
+from legfem.diagnose.mechanisms import Mechanism
 from legfem.diagnose.nuisances import Accuracy
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.ordinary import ordinary_explanation, ordinary_fit
@@ -109,6 +110,7 @@ def diagnose(
     ends: TabulatedCorrection | None = None,
     seed: int = 0,
     no_ends: str | None = None,
+    every: Sequence[Mechanism] | None = None,
 ) -> Diagnosis:
     """Diagnose recordings: noise, base fit, location, explanations, verdict.
 
@@ -134,8 +136,10 @@ def diagnose(
         Why the cylinder's ends can't be what was left out, if so.
     seed
         Of the draws that windows are judged by.
+    every
+        Mechanisms that the body may have; all that legfem knows without it.
     """
-    able, untested = shown_mechanisms(observed, library.correction, no_ends)
+    able, untested = shown_mechanisms(observed, library.correction, no_ends, every)
     able = [m for m in able if m.name not in library.missing]
     progress.stage("fitting the base model")
     made = solved.solutions if solved is not None else 0

@@ -46,6 +46,11 @@ class Recorded(Protocol):
         ...
 
 
+def kind_of(subject: Recorded) -> str:
+    """Return what was pressed, in a word."""
+    return "Subject" if isinstance(subject, Subject) else "Specimen"
+
+
 def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> dict[str, Any]:
     """Return the diagnosis as JSON types; what isn't finite is null."""
     base, posterior = found.base, found.base.posterior

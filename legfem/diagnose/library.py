@@ -27,7 +27,6 @@ from legfem.diagnose.solved import end_effect
 from legfem.inference.emulator import Emulator
 
 _REACH = 1.6
-"""Of ln C10 from the middle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +63,13 @@ class Library:
     correction: TabulatedCorrection | None = None
     missing: Mapping[str, str] = field(default_factory=dict)
     """Mechanisms that have no table, and why."""
+    reach: float = _REACH
+    """Of ln C10 from the middle, where it holds."""
 
     @property
     def c10_bounds(self) -> tuple[float, float]:
         """Stiffness C10 that it holds for, kPa."""
-        return self.middle * float(np.exp(-_REACH)), self.middle * float(np.exp(_REACH))
+        return self.middle * float(np.exp(-self.reach)), self.middle * float(np.exp(self.reach))
 
     @property
     def c20_bounds(self) -> tuple[float, float]:

@@ -15,7 +15,8 @@ from legfem.diagnose.library import Library, Table, coordinates
 from legfem.diagnose.mechanisms import Mechanism, Stiffness, TissueMechanism, mechanisms
 from legfem.diagnose.mechanisms.base import null_of
 from legfem.diagnose.mechanisms.end_effects import EndEffects
-from legfem.diagnose.nuisances import MATERIAL_LOG_SD, Displaced, Nuisances, displaced_geometries
+from legfem.diagnose.models import Models
+from legfem.diagnose.nuisances import Displaced, Nuisances
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses
 from legfem.diagnose.stations import Stations
@@ -110,7 +111,7 @@ def _solved(
         own = task.geometry
         return {"change": coarse.displaced(own.moved, own.placement, task.point)}
     if task.material:
-        return coarse.sensitivities(tuple(MATERIAL_LOG_SD), task.point)
+        return coarse.sensitivities(coarse.variants.assumed, task.point)
     mechanism = task.mechanism
     if mechanism is None:
         return solved.elastic(task.point)
@@ -124,7 +125,10 @@ def _solved(
 
 
 def shown_mechanisms(
-    observed: Observations, correction: TabulatedCorrection | None, no_ends: str | None = None
+    observed: Observations,
+    correction: TabulatedCorrection | None,
+    no_ends: str | None = None,
+    every: Sequence[Mechanism] | None = None,
 ) -> tuple[list[Mechanism], dict[str, str]]:
     """Return the mechanisms that recordings can show, and why the others can't be.
 
@@ -136,10 +140,12 @@ def shown_mechanisms(
         For the cylinder's ends.
     no_ends
         Why they needn't be looked for, if so.
+    every
+        Mechanisms that the body may have; all that legfem knows without it.
     """
     able: list[Mechanism] = []
     unable: dict[str, str] = {}
-    for mechanism in mechanisms():
+    for mechanism in mechanisms() if every is None else every:
         why = mechanism.untestable(observed)
         if why is None and isinstance(mechanism, EndEffects):
             why = no_ends
@@ -190,7 +196,7 @@ def build_library(
         progress.stage("how stiff the leg is, roughly")
         middle = middle_of(observed, coarse, stiffening)
     tissue = [m for m in asked if isinstance(m, TissueMechanism) and not isinstance(m, EndEffects)]
-    tasks = _tasks(observed, tissue, middle, stiffening)
+    tasks = _tasks(observed, tissue, middle, stiffening, coarse.variants)
     progress.stage("the leg's library of responses", len(tasks))
     found: dict[int, Mapping[str, FloatArray] | None] = {}
     numbers = {id(task): k for k, task in enumerate(tasks)}
@@ -203,7 +209,11 @@ def build_library(
 
 
 def _tasks(
-    observed: Observations, tissue: Sequence[TissueMechanism], middle: float, stiffening: float
+    observed: Observations,
+    tissue: Sequence[TissueMechanism],
+    middle: float,
+    stiffening: float,
+    models: Models,
 ) -> list[_Task]:
     def point(log: float, q: float) -> Stiffness:
         c10 = middle * float(np.exp(log))
@@ -221,7 +231,7 @@ def _tasks(
     ]
     tasks += [_Task(point(log, q)) for log in LATTICE for q in STIFFENINGS]
     tasks.append(_Task(centre, material=True))
-    tasks += [_Task(centre, geometry=geometry) for geometry in displaced_geometries()]
+    tasks += [_Task(centre, geometry=geometry) for geometry in models.displaced]
     tasks += [
         _Task(at, m, strength)
         for m in tissue

@@ -45,9 +45,14 @@ OUTLINES: tuple[Literal["skin", "fascia"], ...] = ("skin", "fascia")
 GEOMETRY_DOF = 3.0
 """Degrees of freedom of the accuracy of outlines, aim and direction, stated or usual: known to some
 40 %, as inter-observer distances of 0.3 to 0.8 mm are (JCGM 100:2008, G.4.2)."""
+SIZE_LOG_SD = 0.01
+"""Of the logarithm of a specimen's or an indenter's size, by calipers on what gives way."""
+SIZE = "size."
+"""What full names of sizes begin with."""
 MATERIAL_DOF = 8.0
 """Of how far what is assumed of a person's tissues is off: known to 25 %."""
 _HATS = (-40.0, -20.0, 0.0, 20.0, 40.0)
+_A_SIZE = "stated size: "
 _WORDS = {
     "superficial.C10": "stiffness of the fat",
     "fascia.C10": "stiffness of the fascia",
@@ -71,15 +76,20 @@ class Accuracy:
     assumed_sd
         Relative, of stiffness of fat and fascia and of compressibility; the usual of each without
         it.
+    size_sd
+        Relative, of a specimen's sizes.
     """
 
     contour_sd: float = CONTOUR_SD_MM
     aim_sd: float = AIM_SD_MM
     direction_sd: float = DIRECTION_SD_DEG
     assumed_sd: float | None = None
+    size_sd: float = SIZE_LOG_SD
 
     def log_sd(self, material: str) -> float:
         """Return the standard deviation of an assumed number's logarithm."""
+        if material.startswith(SIZE):
+            return self.size_sd
         return MATERIAL_LOG_SD[material] if self.assumed_sd is None else self.assumed_sd
 
 
@@ -88,11 +98,17 @@ DRAWN = Accuracy(0.2, 0.5, 0.5, 0.05)
 the same constants for laws of its own."""
 
 
+def _word(name: str) -> str:
+    """Return what an assumed number is called."""
+    size = name.removeprefix(SIZE)
+    return _WORDS[name] if size == name else f"{_A_SIZE}{size.replace('_', ' ')}"
+
+
 def _cause_of(unknown: str) -> tuple[str, float]:
     """Return what an effect's size comes from, and that size's degrees of freedom."""
     if unknown.startswith("outline of the ") or unknown == "depth of the bones":
         return "outlines", GEOMETRY_DOF
-    if unknown in ("aim", "direction"):
+    if unknown in ("aim", "direction") or unknown.startswith(_A_SIZE):
         return unknown, GEOMETRY_DOF
     return unknown, MATERIAL_DOF if unknown in _WORDS.values() else math.inf
 
@@ -196,7 +212,7 @@ class Nuisances:
             return np.asarray(force * CubicSpline(self.grid, change)(np.maximum(d, self.grid[0])))
 
         found: list[tuple[str, FloatArray]] = [
-            (_WORDS[name], accuracy.log_sd(name) * along(change))
+            (_word(name), accuracy.log_sd(name) * along(change))
             for name, change in self.material.items()
             if accuracy.log_sd(name) > 0
         ]

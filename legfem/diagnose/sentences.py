@@ -27,7 +27,7 @@ def verdict_sentence(found: Diagnosis) -> str:
     if found.verdict == "consistent":
         return (
             "The model describes the recordings to within their errors and what is not known of "
-            "the leg; nothing asks for more physics "
+            "what was pressed; nothing asks for more physics "
             f"(probability {percent(found.explained.soundness)} that none shows). {air(found)}"
         ).strip()
     if found.verdict == "unexplained":

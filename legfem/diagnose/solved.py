@@ -21,9 +21,10 @@ from legfem.diagnose.mechanisms import Solution, Stiffness, TissueMechanism, Val
 from legfem.diagnose.mechanisms.base import null_of
 from legfem.diagnose.mechanisms.contact_slip import ContactSlip
 from legfem.diagnose.mechanisms.end_effects import EndEffects
+from legfem.diagnose.models import Models
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.stations import Stations
-from legfem.diagnose.variants import Stopped, Variants
+from legfem.diagnose.variants import Stopped
 from legfem.jobs.key import key_of
 from legfem.jobs.store import Store
 from legfem.solve.protocol import Protocol
@@ -93,7 +94,7 @@ class SolvedResponses:
     Parameters
     ----------
     variants
-        The leg's models.
+        The body's models.
     depth
         Of the elastic curves, mm.
     folder
@@ -102,13 +103,16 @@ class SolvedResponses:
         Of all that a solution depends on beside its arguments.
     correction
         Of 3D effects.
+    step
+        Of the grid, mm.
     """
 
-    variants: Variants
+    variants: Models
     depth: float
     folder: Path | None
     fingerprint: Mapping[str, Any]
     correction: TabulatedCorrection | None = None
+    step: float = GRID_STEP_MM
     c10_bounds: tuple[float, float] = (0.01, 100.0)
     c20_bounds: tuple[float, float] = (0.0, 100.0)
     solutions: int = 0
@@ -118,7 +122,7 @@ class SolvedResponses:
     @property
     def grid(self) -> FloatArray:
         """Displacements of the elastic curves, mm."""
-        return GRID_STEP_MM * np.arange(1, round(self.depth / GRID_STEP_MM) + 1)
+        return self.step * np.arange(1, round(self.depth / self.step) + 1)
 
     def curve(self, c10: float, c20: float) -> FloatArray:
         """Return the elastic force at the grid, N."""
@@ -225,7 +229,7 @@ class SolvedResponses:
         c10, c20 = asked.stiffness
         deep = {"deep.C10": kpa_to_mpa(c10), "deep.C20": kpa_to_mpa(c20)}
         moved = asked.moved
-        variants = self.variants if moved is None else replace(self.variants, moved=moved)
+        variants = self.variants if moved is None else self.variants.moved_to(moved)
         path = variants.follow(
             asked.protocol, deep, asked.solution, asked.derivatives, asked.placement
         )

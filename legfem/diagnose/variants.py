@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from legfem.diagnose.mechanisms import Solution, TissueMechanism, mechanisms
+from legfem.diagnose.nuisances import MATERIAL_LOG_SD, Displaced, displaced_geometries
 from legfem.solve.protocol import Protocol
 
 if TYPE_CHECKING:
@@ -53,6 +54,20 @@ class Variants:
     def __getstate__(self) -> dict[str, Any]:
         """Leave the finite-element models out: they can't leave their process."""
         return {**self.__dict__, "_models": {}}
+
+    @property
+    def assumed(self) -> tuple[str, ...]:
+        """Full names of the numbers that are assumed, and may be somewhat off."""
+        return tuple(MATERIAL_LOG_SD)
+
+    @property
+    def displaced(self) -> tuple[Displaced, ...]:
+        """Geometries whose forces tell of outlines, aim and direction."""
+        return tuple(displaced_geometries())
+
+    def moved_to(self, moved: MeshMotion) -> Variants:
+        """Return the leg with its mesh moved."""
+        return replace(self, moved=moved)
 
     def follow(
         self,

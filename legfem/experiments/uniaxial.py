@@ -28,6 +28,7 @@ from legfem.solve.protocol import Protocol
 from legfem.solve.report import SolveReport
 
 _POINTS = 80
+# Of every stretch of a protocol.
 # Of the length: a bar can't be pressed to nothing.
 _SHORTEST = 0.05
 _NEWTON_STEPS = 40
@@ -95,7 +96,8 @@ class UniaxialTest(Homebound):
         target = given.depth
         sign = 1.0 if self.test.pulled == "tension" else -1.0
         farthest = target if sign > 0 else min(target, (1 - _SHORTEST) * self.test.length)
-        time = np.union1d(given.time, np.linspace(given.time[0], given.time[-1], _POINTS))
+        parts = [np.linspace(one.start, one.end, _POINTS) for one in given.segments]
+        time = np.unique(np.concatenate(parts))
         at = given.displacement_at(time)
         beyond = np.flatnonzero(at > farthest)
         if len(beyond):

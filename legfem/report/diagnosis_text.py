@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from legfem.common.doubts import doubt_lines
 from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.document import Recorded, doubts_of, r_squared
+from legfem.diagnose.document import Recorded, doubts_of, kind_of, r_squared
 from legfem.diagnose.sentences import next_experiments, percent, verdict_sentence
 from legfem.report import diagnosis_tables as tables
 from legfem.report.diagnosis_style import model_name, plain, shown_models
@@ -15,6 +15,7 @@ from legfem.report.lines import bullets, fill
 from legfem.report.page import ReportFile
 from legfem.report.style import LAW_NAMES
 from legfem.report.text import ORIGINS, WIDTH
+from legfem.subjects.subject import Subject
 
 
 def diagnosis_page(
@@ -24,8 +25,11 @@ def diagnosis_page(
     plan: Sequence[str] = (),
 ) -> str:
     """Return the text of ``report.txt``: what was found, other files, what could be done next."""
-    heading = f"Subject {subject.id} ({subject.title}): does the model describe the recordings?"
+    whose = f"{kind_of(subject)} {subject.id} ({subject.title})"
+    heading = f"{whose}: does the model describe the recordings?"
     what, _, explanation = ORIGINS[subject.origin].partition(" (")
+    if not isinstance(subject, Subject):
+        explanation = ""
     sections = {
         "Where the base model is wrong": _where(found),
         "Which physics, and how sure": _physics(found),
@@ -89,8 +93,8 @@ def _where(found: Diagnosis) -> str:
         else "Intervals that stand out of the noise (chosen among all intervals)"
     )
     note = (
-        f"{how}. Size: recorded less model, mean; above zero the leg pushed back harder than the "
-        "model says. Noise: standard deviation of one trial's value. p: family-wise over all "
+        f"{how}. Size: recorded less model, mean; above zero the tissue pushed back harder than "
+        "the model says. Noise: standard deviation of one trial's value. p: family-wise over all "
         "intervals looked at; '-' where the interval is not significant by itself."
     )
     return f"{fill(note)}\n\n{tables.places_table(found)}"
@@ -238,7 +242,7 @@ def _noise(found: Diagnosis) -> str:
         zip(found.errors.names, posterior.effects, strict=True), key=lambda pair: -abs(pair[1])
     )
     note = (
-        "What is not known exactly (outlines, aim, direction, fat, fascia, compressibility) may "
+        "What is not known exactly (the geometry, and what is assumed of the tissues) may "
         "take up misfit as far as its stated accuracy allows; it was asked most of: "
         + "; ".join(f"{name} {z:+.1f} sd" for name, z in far[:4])
         + "."

@@ -12,7 +12,7 @@ from legfem.report.page import ReportFile, headline, listing
 from legfem.report.specimen_numbers import assumed_numbers
 from legfem.report.style import LAW_NAMES
 from legfem.report.text import ENERGIES, ORIGINS, WIDTH, probability, variables, wrapped
-from legfem.specimens.result import SpecimenResult
+from legfem.specimens.result import ComparedRecording, SpecimenResult
 
 _SIMULATED = "simulated data (forces computed by a model; no specimen was measured)"
 
@@ -33,7 +33,7 @@ def specimen_summary(results: Sequence[SpecimenResult]) -> str:
                 f"    {symbol_of(name):<32} {found.shown.value:<9.4g} [{low:.4g}, {high:.4g}] "
                 f"{found.shown.unit}, {found.identifiability}"
             )
-        lines += [f"    {line}" for line in predictions(result)]
+        lines += [f"    {line}" for line in (*_differing(result), *predictions(result))]
     lines.append("  (brackets: 95 % confidence intervals)")
     lines += [
         f"  Not used: {one.name}: {one.reason}."
@@ -74,11 +74,17 @@ def procedure(result: SpecimenResult) -> str:
         if result.folder.relaxes
         else ""
     )
+    own = (
+        "Each specimen has a stiffness of its own, a factor on all of the law's; the law's is that "
+        "of a typical specimen, their geometric mean, and its interval carries how they differ. "
+        if result.stiffness
+        else ""
+    )
     text = textwrap.fill(
         f"{len(result.fitted)} recordings were fitted together by one law, each counting alike "
         "and relative to its greatest force, from first contact to the first return; what was "
-        f"recorded after that was not used. {relaxing}A genetic algorithm (pygad) searched on an "
-        "emulator of the tests, which full solves refined and confirmed. Intervals carry the "
+        f"recorded after that was not used. {relaxing}{own}A genetic algorithm (pygad) searched on "
+        "an emulator of the tests, which full solves refined and confirmed. Intervals carry the "
         "instrument's errors, the model's, and how recordings differ by a factor "
         f"({100 * result.gain_sd:.2g} %).",
         WIDTH,
@@ -103,6 +109,11 @@ def _result(result: SpecimenResult) -> str:
             f"converged            = {'yes' if result.converged else 'NO'} (seed {result.seed})",
         ],
         "Recordings": _table(result),
+        "Specimens": [
+            f"{name}: {factor:.3f} times as stiff as a typical one"
+            for name, factor in result.stiffness.items()
+        ]
+        or ["taken to be equally stiff"],
         "Variables": variables(result.parameters),
         "Correlations": _correlations(result) or ["none: there is one parameter"],
         "Assumed": [f"{name} = {value:.4g}" for name, value in assumed_numbers(result)],
@@ -125,11 +136,32 @@ def _table(result: SpecimenResult) -> list[str]:
     )]  # fmt: skip
 
 
+def _differing(result: SpecimenResult) -> list[str]:
+    """Return how the specimens' stiffness differs, where each has its own."""
+    own = result.stiffness
+    if not own:
+        return []
+    low, high = min(own.values()), max(own.values())
+    return [
+        f"of a typical specimen: {len(own)} specimens are {low:.2f} to {high:.2f} times as stiff "
+        f"(standard deviation of the logarithm {result.stiffness_spread:.2f})"
+    ]
+
+
+def _of_its_own(result: SpecimenResult, one: ComparedRecording) -> str:
+    if not result.stiffness:
+        return ""
+    if one.specimen in result.stiffness:
+        return ", by the stiffness that its specimen has in others"
+    return f"; were it {one.scale:.2f} times as stiff as a typical one, {one.shape_r_squared:.3f}"
+
+
 def predictions(result: SpecimenResult) -> list[str]:
     """Return how well what was left out is predicted."""
     return [
         f"left out, {one.name}: predicted with R2 {one.r_squared:.3f}, rmse {one.rmse:.3g} N "
         f"({100 * one.rmse / one.course.peak:.2g} % of {one.course.peak:.3g} N)"
+        f"{_of_its_own(result, one)}"
         for one in result.held_out
     ]
 

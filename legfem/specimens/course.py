@@ -105,14 +105,22 @@ class Course:
         )
 
 
+def calmed(recording: Recording) -> Recording:
+    """Return a recording without samples of displacement that overshoot by themselves."""
+    calm = medfilt(recording.displacement, _MEDIAN)
+    # The filter takes what lies beyond the ends for zero.
+    calm[:2], calm[-2:] = recording.displacement[:2], recording.displacement[-2:]
+    return replace(recording, displacement=calm)
+
+
 def course_of(
-    recording: Recording, instrument: Instrument | None = None, starts_at_contact: bool = False
+    given: Recording, instrument: Instrument | None = None, starts_at_contact: bool = False
 ) -> Course:
     """Return the course of a recording.
 
     Parameters
     ----------
-    recording : Recording
+    given : Recording
         Displacement and force positive in the test's direction.
     instrument : Instrument, optional
         Errors of a reading; the samples' own scatter without it.
@@ -124,18 +132,16 @@ def course_of(
     InputError
         If nothing was pressed.
     """
-    source = recording.source or recording.trial
-    if len(recording) < _LEAST_SAMPLES:
+    source = given.source or given.trial
+    if len(given) < _LEAST_SAMPLES:
         raise InputError(
-            source, "rows", f"{len(recording)} samples are too few",
+            source, "rows", f"{len(given)} samples are too few",
             f"record at least {_LEAST_SAMPLES} during loading",
         )  # fmt: skip
-    calm = medfilt(recording.displacement, _MEDIAN)
-    # The filter takes what lies beyond the ends for zero.
-    calm[:2], calm[-2:] = recording.displacement[:2], recording.displacement[-2:]
-    noise = sample_noise(recording.displacement)
+    recording = calmed(given)
+    calm = recording.displacement
+    noise = sample_noise(given.displacement)
     start, arrived, end = _loaded_and_held(calm, noise)
-    recording = replace(recording, displacement=calm)
     loading = _part(recording, slice(start, arrived + 1))
     _check(loading, source)
     errors = instrument or Instrument(

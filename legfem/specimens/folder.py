@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from legfem.common.errors import InputError
-from legfem.recording import Instrument
+from legfem.recording import Instrument, Recording
 from legfem.recording.formats import READERS
 from legfem.recording.reader import read_samples
 from legfem.specimens.course import Course, course_of
 from legfem.specimens.schema import (
+    BaseLaw,
     SpecimenEntry,
     SpecimenFile,
     parse_specimen_file,
@@ -32,6 +33,8 @@ class SpecimenRecording:
     sizes: Sizes
     """Of the specimen and what presses it."""
     course: Course
+    recording: Recording
+    """All of it, returns too."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,21 @@ class SpecimenFolder:
     """None for a bulk modulus of 1000 shear moduli."""
     relaxes: bool
     directory: Path
+    instrument: Instrument | None = None
+    """As stated; seen in the recordings without it."""
+    starts_at_contact: bool = False
+    one_stiffness: bool = False
+    """Whether all specimens are taken to be equally stiff."""
+    base_law: BaseLaw = "neo-hookean"
+    """That `legfem.diagnose` asks what it leaves out."""
+
+    @property
+    def specimens(self) -> dict[str, tuple[SpecimenRecording, ...]]:
+        """Recordings by the specimen's name."""
+        names = dict.fromkeys(one.specimen for one in self.recordings)
+        return {
+            name: tuple(one for one in self.recordings if one.specimen == name) for name in names
+        }
 
     def named(self, name: str) -> tuple[SpecimenRecording, ...]:
         """Return the recordings that are of a name, or of a specimen of that name.
@@ -109,7 +127,8 @@ def load_specimen(directory: Path) -> SpecimenFolder:
             left.append(LeftOut(name, str(error)))
         else:
             specimen = given.id if entry is None else given.specimen[entry].name
-            used.append(SpecimenRecording(name, specimen, sizes[entry], course))
+            recording = replace(samples, trial=name)
+            used.append(SpecimenRecording(name, specimen, sizes[entry], course, recording))
     if not used:
         raise InputError(
             directory / "recordings", left[0].name, f"no recording can be used: {left[0].reason}",
@@ -120,7 +139,8 @@ def load_specimen(directory: Path) -> SpecimenFolder:
         given.id, given.title, given.origin, tuple(used), tuple(left),
         given.tissue.poisson_ratio,
         any(one.course.holds for one in used) if relaxes is None else relaxes,
-        directory,
+        directory, errors, given.recordings.starts_at_contact, given.tissue.one_stiffness,
+        given.tissue.law,
     )  # fmt: skip
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,13 +26,12 @@ from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.specimens.folder import LeftOut, SpecimenFolder, SpecimenRecording
 from legfem.specimens.forward import SpecimenForward
-from legfem.specimens.laws import Asked, identified_law, specimen_law
+from legfem.specimens.laws import REFERENCE_MPA, Asked, identified_law, specimen_law
 from legfem.specimens.misfit import Part, SpecimenMisfit
+from legfem.specimens.own_stiffness import OwnStiffness
 from legfem.specimens.result import ComparedRecording, SpecimenResult
 from legfem.specimens.sizes import Sizes
 
-REFERENCE_MPA = 0.01
-"""Stiffness C10 at which every test is solved once, before anything is known."""
 _BEYOND = 1.02
 # Of the depth that was reached: short of where a solution stopped.
 _SHORT_OF = 0.97
@@ -193,7 +192,7 @@ def _solve_one(model: SpecimenForward, number: int) -> ForwardOutcome:
 
 
 def _shortened(one: SpecimenRecording, depth: float) -> SpecimenRecording:
-    return SpecimenRecording(one.name, one.specimen, one.sizes, one.course.down_to(depth))
+    return replace(one, course=one.course.down_to(depth))
 
 
 def _identify(
@@ -216,7 +215,7 @@ def _identify(
     depth_of = dict(zip(prepared.tests, prepared.depths, strict=True))
     tests = tuple(dict.fromkeys(one.sizes for one in fitted))
     model = SpecimenForward(tests, tuple(depth_of[sizes] for sizes in tests), law)
-    misfit = _misfit(fitted, model, folder.relaxes)
+    misfit = _misfit(fitted, model, folder)
     store = None if out is None else Store(out / "solves", ForwardOutcome, model.fingerprint())
     sensitivities = tuple(free.names[k] for k in free.of_model)
     progress.stage(f"identifying the {name} law")
@@ -226,18 +225,21 @@ def _identify(
     best = search.best
     linear = search.linearised(best)
     force = linear.prediction.force
+    readings = free.readings(best.point)
+    stiffness = misfit.stiffness(linear.prediction, readings)
+    spread = float(np.std(np.log(list(stiffness.values())), ddof=1)) if stiffness else 0.0
     covariance = misfit.covariance_at(force)
     left = force - misfit.measured_force
     departures = free.priors.residual(best.point)
     chi_square = float(left @ np.linalg.solve(covariance, left) + departures @ departures)
-    degrees = len(left) + len(departures) - len(free.parameters)
+    degrees = len(left) + len(departures) - len(free.parameters) - max(0, len(stiffness) - 1)
     p_value = float(chi2.sf(chi_square, degrees))
     residual = search.emulated_residual(search.emulator())
     optimum = Optimum(
         linear,
         residual,
-        covariance,
-        quantile(len(fitted) - 1),
+        misfit.covariance_at(force, spread),
+        quantile(len(stiffness or fitted) - 1),
         p_value >= LEAST_CHANCE,
         {},
         plane=False,
@@ -251,10 +253,10 @@ def _identify(
     if predicted:
         others = tuple(dict.fromkeys(one.sizes for one in predicted))
         beside = SpecimenForward(others, tuple(depth_of[sizes] for sizes in others), law)
-        own = _misfit(predicted, beside, folder.relaxes)
+        own = _misfit(predicted, beside, folder, stiffness)
         outcome = beside.solve(model_values(best.values), ())
         if outcome.complete:
-            seen = own.predict(outcome, free.readings(best.point)).force
+            seen = own.predict(outcome, readings).force
             compared += [
                 ComparedRecording(one.name, one.specimen, False, one.course, seen[span])
                 for one, span in zip(predicted, own.spans, strict=True)
@@ -272,15 +274,29 @@ def _identify(
         sum(not one.complete for one in outcomes.values()),
         sum(solver.was_reused(one.values) for one in outcomes.values()),
         search.emulator_error, settings.seed, time.perf_counter() - started,
-        _warnings(prepared, fitted, found, search, p_value, notes), versions(),
+        _warnings(prepared, fitted, found, search, p_value, notes), versions(), stiffness, spread,
     )  # fmt: skip
 
 
 def _misfit(
-    recordings: Sequence[SpecimenRecording], model: SpecimenForward, relaxes: bool
+    recordings: Sequence[SpecimenRecording],
+    model: SpecimenForward,
+    folder: SpecimenFolder,
+    known: Mapping[str, float] | None = None,
 ) -> SpecimenMisfit:
-    parts = tuple(Part(one.course, model.tests.index(one.sizes)) for one in recordings)
-    return SpecimenMisfit(parts, model.depths, relaxes)
+    """Return recordings beside a model; known factors of specimens aren't looked for."""
+    parts = tuple(
+        Part(one.course, model.tests.index(one.sizes), one.specimen) for one in recordings
+    )
+    misfit = SpecimenMisfit(parts, model.depths, folder.relaxes)
+    names = tuple(dict.fromkeys(part.specimen for part in parts))
+    if folder.one_stiffness or (known is None and len(names) < 2):
+        return misfit
+    stations = [len(part.course.time) for part in parts]
+    specimen = np.repeat([names.index(part.specimen) for part in parts], stations)
+    weight = misfit.weighted(np.ones(len(misfit)))
+    own = OwnStiffness(names, specimen, misfit.measured_force, weight, known)
+    return replace(misfit, own=own)
 
 
 def _warnings(

@@ -29,6 +29,8 @@ from legfem.mechanics.materials import (
 )
 from legfem.specimens.relaxation import relaxation_parameters
 
+REFERENCE_MPA = 0.01
+"""Stiffness C10 at which a test is solved before anything is known."""
 BULK_RATIO = 1000.0
 """Bulk over shear modulus of what is called incompressible."""
 _KINDS: dict[LawName, type[Hyperelastic]] = {
@@ -104,11 +106,16 @@ def asked_in_writing(written: Written) -> Asked:
     )
 
 
+def bulk_ratio(poisson_ratio: float | None) -> float:
+    """Return the bulk over the shear modulus at small strain."""
+    if poisson_ratio is None:
+        return BULK_RATIO
+    return 2 * (1 + poisson_ratio) / (3 * (1 - 2 * poisson_ratio))
+
+
 def specimen_law(name: LawName, c10: float, poisson_ratio: float | None) -> Hyperelastic:
     """Return a law at a stiffness C10 (MPa), without stiffening."""
-    ratio = BULK_RATIO
-    if poisson_ratio is not None:
-        ratio = 2 * (1 + poisson_ratio) / (3 * (1 - 2 * poisson_ratio))
+    ratio = bulk_ratio(poisson_ratio)
     kind = _KINDS[name]
     plain = NeoHookean(c10, 1 / (ratio * c10))
     return plain if kind is NeoHookean else kind(**{"C20": 0.0, **plain.parameters})

@@ -14,6 +14,7 @@ from legfem.identify.misfit import Compared, Prediction
 from legfem.identify.reading import INSTRUMENT, READINGS, Reading
 from legfem.inference.errors import COMMON_GAIN_SD, numerical_covariance
 from legfem.specimens.course import SLOW_SHARE, STATIONS, Course
+from legfem.specimens.own_stiffness import OwnStiffness
 from legfem.specimens.relaxation import branch_ratios, memory
 
 GRID = 50
@@ -38,6 +39,7 @@ class Part:
 
     course: Course
     test: int
+    specimen: str = ""
 
     @cached_property
     def memory(self) -> FloatArray:
@@ -57,11 +59,14 @@ class SpecimenMisfit(Compared):
         Of the tests (mm), how deep they are solved; all grids together have m points.
     relaxes : bool
         Whether the spectrum counts.
+    own : OwnStiffness, optional
+        Of every specimen; all are alike without it.
     """
 
     parts: tuple[Part, ...]
     depths: tuple[float, ...]
     relaxes: bool
+    own: OwnStiffness | None = None
 
     @cached_property
     def measured_force(self) -> FloatArray:
@@ -109,7 +114,15 @@ class SpecimenMisfit(Compared):
 
     def read(self, force: FloatArray, readings: FloatArray) -> FloatArray:
         """Return what is read (..., n) of the models' forces (..., m)."""
-        gain, zero, offset = np.moveaxis(readings, -1, 0)[: len(INSTRUMENT)]
+        zero = readings[..., list(INSTRUMENT).index("instrument.zero")]
+        felt = self._felt(force, readings)
+        if self.own is not None:
+            felt = felt * self.own(felt)
+        return np.asarray(felt + zero[..., None])
+
+    def _felt(self, force: FloatArray, readings: FloatArray) -> FloatArray:
+        """Return the same but for the zero, if all specimens were alike."""
+        gain, _, offset = np.moveaxis(readings, -1, 0)[: len(INSTRUMENT)]
         shape = np.broadcast_shapes(force.shape[:-1], readings.shape[:-1])
         ratios = branch_ratios(readings[..., len(INSTRUMENT) :]) if self.relaxes else None
         ratios = None if ratios is None else np.broadcast_to(ratios, (*shape, ratios.shape[-1]))
@@ -123,7 +136,7 @@ class SpecimenMisfit(Compared):
                 elastic = elastic + np.einsum("...ij,...j->...i", kept, rise)
             found.append(elastic)
         together = np.concatenate([np.broadcast_to(f, (*shape, f.shape[-1])) for f in found], -1)
-        return np.asarray(gain[..., None] * together + zero[..., None])
+        return np.asarray(gain[..., None] * together)
 
     def predict(self, outcome: ForwardOutcome, readings: FloatArray) -> Prediction:
         """Return complete full solves as they are read."""
@@ -133,9 +146,10 @@ class SpecimenMisfit(Compared):
             name: np.concatenate([curve.sensitivity(name, grid) for curve, grid in pairs])
             for name in pairs[0][0].sensitivities
         }
-        linear = readings.copy()
-        linear[list(READINGS).index("instrument.zero")] = 0.0
-        seen = {name: self.read(values, linear) for name, values in by.items()}
+        seen = {name: self._felt(values, readings) for name, values in by.items()}
+        if self.own is not None:
+            felt = self._felt(force, readings)
+            seen = {name: self.own.slope(felt, values) for name, values in seen.items()}
         seen |= self._by_readings(force, readings)
         return Prediction(self.read(force, readings), seen, force, by)
 
@@ -167,12 +181,21 @@ class SpecimenMisfit(Compared):
         """Of measured less predicted forces at the truth, (n, n), N2."""
         return self.covariance_at(self.measured_force)
 
-    def covariance_at(self, force: FloatArray) -> FloatArray:
+    def stiffness(self, prediction: Prediction, readings: FloatArray) -> dict[str, float]:
+        """Return every specimen's stiffness over the typical one; nothing where all are alike."""
+        if self.own is None:
+            return {}
+        return self.own.named(self._felt(prediction.model_force, readings))
+
+    def covariance_at(self, force: FloatArray, spread: float = 0.0) -> FloatArray:
         """Return the covariance (n, n), N2, about predicted forces (n,).
 
-        Readings, a gain of each recording and one of all, and the model's own error.
+        Readings, a gain of each recording and one of all, and the model's own error; with a spread,
+        a standard deviation of the logarithm of the specimens' stiffness, how they differ.
         """
         total = COMMON_GAIN_SD**2 * np.outer(force, force)
+        if self.own is not None:
+            total += spread**2 * np.outer(force, force) * self.own.same
         gain = self.gain_sd(force)
         for part, span in zip(self.parts, self.spans, strict=True):
             course, own = part.course, force[span]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -50,6 +50,11 @@ class ComparedRecording:
         return 1 - float(np.sum(left**2) / np.sum((force - force.mean()) ** 2))
 
     @property
+    def shape_r_squared(self) -> float:
+        """The same if the prediction had the stiffness that fits best."""
+        return replace(self, predicted=self.scale * self.predicted).r_squared
+
+    @property
     def scale(self) -> float:
         """Factor on the prediction that would fit best."""
         force = self.course.force
@@ -89,6 +94,11 @@ class SpecimenResult:
     wall_s: float
     warnings: tuple[str, ...]
     versions: Mapping[str, str]
+    stiffness: Mapping[str, float] = field(default_factory=dict)
+    """Every fitted specimen's, over the typical one that the parameters are of; nothing where all
+    are alike."""
+    stiffness_spread: float = 0.0
+    """Standard deviation of its logarithm."""
 
     @property
     def fitted(self) -> tuple[ComparedRecording, ...]:

@@ -12,6 +12,7 @@ from legfem.subjects.schema import InstrumentEntry, RecordingsEntry
 
 Base = Literal["bonded", "sliding"]
 Faces = Literal["rough", "frictionless"]
+BaseLaw = Literal["neo-hookean", "reduced-polynomial"]
 SIZES = ("thickness_mm", "diameter_mm", "height_mm", "width_mm", "length_mm", "area_mm2")
 """Of the body, which specimens of one folder may have their own of."""
 
@@ -90,6 +91,10 @@ class TissueEntry(FileTable):
 
     poisson_ratio: Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False)] | None = None
     """At small strain; a bulk modulus of 1000 shear moduli without it."""
+    one_stiffness: bool = False
+    """Whether specimens are equally stiff; each has a stiffness of its own without it."""
+    law: BaseLaw = "neo-hookean"
+    """That `legfem.diagnose` asks what it leaves out."""
     relaxes: bool | None = None
     """Whether its stress relaxes; without it, whether a recording holds."""
 

@@ -8,8 +8,9 @@ indenter stands, how stiff the deep tissue is at a time or in a trial, or what t
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from legfem.inference.parameter import Parameter, Prior
 if TYPE_CHECKING:
     from legfem.diagnose.variants import Variants
     from legfem.mechanics.contact_settings import TangentialName
+    from legfem.mechanics.materials import Hyperelastic
     from legfem.mechanics.model import Formulation
 
 Values = Mapping[str, float]
@@ -74,6 +76,24 @@ class Mechanism:
         ends = [first.inside(value_at(first, z)) for z in (-0.5, 0.5)]
         distinct = [v for v in ends if abs(v - null_of(first)) > 1e-9 * abs(ends[1])]
         return tuple({first.name: value, **others} for value in distinct)
+
+    def restated(
+        self,
+        statement: str | None = None,
+        next_experiment: str | None = None,
+        parameters: tuple[Parameter, ...] | None = None,
+        strengths: tuple[float, ...] | None = None,
+    ) -> Self:
+        """Return the same mechanism of another body than a leg: its words, its usual sizes."""
+        found = copy(self)
+        given = {
+            "statement": statement, "next_experiment": next_experiment,
+            "parameters": parameters, "strengths": strengths,
+        }  # fmt: skip
+        for name, value in given.items():
+            if value is not None:
+                object.__setattr__(found, name, value)
+        return found
 
     def displacement_loss(
         self, values: Values, observed: Observations, force: FloatArray
@@ -154,6 +174,10 @@ class TissueMechanism(Mechanism):
 
     def terms(self, leg: Variants) -> Sequence[Any]:
         """Return the terms that it adds to the leg's model, at their nulls."""
+        return ()
+
+    def terms_of(self, law: Hyperelastic) -> Sequence[Any]:
+        """Return those that it adds to a body of one tissue, called deep."""
         return ()
 
     def starts(self, observed: Observations) -> tuple[Values, ...]:

@@ -12,6 +12,7 @@ from legfem.inference.parameter import Parameter
 
 if TYPE_CHECKING:
     from legfem.diagnose.variants import Variants
+    from legfem.mechanics.materials import Hyperelastic
 
 
 @dataclass(frozen=True)
@@ -30,10 +31,14 @@ class StrainStiffening(TissueMechanism):
 
     def terms(self, leg: Variants) -> Sequence[Any]:
         """Return the tissue with a third coefficient of its energy."""
+        return self.terms_of(leg.tissues.deep)
+
+    def terms_of(self, law: Hyperelastic) -> Sequence[Any]:
+        """Return the same of a body of one tissue."""
         from legfem.mechanics.materials import Yeoh
         from legfem.mechanics.terms import Tissue
 
-        return [Tissue("deep", Yeoh.of(leg.tissues.deep))]
+        return [Tissue("deep", Yeoh.of(law))]
 
     def solution(self, values: Values) -> Solution:
         """Return the law with its third coefficient."""

@@ -18,6 +18,7 @@ from legfem.recording.phases import HOLD, UNLOADING
 
 if TYPE_CHECKING:
     from legfem.diagnose.variants import Variants
+    from legfem.mechanics.materials import Hyperelastic
 
 TIMES_S = (0.1, 0.35, 1.2, 4.2, 14.0, 48.0, 170.0)
 """Relaxation times of the model's branches: a continuous spectrum is spread over them."""
@@ -98,9 +99,15 @@ class Viscoelasticity(TissueMechanism):
 
     def terms(self, leg: Variants) -> Sequence[Any]:
         """Return the branches."""
+        return self._branches_of(getattr(leg.tissues, self.region))
+
+    def terms_of(self, law: Hyperelastic) -> Sequence[Any]:
+        """Return the same of a body of one tissue, which is called deep."""
+        return self._branches_of(law) if self.region == "deep" else ()
+
+    def _branches_of(self, law: Hyperelastic) -> Sequence[Any]:
         from legfem.mechanics.terms import Viscoelasticity as Branch
 
-        law = getattr(leg.tissues, self.region)
         return [Branch(self.region, law, branch=str(k + 1)) for k in range(len(TIMES_S))]
 
     @property

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from legfem.common.doubts import doubt_lines
 from legfem.diagnose.diagnosis import Diagnosis, Verdict
-from legfem.diagnose.document import Recorded, doubts_of
+from legfem.diagnose.document import Recorded, doubts_of, kind_of
 from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.sentences import (
     next_experiments,
@@ -73,7 +73,7 @@ def diagnosis_web_page(
         chapters.insert(1, web.Chapter("The leg", [still_section(subject)]))
     chapters.append(web.Chapter("The full report", [web.Verbatim("report.txt", text)]))
     return web.WebPage(
-        title=f"Does the model describe the test of subject {subject.id}?",
+        title=f"Does the model describe the test of {kind_of(subject).lower()} {subject.id}?",
         subject=subject.title,
         origin=subject.origin,
         headline=_headline(found, plan),
@@ -119,7 +119,10 @@ def _wrong(found: Diagnosis) -> str:
             "stays unseen."
         )
     if found.verdict == "unexplained":
-        return "The recordings contradict the model by more than their errors and the leg's allow."
+        return (
+            "The recordings contradict the model by more than their errors and what is not known "
+            "of what was pressed allow."
+        )
     return f"{_capital('; or '.join(statements(model) for model in found.models))}."
 
 
@@ -188,7 +191,7 @@ def _where(found: Diagnosis) -> list[web.Block]:
         ]
     return [
         web.Prose(
-            "Size: recorded less model; above zero the leg pushed back harder than it should."
+            "Size: recorded less model; above zero the tissue pushed back harder than it should."
         ),
         web.WebTable("Intervals in which the model is wrong", *tables.places_cells(found)),
     ]

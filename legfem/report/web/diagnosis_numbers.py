@@ -53,9 +53,12 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
         Known("noise of a force reading", f"{noise.force_sd:.3g} N (sd)", data, noise.source),
         Known("error of the displacement", f"{noise.wander_sd:.2g} mm (sd)", data, noise.source),
     ]
+    accuracy = "usual accuracy"
+    if isinstance(subject, Subject):
+        accuracy += ", or [accuracy] in subject.toml"
     rows += [
         Known(f"{name}", f"{round(z, 1) + 0.0:+.1f} sd", "prior",
-              "usual accuracy, or [accuracy] in subject.toml",
+              accuracy,
               remark="how far the fit moved it from what was assumed")
         for name, z in zip(found.errors.names, found.best.posterior.effects, strict=True)
     ]  # fmt: skip

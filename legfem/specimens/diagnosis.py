@@ -1,0 +1,203 @@
+"""What the model leaves out of a specimen's test, told as of a leg's."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from legfem.common.errors import InputError
+from legfem.common.progress import Progress
+from legfem.diagnose.diagnosis import Diagnosis, diagnose
+from legfem.diagnose.library_build import build_library, middle_of, shown_mechanisms
+from legfem.diagnose.nuisances import Accuracy
+from legfem.diagnose.observations import Observations, observe
+from legfem.diagnose.run import STIFFENING
+from legfem.diagnose.solved import PLAIN, SolvedResponses
+from legfem.jobs.fingerprint import code_fingerprint
+from legfem.recording import Instrument
+from legfem.specimens.course import calmed
+from legfem.specimens.folder import LeftOut, SpecimenFolder, SpecimenRecording
+from legfem.specimens.laws import bulk_ratio
+from legfem.specimens.mechanisms import Scale, mechanisms_of
+from legfem.specimens.sizes import Sizes
+from legfem.specimens.variants import SpecimenVariants
+from legfem.subjects.subject import Origin
+
+_POINTS = 60
+_BEYOND = 1.04
+"""Of the greatest depth, to which responses are solved."""
+_REACH = 3.5
+"""Of ln C10: the force is in proportion to it, and what relaxes fast hides how little lasts."""
+_DRAWN = Accuracy(size_sd=1e-3)
+"""Of a specimen that was simulated."""
+
+
+@dataclass(frozen=True, eq=False)
+class DiagnosedSpecimen:
+    """One specimen's diagnosis, a `legfem.diagnose.document.Recorded`."""
+
+    id: str
+    title: str
+    origin: Origin
+    diagnosis: Diagnosis | None
+    """None where there is none; the problem says why."""
+    left_out: tuple[LeftOut, ...]
+    """Its recordings that can't be used."""
+    problem: InputError | None = None
+    seconds: float = 0.0
+
+
+def diagnose_specimens(
+    folder: SpecimenFolder,
+    names: Sequence[str],
+    responses: Path | None,
+    jobs: int,
+    progress: Progress,
+    seed: int = 0,
+) -> Iterator[DiagnosedSpecimen]:
+    """Yield the diagnoses of a folder's specimens, each as it is made.
+
+    A specimen whose recordings can't be used, or whose test can't be solved, costs itself alone.
+
+    Parameters
+    ----------
+    folder : SpecimenFolder
+        With recordings.
+    names : sequence of str
+        Of specimens; all without any.
+    responses : Path, optional
+        Folder in which solutions are kept.
+    jobs : int
+        Processes.
+    progress : Progress
+        Told of every solution.
+    seed : int
+        Of the draws that windows are judged by.
+
+    Raises
+    ------
+    InputError
+        If there is no specimen of a name.
+    """
+    every = folder.specimens
+    for name in names:
+        if name not in every:
+            raise InputError(
+                "--specimen", name, "is no specimen of the folder",
+                f"give one of {', '.join(every)}",
+            )  # fmt: skip
+    for name in names or every:
+        started = time.perf_counter()
+        title = folder.title if len(every) == 1 else f"{folder.title}: {name}"
+        found = DiagnosedSpecimen(name, title, folder.origin, None, ())
+        try:
+            diagnosis, left = _diagnosed(folder, every[name], responses, jobs, progress, seed)
+        except InputError as error:
+            yield replace(found, problem=error)
+        else:
+            yield replace(
+                found, diagnosis=diagnosis, left_out=left, seconds=time.perf_counter() - started
+            )
+
+
+def _diagnosed(
+    folder: SpecimenFolder,
+    recordings: Sequence[SpecimenRecording],
+    responses: Path | None,
+    jobs: int,
+    progress: Progress,
+    seed: int,
+) -> tuple[Diagnosis, tuple[LeftOut, ...]]:
+    used, left = list[SpecimenRecording](), list[LeftOut]()
+    for one in recordings:
+        try:
+            _observed(folder, [one])
+        except InputError as error:
+            left.append(LeftOut(one.name, str(error)))
+        else:
+            used.append(one)
+    if not used:
+        raise InputError(
+            folder.directory, left[0].name, f"no recording can be used: {left[0].reason}",
+            "mend them",
+        )  # fmt: skip
+    observed, sizes = _observed(folder, used), used[0].sizes
+    solved = solved_responses(folder, sizes, observed, responses)
+    progress.stage(f"how stiff {used[0].specimen} is, roughly")
+    stiffening = STIFFENING[folder.base_law]
+    if np.isnan(solved.curve(1.0, 0.0)).any():
+        raise InputError(
+            folder.directory, used[0].specimen,
+            f"its test can't be solved to {solved.depth:.3g} mm",
+            "check the sizes, or record less deep",
+        )  # fmt: skip
+    middle = middle_of(observed, solved, stiffening)
+    last = max(float(s.protocol.time[-1]) for s in observed.protocols)
+    scale = Scale(observed.depth, float(observed.force.max()), last, middle,
+                  bulk_ratio(folder.poisson_ratio))  # fmt: skip
+    every, unable = mechanisms_of(sizes, scale)
+    able, _ = shown_mechanisms(observed, None, every=every)
+    library = build_library(
+        solved, solved, observed, able, None, jobs, progress, stiffening, middle
+    )
+    library = replace(library, missing={**unable, **library.missing}, reach=_REACH)
+    accuracy = Accuracy() if folder.origin == "measured" else _DRAWN
+    diagnosis = diagnose(
+        observed, _instrument(folder, used), folder.base_law, library, solved, progress, accuracy,
+        seed=seed, every=every,
+    )  # fmt: skip
+    return diagnosis, tuple(left)
+
+
+def _observed(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Observations:
+    observed = observe(
+        [calmed(one.recording) for one in used], _instrument(folder, used), folder.starts_at_contact
+    )
+    remarks = list(observed.remarks)
+    if folder.instrument is None:
+        remarks.append(
+            "specimen.toml states no instrument accuracy: errors are those seen from sample to "
+            "sample and between repeats. What drifts slowly or is alike in all trials can't be "
+            "told from physics; state the data sheet's figures under [instrument]."
+        )
+    if observed.repeats < 2:
+        remarks.append(
+            "No protocol was repeated: errors between trials aren't seen, and come from the "
+            "instruments' figures alone."
+        )
+    return replace(observed, remarks=tuple(remarks))
+
+
+def _instrument(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Instrument:
+    if folder.instrument is not None:
+        return folder.instrument
+    force = [one.course.instrument.force_sd for one in used]
+    displacement = [one.course.instrument.displacement_sd for one in used]
+    return Instrument(
+        float(np.sqrt(np.mean(np.square(force)))),
+        float(np.sqrt(np.mean(np.square(displacement)))),
+        stated=False,
+    )
+
+
+def solved_responses(
+    folder: SpecimenFolder, sizes: Sizes, observed: Observations, responses: Path | None
+) -> SolvedResponses:
+    """Return a specimen's responses by full solutions, a little deeper than was recorded."""
+    depth = float(f"{_BEYOND * observed.depth:.3g}")
+    variants = SpecimenVariants(sizes, depth, folder.poisson_ratio)
+    return SolvedResponses(
+        variants,
+        depth,
+        responses,
+        {
+            "model": "specimen with mechanisms",
+            "given": variants.described(PLAIN.variant),
+            "code": code_fingerprint("legfem.specimens.variants"),
+        },
+        step=depth / _POINTS,
+    )

@@ -1,0 +1,91 @@
+r"""Specimens of one tissue, each of a stiffness of its own.
+
+Pieces of one tissue differ in stiffness far more than in how they stiffen and relax. The force is
+in proportion to the stiffness, so that each specimen's factor needs no search: with weights w over
+its stations,
+
+.. math:: s_g = \frac{\sum w^2 m f}{\sum w^2 f^2}
+
+is the least squares' for its recordings m and the model's forces f. Factors count relative to their
+geometric mean, which the law's own stiffness carries: that of a typical specimen (variable
+projection: G. H. Golub, V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legfem.common.units import FloatArray
+
+_LEAST = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class OwnStiffness:
+    """The specimens' factors on a model's forces.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Of g specimens.
+    specimen : ndarray
+        (n,): number of every station's.
+    measured : ndarray
+        (n,), N.
+    weight : ndarray
+        (n,), 1/N.
+    known : Mapping[str, float], optional
+        Factors found elsewhere, by name; a specimen that isn't among them is typical. Without them
+        factors are those that fit.
+    """
+
+    names: tuple[str, ...]
+    specimen: NDArray[np.intp]
+    measured: FloatArray
+    weight: FloatArray
+    known: Mapping[str, float] | None = None
+
+    @cached_property
+    def _members(self) -> FloatArray:
+        """Which stations are of which specimen, (g, n)."""
+        return np.asarray(self.specimen == np.arange(len(self.names))[:, None], float)
+
+    @property
+    def same(self) -> FloatArray:
+        """Which pairs of stations are of one specimen, (n, n)."""
+        return np.asarray(self.specimen[:, None] == self.specimen, float)
+
+    def _relative(self, felt: FloatArray) -> FloatArray:
+        """Return the factors (..., g) at forces (..., n) of typical specimens."""
+        if self.known is not None:
+            return np.array([self.known.get(name, 1.0) for name in self.names])
+        square = self.weight**2
+        best = (square * self.measured * felt) @ self._members.T
+        best = best / np.maximum((square * felt**2) @ self._members.T, 1e-300)
+        logs = np.log(np.maximum(best, _LEAST))
+        return np.asarray(np.exp(logs - logs.mean(axis=-1, keepdims=True)))
+
+    def __call__(self, felt: FloatArray) -> FloatArray:
+        """Return the factors (..., n) on forces (..., n) of typical specimens."""
+        return np.asarray(self._relative(felt)[..., self.specimen])
+
+    def named(self, felt: FloatArray) -> dict[str, float]:
+        """Return the factors by name, at forces (n,)."""
+        return dict(zip(self.names, map(float, self._relative(felt)), strict=True))
+
+    def slope(self, felt: FloatArray, by: FloatArray) -> FloatArray:
+        """Return the derivative (n,) of the factors times forces (n,) whose own is ``by`` (n,)."""
+        factor = self(felt)
+        if self.known is not None:
+            return factor * by
+        square = self.weight**2
+        of_top = (square * self.measured * by) @ self._members.T
+        of_bottom = 2 * (square * felt * by) @ self._members.T
+        logs = of_top / ((square * self.measured * felt) @ self._members.T)
+        logs = logs - of_bottom / ((square * felt**2) @ self._members.T)
+        return np.asarray(factor * (by + felt * (logs - logs.mean())[self.specimen]))

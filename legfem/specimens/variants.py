@@ -1,0 +1,258 @@
+"""The models of a specimen that show mechanisms: the base model with a few more terms each.
+
+A tissue of one law with a given Poisson's ratio answers in proportion to its stiffness, so that one
+solution serves every C10 at which the other numbers keep their ratios to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from legfem.common.units import FloatArray
+from legfem.diagnose.mechanisms import Solution, TissueMechanism, mechanisms
+from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S
+from legfem.diagnose.nuisances import SIZE, Displaced
+from legfem.diagnose.solved import PLAIN
+from legfem.diagnose.variants import Stopped
+from legfem.experiments.axisymmetric import BallOnLayer, CylinderBetweenPlates
+from legfem.experiments.flat_punch import PunchOnLayer
+from legfem.experiments.lateral_cylinder import CylinderOnBlock
+from legfem.experiments.uniaxial import Bar, UniaxialTest
+from legfem.mechanics.terms import Tissue
+from legfem.solve.path import Path
+from legfem.solve.protocol import Protocol
+from legfem.specimens.forward import experiment_of
+from legfem.specimens.laws import REFERENCE_MPA, specimen_law
+from legfem.specimens.relaxation import memory
+from legfem.specimens.sizes import Sizes, Test
+
+if TYPE_CHECKING:
+    from legfem.experiments.placement import Placement
+    from legfem.meshing.motion import MeshMotion
+
+_C10, _C20 = "deep.C10", "deep.C20"
+_RESIZED = 0.03
+"""Relative step by which the force's change with a size is found."""
+_AS_FORCE = {CylinderOnBlock: ("length",), Bar: ("area",)}
+"""Sizes that the force is in proportion to, as to a stiffness."""
+
+
+def slipping(sizes: Sizes) -> Sizes | None:
+    """Return a test whose faces don't hold what they touch; None where they don't as stated."""
+    free: Sizes
+    match sizes:
+        case BallOnLayer():
+            free = replace(sizes, ball="frictionless")
+        case PunchOnLayer():
+            free = replace(sizes, punch="frictionless")
+        case CylinderBetweenPlates():
+            free = replace(sizes, ends="sliding")
+        case CylinderOnBlock():
+            free = replace(sizes, cylinder="frictionless")
+        case _:
+            return None
+    return None if free == sizes else free
+
+
+@dataclass(eq=False)
+class SpecimenVariants:
+    """A specimen's models, `legfem.diagnose.models.Models`, made when first asked for.
+
+    Parameters
+    ----------
+    sizes
+        Of the test.
+    depth
+        That meshes and steps are made for, mm.
+    poisson_ratio
+        At small strain; a bulk modulus of 1000 shear moduli without it.
+    """
+
+    sizes: Sizes
+    depth: float
+    poisson_ratio: float | None = None
+    _models: dict[str, Test] = field(default_factory=dict, init=False, repr=False)
+    _paths: dict[str, Path | Stopped] = field(default_factory=dict, init=False, repr=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the finite-element models out: they can't leave their process."""
+        return {**self.__dict__, "_models": {}}
+
+    @property
+    def measured(self) -> dict[str, float]:
+        """Sizes by full name (mm) that change the shape of the force's course."""
+        alike = _AS_FORCE.get(type(self.sizes), ())
+        given = {one.name: getattr(self.sizes, one.name) for one in fields(self.sizes)}
+        return {
+            SIZE + name: value
+            for name, value in given.items()
+            if isinstance(value, float) and name not in alike
+        }
+
+    @property
+    def assumed(self) -> tuple[str, ...]:
+        """Compressibility and sizes."""
+        return ("deep.D1", *self.measured)
+
+    @property
+    def displaced(self) -> tuple[Displaced, ...]:
+        """None: the sizes are numbers."""
+        return ()
+
+    def moved_to(self, moved: MeshMotion) -> SpecimenVariants:
+        """Refuse: a specimen has no outline.
+
+        Raises
+        ------
+        ValueError
+            Always.
+        """
+        raise ValueError(f"a specimen can't be moved: {moved}")
+
+    def parameters(self, variant: str) -> dict[str, float]:
+        """Return a model's parameters by full name, at the stiffness `REFERENCE_MPA`."""
+        return {**self.model(variant).parameters, **self.measured}
+
+    def described(self, variant: str) -> str:
+        """Return what tells a model from others: its test and terms."""
+        return repr((self._sizes(variant), self._terms(variant), self.depth, self.poisson_ratio))
+
+    def model(self, variant: str) -> Test:
+        """Return a model by its name."""
+        if variant not in self._models:
+            law = specimen_law("reduced-polynomial", REFERENCE_MPA, self.poisson_ratio)
+            terms = self._terms(variant)
+            model = experiment_of(self._sizes(variant), law, self.depth)
+            if isinstance(model, UniaxialTest):
+                laws = [term.law for term in terms if isinstance(term, Tissue)]
+                model = replace(model, law=laws[0]) if laws else model
+            else:
+                model = replace(model, mechanisms=terms)
+            self._models[variant] = model
+        return self._models[variant]
+
+    def _sizes(self, variant: str) -> Sizes:
+        free = any(m.tangential == "frictionless" for m in _of_variant(variant))
+        return (slipping(self.sizes) or self.sizes) if free else self.sizes
+
+    def _terms(self, variant: str) -> list[Any]:
+        law = specimen_law("reduced-polynomial", REFERENCE_MPA, self.poisson_ratio)
+        return [term for m in _of_variant(variant) for term in m.terms_of(law)]
+
+    def follow(
+        self,
+        protocol: Protocol,
+        deep: Mapping[str, float],
+        solution: Solution,
+        sensitivities: Sequence[str] = (),
+        placement: Placement | None = None,
+    ) -> Path | Stopped:
+        """Solve a protocol; say why where it isn't followed to its end.
+
+        Parameters
+        ----------
+        protocol
+            Of what presses.
+        deep
+            ``deep.C10`` and ``deep.C20``, MPa. Compressibility goes with 1 / C10, so that Poisson's
+            ratio stays.
+        solution
+            The mechanism.
+        sensitivities
+            Parameters to differentiate by.
+        placement
+            None: a specimen stands where it is said to.
+        """
+        scale = deep[_C10] / REFERENCE_MPA
+        own = {_C10: REFERENCE_MPA, _C20: deep.get(_C20, 0.0) / scale}
+        nominal = self.parameters(solution.variant)
+        own |= {name: factor * nominal[name] for name, factor in solution.scaled.items()}
+        own |= {
+            name: value / scale if name.startswith("deep.C") else value
+            for name, value in solution.parameters.items()
+        }
+        asked = {name for name in sensitivities if name not in (_C10, *self.measured)}
+        if _C10 in sensitivities:
+            asked.add(_C20)
+        found = self._scaled(solution.variant, protocol, own, tuple(sorted(asked)))
+        if isinstance(found, Stopped):
+            return found
+        by: dict[str, Any] = {name: scale * values for name, values in found.sensitivities.items()}
+        if _C20 in by:
+            by[_C20] = found.sensitivities[_C20]
+            # Euler's theorem: the force is homogeneous in the stiffnesses.
+            by[_C10] = (found.force - own[_C20] * by[_C20]) / REFERENCE_MPA
+        for name in (name for name in sensitivities if name in self.measured):
+            changed = self._resized(name).follow(protocol, deep, solution)
+            if isinstance(changed, Stopped):
+                return changed
+            rise = changed.force_at(found.time) - scale * found.force
+            by[name] = rise / (_RESIZED * self.measured[name])
+        return replace(
+            found, force=scale * found.force, sensitivities={n: by[n] for n in sensitivities}
+        )
+
+    def _resized(self, name: str) -> SpecimenVariants:
+        given: Any = self.sizes
+        value = (1 + _RESIZED) * self.measured[name]
+        return replace(self, sizes=replace(given, **{name.removeprefix(SIZE): value}))
+
+    def _scaled(
+        self,
+        variant: str,
+        protocol: Protocol,
+        values: Mapping[str, float],
+        sensitivities: tuple[str, ...],
+    ) -> Path | Stopped:
+        rounded = {name: float(f"{value:.12g}") for name, value in values.items()}
+        key = repr((variant, protocol, sorted(rounded.items()), sensitivities))
+        if key not in self._paths:
+            self._paths[key] = self._made(variant, protocol, rounded, sensitivities)
+        return self._paths[key]
+
+    def _made(
+        self,
+        variant: str,
+        protocol: Protocol,
+        values: Mapping[str, float],
+        sensitivities: tuple[str, ...],
+    ) -> Path | Stopped:
+        model = self.model(variant)
+        known = model.parameters
+        try:
+            solved = model.solve(
+                {name: value for name, value in values.items() if name in known},
+                protocol,
+                [name for name in sensitivities if name in known],
+            )
+        except (ArithmeticError, RuntimeError, np.linalg.LinAlgError) as error:
+            return Stopped(" ".join(str(error).split()) or type(error).__name__)
+        if not solved.report.complete:
+            return Stopped(str(solved.report))
+        if isinstance(model, UniaxialTest):
+            return _relaxing(solved.path, values, sensitivities)
+        return solved.path
+
+
+def _of_variant(variant: str) -> list[TissueMechanism]:
+    if variant == PLAIN.variant:
+        return []
+    return [m for m in mechanisms() if isinstance(m, TissueMechanism) and m.variant == variant]
+
+
+def _relaxing(path: Path, values: Mapping[str, float], sensitivities: Sequence[str]) -> Path:
+    """Return a bar's course with what its branches bear; see `legfem.specimens.relaxation`."""
+    names = [f"deep.viscoelasticity{k + 1}.ratio" for k in range(len(TIMES_S))]
+    if not any(name in values or name in sensitivities for name in names):
+        return path
+    rise = np.diff(path.force)
+    borne = [np.concatenate([[0.0], branch @ rise]) for branch in memory(path.time[1:])]
+    total: FloatArray = path.force + sum(
+        values.get(name, 0.0) * each for name, each in zip(names, borne, strict=True)
+    )
+    by = {n: each for n, each in zip(names, borne, strict=True) if n in sensitivities}
+    return replace(path, force=total, sensitivities={**path.sensitivities, **by})

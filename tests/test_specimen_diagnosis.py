@@ -1,0 +1,191 @@
+"""Diagnoses of specimens: planted effects are named, sound tests stay sound, bad ones are told."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from making_specimens import BAR, BRANCHES, compressed, ramp, record, relaxing, write_bars
+from typer.testing import CliRunner
+
+from legfem.commands.diagnose import app
+from legfem.common.progress import Silent
+from legfem.diagnose.mechanisms import Solution
+from legfem.diagnose.models import Models
+from legfem.diagnose.variants import Stopped
+from legfem.experiments.axisymmetric import BallOnLayer, CylinderBetweenPlates
+from legfem.experiments.lateral_cylinder import CylinderOnBlock
+from legfem.experiments.uniaxial import Bar
+from legfem.mechanics.materials import ExponentialStiffening, NeoHookean
+from legfem.solve.protocol import Protocol
+from legfem.specimens.diagnosis import DiagnosedSpecimen, diagnose_specimens
+from legfem.specimens.folder import load_specimen
+from legfem.specimens.forward import experiment_of
+from legfem.specimens.laws import REFERENCE_MPA, specimen_law
+from legfem.specimens.mechanisms import Scale, mechanisms_of
+from legfem.specimens.variants import SpecimenVariants, slipping
+
+STATED = "[instrument]\nforce_sd_N = 0.002\ndisplacement_sd_mm = 0.002\n"
+
+
+def diagnosed(folder: Path) -> DiagnosedSpecimen:
+    (found,) = diagnose_specimens(load_specimen(folder), (), None, 1, Silent())
+    return found
+
+
+def repeats(folder: Path, force_of, compliance: float = 0.0) -> Path:
+    """Write three repeats to 3 mm at 0.5 mm/s, by a rig that yields so much (mm/N)."""
+    time, d = ramp(3.0, 6.0)
+    force = force_of(d)
+    for name in ("a", "bb", "ccc"):
+        record(folder, name, time, d + compliance * force, force)
+    (folder / "specimen.toml").write_text(BAR + STATED)
+    return folder
+
+
+def test_a_sound_test_is_consistent_and_its_stiffness_found(tmp_path: Path) -> None:
+    law = NeoHookean(5e-3, 1.0)
+    found = diagnosed(repeats(tmp_path, lambda d: compressed(law, d))).diagnosis
+    assert found is not None and found.verdict == "consistent"
+    low, high = found.intervals["C10"]
+    assert low < 5.0 < high and high - low < 0.5
+    assert found.emulator_error < 1e-4
+
+
+def test_a_rig_that_yields_is_named_with_its_compliance(tmp_path: Path) -> None:
+    law = NeoHookean(5e-3, 1.0)
+    folder = repeats(tmp_path, lambda d: compressed(law, d), compliance=0.08)
+    found = diagnosed(folder).diagnosis
+    assert found is not None
+    named = {name for model in found.models for name in model.names}
+    print(found.verdict, [(m.names, m.probability, m.fit.values) for m in found.models])
+    assert found.verdict in ("named", "ambiguous") and "support-compliance" in named
+    best = next(m for m in found.models if "support-compliance" in m.names)
+    low, high = best.interval("support-compliance.compliance")
+    assert low < 0.08 < high
+
+
+def test_relaxation_is_named_by_a_hold(tmp_path: Path) -> None:
+    law = NeoHookean(5e-3, 1.0)
+    time, d = ramp(3.0, 3.0, hold=30.0)
+    for name in ("a", "bb"):
+        record(tmp_path, name, time, d, relaxing(compressed(law, d), time, BRANCHES[:2]))
+    (tmp_path / "specimen.toml").write_text(BAR + STATED)
+    found = diagnosed(tmp_path).diagnosis
+    assert found is not None and found.verdict in ("named", "ambiguous")
+    assert all("viscoelasticity" in model.names for model in found.models)
+    print(found.best.names, found.best.fit.values)
+    # Two branches that end within the hold are no spectrum; what lasts is still found.
+    assert found.best.value("C10") == pytest.approx(5.0, rel=0.1)
+
+
+@pytest.mark.slow
+def test_two_effects_are_named_together(tmp_path: Path) -> None:
+    law = ExponentialStiffening(1e-3, 1.0, C20=0.0, stiffening=1.5e-3, exponent=1.5)
+    found = diagnosed(write_bars(tmp_path, law, BAR + STATED, hold=120.0)).diagnosis
+    assert found is not None and found.verdict == "named"
+    assert set(found.models[0].names) == {"strain-stiffening", "viscoelasticity"}
+
+
+@pytest.mark.parametrize(
+    ("sizes", "depth"),
+    [
+        (CylinderBetweenPlates(10.0, 12.0, "bonded"), 3.0),
+        pytest.param(BallOnLayer(12.0, 5.0, 25.0), 3.0, marks=pytest.mark.slow),
+        (Bar(10.0, 100.0), 3.0),
+    ],
+)
+def test_one_solution_serves_every_stiffness(sizes, depth: float) -> None:
+    """Against solutions at that stiffness, and differences of them."""
+    c10, c20 = 3.7e-2, 1.9e-2
+    models: Models = SpecimenVariants(sizes, depth)
+    at = np.linspace(0.3, 1.0, 5) * depth
+    asked = ("deep.C10", "deep.C20", "size.height" if hasattr(sizes, "height") else "deep.D1")
+    given = {"deep.C10": c10, "deep.C20": c20}
+    found = models.follow(Protocol.ramp(depth, 1.0), given, Solution("plain"), asked)
+    assert not isinstance(found, Stopped)
+
+    def direct(first: float, second: float, of=sizes) -> np.ndarray:
+        law = specimen_law("reduced-polynomial", REFERENCE_MPA, None)
+        values = {
+            "deep.C10": first, "deep.C20": second,
+            "deep.D1": law.parameters["D1"] * REFERENCE_MPA / first,
+        }  # fmt: skip
+        return experiment_of(of, law, depth).solve(values, depth).curve(at)
+
+    np.testing.assert_allclose(found.force_at(at), direct(c10, c20), rtol=2e-5)
+    for name, step in (("deep.C10", (1e-2 * c10, 0.0)), ("deep.C20", (0.0, 1e-2 * c20))):
+        up, down = (direct(c10 + s * step[0], c20 + s * step[1]) for s in (1, -1))
+        slope = (up - down) / (2 * sum(step))
+        np.testing.assert_allclose(found.sensitivity_at(name, at), slope, rtol=5e-3)
+    if hasattr(sizes, "height"):
+        from dataclasses import replace
+
+        up, down = (direct(c10, c20, replace(sizes, height=h)) for h in (12.24, 11.76))
+        slope = (up - down) / 0.48
+        np.testing.assert_allclose(found.sensitivity_at("size.height", at), slope, rtol=0.1)
+
+
+def test_every_mechanism_is_tested_or_said_why_not() -> None:
+    from legfem.diagnose.mechanisms import mechanisms
+
+    scale = Scale(3.0, 5.0, 10.0, 5.0, 1000.0)
+    for sizes in (Bar(10.0, 100.0), CylinderOnBlock(20.0, 40.0, 30.0), BallOnLayer(12.0)):
+        able, unable = mechanisms_of(sizes, scale)
+        assert {m.name for m in able} | set(unable) == {m.name for m in mechanisms()}
+        assert ("contact-slip" in unable) == (slipping(sizes) is None)
+        words = " ".join(f"{m.statement} {m.next_experiment}" for m in able)
+        for of_a_leg in (" leg", "skin", "muscle", "bone", "shin", "tape"):
+            assert of_a_leg not in words
+    assert slipping(BallOnLayer(12.0, ball="frictionless")) is None
+
+
+def test_a_bad_recording_and_a_bad_specimen_cost_themselves_alone(tmp_path: Path) -> None:
+    """Of a bar said to be 2 mm long, 3 mm of compression are more than there is."""
+    law = NeoHookean(5e-3, 1.0)
+    repeats(tmp_path, lambda d: compressed(law, d))
+    (tmp_path / "recordings" / "letters.csv").write_text("time_s,displacement_mm,force_N\na,b,c\n")
+    entries = "".join(
+        f'[[specimen]]\nname = "{name}"\nlength_mm = {length}\nrecordings = {files}\n'
+        for name, length, files in (
+            ("sound", 10.0, '["recordings/a.csv", "recordings/bb.csv", "recordings/l*.csv"]'),
+            ("short", 2.0, '["recordings/ccc.csv"]'),
+        )
+    )
+    (tmp_path / "specimen.toml").write_text(
+        BAR.replace("length_mm = 10.0\n", "") + STATED + entries
+    )
+    out = tmp_path / "out"
+    asked = ["--specimen-dir", str(tmp_path), "--jobs", "1", "--library", str(tmp_path / "kept")]
+    done = CliRunner().invoke(app, [*asked, "--out", str(out)])
+    assert done.exit_code == 0, done.output
+    table = json.loads((out / "diagnosis.json").read_text())
+    rows = {row["specimen"]: row for row in table["specimens"]}
+    assert rows["sound"]["verdict"] == "consistent"
+    assert "can't be solved" in rows["short"]["problem"]
+    (left,) = table["recordings_not_used"]
+    assert left["name"] == "letters" and "not a number" in left["reason"]
+    own = json.loads((out / "sound" / "diagnosis.json").read_text())
+    assert own["subject"] == "sound" and own["origin"] == "simulated"
+    report = (out / "sound" / "report.txt").read_text()
+    assert "SIMULATED" in report and "a specimen of one tissue has no fascia" in report
+    assert " leg" not in report and (out / "sound" / "report.html").is_file()
+    short = CliRunner().invoke(app, [*asked, "--specimen", "short", "--out", str(out / "short")])
+    assert short.exit_code == 2 and "can't be solved" in short.output
+    assert not (out / "short").exists()
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (["--specimen", "nobody"], "is no specimen of the folder"),
+        (["--subject", "3"], "is given too"),
+        (["--seed", "-1"], "is negative"),
+    ],
+)
+def test_a_wrong_option_is_one_line(tmp_path: Path, more: list[str], words: str) -> None:
+    write_bars(tmp_path, NeoHookean(5e-3, 1.0))
+    done = CliRunner().invoke(app, ["--specimen-dir", str(tmp_path), "--jobs", "1", *more])
+    assert done.exit_code == 2 and words in done.output
