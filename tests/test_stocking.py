@@ -92,6 +92,30 @@ def test_planted_stiffness_lies_in_its_interval(result):
     assert best.rms < 0.05 and best.chi_square < 1.5
 
 
+def test_an_equilibrium_that_was_kept_is_as_it_was_found(result, tmp_path, monkeypatch):
+    """A later run has it without a solution, and its answers to changes are the same."""
+    name, at = "deep.C10", {"deep.C10": 2.5e-3, "superficial.C10": 6e-3}
+    leg = WornLeg(result.model, result.leg.stocking, folder=tmp_path)
+    found = leg.find(at, (name,))
+    rate = Feedback(leg, found).to_rate(found.state.sensitivities[name])
+    assert leg.states == len(found.changes)
+    shape, tissues = result.model.shape, result.model.tissues
+    again = WornLeg(
+        LegModel3D(shape, tissues, COARSE, CompressionSettings(ends="held")),
+        result.leg.stocking, folder=tmp_path,
+    )  # fmt: skip
+    with monkeypatch.context() as patched:
+        patched.setattr(LegModel3D, "solve", None)
+        kept = again.find(at, (name,))
+    np.testing.assert_array_equal(kept.state.unknown, found.state.unknown)
+    np.testing.assert_array_equal(kept.load.pressure, found.load.pressure)
+    assert (kept.changes, kept.converged) == (found.changes, found.converged)
+    after = Feedback(again, kept).to_rate(kept.state.sensitivities[name])
+    np.testing.assert_allclose(after, rate, atol=1e-3 * np.abs(rate).max())
+    other = WornLeg(result.model, result.leg.stocking, FixedPointSettings(1e-4), tmp_path)
+    assert other.find(at, (name,)).changes[-1] < 1e-4, "other settings, another equilibrium"
+
+
 @pytest.mark.slow
 def test_slopes_in_equilibrium_are_those_between_equilibria(result):
     """Without the stocking's answer they would be a quarter off and more."""

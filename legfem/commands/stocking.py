@@ -40,7 +40,7 @@ def stocking(
 
     Example: python -m legfem.stocking --subject 1 --out results/leg-1
     """
-    with command_edge("run the same command again"):
+    with command_edge("run the same command again to go on; equilibria are kept"):
         if not 2_000 <= cells <= 5_000_000:
             raise InputError("--cells", f"{cells}", "is out of range", "give 2000 to 5000000")
         from mpi4py import MPI
@@ -58,11 +58,12 @@ def stocking(
         if comm.rank == 0:
             say(leg.doubts)
         settings = StockingSettings(cells=cells, nelder_mead=nelder_mead)
+        kept = results / "equilibria"
         if comm.rank == 0:
             with progress_on() as progress:
-                result = run_leg(leg, settings, progress, comm)
+                result = run_leg(leg, settings, progress, comm, folder=kept)
         else:
-            result = run_leg(leg, settings, Silent(), comm)
+            result = run_leg(leg, settings, Silent(), comm, folder=kept)
         report = write_stocking_report(result, results, command_line())
         if comm.rank == 0:
             print_outcome([], results / NUMBERS, report, quiet=False, as_json=False)

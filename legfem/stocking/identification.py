@@ -129,6 +129,7 @@ class StiffnessSearch:
         self._settings = settings or SearchSettings()
         self._on_solve = on_solve
         self._last: Worn | None = None
+        self._learnt: dict[tuple[float, ...], Worn] = {}
         self.nuisances = NuisanceSlopes(leg, misfit)
 
     def nelder_mead(self) -> Identified:
@@ -177,15 +178,20 @@ class StiffnessSearch:
 
     def _learn(self) -> None:
         for parameters in LEARNT_AT:
-            worn = self._solve(parameters)
+            worn = self._solve(parameters, differentiate=True)
             if worn.state.report.complete:
                 self.nuisances.learn(parameters, worn)
+                self._learnt[tuple(parameters)] = worn
 
     def _from(self, start: FloatArray) -> Identified:
         """Minimise what the best nuisances leave, by Gauss and Newton's method with damping."""
         before, settings, misfit = self._leg.states, self._settings, self._misfit
         damping, converged = 1e-3, False
-        worn = self._solve(start, differentiate=True)
+        learnt = self._learnt.get(tuple(start))
+        if learnt is None:
+            worn = self._solve(start, differentiate=True)
+        else:
+            worn = self._leg.back_in(learnt, _by_name(start))
         if not worn.state.report.complete or not self.nuisances.learnt:
             return self._unsolved("weighted", start, before, worn)
         parameters, here = start, self._profiled(start, worn)
@@ -225,8 +231,7 @@ class StiffnessSearch:
         )  # fmt: skip
 
     def _solve(self, parameters: FloatArray, differentiate: bool = False) -> Worn:
-        values = dict(zip(PARAMETERS, map(float, parameters), strict=True))
-        worn = self._leg.find(values, PARAMETERS if differentiate else (), self._last)
+        worn = self._leg.find(_by_name(parameters), PARAMETERS if differentiate else (), self._last)
         if self._on_solve is not None:
             deep, fat = mpa_to_kpa(parameters)
             ended = (
@@ -238,6 +243,10 @@ class StiffnessSearch:
         if worn.state.report.complete:
             self._last = worn
         return worn
+
+
+def _by_name(parameters: FloatArray) -> dict[str, float]:
+    return dict(zip(PARAMETERS, map(float, parameters), strict=True))
 
 
 def _rms(distances: FloatArray) -> float:

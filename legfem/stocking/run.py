@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 from mpi4py import MPI
 
@@ -89,8 +90,12 @@ def run_leg(
     progress: Progress,
     comm: MPI.Intracomm = MPI.COMM_SELF,
     mesh: SolidMeshSettings | None = None,
+    folder: Path | None = None,
 ) -> StockingResult:
-    """Mesh a leg, identify its tissues if it was scanned in its stocking, and put that on."""
+    """Mesh a leg, identify its tissues if it was scanned in its stocking, and put that on.
+
+    Equilibria are kept in a folder, where one is given: the same run goes on where it was stopped.
+    """
     started = time.perf_counter()
     progress.stage("mesh")
     mesh = mesh or settings_for_cells(leg.bare, settings.cells)
@@ -99,7 +104,7 @@ def run_leg(
     searches: tuple[Identified, ...] = ()
     parameters = {f"{name}.C10": float(law.C10) for name, law in leg.tissues.items()}
     load = misfit = mismatch = None
-    worn_leg = WornLeg(model, leg.stocking)
+    worn_leg = WornLeg(model, leg.stocking, folder=folder)
     if leg.compressed is not None:
         load = stocking_load(leg.compressed, leg.stocking)
         misfit = ContourMisfit.between(

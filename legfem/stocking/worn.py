@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from legfem.common.units import FloatArray
 from legfem.experiments.compression import Compressed
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.solve.fixed_point import AndersonMixing
+from legfem.stocking.kept_equilibria import AskedEquilibrium, KeptEquilibria, KeptEquilibrium
 from legfem.stocking.laplace import Stocking, StockingLoad, stocking_load
 from legfem.stocking.leg_model import LegModel3D
 
@@ -70,6 +72,13 @@ class WornLeg:
         What it wears.
     settings
         Of the equilibrium.
+    folder
+        Where equilibria are kept for a later run; they aren't without it.
+
+    Attributes
+    ----------
+    states : int
+        Compressed states solved for, now or, where they were kept, before.
     """
 
     def __init__(
@@ -77,10 +86,13 @@ class WornLeg:
         model: LegModel3D,
         stocking: Stocking,
         settings: FixedPointSettings | None = None,
+        folder: Path | None = None,
     ) -> None:
         self.model, self.stocking = model, stocking
         self._settings = settings or FixedPointSettings()
         self.states = 0
+        depends_on = (stocking, self._settings)
+        self._kept = None if folder is None else KeptEquilibria(folder, model, depends_on)
 
     def find(
         self,
@@ -103,6 +115,30 @@ class WornLeg:
         error
             By which the pressure exceeds Laplace's law, relative, at the skin's points.
         """
+        asked = AskedEquilibrium(dict(parameters or {}), tuple(sensitivities), error)
+        kept = None if self._kept is None else self._kept.get(asked)
+        if kept is not None:
+            self.states += len(kept.changes)
+            return self.back_in(self._restored(kept), parameters)
+        worn = self._found(asked, start)
+        if self._kept is not None and worn.state.report.complete:
+            found = KeptEquilibrium(worn.state, worn.pressure, worn.changes, worn.converged)
+            self._kept.put(asked, found)
+        return worn
+
+    def back_in(self, worn: Worn, parameters: Mapping[str, float] | None) -> Worn:
+        """Bring the model back into an equilibrium found before, and return it."""
+        self.model.put_in(worn.state, worn.pressure, parameters)
+        return worn
+
+    def _restored(self, kept: KeptEquilibrium) -> Worn:
+        shape = self.model.deformed_shape(kept.state.unknown)
+        return Worn(
+            kept.state, kept.pressure, shape, self.load(shape), kept.changes, kept.converged
+        )
+
+    def _found(self, asked: AskedEquilibrium, start: Worn | None) -> Worn:
+        parameters, sensitivities, error = asked.parameters, asked.sensitivities, asked.error
         load = self.load(self.model.shape) if start is None else start.load
         pressure, state = load.pressure * (1 + error), None if start is None else start.state
         shape, mixing = self.model.shape, AndersonMixing()
