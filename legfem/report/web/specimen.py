@@ -35,6 +35,7 @@ from legfem.report.web.page import (
     WebPage,
 )
 from legfem.specimens.result import ComparedRecording, SpecimenResult
+from legfem.specimens.sizes import sizes_text
 
 _MOST_CURVES = 6
 _DASHES: tuple[Dash, ...] = ("solid", "dashed", "dotdash", "dotted")
@@ -179,7 +180,7 @@ def _known(results: Sequence[SpecimenResult]) -> list[Known]:
               "estimated", "their forces; the intervals carry it")
     )  # fmt: skip
     rows += [
-        Known("sizes (mm)", f"{sizes}", "assumed", "specimen.toml")
+        Known("sizes", sizes_text(sizes), "assumed", "specimen.toml")
         for sizes in dict.fromkeys(one.sizes for one in first.folder.recordings)
     ]
     return rows
