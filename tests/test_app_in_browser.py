@@ -2,6 +2,8 @@
 
 import http.client
 import http.server
+import json
+import shutil
 import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -20,6 +22,7 @@ from legfem.app.workspace import Workspace
 from legfem.common.errors import InputError
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.specimens.schema import parse_specimen_file
+from legfem.subjects.catalogue import RESOURCES
 from legfem.subjects.schema import parse_subject_file
 from legfem.subjects.subject import load_subject
 
@@ -27,6 +30,7 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(browser.browser() is None, reason="no Chromium here"),
 ]
+LEG = RESOURCES / "dubuis" / "subjects" / "1"
 MINUTES = 60.0
 
 
@@ -284,12 +288,38 @@ def ran(page, kind, options, minutes, **fields):
     return page.value("document.querySelector('.sentence').innerText")
 
 
-def test_a_stocking_is_run_from_the_app(served, page):
+KNOWN = """
+[tissues.deep]
+C10_kPa = 3.0
+[tissues.superficial]
+C10_kPa = 4.0
+[segment]
+from_mm = 40.0
+to_mm = 100.0
+"""
+
+
+def test_a_leg_is_dropped_and_its_stocking_run_from_the_app(served, page, tmp_path):
     workspace, _ = served
-    name = begun(page, "a leg in a stocking")
-    told = ran(page, "stocking", "", 20, **{"about how many tetrahedra": "11000"})
-    assert told
-    assert (workspace.run(f"stocking-{name}") / "results" / "report.html").is_file()
+    leg = tmp_path / "known leg"
+    leg.mkdir()
+    for name in ("bare.nii.gz", "stocking.csv"):
+        shutil.copy(LEG / name, leg)
+    scanned = '[compressed]\nscan = "compressed.nii.gz"\n'
+    (leg / "leg.toml").write_text((LEG / "leg.toml").read_text().replace(scanned, "") + KNOWN)
+    page.drop([leg])
+    page.until("location.pathname === '/input/known%20leg'")
+    page.sees("Outlines of skin and muscle", 5 * MINUTES)
+    page.click("Assumed")
+    page.sees("Part that is modelled")
+    assert accessible(page)
+    told = ran(page, "stocking", "", 20, **{"about how many tetrahedra": "8000"})
+    found = json.loads(
+        (workspace.run("stocking-known leg") / "results" / "result.json").read_text()
+    )
+    mean = 7.50062 * found["pressures"]["mean_interface_kPa"]
+    assert told == f"pressure on the skin {mean:.0f} mmHg on average"
+    assert 10 < mean < 40
 
 
 def test_a_plan_is_run_from_the_app(served, page):
