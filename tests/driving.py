@@ -137,12 +137,23 @@ class Driven:
         """Type into the field of a label."""
         self.until(
             "(() => {const one = [...document.querySelectorAll('input, textarea')].find((e) =>"
-            f"e.getAttribute('aria-label') === {json.dumps(label)});"
-            "if (!one || one.offsetParent === null) return false;"
+            f"e.getAttribute('aria-label') === {json.dumps(label)} && e.offsetParent !== null);"
+            "if (!one) return false;"
             "one.focus(); one.select(); return true;})()"
         )
         self._call("Input.insertText", text=text)
         time.sleep(0.4)
+
+    def choose(self, label: str, option: str) -> None:
+        """Choose an option in the list of a label."""
+        self.until(
+            "(() => {const one = [...document.querySelectorAll('[role=combobox]')].find((e) =>"
+            f"e.getAttribute('aria-label') === {json.dumps(label)} && e.offsetParent !== null);"
+            "if (!one) return false;"
+            "one.closest('.q-field').querySelector('.q-field__control').click(); return true;})()"
+        )
+        self.click(option, ".q-menu .q-item")
+        self.until("!document.querySelector('.q-menu')")
 
     def drop(self, files: Sequence[Path], selector: str = "[data-drop]") -> None:
         """Drop files or folders on an element, as a person does from a file manager."""

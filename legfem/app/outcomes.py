@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from legfem.app.runs import Run
+from legfem.common.units import kpa_to_mpa, mpa_to_mmhg
 
 
 @dataclass(frozen=True)
@@ -76,14 +77,18 @@ def _identified(document: Mapping[str, Any]) -> Iterator[dict[str, str]]:
 def _in_stocking(document: Mapping[str, Any]) -> Iterator[dict[str, str]]:
     stiffness = document["stiffness"]
     found = {name: entry["identified"] or {} for name, entry in stiffness.items()}
-    verdicts = {one["identifiability"] for one in found.values() if one}
+    verdicts = sorted({one["identifiability"] for one in found.values() if one})
+    pressures = document["pressures"]
+    if pressures is not None:
+        mean = mpa_to_mmhg(kpa_to_mpa(pressures["mean_interface_kPa"]))
+        verdicts.append(f"pressure on the skin {mean:.0f} mmHg on average")
     deep = next((one for name, one in found.items() if "deep" in name), {})
     fat = next((one for name, one in found.items() if "superficial" in name), {})
     yield {
         "origin": document["origin"],
         "c10": _number(deep),
         "fat": _number(fat),
-        "verdict": ", ".join(sorted(verdicts)),
+        "verdict": ", ".join(verdicts),
     }
 
 

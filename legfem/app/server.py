@@ -62,8 +62,13 @@ def _shown(workspace: Workspace, kind: str, path: str) -> Path:
     InputError
         If there is none, or it leads out of the workspace.
     """
-    root = (workspace.folder / kind).resolve()
-    found = (root / path).resolve()
-    if kind not in ("previews", "runs") or not found.is_relative_to(root) or not found.is_file():
-        raise InputError("files", path, "there is no such file", "choose one that a page names")
+    none = InputError("files", path, "there is no such file", "choose one that a page names")
+    try:
+        root = (workspace.folder / kind).resolve()
+        found = (root / path).resolve()
+        there = found.is_file()
+    except (OSError, ValueError):  # names with a null character, or too long
+        raise none from None
+    if kind not in ("previews", "runs") or not found.is_relative_to(root) or not there:
+        raise none
     return found

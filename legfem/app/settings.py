@@ -158,7 +158,7 @@ def _plain(annotation: Any) -> tuple[Any, tuple[str, ...]]:
 
 
 def _help(field: FieldInfo) -> str:
-    return " ".join((field.description or "").split())
+    return " ".join((field.description or "").replace("``", "").split())
 
 
 def read_value(setting: Setting, text: str) -> Value:

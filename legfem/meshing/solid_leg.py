@@ -149,10 +149,11 @@ def settings_for_cells(
         return math.log(grid.cells(field) / cells)
 
     low, high = math.log(0.2), math.log(12.0)
-    if excess(low) > 0 or excess(high) < 0:
+    least, most = (cells * math.exp(excess(end)) for end in (low, high))
+    if not least <= cells <= most:
         raise InputError(
             "mesh", "cells", f"{cells} tetrahedra can't be had for this leg",
-            "choose from some thousands to some millions",
+            f"choose from {1000 * math.ceil(least / 1000)} to {1000 * math.floor(most / 1000)}",
         )  # fmt: skip
     return settings.refined(math.exp(brentq(excess, low, high, xtol=0.01)))
 

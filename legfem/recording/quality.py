@@ -25,6 +25,7 @@ _DROP_SHARE = 0.05
 _SATURATED_SAMPLES = 10
 GRADES = {"A": "nothing to say", "B": "usable", "C": "look at it first", "D": "not to be used"}
 """What grades mean."""
+BEST_GRADE = "A"
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,7 @@ def quality_of(recording: Recording) -> Quality:
     return Quality(
         parts, contact, 1 / step, dropped, *found, force_noise,
         sample_noise(recording.displacement), saturated, drops,
-        max((grade for grade, _ in judged), default="A"),
+        max((grade for grade, _ in judged), default=BEST_GRADE),
         tuple(f"{grade}: {reason}" for grade, reason in judged) or ("A: nothing to say",),
     )  # fmt: skip
 

@@ -19,7 +19,7 @@ from legfem.geometry.shape_measures import perimeter
 from legfem.geometry.slices import CONTOURS, SliceSet
 from legfem.recording.columns import Channels, Proposal, propose, recording_of
 from legfem.recording.formats import READERS, read_sheets
-from legfem.recording.quality import quality_of
+from legfem.recording.quality import BEST_GRADE, quality_of
 from legfem.report.look import draw_look, look_text
 from legfem.report.placement_figure import SECTION_SHOWS, placement_figure
 from legfem.report.style import (
@@ -54,6 +54,8 @@ class SeenRecording:
 
     file: str
     grade: str = ""
+    reasons: tuple[str, ...] = ()
+    """For the grade; the best has none."""
     text: str = ""
     """What `legfem.data look` prints of it."""
     picture: str = ""
@@ -231,9 +233,13 @@ def _recording(path: Path, out: Path, channels: Channels | None) -> SeenRecordin
         return SeenRecording(path.name, trouble=str(error), columns=columns)
     picture = draw_look(recording, quality, out).name
     text = look_text(recording, proposal, quality)
-    return SeenRecording(
-        path.name, quality.grade, text, picture, channels=proposal.channels, columns=columns
+    reasons = tuple(
+        reason.partition(": ")[2] for reason in quality.reasons if quality.grade != BEST_GRADE
     )
+    return SeenRecording(
+        path.name, quality.grade, reasons, text, picture, channels=proposal.channels,
+        columns=columns,
+    )  # fmt: skip
 
 
 @styled

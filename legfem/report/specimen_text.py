@@ -13,6 +13,7 @@ from legfem.report.specimen_numbers import assumed_numbers
 from legfem.report.style import LAW_NAMES
 from legfem.report.text import ENERGIES, ORIGINS, WIDTH, probability, variables, wrapped
 from legfem.specimens.result import ComparedRecording, SpecimenResult
+from legfem.specimens.sizes import sizes_text
 
 _SIMULATED = "simulated data (forces computed by a model; no specimen was measured)"
 
@@ -89,9 +90,9 @@ def procedure(result: SpecimenResult) -> str:
         f"({100 * result.gain_sd:.2g} %).",
         WIDTH,
     )
-    shown = [f"  {sizes}" for sizes in tests[:_MOST_TESTS]]
+    shown = [f"  {sizes_text(sizes)}" for sizes in tests[:_MOST_TESTS]]
     more = len(tests) - len(shown)
-    return "\n".join([text, "Tests (mm):", *shown, *([f"  and {more} more"] if more else [])])
+    return "\n".join([text, "Tests:", *shown, *([f"  and {more} more"] if more else [])])
 
 
 _MOST_TESTS = 12

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 from legfem.common.toml_file import FileTable
 from legfem.experiments.axisymmetric import (
     BallIndentation,
@@ -24,8 +26,17 @@ from legfem.specimens.schema import (
     TestEntry,
 )
 
-type Sizes = BallOnLayer | PunchOnLayer | CylinderBetweenPlates | CylinderOnBlock | Bar
+Sizes = BallOnLayer | PunchOnLayer | CylinderBetweenPlates | CylinderOnBlock | Bar
 Test = BallIndentation | FlatPunchIndentation | CylinderCompression | LateralCylinder | UniaxialTest
+
+
+_WORDS: dict[type[Sizes], str] = {
+    BallOnLayer: "a ball on a layer",
+    PunchOnLayer: "a flat punch on a layer",
+    CylinderBetweenPlates: "between plates",
+    CylinderOnBlock: "a cylinder across a block",
+    Bar: "a bar",
+}
 
 
 class SizeError(Exception):
@@ -45,6 +56,16 @@ def sizes_of(given: SpecimenFile, specimen: SpecimenEntry | None) -> Sizes:
         if key not in type(given.test).model_fields:
             raise SizeError(key, "is no size of this test", "remove it")
     return _sizes(given.test.model_copy(update=own))
+
+
+def sizes_text(sizes: Sizes) -> str:
+    """Return a specimen's test with its sizes, as people read them."""
+    told = (
+        f"{name.replace('_', ' ')} "
+        + (value if isinstance(value, str) else f"{value:g} {'mm²' if name == 'area' else 'mm'}")
+        for name, value in asdict(sizes).items()
+    )
+    return f"{_WORDS[type(sizes)]}: {', '.join(told)}"
 
 
 def _sizes(test: TestEntry) -> Sizes:

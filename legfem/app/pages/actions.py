@@ -45,7 +45,7 @@ def _action(workspace: Workspace, name: str, action: Action) -> None:
                         label=choice.label,
                     )  # fmt: skip
                 else:
-                    boxes[choice.option] = ui.number(choice.label)
+                    boxes[choice.option] = ui.number(choice.label, placeholder="by default")
             more = ui.input("more options", placeholder="as on the command line")
 
         def options(run: str) -> list[str]:

@@ -101,8 +101,9 @@ def _dressed(folder: Path, scans: list[str]) -> None:
 def _tested(folder: Path) -> None:
     with ui.element("fieldset"):
         tag("legend", "Specimens of one tissue in a lab's test")
-        title = ui.input("title", value=folder.name)
-        chosen = ui.select(_TESTS, value=next(iter(_TESTS)), label="what was done")
+        with ui.element("div").classes("fields"):
+            title = ui.input("title", value=folder.name)
+            chosen = ui.select(_TESTS, value=next(iter(_TESTS)), label="what was done")
         fields: dict[str, list[tuple[Setting, Callable[[], str]]]] = {}
         for test, settings in known_tests().items():
             with ui.element("div").classes("fields") as shown:

@@ -12,7 +12,9 @@ from nicegui.elements.mixins.text_element import TextElement
 
 from legfem.app.runs import RunState
 
+# NiceGUI's page doesn't say its language, without which it can't be read aloud.
 _HEAD = (
+    '<script>document.documentElement.lang = "en";</script>'
     '<link rel="stylesheet" href="/assets/app/app.css">'
     '<script defer src="/assets/app/app.js"></script>'
 )

@@ -55,6 +55,8 @@ def _recording(looking: Run, recording: dict[str, Any]) -> None:
         if recording["trouble"]:
             refused(recording["trouble"])
             return
+        if recording["reasons"]:
+            tag("p", "; ".join(recording["reasons"]), "quiet")
         _picture(looking, recording["picture"], f"{recording['file']}: displacement and force over "
                  "time with phases, and force over displacement with first contact.")  # fmt: skip
         with ui.element("details"):
@@ -66,5 +68,5 @@ def _picture(looking: Run, file: str, shown: str) -> None:
     folder = looking.folder
     address = f"/files/previews/{quote(folder.parent.name, safe='')}/{folder.name}/results/"
     with ui.element("figure"):
-        ui.element("img").props["src"] = address + quote(file)
-        tag("figcaption", shown)
+        ui.element("img").props.update({"src": address + quote(file), "alt": shown})
+        tag("figcaption", f"{shown[0].upper()}{shown[1:]}")

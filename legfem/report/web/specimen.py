@@ -15,6 +15,7 @@ from legfem.report.web import page as web
 from legfem.report.web.bars import Bar, Bars
 from legfem.report.web.curves import Curves, Dash, Line
 from legfem.specimens.result import ComparedRecording, SpecimenResult
+from legfem.specimens.sizes import sizes_text
 
 _MOST_CURVES = 6
 _DASHES: tuple[Dash, ...] = ("solid", "dashed", "dotdash", "dotted")
@@ -165,7 +166,7 @@ def _known(results: Sequence[SpecimenResult]) -> list[web.Known]:
               "estimated", "their forces; the intervals carry it")
     )  # fmt: skip
     rows += [
-        web.Known("sizes (mm)", f"{sizes}", "assumed", "specimen.toml")
+        web.Known("sizes", sizes_text(sizes), "assumed", "specimen.toml")
         for sizes in dict.fromkeys(one.sizes for one in first.folder.recordings)
     ]
     return rows
