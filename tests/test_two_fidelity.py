@@ -24,7 +24,7 @@ from legfem.identify.run import laws_of, sensitivities_of
 from legfem.identify.search import SearchError
 from legfem.identify.settings import IdentificationSettings
 from legfem.identify.solver import FullSolver
-from legfem.identify.spatial import LegModels
+from legfem.identify.spatial import LegModels, check_has_ends
 from legfem.identify.two_fidelity import MOST_SOLVES, TwoFidelities
 from legfem.recording import Instrument, Recording
 from legfem.report.text import fit_report
@@ -162,7 +162,8 @@ def test_report_and_document_say_what_the_leg_itself_said(tmp_path):
 def test_recordings_in_plane_strain_are_refused(tmp_path):
     subject = load_subject(cone_folder(tmp_path, level=100.0), need_recordings=False)
     with pytest.raises(InputError, match="plane strain"):
-        LegModels.of_subject(replace(subject, plane_strain=True), DEPTH)
+        check_has_ends(replace(subject, plane_strain=True))
+    check_has_ends(subject)
     models = LegModels.of_subject(replace(subject, instrument=Instrument(0.1, 0.1)), DEPTH)
     assert models.rough.fingerprint() != models.full.fingerprint() != models.shorter.fingerprint()
 

@@ -195,6 +195,7 @@ def identify(
     from legfem.correction.choice import choose_correction
     from legfem.identify.laws import LAWS
     from legfem.identify.run import forward_model, identify_subject
+    from legfem.identify.spatial import SOLVES, LegModels, check_has_ends
 
     if not isinstance(leg, Subject | str | Path):
         return _identify_specimen(
@@ -209,13 +210,13 @@ def identify(
             "add force_sd_N and displacement_sd_mm, or accuracies",
         )  # fmt: skip
     section = forward_model(subject, depth, parameters, fixed, _meshed(mesh))
-    leg_in_3d = None
     if model == "3d":
-        from legfem.identify.spatial import SOLVES, LegModels
-
-        kept = None if out is None else Path(out) / SOLVES
-        leg_in_3d = LegModels.of_subject(subject, section.depth, kept)
+        check_has_ends(subject)
     with progress_on(quiet=not progress) as told:
+        leg_in_3d = None
+        if model == "3d":
+            kept = None if out is None else Path(out) / SOLVES
+            leg_in_3d = LegModels.of_subject(subject, section.depth, kept, progress=told)
         results = identify_subject(
             subject, [name for name in LAWS if law in ("both", name)], settings,
             choose_correction(correction, subject), None if out is None else Path(out), jobs,

@@ -171,6 +171,7 @@ def run(
         from legfem.identify.run import forward_model, identify_subject, laws_of, write_results
         from legfem.identify.search import SearchError
         from legfem.identify.settings import IdentificationSettings
+        from legfem.identify.spatial import SOLVES, LegModels, check_has_ends
         from legfem.identify.written import Written
         from legfem.report.identification import write_identification_report
         from legfem.report.text import fit_report
@@ -195,13 +196,15 @@ def run(
         folder = out or Path("results") / f"identify-{found.id}"
         check_out_folder(folder)
         section = forward_model(found, depth, parameters, fixed)
-        leg = None
         if model is ModelChoice.LEG:
-            from legfem.identify.spatial import SOLVES, LegModels
-
-            leg = LegModels.of_subject(found, section.depth, folder / SOLVES)
+            check_has_ends(found)
         try:
             with progress_on(quiet=quiet) as progress:
+                leg = None
+                if model is ModelChoice.LEG:
+                    leg = LegModels.of_subject(
+                        found, section.depth, folder / SOLVES, progress=progress
+                    )
                 results = identify_subject(
                     found, chosen, settings, choose_correction(correction, found),
                     folder, processes, depth, progress, section, parameters, fixed, leg,

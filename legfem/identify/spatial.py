@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from legfem.common.errors import InputError
+from legfem.common.progress import Progress, Silent
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membrane_stiffness
 from legfem.experiments.plane_strain import tissues_of
+from legfem.experiments.pressing import OnStep
 from legfem.identify.catalogue import Values
 from legfem.identify.forward import ForwardModel, ForwardOutcome, values_of
 from legfem.subjects.spatial import SpatialLeg, spatial_leg
@@ -22,6 +24,8 @@ ROUGHER = 1.3
 """Size of the elements of the solves that measure errors, over that of the others."""
 TRIMMED = 1 / 3
 """Share of the leg beyond the cylinder that is cut away, to see what its length does."""
+_TOLD_EVERY = 4.0
+"""mm."""
 _FASCIA = "fascia."
 
 
@@ -41,6 +45,8 @@ class SpatialForward:
         Numerical.
     states
         Folder for the states of the solve in hand, from which one that was killed goes on.
+    progress
+        Told how far a solve is.
     """
 
     subject: Subject
@@ -48,6 +54,7 @@ class SpatialForward:
     depth: float
     settings: SolidLegSettings
     states: Path | None = None
+    progress: Progress = field(default_factory=Silent)
 
     @cached_property
     def experiment(self) -> LegIndentation3D:
@@ -66,12 +73,25 @@ class SpatialForward:
         own["fascia.membrane.stiffness"] = membrane_stiffness(
             every["fascia.C10"], self.subject.section.fascia_thickness
         )
-        solved = self.experiment.solve(own, self.depth, sensitivities, keep_in=self.states)
+        solved = self.experiment.solve(
+            own, self.depth, sensitivities, on_step=self._teller(), keep_in=self.states
+        )
         report = solved.report
         return ForwardOutcome(
             values, (solved.curve,), bool(report.complete), report.reason, report.factorisations,
             float(report.seconds) + sum(before.seconds for before in report.earlier_attempts),
         )  # fmt: skip
+
+    def _teller(self) -> OnStep:
+        told = 0.0
+
+        def tell(displacement: float) -> None:
+            nonlocal told
+            if displacement >= told + _TOLD_EVERY:
+                told = displacement
+                self.progress.advance(f"3D at {displacement:.1f} of {self.depth:g} mm")
+
+        return tell
 
     def fingerprint(self) -> Mapping[str, Any]:
         """Return leg, cylinder, tissues, settings, depth and code."""
@@ -110,19 +130,15 @@ class LegModels:
         depth: float,
         kept: Path | None = None,
         settings: SolidLegSettings | None = None,
+        progress: Progress | None = None,
     ) -> LegModels:
         """Return the models of a subject's leg, pressed to a depth (mm).
 
         Raises
         ------
         InputError
-            If the recordings are made in plane strain, or the leg's shape can't be had.
+            If the leg's shape can't be had.
         """
-        if subject.plane_strain:
-            raise InputError(
-                "--model", "3d", "the recordings are simulated in plane strain, without ends",
-                "leave it out, or give plane_strain = false in [recordings] if they have ends",
-            )  # fmt: skip
         settings, leg = settings or SolidLegSettings(), spatial_leg(subject)
         larger = replace(
             settings,
@@ -132,7 +148,22 @@ class LegModels:
         trimmed = leg.trimmed(subject.indenter.length, TRIMMED)
         states = None if kept is None else kept / "states"
         full, rough, shorter = (
-            SpatialForward(subject, shape, depth, numbers, states)
+            SpatialForward(subject, shape, depth, numbers, states, progress or Silent())
             for shape, numbers in ((leg, settings), (leg, larger), (trimmed, larger))
         )
         return cls(full, rough, shorter, leg, depth, kept)
+
+
+def check_has_ends(subject: Subject) -> None:
+    """Check that recordings aren't made in plane strain.
+
+    Raises
+    ------
+    InputError
+        If they are.
+    """
+    if subject.plane_strain:
+        raise InputError(
+            "--model", "3d", "the recordings are simulated in plane strain, without ends",
+            "leave it out, or give plane_strain = false in [recordings] if they have ends",
+        )  # fmt: skip

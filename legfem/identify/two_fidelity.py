@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,25 +21,16 @@ from legfem.correction.confirmed import confirmed_correction
 from legfem.correction.tabulated import (
     FIRST_RATIO,
     TabulatedCorrection,
-    first_contact_error,
-    mesh_error,
-    smooth_ratio,
 )
-from legfem.identify.catalogue import DEEP_C10, DEEP_C20, Values
-from legfem.identify.forward import ForwardModel, ForwardOutcome
+from legfem.identify.catalogue import DEEP_C10, DEEP_C20
 from legfem.identify.identification import Identification
 from legfem.identify.laws import LawName
+from legfem.identify.leg_solver import LegSolver
 from legfem.identify.result import CLOSE, Confirmation, IdentificationResult, SpatialEvidence
-from legfem.identify.search import SearchError
-from legfem.identify.solver import FullSolver
-from legfem.identify.spatial import ROUGHER, LegModels
-from legfem.jobs.store import Store
-from legfem.solve.force_curve import ForceCurve
+from legfem.identify.spatial import LegModels
 
 MOST_SOLVES = 8
 """In 3D, of all laws together, those that measure the errors among them."""
-_ROUGH_SOLVES = 2
-_GRID = 0.5
 
 
 @dataclass(eq=False)
@@ -63,18 +54,11 @@ class TwoFidelities:
     models: LegModels
     progress: Progress
     table: TabulatedCorrection | None
-    _solved: int = 0
-    _rough: int = 0
-    _errors: dict[str, FloatArray] = field(default_factory=dict)
     _last: TabulatedCorrection | None = None
 
     def __post_init__(self) -> None:
-        """Lay out the solvers."""
-        models = self.models
-        self._full = self._solver(models.full)
-        self._roughs = [self._solver(model) for model in (models.rough, models.shorter)]
-        end = models.depth
-        self._grid = np.linspace(0.0, end, 1 + max(2, round(end / _GRID)))
+        """Lay out the solver of the leg."""
+        self._leg = LegSolver(self.models, self.progress)
 
     def identify(self, names: Sequence[LawName]) -> list[IdentificationResult]:
         """Return the results of laws, in their order.
@@ -92,7 +76,8 @@ class TwoFidelities:
         result = self._fitted(name, correction)
         confirmations: list[Confirmation] = []
         while True:
-            if self._solved + self._rough >= MOST_SOLVES - (0 if self._errors else _ROUGH_SOLVES):
+            done = self._leg.full_solves + self._leg.rough_solves
+            if done + self._leg.next_solves > MOST_SOLVES:
                 break
             found, correction = self._confirmed(result, correction)
             before, result = result, self._fitted(name, correction)
@@ -116,56 +101,26 @@ class TwoFidelities:
         self, result: IdentificationResult, predicted: TabulatedCorrection | None
     ) -> tuple[Confirmation, TabulatedCorrection]:
         """Solve the leg at an optimum, and return what that says of the correction."""
-        values, grid = result.model_values, self._grid
+        values, grid = result.model_values, self._leg.grid
         c10, c20 = stiffness = _stiffness(values)
         self.progress.stage(f"the leg in 3D at C10 {c10:.3g}, C20 {c20:.3g} kPa")
-        (flat,) = self.section.solver.solve([values])
-        outcome = self._solve(self._full, values)
-        self._solved += 1
-        P = smooth_ratio(outcome.curve, flat.curve, grid)
-        if not self._errors:
-            self._errors = self._measured_errors(values, outcome.curve, flat.curve, P)
+        (section,) = self.section.solver.solve([values])
+        solved = self._leg.at(values, section.curve)
         before: FloatArray = np.zeros(len(grid))
         if predicted is not None:
             before = predicted.correction(grid, np.asarray(c10), np.asarray(c20))
-        error = before - P
-        contact = first_contact_error(outcome.curve, flat.curve, grid, P)
+        missed, flat = before - solved.P, section.curve(grid)
+        share = float(np.max(np.abs(missed * flat)) / np.max(np.abs((1 - solved.P) * flat)))
+        # What the table or plane strain missed isn't what a solve nearby will.
+        near = self._leg.full_solves > 1 or share < CLOSE
+        prediction = missed if near else 0 * missed
         self._last = confirmed_correction(
             f"this leg's own, solved in 3D at C10 {c10:.3g} kPa, C20 {c20:.3g} kPa",
-            self.table, stiffness, grid, P,
-            {"prediction": error if self._solved > 1 else 0 * error, "first contact": contact,
-             **self._errors},
+            self.table, stiffness, grid, solved.P, {"prediction": prediction, **solved.errors},
         )  # fmt: skip
-        force = flat.curve(grid)
-        share = float(np.max(np.abs(error * force)) / np.max(np.abs((1 - P) * force)))
-        return Confirmation(c10, c20, outcome.seconds, outcome.factorisations, share), self._last
-
-    def _measured_errors(
-        self, values: Values, fine: ForceCurve, flat: ForceCurve, P: FloatArray
-    ) -> dict[str, FloatArray]:
-        """Return modes of P's error, by rougher solves of the leg and of a shorter one."""
-        self.progress.stage("the leg in 3D by larger elements, and shorter: P's errors", 2)
-        rough, shorter = (
-            smooth_ratio(self._solve(solver, values).curve, flat, self._grid)
-            for solver in self._roughs
-        )
-        self._rough += _ROUGH_SOLVES
-        return {"mesh": mesh_error(P, rough, 1 / ROUGHER), "leg's length": shorter - rough}
-
-    def _solve(self, solver: FullSolver, values: Values) -> ForwardOutcome:
-        (outcome,) = solver.solve([values])
-        if not outcome.complete:
-            raise SearchError(
-                f"the leg in 3D stops at {outcome.curve.depth:.1f} mm of {self.models.depth:g} mm "
-                f"({outcome.reason}); use less of the recordings with --depth"
-            )
-        return outcome
-
-    def _solver(self, model: ForwardModel) -> FullSolver:
-        kept, store = self.models.kept, None
-        if kept is not None:
-            store = Store(kept, ForwardOutcome, model.fingerprint())
-        return FullSolver(model, store, 1, self.progress, ())
+        outcome = solved.outcome
+        told = Confirmation(c10, c20, outcome.seconds, outcome.factorisations, share)
+        return told, self._last
 
     def _told(
         self, result: IdentificationResult, confirmations: Sequence[Confirmation], seconds: float
@@ -177,12 +132,12 @@ class TwoFidelities:
         if self.table is not None:
             table = self.table.correction(grid, np.asarray(c10), np.asarray(c20))
         errors = {
-            name: float(np.abs(np.interp(grid, self._grid, mode))[grid >= FIRST_RATIO].max())
+            name: float(np.abs(np.interp(grid, self._leg.grid, mode))[grid >= FIRST_RATIO].max())
             for name, mode in self._last.errors.items()
         }
         evidence = SpatialEvidence(
-            leg.source, leg.extruded, leg.shape.length, tuple(confirmations), self._solved,
-            self._rough, errors, table,
+            leg.source, leg.extruded, leg.shape.length, tuple(confirmations),
+            self._leg.full_solves, self._leg.rough_solves, errors, table,
         )  # fmt: skip
         warnings = []
         if not evidence.converged:

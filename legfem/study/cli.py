@@ -128,6 +128,13 @@ def doe(
 
 @app.command()
 def correction(
+    subject_dir: Annotated[
+        Path | None,
+        typer.Option(
+            "--subject",
+            help="Folder of a subject, whose own leg is solved in 3D and compared with the table.",
+        ),
+    ] = None,
     length: Annotated[float, typer.Option(min=1.0, help="Of the leg's segment (mm).")] = 120.0,
     radius: Annotated[float, typer.Option(min=1.0, help="Of the leg (mm).")] = 57.0,
     bone_radius: Annotated[float, typer.Option(min=1.0, help="mm.")] = 15.0,
@@ -140,6 +147,9 @@ def correction(
         float, typer.Option(min=0.01, help="Rounding of the cylinder's end edges (mm).")
     ] = 2.0,
     c10_kpa: Annotated[float, typer.Option("--c10", min=1e-3, help="Reference (kPa).")] = 2.0,
+    c20_kpa: Annotated[
+        float, typer.Option("--c20", min=0.0, help="Of the subject's leg (kPa).")
+    ] = 0.0,
     depth: Annotated[float, typer.Option(min=5.0, help="mm.")] = 25.0,
     finer: Annotated[
         float, typer.Option(min=0.1, help="Divides the sizes of the mesh's elements.")
@@ -161,6 +171,8 @@ def correction(
 ) -> None:
     """Calibrate the 3D correction P(d) on the idealised leg, and draw the paper's Fig. 4.
 
+    With --subject, P(d) of that leg itself beside the table's, of --c10, --c20 and --depth alone.
+
     Example: python -m legfem.study correction, or mpirun -n 4 python -m legfem.study correction
     """
     with command_edge("run the same command again to go on; solved models are kept"):
@@ -175,10 +187,15 @@ def correction(
         check_finite(
             length=length, radius=radius, bone_radius=bone_radius, bone_offset=bone_offset,
             cylinder_length=cylinder_length, edge_radius=edge_radius, c10=c10_kpa, depth=depth,
-            finer=finer,
+            finer=finer, c20=c20_kpa,
         )  # fmt: skip
         folder = out or Path("results") / "correction"
         check_out_folder(folder)
+        if subject_dir is not None:
+            from legfem.study.correction import of_leg
+
+            of_leg.run(subject_dir, (c10_kpa, c20_kpa), depth, folder)
+            return
         case = CorrectionCase(
             IdealisedLeg(radius, bone_radius, length, bone_offset, ends="held" if held else "free"),
             Cylinder(length=cylinder_length, edge_radius=edge_radius),

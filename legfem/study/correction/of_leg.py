@@ -1,0 +1,252 @@
+"""P(d) of a subject's own leg in 3D, beside that of the table of idealised legs."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from legfem.common.documents import write_atomically, write_document
+from legfem.common.errors import InputError
+from legfem.common.progress import Lines
+from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.correction.choice import correction_of
+from legfem.correction.tabulated import DEFINITION, TabulatedCorrection
+from legfem.identify.catalogue import DEEP_C10, DEEP_C20
+from legfem.identify.forward import PlaneStrainForward
+from legfem.identify.leg_solver import LegSolver, SolvedLeg
+from legfem.identify.search import SearchError
+from legfem.identify.spatial import SOLVES, LegModels
+from legfem.report.style import FAINT, new_figure, save, styled
+from legfem.report.web.curves import Curves, Line
+from legfem.report.web.page import (
+    PAGE,
+    Bullets,
+    Chapter,
+    Headline,
+    Known,
+    Prose,
+    Repeat,
+    WebPage,
+    WebTable,
+    command_line,
+    rendered,
+)
+from legfem.solve.force_curve import ForceCurve
+from legfem.study.correction.calibration import versions
+from legfem.study.correction.command import as_table
+from legfem.study.correction.tables import SHOWN, Cells
+from legfem.subjects.subject import Subject, load_subject
+
+_LEG_COLOUR, _TABLE_COLOUR = "#0072B2", "#D55E00"
+
+
+@dataclass(frozen=True, eq=False)
+class LegBesideTable:
+    """A leg's own P and the table's at one stiffness; all (n,)."""
+
+    subject: Subject
+    models: LegModels
+    c10: float
+    """kPa, as ``c20``."""
+    c20: float
+    displacement: FloatArray
+    """mm."""
+    plane: ForceCurve
+    solved: SolvedLeg
+    table: TabulatedCorrection
+
+    @property
+    def sd(self) -> FloatArray:
+        """Of the leg's P: mesh, length and first contact."""
+        return np.sqrt(np.sum(np.square(list(self.solved.errors.values())), axis=0))
+
+    @property
+    def table_P(self) -> FloatArray:
+        """What the table says."""
+        return self.table.correction(self.displacement, np.asarray(self.c10), np.asarray(self.c20))
+
+
+def run(directory: Path, stiffness: tuple[float, float], depth: float, out: Path) -> None:
+    """Solve a subject's leg in 3D and in plane strain, and write how P compares.
+
+    Parameters
+    ----------
+    directory
+        Folder of the subject; its recordings aren't read.
+    stiffness
+        C10 and C20 of the deep tissue (kPa).
+    depth
+        mm.
+    out
+        Folder; solves are kept there.
+
+    Raises
+    ------
+    InputError
+        If the folder is wrong, or a model stops short of the depth.
+    """
+    subject = load_subject(directory, need_recordings=False, need_instrument=False)
+    found = _solved(subject, stiffness, depth, out)
+    cells = _cells(found)
+    title = f"P(d) of {subject.title}, C10 {found.c10:g}, C20 {found.c20:g} kPa"
+    Console(width=110).print(as_table(title, cells))
+    figure = _draw(found, out)
+    write_document(out / "leg.json", _document(found))
+    write_atomically(out / PAGE, rendered(_page(found, cells)))
+    print(f"leg: {out / 'leg.json'}\nfigure: {figure[0]}\npage: {out / PAGE}")
+
+
+def _solved(
+    subject: Subject, stiffness: tuple[float, float], depth: float, out: Path
+) -> LegBesideTable:
+    values = {DEEP_C10: kpa_to_mpa(stiffness[0]), DEEP_C20: kpa_to_mpa(stiffness[1])}
+    progress = Lines(sys.stderr)
+    models = LegModels.of_subject(subject, depth, out / SOLVES, progress=progress)
+    progress.stage("the section in plane strain")
+    plane = PlaneStrainForward.of_subject(subject, depth).solve(values, ())
+    if not plane.complete:
+        raise _too_deep(f"the section stops at {plane.curve.depth:.1f} mm")
+    solver = LegSolver(models, progress)
+    progress.stage(f"the leg in 3D: {models.leg.source}")
+    try:
+        solved = solver.at(values, plane.curve)
+    except SearchError as failure:
+        raise _too_deep(str(failure)) from None
+    return LegBesideTable(
+        subject, models, *stiffness, solver.grid, plane.curve, solved, correction_of(subject)
+    )
+
+
+def _too_deep(why: str) -> InputError:
+    return InputError("correction", "--depth", why, "press less deep, or a stiffer tissue")
+
+
+def _cells(found: LegBesideTable) -> Cells:
+    at = SHOWN[SHOWN <= found.displacement[-1]]
+    table_sd = found.table.standard_deviation(at)
+
+    def there(values: FloatArray) -> FloatArray:
+        return np.interp(at, found.displacement, values)
+
+    P, table, sd = there(found.solved.P), there(found.table_P), there(found.sd)
+    modes = [there(mode) for mode in found.solved.errors.values()]
+    rows = [
+        [
+            f"{d:g}", f"{found.solved.outcome.curve(d):.3f}", f"{found.plane(d):.3f}",
+            f"{P[k]:+.3f}", *(f"{mode[k]:+.3f}" for mode in modes), f"{sd[k]:.3f}",
+            f"{table[k]:+.3f}", f"{table_sd[k]:.3f}",
+        ]
+        for k, d in enumerate(at)
+    ]  # fmt: skip
+    header = [
+        "d (mm)", "RF3D (N)", "L RF2D (N)", "P", *found.solved.errors, "sd", "table P",
+        "table sd",
+    ]  # fmt: skip
+    return header, rows
+
+
+def _document(found: LegBesideTable) -> dict[str, object]:
+    outcome = found.solved.outcome
+    return {
+        "schema": 1,
+        "subject": found.subject.id,
+        "shape": found.models.leg.source,
+        "extruded": found.models.leg.extruded,
+        "definition": DEFINITION,
+        "c10_kPa": found.c10,
+        "c20_kPa": found.c20,
+        "displacement_mm": found.displacement.tolist(),
+        "force_3d_N": outcome.curve(found.displacement).tolist(),
+        "force_2d_N": found.plane(found.displacement).tolist(),
+        "P": found.solved.P.tolist(),
+        "errors": {name: mode.tolist() for name, mode in found.solved.errors.items()},
+        "table": found.table.name,
+        "table_P": found.table_P.tolist(),
+        "table_P_sd": found.table.standard_deviation(found.displacement).tolist(),
+        "factorisations": outcome.factorisations,
+        "seconds": outcome.seconds,
+        "versions": versions(),
+    }
+
+
+@styled
+def _draw(found: LegBesideTable, out: Path) -> list[Path]:
+    figure = new_figure(7.5, 4.8)
+    axes = figure.subplots()
+    table_sd = found.table.standard_deviation(found.displacement)
+    for name, P, sd, colour, style in (
+        ("this leg, solved in 3D", found.solved.P, found.sd, _LEG_COLOUR, "-"),
+        ("the table of idealised legs", found.table_P, table_sd, _TABLE_COLOUR, "--"),
+    ):
+        axes.fill_between(
+            found.displacement, P - 1.96 * sd, P + 1.96 * sd, color=colour, alpha=0.15, lw=0
+        )
+        axes.plot(found.displacement, P, style, color=colour, label=f"{name} (95 %)")
+    axes.axhline(0, color=FAINT, lw=0.8)
+    axes.set_xlabel("displacement of the cylinder (mm)")
+    axes.set_ylabel("P(d) = 1 - (RF3D / L) / RF2D")
+    axes.set_title(f"C10 {found.c10:g} kPa, C20 {found.c20:g} kPa; simulated")
+    axes.legend()
+    return save(figure, out, "leg", svg=True)
+
+
+def _page(found: LegBesideTable, cells: Cells) -> WebPage:
+    P, table, sd = (float(v[-1]) for v in (found.solved.P, found.table_P, found.sd))
+    depth, leg = float(found.displacement[-1]), found.models.leg
+    more = "more" if P < 0 else "less"
+    outcome = found.solved.outcome
+    return WebPage(
+        title="How much do the cylinder's ends change the force on this leg?",
+        subject=found.subject.title,
+        origin="simulated",
+        headline=Headline(
+            "caution" if leg.extruded or 1.96 * sd > abs(P) else "sound",
+            f"On this leg the cylinder bears {100 * abs(P):.0f} % {more} force than plane strain "
+            f"says, {depth:g} mm deep.",
+            [
+                ("How sure", f"P is {P:+.3f} ± {sd:.3f} there (standard deviation: mesh, length of "
+                 "the leg modelled, first contact)."),
+                ("What the table says", f"P {table:+.3f}, for idealised legs of this size."),
+                ("What to do", "Identify with the leg itself: python -m legfem.identify --model "
+                 "3d"),
+            ],
+            "What plane strain leaves out",
+        ),
+        warnings=[f"The leg is {leg.source}."] if leg.extruded else [],
+        known=[
+            Known(f"P at {depth:g} mm", f"{P:+.4f}", "computed", "this leg in 3D and in plane "
+                  "strain", f"{P - 1.96 * sd:+.3f} to {P + 1.96 * sd:+.3f}"),
+            Known("leg", f"{leg.shape.length:.4g} mm long", "assumed" if leg.extruded
+                  else "measured", leg.source),
+            Known("C10 and C20 of the deep tissue", f"{found.c10:g} and {found.c20:g} kPa",
+                  "assumed", "option, or legfem's usual"),
+            Known("fat, fascia and cylinder", "as the folder says", "assumed", "subject.toml"),
+            Known("work of the solve in 3D", f"{outcome.factorisations} factorisations",
+                  "computed", f"{outcome.seconds:.0f} s"),
+        ],
+        chapters=[
+            Chapter("This leg and the table", [
+                Curves("leg", f"P over the cylinder's displacement; {DEFINITION}. Grey: 95 % of "
+                       "this leg's.", found.displacement, "displacement (mm)", "P", "",
+                       [Line("this leg", found.solved.P, None, _LEG_COLOUR),
+                        Line("the table", found.table_P, None, _TABLE_COLOUR, "dashed")],
+                       1.96 * found.sd, "95 %"),
+                WebTable("Forces, P and its errors by depth", *cells),
+            ]),
+            Chapter("How sure", [Prose(
+                "The mesh's error is Richardson's estimate from larger elements; the length's is "
+                "what cutting a third of the leg beyond the cylinder away does; that of first "
+                "contact is what smoothing takes off the plain ratio of forces."
+            )]),
+            Chapter("What could not be tested", [Bullets((
+                "Fibres, bones that give way, and a cylinder that slips.",
+                "Other stiffnesses: an identification solves the leg at its own.",
+            ))]),
+        ],
+        repeat=Repeat(command_line(), versions()),
+        data="simulated data (this leg's shape; nothing was pressed)",
+    )  # fmt: skip

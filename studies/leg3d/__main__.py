@@ -1,0 +1,109 @@
+"""``python -m studies.leg3d``: a leg recorded in 3D, identified by both models."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from legfem.common.command_edge import study_edge
+from legfem.common.documents import write_atomically, write_document
+from legfem.common.markdown import markdown_table
+from legfem.common.progress import Progress, progress_on
+from legfem.common.units import mpa_to_kpa
+from legfem.correction.choice import correction_of
+from legfem.correction.tabulated import TabulatedCorrection
+from legfem.identify.catalogue import DEEP_C10
+from legfem.identify.laws import LawName
+from legfem.identify.result import IdentificationResult
+from legfem.identify.run import forward_model, identify_subject
+from legfem.identify.spatial import SOLVES, LegModels
+from legfem.subjects.subject import load_subject
+from studies.leg3d.planted import Planted, folder_of, true_curve
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+Out = Annotated[Path | None, typer.Option(help="Folder for results; results/leg3d by default.")]
+
+
+def identified(
+    planted: Planted, seed: int, folder: Path, progress: Progress
+) -> dict[str, IdentificationResult]:
+    """Return what both models find of a planted leg, and the section without a correction.
+
+    Everything solved is kept: the same call goes on where it was stopped.
+    """
+    curve = true_curve(planted, folder / "planted")
+    place = folder / f"leg-{planted.c10:g}-{planted.c20:g}-{seed}"
+    shutil.rmtree(place, ignore_errors=True)
+    subject = load_subject(folder_of(planted, curve, place, seed))
+    law: LawName = "reduced-polynomial" if planted.c20 else "neo-hookean"
+    solves = folder / "solves" / place.name
+    section = forward_model(subject)
+    leg = LegModels.of_subject(subject, section.depth, solves / SOLVES, progress=progress)
+
+    def found(table: TabulatedCorrection | None, leg: LegModels | None) -> IdentificationResult:
+        (result,) = identify_subject(
+            subject, [law], None, table, solves, progress=progress, model=section, leg=leg
+        )
+        return result
+
+    table = correction_of(subject)
+    return {
+        "3d": found(None, leg),
+        "2d, the table's nearest leg": found(table, None),
+        "2d, no correction": found(None, None),
+    }
+
+
+@app.command()
+def leg3d(
+    c10: Annotated[float, typer.Option(min=0.1, help="Planted, kPa.")] = 1.2,
+    c20: Annotated[float, typer.Option(min=0.0, help="Planted, kPa.")] = 0.0,
+    seed: Annotated[int, typer.Option(min=0, help="Of the lab's errors.")] = 1,
+    out: Out = None,
+) -> None:
+    """Identify a small leg, pressed in 3D by other elements, with `--model 3d` and `--model 2d`.
+
+    Solutions are kept as they are done: the same command goes on where it was stopped.
+
+    Example: python -m studies.leg3d --c10 1.2
+    """
+    with study_edge("leg3d", out) as (folder, _), progress_on() as progress:
+        results = identified(Planted(c10, c20), seed, folder, progress)
+        rows = []
+        for name, result in results.items():
+            one = result.parameters[DEEP_C10]
+            low, high = map(mpa_to_kpa, one.ci95)
+            value = mpa_to_kpa(one.value)
+            rows.append(
+                [name, f"{value:.3f}", f"{low:.3f} to {high:.3f}",
+                 f"{100 * (value / c10 - 1):+.1f} %", "yes" if low <= c10 <= high else "no"]
+            )  # fmt: skip
+        table = markdown_table(["model", "C10 (kPa)", "95 %", "off by", "covers"], rows)
+        evidence = results["3d"].spatial
+        assert evidence is not None
+        steps = [
+            f"C10 {one.c10:.3f} kPa: force {100 * one.error:.2f} % off what was predicted, C10 "
+            f"then moved by {100 * one.moved:.2f} %; {one.factorisations} factorisations, "
+            f"{one.seconds:.0f} s"
+            for one in evidence.confirmations
+        ]
+        errors = [f"{name}: {value:.4f}" for name, value in evidence.errors.items()]
+        lines = [
+            table, f"Planted: C10 {c10:g}, C20 {c20:g} kPa (simulated, hexahedra).", *steps,
+            f"Full solves in 3D: {evidence.full_solves}, rougher ones: {evidence.rough_solves}.",
+            "Greatest error of P by cause: " + ", ".join(errors) + ".",
+        ]  # fmt: skip
+        write_document(
+            folder / "result.json",
+            {"schema": 1, "origin": "simulated", "c10_kPa": c10, "c20_kPa": c20, "seed": seed,
+             "rows": rows, "confirmations": steps, "errors": errors},
+        )  # fmt: skip
+        write_atomically(folder / "report.md", "\n".join(lines) + "\n")
+        typer.echo("\n".join(lines))
+
+
+if __name__ == "__main__":
+    app(prog_name="python -m studies.leg3d")

@@ -1,0 +1,121 @@
+"""A small round leg pressed in 3D by hexahedra, recorded as a lab does: the truth is known.
+
+The identification has tetrahedra, a membrane for the fascia, and a fibula behind the bone, which
+the hexahedra have not; they have a layer for the fascia.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.experiments.indentation_3d import (
+    Cylinder,
+    IdealisedLegIndentation,
+    IdealisedLegSettings,
+)
+from legfem.geometry.section import LegSection
+from legfem.jobs.store import Store
+from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
+from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
+from legfem.solve.force_curve import ForceCurve
+from legfem.subjects.folder import write_subject_folder
+from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
+
+LEG = IdealisedLeg(radius=40.0, bone_radius=12.0, length=70.0, fat=9.0, fascia=0.6, ends="held")
+CYLINDER = Cylinder(length=30.0)
+DEPTH = 7.0
+"""mm."""
+RATE = 0.5
+"""mm/s."""
+TRIALS = 3
+_MESH = LegMeshSettings(contact_size=4, depth_size=6, edge_size=3, growth=0.4, far_size=15)
+_FIBULA, _BEHIND = 3.0, 17.0
+_POINTS = 120
+
+
+@dataclass(frozen=True)
+class Planted:
+    """What is recorded.
+
+    Parameters
+    ----------
+    c10, c20
+        Of the deep tissue (kPa).
+    depth
+        mm.
+    mesh
+        Of the hexahedra.
+    """
+
+    c10: float = 1.2
+    c20: float = 0.0
+    depth: float = DEPTH
+    mesh: LegMeshSettings = field(default_factory=lambda: _MESH)
+
+    @property
+    def tissues(self) -> dict[str, Hyperelastic]:
+        """Law by region; fat and fascia are those that a folder assumes."""
+        deep: Hyperelastic = NeoHookean(kpa_to_mpa(self.c10), 28.0)
+        if self.c20:
+            deep = ReducedPolynomial(kpa_to_mpa(self.c10), 28.0, kpa_to_mpa(self.c20), 28.0)
+        return {
+            "deep": deep, "superficial": NeoHookean(2e-3, 22.5), "fascia": NeoHookean(0.1, 22.5),
+        }  # fmt: skip
+
+
+def true_curve(planted: Planted, kept: Path) -> ForceCurve:
+    """Return the leg's force in 3D by hexahedra; it is kept in a folder.
+
+    Raises
+    ------
+    RuntimeError
+        If the solution stops short.
+    """
+
+    def solved() -> ForceCurve:
+        settings = replace(IdealisedLegSettings(), mesh=planted.mesh)
+        test = IdealisedLegIndentation(LEG, CYLINDER, planted.tissues, 3, settings)
+        found = test.solve(depth=planted.depth)
+        if not found.report.complete:
+            raise RuntimeError(str(found.report))
+        return found.curve
+
+    store = Store(kept, ForceCurve, modules=(__name__,))
+    return store.get_or_make(planted, solved)
+
+
+def folder_of(planted: Planted, curve: ForceCurve, out: Path, seed: int) -> Path:
+    """Write the subject's folder with recordings of a curve, simulated with a lab's errors."""
+    generator = np.random.default_rng(seed)
+    time = np.arange(0.0, planted.depth / RATE + 1e-9, 0.1)
+    course = Course(time, RATE * time, curve(RATE * time))
+    recordings = record([course] * TRIALS, LabErrors(gain_sd=0.01), generator)
+    folder = write_subject_folder(
+        _section(), out, "A round leg, simulated in 3D", np.array([0.0, -LEG.radius]), 90.0,
+        "simulated", recordings, starts_at_contact=True, plane_strain=False,
+        instrument=INSTRUMENT, deep_law="reduced-polynomial" if planted.c20 else "neo-hookean",
+    )  # fmt: skip
+    toml = folder / "subject.toml"
+    text = toml.read_text(encoding="utf-8")
+    text = text.replace(
+        "fascia_thickness_mm", f"length_mm = {LEG.length}\nfascia_thickness_mm", 1
+    ).replace("length_mm = 50.0", f"length_mm = {CYLINDER.length}", 1)
+    toml.write_text(text, encoding="utf-8")
+    return folder
+
+
+def _section() -> LegSection:
+    angle = np.linspace(0, 2 * np.pi, _POINTS, endpoint=False)
+    ring = np.column_stack([np.cos(angle), np.sin(angle)])
+
+    def circle(radius: float, y: float = 0.0) -> FloatArray:
+        return radius * ring + np.array([0.0, y])
+
+    return LegSection(
+        circle(LEG.radius), circle(LEG.radius - LEG.fat), circle(LEG.bone_radius),
+        circle(_FIBULA, _BEHIND), LEG.fascia,
+    )  # fmt: skip
