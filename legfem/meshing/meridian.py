@@ -110,8 +110,8 @@ def mesh_meridian(
     )
     sides = {(0, 0): AXIS, (0, counts[0]): SKIN if side == "skin" else SIDE,
              (1, 0): BASE, (1, counts[1]): SKIN}  # fmt: skip
-    rows = np.where(0.5 * (z[1:] + z[:-1]) < deep, DEEP, SUPERFICIAL)
-    cell_tags, facet_tags = tagged(made, [int(row) for row in rows], sides)
+    rows = [DEEP if middle < deep else SUPERFICIAL for middle in 0.5 * (z[1:] + z[:-1])]
+    cell_tags, facet_tags = tagged(made, rows, sides)
     nodes = made.geometry.x
     nodes[:, 0] = np.interp(nodes[:, 0], np.arange(len(r)), r)
     nodes[:, 1] = np.interp(nodes[:, 1], np.arange(len(z)), z)

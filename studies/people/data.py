@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -71,11 +71,12 @@ class Indentations:
 
     def where(self, kept: NDArray[np.bool_]) -> Indentations:
         """Return some rows, with the names of all people and sites."""
-        rows = (
-            self.person, self.site, self.force, self.area, self.superficial, self.deep,
-            self.superficial_loss, self.deep_loss, self.compliance,
-        )  # fmt: skip
-        return Indentations(self.people, self.sites, *(row[kept] for row in rows))
+        arrays = {
+            entry.name: getattr(self, entry.name)[kept]
+            for entry in fields(self)
+            if entry.name not in ("people", "sites")
+        }
+        return replace(self, **arrays)
 
 
 def read_indentations(folder: Path) -> Indentations:

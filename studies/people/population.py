@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.random import Generator
-from scipy.stats import invwishart
+from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
 from studies.people.data import Indentations
@@ -29,7 +29,7 @@ from studies.people.losses import Losses, allowed
 BOUNDARY_SD_MM = 0.2
 """Of a boundary's motion in the images: two observers' changes of a layer's thickness, which has
 two boundaries, differ by 0.19 to 0.32 mm (the data's page)."""
-_DOF = 4.0
+_DOF = 4
 """Of the covariances' prior, the least with a mean."""
 _SPREAD = 0.3
 """Of people and sites, about which that prior lies (logarithms)."""
@@ -154,7 +154,7 @@ class _Chain:
 
         def prior(at: FloatArray) -> FloatArray:
             off = at - centre
-            return -0.5 * np.einsum("ni,ij,nj->n", off, precision, off)
+            return -0.5 * ((off @ precision) * off).sum(axis=1)
 
         accepted = np.zeros(theta.shape)
         for k in range(2):
@@ -206,7 +206,7 @@ class _Chain:
         )  # fmt: skip
 
     def _effects(
-        self, left: FloatArray, group: FloatArray, count: int, inside: FloatArray,
+        self, left: FloatArray, group: NDArray[np.int64], count: int, inside: FloatArray,
         outside: FloatArray, centre: FloatArray,
     ) -> FloatArray:  # fmt: skip
         """Draw the means (count, 2) of groups of rows, given their covariances' inverses."""
@@ -220,5 +220,8 @@ class _Chain:
         return mean + np.einsum("gij,gj->gi", root, self.rng.standard_normal((count, 2)))
 
     def _covariance(self, off: FloatArray) -> FloatArray:
+        """Draw a covariance (2, 2) of departures (m, 2): the inverse of a Wishart matrix."""
         scale = (_DOF - 3) * _SPREAD**2 * np.eye(2) + off.T @ off
-        return np.asarray(invwishart.rvs(_DOF + len(off), scale, random_state=self.rng))
+        root = np.linalg.cholesky(np.linalg.inv(scale))
+        made = self.rng.standard_normal((_DOF + len(off), 2)) @ root.T
+        return np.linalg.inv(made.T @ made)

@@ -113,7 +113,7 @@ def solve_points(
         for one in workers.in_order([tuple(float(x) for x in point) for point in asked]):
             found.append(one)
             if progress is not None:
-                progress.advance()
+                progress.advance("point")
     return found
 
 
