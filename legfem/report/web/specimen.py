@@ -38,10 +38,10 @@ from legfem.specimens.result import ComparedRecording, SpecimenResult
 
 _MOST_CURVES = 6
 _DASHES: tuple[Dash, ...] = ("solid", "dashed", "dotdash", "dotted")
+_RETURNS = "Unloading and everything after the first return: it was not used."
 _NOT_TESTED = (
     "A constant factor on the force (the load cell's gain, the specimen's size) looks like a "
     "change of stiffness, and would sit in it unseen.",
-    "Unloading and everything after the first return: it was not used.",
     "Whether the tissue is alike in all directions, and whether it is the same in the body.",
 )
 
@@ -74,7 +74,10 @@ def specimen_web_page(results: Sequence[SpecimenResult], text: str, command: str
         chapters=[
             Chapter("Recordings and model", _recordings(results)),
             Chapter("What was tested", [Bullets(_tested(results))]),
-            Chapter("What could not be tested", [Bullets(_NOT_TESTED)]),
+            Chapter(
+                "What could not be tested",
+                [Bullets([*_NOT_TESTED, *(() if best.folder.returns else (_RETURNS,))])],
+            ),
             Chapter("What to do next", [Bullets(_next(best))]),
             Chapter(
                 "How it was done",
