@@ -6,11 +6,14 @@ runs through what reads them.
 
 from __future__ import annotations
 
+import base64
+import zlib
 from pathlib import Path
 
 import nibabel
 import numpy as np
 import trimesh
+from scipy.spatial.transform import Rotation
 
 HEIGHT = 100.0
 SPACING = (0.8, 0.9, 2.0)
@@ -48,13 +51,30 @@ def labels(spacing: tuple[float, float, float] = SPACING) -> tuple[np.ndarray, n
     """Return labels (fat 1, muscle 2, bone 3) and where the first voxel's centre lies, mm."""
     origin = np.array([-75.3, -71.6, 0.4])
     counts = np.ceil((np.array([75.0, 72.0, HEIGHT]) - origin) / spacing).astype(int)
-    grid = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1)
-    points = origin + grid * spacing
-    found = np.zeros(counts, dtype=np.uint8)
+    return _labelled(_grid(counts) * spacing + origin), origin
+
+
+def turned_labels(degrees: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return labels on a grid turned about two axes, and its affine to x, y and z (4, 4)."""
+    turn = Rotation.from_euler("xz", [degrees, 0.6 * degrees], degrees=True).as_matrix()
+    counts = np.array([190, 175, 60])
+    affine = np.eye(4)
+    affine[:3, :3] = turn * SPACING
+    affine[:3, 3] = [0.0, 0.0, HEIGHT / 2] - affine[:3, :3] @ ((counts - 1) / 2)
+    points = _grid(counts) @ affine[:3, :3].T + affine[:3, 3]
+    return _labelled(points), affine
+
+
+def _grid(counts: np.ndarray) -> np.ndarray:
+    return np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1)
+
+
+def _labelled(points: np.ndarray) -> np.ndarray:
+    found = np.zeros(points.shape[:-1], dtype=np.uint8)
     for label, parts in ((1, ("skin",)), (2, ("muscle_hull",)), (3, ("tibia", "fibula"))):
         for part in parts:
             found[inside(part, points)] = label
-    return found, origin
+    return found
 
 
 def write_nifti(path: Path, found: np.ndarray, origin: np.ndarray, spacing=SPACING) -> Path:
@@ -85,6 +105,80 @@ def write_surfaces(folder: Path, kind: str = "stl") -> dict[str, Path]:
     for part, path in files.items():
         surface(part).export(path)
     return files
+
+
+def write_polydata(path: Path, surface: trimesh.Trimesh, how: str) -> Path:
+    """Write a surface as VTK's documents say: ``how`` is the code, and what it is packed by."""
+    points, faces = surface.vertices, surface.faces
+    ends = 3 * np.arange(1, len(faces) + 1)
+    if path.suffix == ".vtp":
+        path.write_bytes(_vtp(points, faces, ends, how))
+        return path
+    head = f"# vtk DataFile Version {'5.1' if how == 'binary' else '3.0'}\nmade; SPACE=LPS\n"
+    if how == "binary":
+        cells = [
+            b"OFFSETS vtktypeint64\n" + np.append(0, ends).astype(">i8").tobytes(),
+            b"CONNECTIVITY vtktypeint64\n" + faces.astype(">i8").tobytes(),
+        ]
+        path.write_bytes(b"\n".join([
+            f"{head}BINARY\nDATASET POLYDATA\nPOINTS {len(points)} double".encode(),
+            points.astype(">f8").tobytes(), b"METADATA\nINFORMATION 0\n",
+            f"POLYGONS {len(faces) + 1} {faces.size}".encode(), *cells,
+            f"CELL_DATA {len(faces)}\n".encode(),
+        ]))  # fmt: skip
+        return path
+    rows = [f"{x:.9g} {y:.9g} {z:.9g}" for x, y, z in points]
+    cells = [f"3 {a} {b} {c}" for a, b, c in faces]
+    path.write_text("\n".join([
+        f"{head}ASCII\nDATASET POLYDATA\nPOINTS {len(points)} float", *rows,
+        f"POLYGONS {len(faces)} {4 * len(faces)}", *cells, "",
+    ]))  # fmt: skip
+    return path
+
+
+def _vtp(points: np.ndarray, faces: np.ndarray, ends: np.ndarray, how: str) -> bytes:
+    """``ascii``, ``binary``, ``zlib`` (inline), ``raw`` or ``raw zlib`` (appended)."""
+    packed, kept = "zlib" in how, b""
+    size = np.dtype("<u4" if how == "binary" else "<u8")
+
+    def coded(values: np.ndarray) -> tuple[bytes, bytes]:
+        data = values.tobytes()
+        if not packed:
+            return b"", np.array([len(data)], size).tobytes() + data
+        blocks = [data[k : k + 32768] for k in range(0, len(data), 32768)]
+        small = [zlib.compress(block) for block in blocks]
+        last = len(blocks[-1]) % 32768
+        head = np.array([len(blocks), 32768, last, *map(len, small)], size).tobytes()
+        return head, b"".join(small)
+
+    def array(name: str, values: np.ndarray, kind: str, more: str = "") -> bytes:
+        nonlocal kept
+        tag = f'<DataArray type="{kind}" Name="{name}" {more}'
+        if how == "ascii":
+            text = " ".join(f"{value:.9g}" for value in values.ravel())
+            return f'{tag} format="ascii">\n{text}\n</DataArray>'.encode()
+        head, data = coded(values)
+        if how.startswith("raw"):
+            tag += f' format="appended" offset="{len(kept)}"/>'
+            kept += head + data
+            return tag.encode()
+        text = base64.b64encode(head) + base64.b64encode(data)
+        return f'{tag} format="binary">\n'.encode() + text + b"\n</DataArray>"
+
+    packer = 'compressor="vtkZLibDataCompressor"' if packed else ""
+    kind = "UInt32" if size.itemsize == 4 else "UInt64"
+    three = 'NumberOfComponents="3"'
+    body = b"".join([
+        f'<?xml version="1.0"?>\n<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" '
+        f'header_type="{kind}" {packer}><PolyData><Piece NumberOfPoints="{len(points)}" '
+        f'NumberOfPolys="{len(faces)}" NumberOfStrips="0"><Points>'.encode(),
+        array("Points", points.astype("<f4"), "Float32", three), b"</Points><Polys>",
+        array("connectivity", faces.astype("<i8"), "Int64"),
+        array("offsets", ends.astype("<i8"), "Int64"), b"</Polys></Piece></PolyData>",
+    ])  # fmt: skip
+    if kept:
+        body += b'<AppendedData encoding="raw">\n_' + kept + b"\n</AppendedData>"
+    return body + b"</VTKFile>"
 
 
 def write_cross_sections(path: Path, levels: np.ndarray) -> Path:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from making_specimens import BAR, compressed, crept, ramp, record, relaxing, write_bars
+from making_specimens import BAR, BRANCHES, compressed, crept, ramp, record, relaxing, write_bars
 from typer.testing import CliRunner
 
 import legfem as lf
@@ -413,3 +413,37 @@ def test_derivatives_with_factors_are_those_of_the_factors_too() -> None:
     known = OwnStiffness(("a", "b", "c"), specimen, felt, 1 / felt, {"b": 2.0})
     np.testing.assert_allclose(known.slope(felt, by_too), by_too * known(felt))
     assert set(known(felt)) == {1.0, 2.0}
+
+
+def _cycled(folder: Path, returns: bool, branches=BRANCHES[:2]) -> Path:
+    """Write loading, hold, a partial return, loading again and a return, at three rates."""
+    law = ReducedPolynomial(4e-3, 1.0, C20=4e-3)
+    for name, pace in (("fast", 0.4), ("middle", 2.0), ("slow", 10.0)):
+        time = np.arange(0.0, 12.0 * pace, 0.02 * pace)
+        d = np.interp(time / pace, [0, 3, 5, 6.5, 9, 12], [0, 3, 3, 1.8, 3, 0])
+        record(folder, name, time, d, relaxing(compressed(law, d), time, branches))
+    more = "[tissue]\nreturns = true\n" if returns else ""
+    (folder / "specimen.toml").write_text(BAR + more)
+    return folder
+
+
+def test_a_course_goes_on_through_returns_until_the_force_is_gone(tmp_path: Path) -> None:
+    whole = lf.load_specimen(_cycled(tmp_path, returns=True)).named("fast")[0].course
+    first = lf.load_specimen(_cycled(tmp_path, returns=False)).named("fast")[0].course
+    assert whole.arrival == pytest.approx(first.arrival) and whole.depth == first.depth
+    # The partial return's turn is at 6.5 of 12 parts, and the last force is near the end.
+    assert first.time[-1] < 5.2 * 0.4 and 9.5 * 0.4 < whole.time[-1] < 12 * 0.4
+    assert whole.force[-1] < 0.1 * whole.peak
+    turn = np.argmin(np.abs(whole.time - 6.5 * 0.4))
+    assert whole.displacement[turn] == pytest.approx(1.8, abs=0.1)
+    np.testing.assert_allclose(whole.force[: len(first.force) - 2], first.force[:-2])
+
+
+@pytest.mark.slow
+def test_cycles_are_predicted_as_they_were_driven(tmp_path: Path) -> None:
+    folder = lf.load_specimen(_cycled(tmp_path, returns=True))
+    found = lf.identify(folder, "reduced-polynomial", leave_out=["middle"])["reduced-polynomial"]
+    (predicted,) = found.held_out
+    print(predicted.r_squared, {n: e.value for n, e in found.parameters.items()})
+    assert predicted.r_squared > 0.995
+    assert found.parameters["deep.C10"].value == pytest.approx(4e-3, rel=0.1)

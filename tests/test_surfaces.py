@@ -10,6 +10,7 @@ import pytest
 import shapely
 import trimesh
 from making import SHARED
+from making_scans import surface, write_polydata
 
 from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape
@@ -79,6 +80,36 @@ def test_surfaces_of_other_programs_are_read(tmp_path, kind):
     assert read_surface(tmp_path / f"s.{kind}").volume == pytest.approx(stl.volume, rel=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("kind", "how"),
+    [("vtk", "ascii"), ("vtk", "binary"),
+     *(("vtp", how) for how in ("ascii", "binary", "zlib", "raw", "raw zlib"))],
+)  # fmt: skip
+def test_vtk_s_polydata_is_the_surface_that_was_written(tmp_path, kind, how):
+    stl = surface("tibia")
+    read = read_surface(write_polydata(tmp_path / f"s.{kind}", stl, how))
+    assert read.volume == pytest.approx(stl.volume, rel=1e-6)
+    assert read.bounds == pytest.approx(stl.bounds, abs=1e-4)
+
+
+def test_polygons_strips_and_slicer_s_axes_of_polydata_are_read(tmp_path):
+    corners = "0 0 0 1 0 0 1 1 0 0 1 0 0 0 1 1 0 1 1 1 1 0 1 1"
+    sides = "4 0 3 2 1\n4 4 5 6 7\n4 0 1 5 4\n4 1 2 6 5\n4 2 3 7 6\n4 3 0 4 7\n"
+    head = "# vtk DataFile Version 4.2\n3D Slicer output. SPACE=RAS\nASCII\nDATASET POLYDATA\n"
+    (tmp_path / "box.vtk").write_text(f"{head}POINTS 8 float\n{corners}\nPOLYGONS 6 30\n{sides}")
+    box = read_surface(tmp_path / "box.vtk")
+    assert box.is_watertight and box.volume == pytest.approx(1.0)
+    assert box.bounds == pytest.approx(np.array([[-1, -1, 0], [0, 0, 1]]))
+    # The four sides as one strip round the box, its ends as polygons.
+    strip = "TRIANGLE_STRIPS 1 11\n10 0 4 1 5 2 6 3 7 0 4\n"
+    ends = "POLYGONS 2 10\n4 0 3 2 1\n4 4 5 6 7\n"
+    (tmp_path / "strip.vtk").write_text(
+        f"{head.replace('SPACE=RAS', '')}POINTS 8 float\n{corners}\n{ends}{strip}"
+    )
+    found = read_surface(tmp_path / "strip.vtk")
+    assert found.is_watertight and abs(found.volume) == pytest.approx(1.0)
+
+
 def test_outlines_are_cut_at_any_level_also_through_vertices(tmp_path):
     surface = read_surface(_cone(tmp_path / "s.stl", 3, 4, 20, 0.1))
     levels = [1e-3, 50.0, 99.9]
@@ -115,10 +146,18 @@ def test_bad_files_give_one_line(tmp_path):
     with pytest.raises(InputError, match="not found"):
         _shape({**parts, "tibia": tmp_path / "none.stl"}, LEVELS)
     header = "# vtk DataFile Version 4.2\nSlicer\nASCII\nDATASET POLYDATA\nPOINTS 1 float\n0 0 0\n"
-    (tmp_path / "slicer.vtk").write_text(header)
-    with pytest.raises(InputError, match=r"can be read .*save it as STL") as caught:
-        read_surface(tmp_path / "slicer.vtk")
-    assert "\n" not in str(caught.value)
+    for text, words in (
+        (header, "holds no triangles"),
+        (f"{header}POLYGONS 1 4\n3 0 1 2\n", r"names a point that isn't there.*save it as STL"),
+        (f"{header}POLYGONS 2 8\n3 0 0 0\n", r"4 numbers where 8 are announced"),
+    ):
+        (tmp_path / "slicer.vtk").write_text(text)
+        with pytest.raises(InputError, match=words) as caught:
+            read_surface(tmp_path / "slicer.vtk")
+        assert "\n" not in str(caught.value)
+    (tmp_path / "s.vtp").write_text("<VTKFile type='ImageData'></VTKFile>")
+    with pytest.raises(InputError, match="holds no PolyData"):
+        read_surface(tmp_path / "s.vtp")
     (tmp_path / "text.stl").write_text("nothing")
     with pytest.raises(InputError, match=r"text.stl: file"):
         read_surface(tmp_path / "text.stl")

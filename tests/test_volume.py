@@ -129,6 +129,12 @@ def _affine_tilted(degrees: float) -> np.ndarray:
     return np.array([[c, 0, s, 0], [0, 1, 0, 0], [-s, 0, c, 0], [0, 0, 0, 1]])
 
 
+def _affine_sheared(by: float) -> np.ndarray:
+    affine = np.eye(4)
+    affine[0, 2] = by
+    return affine
+
+
 @pytest.mark.parametrize(
     ("array", "affine", "meaning", "message"),
     [
@@ -138,7 +144,8 @@ def _affine_tilted(degrees: float) -> np.ndarray:
          "no voxel is labelled 3"),
         (volume().labels.astype(int) - 1000, np.eye(4), None, "give a label volume, not an image"),
         (np.pad(volume().labels, 1, constant_values=9), np.eye(4), None, "labelled 9, which"),
-        (volume().labels, _affine_tilted(12), None, r"oblique \(by 12.0 degrees\)"),
+        (volume().labels, _affine_sheared(0.2), None, "the grid is sheared"),
+        (volume().labels, _affine_tilted(12), None, "no level holds the leg's whole section"),
         (volume().labels, np.diag([1, 0, 1, 1]), None, "singular"),
         (volume().labels[0], np.eye(4), None, "is not a volume's"),
         (volume().labels, np.eye(4), {"superficial": 1, "deep": 2}, "bone has no label given"),

@@ -1,4 +1,4 @@
-"""A leg's shape from closed surfaces (STL and what else trimesh reads) of its parts."""
+"""A leg's shape from closed surfaces of its parts (STL, VTK, and what else trimesh reads)."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from legfem.geometry.cross_sections import Clearances, joined
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.geometry.nested_shape import nested_shape
 from legfem.geometry.plane import CuttingPlane
+from legfem.imaging.polydata import is_polydata, read_polydata
 
 _END = 1e-3  # mm; nearer than that to a surface's end a plane passes through it
 
@@ -58,8 +59,11 @@ def read_surface(path: Path) -> Any:
     if not path.is_file():
         raise InputError(path, "file", "not found", "check the path")
     try:
-        surface = trimesh.load(path, force="mesh")
-    except Exception as error:  # trimesh's readers raise all kinds
+        if is_polydata(path):
+            surface = trimesh.Trimesh(*read_polydata(path))
+        else:
+            surface = trimesh.load(path, force="mesh")
+    except Exception as error:  # the readers raise all kinds
         raise InputError(
             path, "file", f"is no surface that can be read ({error})", "save it as STL"
         ) from None

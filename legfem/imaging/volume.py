@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
+from legfem.imaging.oblique import along_axes
 
 BACKGROUND, SUPERFICIAL, DEEP, BONE = 0, 1, 2, 3
 TISSUES = {"superficial": SUPERFICIAL, "deep": DEEP, "bone": BONE}
@@ -107,7 +108,7 @@ def volume_of_array(
     Raises
     ------
     InputError
-        If a label is missing or unknown, or the grid is oblique or sheared.
+        If a label is missing or unknown, or the grid is sheared.
     """
     array, affine = _along_axes(array, np.asarray(affine, dtype=np.float64), source)
     if meaning is None:
@@ -153,7 +154,10 @@ def check_same_spacing(first: LabelVolume, second: LabelVolume) -> None:
 def _along_axes(
     array: NDArray[np.integer], affine: FloatArray, source: str
 ) -> tuple[NDArray[np.integer], FloatArray]:
-    """Permute and flip an array so that its affine is diagonal and positive."""
+    """Permute and flip an array so that its affine is diagonal and positive.
+
+    One that is turned otherwise is resampled; see `legfem.imaging.oblique`.
+    """
     if array.ndim != 3 or affine.shape != (4, 4):
         raise InputError(source, "shape", f"{array.shape} is not a volume's", "give one volume")
     spacing = np.linalg.norm(affine[:3, :3], axis=0)
@@ -162,19 +166,23 @@ def _along_axes(
     cosines = affine[:3, :3] / spacing
     order = [int(np.argmax(np.abs(cosines[axis]))) for axis in range(3)]
     aligned = np.abs(cosines[range(3), order])
-    if len(set(order)) < 3 or (aligned < 1 - _SQUARE).any():
-        tilt = float(np.degrees(np.arccos(min(1.0, aligned.min()))))
+    if len(set(order)) < 3:
         raise InputError(
-            source, "affine", f"the grid is oblique (by {tilt:.1f} degrees)",
-            "resample the volume along the scanner's axes",
+            source, "affine", "the grid's axes can't be told apart: it is sheared, or turned by 45 "
+            "degrees", "resample the volume along the scanner's axes",
         )  # fmt: skip
     array = array.transpose(order)
-    columns = affine[:3, order]
+    columns = affine[:3, order].copy()
     origin = affine[:3, 3].copy()
     for axis in range(3):
         if columns[axis, axis] < 0:
             origin += columns[:, axis] * (array.shape[axis] - 1)
             array = np.flip(array, axis)
+            columns[:, axis] *= -1
+    if (aligned < 1 - _SQUARE).any():
+        turned = np.eye(4)
+        turned[:3, :3], turned[:3, 3] = columns, origin
+        return along_axes(array, turned, source)
     straight = np.diag([*spacing[order], 1.0])
     straight[:3, 3] = origin
     return np.ascontiguousarray(array), straight

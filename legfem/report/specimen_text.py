@@ -81,12 +81,17 @@ def procedure(result: SpecimenResult) -> str:
         if result.stiffness
         else ""
     )
+    until = (
+        "to where hardly any force was left, returns as they were driven. "
+        if result.folder.returns
+        else "to the first return; what was recorded after that was not used. "
+    )
     text = textwrap.fill(
         f"{len(result.fitted)} recordings were fitted together by one law, each counting alike "
-        "and relative to its greatest force, from first contact to the first return; what was "
-        f"recorded after that was not used. {relaxing}{own}A genetic algorithm (pygad) searched on "
-        "an emulator of the tests, which full solves refined and confirmed. Intervals carry the "
-        "instrument's errors, the model's, and how recordings differ by a factor "
+        f"and relative to its greatest force, from first contact {until}{relaxing}"
+        f"{own}A genetic algorithm (pygad) searched on an emulator of the tests, which full "
+        "solves refined and confirmed. Intervals carry the instrument's errors, the model's, and "
+        "how recordings differ by a factor "
         f"({100 * result.gain_sd:.2g} %).",
         WIDTH,
     )

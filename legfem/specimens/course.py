@@ -1,4 +1,4 @@
-"""What a recording of a specimen shows: loading and holds after first contact, at few stations."""
+"""What a recording of a specimen shows after first contact, at few stations."""
 
 from __future__ import annotations
 
@@ -22,6 +22,8 @@ _GROWTH = 0.15
 _LEAST_SAMPLES = 10
 _LEAST_SEEN = 5.0
 _BACK = 0.02
+_LEFT = 0.03
+"""Of the greatest force: with less what presses may part from the specimen."""
 # Of the greatest force, where no instrument is stated.
 _READING = 0.002
 _HELD = 0.95
@@ -34,7 +36,7 @@ _MEDIAN = 5
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """A recording from first contact to its first return; arrays are (n,) at stations.
+    """A recording from first contact to its first return, or on; arrays are (n,) at stations.
 
     Every station is the mean of neighbouring samples: of a part of the way while the drive moves,
     of a part of the time's logarithm while it holds.
@@ -114,7 +116,10 @@ def calmed(recording: Recording) -> Recording:
 
 
 def course_of(
-    given: Recording, instrument: Instrument | None = None, starts_at_contact: bool = False
+    given: Recording,
+    instrument: Instrument | None = None,
+    starts_at_contact: bool = False,
+    returns: bool = False,
 ) -> Course:
     """Return the course of a recording.
 
@@ -126,6 +131,8 @@ def course_of(
         Errors of a reading; the samples' own scatter without it.
     starts_at_contact : bool
         Whether displacement counts from first contact; else that is looked for.
+    returns : bool
+        Whether what follows the first return counts, until hardly any force is left.
 
     Raises
     ------
@@ -154,10 +161,10 @@ def course_of(
         if starts_at_contact
         else find_first_contact(loading, errors.force_sd, errors.displacement_sd)
     )
-    whole = _part(recording, slice(start, end))
-    after = calm[start:end] > contact.displacement
+    whole = _part(recording, slice(start, _parted(recording, end) if returns else end))
+    after = whole.displacement > contact.displacement
     first = int(np.argmax(after))
-    speed = _speed(whole.time[first:], calm[start + first : end])
+    speed = _speed(whole.time[first : end - start], calm[start + first : end])
     touched = float(whole.time[first] - (calm[start + first] - contact.displacement) / speed)
     kept = _part(whole, slice(first, None))
     kept = replace(
@@ -203,6 +210,13 @@ def _loaded_and_held(calm: FloatArray, noise: float) -> tuple[int, int, int]:
     return start, arrived, end
 
 
+def _parted(recording: Recording, end: int) -> int:
+    """Return where, after the first return, hardly any force is left."""
+    force = recording.force - recording.force[:end].min()
+    left = force[end:] < _LEFT * force[:end].max()
+    return end + int(np.argmax(left)) if left.any() else len(force)
+
+
 def _check(loading: Recording, source: object) -> None:
     where = str(source)
     if len(loading) < _LEAST_SAMPLES:
@@ -240,7 +254,7 @@ def _stations(kept: Recording, depth: float, arrival: float) -> NDArray[np.intp]
     begun_at, begun, stopped = kept.displacement[0], kept.time[0], kept.time[0]
     for k in range(1, len(kept)):
         at, now = kept.displacement[k], kept.time[k]
-        moved = at - begun_at >= way
+        moved = abs(at - begun_at) >= way
         waited = now - begun >= max(1.5 * while_moving, _GROWTH * (now - stopped))
         if moved:
             stopped = now

@@ -64,6 +64,8 @@ class SpecimenFolder:
     starts_at_contact: bool = False
     one_stiffness: bool = False
     """Whether all specimens are taken to be equally stiff."""
+    returns: bool = False
+    """Whether what follows the first return is fitted too."""
     base_law: BaseLaw = "neo-hookean"
     """That `legfem.diagnose` asks what it leaves out."""
 
@@ -122,7 +124,9 @@ def load_specimen(directory: Path) -> SpecimenFolder:
     for name, entry, path in named:
         try:
             samples = read_samples(path, given.recordings.channels())
-            course = course_of(samples, errors, given.recordings.starts_at_contact)
+            course = course_of(
+                samples, errors, given.recordings.starts_at_contact, given.tissue.returns
+            )
         except InputError as error:
             left.append(LeftOut(name, str(error)))
         else:
@@ -140,7 +144,7 @@ def load_specimen(directory: Path) -> SpecimenFolder:
         given.tissue.poisson_ratio,
         any(one.course.holds for one in used) if relaxes is None else relaxes,
         directory, errors, given.recordings.starts_at_contact, given.tissue.one_stiffness,
-        given.tissue.law,
+        given.tissue.returns, given.tissue.law,
     )  # fmt: skip
 
 

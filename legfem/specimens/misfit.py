@@ -201,8 +201,9 @@ class SpecimenMisfit(Compared):
             course, own = part.course, force[span]
             d = course.displacement
             # A hold's steps are shorter than any of the loading's.
-            way = np.maximum(np.diff(d, prepend=0.0), 0.5 * course.depth / STATIONS)
-            slope = np.maximum(np.diff(own, prepend=0.0), 0.0) / way
+            step = np.diff(d, prepend=0.0)
+            way = np.maximum(np.abs(step), 0.5 * course.depth / STATIONS)
+            slope = np.maximum(np.sign(step) * np.diff(own, prepend=0.0), 0.0) / way
             errors = course.instrument
             white = (errors.force_sd**2 + (slope * errors.displacement_sd) ** 2) / course.count
             block = np.diag((1 - SLOW_SHARE) * white)

@@ -93,6 +93,8 @@ class TissueEntry(FileTable):
     """At small strain; a bulk modulus of 1000 shear moduli without it."""
     one_stiffness: bool = False
     """Whether specimens are equally stiff; each has a stiffness of its own without it."""
+    returns: bool = False
+    """Whether unloading and what follows it is identified from, too."""
     law: BaseLaw = "neo-hookean"
     """That `legfem.diagnose` asks what it leaves out."""
     relaxes: bool | None = None

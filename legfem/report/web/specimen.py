@@ -19,10 +19,10 @@ from legfem.specimens.sizes import sizes_text
 
 _MOST_CURVES = 6
 _DASHES: tuple[Dash, ...] = ("solid", "dashed", "dotdash", "dotted")
+_RETURNS = "Unloading and everything after the first return: it was not used."
 _NOT_TESTED = (
     "A constant factor on the force (the load cell's gain, the specimen's size) looks like a "
     "change of stiffness, and would sit in it unseen.",
-    "Unloading and everything after the first return: it was not used.",
     "Whether the tissue is alike in all directions, and whether it is the same in the body.",
 )
 
@@ -57,7 +57,10 @@ def specimen_web_page(
         chapters=[
             web.Chapter("Recordings and model", _recordings(results)),
             web.Chapter("What was tested", [web.Bullets(_tested(results))]),
-            web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
+            web.Chapter(
+                "What could not be tested",
+                [web.Bullets([*_NOT_TESTED, *(() if best.folder.returns else (_RETURNS,))])],
+            ),
             web.Chapter("What to do next", [web.Bullets(_next(best))]),
             web.Chapter(
                 "How it was done",
