@@ -94,6 +94,11 @@ def test_specimens_are_seen_with_what_each_was_driven_to(tmp_path):
     seen = preview_of(SPECIMEN, tmp_path)
     assert seen.trouble == "" and len(seen.facts) == len(seen.recordings) == 3
     assert "mm/s" in dict(seen.facts)["fast"]
+    # 3 mm are enough for a specimen of 10 mm, and its holds are sampled ever more slowly: the one
+    # gap is a step of 0.05 s between some of 0.017 and 0.005 s.
+    assert {one.grade for one in seen.recordings} <= {"A", "B"}
+    gaps = {one.file for one in seen.recordings if any("dropped" in why for why in one.reasons)}
+    assert gaps == {"fast.csv"}
 
 
 @pytest.mark.slow

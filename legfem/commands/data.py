@@ -39,6 +39,9 @@ def look(
     sheet: Annotated[
         str | None, typer.Option(help="Sheet or group, where several hold one.")
     ] = None,
+    specimens: Annotated[
+        bool, typer.Option("--specimens", help="Of specimens, not of a leg: any depth will do.")
+    ] = False,
 ) -> None:
     """Propose columns, units and directions of recordings, and grade them from A to D.
 
@@ -52,7 +55,8 @@ def look(
         from legfem.recording.columns import propose, recording_of
         from legfem.recording.formats import read_sheets
         from legfem.recording.formats.units import Quantity
-        from legfem.recording.quality import quality_of
+        from legfem.recording.quality import ANY_DEPTH, quality_of
+        from legfem.recording.reader import MINIMAL_DEPTH_MM
         from legfem.report.look import draw_look, look_text, recordings_toml
         from legfem.report.web.look import Looked, look_web_page
         from legfem.report.web.page import PAGE, command_line, write_page
@@ -74,6 +78,7 @@ def look(
             twice = next(path for path in files if names.count(path.stem) > 1)
             raise InputError(twice, "name", "two files have it", "give each trial its own name")
         seen, tomls = [], {}
+        minimal_depth = ANY_DEPTH if specimens else MINIMAL_DEPTH_MM
         for path in files:
             sheets = [s for s in read_sheets(path) if sheet is None or s.name == sheet]
             if not sheets:
@@ -82,7 +87,7 @@ def look(
                 )
             proposal = propose(path, sheets, named, sheet)
             recording = recording_of(path, sheets, proposal.channels)
-            seen.append(Looked(recording, proposal, quality_of(recording)))
+            seen.append(Looked(recording, proposal, quality_of(recording, minimal_depth)))
             tomls[path] = recordings_toml(proposal.channels)
         first = files[0]
         other = next((path for path in files if tomls[path] != tomls[first]), None)

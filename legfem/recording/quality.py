@@ -7,12 +7,13 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.recording.contact import Contact, find_first_contact
 from legfem.recording.phases import LOADING, split_phases
-from legfem.recording.reader import check_recording
+from legfem.recording.reader import MINIMAL_DEPTH_MM, check_recording
 from legfem.recording.smoothing import sample_noise, smooth_displacement
 from legfem.recording.trial import Recording
 
@@ -23,6 +24,9 @@ _FEW_SAMPLES, _VERY_FEW_SAMPLES = 100, 40
 _MANY_DROPPED = 0.02
 _DROP_SHARE = 0.05
 _SATURATED_SAMPLES = 10
+_NEIGHBOURS = 9
+ANY_DEPTH = 0.0
+"""mm, of which specimens ask no more."""
 GRADES = {"A": "nothing to say", "B": "usable", "C": "look at it first", "D": "not to be used"}
 """What grades mean."""
 BEST_GRADE = "A"
@@ -75,8 +79,16 @@ class Quality:
     reasons: tuple[str, ...]
 
 
-def quality_of(recording: Recording) -> Quality:
-    """Return what a recording shows of its instrument, and a grade of it."""
+def quality_of(recording: Recording, minimal_depth: float = MINIMAL_DEPTH_MM) -> Quality:
+    """Return what a recording shows of its instrument, and a grade of it.
+
+    Parameters
+    ----------
+    recording
+        Of one trial.
+    minimal_depth
+        mm, less of which after contact shows no stiffness: of a leg; `ANY_DEPTH` for a specimen.
+    """
     contact = find_first_contact(recording)
     labels = split_phases(recording, contact)
     smooth, _ = smooth_displacement(recording.time, recording.displacement)
@@ -88,8 +100,11 @@ def quality_of(recording: Recording) -> Quality:
         )
         for a, b in pairwise(edges)
     )  # fmt: skip
-    step = float(np.median(np.diff(recording.time)))
-    dropped = int(np.sum(np.maximum(np.round(np.diff(recording.time) / step) - 1, 0)))
+    steps = np.diff(recording.time)
+    step = float(np.median(steps))
+    # Beside their neighbours: an instrument may sample a hold more slowly than the loading.
+    near = median_filter(steps, _NEIGHBOURS, mode="nearest")
+    dropped = int(np.sum(np.maximum(np.round(steps / near) - 1, 0)))
     span = float(np.ptp(recording.force))
     force_noise = sample_noise(recording.force)
     saturated = max(_at_rail(recording.force, 1.0), _at_rail(recording.force, -1.0))
@@ -103,7 +118,7 @@ def quality_of(recording: Recording) -> Quality:
             judged.append(("C" if value > much else "B", reason))
 
     try:
-        check_recording(recording)
+        check_recording(recording, minimal_depth)
     except InputError as error:
         judged.append(("D", f"{error.field}: {error.problem}"))
     if saturated >= _SATURATED_SAMPLES:

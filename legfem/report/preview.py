@@ -19,7 +19,8 @@ from legfem.geometry.shape_measures import perimeter
 from legfem.geometry.slices import CONTOURS, SliceSet
 from legfem.recording.columns import Channels, Proposal, propose, recording_of
 from legfem.recording.formats import READERS, read_sheets
-from legfem.recording.quality import BEST_GRADE, quality_of
+from legfem.recording.quality import ANY_DEPTH, BEST_GRADE, quality_of
+from legfem.recording.reader import MINIMAL_DEPTH_MM
 from legfem.report.look import draw_look, look_text
 from legfem.report.placement_figure import SECTION_SHOWS, placement_figure
 from legfem.report.style import (
@@ -99,7 +100,8 @@ def preview_of(folder: Path, out: Path) -> Preview:
     if kind is not None:
         return kind(folder, out)
     files = [path for path in folder.rglob("*") if path.suffix.lower() in READERS]
-    seen = _recordings([path for path in sorted(files) if not _is_contours(path)], out, None)
+    recordings = [path for path in sorted(files) if not _is_contours(path)]
+    seen = _recordings(recordings, out, None, ANY_DEPTH)
     error = InputError(
         folder, "folder", f"holds no {SUBJECTS.file}, {LEGS.file} or {FILE}",
         "say what it is: the file describes leg, test and instruments",
@@ -184,7 +186,7 @@ def _specimen(folder: Path, out: Path) -> Preview:
         channels = parse_specimen_file(folder / FILE).recordings.channels()
     except InputError:
         channels = None  # load_specimen says what is wrong
-    seen = _recordings(_files(folder / "recordings"), out, channels)
+    seen = _recordings(_files(folder / "recordings"), out, channels, ANY_DEPTH)
     try:
         found = load_specimen(folder)
     except InputError as error:
@@ -208,12 +210,17 @@ def _is_contours(path: Path) -> bool:
 
 
 def _recordings(
-    files: Sequence[Path], out: Path, channels: Channels | None
+    files: Sequence[Path],
+    out: Path,
+    channels: Channels | None,
+    minimal_depth: float = MINIMAL_DEPTH_MM,
 ) -> tuple[SeenRecording, ...]:
-    return tuple(_recording(path, out, channels) for path in files)
+    return tuple(_recording(path, out, channels, minimal_depth) for path in files)
 
 
-def _recording(path: Path, out: Path, channels: Channels | None) -> SeenRecording:
+def _recording(
+    path: Path, out: Path, channels: Channels | None, minimal_depth: float
+) -> SeenRecording:
     columns: tuple[SeenColumn, ...] = ()
     try:
         sheets = read_sheets(path)
@@ -228,7 +235,7 @@ def _recording(path: Path, out: Path, channels: Channels | None) -> SeenRecordin
             else Proposal(channels, ("as the folder's [recordings] say",))
         )
         recording = recording_of(path, sheets, proposal.channels)
-        quality = quality_of(recording)
+        quality = quality_of(recording, minimal_depth)
     except InputError as error:
         return SeenRecording(path.name, trouble=str(error), columns=columns)
     picture = draw_look(recording, quality, out).name
