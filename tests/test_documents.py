@@ -20,7 +20,7 @@ COMMANDS = (
     "legfem.study", "legfem.plan", "legfem.data", "legfem.app",
     "studies.concealed", "studies.nulls", "studies.planted", "studies.recordings",
     "studies.worked", "studies.solvers", "studies.stockings", "studies.reconstruct",
-    "studies.meshes", "studies.bench", "studies.expected_force", "studies.fibres",
+    "studies.meshes", "studies.bench", "studies.expected_force", "studies.fibres", "studies.people",
 )  # fmt: skip
 
 
