@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from studies.people.data import Indentations
+from studies.people.data import Indentations, geometric_means
 from studies.people.losses import Losses
 from studies.people.probe import HIGHEST, LOWEST, STRAINS
 from studies.people.response import ProbeResponse
@@ -64,6 +64,7 @@ def people(count: int, seed: int, noise: float = 0.2) -> tuple[Indentations, np.
     made = Indentations(
         tuple(f"{k:03d}" for k in range(count)), ("UA_A", "LL_P"), person, site, force, area,
         superficial, deep, sunk + fascia, total + bone - sunk - fascia, total * area / force,
+        geometric_means(np.stack([superficial, deep], axis=1), site, 2),
     )  # fmt: skip
     return made, theta
 

@@ -23,9 +23,11 @@ from legfem.identify.settings import IdentificationSettings
 from legfem.identify.written import Written, read_prior, read_value
 from legfem.inference import minimiser
 from legfem.inference.parameter import Parameter, Prior
+from legfem.inference.population import CALF, population
 from legfem.recording import Recording
 from legfem.report.fit_figure import fit_figure
 from legfem.report.text import fit_report, summary
+from legfem.subjects.ranges import C10 as PLAUSIBLE
 
 NOMINAL = AnalyticLeg().nominal
 POLYNOMIAL = ("reduced-polynomial",)
@@ -213,6 +215,18 @@ def test_priors_are_read_as_people_write_them(
     assert prior.scale == scale
 
 
+def test_a_population_is_a_prior_with_its_source() -> None:
+    table = population().sites[CALF]
+    for name, tissue in (("superficial.C10", table.superficial), ("deep.C10", table.deep)):
+        read, prior = read_prior(f"{name} = population", NOMINAL)
+        assert (read, prior.scale) == (name, "log") and "MULTIS" in prior.source
+        assert prior.centre == pytest.approx(1e-3 * tissue.C10_median_kPa)
+        assert prior.sd == tissue.log_sd > tissue.log_sd_of_the_median
+        # Such as nobody would doubt in a folder, up to two standard deviations.
+        inside = PLAUSIBLE[name.partition(".")[0]].usual
+        assert inside[0] < 1e3 * prior.value_at(-2) < 1e3 * prior.value_at(2) < inside[1]
+
+
 def test_what_has_only_a_prior_is_a_nuisance_and_what_is_held_is_in_the_models_unit() -> None:
     written = Written(priors=["superficial.C10=2±1 kPa", "deep.C10=1 x/ 2 kPa"])
     roles = {one.name: one.role for one in written.parameters(NOMINAL)}
@@ -232,6 +246,7 @@ def test_what_has_only_a_prior_is_a_nuisance_and_what_is_held_is_in_the_models_u
         (["--identify", "deep.c10"], "did you mean deep.C10?"),
         (["--identify", "superficial.C20"], "is no parameter of this model"),
         (["--prior", "superficial.C10=2"], "can't be read"),
+        (["--prior", "fascia.C10=population"], "is not in the population's table"),
         (["--prior", "superficial.C10=2±1"], "has no unit"),
         (["--prior", "superficial.C10=2±1 mm"], "has the unit 'mm'; give it in MPa or kPa"),
         (["--prior", "superficial.C10=2±0 kPa"], "has no width"),

@@ -133,9 +133,10 @@ def test_tables_return_what_the_model_says(made):
     # Beyond the greatest strain that was solved the tables go on by their last slope.
     kept &= total < 0.34 * (rows.superficial + rows.deep)
     assert kept.sum() > 40
-    np.testing.assert_allclose(superficial[kept], rows.superficial_loss[kept], rtol=0.02)
+    # A tenth of what an image is misread by.
+    np.testing.assert_allclose(superficial[kept], rows.superficial_loss[kept], atol=0.02)
     np.testing.assert_allclose(
-        total[kept], (rows.superficial_loss + rows.deep_loss)[kept], rtol=0.01
+        total[kept], (rows.superficial_loss + rows.deep_loss)[kept], atol=0.02, rtol=0.01
     )
 
 
@@ -187,7 +188,7 @@ def test_a_person_left_out_tells_nothing_of_the_prediction(made, drawn):
         superficial_loss=np.where(own, 0.0, rows.superficial_loss),
         deep_loss=np.where(own, 9.0, rows.deep_loss),
     )
-    few = np.isin(rows.person, range(8))
+    few = np.isin(rows.person, range(8))  # two groups
     before, after = (
         predict_left_out(
             Losses(one, tables.tables).where(few), rows.compliance[few], drawn.states[-1], 0

@@ -82,8 +82,9 @@ def run(
         list[str] | None,
         _option(
             "What is known of a parameter beforehand: 'superficial.C10=2±1 kPa' (+- does too), or "
-            "'superficial.C10=2 x/ 1.5 kPa' for a factor; one that isn't to be identified is let "
-            "err by it; may be given again."
+            "'superficial.C10=2 x/ 1.5 kPa' for a factor, or 'superficial.C10=population' (also "
+            "deep.C10) for that of people's calves; one that isn't to be identified is let err by "
+            "it; may be given again."
         ),
     ] = None,
     fix: Annotated[

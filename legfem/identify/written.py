@@ -20,6 +20,7 @@ from legfem.identify.catalogue import (
 )
 from legfem.identify.laws import LAWS, LawName
 from legfem.inference.parameter import Parameter, Prior
+from legfem.inference.population import TISSUES, population_prior
 
 _NUMBER = r"[-+]?\d*\.?\d+(?:[eE][-+]?\d+)?"
 _LINEAR, _FACTOR = r"±|∓|\+/-|\+-|-\+|-/\+", r"x/|×/|\*/"
@@ -28,7 +29,11 @@ _WRITTEN = re.compile(
     rf"(?:\s*(?P<how>{_LINEAR}|{_FACTOR})\s*(?P<width>{_NUMBER}))?\s*(?P<unit>[^\s].*?)?\s*"
 )
 _FACTORS = {"kPa": ("MPa", MPA_PER_KPA), "1/kPa": ("1/MPa", 1 / MPA_PER_KPA)}
-_PRIOR_EXAMPLES = "'superficial.C10=2±1 kPa', or 'superficial.C10=2 x/ 1.5 kPa' for a factor"
+_PRIOR_EXAMPLES = (
+    "'superficial.C10=2±1 kPa', 'superficial.C10=2 x/ 1.5 kPa' for a factor, or "
+    "'superficial.C10=population'"
+)
+_POPULATION = "population"
 _FIX_EXAMPLE = "'deep.D1=28 1/MPa'"
 
 
@@ -41,7 +46,8 @@ class Written:
     identify : sequence of str
         Full names; empty for the law's own.
     priors : sequence of str
-        ``NAME=CENTRE±SD UNIT`` or ``NAME=MEDIAN x/ FACTOR UNIT``.
+        ``NAME=CENTRE±SD UNIT``, ``NAME=MEDIAN x/ FACTOR UNIT``, or ``NAME=population`` for that of
+        people's calves (`legfem.inference.population`).
     fixed : sequence of str
         ``NAME=VALUE UNIT``.
     c10_bounds, c20_bounds : tuple of float, optional
@@ -128,6 +134,15 @@ def read_prior(text: str, nominal: Values) -> tuple[str, Prior]:
     InputError
         If it can't be read.
     """
+    name, _, wanted = (part.strip() for part in text.partition("="))
+    if wanted == _POPULATION:
+        check_known([name], nominal, "--prior")
+        if name not in TISSUES:
+            raise InputError(
+                "--prior", name, "is not in the population's table",
+                f"there is one of {' and '.join(TISSUES)}",
+            )  # fmt: skip
+        return name, population_prior(name)
     found = _WRITTEN.fullmatch(text)
     if found is None or found["how"] is None:
         raise InputError("--prior", text, "can't be read", f"write {_PRIOR_EXAMPLES}")

@@ -14,12 +14,13 @@ from legfem.common.documents import write_atomically, write_document
 from legfem.common.markdown import markdown_table
 from legfem.common.progress import progress_on
 from legfem.common.units import FloatArray, mpa_to_kpa
+from legfem.inference.population import TABLE, Population
 from legfem.report.style import save
 from studies.people.data import SITES, Indentations, read_indentations
 from studies.people.figures import draw_predicted, draw_stiffness
 from studies.people.losses import Losses, solved_for
-from studies.people.population import Drawn, draw_population
-from studies.people.prediction import Predicted, predict_left_out
+from studies.people.population import BOUNDARY_SD_MM, Drawn, draw_population
+from studies.people.prediction import GROUP, Predicted, predict_left_out
 from studies.people.probe import ProbeModel, points, solve_points
 from studies.people.response import ProbeResponse
 from studies.people.springs import (
@@ -31,7 +32,7 @@ from studies.people.springs import (
 )
 
 POINTS, CHECKED = 200, 30
-SWEEPS, KEPT, THIN = 600, 400, 3
+SWEEPS, KEPT, THIN = 500, 300, 3
 CALF = "LL_P"
 TISSUES = ("superficial", "deep")
 
@@ -65,18 +66,24 @@ def find(rows: Indentations, model: ProbeModel, folder: Path, jobs: int, seed: i
         force_error, share_error = response.error(asked[POINTS:], solved[POINTS:])
         inside = solved_for(rows)
         losses = Losses.of(rows.where(inside), response)
-        progress.stage("the population")
-        rng = np.random.default_rng(seed)
-        drawn = draw_population(losses, KEPT, SWEEPS, rng, thin=THIN)
         used = losses.rows
-        progress.stage("people left out", len(used.people))
-        predicted = predict_left_out(
-            losses, used.compliance, drawn.states[-1], seed, progress.advance
-        )
+        fits = []
+        for with_thickness in (True, False):
+            progress.stage("the population, and people left out", -(-len(used.people) // GROUP))
+            drawn = draw_population(
+                losses, KEPT, SWEEPS, np.random.default_rng(seed), thin=THIN,
+                with_thickness=with_thickness,
+            )  # fmt: skip
+            start = drawn.states[-1]
+            fits.append((drawn, predict_left_out(
+                losses, used.compliance, start, seed, progress.advance, with_thickness
+            )))  # fmt: skip
+    (drawn, predicted), (_, alike) = fits
     compliance = used.compliance
     by_method = {
         "mechanics": predicted.best,
-        "mechanics, one population for all sites": predicted.without_site,
+        "mechanics, stiffness alike at any thickness": alike.best,
+        "mechanics, no site told either": alike.without_site,
         "two springs": left_out(used, compliance, least_squares),
         "two springs, least relative error": left_out(used, compliance, least_share),
         "one number, no thickness": constant_left_out(used, compliance),
@@ -116,6 +123,18 @@ def population_of(found: Found) -> dict[str, Any]:
     }
 
 
+def table_of(found: Found) -> Population:
+    """Return the population as `legfem.inference.population` ships it."""
+    return Population(
+        schema_version=1,
+        source=f"{len(found.rows.people)} people of MULTIS (doi 10.18735/S5R97F), "
+        "by python -m studies.people",
+        people=len(found.rows.people),
+        poisson_ratio=found.model.poisson_ratio,
+        sites=population_of(found),
+    )
+
+
 def spreads_of(found: Found) -> dict[str, dict[str, float]]:
     """Return standard deviations of ln C10 between sites, people, and within a person."""
     return {
@@ -148,6 +167,25 @@ def people_table(found: Found) -> pd.DataFrame:
             f"{name}_C10_high_kPa": high[:, k],
         }
     return pd.DataFrame(table).sort_values(["site", "person"])
+
+
+def own_table(found: Found, site: str, every: int = 5) -> str:
+    """Return some people's stiffness at a site, by that of the muscle, in Markdown."""
+    table = people_table(found)
+    table = table[table["site"] == site].sort_values("deep_C10_kPa")[::every]
+
+    def cell(row: Any, name: str) -> str:
+        middle, low, high = (row[f"{name}_C10{end}_kPa"] for end in ("", "_low", "_high"))
+        return f"{middle:.2g} ({low:.2g} to {high:.2g})"
+
+    return markdown_table(
+        ["person", "skin and fat (mm)", "muscle (mm)", "fat: C10 (kPa)", "muscle: C10 (kPa)"],
+        [
+            [row["person"], f"{row['superficial_mm']:.1f}", f"{row['deep_mm']:.1f}",
+             cell(row, "superficial"), cell(row, "deep")]
+            for _, row in table.iterrows()
+        ],
+    )  # fmt: skip
 
 
 def errors_table(found: Found) -> str:
@@ -189,10 +227,12 @@ def unpredictable(found: Found) -> dict[str, float]:
     off, own = np.log(compliance / predicted.best), np.log(compliance)
     left = [np.var(off[rows.site == k]) for k in range(len(rows.sites))]
     all_of = [np.var(own[rows.site == k]) for k in range(len(rows.sites))]
+    read = (BOUNDARY_SD_MM / (rows.superficial_loss + rows.deep_loss)) ** 2
     within = (compliance > predicted.low) & (compliance < predicted.high)
     return {
         "expected_of_the_population_percent": 100 * float(predicted.expected_error.mean()),
         "share_of_variance_not_of_thickness": float(np.mean(left) / np.mean(all_of)),
+        "share_of_variance_of_reading_images": float(np.median(read) / np.mean(all_of)),
         "share_within_90_percent_intervals": float(within.mean()),
     }
 
@@ -218,6 +258,13 @@ def run(data: Path, model: ProbeModel, out: Path, jobs: int, seed: int) -> None:
             f"sd of ln C10 between {name}: fat {sd['superficial']:.2f}, muscle {sd['deep']:.2f}"
             for name, sd in spreads_of(found).items()
         ),
+        "",
+        "C10 goes with the power of thickness (mean of sites; rows by thickness, columns by C10): "
+        + np.array2string(found.drawn["mean_slope"].mean(axis=0), precision=2)
+        + " +- "
+        + np.array2string(found.drawn["mean_slope"].std(axis=0), precision=2),
+        "",
+        own_table(found, CALF) if CALF in used.sites else "",
     ])  # fmt: skip
     print(text)
     write_atomically(out / "report.md", text + "\n")
@@ -227,6 +274,7 @@ def run(data: Path, model: ProbeModel, out: Path, jobs: int, seed: int) -> None:
     if CALF in used.sites:
         save(draw_stiffness(used, found.drawn["theta"], CALF), out, "stiffness")
     save(draw_predicted(used, used.compliance, found.predicted), out, "predicted")
+    write_document(out / TABLE.name, table_of(found).model_dump())
     result = write_document(out / "result.json", {
         "schema": 1,
         "origin": "measured",

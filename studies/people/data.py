@@ -55,9 +55,17 @@ class Indentations:
     """Of thickness under the force, mm."""
     compliance: FloatArray
     """Thickness lost per pressure along the whole press, by a straight line, mm/MPa."""
+    typical: FloatArray
+    """Geometric mean of both thicknesses at every site (sites, 2), mm."""
 
     def __len__(self) -> int:
         return len(self.force)
+
+    @property
+    def relative_thickness(self) -> FloatArray:
+        """Logarithms of both thicknesses over `typical` (n, 2)."""
+        own = np.stack([self.superficial, self.deep], axis=1)
+        return np.log(own / self.typical[self.site])
 
     @property
     def radius(self) -> FloatArray:
@@ -74,7 +82,7 @@ class Indentations:
         arrays = {
             entry.name: getattr(self, entry.name)[kept]
             for entry in fields(self)
-            if entry.name not in ("people", "sites")
+            if entry.name not in ("people", "sites", "typical")
         }
         return replace(self, **arrays)
 
@@ -116,16 +124,24 @@ def read_indentations(folder: Path) -> Indentations:
     people = tuple(sorted(set(table["SubID"])))
     sites = tuple(site for site in SITES if site in set(table["Location"]))
     get = {name: numbers[name].to_numpy(dtype=float) for name in _NUMBERS}
+    layers = np.stack([get["Skin"] + get["Fat"], get["Muscle"]], axis=1)
+    site = np.array([sites.index(name) for name in table["Location"]])
     return Indentations(
         people,
         sites,
         np.array([people.index(name) for name in table["SubID"]]),
-        np.array([sites.index(name) for name in table["Location"]]),
+        site,
         get["MaxForce"],
         np.round(get["MaxForce"] / get["maxForce_normArea"], 1),
-        get["Skin"] + get["Fat"],
-        get["Muscle"],
+        layers[:, 0],
+        layers[:, 1],
         get["SkinStrain"] * get["Skin"] + get["fat_disp"],
         get["muscle_disp"],
         1 / get["Total_Stiff"],
+        geometric_means(layers, site, len(sites)),
     )
+
+
+def geometric_means(layers: FloatArray, site: NDArray[np.int64], count: int) -> FloatArray:
+    """Return the geometric mean (count, 2) of thicknesses (n, 2) by site."""
+    return np.array([np.exp(np.log(layers[site == k]).mean(axis=0)) for k in range(count)])

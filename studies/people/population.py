@@ -2,15 +2,19 @@ r"""How stiff fat and muscle are, and how much people differ: a hierarchical fit
 
 With :math:`\theta_{ij} = (\ln C_{10}^{sup}, \ln C_{10}^{deep})` of person i at site j,
 
-.. math:: \theta_{ij} \sim N(\mu_j + p_i, \Omega),\quad p_i \sim N(0, P),\quad \mu_j \sim N(M, S),
+.. math:: \theta_{ij} \sim N(\mu_j + z_{ij} B_j + p_i, \Omega),\quad p_i \sim N(0, P),\quad
+    \mu_j \sim N(M, S),\quad B_j \sim N(\bar B, \beta^2),
 
-and the thickness lost by the superficial layer, and by both, each seen with an error of
-`BOUNDARY_SD_MM`: the two share the fascia's line in the image. Gibbs' sampler draws M, :math:`\mu`,
-p and the covariances from their conditional distributions, which are normal and inverse Wishart
-(A. Gelman et al., Bayesian Data Analysis, 3rd ed., 2013, ch. 15), and Metropolis' steps draw every
-:math:`\theta_{ij}`, all rows at once. There are twice as many of these as rows, far too many for an
-ensemble's walkers (emcee), and the model is a table, of which no derivative is needed (NumPyro,
-PyMC).
+where z are the logarithms of both thicknesses over the site's own: stiffness may go with thickness,
+because tissues do or because limbs aren't flat layers, which such data can't tell apart. And the
+thickness lost by the superficial layer, and by both, are each seen with an error of
+`BOUNDARY_SD_MM`: the two share the fascia's line in the image.
+
+Gibbs' sampler draws M, :math:`\mu`, B, p and the covariances from their conditional distributions,
+which are normal and inverse Wishart (A. Gelman et al., Bayesian Data Analysis, 3rd ed., 2013, ch.
+15), and Metropolis' steps draw every :math:`\theta_{ij}`, all rows at once. There are twice as many
+of these as rows, far too many for an ensemble's walkers (emcee), and the model is a table, of which
+no derivative is to be had (NumPyro, PyMC).
 """
 
 from __future__ import annotations
@@ -36,6 +40,9 @@ _SPREAD = 0.3
 _WITHIN = 2.0
 """Standard deviation of M's prior about `_CENTRE`: hardly any."""
 _CENTRE = float(np.log(5e-3))
+_SLOPE_SD, _SITE_SLOPE_SD = 0.5, 0.3
+"""Of the exponents with which C10 goes with thickness: of their mean about nothing, and of a site's
+about that mean. A factor of two in thickness then changes C10 by a factor of up to two."""
 _ADAPTED = 25
 
 
@@ -49,6 +56,10 @@ class State:
     """(people, 2): p."""
     site: FloatArray
     """(sites, 2): mu."""
+    slope: FloatArray
+    """(sites, 2, 2): B, by thickness and tissue."""
+    mean_slope: FloatArray
+    """(2, 2): the sites' mean of it."""
     mean: FloatArray
     """(2,): M."""
     between_sites: FloatArray
@@ -62,6 +73,11 @@ class State:
     def spread(self) -> FloatArray:
         """Covariance (2, 2) of people at one site."""
         return self.between_people + self.within
+
+    def centre(self, rows: Indentations) -> FloatArray:
+        """Return what rows' logarithms of C10 (n, 2) scatter about, but for the persons' own."""
+        of_thickness = np.einsum("nz,nzk->nk", rows.relative_thickness, self.slope[rows.site])
+        return np.asarray(self.site[rows.site] + of_thickness)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +98,7 @@ def draw_population(
     start: State | None = None,
     thin: int = 1,
     boundary_sd: float = BOUNDARY_SD_MM,
+    with_thickness: bool = True,
 ) -> Drawn:
     """Draw from the posterior distribution.
 
@@ -97,10 +114,12 @@ def draw_population(
         Of the chain; what its numbers of rows, people and sites were doesn't matter.
     boundary_sd
         Of the error of a boundary's motion, mm.
+    with_thickness
+        Whether stiffness may go with thickness; B is nothing otherwise.
     """
     rows = losses.rows
     state = _start(rows) if start is None else _fitted_to(start, rows)
-    chain = _Chain(losses, boundary_sd, rng)
+    chain = _Chain(losses, boundary_sd, rng, with_thickness)
     step = np.full((len(rows), 2), 0.3)
     states = []
     for sweep in range(burn_in + kept * thin):
@@ -118,14 +137,15 @@ def _start(rows: Indentations) -> State:
     spread = _SPREAD**2 * np.eye(2)
     return State(
         np.full((len(rows), 2), _CENTRE), np.zeros((len(rows.people), 2)),
-        np.full((len(rows.sites), 2), _CENTRE), np.full(2, _CENTRE), spread, spread, spread,
+        np.full((len(rows.sites), 2), _CENTRE), np.zeros((len(rows.sites), 2, 2)),
+        np.zeros((2, 2)), np.full(2, _CENTRE), spread, spread, spread,
     )  # fmt: skip
 
 
 def _fitted_to(start: State, rows: Indentations) -> State:
     if len(start.theta) == len(rows):
         return start
-    return replace(start, theta=start.site[rows.site] + start.person[rows.person])
+    return replace(start, theta=start.centre(rows) + start.person[rows.person])
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +153,7 @@ class _Chain:
     losses: Losses
     boundary_sd: float
     rng: Generator
+    with_thickness: bool
 
     def log_likelihood(self, theta: FloatArray) -> FloatArray:
         """Return that of every row (n,)."""
@@ -147,7 +168,7 @@ class _Chain:
     def rows_given(self, state: State, step: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return new logarithms of C10 (n, 2), and which steps were accepted (n, 2)."""
         rows, rng = self.losses.rows, self.rng
-        centre = state.site[rows.site] + state.person[rows.person]
+        centre = state.centre(rows) + state.person[rows.person]
         precision = np.linalg.inv(state.within)
         theta = state.theta
         likelihood = self.log_likelihood(theta)
@@ -184,26 +205,57 @@ class _Chain:
         rows, rng = self.losses.rows, self.rng
         theta = state.theta
         inside = np.linalg.inv(state.within)
+        of_thickness = state.centre(rows) - state.site[rows.site]
         person = self._effects(
-            theta - state.site[rows.site], rows.person, len(rows.people), inside,
+            theta - state.centre(rows), rows.person, len(rows.people), inside,
             np.linalg.inv(state.between_people), np.zeros(2),
         )  # fmt: skip
         site = self._effects(
-            theta - person[rows.person], rows.site, len(rows.sites), inside,
+            theta - of_thickness - person[rows.person], rows.site, len(rows.sites), inside,
             np.linalg.inv(state.between_sites), state.mean,
         )  # fmt: skip
+        slope, mean_slope = state.slope, state.mean_slope
+        if self.with_thickness:
+            slope, mean_slope = self._slopes(
+                theta - site[rows.site] - person[rows.person], inside, mean_slope
+            )
         sites = np.linalg.inv(state.between_sites)
         whole = len(site) * sites + np.eye(2) / _WITHIN**2
         pull = sites @ site.sum(axis=0) + np.full(2, _CENTRE) / _WITHIN**2
         mean = rng.multivariate_normal(np.linalg.solve(whole, pull), np.linalg.inv(whole))
         # People without a row, as one who was left out, tell nothing of how people differ.
         seen = np.unique(rows.person)
-        return State(
-            theta, person, site, mean,
-            self._covariance(site - mean),
-            self._covariance(person[seen]),
-            self._covariance(theta - site[rows.site] - person[rows.person]),
-        )  # fmt: skip
+        made = replace(
+            state, person=person, site=site, slope=slope, mean_slope=mean_slope, mean=mean
+        )
+        return replace(
+            made,
+            between_sites=self._covariance(site - mean),
+            between_people=self._covariance(person[seen]),
+            within=self._covariance(theta - made.centre(rows) - person[rows.person]),
+        )
+
+    def _slopes(
+        self, left: FloatArray, inside: FloatArray, mean_slope: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Draw B (sites, 2, 2) and its mean, of what of the rows (n, 2) is left for it."""
+        rows, rng = self.losses.rows, self.rng
+        z, count = rows.relative_thickness, len(rows.sites)
+        squares, sums = np.zeros((count, 2, 2)), np.zeros((count, 2, 2))
+        np.add.at(squares, rows.site, z[:, :, None] * z[:, None, :])
+        np.add.at(sums, rows.site, z[:, :, None] * (left @ inside)[:, None, :])
+        # The entries of B in a row, tissues last.
+        held = np.eye(4) / _SITE_SLOPE_SD**2
+        whole = np.einsum("jab,cd->jacbd", squares, inside).reshape(count, 4, 4) + held
+        pull = (sums + mean_slope / _SITE_SLOPE_SD**2).reshape(count, 4)
+        covariance = np.linalg.inv(whole)
+        drawn = np.einsum("jab,jb->ja", covariance, pull) + np.einsum(
+            "jab,jb->ja", np.linalg.cholesky(covariance), rng.standard_normal((count, 4))
+        )
+        slope = drawn.reshape(count, 2, 2)
+        precision = count / _SITE_SLOPE_SD**2 + 1 / _SLOPE_SD**2
+        middle = slope.sum(axis=0) / _SITE_SLOPE_SD**2 / precision
+        return slope, middle + rng.standard_normal((2, 2)) / np.sqrt(precision)
 
     def _effects(
         self, left: FloatArray, group: NDArray[np.int64], count: int, inside: FloatArray,
