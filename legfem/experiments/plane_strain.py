@@ -58,8 +58,8 @@ class PlaneStrainSettings:
     """Whether the fat's fluid can leave through the skin, in a porous form."""
     quadrature_degree: int = 4
     defences: bool = True
-    """Whether a softer contact, a finer mesh and jumps to another equilibrium are tried, in that
-    order, when a solution stops short."""
+    """Whether a jump to another equilibrium, a softer contact and then a finer mesh are tried when
+    a solution stops short."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,12 +131,12 @@ class PlaneStrainIndentation(PressingTest):
         return replace(self, settings=replace(self.settings, mesh=mesh, defences=False))
 
     def attempts(self, placement: Placement | None = None) -> Iterator[tuple[Pressing, float]]:
-        """Yield the model, it with a softer contact, one on a finer mesh, and it with jumps."""
-        yield self._placed(placement or Placement()), 1.0
+        """Yield the model, that with a softer contact, and last one on a finer mesh."""
+        placed = self._placed(placement or Placement())
+        yield placed.relaxing if self.settings.defences else placed, 1.0
         if self.settings.defences:
             yield self.pressing, SOFTER
             yield self._finer._placed(placement or Placement()), SOFTER
-            yield self.pressing.relaxing, 1.0
 
     def solve(
         self,

@@ -44,8 +44,8 @@ class NewtonSettings:
         An update is accepted if the residual falls below the largest of this many before it.
     max_halvings : int
         Of an update that doesn't.
-    damped_tolerance : float
-        As ``relative_tolerance``, of a damped step.
+    damped_tolerance, damped_factorisations
+        As ``relative_tolerance`` and ``max_factorisations``, of a damped step.
     """
 
     relative_tolerance: float = 1e-9
@@ -56,6 +56,7 @@ class NewtonSettings:
     memory: int = 2
     max_halvings: int = 4
     damped_tolerance: float = 1e-6
+    damped_factorisations: int = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,17 +260,16 @@ class NewtonSolver:
         if not np.isfinite(norm):
             return RESIDUAL_NOT_FINITE
         scale = self._system.contact_scale()
-        tolerance = self._settings.relative_tolerance
+        tolerance, most = self._settings.relative_tolerance, self._settings.max_factorisations
         if self._damping is not None:
             tolerance = max(tolerance, self._settings.damped_tolerance)
+            most = self._settings.damped_factorisations
         limit = self._settings.absolute_tolerance + tolerance * scale
         if norm <= limit and iteration > 0:
             return int(reasons.CONVERGED_FNORM_ABS)
         if iteration > 0 and 0.5 * self._norms[-2] < norm <= self._settings.floor * limit:
             return int(reasons.CONVERGED_FNORM_RELATIVE)
-        if self._factorisations >= self._settings.max_factorisations and not (
-            norm < self._settings.reuse * self._norms[-2]
-        ):
+        if self._factorisations >= most and not (norm < self._settings.reuse * self._norms[-2]):
             return int(reasons.DIVERGED_MAX_IT)
         return 0
 

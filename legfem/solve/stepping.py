@@ -288,7 +288,7 @@ class _Walk:
         if not self._settings.relaxes or segment.phase == "hold":
             return None
         size = self._settings.first
-        for _ in range(3):
+        for _ in range(2):
             length = _fitted(size, abs(segment.last - start))
             whole = length == abs(segment.last - start)
             end = segment.last if whole else start + math.copysign(length, segment.rate)
@@ -301,7 +301,7 @@ class _Walk:
                 self._changes.pop("mm")
                 return end
             self._system.unknown.x.array[:] = self._state
-            size /= 4
+            size /= 8
         self._move(segment, start, start)
         return None
 
