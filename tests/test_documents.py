@@ -21,6 +21,7 @@ COMMANDS = (
     "studies.concealed", "studies.nulls", "studies.planted", "studies.recordings",
     "studies.worked", "studies.solvers", "studies.stockings", "studies.reconstruct",
     "studies.meshes", "studies.bench", "studies.expected_force", "studies.fibres",
+    "studies.reach",
 )  # fmt: skip
 
 
