@@ -44,8 +44,8 @@ class NewtonSettings:
         An update is accepted if the residual falls below the largest of this many before it.
     max_halvings : int
         Of an update that doesn't.
-    damped_tolerance, damped_factorisations
-        As ``relative_tolerance`` and ``max_factorisations``, of a damped step.
+    damped_tolerance : float
+        As ``relative_tolerance``, of a damped step.
     """
 
     relative_tolerance: float = 1e-9
@@ -56,7 +56,6 @@ class NewtonSettings:
     memory: int = 2
     max_halvings: int = 4
     damped_tolerance: float = 1e-6
-    damped_factorisations: int = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +103,7 @@ class NewtonSolver:
         self._settings = settings or NewtonSettings()
         self._norms: list[float] = []
         self._damping: Damping | None = None
-        self._weight: FloatArray | None = None
+        self._stiffness: FloatArray | None = None
         self._factorisations = 0
         matrix = system.tangent_matrix
         vector = system.residual_vector.x.petsc_vec
@@ -149,8 +148,8 @@ class NewtonSolver:
         """
         self._norms, self._factorisations, self._evaluated_now = [], 0, False
         self._damping = damping
-        if damping is not None and self._weight is None:
-            self._weight = self._usual_stiffness()
+        if damping is not None and self._stiffness is None:
+            self._stiffness = self._usual_stiffness()
         unknown = self._system.unknown.x.petsc_vec
         unknown.copy(self._solution)
         self._snes.solve(None, self._solution)
@@ -176,7 +175,7 @@ class NewtonSolver:
         tangent = self._system.assemble_tangent()
         if self._damping is not None:
             added = self._solution.duplicate()
-            added.array[:] = self._damping.strength * self._weight
+            added.array[:] = self._damping_weights(self._damping)
             tangent.setDiagonal(added, addv=PETSc.InsertMode.ADD)
         if self._saddle is not None:
             self._saddle.update()
@@ -190,6 +189,10 @@ class NewtonSolver:
         free[self._held] = False
         everywhere = np.concatenate(self._system.comm.allgather(diagonal[free]))
         return np.where(free, np.median(everywhere), 0.0)
+
+    def _damping_weights(self, damping: Damping) -> FloatArray:
+        assert self._stiffness is not None
+        return damping.strength * self._stiffness
 
     def _load(self, vector: PETSc.Vec) -> None:
         unknown = self._system.unknown
@@ -206,9 +209,10 @@ class NewtonSolver:
         """Assemble the residual at the system's present unknown, and remember where that was."""
         residual = self._system.assemble_residual().x
         if self._damping is not None:
-            own = slice(len(self._weight))
+            weights = self._damping_weights(self._damping)
+            own = slice(len(weights))
             away = self._system.unknown.x.array[own] - self._damping.anchor[own]
-            residual.array[own] += self._damping.strength * self._weight * away
+            residual.array[own] += weights * away
         self._system.unknown.x.petsc_vec.copy(self._evaluated)
         self._evaluated_now = True
 
@@ -260,16 +264,15 @@ class NewtonSolver:
         if not np.isfinite(norm):
             return RESIDUAL_NOT_FINITE
         scale = self._system.contact_scale()
-        tolerance, most = self._settings.relative_tolerance, self._settings.max_factorisations
+        tolerance = self._settings.relative_tolerance
         if self._damping is not None:
             tolerance = max(tolerance, self._settings.damped_tolerance)
-            most = self._settings.damped_factorisations
         limit = self._settings.absolute_tolerance + tolerance * scale
         if norm <= limit and iteration > 0:
             return int(reasons.CONVERGED_FNORM_ABS)
         if iteration > 0 and 0.5 * self._norms[-2] < norm <= self._settings.floor * limit:
             return int(reasons.CONVERGED_FNORM_RELATIVE)
-        if self._factorisations >= most and not (norm < self._settings.reuse * self._norms[-2]):
+        if self._factorisations >= self._settings.max_factorisations and not (norm < self._settings.reuse * self._norms[-2]):
             return int(reasons.DIVERGED_MAX_IT)
         return 0
 

@@ -47,10 +47,10 @@ class RelaxationSettings:
     first: float = 1.0
     greatest: float = 1e4
     undamped: float = 1e-4
-    easy: int = 5
+    easy: int = 6
     eased: float = 0.3
     raised: float = 8.0
-    most: int = 120
+    most: int = 150
 
 
 def relax(

@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 from legfem.common.units import FloatArray
 from legfem.fem.system import System
@@ -54,7 +55,7 @@ class StepSettings:
     relaxes: bool = False
 
     @classmethod
-    def regular(cls, **sizes: float) -> StepSettings:
+    def regular(cls, **sizes: Any) -> StepSettings:
         """Return steps that grow however much work they were, and shrink only after a failure."""
         return cls(easy=sys.maxsize, hard=sys.maxsize, **sizes)
 
