@@ -272,7 +272,9 @@ class NewtonSolver:
             return int(reasons.CONVERGED_FNORM_ABS)
         if iteration > 0 and 0.5 * self._norms[-2] < norm <= self._settings.floor * limit:
             return int(reasons.CONVERGED_FNORM_RELATIVE)
-        if self._factorisations >= self._settings.max_factorisations and not (norm < self._settings.reuse * self._norms[-2]):
+        if self._factorisations >= self._settings.max_factorisations and not (
+            norm < self._settings.reuse * self._norms[-2]
+        ):
             return int(reasons.DIVERGED_MAX_IT)
         return 0
 
