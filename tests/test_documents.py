@@ -21,7 +21,7 @@ COMMANDS = (
     "studies.concealed", "studies.nulls", "studies.planted", "studies.recordings",
     "studies.worked", "studies.solvers", "studies.stockings", "studies.reconstruct",
     "studies.meshes", "studies.bench", "studies.expected_force", "studies.fibres",
-    "studies.leg3d", "studies.people",
+    "studies.leg3d", "studies.people", "studies.reach",
 )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ from legfem.experiments.base import Solved
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.fem.system import System
 from legfem.mechanics.contact_settings import ContactSettings
-from legfem.solve.newton import NewtonOutcome, NewtonSettings, NewtonSolver
+from legfem.solve.newton import Damping, NewtonOutcome, NewtonSettings, NewtonSolver
 from legfem.solve.protocol import Protocol
 from legfem.solve.report import SolveReport, Step
 from legfem.solve.stepping import StepSettings, follow, press
@@ -29,11 +29,11 @@ class FailingSolver(NewtonSolver):
         move = system.set_displacement
         system.set_displacement = lambda at: (self._at.append(at), move(at))[1]
 
-    def solve(self) -> NewtonOutcome:
+    def solve(self, damping: Damping | None = None) -> NewtonOutcome:
         if self._fails(self._at[-1]):
             self._system.unknown.x.array[:] = 1e6
             return NewtonOutcome(False, "told to fail", 7, 9, 1.0)
-        return super().solve()
+        return super().solve(damping)
 
 
 @pytest.fixture(scope="module")

@@ -52,13 +52,14 @@ class PlaneStrainSettings:
     mesh: SectionMeshSettings = field(default_factory=SectionMeshSettings)
     contact: ContactSettings = field(default_factory=ContactSettings)
     newton: NewtonSettings = field(default_factory=NewtonSettings)
-    steps: StepSettings = field(default_factory=StepSettings)
+    steps: StepSettings = field(default_factory=lambda: StepSettings(curve_tolerance=2e-3))
     formulation: Formulation = "mixed"
     drained_skin: bool = False
     """Whether the fat's fluid can leave through the skin, in a porous form."""
     quadrature_degree: int = 4
     defences: bool = True
-    """Whether a softer contact and then a finer mesh are tried when a solution stops short."""
+    """Whether a jump to another equilibrium, a softer contact and then a finer mesh are tried when
+    a solution stops short."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +132,8 @@ class PlaneStrainIndentation(PressingTest):
 
     def attempts(self, placement: Placement | None = None) -> Iterator[tuple[Pressing, float]]:
         """Yield the model, that with a softer contact, and last one on a finer mesh."""
-        yield self._placed(placement or Placement()), 1.0
+        placed = self._placed(placement or Placement())
+        yield placed.relaxing if self.settings.defences else placed, 1.0
         if self.settings.defences:
             yield self.pressing, SOFTER
             yield self._finer._placed(placement or Placement()), SOFTER

@@ -76,6 +76,11 @@ class Pressing:
     def _trackers(self) -> Trackers:
         return Trackers(self.system)
 
+    @cached_property
+    def relaxing(self) -> Pressing:
+        """The same that goes on from a path's end to another equilibrium."""
+        return replace(self, steps=replace(self.steps, relaxes=True))
+
     def run(
         self,
         parameters: Mapping[str, float] | None,

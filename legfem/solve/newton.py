@@ -16,6 +16,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from legfem.common.units import FloatArray
 from legfem.fem.compat import RESIDUAL_NOT_FINITE
 from legfem.fem.system import System
 from legfem.solve.linear import LinearSettings, configure, prepare
@@ -43,6 +44,8 @@ class NewtonSettings:
         An update is accepted if the residual falls below the largest of this many before it.
     max_halvings : int
         Of an update that doesn't.
+    damped_tolerance : float
+        As ``relative_tolerance``, of a damped step.
     """
 
     relative_tolerance: float = 1e-9
@@ -52,6 +55,17 @@ class NewtonSettings:
     floor: float = 10.0
     memory: int = 2
     max_halvings: int = 4
+    damped_tolerance: float = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Damping:
+    """A force on every displacement towards an earlier state; see `legfem.solve.relaxation`."""
+
+    anchor: FloatArray
+    """The unknown there, ghosts included."""
+    strength: float
+    """Over the median of the tangent's diagonal."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +102,8 @@ class NewtonSolver:
         self._system = system
         self._settings = settings or NewtonSettings()
         self._norms: list[float] = []
+        self._damping: Damping | None = None
+        self._stiffness: FloatArray | None = None
         self._factorisations = 0
         matrix = system.tangent_matrix
         vector = system.residual_vector.x.petsc_vec
@@ -122,9 +138,18 @@ class NewtonSolver:
         """Holding the factors of the last tangent."""
         return self._snes.getKSP()
 
-    def solve(self) -> NewtonOutcome:
-        """Solve from the system's present unknown, which the solution replaces if found."""
+    def solve(self, damping: Damping | None = None) -> NewtonOutcome:
+        """Solve from the system's present unknown, which the solution replaces if found.
+
+        Parameters
+        ----------
+        damping
+            Of a step on the way to an equilibrium, for which a rough solution is enough.
+        """
         self._norms, self._factorisations, self._evaluated_now = [], 0, False
+        self._damping = damping
+        if damping is not None and self._stiffness is None:
+            self._stiffness = self._usual_stiffness()
         unknown = self._system.unknown.x.petsc_vec
         unknown.copy(self._solution)
         self._snes.solve(None, self._solution)
@@ -147,9 +172,27 @@ class NewtonSolver:
         self.linear_solver.setUp()
 
     def _assemble_tangent(self) -> None:
-        self._system.assemble_tangent()
+        tangent = self._system.assemble_tangent()
+        if self._damping is not None:
+            added = self._solution.duplicate()
+            added.array[:] = self._damping_weights(self._damping)
+            tangent.setDiagonal(added, addv=PETSc.InsertMode.ADD)
         if self._saddle is not None:
             self._saddle.update()
+
+    def _usual_stiffness(self) -> FloatArray:
+        """Return the median of the tangent's diagonal, on the rank's own free displacements."""
+        diagonal = np.abs(self._system.assemble_tangent().getDiagonal().array)
+        free = np.zeros(len(diagonal), dtype=bool)
+        displacements = self._system.spaces.displacement_dofs
+        free[displacements[displacements < len(free)]] = True
+        free[self._held] = False
+        everywhere = np.concatenate(self._system.comm.allgather(diagonal[free]))
+        return np.where(free, np.median(everywhere), 0.0)
+
+    def _damping_weights(self, damping: Damping) -> FloatArray:
+        assert self._stiffness is not None
+        return damping.strength * self._stiffness
 
     def _load(self, vector: PETSc.Vec) -> None:
         unknown = self._system.unknown
@@ -164,7 +207,12 @@ class NewtonSolver:
 
     def _evaluate(self) -> None:
         """Assemble the residual at the system's present unknown, and remember where that was."""
-        self._system.assemble_residual()
+        residual = self._system.assemble_residual().x
+        if self._damping is not None:
+            weights = self._damping_weights(self._damping)
+            own = slice(len(weights))
+            away = self._system.unknown.x.array[own] - self._damping.anchor[own]
+            residual.array[own] += weights * away
         self._system.unknown.x.petsc_vec.copy(self._evaluated)
         self._evaluated_now = True
 
@@ -193,6 +241,8 @@ class NewtonSolver:
         monotone search would creep along such kinks.
         """
         acceptable = max(self._norms[-self._settings.memory :])
+        self._load(state)
+        least = min(0.01, 0.2 * self._system.minimum_volume_ratio())
         if self._iterates:
             # An inexact solution moves the supports a little too, which no residual would show.
             with update as values:
@@ -200,7 +250,7 @@ class NewtonSolver:
         for halving in range(self._settings.max_halvings):
             self._trial.waxpy(-1.0, update, state)
             self._load(self._trial)
-            if self._system.minimum_volume_ratio() > 0.01:
+            if self._system.minimum_volume_ratio() > least:
                 self._evaluate()
                 if self._system.residual_norm() <= acceptable:
                     return halving > 0 or self._iterates
@@ -214,7 +264,10 @@ class NewtonSolver:
         if not np.isfinite(norm):
             return RESIDUAL_NOT_FINITE
         scale = self._system.contact_scale()
-        limit = self._settings.absolute_tolerance + self._settings.relative_tolerance * scale
+        tolerance = self._settings.relative_tolerance
+        if self._damping is not None:
+            tolerance = max(tolerance, self._settings.damped_tolerance)
+        limit = self._settings.absolute_tolerance + tolerance * scale
         if norm <= limit and iteration > 0:
             return int(reasons.CONVERGED_FNORM_ABS)
         if iteration > 0 and 0.5 * self._norms[-2] < norm <= self._settings.floor * limit:

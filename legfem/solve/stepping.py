@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 from legfem.common.units import FloatArray
 from legfem.fem.system import System
 from legfem.jobs.checkpoint import Checkpoint
+from legfem.solve.curve_watch import CurveWatch
 from legfem.solve.newton import NewtonOutcome, NewtonSolver
 from legfem.solve.protocol import Protocol, Segment
+from legfem.solve.relaxation import relax
 from legfem.solve.report import SolveReport, Step
+
+BENDS = "the curve bends too much for so long a step"
 
 
 @dataclass(frozen=True)
@@ -22,6 +28,13 @@ class StepSettings:
     A step grows by ``growth`` when Newton needed at most ``easy`` factorisations, shrinks when it
     needed ``hard`` or more, and is cut by ``cut`` when it failed. A hold starts with ``hold_first``
     of its duration, no more than ``hold_first_time`` (s), and its steps grow by ``hold_growth``.
+
+    In a loading a step is no longer than keeps a cubic spline through the steps within
+    ``curve_tolerance`` of the force, by an estimate (`legfem.solve.curve_watch`); a tenth of
+    ``first`` is short enough.
+
+    Where no step converges, ``relaxes`` lets the body creep to another equilibrium
+    (`legfem.solve.relaxation`), at which the force may jump.
 
     What a contact remembers depends on the steps, a little. Where solvers that work differently are
     to take the same ones, ``easy`` and ``hard`` have to be out of reach: see `regular`.
@@ -38,9 +51,11 @@ class StepSettings:
     hold_first: float = 0.01
     hold_first_time: float = 0.1
     hold_growth: float = 1.3
+    curve_tolerance: float = math.inf
+    relaxes: bool = False
 
     @classmethod
-    def regular(cls, **sizes: float) -> StepSettings:
+    def regular(cls, **sizes: Any) -> StepSettings:
         """Return steps that grow however much work they were, and shrink only after a failure."""
         return cls(easy=sys.maxsize, hard=sys.maxsize, **sizes)
 
@@ -161,6 +176,7 @@ class _Walk:
         self._resumed: tuple[float, float] | None = None
         self._checkpoint: Checkpoint | None = None
         self._recorded: dict[str, list[float]] = {}
+        self._watch = CurveWatch(settings.curve_tolerance)
 
     def keep_in(self, checkpoint: Checkpoint, recorded: dict[str, list[float]]) -> None:
         """Go on from the last state kept, if there is one, and keep those to come."""
@@ -178,6 +194,9 @@ class _Walk:
         self.steps = [Step(**step) for step in plain["steps"]]
         self.segment, self._size = plain["segment"], plain["motion_size"]
         self._resumed = plain["position"], plain["size"]
+        curve = plain["curve"]
+        self._watch.points[:] = [(at, force) for at, force in curve["points"]]
+        self._watch.bends = curve["bends"]
         for name, values in plain["recorded"].items():
             recorded[name][:] = values
 
@@ -194,6 +213,7 @@ class _Walk:
             "position": position,
             "size": size,
             "recorded": self._recorded,
+            "curve": {"points": self._watch.points, "bends": self._watch.bends},
         }
         self._checkpoint.save({**self._system.state(), **changes}, plain)
 
@@ -206,27 +226,44 @@ class _Walk:
         size, sign = sizes.first, 1.0 if target > position else -1.0
         if self._resumed is not None:
             (position, size), self._resumed = self._resumed, None
-        elif holds:
-            self._changes.pop(sizes.unit, None)
+        else:
+            self._watch.start(position, self._system.force() if self.steps else 0.0)
+            if holds:
+                self._changes.pop(sizes.unit, None)
         while position != target:
             length = _fitted(size, abs(target - position))
             end = target if length == abs(target - position) else position + sign * length
             outcome = self._attempt(segment, position, end, sizes.unit)
+            force = self._system.force() if outcome.converged else 0.0
+            excess = self._watch.excess(end, force) if segment.phase == "loading" else 0.0
+            if outcome.converged and excess > 1 and length > 0.1 * self._settings.first:
+                self._watch.bends = True
+                outcome = replace(outcome, converged=False, reason=BENDS)
             self.steps.append(_step(*_place(segment, end), length, outcome))
             if not outcome.converged:
                 self._system.unknown.x.array[:] = self._state
                 self._move(segment, position, position)
+                if outcome.reason == BENDS:
+                    size = length * self._watch.factor(excess)
+                    continue
                 size = length * self._settings.cut
-                if size < sizes.smallest:
+                if size >= sizes.smallest:
+                    continue
+                snapped = self._snap(segment, position)
+                if snapped is None:
                     limit = f"{sizes.smallest:g} {sizes.unit}"
                     return f"no step above {limit} converges: {outcome.reason}"
+                position, size = snapped, self._settings.first
                 continue
+            self._watch.points.append((end, force))
             self._accept(segment, end, end - position, sizes.unit)
             position = end
             if outcome.factorisations <= self._settings.easy:
                 size = min(sizes.largest, max(size, length * sizes.growth))
             elif outcome.factorisations >= self._settings.hard:
                 size = length * self._settings.shrink
+            if self._watch.bends:
+                size = min(size, length * self._watch.factor(excess))
             if not holds:
                 self._size = size
             self._keep(segment, position, size)
@@ -246,6 +283,28 @@ class _Walk:
             change, over = self._changes[unit]
             self._system.unknown.x.array[:] += change * ((end - start) / over)
         return self._solver.solve()
+
+    def _snap(self, segment: Segment, start: float) -> float | None:
+        """Go on beyond the end of a path of equilibria; return where, or None."""
+        if not self._settings.relaxes or segment.phase == "hold":
+            return None
+        size = self._settings.first
+        for _ in range(2):
+            length = _fitted(size, abs(segment.last - start))
+            whole = length == abs(segment.last - start)
+            end = segment.last if whole else start + math.copysign(length, segment.rate)
+            self._move(segment, start, end)
+            outcome = relax(self._system, self._solver)
+            self.steps.append(_step(*_place(segment, end), length, outcome))
+            if outcome.converged:
+                self._watch.start(end, self._system.force())
+                self._accept(segment, end, end - start, "mm")
+                self._changes.pop("mm")
+                return end
+            self._system.unknown.x.array[:] = self._state
+            size /= 8
+        self._move(segment, start, start)
+        return None
 
     def _move(self, segment: Segment, start: float, end: float) -> None:
         now, displacement = _place(segment, end)

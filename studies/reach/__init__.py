@@ -1,0 +1,1 @@
+"""Whether any leg can be pressed to its depth, and how good the curve between steps is."""

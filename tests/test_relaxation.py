@@ -1,0 +1,87 @@
+"""Creeping to an equilibrium that Newton's method doesn't find."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from making_mechanics import fixed_steps, pressed_block
+
+from legfem.fem.system import System
+from legfem.solve.newton import Damping, NewtonOutcome, NewtonSolver
+from legfem.solve.relaxation import REASON, RelaxationSettings, relax
+from legfem.solve.stepping import StepSettings, press
+
+
+class OnlyFromNearby(NewtonSolver):
+    """Fails beyond 1 mm unless a damped step at that place has succeeded before."""
+
+    def __init__(self, system: System) -> None:
+        super().__init__(system)
+        self._at, self._near = [0.0], -1.0
+        move = system.set_displacement
+        system.set_displacement = lambda at: (self._at.append(at), move(at))[1]
+
+    def solve(self, damping: Damping | None = None) -> NewtonOutcome:
+        at = self._at[-1]
+        if damping is None and 1.0 < at < 1.3 and at != self._near:
+            self._system.unknown.x.array[:] = 1e6
+            return NewtonOutcome(False, "told to fail", 7, 9, 1.0)
+        outcome = super().solve(damping)
+        if damping is not None and outcome.converged:
+            self._near = at
+        return outcome
+
+
+def test_a_body_creeps_to_the_equilibrium_that_small_steps_reach():
+    stepped, crept = pressed_block(), pressed_block()
+    assert press(stepped, NewtonSolver(stepped), [1.0], fixed_steps(1.0)).complete
+    crept.reset()
+    crept.set_displacement(1.0)
+    outcome = relax(crept, NewtonSolver(crept))
+    assert outcome.converged and outcome.reason == REASON and outcome.residual < 1e-9
+    assert outcome.factorisations > 3
+    assert crept.force() == pytest.approx(stepped.force(), rel=1e-6)
+    np.testing.assert_allclose(
+        crept.unknown.x.array, stepped.unknown.x.array, atol=1e-6 * np.ptp(stepped.unknown.x.array)
+    )
+
+
+def test_a_damped_step_lies_between_its_anchor_and_the_equilibrium():
+    system = pressed_block()
+    solver = NewtonSolver(system)
+    lengths = []
+    for strength in (10.0, 1.0, 0.1):
+        system.reset()
+        system.set_displacement(0.5)
+        assert solver.solve(Damping(system.unknown.x.array.copy(), strength)).converged
+        moved = system.unknown.x.array[system.spaces.displacement_dofs]
+        lengths.append(float(np.linalg.norm(moved)))
+    system.reset()
+    system.set_displacement(0.5)
+    assert solver.solve().converged
+    moved = system.unknown.x.array[system.spaces.displacement_dofs]
+    assert lengths == sorted(lengths) and lengths[-1] < np.linalg.norm(moved)
+
+
+def test_where_a_path_ends_the_walk_goes_on_beyond_only_if_asked():
+    settings = StepSettings(first=0.4, smallest=0.1)
+    system = pressed_block()
+    stopped = press(system, OnlyFromNearby(system), [2.0], settings)
+    assert not stopped.complete and stopped.reached <= 1.0
+    system = pressed_block()
+    asked = StepSettings(first=0.4, smallest=0.1, relaxes=True)
+    report = press(system, OnlyFromNearby(system), [2.0], asked)
+    assert report.complete
+    jumps = [step for step in report.steps if step.reason == REASON]
+    assert jumps and all(step.accepted for step in jumps)
+    smooth = pressed_block()
+    press(smooth, NewtonSolver(smooth), [2.0], settings)
+    assert system.force() == pytest.approx(smooth.force(), rel=5e-3)
+
+
+def test_what_never_settles_is_given_up():
+    system = pressed_block()
+    system.reset()
+    system.set_displacement(1.0)
+    outcome = relax(system, NewtonSolver(system), RelaxationSettings(most=2))
+    assert not outcome.converged and outcome.reason == "creeps on"
