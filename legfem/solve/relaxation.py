@@ -50,7 +50,7 @@ class RelaxationSettings:
     easy: int = 6
     eased: float = 0.3
     raised: float = 8.0
-    most: int = 150
+    most: int = 110
 
 
 def relax(

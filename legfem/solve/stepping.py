@@ -288,23 +288,20 @@ class _Walk:
         """Go on beyond the end of a path of equilibria; return where, or None."""
         if not self._settings.relaxes or segment.phase == "hold":
             return None
-        size = self._settings.first
-        for _ in range(2):
-            length = _fitted(size, abs(segment.last - start))
-            whole = length == abs(segment.last - start)
-            end = segment.last if whole else start + math.copysign(length, segment.rate)
-            self._move(segment, start, end)
-            outcome = relax(self._system, self._solver)
-            self.steps.append(_step(*_place(segment, end), length, outcome))
-            if outcome.converged:
-                self._watch.start(end, self._system.force())
-                self._accept(segment, end, end - start, "mm")
-                self._changes.pop("mm")
-                return end
+        length = _fitted(self._settings.first, abs(segment.last - start))
+        whole = length == abs(segment.last - start)
+        end = segment.last if whole else start + math.copysign(length, segment.rate)
+        self._move(segment, start, end)
+        outcome = relax(self._system, self._solver)
+        self.steps.append(_step(*_place(segment, end), length, outcome))
+        if not outcome.converged:
             self._system.unknown.x.array[:] = self._state
-            size /= 8
-        self._move(segment, start, start)
-        return None
+            self._move(segment, start, start)
+            return None
+        self._watch.start(end, self._system.force())
+        self._accept(segment, end, end - start, "mm")
+        self._changes.pop("mm")
+        return end
 
     def _move(self, segment: Segment, start: float, end: float) -> None:
         now, displacement = _place(segment, end)
