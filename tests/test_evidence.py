@@ -141,6 +141,21 @@ def test_bounds_that_cut_nothing_off_change_nothing_and_those_that_cut_all_cost_
     assert wrong < free - 1.0
 
 
+@pytest.mark.parametrize("pull", [4.0, 30.0])
+def test_a_parameter_drawn_far_beyond_its_bound_pays_for_all_of_the_way(pull):
+    """The better fit that lies beyond the bound is out of reach, however much better it is."""
+    errors = errors_of()
+    given = about(low=[0.0, -60.0])
+    away = replace(given, residual=given.residual - pull * given.jacobian[:, 0])
+    free = of(errors, replace(away, low=np.array([-60.0, -60.0])), [NONE]).log_evidence
+    pinned = of(errors, away, [NONE])
+    z = pinned.mean[0] / np.sqrt(pinned.covariance[0, 0])
+    assert z < -3.0
+    assert pinned.log_evidence - free == pytest.approx(
+        float(norm.logcdf(z) - np.log(0.5)), rel=1e-9
+    )
+
+
 def test_what_the_data_say_is_that_of_a_linear_model_with_normal_errors():
     """One size of gains and zeros dominates none: moments of the mixture, by Bayes' rule."""
     errors, given = errors_of(), about((1.0, 1.0))

@@ -168,6 +168,7 @@ def build_library(
     progress: Progress,
     stiffening: float = 0.0,
     middle: float | None = None,
+    stiffenings: Sequence[float] = STIFFENINGS,
 ) -> Library:
     """Solve what isn't kept yet, in processes, and return the library for recordings.
 
@@ -191,12 +192,14 @@ def build_library(
         ln(1 + C20 / C10) at which changes are tabulated.
     middle
         C10 (kPa) about which; that of the recordings by default.
+    stiffenings
+        ln(1 + C20 / C10) of the elastic curves.
     """
     if middle is None:
         progress.stage("how stiff the leg is, roughly")
         middle = middle_of(observed, coarse, stiffening)
     tissue = [m for m in asked if isinstance(m, TissueMechanism) and not isinstance(m, EndEffects)]
-    tasks = _tasks(observed, tissue, middle, stiffening, coarse.variants)
+    tasks = _tasks(observed, tissue, middle, stiffening, coarse.variants, stiffenings)
     progress.stage("the leg's library of responses", len(tasks))
     found: dict[int, Mapping[str, FloatArray] | None] = {}
     numbers = {id(task): k for k, task in enumerate(tasks)}
@@ -214,6 +217,7 @@ def _tasks(
     middle: float,
     stiffening: float,
     models: Models,
+    stiffenings: Sequence[float],
 ) -> list[_Task]:
     def point(log: float, q: float) -> Stiffness:
         c10 = middle * float(np.exp(log))
@@ -229,7 +233,7 @@ def _tasks(
         for stations in observed.protocols
         for strength in (m.strengths or (0.0,))
     ]
-    tasks += [_Task(point(log, q)) for log in LATTICE for q in STIFFENINGS]
+    tasks += [_Task(point(log, q)) for log in LATTICE for q in stiffenings]
     tasks.append(_Task(centre, material=True))
     tasks += [_Task(centre, geometry=geometry) for geometry in models.displaced]
     tasks += [

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
-from scipy.special import logsumexp
+from scipy.special import log_ndtr, logsumexp
 from scipy.stats import norm
 
 from legfem.common.units import FloatArray
@@ -210,9 +210,16 @@ def _log_normal(number: int, count: int) -> float:
 def _inside(about: Linearised, mean: FloatArray, spread: FloatArray) -> float:
     """Return how bounds change the evidence: what lies within after, over what did before."""
     sd = np.sqrt(np.diag(spread))
-    after = norm.cdf((about.high - mean) / sd) - norm.cdf((about.low - mean) / sd)
-    before = norm.cdf(about.high) - norm.cdf(about.low)
-    return float(np.sum(np.log(np.maximum(after, 1e-12)) - np.log(np.maximum(before, 1e-12))))
+    after = _log_between((about.low - mean) / sd, (about.high - mean) / sd)
+    return float(np.sum(after - _log_between(about.low, about.high)))
+
+
+def _log_between(low: FloatArray, high: FloatArray) -> FloatArray:
+    """Return the logarithm of a standard normal's share between two ends, however far out."""
+    beyond = low > 0
+    first, last = np.where(beyond, -high, low), np.where(beyond, -low, high)
+    more = log_ndtr(last)
+    return np.asarray(more + np.log1p(-np.exp(np.minimum(log_ndtr(first) - more, -1e-15))))
 
 
 def probabilities(log_weights: Sequence[float]) -> FloatArray:

@@ -30,6 +30,8 @@ from legfem.subjects.subject import Origin
 _POINTS = 60
 _BEYOND = 1.04
 """Of the greatest depth, to which responses are solved."""
+_STIFFENINGS = (0.0, 0.03, 0.1, 0.3, 0.8, 1.6)
+"""ln(1 + C20 / C10) of the elastic curves: a bench's repeats tell a little stiffening from none."""
 _REACH = 3.5
 """Of ln C10: the force is in proportion to it, and what relaxes fast hides how little lasts."""
 _DRAWN = Accuracy(size_sd=1e-3)
@@ -142,7 +144,7 @@ def _diagnosed(
     every, unable = mechanisms_of(sizes, scale)
     able, _ = shown_mechanisms(observed, None, every=every)
     library = build_library(
-        solved, solved, observed, able, None, jobs, progress, stiffening, middle
+        solved, solved, observed, able, None, jobs, progress, stiffening, middle, _STIFFENINGS
     )
     library = replace(library, missing={**unable, **library.missing}, reach=_REACH)
     accuracy = Accuracy() if folder.origin == "measured" else _DRAWN
