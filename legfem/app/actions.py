@@ -119,6 +119,12 @@ ACTIONS: Mapping[str, Sequence[Action]] = {
             "identify", "--specimen-dir", "Fit one law to all recordings together.",
             (Choice("--law", "law", ("neo-hookean", "reduced-polynomial", "yeoh", "exponential")),),
         ),
+        Action(
+            "diagnose", "--specimen-dir",
+            "Say of each specimen whether the model describes its recordings, and which physics is "
+            "missing if not.",
+            (Choice("--specimen", "one specimen alone (its name)"),),
+        ),
     ),
 }  # fmt: skip
 """By the file that says what a folder is."""
