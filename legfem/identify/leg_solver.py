@@ -72,7 +72,7 @@ class LegSolver:
         self.full_solves += 1
         P = smooth_ratio(outcome.curve, flat, self.grid)
         if not self._lasting:
-            self.progress.stage("the same by larger elements, and shorter: P's errors", 2)
+            self.progress.stage("the same by larger elements, and shorter: P's errors")
             rough, shorter = (
                 smooth_ratio(self._solve(solver, values).curve, flat, self.grid)
                 for solver in self._roughs
