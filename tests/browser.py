@@ -37,7 +37,7 @@ console.error = (...words) => seen.faults.push(words.join(" "));
 </script>"""
 _LATE = """<script>
 addEventListener("load", async () => {
-  const pause = () => new Promise((done) => setTimeout(done, 400));
+  const wait = () => new Promise((done) => setTimeout(done, 400));
   const inside = (root, found = []) => {
     for (const one of root.querySelectorAll("*")) {
       found.push(one);
@@ -49,17 +49,27 @@ addEventListener("load", async () => {
   const visible = (box, place) => Bokeh.documents.map((known) =>
     known.get_model_by_name(`${box.dataset.plot}-${place}-${box.dataset.line}`))
     .filter(Boolean).map((line) => line.visible);
+  const drawn = () => plots().filter((one) => one.tagName === "path").length;
+  // What is drawn comes in pieces, as frames do: until two looks see as much.
+  const frame = () => new Promise((done) => requestAnimationFrame(() => done()));
+  const pause = async () => {
+    let before;
+    do {
+      before = drawn();
+      await wait();
+      await Promise.race([frame(), wait()]);
+    } while (drawn() !== before);
+  };
   await pause();
   seen.ready_ms = performance.now();
   seen.wide = document.documentElement.scrollWidth > document.documentElement.clientWidth;
   seen.requests = performance.getEntriesByType("resource").map((one) => one.name)
     .filter((name) => !name.startsWith("data:") && !name.startsWith("blob:"));
-  const drawn = () => plots().filter((one) => one.tagName === "path").length;
   seen.paths = drawn();
   const box = [...document.querySelectorAll("input[data-plot]")].pop();
   if (box) {
     box.click();
-    await pause();
+    for (let look = 0; look < 20 && drawn() === seen.paths; look += 1) await pause();
     seen.off = [...visible(box, "above"), ...visible(box, "below")];
     seen.paths_off = drawn();
     box.click();
