@@ -38,7 +38,7 @@ NOT_OFFERED: Mapping[str, str] = {
     "superficial-stiffening": "the idealised leg has no fat",
     "prestress": "the idealised leg has no fascia",
     "dermis": "the idealised leg has no skin apart from its one tissue",
-    "uneven-muscle": "the idealised leg is half a leg, mirrored: a region would stand on both sides",
+    "uneven-muscle": "the idealised leg is half a leg, mirrored: regions come in pairs",
     "indenter-tilt": "the idealised leg is half a leg, mirrored: it can't be pressed askew",
 }
 """Mechanisms that this base model can't be given, and why."""
