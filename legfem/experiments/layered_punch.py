@@ -12,10 +12,8 @@ from dolfinx import fem
 from legfem.common.checks import check_positive
 from legfem.common.units import FloatArray
 from legfem.experiments.axisymmetric import Arrangement, AxisymmetricTest, Faces
-from legfem.experiments.flat_punch import PunchOnLayer, RigidPunch
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.experiments.flat_punch import PunchOnLayer, punch_arrangement
 from legfem.mechanics.materials import Hyperelastic, NeoHookean
-from legfem.meshing.meridian import MeridianMeshSettings, supports
 from legfem.solve.report import SolveReport
 
 
@@ -50,7 +48,14 @@ class PunchOnLayers:
     def __post_init__(self) -> None:
         """Check the sizes."""
         check_positive(self, "superficial", "deep")
-        PunchOnLayer(self.thickness, self.radius, self.edge, self.layer_radius)
+        _ = self.whole  # which checks the rest
+
+    @property
+    def whole(self) -> PunchOnLayer:
+        """The same test on one layer as thick as both."""
+        return PunchOnLayer(
+            self.thickness, self.radius, self.edge, self.layer_radius, self.punch, self.base
+        )
 
     @property
     def thickness(self) -> float:
@@ -97,19 +102,7 @@ class LayeredPunch(AxisymmetricTest[PunchOnLayers]):
     @property
     def arrangement(self) -> Arrangement:
         """A punch above the layers."""
-        test = self.test
-        return Arrangement(
-            RigidPunch(test.radius, test.edge),
-            test.thickness,
-            self.settings.contact or ContactSettings(tangential=test.punch, stiffness=4000.0),
-            test.radius,
-            supports(test.base),
-            test.layer_radius,
-            test.thickness,
-            (test.radius - test.edge, test.radius + 0.5 * test.edge),
-            self.settings.mesh or MeridianMeshSettings(0.5 * test.edge),
-            interface=test.deep,
-        )
+        return punch_arrangement(self.test.whole, self.settings, self.test.deep)
 
     def compress(self, depth: float, values: Mapping[str, float] | None = None) -> Compressed:
         """Press to a depth (mm), and tell how much each layer's thickness falls at the axis.

@@ -151,21 +151,9 @@ class SpecimenVariants:
         sensitivities: Sequence[str] = (),
         placement: Placement | None = None,
     ) -> Path | Stopped:
-        """Solve a protocol; say why where it isn't followed to its end.
+        """Solve a protocol, as `legfem.diagnose.variants.Variants.follow` does for a leg.
 
-        Parameters
-        ----------
-        protocol
-            Of what presses.
-        deep
-            ``deep.C10`` and ``deep.C20``, MPa. Compressibility goes with 1 / C10, so that Poisson's
-            ratio stays.
-        solution
-            The mechanism.
-        sensitivities
-            Parameters to differentiate by.
-        placement
-            None: a specimen stands where it is said to.
+        Compressibility goes with 1 / C10, so that Poisson's ratio stays.
         """
         scale = deep[_C10] / REFERENCE_MPA
         own = {_C10: REFERENCE_MPA, _C20: deep.get(_C20, 0.0) / scale}
