@@ -100,7 +100,7 @@ def read_indentations(folder: Path) -> Indentations:
         table = pd.read_csv(path, dtype={"SubID": str, "Location": str})
     except (OSError, ValueError) as error:
         raise InputError(
-            str(path), "", f"can't be read ({type(error).__name__})",
+            str(path), "table", f"can't be read ({type(error).__name__})",
             "give --data the folder of the MULTIS table (doi 10.18735/S5R97F)",
         ) from error  # fmt: skip
     missing = {"SubID", "Location", *_NUMBERS} - set(table.columns)
