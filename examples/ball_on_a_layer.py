@@ -14,7 +14,7 @@ from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.meridian import MeridianMeshSettings
 from legfem.solve.newton import NewtonSettings
-from legfem.solve.stepping import StepSettings
+from legfem.solve.step_settings import StepSettings
 
 C10, radius = 5e-3, 5.0  # MPa, mm
 law = NeoHookean(C10, 1e-3 / C10)  # nearly incompressible

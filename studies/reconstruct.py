@@ -37,7 +37,7 @@ from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings
 from legfem.recording import Instrument
 from legfem.solve.protocol import Protocol
-from legfem.solve.stepping import StepSettings
+from legfem.solve.step_settings import StepSettings
 from legfem.study.options import Jobs
 from legfem.subjects.folder import check_new_folder, write_subject_folder
 from legfem.subjects.subject import Indenter

@@ -26,7 +26,7 @@ from legfem.mechanics.model import LegModel, Term
 from legfem.mechanics.terms import NormalContact, TangentialContact, Tissue
 from legfem.meshing.section import BONE, DEEP, SKIN, SectionMeshSettings
 from legfem.solve.newton import NewtonOutcome, NewtonSettings, NewtonSolver
-from legfem.solve.stepping import StepSettings
+from legfem.solve.step_settings import StepSettings
 from legfem.subjects.subject import Indenter
 from studies.legs.calf import Calf, calf_section
 from studies.reconstruct import DEFINITION

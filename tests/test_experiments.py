@@ -31,7 +31,7 @@ from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
 from legfem.meshing.meridian import MeridianMeshSettings
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.solve.protocol import Protocol
-from legfem.solve.stepping import StepSettings
+from legfem.solve.step_settings import StepSettings
 from legfem.stocking.leg_model import LegModel3D
 from studies.legs.parametric_leg import round_leg
 

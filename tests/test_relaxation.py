@@ -9,7 +9,8 @@ from making_mechanics import fixed_steps, pressed_block
 from legfem.fem.system import System
 from legfem.solve.newton import Damping, NewtonOutcome, NewtonSolver
 from legfem.solve.relaxation import REASON, RelaxationSettings, relax
-from legfem.solve.stepping import StepSettings, press
+from legfem.solve.step_settings import StepSettings
+from legfem.solve.stepping import press
 
 
 class OnlyFromNearby(NewtonSolver):

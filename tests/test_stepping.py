@@ -17,7 +17,8 @@ from legfem.mechanics.contact_settings import ContactSettings
 from legfem.solve.newton import Damping, NewtonOutcome, NewtonSettings, NewtonSolver
 from legfem.solve.protocol import Protocol
 from legfem.solve.report import SolveReport, Step
-from legfem.solve.stepping import StepSettings, follow, press
+from legfem.solve.step_settings import StepSettings
+from legfem.solve.stepping import follow, press
 
 
 class FailingSolver(NewtonSolver):

@@ -29,7 +29,7 @@ from legfem.solve.linear import LinearSettings
 from legfem.solve.newton import NewtonSettings, NewtonSolver
 from legfem.solve.path import Path
 from legfem.solve.protocol import Protocol
-from legfem.solve.stepping import StepSettings
+from legfem.solve.step_settings import StepSettings
 
 Faces = Literal["rough", "frictionless"]
 

@@ -25,7 +25,8 @@ from legfem.solve.newton import NewtonSettings, NewtonSolver
 from legfem.solve.protocol import Protocol
 from legfem.solve.report import SolveReport
 from legfem.solve.sensitivity import Trackers
-from legfem.solve.stepping import StepSettings, follow
+from legfem.solve.step_settings import StepSettings
+from legfem.solve.stepping import follow
 
 
 @dataclass(frozen=True)

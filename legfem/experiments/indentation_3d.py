@@ -29,7 +29,7 @@ from legfem.meshing.idealised_leg import (
 )
 from legfem.solve.linear import LinearSettings
 from legfem.solve.newton import NewtonSettings, NewtonSolver
-from legfem.solve.stepping import StepSettings
+from legfem.solve.step_settings import StepSettings
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from legfem.meshing.solid_leg import FineStrip, SolidMeshSettings, mesh_solid_le
 from legfem.meshing.support import Support
 from legfem.solve.linear import LinearSettings
 from legfem.solve.newton import NewtonSettings, NewtonSolver
-from legfem.solve.stepping import StepSettings
+from legfem.solve.step_settings import StepSettings
 from legfem.subjects.spatial import SpatialLeg
 from legfem.subjects.subject import Subject
 

@@ -32,7 +32,7 @@ from legfem.meshing.section import (
 )
 from legfem.solve.newton import NewtonSettings, NewtonSolver
 from legfem.solve.protocol import Protocol
-from legfem.solve.stepping import StepSettings
+from legfem.solve.step_settings import StepSettings
 from legfem.subjects.subject import Indenter, Subject, TissueParameters
 
 

@@ -26,7 +26,8 @@ from legfem.solve.newton import NewtonSolver
 from legfem.solve.path import Path
 from legfem.solve.protocol import Protocol
 from legfem.solve.sensitivity import Trackers
-from legfem.solve.stepping import StepSettings, follow
+from legfem.solve.step_settings import StepSettings
+from legfem.solve.stepping import follow
 
 SOFTER = 0.2
 """Factor on the contact's stiffness where a solution stops short."""

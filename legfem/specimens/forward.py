@@ -25,7 +25,7 @@ from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import Hyperelastic
 from legfem.meshing.meridian import MeridianMeshSettings
 from legfem.solve.force_curve import ForceCurve
-from legfem.solve.stepping import StepSettings
+from legfem.solve.step_settings import StepSettings
 from legfem.specimens.schema import Faces
 from legfem.specimens.sizes import Sizes, Test
 

@@ -22,7 +22,7 @@ from legfem.diagnose.variants import Stopped, Variants
 from legfem.jobs.store import Store
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.solve.protocol import Protocol
-from legfem.solve.stepping import StepSettings
+from legfem.solve.step_settings import StepSettings
 from legfem.subjects.subject import Subject
 from studies.concealed.cases import DEPTH_MM, TRIALS, SealedCase
 from studies.concealed.forms import BRANCHES_S, ON_COURSE, OUTSIDE_ON_COURSE, Pressed

@@ -27,7 +27,7 @@ from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.meridian import MeridianMeshSettings
-from legfem.solve.stepping import StepSettings
+from legfem.solve.step_settings import StepSettings
 
 STRAINS = np.array([0.02, 0.05, 0.08, 0.12, 0.16, 0.2, 0.25, 0.3, 0.36])
 """Of both layers together, at which solutions are kept."""

@@ -21,7 +21,7 @@ from legfem.identify.run import identify_subject
 from legfem.identify.settings import IdentificationSettings
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.meshing.section import SectionMeshSettings
-from legfem.solve.stepping import StepSettings
+from legfem.solve.step_settings import StepSettings
 from legfem.subjects.subject import SUBJECTS, Subject, load_subject
 from studies.lab.synthesis import InstrumentNoise, record_path
 

@@ -18,7 +18,7 @@ from legfem.meshing.idealised_leg import LegMeshSettings
 from legfem.recording import Recording
 from legfem.recording.writer import write_recording
 from legfem.solve.force_curve import ForceCurve
-from legfem.solve.stepping import StepSettings
+from legfem.solve.step_settings import StepSettings
 from legfem.study.correction.cases import CorrectionCase, Material
 from legfem.subjects.subject import Origin
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, record

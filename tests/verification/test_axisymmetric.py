@@ -26,7 +26,8 @@ from legfem.mechanics.terms import Viscoelasticity
 from legfem.meshing.meridian import MeridianMeshSettings
 from legfem.solve.newton import NewtonSettings
 from legfem.solve.protocol import Protocol
-from legfem.solve.stepping import StepSettings, press
+from legfem.solve.step_settings import StepSettings
+from legfem.solve.stepping import press
 
 C10 = 5e-3
 TIGHT = NeoHookean(C10, 1e-3 / C10)  # K = 1000 mu

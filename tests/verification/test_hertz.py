@@ -13,7 +13,8 @@ from making_mechanics import at_skin, block, contact_pressure, one_tissue, press
 from legfem.fem.system import System
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.solve.newton import NewtonSolver
-from legfem.solve.stepping import StepSettings, press
+from legfem.solve.step_settings import StepSettings
+from legfem.solve.stepping import press
 
 RADIUS = 400.0
 C10, D1 = 1e-3, 200.0  # nu = 0.41

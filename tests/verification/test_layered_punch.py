@@ -20,7 +20,7 @@ from legfem.experiments.layered_punch import LayeredPunch, PunchOnLayers
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.meridian import MeridianMeshSettings
-from legfem.solve.stepping import StepSettings
+from legfem.solve.step_settings import StepSettings
 
 RADIUS, EDGE, DEPTH = 5.0, 0.1, 0.02
 MU = 0.01

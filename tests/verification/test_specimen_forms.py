@@ -26,7 +26,8 @@ from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean, Yeoh
 from legfem.meshing.meridian import MeridianMeshSettings
 from legfem.solve.newton import NewtonSolver
-from legfem.solve.stepping import StepSettings, press
+from legfem.solve.step_settings import StepSettings
+from legfem.solve.stepping import press
 
 C10 = 5e-3
 INCOMPRESSIBLE = 1e-5

@@ -19,7 +19,8 @@ from legfem.fem.system import System
 from legfem.mechanics.terms import Viscoelasticity
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.protocol import Protocol
-from legfem.solve.stepping import StepSettings, follow
+from legfem.solve.step_settings import StepSettings
+from legfem.solve.stepping import follow
 
 TISSUES = one_tissue(1e-3, 28.0, C20=0.5e-3)
 SMALL = block(np.linspace(-20, 20, 11), np.linspace(-20, 0, 6))

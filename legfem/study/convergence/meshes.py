@@ -19,7 +19,7 @@ from legfem.geometry.section import LegSection
 from legfem.jobs.pool import Workers
 from legfem.solve.force_curve import ForceCurve
 from legfem.solve.report import SolveReport
-from legfem.solve.stepping import StepSettings
+from legfem.solve.step_settings import StepSettings
 from legfem.subjects.subject import Indenter
 
 DEPTHS = np.array([2.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0])

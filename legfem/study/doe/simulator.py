@@ -18,7 +18,7 @@ from legfem.experiments.plane_strain import (
 from legfem.jobs.fingerprint import code_fingerprint
 from legfem.solve.force_curve import ForceCurve
 from legfem.solve.newton import NewtonSettings
-from legfem.solve.stepping import StepSettings
+from legfem.solve.step_settings import StepSettings
 from legfem.subjects.subject import Subject
 
 if TYPE_CHECKING:
