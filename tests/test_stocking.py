@@ -92,6 +92,7 @@ def test_planted_stiffness_lies_in_its_interval(result):
     assert best.rms < 0.05 and best.chi_square < 1.5
 
 
+@pytest.mark.slow
 def test_an_equilibrium_that_was_kept_is_as_it_was_found(result, tmp_path, monkeypatch):
     """A later run has it without a solution, and its answers to changes are the same."""
     name, at = "deep.C10", {"deep.C10": 2.5e-3, "superficial.C10": 6e-3}
