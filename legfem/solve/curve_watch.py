@@ -2,7 +2,7 @@ r"""How far a spline through the solved steps is from the curve between them.
 
 Through the last four of them goes a cubic, whose error is
 
-.. math:: F(d) - p(d) = F[d_{n-4}, \dots, d_n]\,(d - d_{n-3}) \cdots (d - d_n)
+.. math:: F(d) - p(d) = F[d_{n-4}, \ldots, d_n]\,(d - d_{n-3}) \cdots (d - d_n)
 
 with the divided difference of the last five. That one belongs to the middle of them: where the last
 two have the same sign and grow, as near a bone, it is taken to grow once more.
