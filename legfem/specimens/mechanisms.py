@@ -65,6 +65,7 @@ _NONE: Mapping[str, str] = {
     "superficial-stiffening": "a specimen of one tissue has no fat over it",
     "superficial-stiffness": "a specimen of one tissue has no fat over it",
     "superficial-viscoelasticity": "a specimen of one tissue has no fat over it",
+    "uneven-muscle": "a specimen of one tissue is taken to be alike everywhere",
 }
 _LEAST_BULK = 5.0
 """Bulk over shear modulus down to which compressibility is tabulated: Poisson's ratio 0.41."""
