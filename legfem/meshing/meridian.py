@@ -5,6 +5,7 @@ Coordinates are the distance from the axis and the height above the base.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -15,10 +16,10 @@ from mpi4py import MPI
 from legfem.common.checks import check_positive
 from legfem.common.units import FloatArray
 from legfem.meshing.grid import spaced, tagged
-from legfem.meshing.section import BONE, DEEP, SKIN, SUPERFICIAL
+from legfem.meshing.section import BONE, DEEP, SKIN
 from legfem.meshing.support import Support
 
-AXIS, BASE, SIDE = 13, BONE, 16
+AXIS, BASE, SIDE = 13, BONE, 17
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ class MeridianMesh:
     mesh: Any
     """`dolfinx.mesh.Mesh`, mm."""
     cell_tags: Any
-    """`DEEP`, and `SUPERFICIAL` above an interface."""
+    """`DEEP`, and one more at each interface from the base up."""
     facet_tags: Any
     """`SKIN` above, `BASE` below, `AXIS`, and the side: `SKIN` or `SIDE`."""
 
@@ -70,7 +71,7 @@ def mesh_meridian(
     settings: MeridianMeshSettings,
     side: Literal["skin", "free"] = "free",
     comm: MPI.Intracomm = MPI.COMM_SELF,
-    interface: float | None = None,
+    interfaces: Sequence[float] = (),
 ) -> MeridianMesh:
     """Mesh a specimen of a radius and height (mm).
 
@@ -86,10 +87,9 @@ def mesh_meridian(
         Whether what presses may touch the side too.
     comm
         Of the mesh.
-    interface
-        Height (mm) up to which the tissue is the deep one; all of it without.
+    interfaces
+        Heights (mm) at which one tissue meets the next, from the base up.
     """
-    deep = height if interface is None else interface
 
     def graded(distance: FloatArray) -> FloatArray:
         size = settings.size + settings.growth * np.maximum(distance, 0.0)
@@ -99,7 +99,7 @@ def mesh_meridian(
         return graded(np.maximum(fine[0] - r, r - fine[1]))
 
     r = spaced(radius, across)
-    z = height - spaced(height, graded, (height - deep,))[::-1]
+    z = height - spaced(height, graded, tuple(height - z for z in reversed(interfaces)))[::-1]
     counts = [len(r) - 1, len(z) - 1]
     made = dolfinx_mesh.create_rectangle(
         comm,
@@ -110,7 +110,8 @@ def mesh_meridian(
     )
     sides = {(0, 0): AXIS, (0, counts[0]): SKIN if side == "skin" else SIDE,
              (1, 0): BASE, (1, counts[1]): SKIN}  # fmt: skip
-    rows = [DEEP if middle < deep else SUPERFICIAL for middle in 0.5 * (z[1:] + z[:-1])]
+    middles = 0.5 * (z[1:] + z[:-1])
+    rows = [DEEP + int(number) for number in np.searchsorted(list(interfaces), middles)]
     cell_tags, facet_tags = tagged(made, rows, sides)
     nodes = made.geometry.x
     nodes[:, 0] = np.interp(nodes[:, 0], np.arange(len(r)), r)

@@ -18,6 +18,7 @@ from legfem.specimens.schema import (
     parse_specimen_file,
 )
 from legfem.specimens.sizes import SizeError, Sizes, sizes_of
+from legfem.specimens.tissues import SpecimenTissue, tissues_of
 from legfem.subjects.subject import Origin
 
 FILE = "specimen.toml"
@@ -55,19 +56,24 @@ class SpecimenFolder:
     recordings: tuple[SpecimenRecording, ...]
     left_out: tuple[LeftOut, ...]
     """Recordings that can't be used: they cost themselves alone."""
-    poisson_ratio: float | None
-    """None for a bulk modulus of 1000 shear moduli."""
     relaxes: bool
     directory: Path
     instrument: Instrument | None = None
     """As stated; seen in the recordings without it."""
     starts_at_contact: bool = False
     one_stiffness: bool = False
-    """Whether all specimens are taken to be equally stiff."""
+    """Whether all specimens are said to be equally stiff."""
     returns: bool = False
     """Whether what follows the first return is fitted too."""
     base_law: BaseLaw = "neo-hookean"
     """That `legfem.diagnose` asks what it leaves out."""
+    tissues: tuple[SpecimenTissue, ...] = (SpecimenTissue(),)
+    """One, or layers from the base up."""
+
+    @property
+    def equally_stiff(self) -> bool:
+        """Whether specimens count as equally stiff: as said, or where a layer's is stated."""
+        return self.one_stiffness or any("C10" in one.stated for one in self.tissues)
 
     @property
     def specimens(self) -> dict[str, tuple[SpecimenRecording, ...]]:
@@ -141,10 +147,9 @@ def load_specimen(directory: Path) -> SpecimenFolder:
     relaxes = given.tissue.relaxes
     return SpecimenFolder(
         given.id, given.title, given.origin, tuple(used), tuple(left),
-        given.tissue.poisson_ratio,
         any(one.course.holds for one in used) if relaxes is None else relaxes,
         directory, errors, given.recordings.starts_at_contact, given.tissue.one_stiffness,
-        given.tissue.returns, given.tissue.law,
+        given.tissue.returns, given.tissue.law, tissues_of(given),
     )  # fmt: skip
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 from legfem.common.toml_file import FileTable
 from legfem.experiments.axisymmetric import (
@@ -26,17 +27,64 @@ from legfem.specimens.schema import (
     TestEntry,
 )
 
-Sizes = BallOnLayer | PunchOnLayer | CylinderBetweenPlates | CylinderOnBlock | Bar
+OnLayers = BallOnLayer | PunchOnLayer | CylinderOnBlock
+
+
+@dataclass(frozen=True)
+class LayeredTest:
+    """A test of layers on each other.
+
+    Parameters
+    ----------
+    whole
+        The test, on a layer as thick as all together.
+    layers
+        Names and thicknesses (mm), from the base up.
+    """
+
+    whole: OnLayers
+    layers: tuple[tuple[str, float], ...]
+
+
+OneTissue = OnLayers | CylinderBetweenPlates | Bar
+Sizes = OneTissue | LayeredTest
 Test = BallIndentation | FlatPunchIndentation | CylinderCompression | LateralCylinder | UniaxialTest
 
 
-_WORDS: dict[type[Sizes], str] = {
+_WORDS: dict[type, str] = {
     BallOnLayer: "a ball on a layer",
     PunchOnLayer: "a flat punch on a layer",
     CylinderBetweenPlates: "between plates",
     CylinderOnBlock: "a cylinder across a block",
     Bar: "a bar",
 }
+
+
+def lengths_of(sizes: Sizes) -> dict[str, float]:
+    """Return a test's sizes by name: mm, and mm² of an area."""
+    if isinstance(sizes, LayeredTest):
+        whole = lengths_of(sizes.whole)
+        del whole["thickness"]
+        return whole | {name + _OF_LAYER: thickness for name, thickness in sizes.layers}
+    return {name: value for name, value in asdict(sizes).items() if isinstance(value, float)}
+
+
+def resized(sizes: Sizes, name: str, value: float) -> Sizes:
+    """Return a test with another of the sizes of `lengths_of`."""
+    if isinstance(sizes, LayeredTest):
+        layers = tuple(
+            (layer, value if layer + _OF_LAYER == name else thickness)
+            for layer, thickness in sizes.layers
+        )
+        own: dict[str, Any] = {"thickness": sum(thickness for _, thickness in layers)}
+        if layers == sizes.layers:
+            own[name] = value
+        return LayeredTest(replace(sizes.whole, **own), layers)
+    changed: Any = replace(sizes, **{name: value})  # type: ignore[arg-type]
+    return changed  # type: ignore[no-any-return]
+
+
+_OF_LAYER = "_thickness"
 
 
 class SizeError(Exception):
@@ -55,11 +103,39 @@ def sizes_of(given: SpecimenFile, specimen: SpecimenEntry | None) -> Sizes:
     for key in own:
         if key not in type(given.test).model_fields:
             raise SizeError(key, "is no size of this test", "remove it")
-    return _sizes(given.test.model_copy(update=own))
+    layers = _layers(given, specimen)
+    if not layers:
+        return _sizes(given.test.model_copy(update=own))
+    if "thickness_mm" in own or getattr(given.test, "thickness_mm", None) is not None:
+        raise SizeError("thickness_mm", "is that of the layers together", "remove it")
+    own["thickness_mm"] = sum(thickness for _, thickness in layers)
+    whole = _sizes(given.test.model_copy(update=own))
+    assert isinstance(whole, OnLayers)
+    return LayeredTest(whole, layers)
+
+
+def _layers(given: SpecimenFile, specimen: SpecimenEntry | None) -> tuple[tuple[str, float], ...]:
+    """Return names and thicknesses of a specimen's layers, from the base up."""
+    own = None if specimen is None else specimen.layers_mm
+    if own is None:
+        own = [
+            _given(layer, "thickness_mm", "give it, or layers_mm with every [[specimen]]")
+            for layer in given.layers
+        ]
+    elif len(own) != len(given.layers):
+        raise SizeError(
+            "layers_mm", f"{len(own)} thicknesses of {len(given.layers)} [[layers]]",
+            "give one a layer",
+        )  # fmt: skip
+    names = [layer.name for layer in given.layers]
+    return tuple(zip(reversed(names), reversed(own), strict=True))
 
 
 def sizes_text(sizes: Sizes) -> str:
     """Return a specimen's test with its sizes, as people read them."""
+    if isinstance(sizes, LayeredTest):
+        layers = " on ".join(f"{name} {thickness:g} mm" for name, thickness in sizes.layers[::-1])
+        return f"{sizes_text(sizes.whole)}; {layers}"
     told = (
         f"{name.replace('_', ' ')} "
         + (value if isinstance(value, str) else f"{value:g} {'mm²' if name == 'area' else 'mm'}")
@@ -68,7 +144,7 @@ def sizes_text(sizes: Sizes) -> str:
     return f"{_WORDS[type(sizes)]}: {', '.join(told)}"
 
 
-def _sizes(test: TestEntry) -> Sizes:
+def _sizes(test: TestEntry) -> OneTissue:
     match test:
         case BallEntry():
             return BallOnLayer(
@@ -94,8 +170,10 @@ def _sizes(test: TestEntry) -> Sizes:
             return Bar(_given(test, "length_mm"), _given(test, "area_mm2"), test.direction)
 
 
-def _given(entry: FileTable, key: str) -> float:
+def _given(
+    entry: FileTable, key: str, remedy: str = "give it with the test, or with every [[specimen]]"
+) -> float:
     value: float | None = getattr(entry, key)
     if value is None:
-        raise SizeError(key, "missing", "give it with the test, or with every [[specimen]]")
+        raise SizeError(key, "missing", remedy)
     return value
