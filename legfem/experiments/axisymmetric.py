@@ -16,13 +16,13 @@ from legfem.common.checks import check_positive
 from legfem.common.errors import InputError
 from legfem.experiments.base import Solved
 from legfem.experiments.pressing import OnStep, Pressing, PressingTest, leg_model, motion
-from legfem.fem.spaces import Symmetry, build_spaces
+from legfem.fem.spaces import LegSpaces, Symmetry, build_spaces
 from legfem.fem.system import System
 from legfem.mechanics.contact import RigidBall, RigidIndenter, RigidPlate
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Formulation, LegModel, Term
-from legfem.meshing.meridian import MeridianMeshSettings, mesh_meridian, supports
+from legfem.meshing.meridian import MeridianMesh, MeridianMeshSettings, mesh_meridian, supports
 from legfem.meshing.section import DEEP
 from legfem.meshing.support import Support
 from legfem.solve.force_curve import ForceCurve
@@ -149,10 +149,8 @@ class Arrangement:
 
 
 @dataclass(frozen=True, eq=False)
-class AxisymmetricTest[Sizes](PressingTest):
-    """A test with axial symmetry; solves for any parameters without meshing again.
-
-    A test of one's own says in ``arrangement`` what presses on what.
+class AxisymmetricBody[Sizes]:
+    """A body with axial symmetry, of one tissue or of layers.
 
     Parameters
     ----------
@@ -176,20 +174,14 @@ class AxisymmetricTest[Sizes](PressingTest):
     mechanisms: Sequence[Term] = ()
 
     @property
-    @abstractmethod
-    def arrangement(self) -> Arrangement:
-        """What presses on what."""
-
-    @property
     def laws(self) -> Mapping[str, Hyperelastic]:
         """Laws of the tissues by region, from the base up; one is called as the leg's deep one."""
         if isinstance(self.law, tuple):
             return {layer.name: layer.law for layer in self.law}
         return {"deep": self.law}
 
-    @property
-    def interfaces(self) -> tuple[float, ...]:
-        """Heights at which layers meet, above the base (mm).
+    def interfaces_within(self, height: float) -> tuple[float, ...]:
+        """Return the heights at which layers meet, above the base of a body so high (mm).
 
         Raises
         ------
@@ -199,13 +191,44 @@ class AxisymmetricTest[Sizes](PressingTest):
         if not isinstance(self.law, tuple):
             return ()
         tops = np.cumsum([layer.thickness for layer in self.law])
-        height = self.arrangement.height
         if abs(tops[-1] - height) > 1e-9 * height:
             raise InputError(
                 "layers", "thickness", f"{tops[-1]:g} mm together, and the body is {height:g} mm",
                 "give layers that fill it",
             )  # fmt: skip
         return tuple(tops[:-1].tolist())
+
+    def spaces_on(
+        self, meshed: MeridianMesh, held: Sequence[Support], symmetry: Symmetry = "axial"
+    ) -> LegSpaces:
+        """Return the spaces of the body on its mesh."""
+        return build_spaces(
+            meshed.mesh,
+            meshed.cell_tags,
+            meshed.facet_tags,
+            self.settings.formulation,
+            regions={name: DEEP + k for k, name in enumerate(self.laws)},
+            supports=held,
+            symmetry=symmetry,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class AxisymmetricTest[Sizes](AxisymmetricBody[Sizes], PressingTest):
+    """A test with axial symmetry; solves for any parameters without meshing again.
+
+    A test of one's own says in ``arrangement`` what presses on what.
+    """
+
+    @property
+    @abstractmethod
+    def arrangement(self) -> Arrangement:
+        """What presses on what."""
+
+    @property
+    def interfaces(self) -> tuple[float, ...]:
+        """Heights at which layers meet, above the base (mm)."""
+        return self.interfaces_within(self.arrangement.height)
 
     @cached_property
     def model(self) -> LegModel:
@@ -220,15 +243,7 @@ class AxisymmetricTest[Sizes](PressingTest):
             given.radius, given.height, given.fine, given.mesh, given.side, self.comm,
             self.interfaces,
         )  # fmt: skip
-        spaces = build_spaces(
-            meshed.mesh,
-            meshed.cell_tags,
-            meshed.facet_tags,
-            settings.formulation,
-            regions={name: DEEP + k for k, name in enumerate(self.laws)},
-            supports=given.held,
-            symmetry=given.symmetry,
-        )
+        spaces = self.spaces_on(meshed, given.held, given.symmetry)
         start, direction = np.array([0.0, given.centre]), np.array([0.0, -1.0])
         system = System(spaces, self.model, start, direction, settings.quadrature_degree)
         solver = NewtonSolver(system, settings.newton, settings.linear)

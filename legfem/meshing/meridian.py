@@ -19,7 +19,7 @@ from legfem.meshing.grid import spaced, tagged
 from legfem.meshing.section import BONE, DEEP, SKIN
 from legfem.meshing.support import Support
 
-AXIS, BASE, SIDE = 13, BONE, 17
+AXIS, BASE, SIDE, RIM, OUTSIDE = 13, BONE, 17, 18, 19
 
 
 @dataclass(frozen=True)
@@ -72,6 +72,7 @@ def mesh_meridian(
     side: Literal["skin", "free"] = "free",
     comm: MPI.Intracomm = MPI.COMM_SELF,
     interfaces: Sequence[float] = (),
+    rings: Sequence[tuple[int, float]] = (),
 ) -> MeridianMesh:
     """Mesh a specimen of a radius and height (mm).
 
@@ -89,6 +90,9 @@ def mesh_meridian(
         Of the mesh.
     interfaces
         Heights (mm) at which one tissue meets the next, from the base up.
+    rings
+        Tags and outer radii (mm) of parts of the top, from the axis out, in place of `SKIN`; what
+        is farther out has none.
     """
 
     def graded(distance: FloatArray) -> FloatArray:
@@ -98,7 +102,7 @@ def mesh_meridian(
     def across(r: FloatArray) -> FloatArray:
         return graded(np.maximum(fine[0] - r, r - fine[1]))
 
-    r = spaced(radius, across)
+    r = spaced(radius, across, tuple(outer for _, outer in rings))
     z = height - spaced(height, graded, tuple(height - z for z in reversed(interfaces)))[::-1]
     counts = [len(r) - 1, len(z) - 1]
     made = dolfinx_mesh.create_rectangle(
@@ -116,7 +120,22 @@ def mesh_meridian(
     nodes = made.geometry.x
     nodes[:, 0] = np.interp(nodes[:, 0], np.arange(len(r)), r)
     nodes[:, 1] = np.interp(nodes[:, 1], np.arange(len(z)), z)
+    if rings:
+        facet_tags = _in_rings(made, facet_tags, rings)
     return MeridianMesh(made, cell_tags, facet_tags)
+
+
+def _in_rings(made: Any, facet_tags: Any, rings: Sequence[tuple[int, float]]) -> Any:
+    """Return facet tags with those of rings in place of `SKIN`."""
+    skin = facet_tags.find(SKIN)
+    middle = dolfinx_mesh.compute_midpoints(made, 1, skin)[:, 0]
+    number = np.searchsorted([outer for _, outer in rings], middle)
+    tags = np.array([*(tag for tag, _ in rings), OUTSIDE], dtype=np.int32)
+    kept = facet_tags.values != SKIN
+    facets = np.concatenate([facet_tags.indices[kept], skin])
+    values = np.concatenate([facet_tags.values[kept], tags[number]])
+    order = np.argsort(facets)
+    return dolfinx_mesh.meshtags(made, 1, facets[order], values[order])
 
 
 def supports(base: Literal["bonded", "sliding"]) -> tuple[Support, ...]:

@@ -19,6 +19,7 @@ from legfem.experiments.axisymmetric import (
 from legfem.experiments.base import Homebound, Solved, made_when_needed
 from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
 from legfem.experiments.lateral_cylinder import LateralCylinder
+from legfem.experiments.suction import CupOnLayer, SuctionTest
 from legfem.experiments.uniaxial import Bar, UniaxialTest
 from legfem.identify.catalogue import Values
 from legfem.identify.forward import ForwardOutcome
@@ -68,6 +69,8 @@ def _experiment(sizes: OneTissue, law: Hyperelastic, depth: float) -> Test:
             return FlatPunchIndentation(sizes, law, replace(plain, contact=contact))
         case CylinderBetweenPlates():
             return CylinderCompression(sizes, law, plain)
+        case CupOnLayer():
+            return SuctionTest(sizes, law, plain)
         case _:
             radius = sizes.cylinder_radius
             fine = _shallow(plain, radius, depth, sizes.cylinder, radius / 16)

@@ -27,7 +27,7 @@ from legfem.jobs.store import Store
 from legfem.specimens.folder import LeftOut, SpecimenFolder, SpecimenRecording
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import Asked, identified_law
-from legfem.specimens.misfit import Part, SpecimenMisfit
+from legfem.specimens.misfit import SHAPE_SD_OF_LAYERS, Part, SpecimenMisfit
 from legfem.specimens.own_stiffness import OwnStiffness
 from legfem.specimens.result import ComparedRecording, SpecimenResult
 from legfem.specimens.sizes import Sizes
@@ -284,7 +284,8 @@ def _identify(
         sum(not one.complete for one in outcomes.values()),
         sum(solver.was_reused(one.values) for one in outcomes.values()),
         search.emulator_error, settings.seed, time.perf_counter() - started,
-        _warnings(prepared, fitted, found, search, p_value, notes), versions(), stiffness, spread,
+        _warnings(folder, prepared, fitted, found, search, p_value, notes), versions(), stiffness,
+        spread,
     )  # fmt: skip
 
 
@@ -298,7 +299,8 @@ def _misfit(
     parts = tuple(
         Part(one.course, model.tests.index(one.sizes), one.specimen) for one in recordings
     )
-    misfit = SpecimenMisfit(parts, model.depths, folder.relaxes)
+    shape_sd = SHAPE_SD_OF_LAYERS if len(folder.tissues) > 1 else 0.0
+    misfit = SpecimenMisfit(parts, model.depths, folder.relaxes, shape_sd=shape_sd)
     names = tuple(dict.fromkeys(part.specimen for part in parts))
     if folder.equally_stiff or (known is None and len(names) < 2):
         return misfit
@@ -310,6 +312,7 @@ def _misfit(
 
 
 def _warnings(
+    folder: SpecimenFolder,
     prepared: Prepared,
     fitted: Sequence[SpecimenRecording],
     found: Mapping[str, Estimate],
@@ -318,7 +321,7 @@ def _warnings(
     notes: Sequence[str],
 ) -> tuple[str, ...]:
     """Return a sentence a warning, the gravest first."""
-    texts = []
+    texts = [f"DOUBTFUL INPUT: {doubt}" for doubt in folder.doubts]
     if not search.converged:
         texts.append("The search ended before it converged: rerun with another --seed.")
     texts += [

@@ -79,7 +79,20 @@ class BarEntry(FileTable):
     area_mm2: Positive | None = None
 
 
-type TestEntry = BallEntry | PunchEntry | PlatesEntry | CylinderEntry | BarEntry
+class SuctionEntry(FileTable):
+    """``[suction]``: a cup that draws a round layer on a rigid base up through its opening."""
+
+    thickness_mm: Positive | None = None
+    diameter_mm: Positive | None = None
+    opening_mm: Positive
+    """Inner diameter of the cup."""
+    rim_mm: Positive
+    """Width of the cup's face on the skin."""
+    rim: Base = "bonded"
+    base: Base = "bonded"
+
+
+type TestEntry = BallEntry | PunchEntry | PlatesEntry | CylinderEntry | BarEntry | SuctionEntry
 """What is done to the specimen; sizes that specimens have of their own may be absent."""
 
 
@@ -140,7 +153,7 @@ class TissueEntry(FileTable):
 class SpecimenFile(FileTable):
     """``specimen.toml`` as it is written, in the file's units."""
 
-    alternatives: ClassVar = ("ball", "punch", "plates", "cylinder", "uniaxial")
+    alternatives: ClassVar = ("ball", "punch", "plates", "cylinder", "uniaxial", "suction")
 
     id: PlainName
     title: Text
@@ -150,6 +163,7 @@ class SpecimenFile(FileTable):
     plates: PlatesEntry | None = None
     cylinder: CylinderEntry | None = None
     uniaxial: BarEntry | None = None
+    suction: SuctionEntry | None = None
     layers: list[LayerEntry] = Field(default_factory=list)
     specimen: list[SpecimenEntry] = Field(default_factory=list)
     tissue: TissueEntry = TissueEntry()
@@ -174,9 +188,9 @@ class SpecimenFile(FileTable):
             if names.count(name) > 1 or name in _TAKEN:
                 problem = "is the name of something else" if name in _TAKEN else "stands twice"
                 raise trouble("layers.name", f"{name!r} {problem}", "give another")
-        if names and not isinstance(self.test, BallEntry | PunchEntry | CylinderEntry):
+        if names and not isinstance(self.test, PlatesEntry | BarEntry):
             raise trouble(
-                "layers", "are for a ball, a punch or a cylinder across a block",
+                "layers", "are for a ball, a punch, a suction cup or a cylinder across a block",
                 "remove them, or the test",
             )  # fmt: skip
         return self

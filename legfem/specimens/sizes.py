@@ -14,6 +14,7 @@ from legfem.experiments.axisymmetric import (
 )
 from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
 from legfem.experiments.lateral_cylinder import CylinderOnBlock, LateralCylinder
+from legfem.experiments.suction import CupOnLayer, SuctionTest
 from legfem.experiments.uniaxial import Bar, UniaxialTest
 from legfem.specimens.schema import (
     SIZES,
@@ -24,10 +25,11 @@ from legfem.specimens.schema import (
     PunchEntry,
     SpecimenEntry,
     SpecimenFile,
+    SuctionEntry,
     TestEntry,
 )
 
-OnLayers = BallOnLayer | PunchOnLayer | CylinderOnBlock
+OnLayers = BallOnLayer | PunchOnLayer | CylinderOnBlock | CupOnLayer
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,8 @@ class LayeredTest:
 
 OneTissue = OnLayers | CylinderBetweenPlates | Bar
 Sizes = OneTissue | LayeredTest
-Test = BallIndentation | FlatPunchIndentation | CylinderCompression | LateralCylinder | UniaxialTest
+Pressed = BallIndentation | FlatPunchIndentation | CylinderCompression | LateralCylinder
+Test = Pressed | UniaxialTest | SuctionTest
 
 
 _WORDS: dict[type, str] = {
@@ -57,6 +60,7 @@ _WORDS: dict[type, str] = {
     CylinderBetweenPlates: "between plates",
     CylinderOnBlock: "a cylinder across a block",
     Bar: "a bar",
+    CupOnLayer: "a suction cup on a layer",
 }
 
 
@@ -85,6 +89,12 @@ def resized(sizes: Sizes, name: str, value: float) -> Sizes:
 
 
 _OF_LAYER = "_thickness"
+
+
+def opening_of(sizes: Sizes) -> float | None:
+    """Return the area of a suction cup's opening (mm2): a suction on it is its force."""
+    whole = sizes.whole if isinstance(sizes, LayeredTest) else sizes
+    return whole.opening if isinstance(whole, CupOnLayer) else None
 
 
 class SizeError(Exception):
@@ -168,6 +178,11 @@ def _sizes(test: TestEntry) -> OneTissue:
             return CylinderOnBlock(thickness, width, length, radius, test.cylinder, test.base)
         case BarEntry():
             return Bar(_given(test, "length_mm"), _given(test, "area_mm2"), test.direction)
+        case SuctionEntry():
+            return CupOnLayer(
+                _given(test, "thickness_mm"), test.opening_mm / 2, test.rim_mm,
+                _given(test, "diameter_mm") / 2, test.rim, test.base,
+            )  # fmt: skip
 
 
 def _given(

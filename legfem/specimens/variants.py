@@ -22,6 +22,7 @@ from legfem.diagnose.variants import Stopped
 from legfem.experiments.axisymmetric import BallOnLayer, CylinderBetweenPlates
 from legfem.experiments.flat_punch import PunchOnLayer
 from legfem.experiments.lateral_cylinder import CylinderOnBlock
+from legfem.experiments.suction import CupOnLayer, SuctionTest
 from legfem.experiments.uniaxial import Bar, UniaxialTest
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.terms import Tissue
@@ -59,6 +60,8 @@ def slipping(sizes: Sizes) -> Sizes | None:
             free = replace(sizes, punch="frictionless")
         case CylinderBetweenPlates():
             free = replace(sizes, ends="sliding")
+        case CupOnLayer():
+            free = replace(sizes, rim="sliding")
         case CylinderOnBlock():
             free = replace(sizes, cylinder="frictionless")
         case _:
@@ -161,9 +164,11 @@ class SpecimenVariants:
             terms = self._terms(variant)
             laws = {one.name: one.at(REFERENCE_MPA) for one in self._named} | {ONE: self._law}
             model = experiment_of(self._of_model(self._sizes(variant)), laws, self.depth)
+            swapped = [term for term in terms if isinstance(term, Tissue)]
             if isinstance(model, UniaxialTest):
-                own = [term.law for term in terms if isinstance(term, Tissue)]
-                model = replace(model, law=own[0]) if own else model
+                model = replace(model, law=swapped[0].law) if swapped else model
+            elif isinstance(model, SuctionTest):
+                model = replace(model, mechanisms=swapped)
             else:
                 model = replace(model, mechanisms=terms)
             self._models[variant] = model
@@ -272,7 +277,7 @@ class SpecimenVariants:
             return Stopped(" ".join(str(error).split()) or type(error).__name__)
         if not solved.report.complete:
             return Stopped(str(solved.report))
-        if isinstance(model, UniaxialTest):
+        if isinstance(model, UniaxialTest | SuctionTest):
             return _relaxing(solved.path, values, sensitivities)
         return solved.path
 
@@ -284,7 +289,10 @@ def _of_variant(variant: str) -> list[TissueMechanism]:
 
 
 def _relaxing(path: Path, values: Mapping[str, float], sensitivities: Sequence[str]) -> Path:
-    """Return a bar's course with what its branches bear; see `legfem.specimens.relaxation`."""
+    """Return a course with what branches bear; see `legfem.specimens.relaxation`.
+
+    Of tests that are solved for their first loading alone: a bar's, and a suction cup's.
+    """
     names = [f"deep.viscoelasticity{k + 1}.ratio" for k in range(len(TIMES_S))]
     if not any(name in values or name in sensitivities for name in names):
         return path
