@@ -33,18 +33,20 @@ poisson_ratio = {POISSON}
 UNITS = {"kPa": 1e-3, "mbar": 1e-4, "mmHg": 133.322e-6}
 
 
-@pytest.fixture(scope="module")
-def suctions() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times (s), suctions (MPa) and heights (mm)."""
+def drawn(*layers: OtherLayer) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return times (s), suctions (MPa) and heights (mm) of layers by the other code."""
     knots = np.linspace(0.5e-3, 4e-3, 8)
-    risen = OtherLayers([OtherLayer(15.0, C10, BULK)], 40.0, [5.0, 7.0], 0.4).sucked(
-        5.0, 2.0, knots
-    )
+    risen = OtherLayers(layers, 40.0, [5.0, 7.0], 0.4).sucked(5.0, 2.0, knots)
     time = np.linspace(0.0, 8.0, 161)
     suction = knots[-1] * time / 8.0
     curve = np.polynomial.Polynomial.fit([0.0, *knots], [0.0, *risen], 5)
     noise = np.random.default_rng(1).normal(0.0, 3e-3, len(time))
     return time, suction, curve(suction) - curve(0.0) + noise
+
+
+@pytest.fixture(scope="module")
+def suctions() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return drawn(OtherLayer(15.0, C10, BULK))
 
 
 def written(folder: Path, made, unit: str = "kPa", header: str | None = None, name="a") -> Path:
@@ -114,6 +116,20 @@ def test_the_planted_stiffness_is_found(tmp_path: Path, suctions) -> None:
     print(estimate.value / C10, np.array(estimate.ci95) / C10, found.rms_percent)
     assert estimate.value == pytest.approx(C10, rel=0.02)
     assert estimate.ci95[0] < C10 < estimate.ci95[1]
+
+
+@pytest.mark.slow
+def test_the_muscle_under_a_fat_of_stated_stiffness_is_found(tmp_path: Path) -> None:
+    layers = OtherLayer(12.0, 2 * C10, BULK), OtherLayer(3.0, 3e-3, BULK)
+    written(tmp_path, drawn(*layers))
+    fat = '[[layers]]\nname = "fat"\nthickness_mm = 3.0\nC10_kPa = 3.0\n'
+    muscle = '[[layers]]\nname = "muscle"\nthickness_mm = 12.0\n'
+    (tmp_path / "specimen.toml").write_text(CUP.replace("thickness_mm = 15.0\n", "") + fat + muscle)
+    found = lf.identify(lf.load_specimen(tmp_path), "neo-hookean")["neo-hookean"]
+    estimate = found.parameters["muscle.C10"]
+    print(estimate.value, estimate.ci95)
+    assert estimate.value == pytest.approx(2 * C10, rel=0.05)
+    assert estimate.ci95[0] < 2 * C10 < estimate.ci95[1]
 
 
 @pytest.mark.slow

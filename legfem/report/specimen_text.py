@@ -12,8 +12,9 @@ from legfem.report.page import ReportFile, headline, listing
 from legfem.report.specimen_numbers import assumed_numbers
 from legfem.report.style import LAW_NAMES
 from legfem.report.text import ENERGIES, ORIGINS, WIDTH, probability, variables, wrapped
+from legfem.specimens.misfit import SHAPE_SD_OF_LAYERS
 from legfem.specimens.result import ComparedRecording, SpecimenResult
-from legfem.specimens.sizes import sizes_text
+from legfem.specimens.sizes import Sizes, opening_of, sizes_text
 
 _SIMULATED = "simulated data (forces computed by a model; no specimen was measured)"
 
@@ -89,8 +90,8 @@ def procedure(result: SpecimenResult) -> str:
     text = textwrap.fill(
         f"{len(result.fitted)} recordings were fitted together by one law, each counting alike "
         f"and relative to its greatest force, from first contact {until}{relaxing}"
-        f"{own}A genetic algorithm (pygad) searched on an emulator of the tests, which full "
-        "solves refined and confirmed. Intervals carry the instrument's errors, the model's, and "
+        f"{own}{_of_layers(result)}{_of_a_cup(tests)}A genetic algorithm (pygad) searched on an "
+        "emulator of the tests, which full solves refined and confirmed. Intervals carry the instrument's errors, the model's, and "
         "how recordings differ by a factor "
         f"({100 * result.gain_sd:.2g} %).",
         WIDTH,
@@ -101,6 +102,28 @@ def procedure(result: SpecimenResult) -> str:
 
 
 _MOST_TESTS = 12
+
+
+def _of_layers(result: SpecimenResult) -> str:
+    tissues = result.folder.tissues
+    if len(tissues) == 1:
+        return ""
+    stated = [one.name for one in tissues if "C10" in one.stated]
+    held = f"the stiffness of {', '.join(stated)} is as stated, and " if stated else ""
+    return (
+        f"The layers are bonded to each other; {held}the shape of a curve counts as known to "
+        f"{100 * SHAPE_SD_OF_LAYERS:.0f} %, since what the law leaves out bends it as layers of "
+        "unlike stiffness do. "
+    )
+
+
+def _of_a_cup(tests: Sequence[Sizes]) -> str:
+    if opening_of(tests[0]) is None:
+        return ""
+    return (
+        "Displacement is the dome's height at its middle, force the suction times the area of the "
+        "cup's opening; the cup is held where it touches. "
+    )
 
 
 def _result(result: SpecimenResult) -> str:
