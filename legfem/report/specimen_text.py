@@ -91,8 +91,8 @@ def procedure(result: SpecimenResult) -> str:
         f"{len(result.fitted)} recordings were fitted together by one law, each counting alike "
         f"and relative to its greatest force, from first contact {until}{relaxing}"
         f"{own}{_of_layers(result)}{_of_a_cup(tests)}A genetic algorithm (pygad) searched on an "
-        "emulator of the tests, which full solves refined and confirmed. Intervals carry the instrument's errors, the model's, and "
-        "how recordings differ by a factor "
+        "emulator of the tests, which full solves refined and confirmed. Intervals carry the "
+        "instrument's errors, the model's, and how recordings differ by a factor "
         f"({100 * result.gain_sd:.2g} %).",
         WIDTH,
     )
