@@ -123,7 +123,9 @@ def _leg(folder: Path, out: Path) -> Preview:
         next(iter(sites.values())).origin,
         next((site.trouble for site in sites.values() if site.trouble), ""),
         tuple(f"{name}: {line}" for name, site in sites.items() for line in site.doubts),
-        tuple((f"{name}: {what}", fact) for name, site in sites.items() for what, fact in site.facts),
+        tuple(
+            (f"{name}: {what}", fact) for name, site in sites.items() for what, fact in site.facts
+        ),
         tuple(picture for site in sites.values() for picture in site.pictures),
         tuple(recording for site in sites.values() for recording in site.recordings),
     )
@@ -269,8 +271,8 @@ def _recording(
         reason.partition(": ")[2] for reason in quality.reasons if quality.grade != BEST_GRADE
     )
     return SeenRecording(
-        f"{site}/{path.name}" if site else path.name, quality.grade, reasons, text, picture, channels=proposal.channels,
-        columns=columns,
+        f"{site}/{path.name}" if site else path.name, quality.grade, reasons, text, picture,
+        channels=proposal.channels, columns=columns,
     )  # fmt: skip
 
 
