@@ -34,8 +34,8 @@ def warnings_about(result: SitesResult) -> tuple[str, ...]:
         texts.append(
             "The sites do not ask for the same parameters (chi-square "
             f"{result.agreement.chi_square:.3g} for {result.agreement.degrees_of_freedom} degrees "
-            f"of freedom): {'; '.join(_departures(result))}. Something is otherwise there than at "
-            "the others, or wrongly given: diagnose that site by itself."
+            f"of freedom): {'; '.join(_departures(result))}. Something is otherwise there, wrongly "
+            "given, or left out by the law: diagnose that site by itself."
         )
     for one in result.sites:
         texts += [_at(one, text) for text in begun_in_air(one.measured)]
