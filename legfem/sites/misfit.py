@@ -70,6 +70,11 @@ class SitesMisfit(Compared):
         """The sites' depths."""
         return ", ".join(part.reach for part in self.parts)
 
+    @property
+    def in_errors(self) -> bool:
+        """Every site is weighed by its errors."""
+        return True
+
     def reached_by(self, outcome: ForwardOutcome) -> bool:
         """Return whether every site came to its depth."""
         return all(part.reached_by(_of_site(outcome, k)) for k, part in enumerate(self.parts))
