@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from legfem.commands.options import AsJson, Jobs, Quiet, Subject, SubjectDir
+from legfem.commands.options import Jobs, Subject, SubjectDir
 from legfem.common.command_edge import (
     FAILED,
     check_out_folder,
@@ -18,6 +18,7 @@ from legfem.common.command_edge import (
 )
 from legfem.common.doubts import say
 from legfem.common.errors import InputError
+from legfem.common.outcome_options import AsJson, Quiet
 from legfem.common.progress import progress_on
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)

@@ -23,6 +23,7 @@ from legfem.identify.catalogue import (
     unit_of,
     unit_suffix,
 )
+from legfem.identify.error_sources import total_of
 from legfem.identify.estimates import Optimum, correlations_of, estimates
 from legfem.identify.laws import IdentifiedLaw
 from legfem.identify.misfit import Misfit
@@ -79,10 +80,10 @@ def assess(given: Assessment) -> IdentificationResult:
     """Return the result of a finished search."""
     search, best, linear = given.search, given.best, given.linear
     settings, law = search.settings, search.law
-    covariance = search.misfit.covariance_at(best.values)
-    cost = _cost(given, covariance)
+    covariances = search.misfit.covariances_at(best.values)
+    cost = _cost(given, total_of(covariances))
     optimum = Optimum(
-        linear, _residual(given, linear), covariance, quantile(given.measured.noise.repeat_dof),
+        linear, _residual(given, linear), covariances, quantile(given.measured.noise.repeat_dof),
         cost.p_value >= LEAST_CHANCE, _assumed(given),
     )  # fmt: skip
     found = estimates(optimum)

@@ -13,6 +13,7 @@ from scipy.stats import chi2
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, Silent
 from legfem.identify.assess import versions
+from legfem.identify.error_sources import total_of
 from legfem.identify.estimates import Optimum, correlations_of, estimates
 from legfem.identify.forward import ForwardOutcome
 from legfem.identify.laws import LawName, model_values
@@ -228,7 +229,7 @@ def _identify(
     readings = free.readings(best.point)
     stiffness = misfit.stiffness(linear.prediction, readings)
     spread = float(np.std(np.log(list(stiffness.values())), ddof=1)) if stiffness else 0.0
-    covariance = misfit.covariance_at(force)
+    covariance = total_of(misfit.covariances_at(force))
     left = force - misfit.measured_force
     departures = free.priors.residual(best.point)
     chi_square = float(left @ np.linalg.solve(covariance, left) + departures @ departures)
@@ -238,7 +239,7 @@ def _identify(
     optimum = Optimum(
         linear,
         residual,
-        misfit.covariance_at(force, spread),
+        misfit.covariances_at(force, spread),
         quantile(len(stiffness or fitted) - 1),
         p_value >= LEAST_CHANCE,
         {},
