@@ -245,7 +245,7 @@ def _run_specimen(
     from legfem.specimens.laws import asked_in_writing, laws_named
 
     found = load_specimen(directory)
-    asked = asked_in_writing(Written(*written))
+    asked = asked_in_writing(Written(*written), found.tissues)
     folder = out or Path("results") / f"identify-{found.id}"
     check_out_folder(folder)
     try:

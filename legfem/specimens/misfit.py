@@ -26,6 +26,9 @@ COUNTED = 20
 """Stations that a recording counts as, however many it has: neighbours err alike."""
 LEAST_GAIN_SD = 0.01
 """From recording to recording; more where their scatter says so."""
+SHAPE_SD_OF_LAYERS = 0.05
+"""Layers of unlike stiffness bend a curve by a few percent: so do what the law leaves out of how
+tissue stiffens, and the rounding of edges."""
 _STEP = 1e-5
 
 
@@ -62,12 +65,16 @@ class SpecimenMisfit(Compared):
         Whether the spectrum counts.
     own : OwnStiffness, optional
         Of every specimen; all are alike without it.
+    shape_sd : float
+        By which the model's force may rise otherwise over the depth, relative, one standard
+        deviation, alike in all recordings.
     """
 
     parts: tuple[Part, ...]
     depths: tuple[float, ...]
     relaxes: bool
     own: OwnStiffness | None = None
+    shape_sd: float = 0.0
 
     @cached_property
     def measured_force(self) -> FloatArray:
@@ -200,6 +207,10 @@ class SpecimenMisfit(Compared):
         differences = np.zeros_like(readings)
         if self.own is not None:
             differences += spread**2 * np.outer(force, force) * self.own.same
+        if self.shape_sd:
+            share = [part.course.displacement / part.course.depth for part in self.parts]
+            otherwise = self.shape_sd * force * np.concatenate(share)
+            model += np.outer(otherwise, otherwise)
         gain = self.gain_sd(force)
         for part, span in zip(self.parts, self.spans, strict=True):
             course, own = part.course, force[span]
