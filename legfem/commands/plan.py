@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from legfem.commands.options import Jobs, Subject, SubjectDir
+from legfem.commands.options import Jobs, Site, Subject, SubjectDir
 from legfem.common.checks import check_finite
 from legfem.common.command_edge import (
     check_out_folder,
@@ -25,6 +25,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 def plan(
     subject: Subject = None,
     subject_dir: SubjectDir = None,
+    site: Site = None,
     c10: Annotated[float, typer.Option(min=0.05, max=50.0, help="Expected C10 (kPa).")] = 0.8,
     c20: Annotated[float, typer.Option(min=0.0, max=50.0, help="Expected C20 (kPa).")] = 0.0,
     depth: Annotated[float, typer.Option(min=5.0, max=60.0, help="To press to (mm).")] = 20.0,
@@ -67,8 +68,9 @@ def plan(
 
         check_finite(c10=c10, c20=c20, depth=depth, rate=rate)
         found = load_subject(
-            SUBJECTS.named(subject, subject_dir), need_recordings=False, need_instrument=False
-        )
+            SUBJECTS.named(subject, subject_dir), need_recordings=False, need_instrument=False,
+            site=site or "",
+        )  # fmt: skip
         doubts = doubts_about(found)
         say(doubts)
         folder = out or Path("results") / f"plan-{found.id}"

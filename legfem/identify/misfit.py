@@ -59,6 +59,11 @@ class Compared(ABC):
     def reach(self) -> str:
         """How far a solve has to come, in words."""
 
+    @property
+    def in_errors(self) -> bool:
+        """Whether the objective is in units of errors: 1 more of it is a standard error."""
+        return False
+
     @abstractmethod
     def reached_by(self, outcome: ForwardOutcome) -> bool:
         """Return whether a solve came as far as what was measured."""

@@ -41,8 +41,9 @@ class NewtonSettings:
     mixing : int
         Updates by the same factors from which the next is improved, see `legfem.solve.mixing`.
     floor : float
-        A residual that no longer falls with new factors is rounding, and good enough below this multiple of the
-        tolerance: a stiff fascia around soft tissue sums large forces to small ones.
+        A residual that no longer falls with new factors is rounding, and good enough below this
+        multiple of the tolerance: a stiff fascia around soft tissue sums large forces to small
+        ones.
     memory : int
         An update is accepted if the residual falls below the largest of this many before it.
     max_halvings : int

@@ -153,14 +153,7 @@ class SpecimenForward(Homebound):
     def solve(self, values: Values, sensitivities: Sequence[str]) -> ForwardOutcome:
         """Solve every test in full; one that breaks down is an outcome that stops at once."""
         every = [self.solve_one(k, values, sensitivities) for k in range(len(self.tests))]
-        return ForwardOutcome(
-            values,
-            tuple(one.curves[0] for one in every),
-            all(one.complete for one in every),
-            "; ".join(one.reason for one in every if not one.complete),
-            sum(one.factorisations for one in every),
-            sum(one.seconds for one in every),
-        )
+        return ForwardOutcome.joined(values, every)
 
     def solve_one(
         self, number: int, values: Values, sensitivities: Sequence[str] = ()

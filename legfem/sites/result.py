@@ -1,0 +1,116 @@
+"""What an identification from several sites of a leg found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from legfem.common.doubts import Doubt
+from legfem.common.units import FloatArray
+from legfem.identify.catalogue import Values
+from legfem.identify.laws import LawName
+from legfem.identify.result import AppliedCorrection, Estimate
+from legfem.recording import LoadingCurve
+from legfem.subjects.subject import SitedLeg, Subject
+
+
+@dataclass(frozen=True)
+class ByItself:
+    """A parameter as one site alone says it, in the model's unit.
+
+    From the solves of the joint fit, without further ones; `legfem.identify` of that site has an
+    interval of its own.
+    """
+
+    value: float
+    standard_error: float
+    departure: float
+    """From the joint value, over the standard error of their difference."""
+
+
+@dataclass(frozen=True)
+class Chance:
+    """A sum of squares over their errors, and the chance of one as large."""
+
+    chi_square: float
+    degrees_of_freedom: int
+    p_value: float
+
+
+@dataclass(frozen=True, eq=False)
+class SiteFit:
+    """One site beside the joint fit."""
+
+    subject: Subject
+    measured: LoadingCurve
+    predicted: FloatArray
+    """Force on the measured curve's grid (n,), N, correction included."""
+    correction: AppliedCorrection | None
+    misfit: Chance
+    """Of this site's differences alone; as many degrees of freedom as forces."""
+    by_itself: Mapping[str, ByItself]
+    """By full name, what is identified."""
+
+    @property
+    def name(self) -> str:
+        """Of the site."""
+        return self.subject.site
+
+    @property
+    def residual(self) -> FloatArray:
+        """Predicted less measured force (n,), N."""
+        return self.predicted - self.measured.force
+
+    @property
+    def rms(self) -> float:
+        """Root mean square difference, N."""
+        return float(np.sqrt(np.mean(self.residual**2)))
+
+    @property
+    def r_squared(self) -> float:
+        """Share of the forces' variance that is predicted."""
+        force = self.measured.force
+        return 1 - float(np.sum(self.residual**2) / np.sum((force - force.mean()) ** 2))
+
+
+@dataclass(frozen=True, eq=False)
+class SitesResult:
+    """One law identified from several sites of a leg together."""
+
+    leg: SitedLeg
+    law: LawName
+    parameters: Mapping[str, Estimate]
+    """What was free, by full name."""
+    correlations: FloatArray
+    """(p, p), of the parameters' errors, in their order."""
+    values: Values
+    """All that the optimum was solved with, in the model's units."""
+    assumed: Values
+    """What of it was held."""
+    own_errors: Values
+    """Standard deviations of what each site's instrument errs by, of its own."""
+    sites: tuple[SiteFit, ...]
+    misfit: Chance
+    """Of all differences, with their covariance, and of priors."""
+    agreement: Chance
+    """Of what the sites say by themselves, were the parameters the same at all."""
+    neo_hookean_limit: bool
+    """Whether the reduced polynomial's optimum is its neo-Hookean limit."""
+    converged: bool
+    forward_solves: int
+    """Each of all sites."""
+    failed_solves: int
+    reused_solves: int
+    emulator_error: float
+    """N, at the last proposal."""
+    seed: int
+    wall_s: float
+    warnings: tuple[str, ...]
+    versions: Mapping[str, str]
+    doubts: tuple[Doubt, ...] = field(default=())
+
+    def farthest(self, name: str) -> SiteFit:
+        """Return the site that by itself departs most from the joint value of a parameter."""
+        return max(self.sites, key=lambda one: abs(one.by_itself[name].departure))
