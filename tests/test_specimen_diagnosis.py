@@ -23,8 +23,8 @@ from legfem.solve.protocol import Protocol
 from legfem.specimens.diagnosis import DiagnosedSpecimen, diagnose_specimens
 from legfem.specimens.folder import load_specimen
 from legfem.specimens.forward import experiment_of
-from legfem.specimens.laws import REFERENCE_MPA, specimen_law
 from legfem.specimens.mechanisms import Scale, mechanisms_of
+from legfem.specimens.tissues import REFERENCE_MPA, specimen_law
 from legfem.specimens.variants import SpecimenVariants, slipping
 
 STATED = "[instrument]\nforce_sd_N = 0.002\ndisplacement_sd_mm = 0.002\n"
@@ -113,7 +113,7 @@ def test_one_solution_serves_every_stiffness(sizes, depth: float) -> None:
             "deep.C10": first, "deep.C20": second,
             "deep.D1": law.parameters["D1"] * REFERENCE_MPA / first,
         }  # fmt: skip
-        return experiment_of(of, law, depth).solve(values, depth).curve(at)
+        return experiment_of(of, {"deep": law}, depth).solve(values, depth).curve(at)
 
     np.testing.assert_allclose(found.force_at(at), direct(c10, c20), rtol=2e-5)
     for name, step in (("deep.C10", (1e-2 * c10, 0.0)), ("deep.C20", (0.0, 1e-2 * c20))):

@@ -9,13 +9,14 @@ from typing import Annotated
 
 import typer
 
-from legfem.commands.options import AsJson, Jobs, Quiet, Site, Subject, SubjectDir
+from legfem.commands.options import Jobs, Site, Subject, SubjectDir
 from legfem.common.command_edge import (
     check_out_folder,
     work_edge,
 )
 from legfem.common.doubts import say
 from legfem.common.errors import InputError
+from legfem.common.outcome_options import AsJson, Quiet
 from legfem.common.progress import progress_on
 from legfem.subjects.subject import SUBJECTS
 

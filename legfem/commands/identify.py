@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from legfem.commands.options import AsJson, Jobs, Quiet, Site, Subject, SubjectDir
+from legfem.commands.options import Jobs, Site, Subject, SubjectDir
 from legfem.common.command_edge import (
     FAILED,
     check_out_folder,
@@ -18,6 +18,7 @@ from legfem.common.command_edge import (
 )
 from legfem.common.doubts import say
 from legfem.common.errors import InputError
+from legfem.common.outcome_options import AsJson, Quiet
 from legfem.common.progress import progress_on
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -259,7 +260,7 @@ def _run_specimen(
     from legfem.specimens.laws import asked_in_writing, laws_named
 
     found = load_specimen(directory)
-    asked = asked_in_writing(Written(*written))
+    asked = asked_in_writing(Written(*written), found.tissues)
     folder = out or Path("results") / f"identify-{found.id}"
     check_out_folder(folder)
     try:

@@ -13,16 +13,17 @@ import numpy as np
 from mpi4py import MPI
 
 from legfem.common.checks import check_positive
+from legfem.common.errors import InputError
 from legfem.experiments.base import Solved
 from legfem.experiments.pressing import OnStep, Pressing, PressingTest, leg_model, motion
-from legfem.fem.spaces import Symmetry, build_spaces
+from legfem.fem.spaces import LegSpaces, Symmetry, build_spaces
 from legfem.fem.system import System
 from legfem.mechanics.contact import RigidBall, RigidIndenter, RigidPlate
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Formulation, LegModel, Term
-from legfem.meshing.meridian import MeridianMeshSettings, mesh_meridian, supports
-from legfem.meshing.section import REGIONS
+from legfem.meshing.meridian import MeridianMesh, MeridianMeshSettings, mesh_meridian, supports
+from legfem.meshing.section import DEEP
 from legfem.meshing.support import Support
 from legfem.solve.force_curve import ForceCurve
 from legfem.solve.linear import LinearSettings
@@ -86,6 +87,29 @@ class CylinderBetweenPlates:
 
 
 @dataclass(frozen=True)
+class Layer:
+    """One of several tissues on each other, bonded.
+
+    Parameters
+    ----------
+    name : str
+        By which its parameters are called: ``fat.C10`` and so on.
+    thickness : float
+        mm.
+    law : Hyperelastic
+        Of the tissue.
+    """
+
+    name: str
+    thickness: float
+    law: Hyperelastic
+
+    def __post_init__(self) -> None:
+        """Check the thickness."""
+        check_positive(self, "thickness")
+
+
+@dataclass(frozen=True)
 class AxisymmetricSettings:
     """Numerical settings; without a mesh or contact a test chooses its own."""
 
@@ -122,23 +146,19 @@ class Arrangement:
     """In plane strain the axis is a mirror."""
     whole: float = 1.0
     """Force of the whole indenter over the model's."""
-    interface: float | None = None
-    """Height up to which the tissue is the deep one; all of it without."""
 
 
 @dataclass(frozen=True, eq=False)
-class AxisymmetricTest[Sizes](PressingTest):
-    """A test with axial symmetry; solves for any parameters without meshing again.
-
-    A test of one's own says in ``arrangement`` what presses on what, and in ``laws`` what tissues
-    there are if it has more than one.
+class AxisymmetricBody[Sizes]:
+    """A body with axial symmetry, of one tissue or of layers.
 
     Parameters
     ----------
     test
         Sizes and faces.
     law
-        Of the tissue, whose parameters are named ``deep.C10`` and so on.
+        Of the tissue, whose parameters are named ``deep.C10`` and so on; or several layers from the
+        base up, as thick together as the body is high.
     settings
         Numerical.
     comm
@@ -148,10 +168,57 @@ class AxisymmetricTest[Sizes](PressingTest):
     """
 
     test: Sizes
-    law: Hyperelastic
+    law: Hyperelastic | tuple[Layer, ...]
     settings: AxisymmetricSettings = field(default_factory=AxisymmetricSettings)
     comm: MPI.Intracomm = field(default_factory=lambda: MPI.COMM_SELF, repr=False)
     mechanisms: Sequence[Term] = ()
+
+    @property
+    def laws(self) -> Mapping[str, Hyperelastic]:
+        """Laws of the tissues by region, from the base up; one is called as the leg's deep one."""
+        if isinstance(self.law, tuple):
+            return {layer.name: layer.law for layer in self.law}
+        return {"deep": self.law}
+
+    def interfaces_within(self, height: float) -> tuple[float, ...]:
+        """Return the heights at which layers meet, above the base of a body so high (mm).
+
+        Raises
+        ------
+        InputError
+            If the layers aren't as thick together as the body is high.
+        """
+        if not isinstance(self.law, tuple):
+            return ()
+        tops = np.cumsum([layer.thickness for layer in self.law])
+        if abs(tops[-1] - height) > 1e-9 * height:
+            raise InputError(
+                "layers", "thickness", f"{tops[-1]:g} mm together, and the body is {height:g} mm",
+                "give layers that fill it",
+            )  # fmt: skip
+        return tuple(tops[:-1].tolist())
+
+    def spaces_on(
+        self, meshed: MeridianMesh, held: Sequence[Support], symmetry: Symmetry = "axial"
+    ) -> LegSpaces:
+        """Return the spaces of the body on its mesh."""
+        return build_spaces(
+            meshed.mesh,
+            meshed.cell_tags,
+            meshed.facet_tags,
+            self.settings.formulation,
+            regions={name: DEEP + k for k, name in enumerate(self.laws)},
+            supports=held,
+            symmetry=symmetry,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class AxisymmetricTest[Sizes](AxisymmetricBody[Sizes], PressingTest):
+    """A test with axial symmetry; solves for any parameters without meshing again.
+
+    A test of one's own says in ``arrangement`` what presses on what.
+    """
 
     @property
     @abstractmethod
@@ -159,9 +226,9 @@ class AxisymmetricTest[Sizes](PressingTest):
         """What presses on what."""
 
     @property
-    def laws(self) -> Mapping[str, Hyperelastic]:
-        """Laws of the tissues by region; one tissue is called as the leg's deep one."""
-        return {"deep": self.law}
+    def interfaces(self) -> tuple[float, ...]:
+        """Heights at which layers meet, above the base (mm)."""
+        return self.interfaces_within(self.arrangement.height)
 
     @cached_property
     def model(self) -> LegModel:
@@ -174,21 +241,17 @@ class AxisymmetricTest[Sizes](PressingTest):
         given, settings = self.arrangement, self.settings
         meshed = mesh_meridian(
             given.radius, given.height, given.fine, given.mesh, given.side, self.comm,
-            given.interface,
+            self.interfaces,
         )  # fmt: skip
-        spaces = build_spaces(
-            meshed.mesh,
-            meshed.cell_tags,
-            meshed.facet_tags,
-            settings.formulation,
-            regions={name: REGIONS[name] for name in self.laws},
-            supports=given.held,
-            symmetry=given.symmetry,
-        )
+        spaces = self.spaces_on(meshed, given.held, given.symmetry)
         start, direction = np.array([0.0, given.centre]), np.array([0.0, -1.0])
         system = System(spaces, self.model, start, direction, settings.quadrature_degree)
         solver = NewtonSolver(system, settings.newton, settings.linear)
-        return Pressing(system, solver, given.contact, given.length, given.whole, settings.steps)
+        contact = given.contact
+        if isinstance(self.law, tuple):
+            stiffnesses = (f"{name}.{key}" for name in self.laws for key in ("C10", "C20"))
+            contact = replace(contact, stiffnesses=tuple(stiffnesses))
+        return Pressing(system, solver, contact, given.length, given.whole, settings.steps)
 
 
 class BallIndentation(AxisymmetricTest[BallOnLayer]):

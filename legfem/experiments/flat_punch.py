@@ -12,7 +12,6 @@ from legfem.common.checks import check_positive
 from legfem.common.errors import InputError
 from legfem.experiments.axisymmetric import (
     Arrangement,
-    AxisymmetricSettings,
     AxisymmetricTest,
     Faces,
 )
@@ -105,31 +104,21 @@ class PunchOnLayer:
             )  # fmt: skip
 
 
-def punch_arrangement(
-    test: PunchOnLayer, settings: AxisymmetricSettings, interface: float | None = None
-) -> Arrangement:
-    """Return a punch above a layer; its tissue is the deep one up to an interface (mm), if any.
-
-    The mesh has elements of half of the rounding's radius at the edge.
-    """
-    return Arrangement(
-        RigidPunch(test.radius, test.edge),
-        test.thickness,
-        settings.contact or ContactSettings(tangential=test.punch, stiffness=4000.0),
-        test.radius,
-        supports(test.base),
-        test.layer_radius,
-        test.thickness,
-        (test.radius - test.edge, test.radius + 0.5 * test.edge),
-        settings.mesh or MeridianMeshSettings(0.5 * test.edge),
-        interface=interface,
-    )
-
-
 class FlatPunchIndentation(AxisymmetricTest[PunchOnLayer]):
-    """The punch's test."""
+    """The punch's test; the mesh has elements of half of the rounding's radius at the edge."""
 
     @property
     def arrangement(self) -> Arrangement:
         """A punch above the layer."""
-        return punch_arrangement(self.test, self.settings)
+        test = self.test
+        return Arrangement(
+            RigidPunch(test.radius, test.edge),
+            test.thickness,
+            self.settings.contact or ContactSettings(tangential=test.punch, stiffness=4000.0),
+            test.radius,
+            supports(test.base),
+            test.layer_radius,
+            test.thickness,
+            (test.radius - test.edge, test.radius + 0.5 * test.edge),
+            self.settings.mesh or MeridianMeshSettings(0.5 * test.edge),
+        )

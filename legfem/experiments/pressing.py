@@ -17,7 +17,7 @@ from legfem.fem.system import System
 from legfem.jobs.checkpoint import Checkpoint
 from legfem.jobs.key import key_of
 from legfem.mechanics.contact import RigidIndenter
-from legfem.mechanics.contact_settings import PENALTY_PARAMETERS, ContactSettings
+from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Formulation, LegModel
 from legfem.mechanics.parameters import named
@@ -158,7 +158,7 @@ class Pressing:
         """
         one, two = self._contact_numbers(1.0), self._contact_numbers(2.0)
         slopes = {name: two[name] - one[name] for name in one if two[name] != one[name]}
-        raising = [name for name in asked if name in PENALTY_PARAMETERS]
+        raising = [name for name in asked if name in self.contact.stiffnesses]
         tied = [name for name in slopes if raising and name not in asked]
         names = (*asked, *tied)
         chain = np.eye(len(names), len(asked))

@@ -24,6 +24,7 @@ from legfem.identify.catalogue import (
     unit_of,
     unit_suffix,
 )
+from legfem.identify.error_sources import total_of
 from legfem.identify.estimates import Optimum, correlations_of, estimates
 from legfem.identify.laws import IdentifiedLaw
 from legfem.identify.misfit import Misfit
@@ -79,10 +80,10 @@ def assess(given: Assessment) -> IdentificationResult:
     search, best, linear = given.search, given.best, given.found.linear
     limit = given.found.neo_hookean_limit
     settings, law = search.settings, search.law
-    covariance = search.misfit.covariance_at(best.values)
-    cost = _cost(given, covariance)
+    covariances = search.misfit.covariances_at(best.values)
+    cost = _cost(given, total_of(covariances))
     optimum = Optimum(
-        linear, given.found.residual, covariance, quantile(given.measured.noise.repeat_dof),
+        linear, given.found.residual, covariances, quantile(given.measured.noise.repeat_dof),
         cost.p_value >= LEAST_CHANCE, assumed_stiffness(law),
     )  # fmt: skip
     found = estimates(optimum)

@@ -97,6 +97,7 @@ def estimate_document(found: Estimate) -> dict[str, Any]:
         "at_bound": found.at_bound,
         "identifiability": found.identifiability,
         "why": found.why,
+        "share_of_squared_error": dict(found.error_shares),
         "relative_change_if_fat_c10_is_10_percent_higher": found.moves.get("superficial.C10"),
         "relative_change_if_fascia_c10_is_10_percent_higher": found.moves.get("fascia.C10"),
     }

@@ -12,6 +12,7 @@ import numpy as np
 from legfem.common.doubts import Doubt
 from legfem.common.units import FloatArray, readable_unit
 from legfem.identify.catalogue import Values, key_of
+from legfem.identify.error_sources import ErrorSource
 from legfem.identify.laws import LawName, model_values
 from legfem.inference.constants import VERDICTS, Identifiability
 from legfem.inference.identifiability import Bound, Estimated, bound_of
@@ -45,6 +46,8 @@ class Estimate:
     """Why the parameter is called that."""
     moves: Mapping[str, float] = field(default_factory=dict)
     """Relative change of the value if an assumed stiffness, by full name, were 10 % higher."""
+    error_shares: Mapping[ErrorSource, float] = field(default_factory=dict)
+    """Of the square of the standard error, by what causes it."""
 
     @property
     def unit(self) -> str:

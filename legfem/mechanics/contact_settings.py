@@ -12,7 +12,7 @@ from legfem.mechanics.traction import Coulomb, Frictionless, Rough, TangentialLa
 
 TangentialName = Literal["rough", "frictionless", "coulomb", "tape"]
 PENALTY_PARAMETERS = ("deep.C10", "deep.C20", "superficial.C10")
-"""Stiffnesses whose sum the penalty is in proportion to."""
+"""Stiffnesses of a leg whose sum the penalty is in proportion to."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,8 @@ class ContactSettings:
         Coulomb's coefficient.
     weakness : float
         Inverse of the tape's shear strength (1/MPa).
+    stiffnesses : tuple of str
+        Full names of those whose sum the penalty is in proportion to; a leg's by default.
     """
 
     normal: Literal["stiff", "exponential"] = "stiff"
@@ -43,6 +45,7 @@ class ContactSettings:
     onset: float = 0.005
     friction: float = 0.5
     weakness: float = 0.0
+    stiffnesses: tuple[str, ...] = PENALTY_PARAMETERS
 
     def __post_init__(self) -> None:
         """Check the names of the laws."""
@@ -58,11 +61,11 @@ class ContactSettings:
 
     def penalty(self, parameters: Mapping[str, float], radius: float) -> float:
         """Return the penalty (MPa/mm) for a leg's parameters and the indenter's radius (mm)."""
-        stiffness = sum(parameters.get(name, 0.0) for name in PENALTY_PARAMETERS)
+        stiffness = sum(parameters.get(name, 0.0) for name in self.stiffnesses)
         return self.stiffness * 2 * stiffness / radius
 
     def penalty_slope(self, radius: float) -> float:
-        """Return the penalty's derivative (1/mm) by each of `PENALTY_PARAMETERS`."""
+        """Return the penalty's derivative (1/mm) by each of the stiffnesses."""
         return self.stiffness * 2 / radius
 
     def pressure_law(self, penalty: float) -> PressureLaw:

@@ -131,5 +131,7 @@ class Skin(IntegrationDomain):
 
     def area_vector(self, deformed: bool = True) -> Expr:
         """Return the outward normal times deformed area per reference area, (dimension,)."""
-        displacement = self.displacement if deformed else None
-        return self.outward * surface_vector(self.position, displacement)
+        if not deformed:
+            return self.outward * surface_vector(self.position)
+        swept = 1.0 if self.radius is None else 1.0 + self.displacement[0] / self.radius
+        return self.outward * swept * surface_vector(self.position, self.displacement)

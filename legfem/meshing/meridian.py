@@ -5,6 +5,7 @@ Coordinates are the distance from the axis and the height above the base.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -15,10 +16,10 @@ from mpi4py import MPI
 from legfem.common.checks import check_positive
 from legfem.common.units import FloatArray
 from legfem.meshing.grid import spaced, tagged
-from legfem.meshing.section import BONE, DEEP, SKIN, SUPERFICIAL
+from legfem.meshing.section import BONE, DEEP, SKIN
 from legfem.meshing.support import Support
 
-AXIS, BASE, SIDE = 13, BONE, 16
+AXIS, BASE, SIDE, RIM, OUTSIDE = 13, BONE, 17, 18, 19
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ class MeridianMesh:
     mesh: Any
     """`dolfinx.mesh.Mesh`, mm."""
     cell_tags: Any
-    """`DEEP`, and `SUPERFICIAL` above an interface."""
+    """`DEEP`, and one more at each interface from the base up."""
     facet_tags: Any
     """`SKIN` above, `BASE` below, `AXIS`, and the side: `SKIN` or `SIDE`."""
 
@@ -70,7 +71,8 @@ def mesh_meridian(
     settings: MeridianMeshSettings,
     side: Literal["skin", "free"] = "free",
     comm: MPI.Intracomm = MPI.COMM_SELF,
-    interface: float | None = None,
+    interfaces: Sequence[float] = (),
+    rings: Sequence[tuple[int, float]] = (),
 ) -> MeridianMesh:
     """Mesh a specimen of a radius and height (mm).
 
@@ -86,10 +88,12 @@ def mesh_meridian(
         Whether what presses may touch the side too.
     comm
         Of the mesh.
-    interface
-        Height (mm) up to which the tissue is the deep one; all of it without.
+    interfaces
+        Heights (mm) at which one tissue meets the next, from the base up.
+    rings
+        Tags and outer radii (mm) of parts of the top, from the axis out, in place of `SKIN`; what
+        is farther out has none.
     """
-    deep = height if interface is None else interface
 
     def graded(distance: FloatArray) -> FloatArray:
         size = settings.size + settings.growth * np.maximum(distance, 0.0)
@@ -98,8 +102,8 @@ def mesh_meridian(
     def across(r: FloatArray) -> FloatArray:
         return graded(np.maximum(fine[0] - r, r - fine[1]))
 
-    r = spaced(radius, across)
-    z = height - spaced(height, graded, (height - deep,))[::-1]
+    r = spaced(radius, across, tuple(outer for _, outer in rings))
+    z = height - spaced(height, graded, tuple(height - z for z in reversed(interfaces)))[::-1]
     counts = [len(r) - 1, len(z) - 1]
     made = dolfinx_mesh.create_rectangle(
         comm,
@@ -110,12 +114,28 @@ def mesh_meridian(
     )
     sides = {(0, 0): AXIS, (0, counts[0]): SKIN if side == "skin" else SIDE,
              (1, 0): BASE, (1, counts[1]): SKIN}  # fmt: skip
-    rows = [DEEP if middle < deep else SUPERFICIAL for middle in 0.5 * (z[1:] + z[:-1])]
+    middles = 0.5 * (z[1:] + z[:-1])
+    rows = [DEEP + int(number) for number in np.searchsorted(list(interfaces), middles)]
     cell_tags, facet_tags = tagged(made, rows, sides)
     nodes = made.geometry.x
     nodes[:, 0] = np.interp(nodes[:, 0], np.arange(len(r)), r)
     nodes[:, 1] = np.interp(nodes[:, 1], np.arange(len(z)), z)
+    if rings:
+        facet_tags = _in_rings(made, facet_tags, rings)
     return MeridianMesh(made, cell_tags, facet_tags)
+
+
+def _in_rings(made: Any, facet_tags: Any, rings: Sequence[tuple[int, float]]) -> Any:
+    """Return facet tags with those of rings in place of `SKIN`."""
+    skin = facet_tags.find(SKIN)
+    middle = dolfinx_mesh.compute_midpoints(made, 1, skin)[:, 0]
+    number = np.searchsorted([outer for _, outer in rings], middle)
+    tags = np.array([*(tag for tag, _ in rings), OUTSIDE], dtype=np.int32)
+    kept = facet_tags.values != SKIN
+    facets = np.concatenate([facet_tags.indices[kept], skin])
+    values = np.concatenate([facet_tags.values[kept], tags[number]])
+    order = np.argsort(facets)
+    return dolfinx_mesh.meshtags(made, 1, facets[order], values[order])
 
 
 def supports(base: Literal["bonded", "sliding"]) -> tuple[Support, ...]:

@@ -17,7 +17,7 @@ from legfem.recording.time_order import backwards, not_increasing
 from legfem.recording.trial import Recording
 
 QUANTITIES: tuple[Quantity, ...] = ("time", "displacement", "force")
-_WORDS = {
+_WORDS: dict[Quantity, str] = {
     "time": r"time|zeit|temps|tiempo|tempo|^t$|x_value",
     "displacement": r"disp|extension|position|crosshead|travers|weg|stroke|travel|indentation|depth"
     r"|déplacement|deplacement|verschiebung|spostamento|desplazamiento|^d$|^z$",
@@ -57,8 +57,12 @@ class Proposal:
     reasons: tuple[str, ...]
 
 
-def recording_of(path: Path, sheets: Sequence[Sheet], channels: Channels) -> Recording:
+def recording_of(
+    path: Path, sheets: Sequence[Sheet], channels: Channels, area: float | None = None
+) -> Recording:
     """Return the recording in a file's tables.
+
+    With an area (mm2) the force's channel is of a pressure on it.
 
     Raises
     ------
@@ -66,7 +70,7 @@ def recording_of(path: Path, sheets: Sequence[Sheet], channels: Channels) -> Rec
         If a sheet, column or unit isn't there, or time doesn't increase.
     """
     sheet = _sheet_named(path, sheets, channels.sheet)
-    values = {q: _converted(path, sheet, q, getattr(channels, q)) for q in QUANTITIES}
+    values = {q: _converted(path, sheet, q, getattr(channels, q), area) for q in QUANTITIES}
     time = values["time"]
     if not all(np.isfinite(v).all() for v in values.values()):
         raise InputError(path, "rows", "numbers that aren't finite", "take those rows out")
@@ -153,13 +157,16 @@ def _sheet_named(path: Path, sheets: Sequence[Sheet], name: str | None) -> Sheet
     )
 
 
-def _converted(path: Path, sheet: Sheet, quantity: Quantity, channel: Channel) -> FloatArray:
+def _converted(
+    path: Path, sheet: Sheet, quantity: Quantity, channel: Channel, area: float | None
+) -> FloatArray:
     unit = unit_named(channel.unit)
     field = f"recordings.{quantity}"
-    if unit is None or unit.quantity != quantity:
+    measured: Quantity = "pressure" if quantity == "force" and area is not None else quantity
+    if unit is None or unit.quantity != measured:
         raise InputError(
-            path, f"{field}.unit", f"'{channel.unit}' is no unit of {quantity}",
-            f"give {OWN[quantity]} or a multiple of it",
+            path, f"{field}.unit", f"'{channel.unit}' is no unit of {measured}",
+            f"give {OWN[measured]} or a multiple of it",
         )  # fmt: skip
     columns = [c for c in sheet.columns if c.name == channel.column]
     if len(columns) != 1:
@@ -175,7 +182,8 @@ def _converted(path: Path, sheet: Sheet, quantity: Quantity, channel: Channel) -
             path, f"{field}.unit", f"'{channel.unit}', but the file says '{columns[0].unit}'",
             "give the file's unit, or correct the file",
         )  # fmt: skip
-    return columns[0].values * unit.factor * channel.sign
+    size = area if measured == "pressure" and area is not None else 1.0
+    return columns[0].values * size * unit.factor * channel.sign
 
 
 def _found(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> tuple[Channel, str]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.tables import read_table
+from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG
 from legfem.recording.columns import Channels, recording_of
 from legfem.recording.contact import find_first_contact
 from legfem.recording.formats import read_sheets
@@ -44,7 +45,9 @@ def read_recording(path: Path, minimal_depth: float = MINIMAL_DEPTH_MM) -> Recor
     return recording
 
 
-def read_samples(path: Path, channels: Channels | None = None) -> Recording:
+def read_samples(
+    path: Path, channels: Channels | None = None, area: float | None = None
+) -> Recording:
     """Read one trial whatever it holds, only that time increases.
 
     Parameters
@@ -53,6 +56,9 @@ def read_samples(path: Path, channels: Channels | None = None) -> Recording:
         The file.
     channels : Channels, optional
         Where an instrument's file holds the quantities; legfem's own CSV without it.
+    area : float, optional
+        mm2; a pressure on it is read in the force's place: a column ``pressure_kPa``,
+        ``pressure_mbar`` or ``pressure_mmHg`` of the CSV.
 
     Raises
     ------
@@ -61,8 +67,12 @@ def read_samples(path: Path, channels: Channels | None = None) -> Recording:
     """
     path = Path(path)
     if channels is not None:
-        return recording_of(path, read_sheets(path), channels)
-    table = read_table(path, HEADER)
+        return recording_of(path, read_sheets(path), channels, area)
+    column, factor = HEADER[2], 1.0
+    if area is not None:
+        column, factor = _pressure_column(path)
+        factor *= area
+    table = read_table(path, (*HEADER[:2], column))
     time = table["time_s"].to_numpy(dtype=np.float64)
     rows = not_increasing(time)
     if rows:
@@ -75,10 +85,20 @@ def read_samples(path: Path, channels: Channels | None = None) -> Recording:
     return Recording(
         time=time,
         displacement=table["displacement_mm"].to_numpy(dtype=np.float64),
-        force=table["force_N"].to_numpy(dtype=np.float64),
+        force=factor * table[column].to_numpy(dtype=np.float64),
         trial=path.stem,
         source=path,
     )
+
+
+def _pressure_column(path: Path) -> tuple[str, float]:
+    """Return the name of the column of pressures, and the factor to MPa."""
+    factors = {"kPa": MPA_PER_KPA, "mbar": 0.1 * MPA_PER_KPA, "mmHg": MPA_PER_MMHG}
+    first = (
+        path.read_bytes()[:200].split(b"\n")[0].decode("utf-8", "replace") if path.is_file() else ""
+    )
+    unit = next((unit for unit in factors if f"pressure_{unit}" in first), "kPa")
+    return f"pressure_{unit}", factors[unit]
 
 
 def read_instrument_file(

@@ -21,6 +21,7 @@ from legfem.identify.assess import (
     versions,
 )
 from legfem.identify.catalogue import Values
+from legfem.identify.error_sources import total_of
 from legfem.identify.estimates import Optimum, correlations_of, estimates
 from legfem.identify.forward import ForwardOutcome, PlaneStrainForward
 from legfem.identify.identification import measured_curve
@@ -177,12 +178,13 @@ def sites_model(leg: SitedLeg, depth: float | None = None) -> SitesForward:
 def _assessed(leg: SitedLeg, asked: Asked, found: Found[SitesMisfit]) -> SitesResult:
     search, best, linear = found.search, found.best, found.linear
     law, misfit = search.law, search.misfit
-    covariance = misfit.covariance_at(best.values)
+    covariances = misfit.covariances_at(best.values)
+    covariance = total_of(covariances)
     whole = _chance(linear.prediction.force - misfit.measured_force, covariance, law, best.point)
     # The sites' repeats tell of their errors; the fewest are taken.
     repeats = min(part.measured.noise.repeat_dof for part in misfit.parts)
     optimum = Optimum(
-        linear, found.residual, covariance, quantile(repeats), whole.p_value >= LEAST_CHANCE,
+        linear, found.residual, covariances, quantile(repeats), whole.p_value >= LEAST_CHANCE,
         assumed_stiffness(law),
     )  # fmt: skip
     apart = Apart(found, covariance)

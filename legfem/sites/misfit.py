@@ -12,6 +12,7 @@ from scipy.linalg import block_diag
 
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.identify.catalogue import DEEP_C10, DEEP_C20
+from legfem.identify.error_sources import Covariances
 from legfem.identify.forward import ForwardOutcome
 from legfem.identify.misfit import Compared, Misfit, Prediction
 from legfem.identify.reading import GAIN, OFFSET, ZERO
@@ -104,8 +105,8 @@ class SitesMisfit(Compared):
         """Of measured less predicted forces at the truth, without the correction's; (n, n), N2."""
         return np.asarray(block_diag(*(part.covariance for part in self.parts)))
 
-    def covariance_at(self, values: Mapping[str, float]) -> FloatArray:
-        """Return `covariance` with the correction's errors, alike at all sites, at values."""
+    def covariances_at(self, values: Mapping[str, float]) -> Covariances:
+        """Return covariances (n, n), N2, at values, by source; the correction's is alike at all."""
         stiffness = mpa_to_kpa(values[DEEP_C10]), mpa_to_kpa(values.get(DEEP_C20, 0.0))
         modes: dict[str, FloatArray] = {}
         for part, span in zip(self.parts, self.spans, strict=True):
@@ -115,10 +116,11 @@ class SitesMisfit(Compared):
             for name, relative in errors.items():
                 mode = modes.setdefault(name, np.zeros(len(self)))
                 mode[span] = relative * part.measured_force
-        total = np.array(self.covariance)
+        ends = np.zeros((len(self),) * 2)
         for mode in modes.values():
-            total += np.outer(mode, mode)
-        return total
+            ends += np.outer(mode, mode)
+        own = block_diag(*(part.measured.covariance for part in self.parts))
+        return {"recordings": own, "model": self.covariance - own, "ends": ends}
 
 
 def _of_site(outcome: ForwardOutcome, number: int) -> ForwardOutcome:

@@ -20,10 +20,10 @@ from legfem.diagnose.solved import PLAIN, SolvedResponses
 from legfem.jobs.fingerprint import code_fingerprint
 from legfem.recording import Instrument
 from legfem.specimens.course import calmed
-from legfem.specimens.folder import LeftOut, SpecimenFolder, SpecimenRecording
-from legfem.specimens.laws import bulk_ratio
+from legfem.specimens.folder import FILE, LeftOut, SpecimenFolder, SpecimenRecording
 from legfem.specimens.mechanisms import Scale, mechanisms_of
 from legfem.specimens.sizes import Sizes
+from legfem.specimens.tissues import SpecimenTissue
 from legfem.specimens.variants import SpecimenVariants
 from legfem.subjects.subject import Origin
 
@@ -114,6 +114,7 @@ def _diagnosed(
     progress: Progress,
     seed: int,
 ) -> tuple[Diagnosis, tuple[LeftOut, ...]]:
+    asked = tissue_asked_for(folder)
     used, left = list[SpecimenRecording](), list[LeftOut]()
     for one in recordings:
         try:
@@ -140,7 +141,7 @@ def _diagnosed(
     middle = middle_of(observed, solved, stiffening)
     last = max(float(s.protocol.time[-1]) for s in observed.protocols)
     scale = Scale(observed.depth, float(observed.force.max()), last, middle,
-                  bulk_ratio(folder.poisson_ratio))  # fmt: skip
+                  asked.bulk_ratio)  # fmt: skip
     every, unable = mechanisms_of(sizes, scale)
     able, _ = shown_mechanisms(observed, None, every=every)
     library = build_library(
@@ -166,12 +167,35 @@ def _observed(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Obse
             "sample and between repeats. What drifts slowly or is alike in all trials can't be "
             "told from physics; state the data sheet's figures under [instrument]."
         )
+    if len(folder.tissues) > 1:
+        remarks.append(
+            f"C10 is that of the layer {tissue_asked_for(folder).name}, whose stiffness "
+            "specimen.toml leaves open; the others' is as stated there."
+        )
     if observed.repeats < 2:
         remarks.append(
             "No protocol was repeated: errors between trials aren't seen, and come from the "
             "instruments' figures alone."
         )
     return replace(observed, remarks=tuple(remarks))
+
+
+def tissue_asked_for(folder: SpecimenFolder) -> SpecimenTissue:
+    """Return the tissue whose stiffness a diagnosis asks for: the one that isn't stated.
+
+    Raises
+    ------
+    InputError
+        If there are several, or none.
+    """
+    open_ones = [one for one in folder.tissues if "C10" not in one.stated]
+    if len(open_ones) == 1:
+        return open_ones[0]
+    names = ", ".join(one.name for one in open_ones) or "none"
+    raise InputError(
+        folder.directory / FILE, "layers", f"stiffness is open of {names}",
+        "state C10_kPa of all layers but one, such as legfem.identify found, for a diagnosis",
+    )  # fmt: skip
 
 
 def _instrument(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Instrument:
@@ -191,7 +215,7 @@ def solved_responses(
 ) -> SolvedResponses:
     """Return a specimen's responses by full solutions, a little deeper than was recorded."""
     depth = float(f"{_BEYOND * observed.depth:.3g}")
-    variants = SpecimenVariants(sizes, depth, folder.poisson_ratio)
+    variants = SpecimenVariants(sizes, depth, folder.tissues)
     return SolvedResponses(
         variants,
         depth,

@@ -6,6 +6,7 @@ from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from legfem.common.doubts import Doubt
 from legfem.common.errors import InputError
 from legfem.recording import Instrument, Recording
 from legfem.recording.formats import READERS
@@ -17,7 +18,9 @@ from legfem.specimens.schema import (
     SpecimenFile,
     parse_specimen_file,
 )
-from legfem.specimens.sizes import SizeError, Sizes, sizes_of
+from legfem.specimens.sizes import SizeError, Sizes, opening_of, sizes_of
+from legfem.specimens.suctions import suction_doubts
+from legfem.specimens.tissues import SpecimenTissue, tissues_of
 from legfem.subjects.subject import Origin
 
 FILE = "specimen.toml"
@@ -55,19 +58,26 @@ class SpecimenFolder:
     recordings: tuple[SpecimenRecording, ...]
     left_out: tuple[LeftOut, ...]
     """Recordings that can't be used: they cost themselves alone."""
-    poisson_ratio: float | None
-    """None for a bulk modulus of 1000 shear moduli."""
     relaxes: bool
     directory: Path
     instrument: Instrument | None = None
     """As stated; seen in the recordings without it."""
     starts_at_contact: bool = False
     one_stiffness: bool = False
-    """Whether all specimens are taken to be equally stiff."""
+    """Whether all specimens are said to be equally stiff."""
     returns: bool = False
     """Whether what follows the first return is fitted too."""
     base_law: BaseLaw = "neo-hookean"
     """That `legfem.diagnose` asks what it leaves out."""
+    tissues: tuple[SpecimenTissue, ...] = (SpecimenTissue(),)
+    """One, or layers from the base up."""
+    doubts: tuple[Doubt, ...] = ()
+    """What of the recordings can be, but is unlikely."""
+
+    @property
+    def equally_stiff(self) -> bool:
+        """Whether specimens count as equally stiff: as said, or where a layer's is stated."""
+        return self.one_stiffness or any("C10" in one.stated for one in self.tissues)
 
     @property
     def specimens(self) -> dict[str, tuple[SpecimenRecording, ...]]:
@@ -120,13 +130,16 @@ def load_specimen(directory: Path) -> SpecimenFolder:
     sizes = {entry: _sizes(toml, given, entry) for entry in {entry for _, entry, _ in named}}
     stated = given.instrument
     errors = None if stated is None else Instrument(stated.force_sd(), stated.displacement_sd())
-    used, left = list[SpecimenRecording](), list[LeftOut]()
+    # A cup lies on the skin before it draws.
+    at_contact = given.recordings.starts_at_contact or given.suction is not None
+    used, left, doubts = list[SpecimenRecording](), list[LeftOut](), list[Doubt]()
     for name, entry, path in named:
         try:
-            samples = read_samples(path, given.recordings.channels())
-            course = course_of(
-                samples, errors, given.recordings.starts_at_contact, given.tissue.returns
-            )
+            opening = opening_of(sizes[entry])
+            samples = read_samples(path, given.recordings.channels(), opening)
+            if opening is not None:
+                doubts += suction_doubts(samples, opening)
+            course = course_of(samples, errors, at_contact, given.tissue.returns)
         except InputError as error:
             left.append(LeftOut(name, str(error)))
         else:
@@ -141,10 +154,9 @@ def load_specimen(directory: Path) -> SpecimenFolder:
     relaxes = given.tissue.relaxes
     return SpecimenFolder(
         given.id, given.title, given.origin, tuple(used), tuple(left),
-        given.tissue.poisson_ratio,
         any(one.course.holds for one in used) if relaxes is None else relaxes,
-        directory, errors, given.recordings.starts_at_contact, given.tissue.one_stiffness,
-        given.tissue.returns, given.tissue.law,
+        directory, errors, at_contact, given.tissue.one_stiffness, given.tissue.returns,
+        given.tissue.law, tissues_of(given), tuple(doubts),
     )  # fmt: skip
 
 

@@ -14,10 +14,12 @@ from legfem.experiments.axisymmetric import (
     BallOnLayer,
     CylinderBetweenPlates,
     CylinderCompression,
+    Layer,
 )
 from legfem.experiments.base import Homebound, Solved, made_when_needed
 from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
 from legfem.experiments.lateral_cylinder import LateralCylinder
+from legfem.experiments.suction import CupOnLayer, SuctionTest
 from legfem.experiments.uniaxial import Bar, UniaxialTest
 from legfem.identify.catalogue import Values
 from legfem.identify.forward import ForwardOutcome
@@ -27,14 +29,27 @@ from legfem.meshing.meridian import MeridianMeshSettings
 from legfem.solve.force_curve import ForceCurve
 from legfem.solve.step_settings import StepSettings
 from legfem.specimens.schema import Faces
-from legfem.specimens.sizes import Sizes, Test
+from legfem.specimens.sizes import LayeredTest, OneTissue, Sizes, Test
+from legfem.specimens.tissues import ONE, SpecimenTissue
 
 _STEPS, _ELEMENTS = 20, 5
 """Of a shallow test: steps to its depth, and elements across half of its contact."""
 
 
-def experiment_of(sizes: Sizes, law: Hyperelastic, depth: float) -> Test:
-    """Return the experiment with a test's sizes, its mesh and steps fit for a depth (mm)."""
+def experiment_of(sizes: Sizes, laws: Mapping[str, Hyperelastic], depth: float) -> Test:
+    """Return the experiment with a test's sizes, its mesh and steps fit for a depth (mm).
+
+    Laws are by the tissue's name; that of a specimen of one is `legfem.specimens.tissues.ONE`.
+    """
+    if not isinstance(sizes, LayeredTest):
+        return _experiment(sizes, laws[ONE], depth)
+    layers = tuple(Layer(name, thickness, laws[name]) for name, thickness in sizes.layers)
+    test = _experiment(sizes.whole, layers[-1].law, depth)
+    assert not isinstance(test, UniaxialTest)
+    return replace(test, law=layers)
+
+
+def _experiment(sizes: OneTissue, law: Hyperelastic, depth: float) -> Test:
     usual = AxisymmetricSettings()
     steps = StepSettings(
         first=min(usual.steps.first, depth / _STEPS), largest=min(usual.steps.largest, depth / 10)
@@ -54,6 +69,8 @@ def experiment_of(sizes: Sizes, law: Hyperelastic, depth: float) -> Test:
             return FlatPunchIndentation(sizes, law, replace(plain, contact=contact))
         case CylinderBetweenPlates():
             return CylinderCompression(sizes, law, plain)
+        case CupOnLayer():
+            return SuctionTest(sizes, law, plain)
         case _:
             radius = sizes.cylinder_radius
             fine = _shallow(plain, radius, depth, sizes.cylinder, radius / 16)
@@ -83,26 +100,55 @@ class SpecimenForward(Homebound):
         Sizes, all different.
     depths : tuple of float
         How deep each is pressed, mm.
-    law : Hyperelastic
-        Of the tissue.
+    laws : Mapping[str, Hyperelastic]
+        Of the tissues, by name.
+    bulk_ratios : Mapping[str, float]
+        Bulk over shear modulus at small strain, by name.
     """
 
     tests: tuple[Sizes, ...]
     depths: tuple[float, ...]
-    law: Hyperelastic
+    laws: Mapping[str, Hyperelastic]
+    bulk_ratios: Mapping[str, float]
+
+    @classmethod
+    def of_tissues(
+        cls,
+        tests: tuple[Sizes, ...],
+        depths: tuple[float, ...],
+        tissues: Sequence[SpecimenTissue],
+        c10: float,
+    ) -> SpecimenForward:
+        """Return the model of tissues whose stiffness is ``c10`` (MPa) if it isn't stated."""
+        laws = {one.name: one.at(c10) for one in tissues}
+        return cls(tests, depths, laws, {one.name: one.bulk_ratio for one in tissues})
 
     @made_when_needed
     def experiments(self) -> list[Test]:
         """Meshed when first solved, in whichever process."""
         return [
-            experiment_of(sizes, self.law, depth)
+            experiment_of(sizes, self.laws, depth)
             for sizes, depth in zip(self.tests, self.depths, strict=True)
         ]
 
     @property
     def nominal(self) -> Values:
         """The law's numbers by full name (MPa, 1/MPa)."""
-        return {f"deep.{name}": value for name, value in self.law.parameters.items()}
+        return {
+            f"{tissue}.{name}": value
+            for tissue, law in self.laws.items()
+            for name, value in law.parameters.items()
+        }
+
+    def with_compressibility(self, values: Values) -> dict[str, float]:
+        """Return values with each D1 that isn't among them, as Poisson's ratio has it."""
+        own = {**self.nominal, **values}
+        missing = {
+            f"{tissue}.D1": 1 / (ratio * own[f"{tissue}.C10"])
+            for tissue, ratio in self.bulk_ratios.items()
+            if f"{tissue}.D1" not in values
+        }
+        return {**values, **missing}
 
     def solve(self, values: Values, sensitivities: Sequence[str]) -> ForwardOutcome:
         """Solve every test in full; one that breaks down is an outcome that stops at once."""
@@ -112,11 +158,19 @@ class SpecimenForward(Homebound):
     def solve_one(
         self, number: int, values: Values, sensitivities: Sequence[str] = ()
     ) -> ForwardOutcome:
-        """Solve one of the tests."""
+        """Solve one of the tests.
+
+        A derivative by a stiffness is that at the same Poisson's ratio where the values have no D1.
+        """
+        tied = [
+            tissue
+            for tissue in self.bulk_ratios
+            if f"{tissue}.D1" not in values and f"{tissue}.C10" in sensitivities
+        ]
+        every = self.with_compressibility(values)
+        asked = (*sensitivities, *(f"{tissue}.D1" for tissue in tied))
         try:
-            solved: Solved = self.experiments[number].solve(
-                values, self.depths[number], sensitivities
-            )
+            solved: Solved = self.experiments[number].solve(every, self.depths[number], asked)
         except (ArithmeticError, ValueError, RuntimeError, np.linalg.LinAlgError) as error:
             nothing = ForceCurve(
                 np.zeros(1), np.zeros(1), dict.fromkeys(sensitivities, np.zeros(1))
@@ -126,10 +180,20 @@ class SpecimenForward(Homebound):
         report = solved.report
         seconds = report.seconds + sum(before.seconds for before in report.earlier_attempts)
         return ForwardOutcome(
-            values, (solved.curve,), bool(report.complete), report.reason, report.factorisations,
+            values, (_at_poissons_ratio(solved.curve, every, tied),), bool(report.complete),
+            report.reason, report.factorisations,
             float(seconds),
         )  # fmt: skip
 
     def fingerprint(self) -> Mapping[str, Any]:
         """Return tests, depths, law and code."""
         return {"model": "specimens", **super().fingerprint()}
+
+
+def _at_poissons_ratio(curve: ForceCurve, values: Values, tied: Sequence[str]) -> ForceCurve:
+    """Return a curve with derivatives by C10 along which D1 falls as C10 rises."""
+    by = dict(curve.sensitivities)
+    for tissue in tied:
+        c10, d1 = f"{tissue}.C10", f"{tissue}.D1"
+        by[c10] = by[c10] - values[d1] / values[c10] * by.pop(d1)
+    return replace(curve, sensitivities=by)

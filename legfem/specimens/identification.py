@@ -13,6 +13,7 @@ from scipy.stats import chi2
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, Silent
 from legfem.identify.assess import versions
+from legfem.identify.error_sources import total_of
 from legfem.identify.estimates import Optimum, correlations_of, estimates
 from legfem.identify.forward import ForwardOutcome
 from legfem.identify.laws import LawName, model_values
@@ -26,11 +27,12 @@ from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.specimens.folder import LeftOut, SpecimenFolder, SpecimenRecording
 from legfem.specimens.forward import SpecimenForward
-from legfem.specimens.laws import REFERENCE_MPA, Asked, identified_law, specimen_law
-from legfem.specimens.misfit import Part, SpecimenMisfit
+from legfem.specimens.laws import Asked, identified_law
+from legfem.specimens.misfit import SHAPE_SD_OF_LAYERS, Part, SpecimenMisfit
 from legfem.specimens.own_stiffness import OwnStiffness
 from legfem.specimens.result import ComparedRecording, SpecimenResult
 from legfem.specimens.sizes import Sizes
+from legfem.specimens.tissues import REFERENCE_MPA, begin_at
 
 _BEYOND = 1.02
 # Of the depth that was reached: short of where a solution stopped.
@@ -95,7 +97,7 @@ def identify_specimen(
     asked, progress = asked or Asked(), progress or Silent()
     relaxes = folder.relaxes
     for name in laws:
-        identified_law(name, specimen_law(name, REFERENCE_MPA, None), relaxes, asked)
+        identified_law(name, folder.tissues, REFERENCE_MPA, relaxes, asked)
     prepared = prepare(folder, held, out, jobs, progress)
     return [
         _identify(
@@ -123,8 +125,11 @@ def prepare(
     deepest: dict[Sizes, float] = {}
     for one in folder.recordings:
         deepest[one.sizes] = max(deepest.get(one.sizes, 0.0), _BEYOND * one.course.depth)
-    law = specimen_law("neo-hookean", REFERENCE_MPA, folder.poisson_ratio)
-    model = SpecimenForward(tuple(deepest), tuple(deepest.values()), law)
+    usual = begin_at(folder.tissues, REFERENCE_MPA)
+    model = SpecimenForward.of_tissues(
+        tuple(deepest), tuple(deepest.values()),
+        [one.of_law("neo-hookean") for one in folder.tissues], usual,
+    )  # fmt: skip
     progress.stage("solving every test once; on a machine's first run, compiling", len(deepest))
     outcomes = _solved_once(model, out, jobs, progress)
     used, left, notes = list[SpecimenRecording](), list(folder.left_out), list[str]()
@@ -156,7 +161,7 @@ def prepare(
     for one in fitted:
         course = one.course
         unit = outcomes[one.sizes].curve(course.displacement)
-        stiffness.append(REFERENCE_MPA * float(course.force @ unit / (unit @ unit)))
+        stiffness.append(usual * float(course.force @ unit / (unit @ unit)))
     return Prepared(
         tuple(used), tuple(left), tuple(notes), tuple(depths), tuple(depths.values()),
         max(float(np.median(stiffness)), 1e-9),
@@ -166,7 +171,7 @@ def prepare(
 def _solved_once(
     model: SpecimenForward, out: Path | None, jobs: int, progress: Progress
 ) -> dict[Sizes, ForwardOutcome]:
-    store = None if out is None else Store(out / "solves", ForwardOutcome, model.law)
+    store = None if out is None else Store(out / "solves", ForwardOutcome, model.laws)
     found: dict[Sizes, ForwardOutcome] = {}
     asked = {
         sizes: ("once", sizes, depth)
@@ -210,11 +215,13 @@ def _identify(
     away = {one.name for one in held}
     fitted = [one for one in prepared.recordings if one.name not in away]
     predicted = [one for one in prepared.recordings if one.name in away]
-    law = specimen_law(name, prepared.c10, folder.poisson_ratio)
-    free = identified_law(name, law, folder.relaxes, asked)
+    tissues = [one.of_law(name) for one in folder.tissues]
+    free = identified_law(name, tissues, prepared.c10, folder.relaxes, asked)
     depth_of = dict(zip(prepared.tests, prepared.depths, strict=True))
     tests = tuple(dict.fromkeys(one.sizes for one in fitted))
-    model = SpecimenForward(tests, tuple(depth_of[sizes] for sizes in tests), law)
+    model = SpecimenForward.of_tissues(
+        tests, tuple(depth_of[sizes] for sizes in tests), tissues, prepared.c10
+    )
     misfit = _misfit(fitted, model, folder)
     store = None if out is None else Store(out / "solves", ForwardOutcome, model.fingerprint())
     sensitivities = tuple(free.names[k] for k in free.of_model)
@@ -228,7 +235,7 @@ def _identify(
     readings = free.readings(best.point)
     stiffness = misfit.stiffness(linear.prediction, readings)
     spread = float(np.std(np.log(list(stiffness.values())), ddof=1)) if stiffness else 0.0
-    covariance = misfit.covariance_at(force)
+    covariance = total_of(misfit.covariances_at(force))
     left = force - misfit.measured_force
     departures = free.priors.residual(best.point)
     chi_square = float(left @ np.linalg.solve(covariance, left) + departures @ departures)
@@ -238,7 +245,7 @@ def _identify(
     optimum = Optimum(
         linear,
         residual,
-        misfit.covariance_at(force, spread),
+        misfit.covariances_at(force, spread),
         quantile(len(stiffness or fitted) - 1),
         p_value >= LEAST_CHANCE,
         {},
@@ -252,7 +259,9 @@ def _identify(
     notes = []
     if predicted:
         others = tuple(dict.fromkeys(one.sizes for one in predicted))
-        beside = SpecimenForward(others, tuple(depth_of[sizes] for sizes in others), law)
+        beside = SpecimenForward.of_tissues(
+            others, tuple(depth_of[sizes] for sizes in others), tissues, prepared.c10
+        )
         own = _misfit(predicted, beside, folder, stiffness)
         outcome = beside.solve(model_values(best.values), ())
         if outcome.complete:
@@ -265,16 +274,19 @@ def _identify(
             notes.append(f"What was left out can't be predicted: {outcome.reason}.")
     missing = away - {one.name for one in predicted}
     notes += [f"{name} was to be predicted, and can't be modelled." for name in sorted(missing)]
+    values = model.with_compressibility(best.values)
     outcomes = {id(trial.outcome): trial.outcome for trial in search.trials}
     return SpecimenResult(
-        folder, name, found, correlations_of(optimum.spread), best.values,
-        {key: value for key, value in free.fixed.items() if np.isfinite(value)},
+        folder, name, found, correlations_of(optimum.spread), values,
+        {key: value for key, value in values.items()
+         if key not in free.names and np.isfinite(value)},
         tuple(compared), prepared.left_out, chi_square, degrees, p_value, misfit.gain_sd(force),
         search.converged, len(outcomes),
         sum(not one.complete for one in outcomes.values()),
         sum(solver.was_reused(one.values) for one in outcomes.values()),
         search.emulator_error, settings.seed, time.perf_counter() - started,
-        _warnings(prepared, fitted, found, search, p_value, notes), versions(), stiffness, spread,
+        _warnings(folder, prepared, fitted, found, search, p_value, notes), versions(), stiffness,
+        spread,
     )  # fmt: skip
 
 
@@ -288,9 +300,10 @@ def _misfit(
     parts = tuple(
         Part(one.course, model.tests.index(one.sizes), one.specimen) for one in recordings
     )
-    misfit = SpecimenMisfit(parts, model.depths, folder.relaxes)
+    shape_sd = SHAPE_SD_OF_LAYERS if len(folder.tissues) > 1 else 0.0
+    misfit = SpecimenMisfit(parts, model.depths, folder.relaxes, shape_sd=shape_sd)
     names = tuple(dict.fromkeys(part.specimen for part in parts))
-    if folder.one_stiffness or (known is None and len(names) < 2):
+    if folder.equally_stiff or (known is None and len(names) < 2):
         return misfit
     stations = [len(part.course.time) for part in parts]
     specimen = np.repeat([names.index(part.specimen) for part in parts], stations)
@@ -300,6 +313,7 @@ def _misfit(
 
 
 def _warnings(
+    folder: SpecimenFolder,
     prepared: Prepared,
     fitted: Sequence[SpecimenRecording],
     found: Mapping[str, Estimate],
@@ -308,7 +322,7 @@ def _warnings(
     notes: Sequence[str],
 ) -> tuple[str, ...]:
     """Return a sentence a warning, the gravest first."""
-    texts = []
+    texts = [f"DOUBTFUL INPUT: {doubt}" for doubt in folder.doubts]
     if not search.converged:
         texts.append("The search ended before it converged: rerun with another --seed.")
     texts += [

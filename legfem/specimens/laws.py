@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from legfem.common.errors import InputError
@@ -20,25 +20,9 @@ from legfem.identify.laws import LAWS, IdentifiedLaw, LawName
 from legfem.identify.reading import INSTRUMENT, RELAXATION
 from legfem.identify.written import Written, read_prior
 from legfem.inference.parameter import Parameter, Prior
-from legfem.mechanics.materials import (
-    ExponentialStiffening,
-    Hyperelastic,
-    NeoHookean,
-    ReducedPolynomial,
-    Yeoh,
-)
 from legfem.specimens.relaxation import relaxation_parameters
+from legfem.specimens.tissues import KINDS, ONE, SpecimenTissue
 
-REFERENCE_MPA = 0.01
-"""Stiffness C10 at which a test is solved before anything is known."""
-BULK_RATIO = 1000.0
-"""Bulk over shear modulus of what is called incompressible."""
-_KINDS: dict[LawName, type[Hyperelastic]] = {
-    "neo-hookean": NeoHookean,
-    "reduced-polynomial": ReducedPolynomial,
-    "yeoh": Yeoh,
-    "exponential": ExponentialStiffening,
-}
 _FREE: dict[LawName, tuple[str, ...]] = {
     "neo-hookean": ("C10",),
     "reduced-polynomial": ("C10", "C20"),
@@ -55,7 +39,7 @@ _STATEMENTS = {
     "D2": "compressibility at large changes of volume",
 }
 # About the stiffness that the recordings ask for at small strain: bounds, and where to look first.
-_FAR, _RELATIVE = 100.0, 8.0
+_FAR, _FAR_OF_LAYERS, _RELATIVE = 100.0, 300.0, 8.0
 
 
 @dataclass(frozen=True)
@@ -79,13 +63,13 @@ def laws_named(name: str | None) -> tuple[LawName, ...]:
     """
     if name in (None, "both"):
         return LAWS
-    found = tuple(law for law in _KINDS if law == name)
+    found = tuple(law for law in KINDS if law == name)
     if not found:
-        raise InputError("law", str(name), "unknown law", f"give one of {', '.join(_KINDS)}, both")
+        raise InputError("law", str(name), "unknown law", f"give one of {', '.join(KINDS)}, both")
     return found
 
 
-def asked_in_writing(written: Written) -> Asked:
+def asked_in_writing(written: Written, tissues: Sequence[SpecimenTissue]) -> Asked:
     """Return what a command line asks for.
 
     Raises
@@ -94,53 +78,62 @@ def asked_in_writing(written: Written) -> Asked:
         For names, numbers or units that can't be.
     """
     known = dict[str, float]()
-    for law in _KINDS:
-        known |= known_values(specimen_law(law, 1.0, None))
+    for law in KINDS:
+        known |= known_values([replace(one.of_law(law), stated={}) for one in tissues], 1.0)
     given = {DEEP_C10: written.c10_bounds, DEEP_C20: written.c20_bounds}
-    checked = {one.name: one.bounds for one in replace(written, identify=()).parameters(known)}
+    bounds = dict[str, tuple[float, float]]()
+    if any(given.values()):
+        if DEEP_C10 not in known:
+            raise InputError(
+                "--c10-bounds", ", ".join(one.name for one in tissues), "are layers",
+                "leave it out, or say by --prior LAYER.C10 what is known",
+            )  # fmt: skip
+        checked = {one.name: one.bounds for one in replace(written, identify=()).parameters(known)}
+        bounds = {name: checked[name] for name, limits in given.items() if limits is not None}
     return Asked(
         tuple(written.identify),
         dict(read_prior(text, known) for text in written.priors),
-        {name: checked[name] for name, bounds in given.items() if bounds is not None},
+        bounds,
         written.held(known),
     )
 
 
-def bulk_ratio(poisson_ratio: float | None) -> float:
-    """Return the bulk over the shear modulus at small strain."""
-    if poisson_ratio is None:
-        return BULK_RATIO
-    return 2 * (1 + poisson_ratio) / (3 * (1 - 2 * poisson_ratio))
+def known_values(tissues: Sequence[SpecimenTissue], c10: float) -> dict[str, float]:
+    """Return all numbers of tissues at a stiffness (MPa), and of relaxation, by full name."""
+    own = {
+        f"{one.name}.{key}": value
+        for one in tissues
+        for key, value in one.at(c10).parameters.items()
+    }
+    return own | {name: number.null for name, number in RELAXATION.items()}
 
 
-def specimen_law(name: LawName, c10: float, poisson_ratio: float | None) -> Hyperelastic:
-    """Return a law at a stiffness C10 (MPa), without stiffening."""
-    ratio = bulk_ratio(poisson_ratio)
-    kind = _KINDS[name]
-    plain = NeoHookean(c10, 1 / (ratio * c10))
-    return plain if kind is NeoHookean else kind(**{"C20": 0.0, **plain.parameters})
+def free_names(tissues: Sequence[SpecimenTissue], relaxes: bool) -> tuple[str, ...]:
+    """Return what tissues have free of themselves, each of its law."""
+    own = (
+        f"{one.name}.{key}"
+        for one in tissues
+        for key in _FREE[one.law or "neo-hookean"]
+        if key not in one.stated
+    )
+    return (*own, *(RELAXATION if relaxes else ()))
 
 
-def known_values(law: Hyperelastic) -> dict[str, float]:
-    """Return all numbers of a law and of its relaxation by full name."""
-    own = {f"deep.{key}": value for key, value in law.parameters.items()}
-    return own | {name: one.null for name, one in RELAXATION.items()}
-
-
-def free_names(name: LawName, relaxes: bool) -> tuple[str, ...]:
-    """Return what a law has free of itself."""
-    return (*(f"deep.{key}" for key in _FREE[name]), *(RELAXATION if relaxes else ()))
-
-
-def identified_law(name: LawName, law: Hyperelastic, relaxes: bool, asked: Asked) -> IdentifiedLaw:
+def identified_law(
+    name: LawName, tissues: Sequence[SpecimenTissue], c10: float, relaxes: bool, asked: Asked
+) -> IdentifiedLaw:
     """Return what is free and held in a law.
+
+    A compressibility D1 that is neither is left out: it follows from C10 and Poisson's ratio.
 
     Parameters
     ----------
     name : str
         Of the law.
-    law : Hyperelastic
-        At the stiffness about which to look.
+    tissues : sequence of SpecimenTissue
+        From the base up; those without a law of their own have this one.
+    c10 : float
+        MPa, about which to look.
     relaxes : bool
         Whether the spectrum counts.
     asked : Asked
@@ -151,18 +144,20 @@ def identified_law(name: LawName, law: Hyperelastic, relaxes: bool, asked: Asked
     InputError
         For a name that no law has, or where nothing is left to identify.
     """
-    known = known_values(law)
-    every = dict.fromkeys(f"deep.{key}" for keys in _FREE.values() for key in keys)
+    tissues = [one.of_law(name) for one in tissues]
+    known = known_values(tissues, c10)
+    every = {f"{one.name}.{key}" for one in tissues for keys in _FREE.values() for key in keys}
     check_known([n for n in (*asked.names, *asked.priors) if n not in every], known, "--identify")
     check_known([n for n in asked.fixed if n not in every], known, "--fix")
-    names = asked.names or free_names(name, relaxes)
+    names = asked.names or free_names(tissues, relaxes)
     wanted = dict.fromkeys((*names, *asked.priors))
     nuisances = set(asked.priors) - set(names)
+    far = _FAR if len(tissues) == 1 else _FAR_OF_LAYERS
     free = []
     for one in sorted(wanted, key=lambda one: (one in RELAXATION, one in INSTRUMENT)):
         if one in asked.fixed or (one not in known and one not in INSTRUMENT):
             continue
-        parameter = _parameter(one, known)
+        parameter = _parameter(one, known, far)
         parameter = replace(
             parameter,
             bounds=asked.bounds.get(one, parameter.bounds),
@@ -172,41 +167,54 @@ def identified_law(name: LawName, law: Hyperelastic, relaxes: bool, asked: Asked
         free.append(within_prior(parameter))
     if not free:
         raise InputError("--identify", name, "nothing is left to identify", "name a parameter")
+    tied = {f"{one.name}.D1" for one in tissues} - set(asked.fixed)
     held = {key: value for key, value in {**known, **asked.fixed}.items()
-            if key in known or key in INSTRUMENT}  # fmt: skip
+            if (key in known or key in INSTRUMENT) and key not in tied}  # fmt: skip
     held = {key: value for key, value in held.items() if key not in wanted or key in asked.fixed}
     if not relaxes:
         held = {key: value for key, value in held.items() if key not in RELAXATION}
-    return IdentifiedLaw(name, tuple(free), held, known, _usual(known[DEEP_C10], relaxes))
+    usual = {
+        key: within
+        for one in tissues
+        for key, within in _usual(one.name, known, relaxes, len(tissues)).items()
+        if key not in asked.priors
+    }
+    return IdentifiedLaw(name, tuple(free), held, known, usual)
 
 
-def _parameter(name: str, known: Values) -> Parameter:
+def _parameter(name: str, known: Values, far: float) -> Parameter:
     """Return a parameter with bounds about the stiffness that the recordings ask for."""
     for one in relaxation_parameters():
         if one.name == name:
             return one
     if name in INSTRUMENT:
         return parameter_of(name, known)
-    key = name.rpartition(".")[2]
-    c10, statement, unit = known[DEEP_C10], _STATEMENTS[key], UNITS.get(key, "-")
+    tissue, _, key = name.rpartition(".")
+    of = "" if tissue == ONE else f" of the {tissue}"
+    c10, statement, unit = known[f"{tissue}.C10"], _STATEMENTS[key] + of, UNITS.get(key, "-")
     if key == "C10":
-        return Parameter(name, unit, (c10 / _FAR, c10 * _FAR), scale="log", statement=statement)
+        return Parameter(name, unit, (c10 / far, c10 * far), scale="log", statement=statement)
     if key == "C20":
-        return Parameter(name, unit, (0.0, c10 * _FAR), scale="log", statement=statement)
+        return Parameter(name, unit, (0.0, c10 * far), scale="log", statement=statement)
     if key in ("C30", "stiffening"):
         return Parameter(name, unit, (0.0, c10 * _RELATIVE), statement=statement)
     if key == "exponent":
         return Parameter(name, unit, (0.1, 20.0), scale="log", statement=statement)
-    centre = known[name] if math.isfinite(known[name]) else known["deep.D1"]
-    return Parameter(name, unit, (centre / _FAR, centre * _FAR), scale="log", statement=statement)
+    centre = known[name] if math.isfinite(known[name]) else known[f"{tissue}.D1"]
+    return Parameter(name, unit, (centre / far, centre * far), scale="log", statement=statement)
 
 
-def _usual(c10: float, relaxes: bool) -> dict[str, tuple[float, float]]:
+def _usual(
+    tissue: str, known: Values, relaxes: bool, layers: int
+) -> dict[str, tuple[float, float]]:
     """Return where to look first: of a force that relaxes, the lasting part is less."""
-    return {
-        DEEP_C10: (c10 / 8, 1.5 * c10) if relaxes else (c10 / 3, 2 * c10),
-        "deep.C20": (0.0, 2 * c10),
-        "deep.C30": (0.0, 2 * c10),
-        "deep.stiffening": (0.0, 2 * c10),
-        "deep.exponent": (0.5, 4.0),
+    c10 = known[f"{tissue}.C10"]
+    stiffness = (c10 / 8, 1.5 * c10) if relaxes else (c10 / 3, 2 * c10)
+    found = {
+        "C10": stiffness if layers == 1 else (c10 / 6, 6 * c10),
+        "C20": (0.0, 2 * c10),
+        "C30": (0.0, 2 * c10),
+        "stiffening": (0.0, 2 * c10),
+        "exponent": (0.5, 4.0),
     }
+    return {f"{tissue}.{key}": within for key, within in found.items()}

@@ -14,7 +14,7 @@ from legfem.diagnose.mechanisms import Mechanism, TissueMechanism, mechanisms
 from legfem.diagnose.mechanisms.base import factor, prior_of
 from legfem.experiments.uniaxial import Bar
 from legfem.inference.parameter import Parameter
-from legfem.specimens.sizes import Sizes
+from legfem.specimens.sizes import LayeredTest, Sizes
 from legfem.specimens.variants import slipping
 
 _LEG_MM, _LEG_N, _LEG_S = 20.0, 20.0, 100.0
@@ -49,6 +49,10 @@ _TOLD: Mapping[str, tuple[str, str]] = {
         "the load cell's zero drifted in time",
         "record a minute in air before and after each trial, and compare the zeros",
     ),
+    "superficial-stiffness": (
+        "the layers of stated stiffness are stiffer or softer than stated",
+        "test one of those layers by itself, or press with a smaller tip",
+    ),
     "preconditioning": (
         "the tissue softened from one trial to the next: it was not preconditioned",
         "cycle five to ten times before recording, and rest between trials",
@@ -66,6 +70,11 @@ _NONE: Mapping[str, str] = {
     "superficial-stiffness": "a specimen of one tissue has no fat over it",
     "superficial-viscoelasticity": "a specimen of one tissue has no fat over it",
     "uneven-muscle": "a specimen of one tissue is taken to be alike everywhere",
+}
+_OF_LAYERS: Mapping[str, str | None] = {
+    "superficial-stiffness": None,
+    "superficial-stiffening": "layers of stated stiffness are taken as stated but for a factor",
+    "superficial-viscoelasticity": "layers of stated stiffness are taken not to relax",
 }
 _LEAST_BULK = 5.0
 """Bulk over shear modulus down to which compressibility is tabulated: Poisson's ratio 0.41."""
@@ -124,6 +133,8 @@ def mechanisms_of(sizes: Sizes, scale: Scale) -> tuple[list[Mechanism], dict[str
     unable: dict[str, str] = {}
     for mechanism in mechanisms():
         why = _NONE.get(mechanism.name)
+        if isinstance(sizes, LayeredTest):
+            why = _OF_LAYERS.get(mechanism.name, why)
         if mechanism.name == _FACES[0] and slipping(sizes) is None:
             why = (
                 "a bar's ends are free as stated"

@@ -7,14 +7,25 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from legfem.common.toml_file import FileTable, PlainName, Positive, Text, parse_toml, trouble
+from legfem.common.toml_file import (
+    FileTable,
+    NotNegative,
+    PlainName,
+    Positive,
+    Text,
+    parse_toml,
+    trouble,
+)
+from legfem.identify.laws import LawName
 from legfem.subjects.schema import InstrumentEntry, RecordingsEntry
 
+PoissonRatio = Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False)]
 Base = Literal["bonded", "sliding"]
 Faces = Literal["rough", "frictionless"]
 BaseLaw = Literal["neo-hookean", "reduced-polynomial"]
 SIZES = ("thickness_mm", "diameter_mm", "height_mm", "width_mm", "length_mm", "area_mm2")
 """Of the body, which specimens of one folder may have their own of."""
+_TAKEN = ("instrument", "viscoelasticity", "friction", "contact")
 
 
 class BallEntry(FileTable):
@@ -68,7 +79,20 @@ class BarEntry(FileTable):
     area_mm2: Positive | None = None
 
 
-type TestEntry = BallEntry | PunchEntry | PlatesEntry | CylinderEntry | BarEntry
+class SuctionEntry(FileTable):
+    """``[suction]``: a cup that draws a round layer on a rigid base up through its opening."""
+
+    thickness_mm: Positive | None = None
+    diameter_mm: Positive | None = None
+    opening_mm: Positive
+    """Inner diameter of the cup."""
+    rim_mm: Positive
+    """Width of the cup's face on the skin."""
+    rim: Base = "bonded"
+    base: Base = "bonded"
+
+
+type TestEntry = BallEntry | PunchEntry | PlatesEntry | CylinderEntry | BarEntry | SuctionEntry
 """What is done to the specimen; sizes that specimens have of their own may be absent."""
 
 
@@ -84,12 +108,37 @@ class SpecimenEntry(FileTable):
     width_mm: Positive | None = None
     length_mm: Positive | None = None
     area_mm2: Positive | None = None
+    layers_mm: Annotated[list[Positive], Field(min_length=2)] | None = None
+    """Thicknesses of the layers, in their order."""
+
+
+class LayerEntry(FileTable):
+    """``[[layers]]``, from what presses to the base: tissues on each other, bonded."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z]\w*$")]
+    """By which its numbers are called: ``fat.C10``."""
+    thickness_mm: Positive | None = None
+    """Specimens may have their own, as ``layers_mm``."""
+    law: LawName | None = None
+    """The one that is asked for without it."""
+    C10_kPa: Positive | None = None
+    """Stated; looked for without it."""
+    C20_kPa: NotNegative | None = None
+    """The same; none where only C10 is stated."""
+    poisson_ratio: PoissonRatio | None = None
+    """That of ``[tissue]`` without it."""
+
+    @model_validator(mode="after")
+    def _has_what_is_stated(self) -> LayerEntry:
+        if self.C20_kPa is not None and self.law not in (None, "reduced-polynomial"):
+            raise trouble("C20_kPa", f"the {self.law} law isn't held by it", "remove one of them")
+        return self
 
 
 class TissueEntry(FileTable):
     """``[tissue]``, optional: what isn't looked for."""
 
-    poisson_ratio: Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False)] | None = None
+    poisson_ratio: PoissonRatio | None = None
     """At small strain; a bulk modulus of 1000 shear moduli without it."""
     one_stiffness: bool = False
     """Whether specimens are equally stiff; each has a stiffness of its own without it."""
@@ -104,7 +153,7 @@ class TissueEntry(FileTable):
 class SpecimenFile(FileTable):
     """``specimen.toml`` as it is written, in the file's units."""
 
-    alternatives: ClassVar = ("ball", "punch", "plates", "cylinder", "uniaxial")
+    alternatives: ClassVar = ("ball", "punch", "plates", "cylinder", "uniaxial", "suction")
 
     id: PlainName
     title: Text
@@ -114,6 +163,8 @@ class SpecimenFile(FileTable):
     plates: PlatesEntry | None = None
     cylinder: CylinderEntry | None = None
     uniaxial: BarEntry | None = None
+    suction: SuctionEntry | None = None
+    layers: list[LayerEntry] = Field(default_factory=list)
     specimen: list[SpecimenEntry] = Field(default_factory=list)
     tissue: TissueEntry = TissueEntry()
     instrument: InstrumentEntry | None = None
@@ -126,6 +177,22 @@ class SpecimenFile(FileTable):
             names = ", ".join(f"[{name}]" for name in self.alternatives)
             problem = "no test is given" if not given else f"{len(given)} tests are given"
             raise trouble("test", problem, f"give one of the tables {names}")
+        return self
+
+    @model_validator(mode="after")
+    def _several_layers(self) -> SpecimenFile:
+        names = [layer.name for layer in self.layers]
+        if len(names) == 1:
+            raise trouble("layers", "there is one", "give several, or none and a thickness_mm")
+        for name in names:
+            if names.count(name) > 1 or name in _TAKEN:
+                problem = "is the name of something else" if name in _TAKEN else "stands twice"
+                raise trouble("layers.name", f"{name!r} {problem}", "give another")
+        if names and not isinstance(self.test, PlatesEntry | BarEntry):
+            raise trouble(
+                "layers", "are for a ball, a punch, a suction cup or a cylinder across a block",
+                "remove them, or the test",
+            )  # fmt: skip
         return self
 
     @property

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 from legfem.common.toml_file import FileTable
 from legfem.experiments.axisymmetric import (
@@ -13,6 +14,7 @@ from legfem.experiments.axisymmetric import (
 )
 from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
 from legfem.experiments.lateral_cylinder import CylinderOnBlock, LateralCylinder
+from legfem.experiments.suction import CupOnLayer, SuctionTest
 from legfem.experiments.uniaxial import Bar, UniaxialTest
 from legfem.specimens.schema import (
     SIZES,
@@ -23,20 +25,76 @@ from legfem.specimens.schema import (
     PunchEntry,
     SpecimenEntry,
     SpecimenFile,
+    SuctionEntry,
     TestEntry,
 )
 
-Sizes = BallOnLayer | PunchOnLayer | CylinderBetweenPlates | CylinderOnBlock | Bar
-Test = BallIndentation | FlatPunchIndentation | CylinderCompression | LateralCylinder | UniaxialTest
+OnLayers = BallOnLayer | PunchOnLayer | CylinderOnBlock | CupOnLayer
 
 
-_WORDS: dict[type[Sizes], str] = {
+@dataclass(frozen=True)
+class LayeredTest:
+    """A test of layers on each other.
+
+    Parameters
+    ----------
+    whole
+        The test, on a layer as thick as all together.
+    layers
+        Names and thicknesses (mm), from the base up.
+    """
+
+    whole: OnLayers
+    layers: tuple[tuple[str, float], ...]
+
+
+OneTissue = OnLayers | CylinderBetweenPlates | Bar
+Sizes = OneTissue | LayeredTest
+Pressed = BallIndentation | FlatPunchIndentation | CylinderCompression | LateralCylinder
+Test = Pressed | UniaxialTest | SuctionTest
+
+
+_WORDS: dict[type, str] = {
     BallOnLayer: "a ball on a layer",
     PunchOnLayer: "a flat punch on a layer",
     CylinderBetweenPlates: "between plates",
     CylinderOnBlock: "a cylinder across a block",
     Bar: "a bar",
+    CupOnLayer: "a suction cup on a layer",
 }
+
+
+def lengths_of(sizes: Sizes) -> dict[str, float]:
+    """Return a test's sizes by name: mm, and mm² of an area."""
+    if isinstance(sizes, LayeredTest):
+        whole = lengths_of(sizes.whole)
+        del whole["thickness"]
+        return whole | {name + _OF_LAYER: thickness for name, thickness in sizes.layers}
+    return {name: value for name, value in asdict(sizes).items() if isinstance(value, float)}
+
+
+def resized(sizes: Sizes, name: str, value: float) -> Sizes:
+    """Return a test with another of the sizes of `lengths_of`."""
+    if isinstance(sizes, LayeredTest):
+        layers = tuple(
+            (layer, value if layer + _OF_LAYER == name else thickness)
+            for layer, thickness in sizes.layers
+        )
+        own: dict[str, Any] = {"thickness": sum(thickness for _, thickness in layers)}
+        if layers == sizes.layers:
+            own[name] = value
+        return LayeredTest(replace(sizes.whole, **own), layers)
+    changed: Any = replace(sizes, **{name: value})  # type: ignore[arg-type]
+    return changed  # type: ignore[no-any-return]
+
+
+_OF_LAYER = "_thickness"
+
+
+def opening_of(sizes: Sizes) -> float | None:
+    """Return the area of a suction cup's opening (mm2): a suction on it is its force."""
+    whole = sizes.whole if isinstance(sizes, LayeredTest) else sizes
+    return whole.opening if isinstance(whole, CupOnLayer) else None
 
 
 class SizeError(Exception):
@@ -55,11 +113,39 @@ def sizes_of(given: SpecimenFile, specimen: SpecimenEntry | None) -> Sizes:
     for key in own:
         if key not in type(given.test).model_fields:
             raise SizeError(key, "is no size of this test", "remove it")
-    return _sizes(given.test.model_copy(update=own))
+    layers = _layers(given, specimen)
+    if not layers:
+        return _sizes(given.test.model_copy(update=own))
+    if "thickness_mm" in own or getattr(given.test, "thickness_mm", None) is not None:
+        raise SizeError("thickness_mm", "is that of the layers together", "remove it")
+    own["thickness_mm"] = sum(thickness for _, thickness in layers)
+    whole = _sizes(given.test.model_copy(update=own))
+    assert isinstance(whole, OnLayers)
+    return LayeredTest(whole, layers)
+
+
+def _layers(given: SpecimenFile, specimen: SpecimenEntry | None) -> tuple[tuple[str, float], ...]:
+    """Return names and thicknesses of a specimen's layers, from the base up."""
+    own = None if specimen is None else specimen.layers_mm
+    if own is None:
+        own = [
+            _given(layer, "thickness_mm", "give it, or layers_mm with every [[specimen]]")
+            for layer in given.layers
+        ]
+    elif len(own) != len(given.layers):
+        raise SizeError(
+            "layers_mm", f"{len(own)} thicknesses of {len(given.layers)} [[layers]]",
+            "give one a layer",
+        )  # fmt: skip
+    names = [layer.name for layer in given.layers]
+    return tuple(zip(reversed(names), reversed(own), strict=True))
 
 
 def sizes_text(sizes: Sizes) -> str:
     """Return a specimen's test with its sizes, as people read them."""
+    if isinstance(sizes, LayeredTest):
+        layers = " on ".join(f"{name} {thickness:g} mm" for name, thickness in sizes.layers[::-1])
+        return f"{sizes_text(sizes.whole)}; {layers}"
     told = (
         f"{name.replace('_', ' ')} "
         + (value if isinstance(value, str) else f"{value:g} {'mm²' if name == 'area' else 'mm'}")
@@ -68,7 +154,7 @@ def sizes_text(sizes: Sizes) -> str:
     return f"{_WORDS[type(sizes)]}: {', '.join(told)}"
 
 
-def _sizes(test: TestEntry) -> Sizes:
+def _sizes(test: TestEntry) -> OneTissue:
     match test:
         case BallEntry():
             return BallOnLayer(
@@ -92,10 +178,17 @@ def _sizes(test: TestEntry) -> Sizes:
             return CylinderOnBlock(thickness, width, length, radius, test.cylinder, test.base)
         case BarEntry():
             return Bar(_given(test, "length_mm"), _given(test, "area_mm2"), test.direction)
+        case SuctionEntry():
+            return CupOnLayer(
+                _given(test, "thickness_mm"), test.opening_mm / 2, test.rim_mm,
+                _given(test, "diameter_mm") / 2, test.rim, test.base,
+            )  # fmt: skip
 
 
-def _given(entry: FileTable, key: str) -> float:
+def _given(
+    entry: FileTable, key: str, remedy: str = "give it with the test, or with every [[specimen]]"
+) -> float:
     value: float | None = getattr(entry, key)
     if value is None:
-        raise SizeError(key, "missing", "give it with the test, or with every [[specimen]]")
+        raise SizeError(key, "missing", remedy)
     return value

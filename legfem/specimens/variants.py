@@ -6,8 +6,9 @@ solution serves every C10 at which the other numbers keep their ratios to it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,20 +22,25 @@ from legfem.diagnose.variants import Stopped
 from legfem.experiments.axisymmetric import BallOnLayer, CylinderBetweenPlates
 from legfem.experiments.flat_punch import PunchOnLayer
 from legfem.experiments.lateral_cylinder import CylinderOnBlock
+from legfem.experiments.suction import CupOnLayer, SuctionTest
 from legfem.experiments.uniaxial import Bar, UniaxialTest
+from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.terms import Tissue
 from legfem.solve.path import Path
 from legfem.solve.protocol import Protocol
 from legfem.specimens.forward import experiment_of
-from legfem.specimens.laws import REFERENCE_MPA, specimen_law
 from legfem.specimens.relaxation import memory
-from legfem.specimens.sizes import Sizes, Test
+from legfem.specimens.sizes import LayeredTest, OnLayers, Sizes, Test, lengths_of, resized
+from legfem.specimens.tissues import ONE, REFERENCE_MPA, SpecimenTissue, specimen_law
 
 if TYPE_CHECKING:
     from legfem.experiments.placement import Placement
     from legfem.meshing.motion import MeshMotion
 
 _C10, _C20 = "deep.C10", "deep.C20"
+_BESIDE = "superficial.C10"
+"""What mechanisms call the stiffness of tissues beside the one that is asked for."""
+_STATED = "stated_"
 _RESIZED = 0.03
 """Relative step by which the force's change with a size is found."""
 _AS_FORCE = {CylinderOnBlock: ("length",), Bar: ("area",)}
@@ -45,12 +51,17 @@ def slipping(sizes: Sizes) -> Sizes | None:
     """Return a test whose faces don't hold what they touch; None where they don't as stated."""
     free: Sizes
     match sizes:
+        case LayeredTest():
+            whole = slipping(sizes.whole)
+            return replace(sizes, whole=whole) if isinstance(whole, OnLayers) else None
         case BallOnLayer():
             free = replace(sizes, ball="frictionless")
         case PunchOnLayer():
             free = replace(sizes, punch="frictionless")
         case CylinderBetweenPlates():
             free = replace(sizes, ends="sliding")
+        case CupOnLayer():
+            free = replace(sizes, rim="sliding")
         case CylinderOnBlock():
             free = replace(sizes, cylinder="frictionless")
         case _:
@@ -68,13 +79,14 @@ class SpecimenVariants:
         Of the test.
     depth
         That meshes and steps are made for, mm.
-    poisson_ratio
-        At small strain; a bulk modulus of 1000 shear moduli without it.
+    tissues
+        From the base up. Of layers all but one are of stated stiffness; that one is the model's
+        deep tissue.
     """
 
     sizes: Sizes
     depth: float
-    poisson_ratio: float | None = None
+    tissues: tuple[SpecimenTissue, ...] = (SpecimenTissue(),)
     _models: dict[str, Test] = field(default_factory=dict, init=False, repr=False)
     _paths: dict[str, Path | Stopped] = field(default_factory=dict, init=False, repr=False)
 
@@ -85,13 +97,38 @@ class SpecimenVariants:
     @property
     def measured(self) -> dict[str, float]:
         """Sizes by full name (mm) that change the shape of the force's course."""
-        alike = _AS_FORCE.get(type(self.sizes), ())
-        given = {one.name: getattr(self.sizes, one.name) for one in fields(self.sizes)}
+        sizes = self.sizes.whole if isinstance(self.sizes, LayeredTest) else self.sizes
+        alike = _AS_FORCE.get(type(sizes), ())
+        lengths = lengths_of(self.sizes)
+        return {SIZE + name: value for name, value in lengths.items() if name not in alike}
+
+    @property
+    def _asked(self) -> SpecimenTissue:
+        """The tissue whose stiffness is asked for."""
+        return next(one for one in self.tissues if "C10" not in one.stated)
+
+    @property
+    def _stated(self) -> dict[str, float]:
+        """Numbers of all other layers, by full name."""
         return {
-            SIZE + name: value
-            for name, value in given.items()
-            if isinstance(value, float) and name not in alike
+            f"{one.name}.{key}": value
+            for one in self._named
+            if one.name != ONE
+            for key, value in one.at(REFERENCE_MPA).parameters.items()
+            if math.isfinite(value)
         }
+
+    @property
+    def _named(self) -> list[SpecimenTissue]:
+        """Tissues as the model's terms know them."""
+        asked = self._asked
+        return [
+            replace(one, name=ONE if one is asked else _STATED + one.name) for one in self.tissues
+        ]
+
+    @property
+    def _law(self) -> Hyperelastic:
+        return specimen_law("reduced-polynomial", REFERENCE_MPA, self._asked.poisson_ratio)
 
     @property
     def assumed(self) -> tuple[str, ...]:
@@ -119,17 +156,19 @@ class SpecimenVariants:
 
     def described(self, variant: str) -> str:
         """Return what tells a model from others: its test and terms."""
-        return repr((self._sizes(variant), self._terms(variant), self.depth, self.poisson_ratio))
+        return repr((self._sizes(variant), self._terms(variant), self.depth, self.tissues))
 
     def model(self, variant: str) -> Test:
         """Return a model by its name."""
         if variant not in self._models:
-            law = specimen_law("reduced-polynomial", REFERENCE_MPA, self.poisson_ratio)
             terms = self._terms(variant)
-            model = experiment_of(self._sizes(variant), law, self.depth)
+            laws = {one.name: one.at(REFERENCE_MPA) for one in self._named} | {ONE: self._law}
+            model = experiment_of(self._of_model(self._sizes(variant)), laws, self.depth)
+            swapped = [term for term in terms if isinstance(term, Tissue)]
             if isinstance(model, UniaxialTest):
-                laws = [term.law for term in terms if isinstance(term, Tissue)]
-                model = replace(model, law=laws[0]) if laws else model
+                model = replace(model, law=swapped[0].law) if swapped else model
+            elif isinstance(model, SuctionTest):
+                model = replace(model, mechanisms=swapped)
             else:
                 model = replace(model, mechanisms=terms)
             self._models[variant] = model
@@ -139,9 +178,16 @@ class SpecimenVariants:
         free = any(m.tangential == "frictionless" for m in _of_variant(variant))
         return (slipping(self.sizes) or self.sizes) if free else self.sizes
 
+    def _of_model(self, sizes: Sizes) -> Sizes:
+        """Return a test whose layers are called as the model's terms know them."""
+        if not isinstance(sizes, LayeredTest):
+            return sizes
+        names = (one.name for one in self._named)
+        thicknesses = (thickness for _, thickness in sizes.layers)
+        return replace(sizes, layers=tuple(zip(names, thicknesses, strict=True)))
+
     def _terms(self, variant: str) -> list[Any]:
-        law = specimen_law("reduced-polynomial", REFERENCE_MPA, self.poisson_ratio)
-        return [term for m in _of_variant(variant) for term in m.terms_of(law)]
+        return [term for m in _of_variant(variant) for term in m.terms_of(self._law)]
 
     def follow(
         self,
@@ -153,19 +199,26 @@ class SpecimenVariants:
     ) -> Path | Stopped:
         """Solve a protocol, as `legfem.diagnose.variants.Variants.follow` does for a leg.
 
-        Compressibility goes with 1 / C10, so that Poisson's ratio stays.
+        Compressibility goes with 1 / C10, so that Poisson's ratio stays. Layers of stated stiffness
+        are as much softer in the solution as the force is scaled up.
         """
         scale = deep[_C10] / REFERENCE_MPA
         own = {_C10: REFERENCE_MPA, _C20: deep.get(_C20, 0.0) / scale}
         nominal = self.parameters(solution.variant)
-        own |= {name: factor * nominal[name] for name, factor in solution.scaled.items()}
+        factors = dict(solution.scaled)
+        beside = factors.pop(_BESIDE, 1.0) / scale
+        others = {
+            name: value / beside if name.endswith(".D1") else value * beside
+            for name, value in self._stated.items()
+        }
+        own |= others | {name: factor * nominal[name] for name, factor in factors.items()}
         own |= {
             name: value / scale if name.startswith("deep.C") else value
             for name, value in solution.parameters.items()
         }
         asked = {name for name in sensitivities if name not in (_C10, *self.measured)}
         if _C10 in sensitivities:
-            asked.add(_C20)
+            asked |= {_C20, *others}
         found = self._scaled(solution.variant, protocol, own, tuple(sorted(asked)))
         if isinstance(found, Stopped):
             return found
@@ -173,7 +226,11 @@ class SpecimenVariants:
         if _C20 in by:
             by[_C20] = found.sensitivities[_C20]
             # Euler's theorem: the force is homogeneous in the stiffnesses.
-            by[_C10] = (found.force - own[_C20] * by[_C20]) / REFERENCE_MPA
+            rest = own[_C20] * by[_C20] + sum(
+                (-value if name.endswith(".D1") else value) * found.sensitivities[name]
+                for name, value in others.items()
+            )
+            by[_C10] = (found.force - rest) / REFERENCE_MPA
         for name in (name for name in sensitivities if name in self.measured):
             changed = self._resized(name).follow(protocol, deep, solution)
             if isinstance(changed, Stopped):
@@ -185,9 +242,8 @@ class SpecimenVariants:
         )
 
     def _resized(self, name: str) -> SpecimenVariants:
-        given: Any = self.sizes
         value = (1 + _RESIZED) * self.measured[name]
-        return replace(self, sizes=replace(given, **{name.removeprefix(SIZE): value}))
+        return replace(self, sizes=resized(self.sizes, name.removeprefix(SIZE), value))
 
     def _scaled(
         self,
@@ -221,7 +277,7 @@ class SpecimenVariants:
             return Stopped(" ".join(str(error).split()) or type(error).__name__)
         if not solved.report.complete:
             return Stopped(str(solved.report))
-        if isinstance(model, UniaxialTest):
+        if isinstance(model, UniaxialTest | SuctionTest):
             return _relaxing(solved.path, values, sensitivities)
         return solved.path
 
@@ -233,7 +289,10 @@ def _of_variant(variant: str) -> list[TissueMechanism]:
 
 
 def _relaxing(path: Path, values: Mapping[str, float], sensitivities: Sequence[str]) -> Path:
-    """Return a bar's course with what its branches bear; see `legfem.specimens.relaxation`."""
+    """Return a course with what branches bear; see `legfem.specimens.relaxation`.
+
+    Of tests that are solved for their first loading alone: a bar's, and a suction cup's.
+    """
     names = [f"deep.viscoelasticity{k + 1}.ratio" for k in range(len(TIMES_S))]
     if not any(name in values or name in sensitivities for name in names):
         return path

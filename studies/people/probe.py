@@ -21,8 +21,9 @@ from scipy.stats import qmc
 
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
-from legfem.experiments.axisymmetric import AxisymmetricSettings, Faces
-from legfem.experiments.layered_punch import LayeredPunch, PunchOnLayers
+from legfem.experiments.axisymmetric import AxisymmetricSettings, Faces, Layer
+from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
+from legfem.experiments.layers import compress
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.mechanics.materials import NeoHookean
@@ -74,23 +75,23 @@ def neo_hookean(C10: float, poisson_ratio: float) -> NeoHookean:
 def solve_point(model: ProbeModel, point: Sequence[float], refined: float = 1.0) -> SolvedPoint:
     """Press the probe into layers of given logarithms (see `LOWEST`), to the greatest strain."""
     superficial, deep, ratio = np.exp(point)
-    given = PunchOnLayers(
-        superficial * _RADIUS, deep * _RADIUS, _RADIUS, _EDGE, _AROUND * _RADIUS, model.face
+    layers = tuple(
+        Layer(name, float(share) * _RADIUS, neo_hookean(float(C10), model.poisson_ratio))
+        for name, share, C10 in (("deep", deep, _C10), ("superficial", superficial, ratio * _C10))
+    )
+    given = PunchOnLayer(
+        sum(layer.thickness for layer in layers), _RADIUS, _EDGE, _AROUND * _RADIUS, model.face
     )
     depth = float(STRAINS[-1]) * given.thickness * 1.01
     settings = AxisymmetricSettings(
         MeridianMeshSettings(0.25 * _EDGE, 0.35, 6.0).refined(refined),
         steps=StepSettings(first=0.4 * STRAINS[0] * depth / STRAINS[-1], largest=depth / 12),
     )
-    punch = LayeredPunch(
-        given, neo_hookean(_C10, model.poisson_ratio), settings,
-        superficial_law=neo_hookean(float(ratio) * _C10, model.poisson_ratio),
-    )  # fmt: skip
-    found = punch.compress(depth)
+    found = compress(FlatPunchIndentation(given, layers, settings), depth)
     strain = found.total / given.thickness
     if strain[-1] < STRAINS[-1] or not (found.force[1:] > 0).all():
         return SolvedPoint((), (), found.report.reason)
-    share = found.superficial[1:] / given.superficial / strain[1:]
+    share = found.lost["superficial"][1:] / layers[1].thickness / strain[1:]
     modulus = np.log(found.force[1:] / strain[1:] / (_C10 * _RADIUS**2))
     at = PchipInterpolator(np.log(strain[1:]), np.stack([modulus, share], 1))(np.log(STRAINS))
     return SolvedPoint(tuple(at[:, 0] + np.log(STRAINS)), tuple(at[:, 1]))

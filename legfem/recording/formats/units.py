@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Literal, NamedTuple
 
-Quantity = Literal["time", "displacement", "force"]
+from legfem.common.units import MPA_PER_MMHG
+
+Quantity = Literal["time", "displacement", "force", "pressure"]
 
 
 class Unit(NamedTuple):
-    """A unit as a multiple of legfem's own: s, mm, N; others measure something else."""
+    """A unit as a multiple of legfem's own: s, mm, N, MPa; others measure something else."""
 
     quantity: Quantity | None
     factor: float
@@ -28,9 +30,13 @@ _UNITS = {
         1.0: "n newton newtons", 1e-3: "mn", 1e3: "kn", _G: "kgf kp", 1e-3 * _G: "gf p",
         4.4482216152605: "lbf",
     },
+    "pressure": {
+        1.0: "mpa", 1e-3: "kpa", 1e-4: "mbar hpa", 0.1: "bar", 1e-6: "pa",
+        MPA_PER_MMHG: "mmhg torr", 6.894757293168e-3: "psi",
+    },
 }  # fmt: skip
 _OTHERS = """
-% - v mv a ma c °c degc k hz deg ° rad mm/s mm/min m/s n/mm kn/mm pa kpa mpa gpa psi mmhg mm/mm nm
+% - v mv a ma c °c degc k hz deg ° rad mm/s mm/min m/s n/mm kn/mm gpa mm/mm nm
 n.m n·m n/mm² n/mm2 cycles cycle count g kg lb strain
 """
 _KNOWN = {
@@ -39,7 +45,7 @@ _KNOWN = {
     for factor, names in factors.items()
     for name in names.split()
 } | {name: Unit(None, 1.0) for name in _OTHERS.split()}
-OWN = {"time": "s", "displacement": "mm", "force": "N"}
+OWN: dict[Quantity, str] = {"time": "s", "displacement": "mm", "force": "N", "pressure": "kPa"}
 """legfem's unit of each quantity."""
 
 

@@ -143,20 +143,23 @@ def _next(chosen: IdentificationResult, subject: Subject) -> list[str]:
     diagnose = f"python -m legfem.diagnose {folder}"
     if not fits(chosen):
         return [f"Don't use the stiffness. Find out which physics is missing: {diagnose}"]
-    unknown = estimates.unknown_among(chosen.parameters)
-    lines = []
-    if unknown:
-        lines.append(
-            f"These recordings don't tell {', '.join(unknown)} well: press deeper, repeat the "
-            "test, or state what is known beforehand (--prior)."
-        )
-    else:
+    lines = estimates.how_to_narrow(chosen.parameters, _remedies(chosen))
+    if not lines:
         lines.append(
             f"Use C10 together with the law it belongs to ({LAW_NAMES[chosen.law]}) and with the "
             "depth that was used."
         )
     lines.append(f"Have unloading, holds and speeds looked at, too: {diagnose}")
     return lines
+
+
+def _remedies(chosen: IdentificationResult) -> estimates.Remedies:
+    ruled = (
+        "most of its error is that of the cylinder's ends, which pressing deeper leaves as it is"
+    )
+    longer = "take a longer cylinder"
+    ends = f"{longer}, or solve this leg in 3D (--model 3d)" if chosen.spatial is None else longer
+    return estimates.Remedies("press deeper, repeat the test", f"{ruled}: {ends}")
 
 
 def _curves(results: Sequence[IdentificationResult]) -> Curves:

@@ -1,4 +1,4 @@
-r"""A flat punch on two layers against linear elasticity, one layer, and another mesh.
+r"""What presses on layers against linear elasticity, one layer, and another mesh.
 
 The closed form is that of one layer (`test_flat_punch`), with the surface's answer to a pressure of
 one wave number found from both layers' general solutions: in each, at depth z,
@@ -14,9 +14,15 @@ from making_mechanics import fixed_steps
 from test_flat_punch import kappa, law
 
 from legfem.common.errors import InputError
-from legfem.experiments.axisymmetric import AxisymmetricSettings
+from legfem.experiments.axisymmetric import (
+    AxisymmetricSettings,
+    BallIndentation,
+    BallOnLayer,
+    Layer,
+)
 from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
-from legfem.experiments.layered_punch import LayeredPunch, PunchOnLayers
+from legfem.experiments.lateral_cylinder import CylinderOnBlock, LateralCylinder
+from legfem.experiments.layers import compress
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.meridian import MeridianMeshSettings
@@ -77,6 +83,14 @@ def stiffer(ratio: float, poisson: float) -> NeoHookean:
     return NeoHookean(ratio * one.C10, one.D1 / ratio)
 
 
+def fat_on_muscle(superficial: float, deep: float, ratio: float, poisson: float):
+    """Return layers of thicknesses (mm), the upper one stiffer by a ratio."""
+    return (
+        Layer("muscle", deep, law(poisson)),
+        Layer("fat", superficial, stiffer(ratio, poisson)),
+    )
+
+
 @pytest.mark.parametrize(
     ("superficial", "deep", "ratio", "poisson"),
     [
@@ -94,11 +108,9 @@ def test_the_force_is_that_of_linear_elasticity(superficial, deep, ratio, poisso
         ContactSettings(tangential="frictionless", stiffness=4e4, onset=1e-5),
         steps=fixed_steps(DEPTH),
     )
-    given = PunchOnLayers(superficial, deep, RADIUS, EDGE, RADIUS + 6 * thickness)
-    punch = LayeredPunch(
-        given, law(poisson), settings, superficial_law=stiffer(ratio, poisson)
-    )  # fmt: skip
-    solved = punch.solve(depth=DEPTH)
+    given = PunchOnLayer(thickness, RADIUS, EDGE, RADIUS + 6 * thickness, "frictionless")
+    layers = fat_on_muscle(superficial, deep, ratio, poisson)
+    solved = FlatPunchIndentation(given, layers, settings).solve(depth=DEPTH)
     assert solved.report.complete
     modulus = 2 * ratio * MU / (1 - poisson)
     layers = (superficial, ratio * MU, poisson), (deep, MU, poisson)
@@ -120,50 +132,75 @@ SETTINGS = AxisymmetricSettings(
 )
 
 
-def test_equal_layers_are_one_layer_in_finite_strain():
-    two = LayeredPunch(
-        PunchOnLayers(5.0, 20.0, 10.0, 1.5, 50.0, "rough"), law(0.49), SETTINGS,
-        superficial_law=law(0.49),
-    ).compress(7.0)  # fmt: skip
-    one = FlatPunchIndentation(PunchOnLayer(25.0, 10.0, 1.5, 50.0), law(0.49), SETTINGS).solve(
-        depth=7.0
-    )
-    print(two.force[-1] / one.curve.force[-1] - 1)
-    assert two.report.complete
-    assert two.force[-1] == pytest.approx(one.curve.force[-1], rel=5e-3)
+ON_25 = {
+    "flat punch": (FlatPunchIndentation, PunchOnLayer(25.0, 10.0, 1.5, 50.0)),
+    "ball": (BallIndentation, BallOnLayer(25.0, 10.0, 50.0)),
+    "cylinder": (LateralCylinder, CylinderOnBlock(25.0, 80.0, 40.0, 10.0)),
+}
+
+
+@pytest.mark.parametrize("name", ON_25)
+def test_equal_layers_are_one_layer_in_finite_strain(name: str) -> None:
+    kind, given = ON_25[name]
+    three = tuple(Layer(f"layer{k}", h, law(0.49)) for k, h in enumerate((12.0, 8.0, 5.0)))
+    layered = kind(given, three, SETTINGS).solve(depth=7.0)
+    one = kind(given, law(0.49), SETTINGS).solve(depth=7.0)
+    print(name, layered.curve.force[-1] / one.curve.force[-1] - 1)
+    assert layered.report.complete
+    assert layered.curve.force[-1] == pytest.approx(one.curve.force[-1], rel=5e-3)
 
 
 @pytest.fixture(scope="module")
 def soft_on_stiff():
-    given = PunchOnLayers(5.0, 15.0, 10.0, 1.5, 50.0, "rough")
+    given, layers = PunchOnLayer(20.0, 10.0, 1.5, 50.0), fat_on_muscle(5.0, 15.0, 0.3, 0.49)
     return [
-        LayeredPunch(
-            given, law(0.49), AxisymmetricSettings(mesh, steps=SETTINGS.steps),
-            superficial_law=stiffer(0.3, 0.49),
-        ).compress(5.0)
+        compress(
+            FlatPunchIndentation(
+                given, layers, AxisymmetricSettings(mesh, steps=SETTINGS.steps)
+            ),
+            5.0,
+        )
         for mesh in (SETTINGS.mesh, SETTINGS.mesh.refined(2.0))
     ]  # fmt: skip
 
 
 def test_a_finer_mesh_tells_the_same(soft_on_stiff):
     coarse, fine = soft_on_stiff
-    print(coarse.force[-1] / fine.force[-1] - 1, coarse.superficial[-1] / fine.superficial[-1] - 1)
+    print(coarse.force[-1] / fine.force[-1] - 1, coarse.lost["fat"][-1] / fine.lost["fat"][-1] - 1)
     assert coarse.force[-1] == pytest.approx(fine.force[-1], rel=5e-3)
-    assert coarse.superficial[-1] == pytest.approx(fine.superficial[-1], rel=1e-2)
+    assert coarse.lost["fat"][-1] == pytest.approx(fine.lost["fat"][-1], rel=1e-2)
 
 
 def test_the_layers_lose_what_the_punch_takes(soft_on_stiff):
     coarse, _ = soft_on_stiff
     assert coarse.report.complete
     assert coarse.total[-1] == pytest.approx(5.0, rel=5e-3)
-    assert (np.diff(coarse.superficial) > 0).all() and (np.diff(coarse.deep) > 0).all()
+    assert all((np.diff(lost) > 0).all() for lost in coarse.lost.values())
     # The softer layer loses the greater share of its thickness, and less than its softness says.
-    strains = coarse.superficial[-1] / 5.0, coarse.deep[-1] / 15.0
-    assert strains[1] < strains[0] < strains[1] / 0.3
+    fat, muscle = coarse.lost["fat"][-1] / 5.0, coarse.lost["muscle"][-1] / 15.0
+    assert muscle < fat < muscle / 0.3
 
 
-def test_layers_without_a_thickness_are_refused():
-    with pytest.raises(InputError, match="superficial"):
-        PunchOnLayers(0.0, 10.0)
-    with pytest.raises(InputError, match="layer_radius"):
-        PunchOnLayers(5.0, 10.0, layer_radius=10.0)
+def test_derivatives_by_each_layer_s_stiffness_are_those_of_differences():
+    """Of a ball; the contact's penalty is in proportion to all of them."""
+    ball = BallIndentation(
+        BallOnLayer(20.0, 8.0, 40.0), fat_on_muscle(5.0, 15.0, 0.3, 0.45),
+        AxisymmetricSettings(MeridianMeshSettings(1.5, 0.35, 6.0), steps=fixed_steps(0.5)),
+    )  # fmt: skip
+    names = ("fat.C10", "muscle.C10")
+    solved = ball.solve(None, 2.0, names)
+    for name in names:
+        own, step = ball.parameters[name], 1e-4
+        ends = [
+            ball.solve({name: own * factor}, 2.0).curve.force[-1] for factor in (1 + step, 1 - step)
+        ]
+        slope = (ends[0] - ends[1]) / (2 * step * own)
+        assert solved.curve.sensitivities[name][-1] == pytest.approx(slope, rel=1e-4)
+
+
+def test_layers_that_do_not_fill_the_body_are_refused():
+    with pytest.raises(InputError, match="thickness"):
+        Layer("fat", 0.0, law(0.49))
+    given = BallOnLayer(25.0, 5.0, 40.0)
+    with pytest.raises(InputError, match="20 mm together, and the body is 25 mm"):
+        _ = BallIndentation(given, fat_on_muscle(5.0, 15.0, 1.0, 0.45)).interfaces

@@ -1,0 +1,250 @@
+r"""A cup that draws a round body up through its opening: the dome's height against the suction.
+
+The suction :math:`p` acts on the skin within the opening, along its deformed normal. The cup's rim
+is held where it touches, as on a stand. Of an incompressible half space under a small suction, and
+without a rim, the dome's height is that of a uniform pressure on a circle of radius :math:`a`,
+
+.. math:: u = \frac{2 (1 - \nu^2)\, p\, a}{E}
+
+(A. E. H. Love, Phil. Trans. R. Soc. A 228 (1929) 377-420).
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from dolfinx import fem
+
+from legfem.common.checks import check_positive
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
+from legfem.experiments.axisymmetric import AxisymmetricBody
+from legfem.experiments.base import Homebound, Solved, made_when_needed
+from legfem.experiments.pressing import motion
+from legfem.fem.system import System
+from legfem.mechanics.model import LegModel
+from legfem.mechanics.terms import SkinPressure, Tissue
+from legfem.meshing.meridian import RIM, MeridianMeshSettings, mesh_meridian, supports
+from legfem.meshing.section import SKIN
+from legfem.meshing.support import Support
+from legfem.solve.force_curve import ForceCurve
+from legfem.solve.newton import NewtonSolver
+from legfem.solve.path import Path
+from legfem.solve.protocol import Protocol
+from legfem.solve.report import SolveReport, Step
+from legfem.solve.sensitivity import Trackers
+
+_STEPS, _POINTS = 20, 80
+"""To the dome's height; and of every straight part of a motion."""
+_FIRST = 1e-2
+"""Share of the stiffness that the first suction is of: it tells how soft the body is."""
+_CUT, _LEAST, _GREATEST = 0.4, 1e-3, 1.5
+"""Of the suction's steps: on failure, over the usual one before giving up, of one over the last."""
+
+
+@dataclass(frozen=True)
+class CupOnLayer:
+    """A suction cup on a layer on a rigid base.
+
+    Parameters
+    ----------
+    thickness : float
+        Of the layer (mm).
+    opening_radius : float
+        Of the cup's opening (mm).
+    rim_width : float
+        Of the cup's face on the skin, from the opening out (mm).
+    layer_radius : float
+        Of the layer, whose side is free (mm).
+    rim : {"bonded", "sliding"}
+        Whether the skin under the rim sticks; it doesn't lift off in either case.
+    base : {"bonded", "sliding"}
+        Whether the layer sticks to its base; it doesn't lift off in either case.
+    """
+
+    thickness: float
+    opening_radius: float = 5.0
+    rim_width: float = 2.0
+    layer_radius: float = 40.0
+    rim: Literal["bonded", "sliding"] = "bonded"
+    base: Literal["bonded", "sliding"] = "bonded"
+
+    def __post_init__(self) -> None:
+        """Check the sizes."""
+        check_positive(self, "thickness", "opening_radius", "rim_width", "layer_radius")
+        outer = self.opening_radius + self.rim_width
+        if self.layer_radius <= outer:
+            raise InputError(
+                "cup", "layer_radius", f"the cup of {outer:g} mm covers the layer",
+                "give more than the opening's radius and the rim",
+            )  # fmt: skip
+
+    @property
+    def opening(self) -> float:
+        """Area of the opening (mm2): a suction of 1 MPa on it pulls with so many N."""
+        return math.pi * self.opening_radius**2
+
+
+@dataclass(frozen=True, eq=False)
+class SuctionTest(AxisymmetricBody[CupOnLayer], Homebound):
+    """The cup's test, an `legfem.experiments.base.Experiment`.
+
+    Displacement is the dome's height at the axis, force the suction times the opening's area. The
+    suction is what is stepped: a dome that goes on growing at a suction that falls isn't followed.
+    """
+
+    @cached_property
+    def model(self) -> LegModel:
+        """The sum of terms."""
+        tissues = tuple(Tissue(name, law) for name, law in self.laws.items())
+        model = LegModel((*tissues, SkinPressure()), self.settings.formulation)
+        return model.with_terms(self.mechanisms)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Every number of the model by full name."""
+        return self.model.parameters
+
+    @property
+    def held(self) -> tuple[Support, ...]:
+        """What holds the axis, the base, and the skin under the rim."""
+        under = Support(RIM, (0, 1) if self.test.rim == "bonded" else (1,))
+        return (*supports(self.test.base), under)
+
+    @made_when_needed
+    def _drawn(self) -> _Drawn:
+        test, settings = self.test, self.settings
+        opening, outer = test.opening_radius, test.opening_radius + test.rim_width
+        meshed = mesh_meridian(
+            test.layer_radius, test.thickness, (opening, outer),
+            settings.mesh or MeridianMeshSettings(opening / 16), "free", self.comm,
+            self.interfaces_within(test.thickness), ((SKIN, opening), (RIM, outer)),
+        )  # fmt: skip
+        spaces = self.spaces_on(meshed, self.held)
+        system = System(spaces, self.model, quadrature_degree=settings.quadrature_degree)
+        return _Drawn(system, NewtonSolver(system, settings.newton, settings.linear))
+
+    @property
+    def system(self) -> System:
+        """The model on its mesh, in the state last solved for."""
+        return self._drawn.system
+
+    def solve(
+        self,
+        values: Mapping[str, float] | None = None,
+        protocol: Protocol | float | None = None,
+        sensitivities: Sequence[str] = (),
+        *,
+        depth: float | None = None,
+    ) -> Solved:
+        """Draw the dome along a protocol of its height; arguments as those of `PressingTest.solve`.
+
+        What the tissue remembers doesn't count: returns and holds are those of its first rise.
+        """
+        given = motion(protocol if depth is None else depth)
+        parameters = self.model.values(values)
+        curve, report = self._drawn.to(given.depth, parameters, sensitivities, self.test.opening)
+        parts = [np.linspace(one.start, one.end, _POINTS) for one in given.segments]
+        times = np.unique(np.concatenate(parts))
+        at = given.displacement_at(times)
+        beyond = np.flatnonzero(at > report.reached + 1e-9)
+        if len(beyond):
+            times, at = times[: beyond[0]], at[: beyond[0]]
+        by = {name: curve.sensitivity(name, at) for name in sensitivities}
+        return Solved(parameters, curve, Path(times, at, curve(at), by), report)
+
+
+@dataclass(frozen=True, eq=False)
+class _Drawn:
+    """The finite-element model of a suction; suctions are in MPa."""
+
+    system: System
+    solver: NewtonSolver
+
+    @cached_property
+    def _trackers(self) -> Trackers:
+        return Trackers(self.system)
+
+    @cached_property
+    def _apex(self) -> int:
+        """The unknown that is the apex's displacement upwards."""
+        spaces = self.system.spaces
+        nodes = spaces.displacement_space.tabulate_dof_coordinates()
+        top = int(np.argmin(np.hypot(nodes[:, 0], nodes[:, 1] - nodes[:, 1].max())))
+        return int(spaces.displacement_dofs[2 * top + 1])
+
+    def to(
+        self, height: float, values: dict[str, float], names: Sequence[str], opening: float
+    ) -> tuple[ForceCurve, SolveReport]:
+        """Return the suction's pull against the dome's height, as far as it could be drawn."""
+        started = time.perf_counter()
+        system = self.system
+        system.set_parameters(values)
+        system.reset()
+        # The term's time is the suction in MPa.
+        system.applied_pressure.x.array[:] = -1.0
+        tracker = self._trackers.fresh(names)
+        modulus = min(value for name, value in values.items() if name.endswith(".C10"))
+        at, risen = [0.0], [0.0]
+        slopes: list[FloatArray] = [np.zeros(len(names))]
+        steps: list[Step] = []
+        usual = size = _FIRST * modulus
+        before, change, stopped = system.unknown.x.array.copy(), 0.0 * system.unknown.x.array, ""
+        while risen[-1] < height:
+            system.unknown.x.array[:] = before + size * change
+            system.set_time(at[-1] + size, size)
+            outcome = self.solver.solve()
+            rise = float(system.unknown.x.array[self._apex])
+            converged = outcome.converged and rise > risen[-1]
+            reason = "the dome falls as the suction rises" if outcome.converged else outcome.reason
+            steps.append(Step(rise if converged else risen[-1], at[-1] + size, size, converged,
+                              outcome.reason if converged else reason, outcome.factorisations,
+                              outcome.iterations, outcome.residual))  # fmt: skip
+            if not converged:
+                system.unknown.x.array[:] = before
+                size *= _CUT
+                if size < _LEAST * usual:
+                    stopped = (
+                        f"no step of the suction above {1e3 * usual * _LEAST:.2g} kPa: {reason}"
+                    )
+                    break
+                continue
+            at.append(at[-1] + size)
+            risen.append(rise)
+            change = self._by_suction(at[-1])
+            if tracker is not None:
+                tracker.step(self.solver)
+                rates = tracker.state_rates()
+                by = np.array([rates[name][self._apex] for name in names])
+                slopes.append(-by / change[self._apex])
+            else:
+                slopes.append(np.zeros(len(names)))
+            before = system.unknown.x.array.copy()
+            system.advance()
+            usual = height / _STEPS / float(change[self._apex])
+            size = usual if len(at) == 2 else min(usual, _GREATEST * size)
+        curve = ForceCurve(
+            np.array(risen), opening * np.array(at),
+            {name: opening * np.array(slopes)[:, k] for k, name in enumerate(names)},
+        )  # fmt: skip
+        return curve, SolveReport(
+            min(risen[-1], height), height, not stopped, stopped or "the target is reached",
+            tuple(steps), time.perf_counter() - started, system.spaces.unknowns,
+        )  # fmt: skip
+
+    def _by_suction(self, suction: float) -> FloatArray:
+        """Return the unknown's derivative by the suction (1/MPa) at the state just found."""
+        system = self.system
+        self.solver.refactor()
+        right: Any = system.assemble_skin_load().x.petsc_vec
+        right.scale(-1.0 / suction)
+        rate = fem.Function(system.spaces.space)
+        self.solver.linear_solver.solve(right, rate.x.petsc_vec)
+        rate.x.scatter_forward()
+        return np.asarray(rate.x.array).copy()

@@ -1,0 +1,211 @@
+"""Specimens of layers: equal ones are one, planted stiffness is found, or said not to be told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from making_layers import OtherLayer, OtherLayers
+from making_specimens import BAR, record
+from typer.testing import CliRunner
+
+import legfem as lf
+from legfem.commands.identify import app
+from legfem.common.errors import InputError
+from legfem.experiments.axisymmetric import BallOnLayer
+from legfem.experiments.flat_punch import PunchOnLayer
+from legfem.identify.written import Written
+from legfem.specimens.forward import SpecimenForward
+from legfem.specimens.laws import asked_in_writing, identified_law
+from legfem.specimens.schema import SpecimenFile
+from legfem.specimens.sizes import LayeredTest, lengths_of, resized, sizes_text
+from legfem.specimens.tissues import SpecimenTissue, tissues_of
+from legfem.specimens.variants import slipping
+
+FAT, MUSCLE, BULK = 2e-3, 8e-3, 10.0
+POISSON = (3 * BULK - 2) / (2 * (3 * BULK + 1))
+PUNCH = f"""\
+id = "layered"
+title = "Made by another code"
+origin = "simulated"
+
+[punch]
+punch_diameter_mm = 12.0
+edge_mm = 0.3
+diameter_mm = 80.0
+
+[[layers]]
+name = "fat"
+thickness_mm = 5.0
+[[layers]]
+name = "muscle"
+thickness_mm = 12.0
+
+[tissue]
+one_stiffness = true
+poisson_ratio = {POISSON}
+
+[recordings]
+starts_at_contact = true
+"""
+OPEN = (SpecimenTissue("muscle"), SpecimenTissue("fat"))
+
+
+def given(text: str = PUNCH) -> SpecimenFile:
+    import tomllib
+
+    return SpecimenFile.model_validate(tomllib.loads(text))
+
+
+def press(folder: Path, name: str, fat: float, muscle: float, depth: float = 2.0) -> None:
+    """Record a punch on layers of thicknesses (mm), made by the other code."""
+    layers = OtherLayer(muscle, MUSCLE, BULK), OtherLayer(fat, FAT, BULK)
+    knots = np.linspace(0.0, depth, 9)
+    force = OtherLayers(layers, 40.0, [6.0], 0.3).punched(6.0, knots[1:])
+    time = np.linspace(0.0, 4.0, 161)
+    d = depth * time / 4.0
+    curve = np.polynomial.Polynomial.fit(knots, [0.0, *force], 5)
+    record(folder, name, time, d, curve(d) - curve(0.0))
+
+
+@pytest.mark.parametrize(
+    "whole",
+    [BallOnLayer(12.0, 5.0, 40.0), PunchOnLayer(12.0, 5.0, 1.0, 40.0)],
+    ids=["ball", "punch"],
+)
+def test_equal_layers_are_one_tissue_and_so_are_their_derivatives(whole) -> None:
+    layered = LayeredTest(whole, (("muscle", 7.0), ("fat", 5.0)))
+    c10, depth = 5e-3, (1.2,)
+    one = SpecimenForward.of_tissues((whole,), depth, [SpecimenTissue()], c10)
+    two = SpecimenForward.of_tissues((layered,), depth, OPEN, c10)
+    alone = one.solve({"deep.C10": c10}, ["deep.C10"]).curves[0]
+    both = two.solve({"fat.C10": c10, "muscle.C10": c10}, ["fat.C10", "muscle.C10"]).curves[0]
+    # Where a ball's contact is a few elements wide, its force rises in steps.
+    at = np.linspace(0.4, 1.2, 5)
+    np.testing.assert_allclose(both(at), alone(at), rtol=7e-3)
+    # The force is in proportion to all stiffnesses together, at each tissue's Poisson's ratio.
+    slopes = sum(both.sensitivity(name, at) for name in ("fat.C10", "muscle.C10"))
+    np.testing.assert_allclose(c10 * slopes, both(at), rtol=5e-3)
+
+
+def test_layers_are_read_from_the_top_and_stand_from_the_base() -> None:
+    stated = PUNCH.replace('name = "fat"', 'name = "fat"\nC10_kPa = 2.0\npoisson_ratio = 0.49')
+    muscle, fat = tissues_of(given(stated))
+    assert (muscle.name, fat.name) == ("muscle", "fat")
+    assert not muscle.stated and fat.stated == {"C10": pytest.approx(2e-3)}
+    assert fat.at(1.0).parameters["C10"] == pytest.approx(2e-3)
+    assert muscle.poisson_ratio == POISSON and fat.poisson_ratio == 0.49
+
+
+def test_what_is_stated_is_held_and_what_is_open_is_free() -> None:
+    open_law = identified_law(
+        "reduced-polynomial", OPEN, 5e-3, False, asked_in_writing(Written(), OPEN)
+    )
+    assert open_law.names == ("muscle.C10", "muscle.C20", "fat.C10", "fat.C20")
+    stated = (OPEN[0], SpecimenTissue("fat", "neo-hookean", stated={"C10": 2e-3}))
+    law = identified_law("neo-hookean", stated, 5e-3, False, asked_in_writing(Written(), stated))
+    assert law.names == ("muscle.C10",) and law.fixed["fat.C10"] == 2e-3
+    # D1 isn't held: it follows from C10 and Poisson's ratio.
+    assert not any(name.endswith("D1") for name in law.fixed)
+    written = Written(priors=["fat.C10=2 x/ 1.2 kPa"], fixed=["muscle.C10=7 kPa"])
+    law = identified_law("neo-hookean", OPEN, 5e-3, False, asked_in_writing(written, OPEN))
+    assert law.names == ("fat.C10",) and law.parameters[0].prior is not None
+
+
+def test_a_thickness_is_a_size_and_slip_is_the_whole_test_s() -> None:
+    test = LayeredTest(PunchOnLayer(17.0, 6.0, 0.3, 40.0), (("muscle", 12.0), ("fat", 5.0)))
+    assert lengths_of(test)["fat_thickness"] == 5.0 and "thickness" not in lengths_of(test)
+    thicker = resized(test, "fat_thickness", 6.0)
+    assert isinstance(thicker, LayeredTest) and thicker.whole.thickness == 18.0
+    wider = resized(test, "radius", 7.0)
+    assert isinstance(wider, LayeredTest) and wider.whole.thickness == 17.0
+    free = slipping(test)
+    assert isinstance(free, LayeredTest) and free.whole.punch == "frictionless"
+    assert "fat 5 mm on muscle 12 mm" in sizes_text(test)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("thickness_mm = 5.0\n", ""), "give it, or layers_mm with every [[specimen]]"),
+        (("diameter_mm = 80.0", "diameter_mm = 80.0\nthickness_mm = 9.0"), "remove it"),
+        (('[[layers]]\nname = "muscle"\nthickness_mm = 12.0\n', ""), "there is one"),
+        (('name = "muscle"', 'name = "fat"'), "'fat' stands twice"),
+        (('name = "muscle"', 'name = "instrument"'), "is the name of something else"),
+        (('name = "muscle"', 'name = "two words"'), "layers"),
+        (('name = "fat"', 'name = "fat"\nlaw = "neo-hookean"\nC20_kPa = 1.0'), "C20_kPa"),
+        (('name = "fat"', 'name = "fat"\nC10_kPA = 1.0'), "did you mean 'C10_kPa'?"),
+        (("[tissue]", '[[specimen]]\nname = "a"\nrecordings = ["*.csv"]\nlayers_mm = '
+          "[1.0, 2.0, 3.0]\n[tissue]"), "3 thicknesses of 2 [[layers]]"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_layers_is_one_line(tmp_path: Path, change, words: str) -> None:
+    (tmp_path / "specimen.toml").write_text(PUNCH.replace(*change))
+    (tmp_path / "a.csv").write_text("")
+    (tmp_path / "recordings").mkdir()
+    (tmp_path / "recordings" / "a.csv").write_text("")
+    with pytest.raises(InputError) as error:
+        lf.load_specimen(tmp_path)
+    assert words in str(error.value) and "\n" not in str(error.value)
+
+
+def test_layers_are_not_for_every_test(tmp_path: Path) -> None:
+    layers = PUNCH[PUNCH.index("[[layers]]") : PUNCH.index("[tissue]")]
+    (tmp_path / "specimen.toml").write_text(BAR.replace("[recordings]", layers + "[recordings]"))
+    with pytest.raises(InputError, match="layers"):
+        lf.load_specimen(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def sheets(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Thin and thick fat on muscle."""
+    folder = tmp_path_factory.mktemp("sheets")
+    entries = ""
+    for name, fat in (("thin", 3.0), ("thick", 9.0)):
+        press(folder, name, fat, 12.0)
+        entries += (
+            f'[[specimen]]\nname = "{name}"\nlayers_mm = [{fat}, 12.0]\n'
+            f'recordings = ["recordings/{name}.csv"]\n'
+        )
+    (folder / "specimen.toml").write_text(PUNCH + entries)
+    return folder
+
+
+@pytest.mark.slow
+def test_both_layers_stiffness_is_found_from_two_thicknesses(sheets: Path) -> None:
+    found = lf.identify(lf.load_specimen(sheets), "neo-hookean")["neo-hookean"]
+    for name, truth in (("fat.C10", FAT), ("muscle.C10", MUSCLE)):
+        estimate = found.parameters[name]
+        print(
+            name,
+            estimate.value / truth - 1,
+            np.array(estimate.ci95) / truth,
+            estimate.identifiability,
+        )
+        assert estimate.value == pytest.approx(truth, rel=0.05)
+        assert estimate.ci95[0] < truth < estimate.ci95[1]
+        assert estimate.identifiability in ("identifiable", "weakly identifiable")
+
+
+@pytest.mark.slow
+def test_one_thickness_does_not_tell_the_layers_apart_and_a_prior_does(
+    sheets: Path, tmp_path: Path
+) -> None:
+    entry = PUNCH.replace("thickness_mm = 5.0", "thickness_mm = 3.0")
+    (tmp_path / "specimen.toml").write_text(entry)
+    (tmp_path / "recordings").mkdir()
+    (tmp_path / "recordings" / "thin.csv").symlink_to(sheets / "recordings" / "thin.csv")
+    folder = lf.load_specimen(tmp_path)
+    alone = lf.identify(folder, "neo-hookean")["neo-hookean"]
+    for name in ("fat.C10", "muscle.C10"):
+        estimate = alone.parameters[name]
+        print(name, estimate.value, estimate.ci95, estimate.identifiability)
+    assert all(one.identifiability == "not identifiable" for one in alone.parameters.values())
+    out = tmp_path / "out"
+    asked = ["--specimen-dir", str(tmp_path), "--law", "neo-hookean", "--jobs", "1",
+             "--prior", "fat.C10=2 x/ 1.05 kPa", "--out", str(out)]  # fmt: skip
+    done = CliRunner().invoke(app, asked)
+    print(done.output)
+    assert done.exit_code == 0, done.output
+    assert "muscle.C10" in done.output
