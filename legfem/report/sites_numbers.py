@@ -9,7 +9,7 @@ from legfem.common.documents import json_types
 from legfem.common.doubts import doubt_documents
 from legfem.common.units import readable_unit
 from legfem.identify.catalogue import key_of, unit_of, unit_suffix
-from legfem.identify.document import estimate_document
+from legfem.identify.document import correlations_document, estimate_document
 from legfem.sites.result import SiteFit, SitesResult
 
 SCHEMA = "legfem.identify-sites/1"
@@ -17,7 +17,6 @@ SCHEMA = "legfem.identify-sites/1"
 
 def sites_document(result: SitesResult) -> dict[str, Any]:
     """Return a result as JSON types; every number's unit is in its name or beside it."""
-    names = list(result.parameters)
     document = {
         "schema": SCHEMA,
         "subject": result.leg.id,
@@ -28,10 +27,7 @@ def sites_document(result: SitesResult) -> dict[str, Any]:
         "parameters": {
             key_of(name): estimate_document(one) for name, one in result.parameters.items()
         },
-        "correlations": {
-            key_of(one): dict(zip(map(key_of, names), row, strict=True))
-            for one, row in zip(names, result.correlations, strict=True)
-        },
+        "correlations": correlations_document(list(result.parameters), result.correlations),
         "assumed": _with_units(result.assumed),
         "own_errors_of_sites_sd": _with_units(result.own_errors),
         "sites": {one.name: _site(one) for one in result.sites},

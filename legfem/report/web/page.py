@@ -122,6 +122,13 @@ class Chapter:
     blocks: Sequence[Block]
 
 
+def how_it_was_done(procedure: str, summary: str, text: str) -> Chapter:
+    """Return the last chapter of a page: what was done, and the texts that were printed."""
+    prose = Prose(" ".join(procedure.split()))
+    texts = [Verbatim("Summary", summary), Verbatim("report.txt", text)]
+    return Chapter("How it was done", [prose, *texts])
+
+
 @dataclass(frozen=True)
 class Repeat:
     """How the run is made again."""

@@ -61,14 +61,7 @@ def sites_web_page(results: Sequence[SitesResult], text: str, command: str = "")
             web.Chapter("What was tested", [web.Bullets(_tested(results))]),
             web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
             web.Chapter("What to do next", [web.Bullets(_next(best))]),
-            web.Chapter(
-                "How it was done",
-                [
-                    web.Prose(" ".join(procedure(best).split())),
-                    web.Verbatim("Summary", sites_text(results)),
-                    web.Verbatim("report.txt", text),
-                ],
-            ),
+            web.how_it_was_done(procedure(best), sites_text(results), text),
         ],
         repeat=web.Repeat(command, best.versions, {"seed": f"{best.seed}"}),
     )  # fmt: skip

@@ -62,14 +62,7 @@ def specimen_web_page(
                 [web.Bullets([*_NOT_TESTED, *(() if best.folder.returns else (_RETURNS,))])],
             ),
             web.Chapter("What to do next", [web.Bullets(_next(best))]),
-            web.Chapter(
-                "How it was done",
-                [
-                    web.Prose(" ".join(procedure(best).split())),
-                    web.Verbatim("Summary", specimen_summary(results)),
-                    web.Verbatim("report.txt", text),
-                ],
-            ),
+            web.how_it_was_done(procedure(best), specimen_summary(results), text),
         ],
         repeat=web.Repeat(command, best.versions, {"seed": f"{best.seed}"}),
         data=origin_text(best),
