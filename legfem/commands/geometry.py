@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
-from legfem.commands.options import SubjectDir
+from legfem.commands.options import Site, SubjectDir
 from legfem.common.checks import check_finite
 from legfem.common.command_edge import command_edge
 from legfem.common.doubts import say
@@ -48,6 +48,7 @@ def convert(
         Path | None, typer.Option(help="Subject folder to make.", show_default=False)
     ] = None,
     subject_dir: SubjectDir = None,
+    site: Site = None,
     fascia_thickness: Annotated[float, typer.Option(help="mm.")] = 0.6,
     aim: Annotated[
         tuple[float, float] | None,
@@ -83,6 +84,10 @@ def convert(
                 "--cross-sections", f"{len(given)} legs", "one is needed",
                 "give one of --cross-sections, --scan, --surface and --subject-dir",
             )  # fmt: skip
+        if site is not None and subject_dir is None:
+            raise InputError(
+                "--site", site, "is of a folder", "give --subject-dir, or leave it out"
+            )
         scanned = None
         if subject_dir is not None:
             folder = subject_dir
@@ -98,9 +103,12 @@ def convert(
             scanned = source.outlines(CuttingPlane.at_level(level))
             if cross_sections is None:
                 write_outlines(source.outlines_about(level), folder / "cross-sections.csv")
-        subject = load_subject(folder, need_recordings=False, need_instrument=False)
+        subject = load_subject(
+            folder, need_recordings=False, need_instrument=False, site=site or ""
+        )
         say(doubts_about(subject))
-        picture = save(placement_figure(subject, scanned), folder, "section")[0]
+        name = "section" if site is None else f"section-{site}"
+        picture = save(placement_figure(subject, scanned), folder, name)[0]
     section, indenter = subject.section, subject.indenter
     fat = fat_thickness(section, indenter.aim, indenter.direction)
     if as_json:

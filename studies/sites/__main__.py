@@ -20,7 +20,7 @@ from legfem.jobs.store import Store
 from legfem.study.options import Jobs, Out
 from studies.lab.rate import Rate
 from studies.sites.identifying import FAT, PARAMETERS, Interval, Outcome, identified
-from studies.sites.planted import Truth, truths
+from studies.sites.planted import LEAST_MM, Truth, truths
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -29,6 +29,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 def sites(
     n: Annotated[int, typer.Option("--n", min=1, help="Legs.")] = 6,
     seed: Annotated[int, typer.Option(min=0, help="Of truths and errors.")] = 1,
+    depth: Annotated[float, typer.Option(min=LEAST_MM, help="To press to (mm).")] = 12.0,
     out: Out = None,
     jobs: Jobs = None,
 ) -> None:
@@ -43,7 +44,7 @@ def sites(
         store = Store(folder / "legs", Outcome, modules=("studies.sites.identifying",))
         with progress_on() as progress, Workers(identified, folder, processes) as workers:
             found = finish(
-                workers, truths(n, seed), store, progress, "recording and identifying", _line
+                workers, truths(n, seed, depth), store, progress, "recording and identifying", _line
             )
         document = {"schema": 1, "origin": "simulated", "unit": "kPa", "seed": seed}
         cases = [json_types(asdict(one)) for one in found]

@@ -28,7 +28,7 @@ from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
 from studies.legs.calf import Calf, calf_section
 from studies.planted.truths import TRUTH_SETTINGS
 
-DEPTH_MM, RATE_MM_PER_S, TRIALS = 12.0, 0.5, 3
+RATE_MM_PER_S, TRIALS = 0.5, 3
 LEAST_MM = 8.0
 """That a site has to be pressed; felupe's Newton iteration may stop short of the depth."""
 C10_KPA, C20_KPA, FAT_FACTOR = (0.3, 2.5), (0.0, 2.0), 1.5
@@ -52,6 +52,7 @@ class Truth:
     fat: float
     girth_mm: float
     fat_mm: float
+    depth_mm: float
 
     @property
     def by_other_code(self) -> bool:
@@ -59,7 +60,7 @@ class Truth:
         return self.number % 2 == 1
 
 
-def truths(number: int, seed: int) -> list[Truth]:
+def truths(number: int, seed: int, depth_mm: float) -> list[Truth]:
     """Return what is planted in as many legs."""
     found = []
     for k in range(number):
@@ -71,6 +72,7 @@ def truths(number: int, seed: int) -> list[Truth]:
                 float(generator.uniform(*C20_KPA)),
                 float(FAT_KPA * FAT_FACTOR ** generator.uniform(-1, 1)),
                 float(generator.uniform(*_GIRTH_MM)), float(generator.uniform(*_FAT_MM)),
+                depth_mm,
             )
         )  # fmt: skip
     return found
@@ -123,13 +125,13 @@ def _true_curve(truth: Truth, site: Subject, kept: Path) -> ForceCurve:
     def solved() -> ForceCurve:
         true = replace(site, tissues=_tissues(truth.fat))
         if truth.by_other_code:
-            found = OtherCode(true, OtherCase(truth.c10, truth.c20)).solve(DEPTH_MM)
+            found = OtherCode(true, OtherCase(truth.c10, truth.c20)).solve(truth.depth_mm)
             if found.displacement[-1] < LEAST_MM:
                 raise RuntimeError(f"{site.id}: felupe stops at {found.displacement[-1]:g} mm")
             return ForceCurve(found.displacement, found.force, {})
         test = PlaneStrainIndentation.of_subject(true, TRUTH_SETTINGS)
         deep = {"deep.C10": kpa_to_mpa(truth.c10), "deep.C20": kpa_to_mpa(truth.c20)}
-        pressed = test.solve(deep, DEPTH_MM)
+        pressed = test.solve(deep, truth.depth_mm)
         if not pressed.report.complete:
             raise RuntimeError(f"{site.id}: {pressed.report}")
         return pressed.curve
