@@ -26,6 +26,7 @@ from legfem.stocking.leg_file import LegFile, parse_leg_file
 from legfem.stocking.leg_model import LegModel3D
 from legfem.stocking.run import StockingSettings, run_leg
 from legfem.stocking.sensors import Sensing, Sensor, off_skin
+from legfem.stocking.warnings import of_sensors
 from legfem.stocking.worn import WornLeg
 
 FINE = SolidMeshSettings(skin_size=8, inside_size=10, bone_size=8)
@@ -57,6 +58,9 @@ def test_a_sensor_feels_the_mean_of_what_lies_under_its_face():
     spot[len(shape.levels) // 2, 50] = 1.0
     assert sensing.felt(spot)[1] == pytest.approx(1.0), "a small face lies on one point"
     assert off_skin(shape, sensors[0].position) < 1e-9
+    assert not list(of_sensors(sensing.compared(3.1e-3 / 2.5e-3 * even)))
+    (said,) = of_sensors(sensing.compared(even)[:1])
+    assert "at 10" in said and "22.5 ± 0.9 mmHg" in said and "18.8 mmHg" in said
     one, other = sensing.compared(even)
     assert one.departure == pytest.approx((2.5e-3 - 3e-3) / (SENSOR * 3e-3))
     assert other.sensor.name == "at 50"

@@ -25,11 +25,7 @@ def check_joint(in_3d: bool, emulator: bool, weighting: str | None, leg: SitedLe
     """
     one = f"leave it out, or identify one of the sites: --site {leg.sites[0].site}"
     for option, given, why in (
-        (
-            "--model",
-            in_3d,
-            "3d solves the leg about one site's cylinder",
-        ),
+        ("--model", in_3d, "3d solves the leg about one site's cylinder"),
         ("--no-emulator", not emulator, "is for one site"),
         ("--weighting", weighting == "paper", "paper weighs no site's errors against another's"),
     ):
