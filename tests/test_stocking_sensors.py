@@ -24,6 +24,7 @@ from legfem.stocking.laplace import Stocking
 from legfem.stocking.leg import StockingLeg
 from legfem.stocking.leg_file import LegFile, parse_leg_file
 from legfem.stocking.leg_model import LegModel3D
+from legfem.stocking.posture import Posture
 from legfem.stocking.run import StockingSettings, run_leg
 from legfem.stocking.sensors import Sensing, Sensor, off_skin
 from legfem.stocking.warnings import of_sensors
@@ -64,6 +65,16 @@ def test_a_sensor_feels_the_mean_of_what_lies_under_its_face():
     one, other = sensing.compared(even)
     assert one.departure == pytest.approx((2.5e-3 - 3e-3) / (SENSOR * 3e-3))
     assert other.sensor.name == "at 50"
+
+
+def test_a_metre_of_blood_presses_with_78_mmhg():
+    posture = Posture(1300.0, lying=10 * MPA_PER_MMHG)
+    inside = posture.inside(300.0)
+    # 1060 kg/m3 x 9.80665 m/s2 x 1 m = 10.395 kPa.
+    assert inside["standing"] == pytest.approx(10.395e-3, rel=1e-4)
+    assert inside["standing"] / MPA_PER_MMHG == pytest.approx(78.0, abs=0.1)
+    assert inside["lying"] / MPA_PER_MMHG == pytest.approx(10.0)
+    assert list(Posture(1300.0).inside(0.0)) == ["standing"]
 
 
 TOML = """

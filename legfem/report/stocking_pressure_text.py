@@ -136,6 +136,7 @@ def inside_section(result: StockingResult, fat: FatPressures | None) -> str:
             else "Hydrostatic pressure, positive in compression. No veins were given or placed."
         ),
         table(rows),
+        *_postures(result),
         fill(
             "The greatest pressure in the fat, where the receptors of pain are, is the second "
             f"paper's measure of discomfort. It is {where}."
@@ -154,6 +155,23 @@ def inside_section(result: StockingResult, fat: FatPressures | None) -> str:
             )
         )
     return "\n\n".join(blocks)
+
+
+def _postures(result: StockingResult) -> list[str]:
+    """Return what the veins' walls bear from inside, where the posture is given."""
+    posture, found = result.leg.posture, result.pressures
+    if posture is None or found is None or not result.leg.veins:
+        return []
+    rows = []
+    for vein, tissue in zip(result.leg.veins, found.at_veins, strict=True):
+        inside = posture.inside(float(vein.position[2]))
+        bears = ", ".join(f"{name} {both_units(p - tissue)}" for name, p in inside.items())
+        rows.append((vein.name, bears if np.isfinite(tissue) else "not in the tissues"))
+    said = (
+        "Inside a vein less outside, by the blood's column from the heart when standing still; "
+        "below zero it is narrowed. The tissue's own weight is left out."
+    )
+    return [fill(said), table(rows)]
 
 
 def _interval(result: StockingResult, vein: int) -> str:

@@ -216,6 +216,7 @@ def _pressures(result: StockingResult) -> dict[str, Any] | None:
     found = result.pressures
     if found is None:
         return None
+    posture = result.leg.posture
     scanned = None if result.scan_load is None else mpa_to_kpa(result.scan_load.mean_pressure)
     return {
         "mean_interface_kPa": mpa_to_kpa(found.mean_interface),
@@ -232,6 +233,12 @@ def _pressures(result: StockingResult) -> dict[str, Any] | None:
                 "pressure_kPa": mpa_to_kpa(pressure),
                 "standard_error_kPa": mpa_to_kpa(sd),
                 "share_of_mean_interface": pressure / found.mean_interface,
+                "inside_minus_tissue_kPa": {}
+                if posture is None
+                else {
+                    name: mpa_to_kpa(inside - pressure)
+                    for name, inside in posture.inside(float(vein.position[2])).items()
+                },
             }
             for vein, pressure, sd in zip(
                 result.leg.veins, found.at_veins, found.at_veins_sd, strict=True

@@ -33,6 +33,7 @@ from legfem.stocking.leg_file import (
     parse_leg_file,
 )
 from legfem.stocking.plausibility import check_scans_differ, doubts_about_leg
+from legfem.stocking.posture import Posture
 from legfem.stocking.sensors import KINDS, USUAL_DIAMETER, Sensor, off_skin
 from legfem.stocking.veins import Vein, default_veins
 from legfem.subjects.catalogue import RESOURCES, Catalogue
@@ -73,6 +74,7 @@ class StockingLeg:
     veins: tuple[Vein, ...]
     sensors: tuple[Sensor, ...] = ()
     """Between stocking and skin."""
+    posture: Posture | None = None
     doubts: tuple[Doubt, ...] = ()
     """What is unlikely in what was given."""
 
@@ -115,7 +117,7 @@ def load_leg(directory: Path) -> StockingLeg:
         tissues,
         None not in (given.tissues.deep.C10_kPa, given.tissues.superficial.C10_kPa),
         given.segment.ends, slices, _veins(given, bare, float(np.median(slices))),
-        _sensors(toml, given, bare),
+        _sensors(toml, given, bare), _posture(given),
     )  # fmt: skip
     return replace(leg, doubts=doubts_about_leg(leg, toml))
 
@@ -202,6 +204,14 @@ def _accuracy(given: LegFile, registration: Registration | None) -> ContourAccur
     sx, sy, sz = map(float, np.maximum(registration.standard_error, 0.02))
     tx, ty, tz = map(float, np.maximum(np.radians(registration.rotation_error), 1e-4))
     return replace(accuracy, shift_sd=(sx, sy, sz), turn_sd=(tx, ty, tz))
+
+
+def _posture(given: LegFile) -> Posture | None:
+    entry = given.posture
+    if entry is None:
+        return None
+    lying = None if entry.lying_mmHg is None else mmhg_to_mpa(entry.lying_mmHg)
+    return Posture(entry.heart_mm, lying)
 
 
 def _sensors(toml: Path, given: LegFile, bare: LegShape) -> tuple[Sensor, ...]:

@@ -82,6 +82,15 @@ class VeinEntry(FileTable):
     position_mm: Annotated[list[Finite], Field(min_length=3, max_length=3)]
 
 
+class PostureEntry(FileTable):
+    """``[posture]``, optional: what the veins hold, to set beside the tissue's pressure."""
+
+    heart_mm: Annotated[float, Field(gt=0, le=2500, allow_inf_nan=False)]
+    """Height of the heart above z = 0 of the bare scan, standing."""
+    lying_mmHg: Annotated[float, Field(gt=0, le=100, allow_inf_nan=False)] | None = None
+    """In the leg's veins, lying."""
+
+
 class SensorEntry(FileTable):
     """One of ``[[sensor]]``: a pressure measured between stocking and skin."""
 
@@ -118,6 +127,7 @@ class LegFile(FileTable):
     tissues: StockingTissues = StockingTissues()
     segment: SegmentEntry = SegmentEntry()
     veins: list[VeinEntry] = Field(default_factory=list)
+    posture: PostureEntry | None = None
     sensor: list[SensorEntry] = Field(default_factory=list)
 
     @model_validator(mode="after")
