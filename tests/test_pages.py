@@ -237,4 +237,4 @@ def test_the_notebook_runs(name: str, data: str, tmp_path: Path) -> None:
         output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs
     ]
     pages = [str(output.get("data", {}).get("text/html", "")) for output in shown]
-    assert any(data in page and "data:image/png" in page for page in pages)
+    assert any(data in page and "data-plot=&quot;" in page for page in pages)

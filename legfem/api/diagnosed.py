@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from legfem.diagnose.diagnosis import Diagnosis
+    from legfem.report.web.page import WebPage
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +59,12 @@ class DiagnosedLeg(Found):
 
         write_document(Path(folder) / "diagnosis.json", self.document())
         return write_diagnosis_report(self.diagnosis, self.subject, Path(folder))
+
+    def _page(self) -> WebPage:
+        from legfem.diagnose.document import versions
+        from legfem.report.web.diagnosis import diagnosis_web_page
+
+        return diagnosis_web_page(self.diagnosis, self.subject, self.summary(), (), versions())
 
     def _rows(self) -> Iterator[dict[str, Any]]:
         document = self.document()

@@ -10,8 +10,7 @@ import numpy as np
 from legfem.common.doubts import Doubt
 from legfem.common.units import FloatArray
 from legfem.identify.catalogue import Values
-from legfem.identify.laws import LawName
-from legfem.identify.result import AppliedCorrection, Estimate
+from legfem.identify.result import AppliedCorrection, IdentifiedParameters
 from legfem.recording import LoadingCurve
 from legfem.subjects.subject import SitedLeg, Subject
 
@@ -75,20 +74,11 @@ class SiteFit:
         return 1 - float(np.sum(self.residual**2) / np.sum((force - force.mean()) ** 2))
 
 
-@dataclass(frozen=True, eq=False)
-class SitesResult:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SitesResult(IdentifiedParameters):
     """One law identified from several sites of a leg together."""
 
     leg: SitedLeg
-    law: LawName
-    parameters: Mapping[str, Estimate]
-    """What was free, by full name."""
-    correlations: FloatArray
-    """(p, p), of the parameters' errors, in their order."""
-    values: Values
-    """All that the optimum was solved with, in the model's units."""
-    assumed: Values
-    """What of it was held."""
     own_errors: Values
     """Standard deviations of what each site's instrument errs by, of its own."""
     sites: tuple[SiteFit, ...]
@@ -98,17 +88,7 @@ class SitesResult:
     """Of what the sites say by themselves, were the parameters the same at all."""
     neo_hookean_limit: bool
     """Whether the reduced polynomial's optimum is its neo-Hookean limit."""
-    converged: bool
-    forward_solves: int
-    """Each of all sites."""
     failed_solves: int
-    reused_solves: int
-    emulator_error: float
-    """N, at the last proposal."""
-    seed: int
-    wall_s: float
-    warnings: tuple[str, ...]
-    versions: Mapping[str, str]
     doubts: tuple[Doubt, ...] = field(default=())
 
     def farthest(self, name: str) -> SiteFit:

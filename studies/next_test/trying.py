@@ -2,7 +2,9 @@
 
 The leg does in the new test what its sealed truth says (another discretisation or another code),
 and the same lab records it: its scatter between trials and its air are drawn as those of the case
-were, anew for every trial. The old recordings and the new ones are diagnosed together.
+were, anew for every trial. The old recordings and the new ones are diagnosed together; weighed are
+the mechanisms of the explanations that were left, alone and in pairs, nothing and something
+unknown: what the first diagnosis had ruled out isn't sought again.
 """
 
 from __future__ import annotations
@@ -15,9 +17,14 @@ from typing import Any
 import numpy as np
 
 from legfem.common.progress import Silent
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.run import Diagnoser
+from legfem.correction.choice import choose_correction
+from legfem.diagnose.diagnosis import Diagnosis, diagnose
+from legfem.diagnose.leg import solved_responses
+from legfem.diagnose.library_build import build_library
+from legfem.diagnose.mechanisms import Mechanism
+from legfem.diagnose.run import STIFFENING, Diagnoser, accuracy_of, no_ends_because
 from legfem.plan.designs import Design
+from legfem.plan.reckon import Reckoned
 from legfem.plan.run import plan_after
 from legfem.recording import Recording
 from legfem.solve.protocol import Protocol
@@ -162,7 +169,7 @@ def try_case(lab: Lab, folder: Path) -> Tried:
     for one in (open_[0], open_[drawn]):
         name = one.design.name
         if name not in outcomes:
-            outcomes[name] = _outcome(lab, case, subject, one.design, one.chance)
+            outcomes[name] = _outcome(lab, case, subject, found, one)
     proposed, random = outcomes[open_[0].design.name], outcomes[open_[drawn].design.name]
     if proposed is None or random is None:
         return replace(told, why="a finite-element solution of the new test stopped")
@@ -170,9 +177,10 @@ def try_case(lab: Lab, folder: Path) -> Tried:
 
 
 def _outcome(
-    lab: Lab, case: SealedCase, subject: Subject, design: Design, chance: float
+    lab: Lab, case: SealedCase, subject: Subject, before: Diagnosis, asked: Reckoned
 ) -> Outcome | None:
     """Make a test, and diagnose all recordings together."""
+    design = asked.design
     new = lab.recorded(case, design)
     if new is None:
         return None
@@ -181,10 +189,26 @@ def _outcome(
     if not folder.is_dir():
         title = f"Sealed case {case.number} with another test (simulated)"
         write_case(folder, title, case, lab.leg(case.leg)[0].stated, both)
-    found = lab.diagnoser.diagnose(load_subject(folder), Silent())
+    left = list(dict.fromkeys(m for model in before.models for m in model.fit.mechanisms))
+    found = weigh_again(lab.diagnoser, load_subject(folder), left)
     models = _names(found)
     right = found.verdict == "named" and set(models[0]) == set(case.names)
-    return Outcome(design.name, chance, found.verdict, models, right)
+    return Outcome(design.name, asked.chance, found.verdict, models, right)
+
+
+def weigh_again(diagnoser: Diagnoser, subject: Subject, left: Sequence[Mechanism]) -> Diagnosis:
+    """Return a subject's diagnosis among some mechanisms."""
+    observed = diagnoser.observations(subject)
+    fine, coarse = solved_responses(subject, observed, diagnoser.folder, diagnoser.correction)
+    law = subject.tissues["deep"].law
+    library = build_library(
+        fine, coarse, observed, left, diagnoser.correction, 1, Silent(), STIFFENING[law]
+    )
+    ends = choose_correction("auto", subject)
+    return diagnose(
+        observed, subject.instrument, law, library, fine, Silent(), accuracy_of(subject), ends,
+        no_ends=no_ends_because(subject, ends), every=left,
+    )  # fmt: skip
 
 
 def _names(found: Diagnosis) -> list[list[str]]:

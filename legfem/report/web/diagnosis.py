@@ -60,11 +60,12 @@ def diagnosis_web_page(
         chapters.insert(1, web.Chapter("The leg", [still_section(subject)]))
     chapters.append(web.Chapter("The full report", [web.Verbatim("report.txt", text)]))
     return web.WebPage(
-        title=TITLE.format(whose=f"{kind_of(subject).lower()} {subject.id}"),
+        title=TITLE.format(kind=kind_of(subject).lower(), id=subject.id),
         subject=subject.title,
         origin=subject.origin,
         headline=headline(found, plan),
         warnings=[*doubt_lines(doubts_of(found, subject)), *_warnings(found)],
+        warned=" for whoever made and described the recordings",
         known=known_of(found, subject),
         chapters=chapters,
         repeat=web.Repeat(command, versions or {}),
@@ -73,18 +74,15 @@ def diagnosis_web_page(
 
 def _warnings(found: Diagnosis) -> list[str]:
     warnings = list(found.observed.remarks)
-    if found.verdict == "unexplained":
-        warnings.insert(0, "Do not rely on the stiffness: no model describes the recordings.")
-    if found.verdict == "ambiguous":
-        warnings.insert(
-            0, "The stiffness depends on which of the candidates it is: use none alone."
-        )
     for model in (found.base, *found.models):
         for name in model.fit.at_bound:
-            warnings.append(f"{plain(name)} stands at the bound of its search ({_name(model)}).")
+            warnings.append(
+                f"{plain(name).replace('.', ', ')} is found at the end of the range that it was "
+                f"looked for in: {tables.estimate(model, name)} ({_name(model)})."
+            )
     if not found.solutions and not found.emulator_error > 0:
         warnings.append(
-            "No full finite-element solution was made to confirm the interpolated forces."
+            "Forces were interpolated between simulations; none was made anew to confirm them."
         )
     return warnings
 

@@ -1,35 +1,24 @@
-"""A diagnosis' first screen: what is wrong, how sure, what it does to C10, and what to do."""
+"""A diagnosis' first screen: what to write down, what is wrong, how sure, and what to do.
+
+Its words were changed after readers without statistics had stumbled over them (`docs/checklist.md`,
+"Tried").
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
-from legfem.diagnose.diagnosis import Diagnosis, Verdict
+from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.sentences import next_experiments, percent, statements
 from legfem.report import diagnosis_tables as tables
-from legfem.report.diagnosis_style import determined, model_name
+from legfem.report.diagnosis_style import determined
+from legfem.report.located import places_of
 from legfem.report.web import page as web
+from legfem.report.words import number
 
-TITLE = "Can the stiffness of {whose} be trusted?"
-
-
-@dataclass(frozen=True)
-class _Look:
-    """How a verdict looks."""
-
-    tone: web.Tone
-    heading: str
-    """The answer to the page's title."""
-
-
-_LOOKS: Mapping[Verdict, _Look] = {
-    "consistent": _Look("sound", "Yes, as far as this test can show"),
-    "named": _Look("caution", "The corrected one: a cause of the misfit was found"),
-    "ambiguous": _Look("caution", "Only as a range: the cause of the misfit is not settled"),
-    "unexplained": _Look("wrong", "No: the cause of the misfit was not found"),
-}
+TITLE = "Can the stiffness of {kind} ‘{id}’ be trusted?"
+_MOST_CAUSES = 3
 
 
 def headline(found: Diagnosis, plan: Sequence[str]) -> web.Headline:
@@ -42,101 +31,144 @@ def headline(found: Diagnosis, plan: Sequence[str]) -> web.Headline:
     plan
         What could be done next, each with its chance, the best first.
     """
-    look = _LOOKS[found.verdict]
+    tone, heading = _answer(found)
     return web.Headline(
-        look.tone,
-        _sentence(found),
+        tone,
+        _write_down(found),
         [
             ("What is wrong", _wrong(found)),
             ("How sure", _sure(found)),
             ("What it does to C10", _stiffness(found)),
             ("What to do", _to_do(found, plan)),
         ],
-        look.heading,
+        heading,
     )
 
 
-def _sentence(found: Diagnosis) -> str:
+def _answer(found: Diagnosis) -> tuple[web.Tone, str]:
+    """Return how the verdict looks, and the answer to the page's title."""
     if found.verdict == "consistent":
-        return "The computer model of the leg matches what was recorded."
+        return "sound", "Yes."
     if found.verdict == "unexplained":
-        return (
-            "The computer model does not match what was recorded, and nothing that legfem knows "
-            "explains why."
-        )
-    names = [model_name(model) for model in found.models]
-    if found.verdict == "named":
-        part = ", in part" if found.models[0].in_part else ""
-        return f"The computer model left something out. Its name{part}: {names[0]}."
-    return f"The computer model left something out: {_either(names)}. The test can't tell which."
+        return "wrong", "No."
+    if found.verdict == "named" or _alike(found):
+        return "caution", "Yes, but use the corrected one."
+    return "open", "Only as a range."
+
+
+def _write_down(found: Diagnosis) -> str:
+    if found.verdict == "unexplained":
+        return "Write down no number."
+    if "C10" not in found.base.fit.free:
+        return "C10 was given, not found."
+    low, high = _within(found)
+    if found.verdict == "ambiguous" and not _alike(found):
+        return f"Write down a range: C10 between {low} and {high} kPa."
+    best = found.models[0] if found.models else found.base
+    if not determined(best, "C10"):
+        return "Write down no number: this test tells nothing of C10."
+    return f"Write down: C10 {_value(found, best)} kPa (most likely between {low} and {high})."
 
 
 def _wrong(found: Diagnosis) -> str:
     if found.verdict == "consistent":
-        return "Nothing that this test could show. What it could not test is listed below."
+        return (
+            "Nothing that this test could show. What it could not show is listed further down, "
+            "under “What could not be tested”."
+        )
     if found.verdict == "unexplained":
         return (
-            "Model and recordings differ by more than the instruments' errors and what is not "
-            "known of the leg allow."
+            "The computer model of the leg does not reproduce the recording, and no cause that "
+            f"this program knows explains the difference.{_place(found)}"
         )
-    return f"{capital('; or '.join(statements(model) for model in found.models))}."
+    if found.verdict == "named":
+        part = " That explains a part of the difference only." if found.models[0].in_part else ""
+        return f"Most likely {statements(found.models[0])}. The computer model left that out.{part}"
+    causes = [f"({percent(m.probability)}) {statements(m)}" for m in found.models[:_MOST_CAUSES]]
+    more = len(found.models) - len(causes)
+    others = f"; or one of {more} less likely causes, listed further down" if more > 0 else ""
+    return f"The computer model left out one of these: {'; '.join(causes)}{others}."
+
+
+def _place(found: Diagnosis) -> str:
+    places = places_of(found)
+    if not places:
+        return ""
+    most = max(places, key=lambda place: place.weight)
+    low, high = most.displacement
+    return (
+        f" The difference is gravest between {low:.0f} and {high:.0f} mm of {most.phase}: "
+        f"{abs(most.size):.1g} N."
+    )
 
 
 def _sure(found: Diagnosis) -> str:
     soundness = found.explained.soundness
     if found.verdict == "consistent":
-        return f"{capital(percent(soundness))} sure that nothing is missing that would show here."
+        fits = f"{percent(soundness)} sure that the computer model fits this test"
+        return f"{capital(fits)}. The range in brackets {_NINETEEN_OF_20}"
+    wrong = f"{percent(1 - soundness)} sure that the computer model left something out"
     if found.verdict == "unexplained":
-        return (
-            f"{capital(percent(1 - soundness))} sure that something was left out. What it is, "
-            "isn't known."
-        )
-    shares = [(model_name(model), percent(model.probability)) for model in found.models]
+        return f"{capital(wrong)}; what it was can't be said."
     if found.verdict == "named":
-        ((name, share),) = shares
+        share = found.models[0].probability
         return (
-            f"{capital(percent(1 - soundness))} sure that something was left out; of all that "
-            f"legfem knows, {share} that it is {name}."
+            f"{capital(percent(share))} sure of this cause, and {wrong}. The range in brackets "
+            f"allows for other causes, too, and {_NINETEEN_OF_20}"
         )
-    told = ", ".join(f"{share} {name}" for name, share in shares)
     return (
-        f"{capital(percent(1 - soundness))} sure that something was left out. Which it is, in "
-        f"chances: {told}."
+        f"{capital(wrong)}; which of these it was, this test can't tell. The range allows "
+        f"for all of them, and {_NINETEEN_OF_20}"
     )
+
+
+_NINETEEN_OF_20 = "is made to hold the true value in 19 of 20 tests."
 
 
 def _stiffness(found: Diagnosis) -> str:
     if found.verdict == "unexplained":
-        return f"Unknown: {_C10} may be off by any amount. Don't rely on the numbers below."
+        return f"{_C10}, can't be told: what this test gives for it may be off by any amount."
     if "C10" not in found.base.fit.free:
         return "Nothing: it was given."
-    before = tables.estimate(found.base, "C10")
+    before = _value(found, found.base)
     if found.verdict == "consistent":
-        return f"Nothing. {_C10} is {before} kPa{_most_likely(found, found.base)}."
-    after = [tables.estimate(model, "C10") for model in found.models]
-    if found.verdict == "named":
-        model = found.models[0]
-        change = tables.relative_change(found.base.value("C10"), model.value("C10"))
+        return f"{_C10}, is {before} kPa; nothing has to be corrected."
+    after = [_value(found, model) for model in found.models]
+    if found.verdict == "named" or _alike(found):
+        change = tables.relative_change(
+            found.base.value("C10"), found.models[0].value("C10")
+        ).lstrip("+")
+        way = "lower" if change.startswith("-") else "higher"
+        causes = "" if found.verdict == "named" else ", whichever cause it is"
         return (
-            f"{_C10} moves from {before} to {after[0]} kPa ({change}){_most_likely(found, model)}."
+            f"{_C10}, would be {before} kPa without the correction. Corrected it is {after[0]} kPa "
+            f"({change.lstrip('-')} {way}){causes}."
         )
-    low, high = min(after, key=float), max(after, key=float)
-    if low == high:
-        return f"{_C10} moves from {before} to {low} kPa, whichever it is."
-    return (
-        f"{_C10} moves from {before} to between {low} and {high} kPa: which is right depends on "
-        "the cause."
+    each = ", ".join(
+        f"{value} kPa if ({percent(model.probability)})"
+        for value, model in zip(after[:_MOST_CAUSES], found.models, strict=False)
     )
+    return f"{_C10}, would be {before} kPa without a correction. Corrected it is {each}."
 
 
-_C10 = "C10, the stiffness of the tissue,"
+_C10 = "C10, the stiffness of the tissue"
 
 
-def _most_likely(found: Diagnosis, model: Explanation) -> str:
-    if not determined(model, "C10"):
-        return ", as it was taken to be: this test tells nothing of it"
-    within = tables.averaged(found, "C10") or tables.interval(model, "C10")
-    return f"; the true value most likely lies in {within} (19 chances in 20)"
+def _alike(found: Diagnosis) -> bool:
+    """Return whether C10 is the same for all causes, as far as it is known."""
+    return len({_value(found, model) for model in found.models}) == 1
+
+
+def _value(found: Diagnosis, model: Explanation) -> str:
+    ends = [one.interval("C10") for one in (found.base, *found.models)]
+    return number(model.value("C10"), max(high - low for low, high in ends) / 4)
+
+
+def _within(found: Diagnosis) -> tuple[str, str]:
+    """Return between which values C10 lies, over all explanations."""
+    best = found.models[0] if found.models else found.base
+    low, high = found.intervals.get("C10") or best.interval("C10")
+    return number(low, (high - low) / 4), number(high, (high - low) / 4)
 
 
 def to_do_next(found: Diagnosis, plan: Sequence[str]) -> list[str]:
@@ -150,23 +182,19 @@ def to_do_next(found: Diagnosis, plan: Sequence[str]) -> list[str]:
 def _to_do(found: Diagnosis, plan: Sequence[str]) -> str:
     lines = next_experiments(found)
     if found.verdict == "consistent":
-        if not lines:
-            return "Use C10 as it is: this test asks for no further measurement."
-        return (
-            "Use C10 as it is. What the tissue does in time was not tested; to see that, "
-            f"{lines[0]}."
-        )
+        more = f" If it matters what the tissue does in time, ask the lab to {lines[0]}."
+        return f"Use the number above.{more if lines else ' No other test is needed.'}"
     what, _, chance = plan[0].partition(": ") if plan else (lines[0], "", "")
-    first = f"{what} ({chance})" if chance else what
+    asked = f"ask the lab to {what}" + (f" ({chance})" if chance else "")
+    if found.verdict == "unexplained":
+        return (
+            "Use no number of this test. Ask the lab to look for a mistake in the data first; "
+            f"then to {lines[0]}."
+        )
     if found.verdict == "named":
-        return f"Use the corrected C10. To make sure of the cause: {first}."
-    if found.verdict == "ambiguous":
-        return f"Use no single value of C10. To find out which it is: {first}."
-    return f"Don't use C10. {capital(first)}."
-
-
-def _either(names: Sequence[str]) -> str:
-    return " or ".join(names) if len(names) < 3 else f"one of {', '.join(names)}"
+        return f"Use the corrected number. To be surer of the cause, {asked}."
+    kept = "the corrected number" if _alike(found) else "the range, and no single number"
+    return f"Use {kept}. To find out which cause it is, {asked}."
 
 
 def capital(text: str) -> str:

@@ -23,13 +23,14 @@ from legfem.report.web.section import PressedSection, StillSection
 from legfem.report.web.turned import TurnedLeg
 
 PAGE = "report.html"
-Tone = Literal["sound", "caution", "wrong"]
+Tone = Literal["sound", "caution", "open", "wrong"]
 Provenance = Literal[
     "measured", "reconstructed", "simulated", "estimated", "computed", "assumed", "prior"
 ]  # fmt: skip
 TONES: Mapping[Tone, str] = {
     "sound": "Nothing speaks against the model",
     "caution": "Read with caution",
+    "open": "Not settled",
     "wrong": "The model is wrong here",
 }
 _PROVENANCE: Mapping[Provenance, str] = {
@@ -156,6 +157,8 @@ class WebPage:
     repeat: Repeat
     data: str = ""
     """What kind of data, in words, where `ORIGINS` don't say it."""
+    warned: str = ""
+    """Whom the warnings are for, where it isn't the reader."""
 
 
 def listed(explore: str) -> ReportFile:
