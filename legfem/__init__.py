@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from legfem.api import (
+        DiagnosedFolder,
         DiagnosedLeg,
         IdentifiedLeg,
         IdentifiedSpecimen,
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
+    "DiagnosedFolder",
     "DiagnosedLeg",
     "IdentifiedLeg",
     "IdentifiedSpecimen",

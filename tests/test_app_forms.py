@@ -22,7 +22,8 @@ from legfem.specimens.folder import load_specimen
 from legfem.specimens.schema import SpecimenFile, parse_specimen_file
 from legfem.stocking.leg_file import LegFile, parse_leg_file
 from legfem.subjects.catalogue import RESOURCES
-from legfem.subjects.schema import SubjectFile, parse_subject_file
+from legfem.subjects.schema import SubjectFile
+from legfem.subjects.sites import subject_entry
 
 SUBJECT = RESOURCES / "frauziols" / "subjects" / "3"
 
@@ -39,7 +40,7 @@ def test_a_form_changes_its_keys_and_leaves_the_files_comments(tmp_path):
     assert now == given
     assert changed.count("#") == text.count("#")
     path.write_text(with_settings(text, {("accuracy", "aim_sd_mm"): 1.5}))
-    assert parse_subject_file(path).accuracy.aim_sd_mm == 1.5
+    assert subject_entry(path).given.accuracy.aim_sd_mm == 1.5
 
 
 @pytest.mark.parametrize("schema", [SubjectFile, LegFile])
@@ -68,10 +69,10 @@ def test_chosen_columns_are_what_the_folder_then_reads_by(tmp_path):
     path = tmp_path / "subject.toml"
     text = (SUBJECT / "subject.toml").read_text()
     path.write_text(with_channels(text, channels))
-    assert parse_subject_file(path).recordings.channels() == channels
-    assert parse_subject_file(path).recordings.starts_at_contact
+    assert subject_entry(path).given.recordings.channels() == channels
+    assert subject_entry(path).given.recordings.starts_at_contact
     path.write_text(with_channels(path.read_text(), None))
-    assert parse_subject_file(path) == parse_subject_file(SUBJECT / "subject.toml")
+    assert subject_entry(path).given == subject_entry(SUBJECT / "subject.toml").given
 
 
 def test_loose_files_become_a_leg_that_lacks_nothing_but_the_instrument(tmp_path):
@@ -82,7 +83,7 @@ def test_loose_files_become_a_leg_that_lacks_nothing_but_the_instrument(tmp_path
         (folder / trial.name).write_bytes(trial.read_bytes())
     assert contours_in(folder) == ["outline.csv"]
     PressedLeg("Mine", "outline.csv", 30, 50, (0, 0), 90).describe(folder)
-    given = parse_subject_file(folder / "subject.toml")
+    given = subject_entry(folder / "subject.toml").given
     assert (given.section.contours, given.indenter.diameter_mm) == ("outline.csv", 30.0)
     assert given.instrument is None and given.origin == "measured"
     assert sorted(p.name for p in folder.iterdir()) == ["outline.csv", "recordings", "subject.toml"]
@@ -92,7 +93,7 @@ def test_loose_files_become_a_leg_that_lacks_nothing_but_the_instrument(tmp_path
 def test_a_scan_takes_the_place_of_contours(tmp_path):
     (tmp_path / "leg.nii.gz").touch()
     PressedLeg("Mine", "leg.nii.gz", 30, 50, (0, 0), 90, 300.0).describe(tmp_path)
-    section = parse_subject_file(tmp_path / "subject.toml").section
+    section = subject_entry(tmp_path / "subject.toml").given.section
     assert (section.scan, section.contours, section.level_mm) == ("leg.nii.gz", None, 300.0)
 
 
@@ -105,14 +106,25 @@ def test_two_scans_become_a_leg_in_its_stocking(tmp_path):
     assert given.bare.scan == "bare.nii.gz" and given.stocking.compression_class == "2"
 
 
+def _is_small(size: str, test: str) -> bool:
+    """Whether a size is that of what presses or draws, and not the specimen's."""
+    return test in size or size in ("opening_mm", "rim_mm")
+
+
 @pytest.mark.parametrize("test", SpecimenFile.alternatives)
 def test_recordings_become_specimens_that_lack_nothing(tmp_path, test):
     write_bars(tmp_path, ReducedPolynomial(5e-3, 1.0, 3e-3, np.inf))
     (tmp_path / "specimen.toml").unlink()
     for path in (tmp_path / "recordings").iterdir():
+        if test == "suction":
+            path.write_text(path.read_text().replace("force_N", "pressure_kPa"))
         path.rename(tmp_path / path.name)
     stated = {
-        one.key[-1]: one.choices[0] if one.choices else 10.0 if test in one.key[-1] else 40.0
+        one.key[-1]: one.choices[0]
+        if one.choices
+        else 10.0
+        if _is_small(one.key[-1], test)
+        else 40.0
         for one in known_tests()[test]
         if one.needed
     }

@@ -13,15 +13,20 @@ from typer.testing import CliRunner
 import legfem as lf
 from legfem.commands.identify import app
 from legfem.common.errors import InputError
+from legfem.diagnose.mechanisms import Solution
+from legfem.diagnose.variants import Stopped
 from legfem.experiments.axisymmetric import BallOnLayer
 from legfem.experiments.flat_punch import PunchOnLayer
 from legfem.identify.written import Written
+from legfem.solve.protocol import Protocol
+from legfem.specimens.diagnosis import tissue_asked_for
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import asked_in_writing, identified_law
+from legfem.specimens.mechanisms import Scale, mechanisms_of
 from legfem.specimens.schema import SpecimenFile
 from legfem.specimens.sizes import LayeredTest, lengths_of, resized, sizes_text
 from legfem.specimens.tissues import SpecimenTissue, tissues_of
-from legfem.specimens.variants import slipping
+from legfem.specimens.variants import SpecimenVariants, slipping
 
 FAT, MUSCLE, BULK = 2e-3, 8e-3, 10.0
 POISSON = (3 * BULK - 2) / (2 * (3 * BULK + 1))
@@ -155,6 +160,49 @@ def test_layers_are_not_for_every_test(tmp_path: Path) -> None:
     (tmp_path / "specimen.toml").write_text(BAR.replace("[recordings]", layers + "[recordings]"))
     with pytest.raises(InputError, match="layers"):
         lf.load_specimen(tmp_path)
+
+
+def test_a_diagnosis_solves_the_open_layer_on_the_stated_one() -> None:
+    """As the forward model does, at another stiffness than that which is solved for."""
+    test = LayeredTest(BallOnLayer(17.0, 6.0, 40.0), (("muscle", 12.0), ("fat", 5.0)))
+    fat = SpecimenTissue("fat", "neo-hookean", POISSON, {"C10": 2e-3})
+    tissues = SpecimenTissue("muscle", None, POISSON), fat
+    at, depth, c10 = np.linspace(0.4, 1.2, 5), 1.2, 3e-3
+    models = SpecimenVariants(test, depth, tissues)
+    found = models.follow(
+        Protocol.ramp(depth, 1.0), {"deep.C10": c10, "deep.C20": 0.0}, Solution("plain"),
+        ("deep.C10",),
+    )  # fmt: skip
+    assert not isinstance(found, Stopped)
+    forward = SpecimenForward.of_tissues(
+        (test,), (depth,), [one.of_law("neo-hookean") for one in tissues], c10
+    )
+    same = forward.solve({"muscle.C10": c10}, ["muscle.C10"]).curves[0]
+    np.testing.assert_allclose(found.force_at(at), same(at), rtol=1e-5)
+    slopes = found.sensitivity_at("deep.C10", at)
+    np.testing.assert_allclose(slopes, same.sensitivity("muscle.C10", at), rtol=1e-4)
+    # All stiffness alike doubled is all force doubled; the mechanism's factor is on the fat's.
+    twice = models.follow(
+        Protocol.ramp(depth, 1.0), {"deep.C10": 2 * c10, "deep.C20": 0.0},
+        Solution("plain", scaled={"superficial.C10": 2.0}),
+    )  # fmt: skip
+    assert not isinstance(twice, Stopped)
+    np.testing.assert_allclose(twice.force_at(at), 2 * found.force_at(at), rtol=1e-9)
+    able, _ = mechanisms_of(test, Scale(depth, 1.0, 4.0, 3.0, BULK))
+    assert "superficial-stiffness" in [mechanism.name for mechanism in able]
+
+
+def test_a_diagnosis_of_layers_needs_all_but_one_stated(tmp_path: Path) -> None:
+    time = np.linspace(0.0, 4.0, 81)
+    record(tmp_path, "a", time, 0.5 * time, 0.5 * time)
+    (tmp_path / "specimen.toml").write_text(PUNCH)
+    with pytest.raises(InputError, match="stiffness is open of muscle, fat"):
+        tissue_asked_for(lf.load_specimen(tmp_path))
+    found = lf.diagnose(lf.load_specimen(tmp_path), library=tmp_path / "responses")
+    assert "C10_kPa of all layers but one" in str(found["layered"].problem)
+    assert not found.verdicts and "Not used" in found.summary()
+    with pytest.raises(InputError, match="stiffness is open"):
+        found.write(tmp_path / "out")
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,9 @@ from __future__ import annotations
 import pytest
 from typer.testing import CliRunner
 
+from studies.people import command as people
+from studies.people.__main__ import app as people_app
+from studies.people.probe import SolvedPoint
 from studies.recordings import command as recordings
 from studies.recordings.__main__ import app as recordings_app
 from studies.recordings.indentation import Row
@@ -18,6 +21,16 @@ def test_solvers_of_which_none_ends_exit_nonzero(tmp_path, monkeypatch):
     assert done.exit_code == 1
     assert "solvers: nothing was solved" in done.output
     assert (tmp_path / "report.txt").is_file(), "what was tried is told all the same"
+
+
+def test_people_for_whom_no_probe_is_solved_exit_nonzero(tmp_path, monkeypatch):
+    failed = SolvedPoint((), (), "no step converges")
+    monkeypatch.setattr(people, "read_indentations", lambda data: None)
+    monkeypatch.setattr(people, "solve_points", lambda model, asked, *_: [failed] * len(asked))
+    done = CliRunner().invoke(people_app, ["--out", str(tmp_path)])
+    assert done.exit_code == 1, done.output
+    assert "people: nothing was solved" in done.output
+    assert "no step converges" in (tmp_path / "report.md").read_text()
 
 
 @pytest.mark.parametrize("problems", [("no drop", "too short"), ("no drop", "")])

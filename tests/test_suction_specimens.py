@@ -11,6 +11,8 @@ from making_layers import OtherLayer, OtherLayers
 
 import legfem as lf
 from legfem.common.errors import InputError
+from legfem.common.progress import Silent
+from legfem.specimens.diagnosis import diagnose_specimens
 
 C10, BULK = 4e-3, 10.0
 POISSON = (3 * BULK - 2) / (2 * (3 * BULK + 1))
@@ -116,9 +118,6 @@ def test_the_planted_stiffness_is_found(tmp_path: Path, suctions) -> None:
 
 @pytest.mark.slow
 def test_a_diagnosis_finds_a_sound_cup_sound(tmp_path: Path, suctions) -> None:
-    from legfem.common.progress import Silent
-    from legfem.specimens.diagnosis import diagnose_specimens
-
     shutil.copytree(written(tmp_path / "one", suctions), tmp_path / "two")
     stated = "[instrument]\nforce_sd_N = 0.002\ndisplacement_sd_mm = 0.003\n"
     (tmp_path / "two" / "specimen.toml").write_text(CUP + stated)

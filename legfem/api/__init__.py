@@ -5,12 +5,13 @@ name runs, and wraps what that found. What is found says more than the wrapper d
 its attributes.
 """
 
-from legfem.api.diagnosed import DiagnosedLeg, diagnose
+from legfem.api.diagnosed import DiagnosedFolder, DiagnosedLeg, diagnose
 from legfem.api.dressed import LegInStocking, stocking
 from legfem.api.identified import IdentifiedLeg, IdentifiedSpecimen, identify
 from legfem.api.loading import load_leg, load_specimen, load_subject
 
 __all__ = [
+    "DiagnosedFolder",
     "DiagnosedLeg",
     "IdentifiedLeg",
     "IdentifiedSpecimen",

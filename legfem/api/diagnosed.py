@@ -1,15 +1,16 @@
-"""Where model and recordings of a leg differ, and which physics was left out."""
+"""Where model and recordings differ, of a leg or specimens, and which physics was left out."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 from legfem.api.found import Found, row
 from legfem.api.loading import Given, load_subject
+from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 from legfem.subjects.subject import Subject
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
     from legfem.diagnose.diagnosis import Diagnosis
     from legfem.report.web.page import WebPage
+    from legfem.specimens.diagnosis import DiagnosedSpecimen
+    from legfem.specimens.folder import SpecimenFolder
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +70,98 @@ class DiagnosedLeg(Found):
         return diagnosis_web_page(self.diagnosis, self.subject, self.summary(), (), versions())
 
     def _rows(self) -> Iterator[dict[str, Any]]:
-        document = self.document()
-        for when in ("before", "after"):
-            for name, entry in document[f"parameters_{when}"].items():
-                yield {"model": f"{when} repair"} | row(name, entry)
+        yield from _before_and_after(self.document())
 
 
+@dataclass(frozen=True, eq=False)
+class DiagnosedFolder(Found):
+    """The same of each specimen of a folder."""
+
+    folder: SpecimenFolder
+    specimens: tuple[DiagnosedSpecimen, ...]
+    """In the folder's order; one that couldn't be diagnosed has a problem instead."""
+    seed: int
+
+    def __getitem__(self, name: str) -> DiagnosedSpecimen:
+        """Return a specimen's by its name."""
+        return next(one for one in self.specimens if one.id == name)
+
+    @property
+    def verdicts(self) -> dict[str, str]:
+        """By specimen: ``consistent``, ``named``, ``ambiguous`` or ``unexplained``."""
+        return {one.id: one.diagnosis.verdict for one in self.specimens if one.diagnosis}
+
+    def summary(self) -> str:
+        """Return the report's text; of several specimens a table of all."""
+        from legfem.report.diagnosis_text import diagnosis_page
+        from legfem.report.specimen_diagnosis import specimens_page
+
+        alone = self.specimens[0]
+        if len(self.specimens) == 1 and alone.diagnosis is not None:
+            return diagnosis_page(alone.diagnosis, alone, [])
+        return specimens_page(self.specimens, self.folder)
+
+    def document(self) -> dict[str, Any]:
+        """Return what ``diagnosis.json`` holds, by specimen."""
+        from legfem.diagnose.document import document
+
+        return {
+            one.id: document(one.diagnosis, one, self.seed, one.seconds)
+            for one in self.specimens
+            if one.diagnosis is not None
+        }
+
+    def plot(self) -> Figure:
+        """Return the first diagnosed specimen's recordings against the model.
+
+        Raises
+        ------
+        InputError
+            If none could be diagnosed.
+        """
+        from legfem.report.recording_figure import recording_figure
+
+        one, found = self._first
+        return recording_figure(found, 0, one.title, one.origin)
+
+    def write(self, folder: Given) -> Path:
+        """Write what the command writes; return the report's path."""
+        from legfem.report.specimen_diagnosis import write_specimen_diagnoses
+
+        return write_specimen_diagnoses(self.specimens, self.folder, Path(folder), self.seed)[1]
+
+    @property
+    def _first(self) -> tuple[DiagnosedSpecimen, Diagnosis]:
+        for one in self.specimens:
+            if one.diagnosis is not None:
+                return one, one.diagnosis
+        raise _problem_of(self.specimens)
+
+    def _page(self) -> WebPage:
+        """Return that of the first diagnosed specimen; each has one of its own."""
+        from legfem.diagnose.document import versions
+        from legfem.report.web.diagnosis import diagnosis_web_page
+
+        one, found = self._first
+        return diagnosis_web_page(found, one, self.summary(), (), versions())
+
+    def _rows(self) -> Iterator[dict[str, Any]]:
+        for name, document in self.document().items():
+            for each in _before_and_after(document):
+                yield {"specimen": name} | each
+
+
+def _problem_of(specimens: Sequence[DiagnosedSpecimen]) -> InputError:
+    return next(one.problem for one in specimens if one.problem is not None)
+
+
+def _before_and_after(document: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    for when in ("before", "after"):
+        for name, entry in document[f"parameters_{when}"].items():
+            yield {"model": f"{when} repair"} | row(name, entry)
+
+
+@overload
 def diagnose(
     leg: Subject | Given,
     *,
@@ -80,15 +169,34 @@ def diagnose(
     seed: int = 0,
     jobs: int = 1,
     progress: bool = False,
-) -> DiagnosedLeg:
+) -> DiagnosedLeg: ...
+@overload
+def diagnose(
+    leg: SpecimenFolder,
+    *,
+    library: Given | None = None,
+    seed: int = 0,
+    jobs: int = 1,
+    progress: bool = False,
+    specimens: Sequence[str] = (),
+) -> DiagnosedFolder: ...
+def diagnose(
+    leg: Subject | SpecimenFolder | Given,
+    *,
+    library: Given | None = None,
+    seed: int = 0,
+    jobs: int = 1,
+    progress: bool = False,
+    specimens: Sequence[str] = (),
+) -> DiagnosedLeg | DiagnosedFolder:
     """Say where model and recordings differ, which physics was left out, and what adding it does.
 
     The first diagnosis of a leg solves its library of responses, which takes minutes.
 
     Parameters
     ----------
-    leg : Subject, str or Path
-        The leg, or what `load_subject` takes.
+    leg : Subject, SpecimenFolder, str or Path
+        The leg, or what `load_subject` takes; or what `load_specimen` returned.
     library : str or Path, optional
         Folder of the legs' responses; ``~/.cache/legfem/responses`` without it.
     seed : int
@@ -97,20 +205,28 @@ def diagnose(
         Processes. More than one needs the calling script's ``if __name__ == "__main__":``.
     progress : bool
         Whether to print what is being done.
+    specimens : sequence of str
+        Of a folder of specimens those to diagnose; all without any.
 
     Returns
     -------
-    DiagnosedLeg
-        With ``verdict``, ``summary()``, ``plot()``, ``to_frame()``, ``document()``,
-        ``write(folder)``.
+    DiagnosedLeg or DiagnosedFolder
+        With ``verdict`` (or ``verdicts`` by specimen), ``summary()``, ``plot()``, ``to_frame()``,
+        ``document()``, ``write(folder)``.
     """
     from legfem.correction.choice import REFERENCE
     from legfem.correction.tabulated import read_correction
     from legfem.diagnose.leg import library_folder
     from legfem.diagnose.run import Diagnoser
 
-    subject = leg if isinstance(leg, Subject) else load_subject(leg)
     folder = library_folder() if library is None else Path(library)
+    if not isinstance(leg, Subject | str | Path):
+        from legfem.specimens.diagnosis import diagnose_specimens
+
+        with progress_on(quiet=not progress) as told:
+            each = tuple(diagnose_specimens(leg, specimens, folder, jobs, told, seed))
+        return DiagnosedFolder(leg, each, seed)
+    subject = leg if isinstance(leg, Subject) else load_subject(leg)
     started = time.perf_counter()
     with progress_on(quiet=not progress) as told:
         found = Diagnoser(folder, read_correction(REFERENCE), jobs).diagnose(subject, told, seed)

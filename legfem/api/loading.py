@@ -41,7 +41,7 @@ def load_subject(subject: Given, site: str = "") -> Subject:
 
 
 def load_specimen(folder: Given) -> SpecimenFolder:
-    """Load specimens that were tested in a lab: a ball, a punch, plates, a cylinder, a bar.
+    """Load specimens that were tested in a lab: a ball, a punch, a cup, plates, a bar ...
 
     Parameters
     ----------
@@ -56,7 +56,9 @@ def load_specimen(folder: Given) -> SpecimenFolder:
     """
     from legfem.specimens.folder import load_specimen as load_specimen_folder
 
-    return load_specimen_folder(Path(folder))
+    loaded = load_specimen_folder(Path(folder))
+    say(loaded.doubts)
+    return loaded
 
 
 def load_leg(leg: Given) -> StockingLeg:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from legfem.commands.options import Jobs, Site, Subject, SubjectDir
+from legfem.commands.specimens import specimens_for
 from legfem.common.command_edge import (
     check_out_folder,
     work_edge,
@@ -19,6 +20,9 @@ from legfem.common.errors import InputError
 from legfem.common.outcome_options import AsJson, Quiet
 from legfem.common.progress import progress_on
 from legfem.subjects.subject import SUBJECTS
+
+if TYPE_CHECKING:
+    from legfem.specimens.folder import SpecimenFolder
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -78,11 +82,9 @@ def diagnose(
                 "--subject": subject, "--subject-dir": subject_dir, "--site": site,
                 "--correction": correction,
             }  # fmt: skip
-            for option, given in legs_alone.items():
-                if given is not None:
-                    raise InputError(option, "--specimen-dir", "is given too", "leave one out")
+            found_specimens = specimens_for("diagnose", specimen_dir, out, legs_alone)
             _run_specimens(
-                specimen_dir, specimen or (), out, library, processes, seed, quiet, as_json
+                *found_specimens, specimen or (), library, processes, seed, quiet, as_json
             )
             return
         if specimen:
@@ -126,9 +128,9 @@ def diagnose(
 
 
 def _run_specimens(
-    directory: Path,
+    found: SpecimenFolder,
+    folder: Path,
     names: Sequence[str],
-    out: Path | None,
     library: Path | None,
     jobs: int,
     seed: int,
@@ -140,11 +142,7 @@ def _run_specimens(
     from legfem.report.specimen_diagnosis import write_specimen_diagnoses
     from legfem.report.web.page import command_line
     from legfem.specimens.diagnosis import diagnose_specimens
-    from legfem.specimens.folder import load_specimen
 
-    found = load_specimen(directory)
-    folder = out or Path("results") / f"diagnose-{found.id}"
-    check_out_folder(folder)
     responses = library or library_folder()
     check_out_folder(responses)
     with progress_on(quiet=quiet) as progress:

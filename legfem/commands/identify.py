@@ -6,11 +6,12 @@ import sys
 from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from legfem.commands.options import Jobs, Site, Subject, SubjectDir
+from legfem.commands.specimens import specimens_for
 from legfem.common.command_edge import (
     FAILED,
     check_out_folder,
@@ -20,6 +21,9 @@ from legfem.common.doubts import say
 from legfem.common.errors import InputError
 from legfem.common.outcome_options import AsJson, Quiet
 from legfem.common.progress import progress_on
+
+if TYPE_CHECKING:
+    from legfem.specimens.folder import SpecimenFolder
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -77,7 +81,8 @@ def run(
         list[str] | None,
         _option(
             "Full name of a parameter to identify, in place of the law's own: deep.C10, deep.C20, "
-            "deep.D1, superficial.C10, fascia.C10, instrument.gain, ...; may be given again."
+            "deep.D1, superficial.C10, fascia.C10, instrument.gain, ..., of specimens LAYER.C10;"
+            " may be given again."
         ),
     ] = None,
     prior: Annotated[
@@ -158,13 +163,11 @@ def run(
                 "--no-emulator": None if emulator else 1,
                 "--model": None if model is ModelChoice.SECTION else 1,
             }  # fmt: skip
-            for option, given in legs_alone.items():
-                if given is not None:
-                    raise InputError(option, "--specimen-dir", "is given too", "leave one out")
-            _run_specimen(
-                specimen_dir, None if law is None else law.value,
+            _run_specimens(
+                *specimens_for("identify", specimen_dir, out, legs_alone),
+                None if law is None else law.value,
                 (identify or (), prior or (), fix or (), c10_bounds, c20_bounds),
-                leave_out or (), out, processes, seed, quiet, as_json,
+                leave_out or (), processes, seed, quiet, as_json,
             )  # fmt: skip
             return
         if leave_out:
@@ -237,12 +240,12 @@ def run(
         print_outcome(texts, path, report, quiet, as_json)
 
 
-def _run_specimen(
-    directory: Path,
+def _run_specimens(
+    found: SpecimenFolder,
+    folder: Path,
     law: str | None,
     written: tuple[Any, ...],
     leave_out: Sequence[str],
-    out: Path | None,
     jobs: int,
     seed: int,
     quiet: bool,
@@ -255,14 +258,10 @@ def _run_specimen(
     from legfem.report.specimen import write_specimen_report
     from legfem.report.specimen_text import specimen_summary
     from legfem.report.web.page import command_line
-    from legfem.specimens.folder import load_specimen
     from legfem.specimens.identification import identify_specimen
     from legfem.specimens.laws import asked_in_writing, laws_named
 
-    found = load_specimen(directory)
     asked = asked_in_writing(Written(*written), found.tissues)
-    folder = out or Path("results") / f"identify-{found.id}"
-    check_out_folder(folder)
     try:
         with progress_on(quiet=quiet) as progress:
             results = identify_specimen(

@@ -79,7 +79,7 @@ def write_specimen_diagnoses(
         }),
     )  # fmt: skip
     with made_in_place(out) as hidden:
-        (hidden / REPORT).write_text(_page(made, folder), encoding="utf-8")
+        (hidden / REPORT).write_text(specimens_page(made, folder), encoding="utf-8")
     return path, out / REPORT
 
 
@@ -110,7 +110,8 @@ def _row(one: DiagnosedSpecimen) -> dict[str, Any]:
     }
 
 
-def _page(made: Iterable[DiagnosedSpecimen], folder: SpecimenFolder) -> str:
+def specimens_page(made: Iterable[DiagnosedSpecimen], folder: SpecimenFolder) -> str:
+    """Return the text of the report on all specimens: a table, and what wasn't used."""
     rows, missing = [], [f"{one.name}: {one.reason}" for one in folder.left_out]
     for one in made:
         missing += [f"{each.name}: {each.reason}" for each in one.left_out]

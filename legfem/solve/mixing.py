@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 from legfem.common.units import FloatArray
 
-_SMALLEST = 1e-10
+_SMALLEST = 1e-8
 """Over the largest: singular values of the updates' products that are rounding."""
 
 

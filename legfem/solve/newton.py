@@ -56,7 +56,7 @@ class NewtonSettings:
     absolute_tolerance: float = 1e-13
     max_factorisations: int = 12
     reuse: float = 0.3
-    mixing: int = 10
+    mixing: int = 5
     floor: float = 10.0
     memory: int = 2
     max_halvings: int = 4

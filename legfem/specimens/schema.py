@@ -188,7 +188,7 @@ class SpecimenFile(FileTable):
             if names.count(name) > 1 or name in _TAKEN:
                 problem = "is the name of something else" if name in _TAKEN else "stands twice"
                 raise trouble("layers.name", f"{name!r} {problem}", "give another")
-        if names and not isinstance(self.test, PlatesEntry | BarEntry):
+        if names and isinstance(self.test, PlatesEntry | BarEntry):
             raise trouble(
                 "layers", "are for a ball, a punch, a suction cup or a cylinder across a block",
                 "remove them, or the test",

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from legfem.common.command_edge import end_without_a_solution
 from legfem.common.documents import write_atomically, write_document
 from legfem.common.markdown import markdown_table
 from legfem.common.progress import progress_on
@@ -62,6 +63,9 @@ def find(rows: Indentations, model: ProbeModel, folder: Path, jobs: int, seed: i
         progress.stage("the probe on two layers", POINTS + CHECKED)
         asked = np.vstack([points(POINTS, 1), points(CHECKED, 2)])
         solved = solve_points(model, asked, folder / "solves", jobs, progress)
+        if all(one.problem for one in solved):
+            write_atomically(folder / "report.md", f"No point was solved: {solved[0].problem}\n")
+            end_without_a_solution("people")
         response = ProbeResponse.through(asked[:POINTS], solved[:POINTS])
         force_error, share_error = response.error(asked[POINTS:], solved[POINTS:])
         inside = solved_for(rows)

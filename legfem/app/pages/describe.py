@@ -33,6 +33,7 @@ _TESTS = {
     "punch": "a flat punch pressed them on a rigid base",
     "plates": "pressed between plates, end-on (round specimens)",
     "cylinder": "a cylinder lying across a block pressed it",
+    "suction": "a suction cup drew them up",
     "uniaxial": "a bar pulled or pressed along its length",
 }
 

@@ -23,7 +23,7 @@ _TABLES = {
     "segment": "Part that is modelled",
     "ball": "Test: a ball on a layer", "punch": "Test: a flat punch on a layer",
     "plates": "Test: between plates", "cylinder": "Test: a cylinder across a block",
-    "uniaxial": "Test: a bar", "tissue": "Tissue",
+    "uniaxial": "Test: a bar", "suction": "Test: a suction cup", "tissue": "Tissue",
 }  # fmt: skip
 
 
