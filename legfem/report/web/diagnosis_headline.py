@@ -182,8 +182,12 @@ def to_do_next(found: Diagnosis, plan: Sequence[str]) -> list[str]:
 def _to_do(found: Diagnosis, plan: Sequence[str]) -> str:
     lines = next_experiments(found)
     if found.verdict == "consistent":
-        more = f" If it matters what the tissue does in time, ask the lab to {lines[0]}."
-        return f"Use the number above.{more if lines else ' No other test is needed.'}"
+        if not lines:
+            return "Use the number above. No other test is needed."
+        return (
+            "Use the number above. If it matters what the tissue does in time, ask the lab to "
+            f"{lines[0]}."
+        )
     what, _, chance = plan[0].partition(": ") if plan else (lines[0], "", "")
     asked = f"ask the lab to {what}" + (f" ({chance})" if chance else "")
     if found.verdict == "unexplained":

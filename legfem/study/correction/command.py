@@ -70,7 +70,7 @@ def run(given: Calibration, asked: Asked, out: Path, jobs: int, quiet: bool = Fa
 
 
 def _run(
-    given: Calibration, asked: Asked, out: Path, jobs: int, progress: Progress, comm: MPI.Comm
+    given: Calibration, asked: Asked, out: Path, jobs: int, progress: Progress, comm: MPI.Intracomm
 ) -> None:
     kept = out / "cases"
     found = calibrate(given, kept, jobs, progress, comm)
