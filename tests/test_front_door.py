@@ -108,7 +108,7 @@ def test_a_diagnosed_leg_can_be_read_drawn_and_written(subject, tmp_path: Path) 
     assert "contact-onset.offset" in after.index
     assert found.write(tmp_path).is_file()
     assert json.loads((tmp_path / "diagnosis.json").read_text())["verdict"] == "named"
-    assert "data-plot=&quot;recordings" in found._repr_html_()
+    assert "data-plot=&quot;recording" in found._repr_html_()
 
 
 def test_a_coarse_mesh_is_for_a_quick_look(subject, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,6 +12,7 @@ import pytest
 from driving import Driven
 from making import write_subject
 from making_diagnosed import diagnosed
+from making_diagnosis import two_rates
 from making_results import measured_curve, result
 from reading_page import read
 from test_diagnosis_report import CASES
@@ -114,9 +115,17 @@ def test_the_page_of_a_diagnosis_says_what_is_wrong_how_sure_and_what_to_do(subj
         assert f"{low:.2f} to " in page.words
     if verdict == "unexplained":
         assert "Write down no number" in page.words and " kPa (most likely" not in page.words
-    if verdict != "consistent":
+    if verdict in ("named", "ambiguous"):
         advice = page.words.lower().index("press to 25 mm (70 % chance")
         assert advice < page.words.index("Recordings and model")
+
+
+def test_a_test_that_asks_for_nothing_more_says_so(subject):
+    # Holds and two rates are there: nothing of the tissue's behaviour in time is left to be tested.
+    found = diagnosed({}, recordings=two_rates())
+    assert found.verdict == "consistent"
+    answers = dict(diagnosis_web_page(found, subject, "").headline.answers)
+    assert answers["What to do"] == "Use the number above. No other test is needed."
 
 
 def test_the_film_holds_the_solutions_last_state(film, pressed):

@@ -18,7 +18,8 @@ from legfem.report.web import page as web
 from legfem.report.words import number
 
 TITLE = "Can the stiffness of {kind} ‘{id}’ be trusted?"
-_MOST_CAUSES = 3
+_MOST_CAUSES = 2
+"""That find room on the first screen of a phone."""
 
 
 def headline(found: Diagnosis, plan: Sequence[str]) -> web.Headline:
@@ -116,10 +117,7 @@ def _sure(found: Diagnosis) -> str:
             f"{capital(percent(share))} sure of this cause, and {wrong}. The range in brackets "
             f"allows for other causes, too, and {_NINETEEN_OF_20}"
         )
-    return (
-        f"{capital(wrong)}; which of these it was, this test can't tell. The range allows "
-        f"for all of them, and {_NINETEEN_OF_20}"
-    )
+    return f"{capital(wrong)}; this test can't tell which of these. The range {_NINETEEN_OF_20}"
 
 
 _NINETEEN_OF_20 = "is made to hold the true value in 19 of 20 tests."
@@ -144,11 +142,11 @@ def _stiffness(found: Diagnosis) -> str:
             f"{_C10}, would be {before} kPa without the correction. Corrected it is {after[0]} kPa "
             f"({change.lstrip('-')} {way}){causes}."
         )
-    each = ", ".join(
-        f"{value} kPa if ({percent(model.probability)})"
-        for value, model in zip(after[:_MOST_CAUSES], found.models, strict=False)
+    low, high = min(after, key=float), max(after, key=float)
+    return (
+        f"{_C10}, would be {before} kPa without a correction. Corrected it is {low} to {high} kPa, "
+        "depending on the cause."
     )
-    return f"{_C10}, would be {before} kPa without a correction. Corrected it is {each}."
 
 
 _C10 = "C10, the stiffness of the tissue"
@@ -156,7 +154,7 @@ _C10 = "C10, the stiffness of the tissue"
 
 def _alike(found: Diagnosis) -> bool:
     """Return whether C10 is the same for all causes, as far as it is known."""
-    return len({_value(found, model) for model in found.models}) == 1
+    return "C10" in found.base.fit.free and len({_value(found, m) for m in found.models}) == 1
 
 
 def _value(found: Diagnosis, model: Explanation) -> str:
@@ -182,8 +180,12 @@ def to_do_next(found: Diagnosis, plan: Sequence[str]) -> list[str]:
 def _to_do(found: Diagnosis, plan: Sequence[str]) -> str:
     lines = next_experiments(found)
     if found.verdict == "consistent":
-        more = f" If it matters what the tissue does in time, ask the lab to {lines[0]}."
-        return f"Use the number above.{more if lines else ' No other test is needed.'}"
+        if not lines:
+            return "Use the number above. No other test is needed."
+        return (
+            "Use the number above. If it matters what the tissue does in time, ask the lab to "
+            f"{lines[0]}."
+        )
     what, _, chance = plan[0].partition(": ") if plan else (lines[0], "", "")
     asked = f"ask the lab to {what}" + (f" ({chance})" if chance else "")
     if found.verdict == "unexplained":
