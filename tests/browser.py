@@ -101,9 +101,14 @@ addEventListener("load", async () => {
     seen.readings = [deep[0], half[0], none[0]];
     seen.spoken = half[1];
     seen.pictures = new Set([deep[2], half[2], none[2]]).size;
-    document.querySelector("[name=press-colour][value=tissue]").click();
-    await pause();
-    seen.pictures += look()[2] !== none[2];
+    await press(slider.max);
+    const colours = [...document.querySelectorAll("[name=press-colour]")], coloured = new Set();
+    for (const colour of colours) {
+      colour.click();
+      await pause();
+      coloured.add(look()[2]);
+    }
+    seen.colours = [coloured.size, colours.length];
   }
   const set = async (id, value) => {
     const input = document.getElementById(id);
@@ -190,7 +195,7 @@ def idle(found: dict) -> list[str]:
     works = {
         "check boxes": "off" not in found or (not any(found["off"]) and all(found["on"])),
         "cursor": "cursor" not in found or ":" in found["cursor"],
-        "press": "pictures" not in found or found["pictures"] == 4,
+        "press": "pictures" not in found or (found["pictures"] == 3 and found["colours"] == [4, 4]),
         "turn and dress": "views" not in found or (found["views"] >= 7 and found["dragged"]),
         "surface": "surface" not in found
         or (found["surface_moved"] and len(set(found["surface"])) == 2),

@@ -11,6 +11,7 @@ import numpy as np
 from making import write_subject
 
 from legfem.common.progress import Silent
+from legfem.correction.tabulated import TabulatedCorrection
 from legfem.identify.forward import ForwardOutcome
 from legfem.identify.identification import Identification, beyond_of, measured_curve
 from legfem.identify.result import IdentificationResult
@@ -120,6 +121,7 @@ def identify(
     laws: tuple[Any, ...] = LAWS,
     parameters: Sequence[Parameter] | None = None,
     fixed: Mapping[str, float] | None = None,
+    correction: TabulatedCorrection | None = None,
 ) -> list[IdentificationResult]:
     """Return the results of laws, by default both."""
     model = model or AnalyticLeg(depth=DEPTH + beyond_of(parameters or (), fixed or {}))
@@ -127,5 +129,6 @@ def identify(
     chosen = laws_of(subject, laws, model.nominal, parameters, fixed)
     with FullSolver(model, store, 1, Silent(), sensitivities_of(chosen)) as solver:
         settings = settings or IdentificationSettings()
-        found = Identification(subject, measured_curve(subject), chosen, solver, settings)
+        measured = measured_curve(subject)
+        found = Identification(subject, measured, chosen, solver, settings, correction)
         return found.identify(laws)

@@ -158,9 +158,12 @@ def specimens(folder: Path, p_value: float = 0.4) -> list[SpecimenResult]:
     )
     return [
         SpecimenResult(
-            given, "neo-hookean", {"deep.C10": found}, np.eye(1), {"deep.C10": 5e-3},
-            {"deep.D1": 1.0}, compared, (LeftOut("torn", "it <never> touched"),), 30.0, 28, p_value,
-            0.02, True, 9, 0, 0, 1e-3, 1, 2.0, ("a warning",), {"legfem": "1"},
+            law="neo-hookean", parameters={"deep.C10": found}, correlations=np.eye(1),
+            values={"deep.C10": 5e-3}, assumed={"deep.D1": 1.0}, forward_solves=9, reused_solves=0,
+            wall_s=2.0, seed=1, emulator_error=1e-3, converged=True, warnings=("a warning",),
+            versions={"legfem": "1"}, folder=given, recordings=compared,
+            left_out=(LeftOut("torn", "it <never> touched"),), chi_square=30.0,
+            degrees_of_freedom=28, p_value=p_value, gain_sd=0.02, failed_solves=0,
         )
     ]  # fmt: skip
 

@@ -23,7 +23,7 @@ from legfem.common.errors import InputError
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.specimens.schema import parse_specimen_file
 from legfem.subjects.catalogue import RESOURCES
-from legfem.subjects.schema import parse_subject_file
+from legfem.subjects.sites import subject_entry
 from legfem.subjects.subject import load_subject
 
 pytestmark = [
@@ -101,7 +101,7 @@ def test_two_tabs_change_one_file_and_nothing_is_lost(served, page):
         page.turn_to(tab)
         page.click("Save")
         page.sees(seen, 3 * MINUTES)
-    given = parse_subject_file(path)
+    given = subject_entry(path).given
     assert (given.title, given.accuracy.aim_sd_mm) == ("changed here", 1.75)
 
     # The text of a file that another tab changed meanwhile isn't written over it.

@@ -16,8 +16,9 @@ from studies.concealed.forms import FORMS, NAMED, ON_COURSE, OUTSIDE, OUTSIDE_ON
 from studies.concealed.other_code import OtherCase, OtherCode
 from studies.concealed.other_tissue import DeepTissue
 from studies.concealed.page import cases_page, figure, page, scored_document
+from studies.concealed.reliability import Explained, at_base_rates
 from studies.concealed.running import Metric
-from studies.concealed.scoring import Explained, Scored, reliability, summarise
+from studies.concealed.scoring import Scored, reliability, summarise
 from studies.concealed.seal import read_sealed, write_sealed
 
 CROSSCHECK = Path(__file__).parent / "data" / "crosscheck"
@@ -146,7 +147,7 @@ def scored(number, names, *models, kind="single", twin_of=None, size=9.0, sure=0
         Explained(model, False, sure if k == 0 else rest) for k, model in enumerate(models or ((),))
     )
     usual = Scored(
-        case, verdict, models, explanations, size, 0.05, (8, 1, 1), 0.2, 0.01, True, 12.0, 3
+        case, verdict, models, explanations, size, 0.05, (8, 1, 1), 0.2, 0.01, True, 12.0, 3, 0.05
     )
     return replace(usual, **changed)
 
@@ -185,6 +186,31 @@ def test_reliability_sets_probabilities_beside_what_is_right():
     assert one.stated == pytest.approx(0.7)
     # Two names are right, nothing is right of the null, and wrong of the effect too small to see.
     assert (other.right.count, other.right.total) == (3, 5)
+
+
+def test_priors_are_exchanged_for_the_studys_shares():
+    half = [Explained((), False, 0.5), Explained(("a",), False, 0.36), Explained(("b",), False, 0)]
+    shares, first = at_base_rates(half)
+    # Of 0.15 cases without effect and 0.58 single ones, and a fifth of 0.15 that have a name.
+    np.testing.assert_allclose(shares, [0.15 / 0.76, 0.61 / 0.76, 0])
+    assert first == 1
+
+
+def test_that_nothing_shows_is_right_of_what_is_too_small_to_see():
+    small = scored(0, ["a"], size=1.0, nothing_shows=0.95)
+    large = scored(1, ["a"], size=9.0, nothing_shows=0.9)
+    found = summarise([small, large]).nothing_shows[-1]
+    assert (found.right.count, found.right.total) == (1, 2)
+    assert found.stated == pytest.approx(0.925)
+
+
+def test_stiffness_is_counted_by_leg():
+    cases = [scored(k, ["a"], ("a",), covered=k > 0, bias_after=0.1 * k) for k in range(4)]
+    cases = [replace(s, case=replace(s.case, leg=k // 2)) for k, s in enumerate(cases)]
+    (one, first, error), (other, second, _) = summarise(cases).by_leg
+    assert (one, first.count, first.total) == (0, 1, 2)
+    assert (other, second.count, second.total) == (1, 2, 2)
+    assert error == pytest.approx(0.05)
 
 
 def test_outside_the_library_only_unexplained_is_right():

@@ -21,7 +21,7 @@ COMMANDS = (
     "studies.concealed", "studies.nulls", "studies.planted", "studies.recordings",
     "studies.worked", "studies.solvers", "studies.stockings", "studies.reconstruct",
     "studies.meshes", "studies.bench", "studies.expected_force", "studies.fibres",
-    "studies.leg3d", "studies.people", "studies.reach",
+    "studies.leg3d", "studies.people", "studies.reach", "studies.next_test", "studies.sites",
 )  # fmt: skip
 
 

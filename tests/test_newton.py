@@ -56,6 +56,18 @@ def test_factors_are_used_again_while_that_pays():
     assert reused.iterations >= reused.factorisations
 
 
+def test_mixing_takes_fewer_iterations_to_the_same_state():
+    found = []
+    for mixing in (0, 10):
+        system, solver = _at_one_millimetre(NewtonSettings(reuse=0.9, mixing=mixing))
+        system.set_displacement(1.2)
+        found.append((solver.solve(), system.force()))
+    (plain, force), (mixed, same) = found
+    assert plain.converged and mixed.converged
+    assert mixed.iterations < 0.5 * plain.iterations
+    assert same == pytest.approx(force, rel=1e-8)
+
+
 def test_a_converged_state_is_in_equilibrium():
     system, solver = _at_one_millimetre()
     system.set_displacement(1.3)

@@ -194,13 +194,25 @@ def test_the_leg_of_the_diagnosis_that_is_read_is_made(
     ],
 )
 def test_files_that_are_shown_are_read(page: str, parse: Any, tmp_path: Path) -> None:
-    (shown,) = blocks(page, "toml")
+    shown, *_ = blocks(page, "toml")
     path = tmp_path / "shown.toml"
     path.write_text(shown, encoding="utf-8")
     assert parse(path).id == tomllib.loads(shown)["id"]
     path.write_text(shown.replace("origin", "orgin"), encoding="utf-8")
     with pytest.raises(InputError, match="orgin"):
         parse(path)
+
+
+def test_layers_and_a_cup_that_are_shown_are_read(tmp_path: Path) -> None:
+    """As parts of the file that is shown whole."""
+    whole, layers, cup = blocks("docs/tutorials/own-specimen.md", "toml")
+    named, ball = whole[: whole.index("[ball]")], whole[: whole.index("[[specimen]]")]
+    path = tmp_path / "shown.toml"
+    path.write_text(ball + layers, encoding="utf-8")
+    assert [one.name for one in parse_specimen_file(path).layers] == ["fat", "muscle"]
+    path.write_text(named + cup, encoding="utf-8")
+    given = parse_specimen_file(path).suction
+    assert given is not None and given.opening_mm == 10.0
 
 
 @pytest.mark.slow
@@ -237,4 +249,4 @@ def test_the_notebook_runs(name: str, data: str, tmp_path: Path) -> None:
         output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs
     ]
     pages = [str(output.get("data", {}).get("text/html", "")) for output in shown]
-    assert any(data in page and "data:image/png" in page for page in pages)
+    assert any(data in page and "data-plot=&quot;" in page for page in pages)

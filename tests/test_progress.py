@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from io import StringIO
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -41,6 +42,15 @@ def test_elsewhere_every_unit_is_a_line() -> None:
     assert [line.split("] ")[1] for line in lines] == [
         "solving", "  1/4  C10 0 kPa", "  2/4  C10 1 kPa", "  3/4  C10 2 kPa"
     ]  # fmt: skip
+
+
+def test_a_notebook_gets_a_bar_on_a_line_that_is_written_over() -> None:
+    stream = type("OutStream", (StringIO,), {"__module__": "ipykernel.iostream"})()
+    seen = worked(stream).split("\r")
+    assert seen[1].startswith("solving [........................] 0/4")
+    assert "[" + 18 * "#" + 6 * "." + "] 3/4, 0 s left  C10 2 kPa" in seen[-1]
+    assert "".join(seen).count("\n") == 1 and seen[-1].endswith("\n")
+    assert all(len(new.rstrip("\n")) >= len(old.rstrip()) for old, new in pairwise(seen))
 
 
 def test_quiet_says_nothing_on_either() -> None:

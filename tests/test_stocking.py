@@ -81,7 +81,9 @@ def test_the_ends_stay_in_their_planes_and_the_bones_where_they_are(truth):
         np.testing.assert_allclose(worn.shape.at(bone, 80.0), model.shape.at(bone, 80.0), atol=0.05)
 
 
+@pytest.mark.slow
 def test_planted_stiffness_lies_in_its_interval(result):
+    """Its quick twin has the model's own mesh: test_stocking_report.py."""
     best = result.best
     assert best is not None and best.converged and best.solves <= 30
     interval = 1e3 * best.interval95
@@ -192,13 +194,16 @@ def test_answers_at_another_stiffness_are_those_of_the_stiffnesses_around_it(res
     assert np.linalg.norm(found - known) < 0.05 * np.linalg.norm(known)
 
 
-def test_an_equilibrium_that_does_not_settle_still_bears_derivatives(result):
+def test_an_equilibrium_that_does_not_settle_still_bears_derivatives(shape):
     hasty = FixedPointSettings(tolerance=1e-12, max_states=2)
-    found = WornLeg(result.model, result.leg.stocking, hasty).find(sensitivities=("deep.C10",))
+    stocking = fitted_stocking(shape, ClassFit(CompressionClass.STRONG))
+    model = LegModel3D(shape, laws(3.0, 3.0), COARSE)
+    found = WornLeg(model, stocking, hasty).find(sensitivities=("deep.C10",))
     assert not found.converged and len(found.changes) == 2
     assert found.state.report.complete and "deep.C10" in found.state.sensitivities
 
 
+@pytest.mark.slow
 def test_a_wrong_stiffness_fits_worse(result):
     best, misfit = result.best, result.misfit
     twice = {"deep.C10": 2 * best.parameters[0]}
@@ -232,24 +237,26 @@ def test_a_motion_left_between_the_scans_is_found(result, truth):
     assert found.parameters[0] == pytest.approx(result.best.parameters[0], rel=0.1)
 
 
-def test_pressures_are_those_of_a_leg_squeezed_from_all_sides(result):
-    pressures = result.pressures
-    assert pressures is not None
+def test_pressures_are_those_of_a_leg_squeezed_from_all_sides(shape, truth):
+    model, worn = truth
+    probe = PressureProbe(model.compression)
+    veins = default_veins(shape, float(calf_levels(shape)[2]))
+    pressures = tissue_pressures(probe, worn.state, worn.load, veins)
     assert len(pressures.at_veins) == 3
     for vein in pressures.at_veins:
         assert 0.7 < vein / pressures.mean_interface < 1.4
     assert pressures.greatest_in_fat > pressures.mean_in_muscle
-    probe = PressureProbe(result.model.compression)
-    outside = probe.at(np.array([[500.0, 0.0, 80.0]]), result.worn.state)
+    outside = probe.at(np.array([[500.0, 0.0, 80.0]]), worn.state)
     assert np.isnan(outside).all()
 
 
-def test_the_pressure_at_a_node_is_the_unknown_there(result):
-    probe = PressureProbe(result.model.compression)
-    where, values = probe.nodal("deep", result.worn.state)
+def test_the_pressure_at_a_node_is_the_unknown_there(truth):
+    model, worn = truth
+    probe = PressureProbe(model.compression)
+    where, values = probe.nodal("deep", worn.state)
     chosen = np.linspace(0, len(where) - 1, 20).astype(int)
     inwards = where[chosen] * [0.999, 0.999, 1.0] + [0.0, -0.03, 0.0]
-    found = probe.at(inwards, result.worn.state)
+    found = probe.at(inwards, worn.state)
     good = np.isfinite(found)
     assert good.sum() > 10
     np.testing.assert_allclose(found[good], values[chosen][good], rtol=0.1)

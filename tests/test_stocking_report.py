@@ -13,7 +13,7 @@ from matplotlib.image import imread
 from reading_page import read
 
 from legfem.common.progress import Silent
-from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
+from legfem.common.units import mmhg_to_mpa, mpa_to_kpa, mpa_to_mmhg
 from legfem.fem.fields import fields_of
 from legfem.geometry.leg_shape import SKIN
 from legfem.geometry.rigid import RigidTransform
@@ -24,6 +24,7 @@ from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.report.leg_directions import Directions, angle_round, unwrapped
 from legfem.report.stocking import write_stocking_report
+from legfem.report.stocking_pressure_text import inside_section
 from legfem.report.stocking_stiffness_text import verdict_sentence
 from legfem.report.stocking_text import stocking_page
 from legfem.report.stocking_words import vein_interval
@@ -38,6 +39,7 @@ from legfem.stocking.judgement import expected_rms, judge, starts_agree
 from legfem.stocking.laplace import Stocking, stocking_load
 from legfem.stocking.leg import StockingLeg
 from legfem.stocking.leg_model import LegModel3D
+from legfem.stocking.posture import Posture
 from legfem.stocking.pressures import PressureProbe
 from legfem.stocking.run import StockingSettings, run_leg
 from legfem.stocking.veins import default_veins
@@ -84,6 +86,19 @@ def folder(result, tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
     assert write_stocking_report(result, folder) == folder / "report.txt"
     return folder
+
+
+def test_what_the_veins_hold_stands_beside_the_tissues_pressure(result, fat):
+    posture = Posture(1250.0, lying=mmhg_to_mpa(10.0))
+    standing = replace(result, leg=replace(result.leg, posture=posture))
+    assert "standing" not in inside_section(result, fat)
+    assert "standing" in inside_section(standing, fat)
+    veins = stocking_document(standing, fat)["pressures"]["veins"]
+    for vein, tissue in zip(veins, result.pressures.at_veins, strict=True):
+        borne = vein["inside_minus_tissue_kPa"]
+        assert borne["lying"] == pytest.approx(1e3 * (mmhg_to_mpa(10.0) - tissue))
+        column = 1060 * 9.80665 * 1e-6 * (1250.0 - vein["position_mm"][2])
+        assert borne["standing"] == pytest.approx(column - 1e3 * tissue, rel=1e-6)
 
 
 def widened(result, half_width: float):

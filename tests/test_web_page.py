@@ -12,6 +12,7 @@ import pytest
 from driving import Driven
 from making import write_subject
 from making_diagnosed import diagnosed
+from making_diagnosis import two_rates
 from making_results import measured_curve, result
 from reading_page import read
 from test_diagnosis_report import CASES
@@ -113,8 +114,18 @@ def test_the_page_of_a_diagnosis_says_what_is_wrong_how_sure_and_what_to_do(subj
         low, _ = model.interval("C10")
         assert f"{low:.2f} to " in page.words
     if verdict == "unexplained":
-        assert "Do not rely on the stiffness" in page.words
-    assert page.words.index("Press to 25 mm") < page.words.index("Recordings and model")
+        assert "Write down no number" in page.words and " kPa (most likely" not in page.words
+    if verdict in ("named", "ambiguous"):
+        advice = page.words.lower().index("press to 25 mm (70 % chance")
+        assert advice < page.words.index("Recordings and model")
+
+
+def test_a_test_that_asks_for_nothing_more_says_so(subject):
+    # Holds and two rates are there: nothing of the tissue's behaviour in time is left to be tested.
+    found = diagnosed({}, recordings=two_rates())
+    assert found.verdict == "consistent"
+    answers = dict(diagnosis_web_page(found, subject, "").headline.answers)
+    assert answers["What to do"] == "Use the number above. No other test is needed."
 
 
 def test_the_film_holds_the_solutions_last_state(film, pressed):
@@ -131,6 +142,18 @@ def test_the_film_holds_the_solutions_last_state(film, pressed):
     corners = last.cell_outlines[::2]
     np.testing.assert_allclose(vertices[cells], last.nodes[:, corners], atol=1e-3)
     np.testing.assert_allclose(moves[-1][cells], last.displacement[:, corners], atol=3e-3)
+    moved = np.linalg.norm(last.displacement, axis=2)
+    for measure, first, known in zip(
+        data["measures"], (0.0, 0.0, 1.0), (last.pressure, moved, last.stretch), strict=True
+    ):
+        low, high = measure["range"]
+        shares = np.frombuffer(base64.b64decode(measure["values"]), "<u2") * data["share_a_count"]
+        shown = low + (high - low) * shares.reshape(len(moves), -1)
+        counted = 2 * (high - low) * data["share_a_count"]
+        np.testing.assert_allclose(shown[0], first, atol=counted)
+        expected = np.clip(known.mean(axis=1), low, high)
+        np.testing.assert_allclose(shown[-1], expected, atol=counted)
+    assert 1.0 < data["measures"][2]["range"][1] < 3.0
     touch, centre = data["centres"][0], data["centres"][-1]
     assert np.linalg.norm(np.subtract(centre, touch)) == pytest.approx(DEPTH)
 
@@ -172,7 +195,8 @@ def test_a_browser_opens_the_page_without_fault_or_request_and_its_controls_work
     assert seen["readings"] == [f"{DEPTH:.1f} mm, {force}", *seen["readings"][1:2],
                                 "0.0 mm, 0.00 N"]  # fmt: skip
     assert seen["spoken"] == seen["readings"][1]
-    assert seen["pictures"] == 4, "deep, half, none, and by tissue"
+    assert seen["pictures"] == 3, "deep, half, none"
+    assert seen["colours"] == [4, 4], "by pressure, movement, stretch and tissue"
 
 
 @in_browser

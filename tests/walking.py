@@ -154,7 +154,7 @@ class Walk:
         self.look("assumed")
         page.click("Save")
         page.sees("girth", 3 * _MINUTES)
-        page.sees("aim ± 1.5 mm")
+        page.sees("aim ± 1.5 mm", 3 * _MINUTES)
         self.look("preview")
 
     def identify(self) -> None:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from legfem.diagnose.diagnosis import Diagnosis
+    from legfem.report.web.page import WebPage
     from legfem.specimens.diagnosis import DiagnosedSpecimen
     from legfem.specimens.folder import SpecimenFolder
 
@@ -61,6 +62,12 @@ class DiagnosedLeg(Found):
 
         write_document(Path(folder) / "diagnosis.json", self.document())
         return write_diagnosis_report(self.diagnosis, self.subject, Path(folder))
+
+    def _page(self) -> WebPage:
+        from legfem.diagnose.document import versions
+        from legfem.report.web.diagnosis import diagnosis_web_page
+
+        return diagnosis_web_page(self.diagnosis, self.subject, self.summary(), (), versions())
 
     def _rows(self) -> Iterator[dict[str, Any]]:
         yield from _before_and_after(self.document())
@@ -114,16 +121,29 @@ class DiagnosedFolder(Found):
         """
         from legfem.report.recording_figure import recording_figure
 
-        for one in self.specimens:
-            if one.diagnosis is not None:
-                return recording_figure(one.diagnosis, 0, one.title, one.origin)
-        raise _problem_of(self.specimens)
+        one, found = self._first
+        return recording_figure(found, 0, one.title, one.origin)
 
     def write(self, folder: Given) -> Path:
         """Write what the command writes; return the report's path."""
         from legfem.report.specimen_diagnosis import write_specimen_diagnoses
 
         return write_specimen_diagnoses(self.specimens, self.folder, Path(folder), self.seed)[1]
+
+    @property
+    def _first(self) -> tuple[DiagnosedSpecimen, Diagnosis]:
+        for one in self.specimens:
+            if one.diagnosis is not None:
+                return one, one.diagnosis
+        raise _problem_of(self.specimens)
+
+    def _page(self) -> WebPage:
+        """Return that of the first diagnosed specimen; each has one of its own."""
+        from legfem.diagnose.document import versions
+        from legfem.report.web.diagnosis import diagnosis_web_page
+
+        one, found = self._first
+        return diagnosis_web_page(found, one, self.summary(), (), versions())
 
     def _rows(self) -> Iterator[dict[str, Any]]:
         for name, document in self.document().items():

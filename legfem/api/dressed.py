@@ -14,6 +14,7 @@ from legfem.common.progress import progress_on
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from legfem.report.web.page import WebPage
     from legfem.stocking.leg import StockingLeg
     from legfem.stocking.run import StockingResult
 
@@ -47,6 +48,12 @@ class LegInStocking(Found):
         from legfem.report.stocking import write_stocking_report
 
         return write_stocking_report(self.result, Path(folder))
+
+    def _page(self) -> WebPage:
+        from legfem.report.stocking import moved_surfaces
+        from legfem.report.web.stocking import stocking_web_page
+
+        return stocking_web_page(self.result, moved_surfaces(self.result), self.summary(), "")
 
     def _rows(self) -> Iterator[dict[str, Any]]:
         for name, entry in self.document()["stiffness"].items():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import html
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
@@ -14,6 +13,8 @@ from legfem.identify.laws import LawName
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
+
+    from legfem.report.web.page import WebPage
 
 
 class Found(ABC):
@@ -45,15 +46,20 @@ class Found(ABC):
 
         return pd.DataFrame(list(self._rows()))
 
-    def _repr_html_(self) -> str:
-        """Return the summary, the parameters and the figure for a notebook."""
-        from legfem.report.style import png
+    @abstractmethod
+    def _page(self) -> WebPage:
+        """Return what ``report.html`` shows."""
 
-        encoded = base64.b64encode(png(self.plot())).decode()
+    def _repr_html_(self) -> str:
+        """Return the parameters and the report's page for a notebook, its curves and leg alive."""
+        from legfem.report.web.page import rendered
+
+        page = self._page()
         table = self.to_frame().to_html(index=False, na_rep="", float_format="{:.4g}".format)
         return (
-            f"<pre>{html.escape(self.summary())}</pre>{table}"
-            f'<img alt="{type(self).__name__}" src="data:image/png;base64,{encoded}">'
+            f'{table}<iframe title="{html.escape(page.title, quote=True)}" '
+            'sandbox="allow-scripts" style="width: 100%; height: 640px; border: 1px solid #c8c8c8" '
+            f'srcdoc="{html.escape(rendered(page), quote=True)}"></iframe>'
         )
 
 

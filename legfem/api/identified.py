@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from legfem.identify.result import IdentificationResult
     from legfem.identify.settings import IdentificationSettings
     from legfem.inference.parameter import Parameter
+    from legfem.report.web.page import WebPage
     from legfem.specimens.folder import SpecimenFolder
     from legfem.specimens.result import SpecimenResult
 
@@ -54,6 +55,13 @@ class IdentifiedLeg(ByLaw["IdentificationResult"]):
         from legfem.report.fit_figure import fit_figure
 
         return fit_figure(self.results)
+
+    def _page(self) -> WebPage:
+        from legfem.report.identification import pressed_leg
+        from legfem.report.web.identification import identification_page
+
+        pressed = None if self._experiment is None else pressed_leg(self.results, self._experiment)
+        return identification_page(self.results, self.subject, pressed)
 
     def write(self, folder: Given) -> Path:
         """Write result.json, report.txt, the figures and the fields; return the report's path."""
@@ -91,6 +99,11 @@ class IdentifiedSpecimen(ByLaw["SpecimenResult"]):
         from legfem.report.specimen_figure import specimen_figure
 
         return specimen_figure(self.results)
+
+    def _page(self) -> WebPage:
+        from legfem.report.web.specimen import specimen_web_page
+
+        return specimen_web_page(self.results, self.summary(), "")
 
     def write(self, folder: Given) -> Path:
         """Write result.json, report.txt and the figure; return the report's path."""

@@ -20,20 +20,22 @@ type Given = str | Path
 """Id of a subject that comes with legfem, or the path of a folder."""
 
 
-def load_subject(subject: Given) -> Subject:
+def load_subject(subject: Given, site: str = "") -> Subject:
     """Load a leg that was indented.
 
     Parameters
     ----------
     subject : str or Path
         Id of a subject that comes with legfem (``"1"`` to ``"4"``), or the path of a folder.
+    site : str
+        Of a leg with several ``[[site]]`` which.
 
     Raises
     ------
     InputError
         If there is no such subject, or anything in the folder is missing or wrong.
     """
-    loaded = load_subject_folder(folder_of(subject, SUBJECTS), need_instrument=False)
+    loaded = load_subject_folder(folder_of(subject, SUBJECTS), need_instrument=False, site=site)
     say(doubts_about(loaded))
     return loaded
 

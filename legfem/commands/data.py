@@ -10,6 +10,7 @@ import typer
 
 from legfem.common.command_edge import BAD_INPUT, check_out_folder, command_edge
 from legfem.common.errors import InputError
+from legfem.common.outcome_options import AsJson, Quiet, told_briefly
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -42,22 +43,25 @@ def look(
     specimens: Annotated[
         bool, typer.Option("--specimens", help="Of specimens, not of a leg: any depth will do.")
     ] = False,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
 ) -> None:
     """Propose columns, units and directions of recordings, and grade them from A to D.
 
-    Writes report.html, a picture a file, report.txt, and recordings.toml: the [recordings] block
-    for subject.toml. All that is inferred is said with its reason; what is ambiguous is refused.
+    Writes report.html, a picture a file, report.txt, look.json, and recordings.toml: the
+    [recordings] block for subject.toml. All that is inferred is said with its reason; what is
+    ambiguous is refused.
 
     Example: python -m legfem.data look trial1.tdms trial2.tdms
     """
-    with command_edge():
-        from legfem.common.documents import write_atomically
+    with command_edge(quiet=quiet):
+        from legfem.common.documents import write_atomically, write_document
         from legfem.recording.columns import propose, recording_of
         from legfem.recording.formats import read_sheets
         from legfem.recording.formats.units import Quantity
         from legfem.recording.quality import ANY_DEPTH, quality_of
         from legfem.recording.reader import MINIMAL_DEPTH_MM
-        from legfem.report.look import draw_look, look_text, recordings_toml
+        from legfem.report.look import LOOK, draw_look, look_document, look_text, recordings_toml
         from legfem.report.web.look import Looked, look_web_page
         from legfem.report.web.page import PAGE, command_line, write_page
 
@@ -102,11 +106,14 @@ def look(
         write_page(look_web_page(seen, tomls[first], text, command_line()), folder)
         write_atomically(folder / "report.txt", text)
         write_atomically(folder / "recordings.toml", tomls[first])
-        print(text)
-        print(f"for subject.toml:\n\n{tomls[first]}")
-        print("\n".join(f"picture: {path}" for path in pictures))
-        print(f"page: {folder / PAGE}\nreport: {folder / 'report.txt'}")
-        print(f"toml: {folder / 'recordings.toml'}")
+        path = write_document(folder / LOOK, look_document(seen))
+        with told_briefly(quiet, as_json) as written:
+            written.append(path)
+            print(text)
+            print(f"for subject.toml:\n\n{tomls[first]}")
+            print("\n".join(f"picture: {path}" for path in pictures))
+            print(f"page: {folder / PAGE}\nreport: {folder / 'report.txt'}")
+            print(f"toml: {folder / 'recordings.toml'}\nresult: {path}")
 
 
 @app.command()
@@ -115,6 +122,8 @@ def preview(
     out: Annotated[
         Path | None, typer.Option(help="Folder for results; results/preview by default.")
     ] = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
 ) -> None:
     """Show what a folder is taken for, before anything is solved.
 
@@ -124,7 +133,7 @@ def preview(
 
     Example: python -m legfem.data preview path/to/folder --out seen
     """
-    with command_edge():
+    with command_edge(quiet=quiet):
         from legfem.report.preview import PREVIEW, preview_of
 
         target = out or Path("results") / "preview"
@@ -134,8 +143,10 @@ def preview(
         target.mkdir(parents=True, exist_ok=True)
         seen = preview_of(folder, target)
         seen.write(target)
-        print(seen.text)
-        print(f"preview: {target / PREVIEW}")
+        with told_briefly(quiet, as_json) as written:
+            written.append(target / PREVIEW)
+            print(seen.text)
+            print(f"preview: {target / PREVIEW}")
         if seen.trouble:
             print(seen.trouble, file=sys.stderr)
             raise typer.Exit(BAD_INPUT)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from legfem.commands.options import AsJson, Jobs, Quiet, Subject, SubjectDir
+from legfem.commands.options import Jobs, Site, Subject, SubjectDir
 from legfem.commands.specimens import specimens_for
 from legfem.common.command_edge import (
     check_out_folder,
@@ -17,6 +17,7 @@ from legfem.common.command_edge import (
 )
 from legfem.common.doubts import say
 from legfem.common.errors import InputError
+from legfem.common.outcome_options import AsJson, Quiet
 from legfem.common.progress import progress_on
 from legfem.subjects.subject import SUBJECTS
 
@@ -30,6 +31,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 def diagnose(
     subject: Subject = None,
     subject_dir: SubjectDir = None,
+    site: Site = None,
     specimen_dir: Annotated[
         Path | None, typer.Option(help="Folder of specimens in a lab's test, in place of a leg.")
     ] = None,
@@ -66,6 +68,7 @@ def diagnose(
     Reads a subject folder (subject.toml, contours.csv, recordings/*.csv, one trial a file with
     loading, holds and unloading at any rates); writes diagnosis.json, a report and figures. The
     first diagnosis of a leg solves its library of responses (some minutes); later ones use it.
+    Of a leg with several [[site]] each is diagnosed by itself, with --site.
     With --specimen-dir each specimen of a folder (specimen.toml, recordings/*.csv) is diagnosed.
 
     Example: python -m legfem.diagnose --subject 3 --out results/diagnose-3
@@ -76,7 +79,8 @@ def diagnose(
             raise InputError("--seed", f"{seed}", "is negative", "give 0 or more")
         if specimen_dir is not None:
             legs_alone = {
-                "--subject": subject, "--subject-dir": subject_dir, "--correction": correction
+                "--subject": subject, "--subject-dir": subject_dir, "--site": site,
+                "--correction": correction,
             }  # fmt: skip
             found_specimens = specimens_for("diagnose", specimen_dir, out, legs_alone)
             _run_specimens(
@@ -99,7 +103,8 @@ def diagnose(
         from legfem.subjects.plausibility import doubts_about
         from legfem.subjects.subject import load_subject
 
-        found = load_subject(SUBJECTS.named(subject, subject_dir), need_instrument=False)
+        folder = SUBJECTS.named(subject, subject_dir)
+        found = load_subject(folder, need_instrument=False, site=site or "")
         say(doubts_about(found))
         ends = read_correction(correction or REFERENCE)
         folder = out or Path("results") / f"diagnose-{found.id}"

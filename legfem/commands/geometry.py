@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,11 +10,12 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
-from legfem.commands.options import SubjectDir
+from legfem.commands.options import Site, SubjectDir
 from legfem.common.checks import check_finite
 from legfem.common.command_edge import command_edge
 from legfem.common.doubts import say
 from legfem.common.errors import InputError
+from legfem.common.outcome_options import AsJson, Quiet
 from legfem.geometry.section import fat_thickness, girth
 
 if TYPE_CHECKING:
@@ -46,6 +48,7 @@ def convert(
         Path | None, typer.Option(help="Subject folder to make.", show_default=False)
     ] = None,
     subject_dir: SubjectDir = None,
+    site: Site = None,
     fascia_thickness: Annotated[float, typer.Option(help="mm.")] = 0.6,
     aim: Annotated[
         tuple[float, float] | None,
@@ -54,6 +57,8 @@ def convert(
     direction: Annotated[
         float, typer.Option(help="Direction of travel, degrees from +x; 270 is along -y.")
     ] = 270.0,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
 ) -> None:
     """Make a subject folder (contours, subject.toml, a picture) from a scanned leg.
 
@@ -64,7 +69,7 @@ def convert(
     Example: python -m legfem.geometry --cross-sections cross_sections_5mm.csv --level 300
     --out my-leg
     """
-    with command_edge("run the same command again"):
+    with command_edge("run the same command again", quiet):
         from legfem.geometry.contour_table import write_outlines
         from legfem.geometry.plane import CuttingPlane
         from legfem.report.placement_figure import placement_figure
@@ -79,6 +84,10 @@ def convert(
                 "--cross-sections", f"{len(given)} legs", "one is needed",
                 "give one of --cross-sections, --scan, --surface and --subject-dir",
             )  # fmt: skip
+        if site is not None and subject_dir is None:
+            raise InputError(
+                "--site", site, "is of a folder", "give --subject-dir, or leave it out"
+            )
         scanned = None
         if subject_dir is not None:
             folder = subject_dir
@@ -94,13 +103,24 @@ def convert(
             scanned = source.outlines(CuttingPlane.at_level(level))
             if cross_sections is None:
                 write_outlines(source.outlines_about(level), folder / "cross-sections.csv")
-        subject = load_subject(folder, need_recordings=False, need_instrument=False)
+        subject = load_subject(
+            folder, need_recordings=False, need_instrument=False, site=site or ""
+        )
         say(doubts_about(subject))
-        picture = save(placement_figure(subject, scanned), folder, "section")[0]
+        name = "section" if site is None else f"section-{site}"
+        picture = save(placement_figure(subject, scanned), folder, name)[0]
     section, indenter = subject.section, subject.indenter
     fat = fat_thickness(section, indenter.aim, indenter.direction)
-    print(f"{folder}: girth {girth(section):.0f} mm, fat under the indenter {fat:.1f} mm.")
-    if subject_dir is None:
+    if as_json:
+        document = {
+            "schema": 1, "folder": str(folder), "girth_mm": girth(section),
+            "fat_under_indenter_mm": fat, "picture": str(picture),
+        }  # fmt: skip
+        print(json.dumps(document, indent=1))
+        return
+    if not quiet:
+        print(f"{folder}: girth {girth(section):.0f} mm, fat under the indenter {fat:.1f} mm.")
+    if subject_dir is None and not quiet:
         print(
             f"Next: put the trials into {folder / 'recordings'} and your instruments' figures into "
             f"{folder / 'subject.toml'}."

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from legfem.commands.options import AsJson, Jobs, Quiet, Subject, SubjectDir
+from legfem.commands.options import Jobs, Site, Subject, SubjectDir
 from legfem.commands.specimens import specimens_for
 from legfem.common.command_edge import (
     FAILED,
@@ -19,6 +19,7 @@ from legfem.common.command_edge import (
 )
 from legfem.common.doubts import say
 from legfem.common.errors import InputError
+from legfem.common.outcome_options import AsJson, Quiet
 from legfem.common.progress import progress_on
 
 if TYPE_CHECKING:
@@ -60,6 +61,7 @@ class WeightingChoice(StrEnum):
 def run(
     subject: Subject = None,
     subject_dir: SubjectDir = None,
+    site: Site = None,
     specimen_dir: Annotated[
         Path | None, typer.Option(help="Folder of specimens in a lab's test, in place of a leg.")
     ] = None,
@@ -145,6 +147,7 @@ def run(
 
     Reads a subject folder (subject.toml, contours.csv, recordings/*.csv); writes result.json, a
     report and figures. Every full solve is kept: the same command goes on where it was stopped.
+    Of a leg with several [[site]] all are fitted together, or with --site one.
     With --specimen-dir a tissue is identified from all recordings of a folder of specimens
     (specimen.toml, recordings/*.csv) together.
 
@@ -154,7 +157,8 @@ def run(
     with work_edge(jobs, resume, quiet) as processes:
         if specimen_dir is not None:
             legs_alone = {
-                "--subject": subject, "--subject-dir": subject_dir, "--depth": depth,
+                "--subject": subject, "--subject-dir": subject_dir, "--site": site,
+                "--depth": depth,
                 "--weighting": weighting, "--correction": None if correction == "auto" else 1,
                 "--no-emulator": None if emulator else 1,
                 "--model": None if model is ModelChoice.SECTION else 1,
@@ -181,13 +185,25 @@ def run(
         from legfem.report.text import fit_report
         from legfem.report.web.page import command_line
         from legfem.subjects.plausibility import doubts_about
-        from legfem.subjects.subject import SUBJECTS, load_subject
+        from legfem.subjects.subject import SUBJECTS, load_sites, load_subject
 
-        found = load_subject(SUBJECTS.named(subject, subject_dir))
-        say(doubts_about(found))
         if seed < 0:
             raise InputError("--seed", f"{seed}", "is negative", "give 0 or more")
+        given_folder = SUBJECTS.named(subject, subject_dir)
         written = Written(identify or (), prior or (), fix or (), c10_bounds, c20_bounds)
+        sites = load_sites(given_folder) if site is None else None
+        if sites is not None:
+            from legfem.commands.sites import check_joint, identify_leg
+
+            check_joint(model is ModelChoice.LEG, emulator, weighting, sites)
+            identify_leg(
+                sites, None if law is None else law.value, written, correction,
+                out or Path("results") / f"identify-{sites.id}", processes, seed, depth, quiet,
+                as_json,
+            )  # fmt: skip
+            return
+        found = load_subject(given_folder, site=site or "")
+        say(doubts_about(found))
         nominal = values_of(tissues_of(found))
         parameters, fixed = written.parameters(nominal), written.held(nominal)
         chosen = written.laws(

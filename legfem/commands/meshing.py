@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from legfem.common.command_edge import command_edge, leave_to_first_rank
 from legfem.common.errors import InputError
+from legfem.common.outcome_options import AsJson, Quiet
 
 if TYPE_CHECKING:
     from legfem.meshing.named_mesh import NamedMesh
@@ -35,6 +38,8 @@ def export(
     extrude: Annotated[
         float, typer.Option(min=0.0, help="Makes a slab of a section, so thick (mm).")
     ] = 0.0,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
 ) -> None:
     """Write the mesh of a leg for gmsh, DOLFINx, ParaView, Abaqus, CalculiX or FEBio Studio.
 
@@ -44,7 +49,7 @@ def export(
     Example: python -m legfem.meshing --subject 3 --out leg.inp
     """
     leave_to_first_rank()
-    with command_edge():
+    with command_edge(quiet=quiet):
         from legfem.meshing.exchange import format_of, write_mesh
         from legfem.meshing.named_mesh import extruded
 
@@ -55,10 +60,32 @@ def export(
                 "--extrude", f"{extrude:g}", "the leg is in 3D already", "leave it out"
             )
         mesh = extruded(mesh, extrude) if extrude else mesh
-        for path in write_mesh(mesh, out):
-            print(path)
-        for line in summary(mesh):
+        written = write_mesh(mesh, out)
+        if as_json:
+            print(json.dumps(mesh_document(mesh, written), indent=1))
+            return
+        print("\n".join(map(str, written)))
+        for line in () if quiet else summary(mesh):
             print(line)
+
+
+def mesh_document(mesh: NamedMesh, files: Sequence[Path]) -> dict[str, Any]:
+    """Return what a mesh holds as JSON types."""
+    unit = "area_mm2" if mesh.dimension == 2 else "volume_mm3"
+    return {
+        "schema": 1,
+        "files": [str(path) for path in files],
+        "nodes": len(mesh.points),
+        "surfaces": list(mesh.surfaces),
+        "regions": {
+            name: {
+                "elements": int((mesh.cells.tags == mesh.regions[name]).sum()),
+                "kind": mesh.cells.kind,
+                unit: float(size),
+            }
+            for name, size in mesh.measures().items()
+        },
+    }
 
 
 def summary(mesh: NamedMesh) -> list[str]:

@@ -9,10 +9,8 @@ import typer
 
 Subject = Annotated[str | None, typer.Option(help="Id of a subject that comes with legfem.")]
 SubjectDir = Annotated[Path | None, typer.Option(help="Folder of a subject of your own, instead.")]
+Site = Annotated[
+    str | None,
+    typer.Option(help="Of a leg with several [[site]] the one to take.", show_default=False),
+]
 Jobs = Annotated[int | None, typer.Option(help="Processes; all cores by default.")]
-Quiet = Annotated[
-    bool, typer.Option("--quiet", help="No progress; print only where the results are.")
-]
-AsJson = Annotated[
-    bool, typer.Option("--json", help="Print the result's JSON, and nothing else, to stdout.")
-]

@@ -7,13 +7,14 @@ from typing import Annotated
 
 import typer
 
-from legfem.commands.options import Jobs, Subject, SubjectDir
+from legfem.commands.options import Jobs, Site, Subject, SubjectDir
 from legfem.common.checks import check_finite
 from legfem.common.command_edge import (
     check_out_folder,
     work_edge,
 )
 from legfem.common.doubts import say
+from legfem.common.outcome_options import AsJson, Quiet
 from legfem.common.progress import progress_on
 from legfem.subjects.subject import SUBJECTS
 
@@ -24,6 +25,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 def plan(
     subject: Subject = None,
     subject_dir: SubjectDir = None,
+    site: Site = None,
     c10: Annotated[float, typer.Option(min=0.05, max=50.0, help="Expected C10 (kPa).")] = 0.8,
     c20: Annotated[float, typer.Option(min=0.0, max=50.0, help="Expected C20 (kPa).")] = 0.0,
     depth: Annotated[float, typer.Option(min=5.0, max=60.0, help="To press to (mm).")] = 20.0,
@@ -36,6 +38,8 @@ def plan(
         typer.Option(help="Folder of the legs' responses, shared with diagnoses."),
     ] = None,
     jobs: Jobs = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
 ) -> None:
     """Say before any test which tests of a leg would show which effects, and how probably.
 
@@ -46,7 +50,7 @@ def plan(
     Example: python -m legfem.plan --subject 3 --c10 0.7 --c20 0.8 --depth 20 --rate 0.4
     """
     resume = "run the same command again to go on; solutions that are done are kept"
-    with work_edge(jobs, resume) as processes:
+    with work_edge(jobs, resume, quiet) as processes:
         from legfem.commands.outcome import print_outcome
         from legfem.common.documents import write_document
         from legfem.correction.choice import REFERENCE
@@ -64,8 +68,9 @@ def plan(
 
         check_finite(c10=c10, c20=c20, depth=depth, rate=rate)
         found = load_subject(
-            SUBJECTS.named(subject, subject_dir), need_recordings=False, need_instrument=False
-        )
+            SUBJECTS.named(subject, subject_dir), need_recordings=False, need_instrument=False,
+            site=site or "",
+        )  # fmt: skip
         doubts = doubts_about(found)
         say(doubts)
         folder = out or Path("results") / f"plan-{found.id}"
@@ -73,7 +78,7 @@ def plan(
         responses = library or library_folder()
         check_out_folder(responses)
         diagnoser = Diagnoser(responses, read_correction(REFERENCE), processes)
-        with progress_on() as progress:
+        with progress_on(quiet=quiet) as progress:
             expected = Expected(c10, c20, depth, rate)
             ranked = plan_before(found, diagnoser, expected, progress)
         path = write_document(folder / "plan.json", plan_document(ranked, found.id))
@@ -81,4 +86,4 @@ def plan(
         page = plan_web_page(ranked, found, expected, doubts, text, versions(), command_line())
         with made_in_place(folder) as hidden:
             write_page(page, hidden, text)
-        print_outcome([text], path, folder / REPORT, quiet=False, as_json=False)
+        print_outcome([text], path, folder / REPORT, quiet, as_json)

@@ -11,6 +11,7 @@ import typer
 from legfem.common.command_edge import FAILED, check_out_folder, command_edge
 from legfem.common.doubts import say
 from legfem.common.errors import InputError
+from legfem.common.outcome_options import AsJson, Quiet
 from legfem.common.progress import Silent, progress_on
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -31,6 +32,8 @@ def stocking(
         bool,
         typer.Option("--nelder-mead", help="Search as the paper does, too: some 50 equilibria."),
     ] = False,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
 ) -> None:
     """Stiffness of fat and muscle, and pressures inside a leg in a compression stocking.
 
@@ -40,7 +43,7 @@ def stocking(
 
     Example: python -m legfem.stocking --subject 1 --out results/leg-1
     """
-    with command_edge("run the same command again to go on; equilibria are kept"):
+    with command_edge("run the same command again to go on; equilibria are kept", quiet):
         if not 2_000 <= cells <= 5_000_000:
             raise InputError("--cells", f"{cells}", "is out of range", "give 2000 to 5000000")
         from mpi4py import MPI
@@ -60,13 +63,14 @@ def stocking(
         settings = StockingSettings(cells=cells, nelder_mead=nelder_mead)
         kept = results / "equilibria"
         if comm.rank == 0:
-            with progress_on() as progress:
+            with progress_on(quiet=quiet) as progress:
                 result = run_leg(leg, settings, progress, comm, folder=kept)
         else:
             result = run_leg(leg, settings, Silent(), comm, folder=kept)
         report = write_stocking_report(result, results, command_line())
         if comm.rank == 0:
-            print_outcome([], results / NUMBERS, report, quiet=False, as_json=False)
+            text = report.read_text(encoding="utf-8")
+            print_outcome([text], results / NUMBERS, report, quiet, as_json)
         if not result.worn.converged:
             if comm.rank == 0:
                 print(f"{leg.id}: no equilibrium with the stocking was found", file=sys.stderr)

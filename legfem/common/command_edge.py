@@ -95,6 +95,7 @@ def study_edge(
     out: Path | None,
     jobs: int | None = None,
     resume: str = "run the same command again to go on",
+    quiet: bool = False,
 ) -> Iterator[tuple[Path, int]]:
     """Yield a study's folder and number of processes, with `command_edge` around it.
 
@@ -106,10 +107,10 @@ def study_edge(
         What the user gave.
     jobs : int, optional
         See `work_edge`.
-    resume : str
+    resume, quiet
         See `command_edge`.
     """
-    with work_edge(jobs, resume) as processes:
+    with work_edge(jobs, resume, quiet) as processes:
         folder = out or Path("results") / name
         check_out_folder(folder)
         yield folder, processes

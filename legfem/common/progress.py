@@ -1,4 +1,4 @@
-"""Progress on stderr: a bar on a terminal, plain lines otherwise."""
+"""Progress on stderr: a bar on a terminal or in a notebook, plain lines otherwise."""
 
 from __future__ import annotations
 
@@ -9,6 +9,10 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Protocol, TextIO
+
+_BAR = 24
+_NOTEBOOK = "ipykernel"
+"""The package whose streams end in a notebook."""
 
 
 class Progress(Protocol):
@@ -55,6 +59,45 @@ class Lines:
         print(f"[{seconds:6.1f} s] {text}", file=self._stream, flush=True)
 
 
+class Rewritten:
+    """A bar on one line that is written over, as notebooks show it."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream, self._began = stream, time.perf_counter()
+        self._stage, self._done, self._total, self._width = "", 0, 0, 0
+
+    def stage(self, text: str, total: int | None = None) -> None:
+        """Begin a line, and leave the last one as it is."""
+        if self._stage:
+            print(file=self._stream)
+        self._stage, self._done, self._total = text, 0, total or 0
+        self._began, self._width = time.perf_counter(), 0
+        self._draw("")
+
+    def advance(self, text: str) -> None:
+        """Draw the bar anew."""
+        self._done += 1
+        self._draw(text)
+
+    def _draw(self, last: str) -> None:
+        shown = self._stage
+        if self._total:
+            part = min(self._done / self._total, 1.0)
+            filled = round(_BAR * part)
+            shown += f" [{'#' * filled}{'.' * (_BAR - filled)}] {self._done}/{self._total}"
+            if self._done:
+                left = (time.perf_counter() - self._began) * (1 / part - 1)
+                shown += f", {left:.0f} s left"
+        line = f"{shown}  {last}".rstrip()
+        print(f"\r{line:<{self._width}}", end="", file=self._stream, flush=True)
+        self._width = len(line)
+
+    def end(self) -> None:
+        """End the last line."""
+        if self._stage:
+            print(file=self._stream, flush=True)
+
+
 @dataclass(frozen=True)
 class Reached:
     """How far the lines of a run say that it is."""
@@ -99,10 +142,18 @@ def reached(lines: Iterable[str]) -> Reached | None:
 
 @contextmanager
 def progress_on(stream: TextIO | None = None, quiet: bool = False) -> Iterator[Progress]:
-    """Report on a stream, stderr by default: a bar on a terminal, lines otherwise, or nothing."""
+    """Report on a stream, stderr by default, or nowhere.
+
+    As a bar on a terminal and in a notebook, as lines elsewhere.
+    """
     stream = stream or sys.stderr
     if quiet:
         yield Silent()
+        return
+    if type(stream).__module__.startswith(_NOTEBOOK):
+        bar_there = Rewritten(stream)
+        yield bar_there
+        bar_there.end()
         return
     if not stream.isatty():
         yield Lines(stream)

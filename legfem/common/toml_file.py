@@ -48,8 +48,19 @@ def parse_toml[File: BaseModel](path: Path, schema: type[File], holder: str) -> 
         For a missing file, TOML that can't be parsed, and keys that are unknown, missing or
         have impossible values. An unknown key is named with the nearest known one.
     """
+    return checked(path, read_toml(path, holder), schema)
+
+
+def read_toml(path: Path, holder: str) -> dict[str, Any]:
+    """Return what a TOML file holds, unchecked.
+
+    Raises
+    ------
+    InputError
+        For a missing file, and TOML that can't be parsed.
+    """
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise InputError(path, "file", "not found", f"{holder} holds {path.name}") from None
     except (OSError, UnicodeDecodeError) as error:
@@ -60,6 +71,16 @@ def parse_toml[File: BaseModel](path: Path, schema: type[File], holder: str) -> 
         ) from None
     except RecursionError:
         raise InputError(path, "TOML", "is nested too deeply", "flatten it") from None
+
+
+def checked[File: BaseModel](path: Path, content: object, schema: type[File]) -> File:
+    """Return what a TOML file holds as a schema has it.
+
+    Raises
+    ------
+    InputError
+        For keys that are unknown, missing or have impossible values.
+    """
     try:
         return schema.model_validate(content)
     except ValidationError as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
@@ -38,6 +39,12 @@ class Correction(Protocol):
 
     def covariance(self, displacement: FloatArray, c10: float, c20: float) -> FloatArray:
         """Return the covariance (n, n) of the factor's relative error, for the intervals."""
+        ...
+
+    def relative_errors(
+        self, displacement: FloatArray, c10: float, c20: float
+    ) -> Mapping[str, FloatArray]:
+        """Return the modes (n,) that the covariance is made of, by what causes them."""
         ...
 
 

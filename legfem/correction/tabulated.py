@@ -144,16 +144,24 @@ class TabulatedCorrection:
         return 1 - self.correction(displacement, c10, c20)
 
     def covariance(self, displacement: FloatArray, c10: float, c20: float) -> FloatArray:
-        """Return the covariance (n, n) of P's error, relative to the corrected force.
+        """Return the covariance (n, n) of P's error, relative to the corrected force."""
+        total = np.zeros((len(displacement), len(displacement)))
+        for relative in self.relative_errors(displacement, c10, c20).values():
+            total += np.outer(relative, relative)
+        return total
+
+    def relative_errors(
+        self, displacement: FloatArray, c10: float, c20: float
+    ) -> dict[str, FloatArray]:
+        """Return the modes (n,) of P's error, relative to the corrected force.
 
         The force's relative error is that of P over the factor.
         """
         factor = self.factor(displacement, np.asarray(c10), np.asarray(c20))
-        total = np.zeros((len(displacement), len(displacement)))
-        for mode in self.errors.values():
-            relative = np.interp(displacement, self.displacement, mode) / factor
-            total += np.outer(relative, relative)
-        return total
+        return {
+            name: np.interp(displacement, self.displacement, mode) / factor
+            for name, mode in self.errors.items()
+        }
 
     def standard_deviation(self, displacement: FloatArray) -> FloatArray:
         """Return that of P's error at displacements (n,) in mm."""

@@ -51,8 +51,10 @@ class PlaneStrainSettings:
 
     mesh: SectionMeshSettings = field(default_factory=SectionMeshSettings)
     contact: ContactSettings = field(default_factory=ContactSettings)
-    newton: NewtonSettings = field(default_factory=NewtonSettings)
-    steps: StepSettings = field(default_factory=lambda: StepSettings(curve_tolerance=2e-3))
+    newton: NewtonSettings = field(default_factory=lambda: NewtonSettings(reuse=0.7))
+    steps: StepSettings = field(
+        default_factory=lambda: StepSettings(easy=3, hard=6, curve_tolerance=2e-3)
+    )
     formulation: Formulation = "mixed"
     drained_skin: bool = False
     """Whether the fat's fluid can leave through the skin, in a porous form."""

@@ -18,11 +18,13 @@ from legfem.identify.catalogue import (
     DEEP_C10,
     DEEP_C20,
     DEEP_D2,
+    Values,
     key_of,
     short_key_of,
     unit_of,
     unit_suffix,
 )
+from legfem.identify.error_sources import total_of
 from legfem.identify.estimates import Optimum, correlations_of, estimates
 from legfem.identify.laws import IdentifiedLaw
 from legfem.identify.misfit import Misfit
@@ -36,8 +38,8 @@ from legfem.identify.result import (
     SearchPath,
 )
 from legfem.identify.search import Search
-from legfem.identify.solver import key_of_values
-from legfem.identify.trial import Linearised, Trial
+from legfem.identify.searches import Found
+from legfem.identify.trial import Trial
 from legfem.identify.warnings import LEAST_CHANCE, Finding, doubts_of, warnings_about
 from legfem.inference.constants import (
     IDENTIFIABLE_WITHIN,
@@ -46,7 +48,6 @@ from legfem.inference.constants import (
     WEAKLY_WITHIN,
     quantile,
 )
-from legfem.inference.least_squares import Residual
 from legfem.recording import LoadingCurve
 from legfem.subjects.subject import Subject
 
@@ -59,39 +60,37 @@ class Assessment:
     """What a result is made from."""
 
     subject: Subject
-    search: Search[Misfit]
-    best: Trial
-    """The optimum, with a prediction: the law's own, or its neo-Hookean limit's."""
-    neo_hookean_limit: bool
+    found: Found[Misfit]
     measured: LoadingCurve
     correction: Correction | None
-    wall_s: float
 
     @property
-    def linear(self) -> Linearised:
-        """The misfit about the optimum."""
-        assert self.best.prediction is not None
-        search = self.search
-        return Linearised(search.law, search.misfit, self.best.prediction, self.best.point)
+    def search(self) -> Search[Misfit]:
+        """That found it."""
+        return self.found.search
+
+    @property
+    def best(self) -> Trial:
+        """The optimum."""
+        return self.found.best
 
 
 def assess(given: Assessment) -> IdentificationResult:
     """Return the result of a finished search."""
-    search, best, linear = given.search, given.best, given.linear
+    search, best, linear = given.search, given.best, given.found.linear
+    limit = given.found.neo_hookean_limit
     settings, law = search.settings, search.law
-    covariance = search.misfit.covariance_at(best.values)
-    cost = _cost(given, covariance)
+    covariances = search.misfit.covariances_at(best.values)
+    cost = _cost(given, total_of(covariances))
     optimum = Optimum(
-        linear, _residual(given, linear), covariance, quantile(given.measured.noise.repeat_dof),
-        cost.p_value >= LEAST_CHANCE, _assumed(given),
+        linear, given.found.residual, covariances, quantile(given.measured.noise.repeat_dof),
+        cost.p_value >= LEAST_CHANCE, assumed_stiffness(law),
     )  # fmt: skip
     found = estimates(optimum)
-    trials = [*search.trials, *([] if best in search.trials else [best])]
-    solves = tuple(_full_solve(trial, search) for trial in trials)
-    # Points that differ in the instrument only are read from one solve.
-    outcomes = {key_of_values(trial.outcome.values): trial.outcome for trial in trials}
+    solves = tuple(_full_solve(trial, search) for trial in given.found.trials)
+    outcomes = given.found.outcomes
     finding = Finding(
-        given.subject, law.name, found, cost, given.neo_hookean_limit, search.converged, solves,
+        given.subject, law.name, found, cost, limit, search.converged, solves,
         given.correction, given.measured,
     )  # fmt: skip
     return IdentificationResult(
@@ -102,7 +101,7 @@ def assess(given: Assessment) -> IdentificationResult:
         parameters=MappingProxyType(found),
         correlations=correlations_of(optimum.spread),
         values=MappingProxyType(dict(best.values)),
-        assumed=MappingProxyType(_held(law)),
+        assumed=MappingProxyType(held_values(law)),
         cost=cost,
         measured=given.measured,
         predicted=PredictedCurve(
@@ -112,15 +111,15 @@ def assess(given: Assessment) -> IdentificationResult:
         ),
         search=SearchPath(law.names, solves, tuple(search.generations), _cost_map(search)),
         forward_solves=len(outcomes),
-        reused_solves=sum(search.solver.was_reused(one.values) for one in outcomes.values()),
-        factorisations=sum(one.factorisations for one in outcomes.values()),
-        wall_s=given.wall_s,
+        reused_solves=given.found.reused_solves,
+        factorisations=sum(one.factorisations for one in outcomes),
+        wall_s=given.found.wall_s,
         seed=settings.seed,
         emulator_error=search.emulator_error,
         correction=_applied(given),
         weighting=search.misfit.weighting,
         converged=search.converged,
-        neo_hookean_limit=given.neo_hookean_limit,
+        neo_hookean_limit=limit,
         warnings=warnings_about(finding),
         settings=_settings(given),
         versions=versions(),
@@ -128,18 +127,22 @@ def assess(given: Assessment) -> IdentificationResult:
     )
 
 
-def _assumed(given: Assessment) -> dict[str, float]:
+def assumed_stiffness(law: IdentifiedLaw) -> dict[str, float]:
     """Return the stiffnesses of fat and fascia that were held, MPa."""
-    law = given.search.law
     every = {**law.nominal, **law.fixed}
     return {name: every[name] for name in _ASSUMED if name in every and name not in law.names}
 
 
 def _applied(given: Assessment) -> AppliedCorrection | None:
-    correction, displacement = given.correction, given.measured.displacement
+    return applied_correction(given.correction, given.measured.displacement, given.best.values)
+
+
+def applied_correction(
+    correction: Correction | None, displacement: FloatArray, values: Values
+) -> AppliedCorrection | None:
+    """Return what a correction is at displacements (n,), mm, and the model's values."""
     if correction is None:
         return None
-    values = given.best.values
     c10, c20 = mpa_to_kpa(values[DEEP_C10]), mpa_to_kpa(values.get(DEEP_C20, 0.0))
     factor = correction.factor(displacement, np.asarray(c10), np.asarray(c20))
     sd = factor * np.sqrt(np.diag(correction.covariance(displacement, c10, c20)))
@@ -174,14 +177,6 @@ def _cost(given: Assessment, covariance: FloatArray) -> Cost:
         minimised_value=best.objective,
         minimised_unit="N2" if misfit.weighting == "paper" else "1",
     )
-
-
-def _residual(given: Assessment, linear: Linearised) -> Residual:
-    """Return the weighted residual of points (p,), without further full solves."""
-    search = given.search
-    if search.settings.emulator:
-        return search.emulated_residual(search.emulator())
-    return linear.at
 
 
 def _full_solve(trial: Trial, search: Search) -> FullSolve:
@@ -251,7 +246,7 @@ def _settings(given: Assessment) -> dict[str, Any]:
     }
 
 
-def _held(law: IdentifiedLaw) -> dict[str, float]:
+def held_values(law: IdentifiedLaw) -> dict[str, float]:
     """Return the numbers that were held; none where a term is absent (C20 of 0, D2 infinite)."""
     return {
         name: value
@@ -263,7 +258,7 @@ def _held(law: IdentifiedLaw) -> dict[str, float]:
 def _held_settings(law: IdentifiedLaw) -> dict[str, float]:
     """Return what was held by names with units."""
     held = {}
-    for name, value in _held(law).items():
+    for name, value in held_values(law).items():
         unit, factor = readable_unit(unit_of(name))
         held[f"{name.replace('.', '_')}_{unit_suffix(unit)}"] = factor * value
     return held

@@ -7,7 +7,7 @@ from typing import Any
 
 from legfem.common.documents import json_types
 from legfem.common.doubts import doubt_documents
-from legfem.common.units import readable_unit
+from legfem.common.units import FloatArray, readable_unit
 from legfem.identify.catalogue import (
     DEEP_C10,
     DEEP_C20,
@@ -44,7 +44,7 @@ def result_document(result: IdentificationResult) -> dict[str, Any]:
             key_of(name): estimate_document(one) for name, one in result.parameters.items()
         },
         "correlation_c10_c20": result.correlation(DEEP_C10, DEEP_C20),
-        "correlations": _correlations(result),
+        "correlations": correlations_document(list(result.parameters), result.correlations),
         "identifiability": verdict,
         "identifiability_why": why,
         "cost": _cost(result.cost),
@@ -97,16 +97,19 @@ def estimate_document(found: Estimate) -> dict[str, Any]:
         "at_bound": found.at_bound,
         "identifiability": found.identifiability,
         "why": found.why,
+        "share_of_squared_error": dict(found.error_shares),
         "relative_change_if_fat_c10_is_10_percent_higher": found.moves.get("superficial.C10"),
         "relative_change_if_fascia_c10_is_10_percent_higher": found.moves.get("fascia.C10"),
     }
 
 
-def _correlations(result: IdentificationResult) -> dict[str, dict[str, float]]:
-    names = list(result.parameters)
+def correlations_document(
+    names: Sequence[str], correlations: FloatArray
+) -> dict[str, dict[str, float]]:
+    """Return the correlations (p, p) of parameters by their keys."""
     return {
-        key_of(one): {key_of(other): result.correlation(one, other) for other in names}
-        for one in names
+        key_of(one): dict(zip(map(key_of, names), map(float, row), strict=True))
+        for one, row in zip(names, correlations, strict=True)
     }
 
 

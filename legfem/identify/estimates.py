@@ -10,6 +10,13 @@ import numpy as np
 
 from legfem.common.units import FloatArray, readable_unit
 from legfem.identify.catalogue import DEEP_C10, symbol_of
+from legfem.identify.error_sources import (
+    Covariances,
+    ErrorSource,
+    greatest,
+    shares_of_error,
+    total_of,
+)
 from legfem.identify.result import Estimate
 from legfem.identify.trial import Linearised
 from legfem.inference.domain import Domain
@@ -21,6 +28,12 @@ from legfem.inference.least_squares import Residual
 _TRADE = 0.9
 _STIFFER = 0.1
 _TISSUES = {"superficial.C10": "fat", "fascia.C10": "fascia"}
+_RULED_BY: Mapping[ErrorSource, str] = {
+    "differences": "that recordings differ by a factor",
+    "model": "the numerical model's",
+    "ends": "that of the correction for the cylinder's ends",
+    "priors": "that of what was known beforehand",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +46,8 @@ class Optimum:
         About the optimum; its law has p free parameters.
     residual : callable
         Weighted differences and departures of points (p,), without further full solves.
-    covariance : (n, n) array
-        Of the forces' differences (N2), correction included.
+    covariances : mapping
+        Of the forces' differences (N2), by source, correction included.
     times : float
         Standard errors that half a 95 % interval holds.
     law_fits : bool
@@ -47,7 +60,7 @@ class Optimum:
 
     linear: Linearised
     residual: Residual
-    covariance: FloatArray
+    covariances: Covariances
     times: float
     law_fits: bool
     assumed: Mapping[str, float]
@@ -56,7 +69,7 @@ class Optimum:
     @property
     def spread(self) -> FloatArray:
         """Covariance (p, p) of the parameters' errors."""
-        return self.linear.errors(self.covariance)
+        return self.linear.errors(total_of(self.covariances))
 
 
 def correlations_of(spread: FloatArray) -> FloatArray:
@@ -74,6 +87,7 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
     curvature = np.linalg.pinv(jacobian.T @ jacobian)
     correlations = correlations_of(spread)
     moves = {name: _moves(optimum, name, value) for name, value in optimum.assumed.items()}
+    shares = shares_of_error(optimum.linear.gain, optimum.covariances)
     found = {}
     for k, parameter in enumerate(law.parameters):
         error = math.sqrt(spread[k, k])
@@ -82,10 +96,15 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
         known = Estimated(parameter, float(at[k]), error, interval)
         own = {name: float(change[k]) for name, change in moves.items()}
         why = _why(known, optimum.law_fits, _trade(law.names, k, correlations), own)
+        source = greatest(shares[k])
+        if source in _RULED_BY:
+            part = f"{100 * shares[k][source]:.0f} % of the error's square is {_RULED_BY[source]}"
+            why += f"; {part}"
         if optimum.plane and parameter.name == DEEP_C10:
             why += "; a constant 3D factor can't be told from it"
         found[parameter.name] = Estimate(
-            parameter, known.value, error, interval, known.verdict(optimum.law_fits), why, own
+            parameter, known.value, error, interval, known.verdict(optimum.law_fits), why, own,
+            shares[k],
         )  # fmt: skip
     return found
 

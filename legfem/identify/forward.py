@@ -41,6 +41,18 @@ class ForwardOutcome:
     factorisations: int
     seconds: float
 
+    @classmethod
+    def joined(cls, values: Values, every: Sequence[ForwardOutcome]) -> ForwardOutcome:
+        """Return one outcome of several tests, each solved by itself with the same values."""
+        return cls(
+            values,
+            tuple(one.curve for one in every),
+            all(one.complete for one in every),
+            "; ".join(one.reason for one in every if not one.complete),
+            sum(one.factorisations for one in every),
+            sum(one.seconds for one in every),
+        )
+
     @property
     def curve(self) -> ForceCurve:
         """Of the only test."""

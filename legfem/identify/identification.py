@@ -2,31 +2,24 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from legfem.common.errors import InputError
 from legfem.correction.choice import Correction
 from legfem.identify.assess import Assessment, assess
-from legfem.identify.catalogue import DEEP_C20, Values
-from legfem.identify.laws import IdentifiedLaw, LawName, model_values
+from legfem.identify.catalogue import Values
+from legfem.identify.laws import IdentifiedLaw, LawName
 from legfem.identify.misfit import Misfit
-from legfem.identify.plain import run_plain
 from legfem.identify.reading import OFFSET
 from legfem.identify.result import IdentificationResult
-from legfem.identify.search import Search
+from legfem.identify.searches import Searches
 from legfem.identify.settings import IdentificationSettings, Weighting
 from legfem.identify.solver import FullSolver
-from legfem.identify.trial import Trial
-from legfem.inference.domain import Domain
 from legfem.inference.parameter import Parameter
 from legfem.recording import LoadingCurve, mean_loading_curve
 from legfem.recording.reader import MINIMAL_DEPTH_MM
 from legfem.subjects.subject import Subject
-
-# C20 over its standard error below which the neo-Hookean limit is looked at by itself.
-_NEAR_LIMIT = 3.0
 
 
 def measured_curve(subject: Subject, depth: float | None = None) -> LoadingCurve:
@@ -84,88 +77,19 @@ class Identification:
     settings: IdentificationSettings
     correction: Correction | None = None
 
-    def __post_init__(self) -> None:
-        """Begin with no law searched for."""
-        self._searches: dict[LawName, Search] = {}
-        self._seconds: dict[LawName, float] = {}
-
     def identify(self, names: Sequence[LawName]) -> list[IdentificationResult]:
         """Return the results of laws, in their order."""
-        if self.settings.emulator:
-            self._solve_designs(names)
-        return [self._identify(name) for name in names]
-
-    def _identify(self, name: LawName) -> IdentificationResult:
-        search = self._search(name)
-        best, limit, law = search.best, False, search.law
-        k = law.index(DEEP_C20)
-        if k is not None and "neo-hookean" in self.laws:
-            near = bool(best.point[k] <= _NEAR_LIMIT * search.standard_error()[k])
-            if near or "neo-hookean" in self._searches:
-                neo_hookean = self._search("neo-hookean").best
-                if neo_hookean.objective <= best.objective:
-                    best = neo_hookean
-        if k is not None and best.values[DEEP_C20] == 0.0:
-            limit = True
-            search, best = _at_limit(search, best)
-        return assess(
-            Assessment(
-                self.subject, search, best, limit, self.measured, self.correction,
-                self._seconds[name],
-            )
-        )  # fmt: skip
+        searches = Searches(self.laws, self.solver, self.settings, self._misfit)
+        return [
+            assess(Assessment(self.subject, found, self.measured, self.correction))
+            for found in searches.find(names)
+        ]
 
     def _misfit(self, law: IdentifiedLaw) -> Misfit:
         return Misfit(
             self.measured, weighting_of(law, self.settings.weighting), self.correction,
             beyond_of(law.parameters, law.fixed), law.reads,
         )  # fmt: skip
-
-    def _new_search(self, name: LawName) -> Search:
-        law = self.laws[name]
-        return Search(law, self._misfit(law), self.settings, self.solver)
-
-    def _solve_designs(self, names: Sequence[LawName]) -> None:
-        """Solve the designs of all laws together, which keeps all processes busy."""
-        designs = {name: self._new_search(name).design() for name in names}
-        points = [
-            model_values(self.laws[name].values(point))
-            for name, design in designs.items()
-            for point in design
-        ]
-        self.solver.progress.stage("solving the designs of the search", len(points))
-        started = time.perf_counter()
-        self.solver.solve(points)
-        each = (time.perf_counter() - started) / len(points)
-        self._seconds = {name: each * len(design) for name, design in designs.items()}
-
-    def _search(self, name: LawName) -> Search:
-        if name not in self._searches:
-            self.solver.progress.stage(f"identifying the {name} law")
-            started = time.perf_counter()
-            search = self._new_search(name)
-            if self.settings.emulator:
-                search.run()
-            else:
-                run_plain(search)
-            self._searches[name] = search
-            spent = time.perf_counter() - started
-            self._seconds[name] = self._seconds.get(name, 0.0) + spent
-        return self._searches[name]
-
-
-def _at_limit(search: Search, best: Trial) -> tuple[Search, Trial]:
-    """Return a search and its neo-Hookean limit, as points of the search's own law."""
-    law = search.law
-    parameters = tuple(
-        replace(one, bounds=(0.0, one.bounds[1])) if one.name == DEEP_C20 else one
-        for one in law.parameters
-    )
-    law = replace(law, parameters=parameters)
-    point = Domain(parameters).inside(law.point({**law.fixed, **best.values}))
-    if best in search.trials:
-        return replace(search, law=law), best
-    return replace(search, law=law), replace(best, point=point)
 
 
 def weighting_of(law: IdentifiedLaw, asked: Weighting | None) -> Weighting:

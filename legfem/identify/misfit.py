@@ -13,6 +13,7 @@ from scipy.linalg import solve_triangular
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.correction.choice import Correction, correction_factor
 from legfem.identify.catalogue import DEEP_C10, DEEP_C20
+from legfem.identify.error_sources import Covariances, ErrorSource
 from legfem.identify.forward import ForwardOutcome
 from legfem.identify.reading import INSTRUMENT, Reading
 from legfem.identify.settings import Weighting
@@ -57,6 +58,11 @@ class Compared(ABC):
     @abstractmethod
     def reach(self) -> str:
         """How far a solve has to come, in words."""
+
+    @property
+    def in_errors(self) -> bool:
+        """Whether the objective is in units of errors: 1 more of it is a standard error."""
+        return False
 
     @abstractmethod
     def reached_by(self, outcome: ForwardOutcome) -> bool:
@@ -157,13 +163,15 @@ class Misfit(Compared):
             self.displacement, measured.force, power=1.0
         )
 
-    def covariance_at(self, values: Mapping[str, float]) -> FloatArray:
-        """Return `covariance` with the correction's uncertainty at the model's values."""
-        if self.correction is None:
-            return self.covariance
-        force = self.measured.force
-        relative = self.correction.covariance(self.displacement, *_stiffness(values))
-        return np.asarray(self.covariance + np.outer(force, force) * relative)
+    def covariances_at(self, values: Mapping[str, float]) -> Covariances:
+        """Return the parts of `covariance`, and the correction's at the model's values."""
+        measured = self.measured
+        own = measured.covariance
+        parts: dict[ErrorSource, FloatArray] = {"recordings": own, "model": self.covariance - own}
+        if self.correction is not None:
+            relative = self.correction.covariance(self.displacement, *_stiffness(values))
+            parts["ends"] = np.outer(measured.force, measured.force) * relative
+        return parts
 
     @cached_property
     def _lower(self) -> FloatArray:

@@ -12,6 +12,7 @@ import numpy as np
 from legfem.common.doubts import Doubt
 from legfem.common.units import FloatArray, readable_unit
 from legfem.identify.catalogue import Values, key_of
+from legfem.identify.error_sources import ErrorSource
 from legfem.identify.laws import LawName, model_values
 from legfem.inference.constants import VERDICTS, Identifiability
 from legfem.inference.identifiability import Bound, Estimated, bound_of
@@ -45,6 +46,8 @@ class Estimate:
     """Why the parameter is called that."""
     moves: Mapping[str, float] = field(default_factory=dict)
     """Relative change of the value if an assumed stiffness, by full name, were 10 % higher."""
+    error_shares: Mapping[ErrorSource, float] = field(default_factory=dict)
+    """Of the square of the standard error, by what causes it."""
 
     @property
     def unit(self) -> str:
@@ -228,14 +231,10 @@ CLOSE = 0.01
 """Of the force that was predicted in 3D, and of C10 from search to search: where they have met."""
 
 
-@dataclass(frozen=True, eq=False)
-class IdentificationResult:
-    """One law identified from one subject's recordings."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class IdentifiedParameters:
+    """What every identification of one law found, and how it was searched for."""
 
-    subject_id: str
-    subject_title: str
-    subject_origin: str
-    """``measured``, ``reconstructed`` or ``simulated``."""
     law: LawName
     parameters: Mapping[str, Estimate]
     """What was free, by full name: ``deep.C10`` and what else was identified."""
@@ -245,30 +244,40 @@ class IdentificationResult:
     """All that the optimum was solved with, free and held, in the model's units."""
     assumed: Values
     """What of model and instrument was held, finite numbers in the model's units."""
-    cost: Cost
-    measured: LoadingCurve
-    predicted: PredictedCurve
-    search: SearchPath
     forward_solves: int
     """Full solves the result rests on, failed ones included."""
     reused_solves: int
     """Of these, found on disk from an earlier run."""
-    factorisations: int
     wall_s: float
     """s."""
     seed: int
     emulator_error: float
     """N: greatest difference between the emulator before the last solve, and that solve, at the
     optimum; NaN without an emulator."""
+    converged: bool
+    warnings: tuple[str, ...]
+    versions: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class IdentificationResult(IdentifiedParameters):
+    """One law identified from one subject's recordings."""
+
+    subject_id: str
+    subject_title: str
+    subject_origin: str
+    """``measured``, ``reconstructed`` or ``simulated``."""
+    cost: Cost
+    measured: LoadingCurve
+    predicted: PredictedCurve
+    search: SearchPath
+    factorisations: int
     correction: AppliedCorrection | None
     weighting: Literal["paper", "covariance"]
-    converged: bool
     neo_hookean_limit: bool
     """Whether the reduced polynomial's optimum is its neo-Hookean limit."""
-    warnings: tuple[str, ...]
     settings: Mapping[str, Any]
     """Numbers that the result depends on, their units in the names."""
-    versions: Mapping[str, str] = field(default_factory=dict)
     doubts: tuple[Doubt, ...] = ()
     """What is unlikely in the input, or in what came out of it."""
     spatial: SpatialEvidence | None = None

@@ -31,6 +31,8 @@ _AGREE_OF_ERROR, _AGREE_OF_VALUE = 0.1, 2e-3
 # ... and the full model's own Gauss-Newton step is no longer than this.
 _STEP_OF_ERROR, _STEP_OF_VALUE = 1e-3, 2e-5
 _LAST_STEP_OF_ERROR = 0.02
+# Of a sum of squares in units of errors, which rises by 1 within a standard error.
+_FLAT = 0.1
 # Of the least sum of squares: what a further solve has to gain where numbers are read off a curve.
 _WORTH = 1e-4
 # Complete solves, the best first, from which an optimum among many parameters is polished.
@@ -169,9 +171,8 @@ class Search[Comparison: Compared]:
                 proposal = half_way(self.coordinates, proposal[None], best)[0]
             if self._solved(proposal):
                 # The model isn't smooth enough for a shorter step to gain anything.
-                self.converged = near and self._is_short(
-                    self.newton_step(), _LAST_STEP_OF_ERROR, _STEP_OF_VALUE
-                )
+                short = self._is_short(self.newton_step(), _LAST_STEP_OF_ERROR, _STEP_OF_VALUE)
+                self.converged = near and (short or self._is_flat(proposal))
                 return
             if len(self.trials) >= self.settings.most_solves:
                 return
@@ -255,6 +256,13 @@ class Search[Comparison: Compared]:
             else:
                 sizes.append(float(value))
         return np.array(sizes)
+
+    def _is_flat(self, point: FloatArray) -> bool:
+        """Whether a solved point fits as well as the best, by what errors leave open."""
+        if not self.misfit.in_errors:
+            return False
+        (tried,) = (trial for trial in self.trials if trial.values == self.law.values(point))
+        return tried.objective - self.best.objective < _FLAT
 
     def _solved(self, point: FloatArray) -> bool:
         key = key_of_values(self.law.values(point))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from legfem.common.doubts import Doubt
@@ -40,12 +40,7 @@ class Finding:
 
 def warnings_about(found: Finding) -> tuple[str, ...]:
     """Return one sentence a warning, the gravest first."""
-    texts = []
-    if not found.converged:
-        texts.append(
-            "The search ended before it converged: the optimum may lie elsewhere. Rerun with "
-            "another --seed or narrower bounds."
-        )
+    texts = [*(() if found.converged else (UNCONVERGED,))]
     if found.cost.p_value < LEAST_CHANCE:
         noise = float(found.measured.force_sd.mean())
         texts.append(
@@ -54,25 +49,10 @@ def warnings_about(found: Finding) -> tuple[str, ...]:
             f"(chi-square {found.cost.chi_square:.4g} for {found.cost.degrees_of_freedom} degrees "
             "of freedom). The intervals hold for the law as fitted and understate what is unknown."
         )
-    found_in_air = [contact.displacement for contact in found.measured.contacts if contact.in_air]
-    if found_in_air:
-        at = ", ".join(f"{displacement:.2f}" for displacement in found_in_air)
-        texts.append(
-            f"{len(found_in_air)} of {found.measured.n_trials} recordings seem to begin in air: "
-            f"first contact is put at {at} mm. Very soft tissue that stiffens looks alike; if "
-            "displacement counts from first touch, say so in subject.toml: [recordings] "
-            "starts_at_contact = true."
-        )
     texts += [
-        f"{key_of(name)} stands at the {one.at_bound} bound of the search."
-        for name, one in found.parameters.items()
-        if one.at_bound and not (name == DEEP_C20 and found.neo_hookean_limit)
+        *begun_in_air(found.measured),
+        *at_limits(found.law, found.parameters, found.neo_hookean_limit),
     ]
-    if found.law == "reduced-polynomial" and found.neo_hookean_limit:
-        texts.append(
-            "The reduced polynomial's optimum is its neo-Hookean limit (C20 = 0): these recordings "
-            "show no stiffening of the deep tissue beyond it."
-        )
     failed = [solve for solve in found.solves if not solve.complete]
     if failed:
         texts.append(
@@ -81,17 +61,10 @@ def warnings_about(found: Finding) -> tuple[str, ...]:
             + ", ".join(f"{mpa_to_kpa(solve.values[DEEP_C10]):.3g}" for solve in failed)
             + " kPa)."
         )
-    for name, one in found.parameters.items():
-        prior = one.parameter.prior
-        if prior is not None and abs(prior.departure(one.value)) > _FAR:
-            texts.append(
-                f"The recordings put {key_of(name)} {abs(prior.departure(one.value)):.1f} standard "
-                "deviations from the centre of its prior: one of the two is wrong, or the model is."
-            )
-    if found.correction is None:
-        texts.append(f"No 3D correction is applied: {_without_correction(found.subject)}")
-    elif not found.subject.plane_strain:
-        texts.append(_FIBRES)
+    texts += [
+        *far_from_priors(found.parameters),
+        *of_ends(found.subject, found.correction is not None),
+    ]
     for name, tissue in found.subject.tissues.items():
         if name != "deep" and (ratio := poisson_ratio(tissue)) is not None and ratio < 0:
             texts.append(
@@ -101,19 +74,79 @@ def warnings_about(found: Finding) -> tuple[str, ...]:
     return tuple(texts)
 
 
+UNCONVERGED = (
+    "The search ended before it converged: the optimum may lie elsewhere. Rerun with another "
+    "--seed or narrower bounds."
+)
+
+
+def begun_in_air(measured: LoadingCurve) -> Iterator[str]:
+    """Yield that first contact was looked for, where it was."""
+    in_air = [contact.displacement for contact in measured.contacts if contact.in_air]
+    if in_air:
+        at = ", ".join(f"{displacement:.2f}" for displacement in in_air)
+        yield (
+            f"{len(in_air)} of {measured.n_trials} recordings seem to begin in air: "
+            f"first contact is put at {at} mm. Very soft tissue that stiffens looks alike; if "
+            "displacement counts from first touch, say so in subject.toml: [recordings] "
+            "starts_at_contact = true."
+        )
+
+
+def at_limits(
+    law: LawName, parameters: Mapping[str, Estimate], neo_hookean_limit: bool
+) -> Iterator[str]:
+    """Yield which parameters stand at a bound of the search."""
+    for name, one in parameters.items():
+        if one.at_bound and not (name == DEEP_C20 and neo_hookean_limit):
+            yield f"{key_of(name)} stands at the {one.at_bound} bound of the search."
+    if law == "reduced-polynomial" and neo_hookean_limit:
+        yield (
+            "The reduced polynomial's optimum is its neo-Hookean limit (C20 = 0): these recordings "
+            "show no stiffening of the deep tissue beyond it."
+        )
+
+
+def far_from_priors(parameters: Mapping[str, Estimate]) -> Iterator[str]:
+    """Yield what the recordings say otherwise than was known beforehand."""
+    for name, one in parameters.items():
+        prior = one.parameter.prior
+        if prior is not None and abs(prior.departure(one.value)) > _FAR:
+            yield (
+                f"The recordings put {key_of(name)} {abs(prior.departure(one.value)):.1f} standard "
+                "deviations from the centre of its prior: one of the two is wrong, or the model is."
+            )
+
+
+def of_ends(subject: Subject, corrected: bool) -> Iterator[str]:
+    """Yield what is to be known of the cylinder's ends."""
+    if not corrected:
+        yield f"No 3D correction is applied: {_without_correction(subject)}"
+    elif not subject.plane_strain:
+        yield _FIBRES
+
+
 def doubts_of(found: Finding) -> tuple[Doubt, ...]:
     """Return what is unlikely in the input, and in stiffnesses that nobody has found so."""
-    toml = found.subject.directory / "subject.toml"
-    published = [
+    return (
+        *doubts_about(found.subject), *doubts_about_stiffness(found.subject, found.parameters)
+    )  # fmt: skip
+
+
+def doubts_about_stiffness(
+    subject: Subject, parameters: Mapping[str, Estimate]
+) -> tuple[Doubt, ...]:
+    """Return stiffnesses that nobody has found so."""
+    toml = subject.directory / "subject.toml"
+    return tuple(
         doubt
-        for name, one in found.parameters.items()
+        for name, one in parameters.items()
         if name.endswith(".C10")
         for doubt in ranges.C10[name.partition(".")[0]].likely(
             toml, key_of(name), mpa_to_kpa(one.value),
             "doubt the units of force_N, displacement_mm, length_mm and the other tissues' C10_kPa",
         )
-    ]  # fmt: skip
-    return (*doubts_about(found.subject), *published)
+    )  # fmt: skip
 
 
 _FIBRES = (

@@ -6,17 +6,16 @@ White, slow in the load cell (correlated over time), slow in the displacement se
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, helmert, solve_triangular
-from scipy.optimize import minimize
 
 from legfem.common.units import FloatArray
 from legfem.recording.instrument import JITTER_LENGTH_MM, WANDER_LENGTH_MM, Instrument
+from legfem.recording.repeats import Differences, contrasts_of, sizes_from_repeats
 
 CORNER_MM = 5.0
 """Way that counts as walked between two phases: there the drive stops and turns, time passes, and
@@ -189,38 +188,26 @@ def _one_trial(observed: Observed, noise: Noise, here: NDArray[np.int_]) -> Floa
 def _from_repeats(
     observed: Observed, expected: Noise, values: FloatArray, vague: FloatArray
 ) -> Noise:
-    """Maximise the contrasts' likelihood times log-normal expectations."""
-    blocks = [_contrasts(observed, list(m), values) for m in observed.repeated if len(m) > 1]
-    centre = np.log([expected.slow_sd, expected.correlation_time, expected.wander_sd])
+    def noise_at(sizes: FloatArray) -> Noise:
+        slow, length, wander = (float(size) for size in sizes)
+        return replace(expected, slow_sd=slow, correlation_time=length, wander_sd=wander)
 
-    def noise_at(logs: FloatArray) -> Noise:
-        slow, length, wander = np.exp(centre + logs)
-        return replace(
-            expected, slow_sd=float(slow), correlation_time=float(length), wander_sd=float(wander)
-        )
-
-    def cost(logs: FloatArray) -> float:
-        noise = noise_at(logs)
-        total = 0.5 * float(np.sum((logs / vague) ** 2))
-        for here, kept, contrasts in blocks:
-            spread = kept.T @ _one_trial(observed, noise, here) @ kept
-            try:
-                factor, _ = cho_factor(spread, lower=True)
-            except np.linalg.LinAlgError:
-                return 1e12
-            white = solve_triangular(factor, contrasts, lower=True)
-            log_det = 2 * float(np.sum(np.log(np.diag(factor))))
-            total += 0.5 * (contrasts.shape[1] * log_det + float(np.sum(white**2)))
-        return total
-
-    found = minimize(cost, np.zeros(3), method="L-BFGS-B", bounds=[(-4.0, 4.0)] * 3)
-    return noise_at(found.x)
+    differences = [
+        _differences(observed, list(members), values, noise_at)
+        for members in observed.repeated
+        if len(members) > 1
+    ]
+    centre = np.array([expected.slow_sd, expected.correlation_time, expected.wander_sd])
+    return noise_at(sizes_from_repeats(centre, vague, differences))
 
 
-def _contrasts(
-    observed: Observed, members: list[int], values: FloatArray
-) -> tuple[NDArray[np.int_], FloatArray, FloatArray]:
-    """Return a trial's indices, a basis (m, m - k) without smooth changes, and the contrasts."""
+def _differences(
+    observed: Observed,
+    members: list[int],
+    values: FloatArray,
+    noise_at: Callable[[FloatArray], Noise],
+) -> Differences:
+    """Return what repeats differ by, without smooth changes."""
     rows = [np.flatnonzero(observed.trial == k) for k in members]
     here = rows[0]
     mean = np.mean([observed.force[row] for row in rows], axis=0)
@@ -235,8 +222,7 @@ def _contrasts(
         ]
     )
     basis = np.linalg.qr(changes, mode="complete")[0][:, changes.shape[1] :]
-    return (
-        here,
-        basis,
-        basis.T @ (helmert(len(members)) @ np.array([values[row] for row in rows])).T,
+    return Differences(
+        basis.T @ contrasts_of(np.array([values[row] for row in rows])),
+        lambda sizes: basis.T @ _one_trial(observed, noise_at(sizes), here) @ basis,
     )

@@ -37,7 +37,7 @@ class Design:
     length_factor: float = 1.0
 
 
-def designs(depth: float, rate: float, deepest: float) -> list[Design]:
+def designs(depth: float, rate: float, deepest: float, in_air: bool = False) -> list[Design]:
     """Return the tests that are weighed.
 
     Parameters
@@ -46,6 +46,9 @@ def designs(depth: float, rate: float, deepest: float) -> list[Design]:
         Of the test that was made, or is meant to be made (mm, mm/s).
     deepest
         That the leg's responses reach (mm).
+    in_air
+        Whether the recordings of the test that was made begin above the skin: to begin there again
+        tells nothing more.
     """
     same = Protocol.ramp(depth, rate)
     held = Protocol.cycle(depth, rate, _HOLD_S)
@@ -67,17 +70,20 @@ def designs(depth: float, rate: float, deepest: float) -> list[Design]:
             (same,) * REPEATS,
             outlines_known=True,
         ),
-        Design(
-            "begin 2 mm above the skin, slowly, so that first contact is seen",
-            (same,) * REPEATS,
-            contact_known=True,
-        ),
         Design("press with a cylinder of twice the length", (same,) * REPEATS, length_factor=2.0),
         Design(
             "press half as deep, with the same cylinder and more repeats",
             (Protocol.ramp(0.5 * depth, rate),) * (2 * REPEATS),
         ),
     ]
+    if not in_air:
+        found.append(
+            Design(
+                "begin 2 mm above the skin, slowly, so that first contact is seen",
+                (same,) * REPEATS,
+                contact_known=True,
+            )
+        )
     deeper = min(depth + _DEEPER_MM, deepest)
     if deeper > depth + 1.0:
         found.append(

@@ -68,7 +68,9 @@ def plan_after(
     models = found.models[:_MOST]
     rates = found.observed.rates
     library, _ = diagnoser.library(subject, found.observed, progress)
-    tests = designs(found.observed.depth, rates[0], float(library.grid[-1]))
+    tests = designs(
+        found.observed.depth, rates[0], float(library.grid[-1]), found.observed.shows_air
+    )
     asked = list(dict.fromkeys(m for model in models for m in model.fit.mechanisms))
     wider = _library(diagnoser, subject, tests, asked, library.middle, progress)
     plain = replace(found.base.problem.predictor, responses=wider, offset=0.0)

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import helmert
-from scipy.optimize import minimize
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
 from legfem.common.units import FloatArray
 from legfem.recording.instrument import EXPECTED_GAIN_SD
+from legfem.recording.repeats import Differences, contrasts_of, sizes_from_repeats
 
 # Log-standard deviation of what is expected of each component before looking at the repeats.
 _VAGUENESS = 1.0
@@ -104,11 +103,7 @@ def estimate_noise(
     known_variance: FloatArray,
     expected: Expectation,
 ) -> NoiseEstimate:
-    """Estimate the components of the trials' errors from their differences.
-
-    Orthonormal contrasts between trials don't contain the true curve; the components maximise
-    their likelihood times log-normal expectations a factor e wide, which keep two or three
-    repeats that happen to agree from claiming certainty.
+    """Estimate the components of the trials' errors from their differences, see `repeats`.
 
     Parameters
     ----------
@@ -135,23 +130,13 @@ def estimate_noise(
     )
     found = centre
     if repeats > 1:
-        contrasts = helmert(repeats) @ curves
         mean = curves.mean(axis=0)
         ridge = np.diag(known_variance + 1e-12 * float(np.max(mean**2)))
-
-        def cost(logs: FloatArray) -> float:
-            spread = _covariance(centre * np.exp(logs), displacement, mean, slope) + ridge
-            try:
-                lower = np.linalg.cholesky(spread)
-            except np.linalg.LinAlgError:
-                return 1e12
-            white = np.linalg.solve(lower, contrasts.T)
-            log_det = 2.0 * float(np.sum(np.log(np.diag(lower))))
-            likelihood = 0.5 * ((repeats - 1) * log_det + float(np.sum(white**2)))
-            return likelihood + 0.5 * float(np.sum((logs / _VAGUENESS) ** 2))
-
-        fit = minimize(cost, np.zeros(5), method="L-BFGS-B", bounds=[(-5.0, 5.0)] * 5)
-        found = centre * np.exp(fit.x)
+        differences = Differences(
+            contrasts_of(curves),
+            lambda sizes: _covariance(sizes, displacement, mean, slope) + ridge,
+        )
+        found = sizes_from_repeats(centre, _VAGUENESS, [differences])
     offset, gain, shift, slow, length = (float(v) for v in found)
     return NoiseEstimate(
         force_sd=float(np.hypot(slow, expected.white_sd)),

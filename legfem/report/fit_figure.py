@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from legfem.common.units import FloatArray
 from legfem.identify.catalogue import symbol_of
-from legfem.identify.result import IdentificationResult
+from legfem.identify.laws import LawName
+from legfem.identify.result import Estimate, IdentificationResult
+from legfem.recording import LoadingCurve
 from legfem.report.style import (
     DATA_COLOUR,
     FAINT,
@@ -40,21 +44,42 @@ def fit_figure(results: Sequence[IdentificationResult]) -> Figure:
     for column, result in enumerate(results):
         above, below = grid[:, column]
         above.set_ylim(0, top)
-        _draw_fit(above, result)
+        force, cost = result.predicted.force, result.cost
+        draw_fit(above, result.measured, force, result.law, [
+            *estimate_lines(result.parameters),
+            f"cost E = {cost.value:.3g} N$^2$, rms {cost.rms:.3g} N",
+        ])  # fmt: skip
         panel(above, "ABCDEFGH"[column], LAW_NAMES[result.law])
-        _draw_residual(below, result)
+        draw_residual(below, result.measured, force, result.law)
+    label_axes(grid)
+    return figure
+
+
+def label_axes(grid: Any) -> None:
+    """Name the axes of panels (2, n): forces above, differences beneath."""
+    for below in grid[1]:
         below.set_xlabel("displacement of the indenter after first contact (mm)")
     grid[0, 0].set_ylabel("force (N)")
     grid[1, 0].set_ylabel("simulated − measured (N)\non each panel's own scale")
-    return figure
+
+
+def estimate_lines(parameters: Mapping[str, Estimate]) -> list[str]:
+    """Return a line a parameter: value and interval."""
+    shown = {symbol_of(name): found.shown for name, found in parameters.items()}
+    return [
+        f"{symbol} = {one.value:.3g} {one.unit} [{one.ci95[0]:.3g}, {one.ci95[1]:.3g}]"
+        for symbol, one in shown.items()
+    ]
 
 
 def _highest(result: IdentificationResult) -> float:
     return float(max(result.measured.trial_force.max(), result.predicted.force.max()))
 
 
-def _draw_fit(axes: Axes, result: IdentificationResult) -> None:
-    measured = result.measured
+def draw_fit(
+    axes: Axes, measured: LoadingCurve, predicted: FloatArray, law: LawName, lines: Sequence[str]
+) -> None:
+    """Draw a measured curve, its trials and what the model predicts (n,), N, with some lines."""
     depth, force, error = measured.displacement, measured.force, measured.force_sd
     trials = axes.plot(depth, measured.trial_force.T, color=FAINT, linewidth=0.6, alpha=0.8)
     band = axes.fill_between(
@@ -64,12 +89,7 @@ def _draw_fit(axes: Axes, result: IdentificationResult) -> None:
     (mean,) = axes.plot(
         depth[::every], force[::every], "o", color=DATA_COLOUR, markersize=3.2, fillstyle="none"
     )
-    (model,) = axes.plot(
-        result.predicted.displacement,
-        result.predicted.force,
-        color=LAW_COLOURS[result.law],
-        linewidth=1.8,
-    )
+    (model,) = axes.plot(depth, predicted, color=LAW_COLOURS[law], linewidth=1.8)
     many = measured.n_trials > 1
     axes.legend(
         [mean, band, *([trials[0]] if many else []), model],
@@ -77,26 +97,20 @@ def _draw_fit(axes: Axes, result: IdentificationResult) -> None:
             f"mean of {measured.n_trials} trials" if many else "the one trial",
             "± 2 standard errors",
             *(["each trial"] if many else []),
-            f"model, {LAW_NAMES[result.law]}",
+            f"model, {LAW_NAMES[law]}",
         ],
         loc="upper left",
     )
-    shown = {symbol_of(name): found.shown for name, found in result.parameters.items()}
-    lines = [
-        f"{symbol} = {one.value:.3g} {one.unit} [{one.ci95[0]:.3g}, {one.ci95[1]:.3g}]"
-        for symbol, one in shown.items()
-    ]
-    lines.append(f"cost E = {result.cost.value:.3g} N$^2$, rms {result.cost.rms:.3g} N")
     axes.text(0.98, 0.04, "\n".join(lines), transform=axes.transAxes, ha="right", va="bottom")
     axes.set_xlim(0, 1.02 * depth[-1])
 
 
-def _draw_residual(axes: Axes, result: IdentificationResult) -> None:
-    measured, model = result.measured, result.predicted.force
+def draw_residual(axes: Axes, measured: LoadingCurve, predicted: FloatArray, law: LawName) -> None:
+    """Draw what the model predicts (n,), N, less what was measured."""
     depth, error = measured.displacement, measured.force_sd
     axes.fill_between(depth, -2 * error, 2 * error, color=FAINT, alpha=0.35, linewidth=0)
     axes.axhline(0.0, color=DATA_COLOUR, linewidth=0.6)
     if measured.n_trials > 1:
-        apart = model[:, None] - measured.trial_force.T
+        apart = predicted[:, None] - measured.trial_force.T
         axes.plot(depth, apart, color=FAINT, linewidth=0.6, alpha=0.8)
-    axes.plot(depth, result.residual, color=LAW_COLOURS[result.law], linewidth=1.6)
+    axes.plot(depth, predicted - measured.force, color=LAW_COLOURS[law], linewidth=1.6)

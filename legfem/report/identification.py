@@ -91,6 +91,41 @@ def _figures(results: Sequence[IdentificationResult], folder: Path) -> list[Repo
     return entries
 
 
+def pressed_leg(
+    results: Sequence[IdentificationResult], experiment: PlaneStrainIndentation
+) -> PressedSection | None:
+    """Solve the best law once more; return its section to press, None where that fails."""
+    film, solved = _filmed(results, experiment)
+    if film is None or not _state_is_final(experiment, solved):
+        return None
+    return _pressed(results, film, solved)
+
+
+def _best(results: Sequence[IdentificationResult]) -> IdentificationResult:
+    return min(results, key=lambda result: result.cost.value)
+
+
+def _filmed(
+    results: Sequence[IdentificationResult], experiment: PlaneStrainIndentation
+) -> tuple[Film | None, Solved]:
+    best = _best(results)
+    depth = float(best.measured.displacement[-1])
+    film = Film(experiment, depth) if experiment.comm.size == 1 else None
+    on_step = None if film is None else film.take
+    return film, experiment.solve(best.model_values, depth, on_step=on_step)
+
+
+def _pressed(
+    results: Sequence[IdentificationResult], film: Film, solved: Solved
+) -> PressedSection | None:
+    return pressed_section(
+        film, solved.curve.displacement, solved.curve.force,
+        f"Section of the leg with the {LAW_NAMES[_best(results).law]} law while the cylinder is "
+        "pressed in (model): its mesh, coloured by the hydrostatic pressure, by how far the tissue "
+        "moved, by its greatest stretch (1 is none) or by tissue. Dashed: the skin before.",
+    )  # fmt: skip
+
+
 def _deformed_state(
     results: Sequence[IdentificationResult],
     subject: Subject,
@@ -98,27 +133,20 @@ def _deformed_state(
     folder: Path,
 ) -> tuple[str, list[ReportFile], PressedSection | None]:
     """Solve the best law once more; return a note on that, what was written of it, and the film."""
-    best = min(results, key=lambda result: result.cost.value)
-    depth = float(best.measured.displacement[-1])
-    film = Film(experiment, depth) if experiment.comm.size == 1 else None
-    on_step = None if film is None else film.take
-    solved = experiment.solve(best.model_values, depth, on_step=on_step)
+    best = _best(results)
+    film, solved = _filmed(results, experiment)
     if not _state_is_final(experiment, solved):
         return (
-            f"The deformed state at {depth:g} mm could not be solved for again with the same mesh "
-            f"({solved.report.reason}): its picture and fields are left out.",
+            f"The deformed state at {best.measured.displacement[-1]:g} mm could not be solved for "
+            f"again with the same mesh ({solved.report.reason}): its picture and fields are left "
+            "out.",
             [],
             None,
         )
     fields = fields_of(experiment.system)
     entries, pressed = [], None
     if film is not None:
-        pressed = pressed_section(
-            film, solved.curve.displacement, solved.curve.force,
-            f"Section of the leg with the {LAW_NAMES[best.law]} law while the cylinder is pressed "
-            "in (model): its mesh with the hydrostatic pressure or the tissues. Dashed: the skin "
-            "before.",
-        )  # fmt: skip
+        pressed = _pressed(results, film, solved)
         figure = leg_figure(
             fields,
             subject.section,

@@ -54,6 +54,8 @@ class DrawnSection:
     """(cells,)."""
     pressure: FloatArray
     """(cells, 6 or 9), kPa."""
+    stretch: FloatArray
+    """(cells, 6 or 9), the greatest principal one."""
 
     @classmethod
     def of(cls, fields: LegFields) -> DrawnSection:
@@ -63,14 +65,19 @@ class DrawnSection:
         there = space.tabulate_dof_coordinates()[:, :2]
         moved = fields.displacement.x.array.reshape(-1, 2)
         quadratic = fem.functionspace(space.mesh, ("DG", 2))
-        pressure = fem.Function(quadratic)
-        pressure.interpolate(fields.pressure)
+
+        def at_nodes(linear: Any) -> FloatArray:
+            values = fem.Function(quadratic)
+            values.interpolate(linear)
+            return np.asarray(values.x.array[quadratic.dofmap.list])
+
         return cls(
             there[numbers],
             moved[numbers],
             numbers,
             fields.region.x.array[: len(numbers)],
-            pressure.x.array[quadratic.dofmap.list],
+            at_nodes(fields.pressure),
+            at_nodes(fields.stretch),
         )
 
     @property

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from legfem.common.markdown import markdown_table
 from legfem.recording import Channels, Recording
@@ -14,6 +17,8 @@ from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, save, sty
 
 _PHASE_COLOURS = {AIR: "#FFFFFF", LOADING: "#D6E6F4", HOLD: "#F3E9D2", UNLOADING: "#E3E3E3"}
 _MOST_PARTS = 12
+LOOK = "look.json"
+SCHEMA = 1
 
 
 def recordings_toml(channels: Channels) -> str:
@@ -85,6 +90,42 @@ def look_text(recording: Recording, proposal: Proposal, quality: Quality) -> str
             + (f"and {more} more phases\n" if more > 0 else ""),
         ]
     )
+
+
+def look_document(seen: Sequence[tuple[Recording, Proposal, Quality]]) -> dict[str, Any]:
+    """Return what was found in files as JSON types."""
+    return {
+        "schema": SCHEMA,
+        "recordings": [
+            {
+                "file": recording_name(recording),
+                "grade": quality.grade,
+                "reasons": list(quality.reasons),
+                "read_as": list(proposal.reasons),
+                "columns": {
+                    quantity: asdict(getattr(proposal.channels, quantity))
+                    for quantity in QUANTITIES
+                },
+                "samples": len(recording),
+                "sampling_Hz": quality.sampling,
+                "dropped_samples": quality.dropped,
+                "saturated_samples": quality.saturated,
+                "first_contact_mm": quality.contact.displacement,
+                "first_contact_in_air": quality.contact.in_air,
+                "force_step_N": quality.force_step,
+                "force_noise_N": quality.force_noise,
+                "displacement_step_mm": quality.displacement_step,
+                "displacement_noise_mm": quality.displacement_noise,
+                "drops_s": list(quality.drops),
+                "phases": [
+                    {"phase": p.phase, "from_s": p.start, "to_s": p.end, "from_mm": p.first,
+                     "to_mm": p.last}
+                    for p in quality.parts
+                ],
+            }
+            for recording, proposal, quality in seen
+        ],
+    }  # fmt: skip
 
 
 @styled

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +33,7 @@ from legfem.specimens.folder import FILE, load_specimen
 from legfem.specimens.schema import parse_specimen_file
 from legfem.stocking.leg import LEGS, StockingLeg, load_leg
 from legfem.subjects.plausibility import doubts_about, room_before
-from legfem.subjects.schema import parse_subject_file
+from legfem.subjects.sites import RECORDINGS, site_names, subject_entry
 from legfem.subjects.subject import SUBJECTS, Subject, load_subject
 
 PREVIEW = "preview.json"
@@ -110,26 +110,50 @@ def preview_of(folder: Path, out: Path) -> Preview:
 
 
 def _leg(folder: Path, out: Path) -> Preview:
-    channels, recordings = None, folder / "recordings"
     try:
-        channels = parse_subject_file(folder / SUBJECTS.file).recordings.channels()
+        names = site_names(folder / SUBJECTS.file)
+    except InputError as error:
+        seen = _recordings(_files(folder / RECORDINGS), out, None)
+        return Preview(folder.name, "", str(error), recordings=seen)
+    if not names:
+        return _site(folder, out)
+    sites = {name: _site(folder, out, name) for name in names}
+    return Preview(
+        f"{len(sites)} sites of one leg: {', '.join(site.title for site in sites.values())}",
+        next(iter(sites.values())).origin,
+        next((site.trouble for site in sites.values() if site.trouble), ""),
+        tuple(f"{name}: {line}" for name, site in sites.items() for line in site.doubts),
+        tuple(
+            (f"{name}: {what}", fact) for name, site in sites.items() for what, fact in site.facts
+        ),
+        tuple(picture for site in sites.values() for picture in site.pictures),
+        tuple(recording for site in sites.values() for recording in site.recordings),
+    )
+
+
+def _site(folder: Path, out: Path, name: str = "") -> Preview:
+    channels, recordings = None, folder / RECORDINGS
+    try:
+        entry = subject_entry(folder / SUBJECTS.file, name)
+        channels, recordings = entry.given.recordings.channels(), folder / entry.recordings
     except InputError as error:
         seen = _recordings(_files(recordings), out, None)
         return Preview(folder.name, "", str(error), recordings=seen)
-    seen = _recordings(_files(recordings), out, channels)
+    seen = _recordings(_files(recordings), out, channels, site=name)
     trouble = ""
     try:
-        subject = load_subject(folder)
+        subject = load_subject(folder, site=name)
     except InputError as error:
         trouble = str(error)
         try:
-            subject = load_subject(folder, need_recordings=False, need_instrument=False)
+            subject = load_subject(folder, need_recordings=False, need_instrument=False, site=name)
         except InputError:
             return Preview(folder.name, "", trouble, recordings=seen)
-    picture = save(placement_figure(subject), out, "section")[0].name
+    picture = f"section-{name}" if name else "section"
+    drawn = save(placement_figure(subject), out, picture)[0].name
     return Preview(
         subject.title, subject.origin, trouble, tuple(doubt_lines(doubts_about(subject))),
-        tuple(_leg_facts(subject)), ((picture, SECTION_SHOWS),), seen,
+        tuple(_leg_facts(subject)), ((drawn, SECTION_SHOWS),), seen,
     )  # fmt: skip
 
 
@@ -214,12 +238,13 @@ def _recordings(
     out: Path,
     channels: Channels | None,
     minimal_depth: float = MINIMAL_DEPTH_MM,
+    site: str = "",
 ) -> tuple[SeenRecording, ...]:
-    return tuple(_recording(path, out, channels, minimal_depth) for path in files)
+    return tuple(_recording(path, out, channels, minimal_depth, site) for path in files)
 
 
 def _recording(
-    path: Path, out: Path, channels: Channels | None, minimal_depth: float
+    path: Path, out: Path, channels: Channels | None, minimal_depth: float, site: str
 ) -> SeenRecording:
     columns: tuple[SeenColumn, ...] = ()
     try:
@@ -238,14 +263,16 @@ def _recording(
         quality = quality_of(recording, minimal_depth)
     except InputError as error:
         return SeenRecording(path.name, trouble=str(error), columns=columns)
-    picture = draw_look(recording, quality, out).name
+    # Trials of two sites may have one name.
+    drawn = replace(recording, trial=f"{site}-{recording.trial}" if site else recording.trial)
+    picture = draw_look(drawn, quality, out).name
     text = look_text(recording, proposal, quality)
     reasons = tuple(
         reason.partition(": ")[2] for reason in quality.reasons if quality.grade != BEST_GRADE
     )
     return SeenRecording(
-        path.name, quality.grade, reasons, text, picture, channels=proposal.channels,
-        columns=columns,
+        f"{site}/{path.name}" if site else path.name, quality.grade, reasons, text, picture,
+        channels=proposal.channels, columns=columns,
     )  # fmt: skip
 
 

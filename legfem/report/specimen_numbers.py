@@ -8,7 +8,7 @@ from typing import Any
 from legfem.common.documents import json_types
 from legfem.common.units import readable_unit
 from legfem.identify.catalogue import key_of, unit_of, unit_suffix
-from legfem.identify.document import estimate_document
+from legfem.identify.document import correlations_document, estimate_document
 from legfem.specimens.result import ComparedRecording, SpecimenResult
 
 SCHEMA = "legfem.identify-specimen/1"
@@ -16,7 +16,6 @@ SCHEMA = "legfem.identify-specimen/1"
 
 def specimen_document(result: SpecimenResult) -> dict[str, Any]:
     """Return a result as JSON types; every number's unit is in its name or beside it."""
-    names = list(result.parameters)
     document = {
         "schema": SCHEMA,
         "specimen": result.folder.id,
@@ -26,10 +25,7 @@ def specimen_document(result: SpecimenResult) -> dict[str, Any]:
         "parameters": {
             key_of(name): estimate_document(one) for name, one in result.parameters.items()
         },
-        "correlations": {
-            key_of(one): dict(zip(map(key_of, names), row, strict=True))
-            for one, row in zip(names, result.correlations, strict=True)
-        },
+        "correlations": correlations_document(list(result.parameters), result.correlations),
         "assumed": dict(assumed_numbers(result)),
         "recordings": [_recording(one) for one in result.recordings],
         "not_used": {one.name: one.reason for one in result.left_out},

@@ -72,16 +72,24 @@ def write_stocking_report(result: StockingResult, folder: Path, command: str = "
 
 def _sample(result: StockingResult) -> _Sampled:
     simulated = result.simulated_scan
+    moved = moved_surfaces(result)
     if result.pressures is None:
-        return _Sampled(None, None, simulated, None)
+        return _Sampled(None, None, simulated, moved)
     probe, shape = PressureProbe(result.model.compression), result.leg.bare
     level = float(np.median(result.leg.slices))
     return _Sampled(
         section_pressures(shape, level, result.worn, probe),
         fat_pressures(shape, result.worn, probe),
         simulated,
-        {part: result.model.displacement(part, result.worn.state.unknown) for part in SURFACES},
+        moved,
     )
+
+
+def moved_surfaces(result: StockingResult) -> dict[str, FloatArray] | None:
+    """Return the displacement (mm) of the points of skin and hull; None without an equilibrium."""
+    if result.pressures is None:
+        return None
+    return {part: result.model.displacement(part, result.worn.state.unknown) for part in SURFACES}
 
 
 def _figures(result: StockingResult, sampled: _Sampled, folder: Path) -> list[ReportFile]:

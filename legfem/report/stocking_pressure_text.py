@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from legfem.common.units import mpa_to_mmhg
 from legfem.geometry.leg_shape import SKIN
+from legfem.inference.constants import quantile
 from legfem.report.leg_directions import Directions, angle_round
 from legfem.report.lines import fill
 from legfem.report.stocking_words import (
@@ -48,7 +50,49 @@ def interface_section(result: StockingResult) -> str:
         rows.insert(
             1, ("by the scanned shape", f"{both_units(result.scan_load.mean_pressure)} (mean)")
         )
-    return f"{fill(note)}\n\n{table(rows)}"
+    if (text := tension_text(result)) is not None:
+        rows.append(("its tension over what was given", text))
+    blocks = [fill(note), table(rows)]
+    if result.sensors:
+        blocks += [fill(f"{_SENSORS} {_used(result)}"), table(sensor_rows(result))]
+    return "\n\n".join(blocks)
+
+
+_SENSORS = "Sensors between stocking and skin beside the model, averaged over their faces."
+
+
+def _used(result: StockingResult) -> str:
+    if not result.searches:
+        return "They were compared, and nothing was identified from them."
+    return (
+        "They are data of the identification."
+        if tension_text(result) is not None
+        else "They are data of the identification; the fabric was taken as it was given "
+        "([accuracy] tension_relative_sd), so that they say little."
+    )
+
+
+def sensor_rows(result: StockingResult) -> list[tuple[str, str]]:
+    """Return what each sensor showed beside the model."""
+    return [
+        (one.sensor.name,
+         f"{mpa_to_mmhg(one.sensor.pressure):.1f} ± {mpa_to_mmhg(one.sensor.sd):.1f} mmHg (sd), "
+         f"model {mpa_to_mmhg(one.pressure):.1f} mmHg ({one.departure:+.1f} sd)")
+        for one in result.sensors
+    ]  # fmt: skip
+
+
+def tension_text(result: StockingResult) -> str | None:
+    """Return by how much the fabric's tension differs from what was given; None if it isn't let."""
+    tension = None if result.best is None else result.best.tension
+    if tension is None:
+        return None
+    prior = result.leg.accuracy.tension_sd
+    factor, half = 1 + tension.value, quantile(0) * tension.sd
+    return (
+        f"{factor:.3f} ({factor - half:.3f} to {factor + half:.3f}; known beforehand to "
+        f"{100 * prior:g} %, sd)"
+    )
 
 
 def highest_place(result: StockingResult) -> str:
@@ -82,11 +126,17 @@ def inside_section(result: StockingResult, fat: FatPressures | None) -> str:
         fill(
             "Hydrostatic pressure, positive in compression; at the veins in tissue without a vein "
             f"in it, at z = {result.leg.veins[0].position[2]:.1f} mm. Intervals (95 %) count the "
-            "errors of stiffness, mesh and the pressure round the leg, not those of the fabric."
+            "errors of stiffness, mesh and the pressure round the leg"
+            + (
+                ", not those of the fabric."
+                if tension_text(result) is None
+                else " and those of the fabric's tension."
+            )
             if result.leg.veins
             else "Hydrostatic pressure, positive in compression. No veins were given or placed."
         ),
         table(rows),
+        *_postures(result),
         fill(
             "The greatest pressure in the fat, where the receptors of pain are, is the second "
             f"paper's measure of discomfort. It is {where}."
@@ -105,6 +155,23 @@ def inside_section(result: StockingResult, fat: FatPressures | None) -> str:
             )
         )
     return "\n\n".join(blocks)
+
+
+def _postures(result: StockingResult) -> list[str]:
+    """Return what the veins' walls bear from inside, where the posture is given."""
+    posture, found = result.leg.posture, result.pressures
+    if posture is None or found is None or not result.leg.veins:
+        return []
+    rows = []
+    for vein, tissue in zip(result.leg.veins, found.at_veins, strict=True):
+        inside = posture.inside(float(vein.position[2]))
+        bears = ", ".join(f"{name} {both_units(p - tissue)}" for name, p in inside.items())
+        rows.append((vein.name, bears if np.isfinite(tissue) else "not in the tissues"))
+    said = (
+        "Inside a vein less outside, by the blood's column from the heart when standing still; "
+        "below zero it is narrowed. The tissue's own weight is left out."
+    )
+    return [fill(said), table(rows)]
 
 
 def _interval(result: StockingResult, vein: int) -> str:

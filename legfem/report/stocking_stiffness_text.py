@@ -66,9 +66,7 @@ def stiffness_section(result: StockingResult) -> str:
         blocks.append(
             fill(
                 "The intervals count errors of the contours, of the registration, and of a "
-                "pressure that is wrong here and there round the leg. They do not count a fabric "
-                "whose stiffness or size is wrong: a pressure 10 % higher everywhere makes both "
-                "tissues about 10 % stiffer."
+                "pressure that is wrong here and there round the leg. " + _of_fabric(result)
             )
         )
         blocks.append(fill(_goodness(result, best)))
@@ -90,6 +88,17 @@ def stiffness_section(result: StockingResult) -> str:
         )
     )
     return "\n\n".join(blocks)
+
+
+def _of_fabric(result: StockingResult) -> str:
+    known = 100 * result.leg.accuracy.tension_sd
+    if known:
+        by = " and by sensors under it" if result.sensors else ""
+        return f"They count a fabric whose tension is known to {known:g} % (sd){by}."
+    return (
+        "They do not count a fabric whose stiffness or size is wrong: a pressure 10 % higher "
+        "everywhere makes both tissues about 10 % stiffer."
+    )
 
 
 def _goodness(result: StockingResult, best: Identified) -> str:

@@ -20,6 +20,8 @@ MOST_GROWTH = 4.0
 """Of the divided difference from step to step that is believed."""
 CLOSEST = 0.2
 """Of steps to each other, over the new one's length: noise of close ones would be blown up."""
+FACTOR_UNIT = 1 / 32
+"""Of a step on the one before."""
 FIRST_NOISE = 4.0
 """Over the tolerance: what the first divided difference may show, since the curve starts at a kink
 and the skin's first nodes close one after another."""
@@ -63,8 +65,12 @@ class CurveWatch:
         return kept[4::-1]
 
     def factor(self, excess: float) -> float:
-        """Return the factor on a step that brings its error to the tolerance, with some room."""
-        return float(np.clip(0.9 * max(excess, 1e-3) ** -0.25, 0.4, 2.0))
+        """Return the factor on a step that brings its error to the tolerance, with some room.
+
+        In coarse units, lest steps hang on the force's rounding.
+        """
+        factor = np.clip(0.9 * max(excess, 1e-3) ** -0.25, 0.4, 2.0)
+        return float(np.round(factor / FACTOR_UNIT) * FACTOR_UNIT)
 
 
 def curve_error(displacement: FloatArray, force: FloatArray) -> float:

@@ -20,6 +20,7 @@ from legfem.common.units import FloatArray
 from legfem.fem.compat import RESIDUAL_NOT_FINITE
 from legfem.fem.system import System
 from legfem.solve.linear import LinearSettings, configure, prepare
+from legfem.solve.mixing import AndersonMixing
 from legfem.solve.saddle import SaddlePreconditioner
 
 
@@ -37,9 +38,12 @@ class NewtonSettings:
         In one step.
     reuse : float
         The factors are used again after an iteration that reduced the residual by this factor.
+    mixing : int
+        Updates by the same factors from which the next is improved, see `legfem.solve.mixing`.
     floor : float
-        A residual that no longer falls is rounding, and good enough below this multiple of the
-        tolerance: a stiff fascia around soft tissue sums large forces to small ones.
+        A residual that no longer falls with new factors is rounding, and good enough below this
+        multiple of the tolerance: a stiff fascia around soft tissue sums large forces to small
+        ones.
     memory : int
         An update is accepted if the residual falls below the largest of this many before it.
     max_halvings : int
@@ -52,6 +56,7 @@ class NewtonSettings:
     absolute_tolerance: float = 1e-13
     max_factorisations: int = 12
     reuse: float = 0.3
+    mixing: int = 5
     floor: float = 10.0
     memory: int = 2
     max_halvings: int = 4
@@ -104,7 +109,8 @@ class NewtonSolver:
         self._norms: list[float] = []
         self._damping: Damping | None = None
         self._stiffness: FloatArray | None = None
-        self._factorisations = 0
+        self._factorisations, self._fresh = 0, False
+        self._mixing = AndersonMixing(system.comm, self._settings.mixing)
         matrix = system.tangent_matrix
         vector = system.residual_vector.x.petsc_vec
         unknown = system.unknown.x.petsc_vec
@@ -229,10 +235,13 @@ class NewtonSolver:
         gained = len(norms) > 1 and norms[-1] < self._settings.reuse * norms[-2]
         # An iterative solver has no factors to use again.
         if gained and self._factorisations and not self._iterates:
+            self._fresh = False
             return
+        self._fresh = True
         self._load(state)
         self._assemble_tangent()
         self._factorisations += 1
+        self._mixing.forget()
 
     def _shorten(self, state: PETSc.Vec, update: PETSc.Vec) -> bool:
         """Halve an update until no element inverts and the residual is below one of late.
@@ -243,17 +252,23 @@ class NewtonSolver:
         acceptable = max(self._norms[-self._settings.memory :])
         self._load(state)
         least = min(0.01, 0.2 * self._system.minimum_volume_ratio())
+        changed = self._iterates
         if self._iterates:
             # An inexact solution moves the supports a little too, which no residual would show.
             with update as values:
                 values[self._held] = 0.0
+        else:
+            mixed = self._mixing.improved(state.array_r, -update.array_r)
+            if mixed is not None:
+                update.array[:] = -mixed
+                changed = True
         for halving in range(self._settings.max_halvings):
             self._trial.waxpy(-1.0, update, state)
             self._load(self._trial)
             if self._system.minimum_volume_ratio() > least:
                 self._evaluate()
                 if self._system.residual_norm() <= acceptable:
-                    return halving > 0 or self._iterates
+                    return halving > 0 or changed
             update.scale(0.5)
         return True
 
@@ -270,7 +285,8 @@ class NewtonSolver:
         limit = self._settings.absolute_tolerance + tolerance * scale
         if norm <= limit and iteration > 0:
             return int(reasons.CONVERGED_FNORM_ABS)
-        if iteration > 0 and 0.5 * self._norms[-2] < norm <= self._settings.floor * limit:
+        stalls = iteration > 0 and norm > 0.5 * self._norms[-2]
+        if stalls and self._fresh and norm <= self._settings.floor * limit:
             return int(reasons.CONVERGED_FNORM_RELATIVE)
         if self._factorisations >= self._settings.max_factorisations and not (
             norm < self._settings.reuse * self._norms[-2]

@@ -13,6 +13,7 @@ from scipy.stats import chi2
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, Silent
 from legfem.identify.assess import versions
+from legfem.identify.error_sources import total_of
 from legfem.identify.estimates import Optimum, correlations_of, estimates
 from legfem.identify.forward import ForwardOutcome
 from legfem.identify.laws import LawName, model_values
@@ -234,7 +235,7 @@ def _identify(
     readings = free.readings(best.point)
     stiffness = misfit.stiffness(linear.prediction, readings)
     spread = float(np.std(np.log(list(stiffness.values())), ddof=1)) if stiffness else 0.0
-    covariance = misfit.covariance_at(force)
+    covariance = total_of(misfit.covariances_at(force))
     left = force - misfit.measured_force
     departures = free.priors.residual(best.point)
     chi_square = float(left @ np.linalg.solve(covariance, left) + departures @ departures)
@@ -244,7 +245,7 @@ def _identify(
     optimum = Optimum(
         linear,
         residual,
-        misfit.covariance_at(force, spread),
+        misfit.covariances_at(force, spread),
         quantile(len(stiffness or fitted) - 1),
         p_value >= LEAST_CHANCE,
         {},
@@ -276,17 +277,34 @@ def _identify(
     values = model.with_compressibility(best.values)
     outcomes = {id(trial.outcome): trial.outcome for trial in search.trials}
     return SpecimenResult(
-        folder, name, found, correlations_of(optimum.spread), values,
-        {key: value for key, value in values.items()
-         if key not in free.names and np.isfinite(value)},
-        tuple(compared), prepared.left_out, chi_square, degrees, p_value, misfit.gain_sd(force),
-        search.converged, len(outcomes),
-        sum(not one.complete for one in outcomes.values()),
-        sum(solver.was_reused(one.values) for one in outcomes.values()),
-        search.emulator_error, settings.seed, time.perf_counter() - started,
-        _warnings(folder, prepared, fitted, found, search, p_value, notes), versions(), stiffness,
-        spread,
-    )  # fmt: skip
+        law=name,
+        parameters=found,
+        correlations=correlations_of(optimum.spread),
+        values=values,
+        assumed={
+            key: value
+            for key, value in values.items()
+            if key not in free.names and np.isfinite(value)
+        },
+        forward_solves=len(outcomes),
+        reused_solves=sum(solver.was_reused(one.values) for one in outcomes.values()),
+        wall_s=time.perf_counter() - started,
+        seed=settings.seed,
+        emulator_error=search.emulator_error,
+        converged=search.converged,
+        warnings=_warnings(folder, prepared, fitted, found, search, p_value, notes),
+        versions=versions(),
+        folder=folder,
+        recordings=tuple(compared),
+        left_out=prepared.left_out,
+        chi_square=chi_square,
+        degrees_of_freedom=degrees,
+        p_value=p_value,
+        gain_sd=misfit.gain_sd(force),
+        failed_solves=sum(not one.complete for one in outcomes.values()),
+        stiffness=stiffness,
+        stiffness_spread=spread,
+    )
 
 
 def _misfit(

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from legfem.common.units import FloatArray
+from legfem.identify.error_sources import Covariances, total_of
 from legfem.identify.forward import ForwardOutcome
 from legfem.identify.misfit import Compared, Prediction
 from legfem.identify.reading import INSTRUMENT, READINGS, Reading
@@ -186,7 +187,7 @@ class SpecimenMisfit(Compared):
     @cached_property
     def covariance(self) -> FloatArray:
         """Of measured less predicted forces at the truth, (n, n), N2."""
-        return self.covariance_at(self.measured_force)
+        return total_of(self.covariances_at(self.measured_force))
 
     def stiffness(self, prediction: Prediction, readings: FloatArray) -> dict[str, float]:
         """Return every specimen's stiffness over the typical one; nothing where all are alike."""
@@ -194,19 +195,22 @@ class SpecimenMisfit(Compared):
             return {}
         return self.own.named(self._felt(prediction.model_force, readings))
 
-    def covariance_at(self, force: FloatArray, spread: float = 0.0) -> FloatArray:
-        """Return the covariance (n, n), N2, about predicted forces (n,).
+    def covariances_at(self, force: FloatArray, spread: float = 0.0) -> Covariances:
+        """Return covariances (n, n), N2, about predicted forces (n,), by their source.
 
-        Readings, a gain of each recording and one of all, and the model's own error; with a spread,
-        a standard deviation of the logarithm of the specimens' stiffness, how they differ.
+        Readings and a gain of all; a gain of each recording and, with a spread, a standard
+        deviation of the logarithm of the specimens' stiffness, how they differ; and the model's own
+        error.
         """
-        total = COMMON_GAIN_SD**2 * np.outer(force, force)
+        readings = COMMON_GAIN_SD**2 * np.outer(force, force)
+        model = np.zeros_like(readings)
+        differences = np.zeros_like(readings)
         if self.own is not None:
-            total += spread**2 * np.outer(force, force) * self.own.same
+            differences += spread**2 * np.outer(force, force) * self.own.same
         if self.shape_sd:
             share = [part.course.displacement / part.course.depth for part in self.parts]
             otherwise = self.shape_sd * force * np.concatenate(share)
-            total += np.outer(otherwise, otherwise)
+            model += np.outer(otherwise, otherwise)
         gain = self.gain_sd(force)
         for part, span in zip(self.parts, self.spans, strict=True):
             course, own = part.course, force[span]
@@ -217,10 +221,8 @@ class SpecimenMisfit(Compared):
             slope = np.maximum(np.sign(step) * np.diff(own, prepend=0.0), 0.0) / way
             errors = course.instrument
             white = (errors.force_sd**2 + (slope * errors.displacement_sd) ** 2) / course.count
-            block = np.diag((1 - SLOW_SHARE) * white)
-            block += SLOW_SHARE * errors.force_sd**2
-            block += gain**2 * np.outer(own, own)
-            total[span, span] += block + numerical_covariance(
-                d, own, length=course.depth / 3, power=1.0
-            )
-        return np.asarray(total)
+            readings[span, span] += np.diag((1 - SLOW_SHARE) * white)
+            readings[span, span] += SLOW_SHARE * errors.force_sd**2
+            differences[span, span] += gain**2 * np.outer(own, own)
+            model[span, span] += numerical_covariance(d, own, length=course.depth / 3, power=1.0)
+        return {"recordings": readings, "differences": differences, "model": model}

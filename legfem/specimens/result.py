@@ -8,9 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.identify.catalogue import Values
-from legfem.identify.laws import LawName
-from legfem.identify.result import Estimate
+from legfem.identify.result import IdentifiedParameters
 from legfem.specimens.course import Course
 from legfem.specimens.folder import LeftOut, SpecimenFolder
 
@@ -61,20 +59,11 @@ class ComparedRecording:
         return float(force @ self.predicted / (self.predicted @ self.predicted))
 
 
-@dataclass(frozen=True, eq=False)
-class SpecimenResult:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SpecimenResult(IdentifiedParameters):
     """One law identified from specimens."""
 
     folder: SpecimenFolder
-    law: LawName
-    parameters: Mapping[str, Estimate]
-    """What was free, by full name."""
-    correlations: FloatArray
-    """(p, p), of the parameters' errors, in their order."""
-    values: Values
-    """All that the optimum was solved with, in the model's units."""
-    assumed: Values
-    """What of it was held."""
     recordings: tuple[ComparedRecording, ...]
     """Those that were fitted, then those left out by the user."""
     left_out: tuple[LeftOut, ...]
@@ -84,16 +73,7 @@ class SpecimenResult:
     p_value: float
     gain_sd: float
     """By which factor recordings differ, one standard deviation."""
-    converged: bool
-    forward_solves: int
     failed_solves: int
-    reused_solves: int
-    emulator_error: float
-    """N, at the last proposal."""
-    seed: int
-    wall_s: float
-    warnings: tuple[str, ...]
-    versions: Mapping[str, str]
     stiffness: Mapping[str, float] = field(default_factory=dict)
     """Every fitted specimen's, over the typical one that the parameters are of; nothing where all
     are alike."""

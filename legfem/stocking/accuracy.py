@@ -34,6 +34,9 @@ class ContourAccuracy:
     pressure_sd : float
         By which the stocking's pressure may differ from Laplace's law over an eighth of the girth,
         relative. A leg of soft tissue gives way by some 0.1 mm a per cent.
+    tension_sd : float
+        By which the fabric's tension may differ from what was given, relative, all over the leg
+        alike; 0 takes the fabric as it was given.
     shift_sd : (float, float, float)
         Of the registration's translation along x, y and z (mm).
     turn_sd : (float, float, float)
@@ -48,11 +51,12 @@ class ContourAccuracy:
     pressure_sd: float = 0.01
     shift_sd: tuple[float, float, float] = (0.05, 0.05, 0.5)
     turn_sd: tuple[float, float, float] = (0.002, 0.002, 0.002)
+    tension_sd: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         check_positive(self, "sd", "correlation", "model_sd", "pressure_sd")
-        check_positive(self, "around", "along", zero_allowed=True)
+        check_positive(self, "around", "along", "tension_sd", zero_allowed=True)
 
     @property
     def smoothed_sd(self) -> float:

@@ -18,6 +18,7 @@ from legfem.stocking.identification import Identified
 from legfem.stocking.judgement import KnownStiffness, expected_rms, judge, starts_agree
 from legfem.stocking.leg_model import PARAMETERS
 from legfem.stocking.run import StockingResult
+from legfem.stocking.sensors import ComparedSensor
 from legfem.stocking.warnings import best_complete, stocking_warnings, unloaded_skin
 
 SCHEMA = "legfem.stocking/1"
@@ -49,6 +50,7 @@ def stocking_document(result: StockingResult, fat: FatPressures | None = None) -
             "registration": _registration(result),
             "stocking": _stocking(result),
             "pressures": _pressures(result),
+            "sensors": [_sensor(one) for one in result.sensors],
             "fat": _fat(result, fat),
             "worn_state": {
                 "found": result.worn.state.report.complete,
@@ -127,6 +129,9 @@ def _search(search: Identified) -> dict[str, Any]:
             "shift_mm": search.rigid[:3].tolist(),
             "turn_rad": search.rigid[3:].tolist(),
         },
+        "tension_error": None
+        if search.tension is None
+        else {"value": search.tension.value, "standard_error": search.tension.sd, "unit": "1"},
         "log_covariance": None if search.log_covariance is None else search.log_covariance.tolist(),
     }
 
@@ -149,6 +154,7 @@ def _contours(result: StockingResult) -> dict[str, Any] | None:
         "segmentation_correlation_mm": accuracy.correlation,
         "contour_sd_mm": accuracy.smoothed_sd,
         "pressure_relative_sd": accuracy.pressure_sd,
+        "tension_relative_sd": accuracy.tension_sd,
         "model_sd_mm": accuracy.model_sd,
         "shift_sd_mm": list(accuracy.shift_sd),
         "turn_sd_rad": list(accuracy.turn_sd),
@@ -210,6 +216,7 @@ def _pressures(result: StockingResult) -> dict[str, Any] | None:
     found = result.pressures
     if found is None:
         return None
+    posture = result.leg.posture
     scanned = None if result.scan_load is None else mpa_to_kpa(result.scan_load.mean_pressure)
     return {
         "mean_interface_kPa": mpa_to_kpa(found.mean_interface),
@@ -226,11 +233,29 @@ def _pressures(result: StockingResult) -> dict[str, Any] | None:
                 "pressure_kPa": mpa_to_kpa(pressure),
                 "standard_error_kPa": mpa_to_kpa(sd),
                 "share_of_mean_interface": pressure / found.mean_interface,
+                "inside_minus_tissue_kPa": {}
+                if posture is None
+                else {
+                    name: mpa_to_kpa(inside - pressure)
+                    for name, inside in posture.inside(float(vein.position[2])).items()
+                },
             }
             for vein, pressure, sd in zip(
                 result.leg.veins, found.at_veins, found.at_veins_sd, strict=True
             )
         ],
+    }
+
+
+def _sensor(one: ComparedSensor) -> dict[str, Any]:
+    return {
+        "name": one.sensor.name,
+        "position_mm": one.sensor.position.tolist(),
+        "diameter_mm": one.sensor.diameter,
+        "measured_kPa": mpa_to_kpa(one.sensor.pressure),
+        "measured_sd_kPa": mpa_to_kpa(one.sensor.sd),
+        "model_kPa": mpa_to_kpa(one.pressure),
+        "departure_in_standard_deviations": one.departure,
     }
 
 

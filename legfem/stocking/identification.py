@@ -21,7 +21,8 @@ from legfem.stocking.leg_model import PARAMETERS
 from legfem.stocking.misfit import ContourMisfit
 from legfem.stocking.nuisance import RIGID
 from legfem.stocking.nuisance_slopes import NuisanceSlopes
-from legfem.stocking.profiled import Profiled, profiled
+from legfem.stocking.profiled import Profiled, Tension, profiled
+from legfem.stocking.sensors import Sensing
 from legfem.stocking.worn import Worn, WornLeg
 
 START = kpa_to_mpa(np.array([3.0, 3.0]))
@@ -87,6 +88,8 @@ class Identified:
     where errors are as large as was assumed."""
     nuisance: FloatArray | None = None
     """See `legfem.stocking.nuisance`."""
+    tension: Tension | None = None
+    """Of the fabric; None where it is taken as it was given."""
     log_covariance: FloatArray | None = None
 
     @property
@@ -116,6 +119,8 @@ class StiffnessSearch:
         Of the searches.
     on_solve
         Called with a line after every equilibrium.
+    sensing
+        Sensors under the stocking, whose pressures are data of the weighted search.
     """
 
     def __init__(
@@ -124,13 +129,14 @@ class StiffnessSearch:
         misfit: ContourMisfit,
         settings: SearchSettings | None = None,
         on_solve: OnSolve | None = None,
+        sensing: Sensing | None = None,
     ) -> None:
-        self._leg, self._misfit = leg, misfit
+        self._leg, self._misfit, self._sensing = leg, misfit, sensing
         self._settings = settings or SearchSettings()
         self._on_solve = on_solve
         self._last: Worn | None = None
         self._learnt: dict[tuple[float, ...], Worn] = {}
-        self.nuisances = NuisanceSlopes(leg, misfit)
+        self.nuisances = NuisanceSlopes(leg, misfit, sensing)
 
     def nelder_mead(self) -> Identified:
         """Search as the paper does, from 3 kPa in both tissues."""
@@ -218,11 +224,11 @@ class StiffnessSearch:
             "weighted", parameters, start, converged, self._leg.states - before,
             misfit.cost(here.distances), _rms(here.moved), here.distances, here.worn,
             here.objective / (len(here.residual) - len(here.nuisance)), here.nuisance,
-            np.linalg.pinv(here.jacobian.T @ here.jacobian),
+            here.tension, np.linalg.pinv(here.jacobian.T @ here.jacobian),
         )  # fmt: skip
 
     def _profiled(self, parameters: FloatArray, worn: Worn) -> Profiled:
-        return profiled(self._leg, self._misfit, self.nuisances, parameters, worn)
+        return profiled(self._leg, self._misfit, self.nuisances, parameters, worn, self._sensing)
 
     def _unsolved(self, method: Method, start: FloatArray, before: int, worn: Worn) -> Identified:
         return Identified(

@@ -18,7 +18,7 @@ sums to :math:`2 \pi T`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -107,6 +107,12 @@ class StockingLoad:
     tension: FloatArray
     curvature: FloatArray
     pressure: FloatArray
+
+    def times(self, factor: float) -> StockingLoad:
+        """Return the load of a fabric under a tension by so much greater."""
+        return replace(
+            self, tension=factor * self.tension, pressure=factor * self.pressure
+        )  # fmt: skip
 
     @property
     def mean_pressure(self) -> float:

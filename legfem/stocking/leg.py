@@ -12,7 +12,7 @@ import numpy as np
 from legfem.common.doubts import Doubt
 from legfem.common.errors import InputError
 from legfem.common.tables import read_table
-from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.common.units import FloatArray, kpa_to_mpa, mmhg_to_mpa
 from legfem.geometry.cross_sections import Clearances
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.shape_motion import rigidly_moved
@@ -33,6 +33,8 @@ from legfem.stocking.leg_file import (
     parse_leg_file,
 )
 from legfem.stocking.plausibility import check_scans_differ, doubts_about_leg
+from legfem.stocking.posture import Posture
+from legfem.stocking.sensors import KINDS, USUAL_DIAMETER, Sensor, off_skin
 from legfem.stocking.veins import Vein, default_veins
 from legfem.subjects.catalogue import RESOURCES, Catalogue
 
@@ -40,6 +42,8 @@ LEVEL_SPACING = 5.0
 """Of the contours between which the leg's surfaces are smooth (mm)."""
 _MARGINS = {"bare": 10.0, "compressed": 40.0}
 """Beyond the segment that is read (mm): smoothing reaches there; the second scan may be shifted."""
+_OFF_SKIN = 15.0
+"""Of a sensor's place (mm), beyond which it isn't on this leg."""
 OUTLINES = OutlineSettings()
 ROOM = Clearances(bone_to_fascia=1.5, fascia_to_skin=1.5)
 LEGS = Catalogue(RESOURCES / "dubuis" / "subjects", "leg.toml")
@@ -68,6 +72,9 @@ class StockingLeg:
     slices: FloatArray
     """Levels of the five slices (mm)."""
     veins: tuple[Vein, ...]
+    sensors: tuple[Sensor, ...] = ()
+    """Between stocking and skin."""
+    posture: Posture | None = None
     doubts: tuple[Doubt, ...] = ()
     """What is unlikely in what was given."""
 
@@ -110,6 +117,7 @@ def load_leg(directory: Path) -> StockingLeg:
         tissues,
         None not in (given.tissues.deep.C10_kPa, given.tissues.superficial.C10_kPa),
         given.segment.ends, slices, _veins(given, bare, float(np.median(slices))),
+        _sensors(toml, given, bare), _posture(given),
     )  # fmt: skip
     return replace(leg, doubts=doubts_about_leg(leg, toml))
 
@@ -189,12 +197,52 @@ def _accuracy(given: LegFile, registration: Registration | None) -> ContourAccur
         OUTLINES.around if smoothed else 0.0,
         OUTLINES.along if smoothed else 0.0,
         pressure_sd=given.accuracy.pressure_relative_sd,
+        tension_sd=given.accuracy.tension_relative_sd,
     )
     if registration is None:
         return accuracy
     sx, sy, sz = map(float, np.maximum(registration.standard_error, 0.02))
     tx, ty, tz = map(float, np.maximum(np.radians(registration.rotation_error), 1e-4))
     return replace(accuracy, shift_sd=(sx, sy, sz), turn_sd=(tx, ty, tz))
+
+
+def _posture(given: LegFile) -> Posture | None:
+    entry = given.posture
+    if entry is None:
+        return None
+    lying = None if entry.lying_mmHg is None else mmhg_to_mpa(entry.lying_mmHg)
+    return Posture(entry.heart_mm, lying)
+
+
+def _sensors(toml: Path, given: LegFile, bare: LegShape) -> tuple[Sensor, ...]:
+    found = []
+    for entry in given.sensor:
+        field, position = f"sensor {entry.name}", np.array(entry.position_mm)
+        if not bare.levels[0] <= position[2] <= bare.levels[-1]:
+            raise InputError(
+                toml, f"{field}, position_mm",
+                f"z = {position[2]:g} mm is not in the part of the leg that is modelled, "
+                f"{bare.levels[0]:.4g} to {bare.levels[-1]:.4g} mm", "model more, or leave it out",
+            )  # fmt: skip
+        away = off_skin(bare, position)
+        if away > _OFF_SKIN:
+            raise InputError(
+                toml, f"{field}, position_mm", f"lies {away:.0f} mm off the bare leg's skin",
+                "give a point of the skin in the bare scan's coordinates, mm",
+            )  # fmt: skip
+        pressure = mmhg_to_mpa(entry.pressure_mmHg)
+        if entry.instrument is None:
+            assert entry.sd_mmHg is not None
+            sd, usual = mmhg_to_mpa(entry.sd_mmHg), USUAL_DIAMETER
+        else:
+            kind = KINDS[entry.instrument]
+            sd, usual = kind.relative_sd * pressure, kind.diameter
+        found.append(Sensor(entry.name, position, pressure, sd, entry.diameter_mm or usual))
+    names = [one.name for one in found]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise InputError(toml, "sensor.name", f"two are called {twice!r}", "give each its own")
+    return tuple(found)
 
 
 def _veins(given: LegFile, bare: LegShape, level: float) -> tuple[Vein, ...]:

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from legfem.common.toml_file import (
     FileTable,
     Finite,
+    NotNegative,
     PlainName,
     Positive,
     Text,
@@ -17,6 +18,7 @@ from legfem.common.toml_file import (
     trouble,
 )
 from legfem.imaging.shape_entry import LabelsEntry, ShapeEntry
+from legfem.stocking.sensors import KINDS
 
 
 class StockingEntry(FileTable):
@@ -46,6 +48,9 @@ class AccuracyEntry(FileTable):
     contour_sd_mm: Positive = 0.2
     correlation_mm: Positive = 8.0
     pressure_relative_sd: Positive = 0.01
+    """Of the stocking's pressure over an eighth of the girth."""
+    tension_relative_sd: NotNegative = 0.0
+    """Of the fabric's tension, all over alike; 0 takes the fabric as it is given."""
 
 
 class TissueStiffness(FileTable):
@@ -77,6 +82,37 @@ class VeinEntry(FileTable):
     position_mm: Annotated[list[Finite], Field(min_length=3, max_length=3)]
 
 
+class PostureEntry(FileTable):
+    """``[posture]``, optional: what the veins hold, to set beside the tissue's pressure."""
+
+    heart_mm: Annotated[float, Field(gt=0, le=2500, allow_inf_nan=False)]
+    """Height of the heart above z = 0 of the bare scan, standing."""
+    lying_mmHg: Annotated[float, Field(gt=0, le=100, allow_inf_nan=False)] | None = None
+    """In the leg's veins, lying."""
+
+
+class SensorEntry(FileTable):
+    """One of ``[[sensor]]``: a pressure measured between stocking and skin."""
+
+    name: Text
+    position_mm: Annotated[list[Finite], Field(min_length=3, max_length=3)]
+    """On the bare leg's skin."""
+    pressure_mmHg: Annotated[float, Field(gt=0, le=300, allow_inf_nan=False)]
+    instrument: Literal["PicoPress", "Kikuhime"] | None = None
+    sd_mmHg: Positive | None = None
+    diameter_mm: Annotated[float, Field(ge=1, le=120, allow_inf_nan=False)] | None = None
+    """Of its face; the instrument's, or 30 mm, without it."""
+
+    @model_validator(mode="after")
+    def _one_error(self) -> SensorEntry:
+        if (self.instrument is None) == (self.sd_mmHg is None):
+            what = "missing" if self.sd_mmHg is None else "given beside instrument"
+            raise trouble(
+                "sd_mmHg", what, f"give its standard deviation, or one of {', '.join(KINDS)}"
+            )
+        return self
+
+
 class LegFile(FileTable):
     """``leg.toml`` as it is written, in the file's units."""
 
@@ -91,6 +127,8 @@ class LegFile(FileTable):
     tissues: StockingTissues = StockingTissues()
     segment: SegmentEntry = SegmentEntry()
     veins: list[VeinEntry] = Field(default_factory=list)
+    posture: PostureEntry | None = None
+    sensor: list[SensorEntry] = Field(default_factory=list)
 
     @model_validator(mode="after")
     def _stiffness_is_known_or_shown(self) -> LegFile:

@@ -28,6 +28,7 @@ class LinearisedContours:
     def __init__(self, leg: WornLeg, misfit: ContourMisfit, worn: Worn) -> None:
         self._model, self._misfit, self._worn = leg.model, misfit, worn
         self._feedback = Feedback(leg, worn)
+        self._rates: dict[str, FloatArray] = {}
 
     @cached_property
     def distances(self) -> FloatArray:
@@ -36,7 +37,16 @@ class LinearisedContours:
 
     def by_parameter(self, name: str) -> FloatArray:
         """Return the slope by a parameter of the model by which the state was differentiated."""
-        return self._slope(self._feedback.to_rate(self._worn.state.sensitivities[name]))
+        return self._slope(self._rate(name))
+
+    def pressure_by_parameter(self, name: str) -> FloatArray:
+        """Return that of the stocking's pressure at the skin's points, (n_levels, n_points)."""
+        return self._feedback.pressure_slope(self._rate(name))
+
+    def _rate(self, name: str) -> FloatArray:
+        if name not in self._rates:
+            self._rates[name] = self._feedback.to_rate(self._worn.state.sensitivities[name])
+        return self._rates[name]
 
     def _slope(self, rate: FloatArray) -> FloatArray:
         step = slope_step(self._model, rate)

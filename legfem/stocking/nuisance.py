@@ -2,7 +2,8 @@
 
 None is known exactly. All go into the fit as parameters with a prior, so that the stiffnesses'
 intervals carry them: RIGID motions, the pressure in SECTORS, then the modes of the outlines' errors
-(`legfem.stocking.outline_errors`).
+(`legfem.stocking.outline_errors`). Where the fabric isn't taken as it was given, the last is the
+share by which its tension errs.
 """
 
 from __future__ import annotations

@@ -28,8 +28,9 @@ from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.geometry.slices import distance_rates
 from legfem.stocking.leg_model import SURFACES
 from legfem.stocking.misfit import ContourMisfit
-from legfem.stocking.nuisance import RIGID, nuisance_sd, sectors
+from legfem.stocking.nuisance import RIGID, SECTORS, nuisance_sd, sectors
 from legfem.stocking.outline_errors import outline_errors
+from legfem.stocking.sensors import Sensing
 from legfem.stocking.worn import RATE_TOLERANCE, Worn, WornLeg
 
 NEAR, FAR = 10.0, 35.0
@@ -49,6 +50,8 @@ class _Answer:
     """In shares of its modes, (k, m)."""
     distances: FloatArray
     """(n, m)."""
+    felt: FloatArray
+    """By sensors, of the changes of the pressure; (s, m)."""
 
 
 class NuisanceSlopes:
@@ -60,6 +63,8 @@ class NuisanceSlopes:
     ----------
     leg, misfit
         The leg and its scanned contours.
+    sensing
+        Its sensors.
 
     Attributes
     ----------
@@ -67,8 +72,8 @@ class NuisanceSlopes:
         Of the bare skin and hull near the slices.
     """
 
-    def __init__(self, leg: WornLeg, misfit: ContourMisfit) -> None:
-        self._leg, self._misfit = leg, misfit
+    def __init__(self, leg: WornLeg, misfit: ContourMisfit, sensing: Sensing | None = None) -> None:
+        self._leg, self._misfit, self._sensing = leg, misfit, sensing
         shape = leg.model.shape
         near = _near(shape.levels, misfit.target.levels)
         self.errors = {
@@ -81,9 +86,15 @@ class NuisanceSlopes:
 
     @property
     def sd(self) -> FloatArray:
-        """Standard deviations of the priors, (RIGID + SECTORS + k,)."""
+        """Standard deviations of the priors, (RIGID + SECTORS + k,), and of the tension's."""
         outlines = sum(errors.count for errors in self.errors.values())
-        return np.concatenate([nuisance_sd(self._misfit), np.ones(outlines)])
+        tension = [self._misfit.accuracy.tension_sd] if self.of_tension else []
+        return np.concatenate([nuisance_sd(self._misfit), np.ones(outlines), tension])
+
+    @property
+    def of_tension(self) -> bool:
+        """Whether the fabric's tension may err all over, which is the last of the nuisances."""
+        return self._misfit.accuracy.tension_sd > 0
 
     @property
     def learnt(self) -> int:
@@ -110,29 +121,61 @@ class NuisanceSlopes:
             _Answer(
                 np.array(parameters), self.errors[SKIN].shares(outwards),
                 distance_rates(self._misfit.target, shape, moved),
+                np.array([self._felt(change) for change in changes]).T,
             )
         )  # fmt: skip
 
     def at(self, parameters: FloatArray) -> FloatArray:
         """Return the slopes at a stiffness of muscle and fat (MPa), (n, RIGID + SECTORS + k).
 
+        One more, of the fabric's tension, where that may err.
+
         Raises
         ------
         ValueError
             If none was learnt.
         """
-        if not self._known:
-            raise ValueError("the leg's answers were not learnt at any stiffness")
-        basis = _compliances(np.array([answer.parameters for answer in self._known]))
-        weights = np.linalg.lstsq(basis.T, _compliances(parameters[None])[0], rcond=None)[0]
-        skin = np.tensordot(weights, [answer.skin for answer in self._known], axes=1)
+        weights, skin = self._skin(parameters)
         distances = np.tensordot(weights, [answer.distances for answer in self._known], axes=1)
         count = self.errors[SKIN].count
         feedback = np.linalg.solve(np.eye(count) - skin[:, :count].T, distances[:, :count].T).T
         outlines = self._direct.copy()
         outlines[:, :count] += feedback
         pressure = distances[:, count:] + feedback @ skin[:, count:]
-        return np.hstack([self._rigid, pressure, outlines])
+        return self._with_tension(np.hstack([self._rigid, pressure, outlines]))
+
+    def felt(self, parameters: FloatArray) -> FloatArray:
+        """Return the slopes of what sensors feel, MPa, (s, ...) as of `at`.
+
+        What a shape changes of the pressure doesn't depend on the stiffness; what moves the shape
+        does.
+        """
+        _, skin = self._skin(parameters)
+        count = self.errors[SKIN].count
+        felt = np.mean([answer.felt for answer in self._known], axis=0)
+        feedback = np.linalg.solve(np.eye(count) - skin[:, :count].T, felt[:, :count].T).T
+        pressure = felt[:, count:] + feedback @ skin[:, count:]
+        outlines = np.zeros((len(felt), self._direct.shape[1]))
+        outlines[:, :count] = feedback
+        rigid = np.zeros((len(felt), RIGID))
+        return self._with_tension(np.hstack([rigid, pressure, outlines]))
+
+    def _skin(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return weights of what is known for a stiffness, and the skin's answers there."""
+        if not self._known:
+            raise ValueError("the leg's answers were not learnt at any stiffness")
+        basis = _compliances(np.array([answer.parameters for answer in self._known]))
+        weights = np.linalg.lstsq(basis.T, _compliances(parameters[None])[0], rcond=None)[0]
+        return weights, np.tensordot(weights, [answer.skin for answer in self._known], axes=1)
+
+    def _with_tension(self, slopes: FloatArray) -> FloatArray:
+        """Add the slopes by a pressure that is wrong all round: the sectors' sum to one."""
+        if not self.of_tension:
+            return slopes
+        return np.column_stack([slopes, slopes[:, RIGID : RIGID + SECTORS].sum(axis=1)])
+
+    def _felt(self, pressure: FloatArray) -> FloatArray:
+        return np.zeros(0) if self._sensing is None else self._sensing.felt(pressure)
 
     def _pressures(self, worn: Worn) -> list[FloatArray]:
         """Return the changes of Laplace's pressure by the skin's modes (MPa)."""

@@ -21,10 +21,32 @@ from legfem.stocking.linearised import LinearisedContours
 from legfem.stocking.misfit import ContourMisfit
 from legfem.stocking.nuisance import RIGID, SECTORS
 from legfem.stocking.nuisance_slopes import NuisanceSlopes
+from legfem.stocking.sensors import Sensing
 from legfem.stocking.worn import Worn, WornLeg
 
 STEP = 0.01
 """Of log parameters, for a difference of the nuisances' slopes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tension:
+    """By which share the fabric's tension exceeds what was given.
+
+    Parameters
+    ----------
+    value : float
+        The best one.
+    log_covariance : (3, 3) array
+        Of the logarithms of the stiffnesses, and of it.
+    """
+
+    value: float
+    log_covariance: FloatArray
+
+    @property
+    def sd(self) -> float:
+        """Its standard deviation."""
+        return float(np.sqrt(self.log_covariance[2, 2]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,10 +63,12 @@ class Profiled:
         See `legfem.stocking.nuisance`.
     moved : (n,) array
         Distances after motions and pressure are allowed for (mm).
-    residual : (m + k,) array
-        Whitened distances and nuisances.
-    jacobian : (m + k, 2) array
+    residual : (m + s + k,) array
+        Whitened distances, what sensors feel over their errors, and nuisances.
+    jacobian : (m + s + k, 2) array
         Derivatives by the logarithms of the stiffnesses, nuisances following.
+    tension : Tension, optional
+        Of the fabric, where that isn't taken as it was given.
     """
 
     worn: Worn
@@ -53,6 +77,7 @@ class Profiled:
     moved: FloatArray
     residual: FloatArray
     jacobian: FloatArray
+    tension: Tension | None = None
 
     @property
     def objective(self) -> float:
@@ -66,6 +91,7 @@ def profiled(
     nuisances: NuisanceSlopes,
     parameters: FloatArray,
     worn: Worn,
+    sensing: Sensing | None = None,
 ) -> Profiled:
     """Fit the nuisances at a stiffness.
 
@@ -77,13 +103,24 @@ def profiled(
         C10 of muscle and fat (MPa).
     worn
         The equilibrium there, differentiated by `PARAMETERS`; the last that was found.
+    sensing : Sensing, optional
+        Sensors under the stocking.
     """
     contours = LinearisedContours(leg, misfit, worn)
     slopes, sd = nuisances.at(parameters), nuisances.sd
-    basis = np.vstack([misfit.whitened(slopes), np.diag(1 / sd)])
+    felt: FloatArray = np.zeros(0)
+    felt_by: FloatArray = np.zeros((0, len(PARAMETERS)))
+    felt_slopes: FloatArray = np.zeros((0, len(sd)))
+    if sensing is not None:
+        own = sensing.sd
+        felt = (sensing.felt(worn.load.pressure) - sensing.measured) / own
+        felt_slopes = nuisances.felt(parameters) / own[:, None]
+        slopes_felt = [sensing.felt(contours.pressure_by_parameter(name)) for name in PARAMETERS]
+        felt_by = np.stack(slopes_felt, axis=1) * parameters / own[:, None]
+    basis = np.vstack([misfit.whitened(slopes), felt_slopes, np.diag(1 / sd)])
     orthonormal, triangle = np.linalg.qr(basis)
     white = misfit.whitened(contours.distances)
-    right = np.concatenate([white, np.zeros(len(sd))])
+    right = np.concatenate([white, felt, np.zeros(len(sd))])
     nuisance = -solve_triangular(triangle, orthonormal.T @ right)
     by_stiffness = []
     for number, name in enumerate(PARAMETERS):
@@ -94,10 +131,17 @@ def profiled(
         by_stiffness.append(parameters[number] * contours.by_parameter(name) + change)
     rows = np.zeros((len(right), 2))
     rows[: len(white)] = misfit.whitened(np.stack(by_stiffness, axis=1))
-    shown = RIGID + SECTORS
+    rows[len(white) : len(white) + len(felt)] = felt_by
+    tension = None
+    if nuisances.of_tension:
+        every = np.hstack([rows, basis])
+        picked = [0, 1, every.shape[1] - 1]
+        covariance = np.linalg.pinv(every.T @ every)[np.ix_(picked, picked)]
+        tension = Tension(float(nuisance[-1]), covariance)
+    shown = [*range(RIGID + SECTORS), *([len(sd) - 1] if nuisances.of_tension else [])]
     return Profiled(
         worn, contours.distances, nuisance,
-        contours.distances + slopes[:, :shown] @ nuisance[:shown],
+        contours.distances + slopes[:, shown] @ nuisance[shown],
         right + basis @ nuisance,
-        rows - orthonormal @ (orthonormal.T @ rows),
+        rows - orthonormal @ (orthonormal.T @ rows), tension,
     )  # fmt: skip

@@ -20,6 +20,7 @@ from legfem.stocking.leg_model import PARAMETERS, LegModel3D
 from legfem.stocking.misfit import ContourMisfit
 from legfem.stocking.mismatch import Mismatch, mismatch_of
 from legfem.stocking.pressures import PressureProbe, TissuePressures, tissue_pressures
+from legfem.stocking.sensors import ComparedSensor, Sensing
 from legfem.stocking.vein_intervals import vein_pressure_sd
 from legfem.stocking.worn import Worn, WornLeg
 
@@ -65,6 +66,8 @@ class StockingResult:
     worn: Worn
     pressures: TissuePressures | None
     """None if the worn state was not found."""
+    sensors: tuple[ComparedSensor, ...]
+    """Beside the worn state."""
     states: int
     """Compressed states solved for."""
     wall_s: float
@@ -104,13 +107,16 @@ def run_leg(
     searches: tuple[Identified, ...] = ()
     parameters = {f"{name}.C10": float(law.C10) for name, law in leg.tissues.items()}
     load = misfit = mismatch = None
+    sensing = Sensing.on(leg.bare, leg.sensors)
     worn_leg = WornLeg(model, leg.stocking, folder=folder)
     if leg.compressed is not None:
         load = stocking_load(leg.compressed, leg.stocking)
         misfit = ContourMisfit.between(
             SliceSet.of(leg.compressed, leg.slices), leg.accuracy, leg.scanned_bare, leg.bare
         )
-        search = StiffnessSearch(worn_leg, misfit, settings.search, progress.advance)
+        search = StiffnessSearch(
+            worn_leg, misfit, settings.search, progress.advance, sensing if leg.sensors else None
+        )
         progress.stage("identification, weighted")
         searches = search.weighted()
         if settings.nelder_mead:
@@ -123,19 +129,25 @@ def run_leg(
         if not leg.known:
             parameters = dict(zip(PARAMETERS, map(float, searches[0].parameters), strict=True))
     progress.stage("the leg in equilibrium with its stocking")
-    worn = worn_leg.find(parameters)
+    tension = searches[0].tension if searches and not leg.known else None
+    error = 0.0 if tension is None else tension.value
+    worn = worn_leg.find(parameters, error=error)
     progress.advance(f"{len(worn.changes)} states")
-    pressures = None
+    borne, pressures = worn.load.times(1 + error), None
     if worn.state.report.complete:
         probe = PressureProbe(model.compression)
-        pressures = tissue_pressures(probe, worn.state, worn.load, leg.veins)
+        pressures = tissue_pressures(probe, worn.state, borne, leg.veins)
         covariance = None if leg.known or not searches else searches[0].log_covariance
+        if tension is not None:
+            covariance = tension.log_covariance
         sd = vein_pressure_sd(
-            worn_leg, worn, probe, leg.veins, parameters, covariance, leg.accuracy.pressure_sd
-        )
+            worn_leg, worn, probe, leg.veins, parameters, covariance, leg.accuracy.pressure_sd,
+            error,
+        )  # fmt: skip
         pressures = replace(pressures, at_veins_sd=tuple(map(float, sd)))
         progress.advance("errors of the pressures at the veins")
     return StockingResult(
-        leg, model, load, misfit, searches, mismatch, parameters, worn, pressures,
-        worn_leg.states, time.perf_counter() - started,
+        leg, model, load, misfit, searches, mismatch, parameters, replace(worn, load=borne),
+        pressures, sensing.compared(borne.pressure), worn_leg.states,
+        time.perf_counter() - started,
     )  # fmt: skip

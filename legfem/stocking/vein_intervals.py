@@ -37,6 +37,7 @@ def vein_pressure_sd(
     parameters: Mapping[str, float],
     log_covariance: FloatArray | None,
     pressure_sd: float,
+    error: float = 0.0,
 ) -> FloatArray:
     """Return the standard deviations of the pressures at the veins, (n_veins,), MPa.
 
@@ -52,10 +53,13 @@ def vein_pressure_sd(
         Where.
     parameters
         C10 of muscle and fat by name (MPa).
-    log_covariance : (2, 2) array or None
-        Of their logarithms; None where they were given, and count as exact.
+    log_covariance : (2, 2) or (3, 3) array or None
+        Of their logarithms, and of the error of the fabric's tension; None where they were given,
+        and count as exact.
     pressure_sd
         Of the stocking's pressure in a sector of the girth, relative.
+    error
+        By which share the fabric's tension exceeds what was given.
 
     Returns
     -------
@@ -64,7 +68,7 @@ def vein_pressure_sd(
     """
     if not veins:
         return np.empty(0)
-    near = leg.find(parameters, PARAMETERS, worn)
+    near = leg.find(parameters, PARAMETERS, worn, error)
     if not near.state.report.complete or set(near.state.sensitivities) != set(PARAMETERS):
         return np.full(len(veins), np.nan)
     points = np.array([vein.position for vein in veins])
@@ -76,11 +80,14 @@ def vein_pressure_sd(
 
     bumps = [near.pressure * bump for bump in sectors(model.shape)]
     rates = model.pressure_rates(near.state, bumps, RATE_TOLERANCE)
-    variance = pressure_sd**2 * np.sum([slope(rate) ** 2 for rate in rates], axis=0)
+    by_sector = np.array([slope(rate) for rate in rates])
+    variance = pressure_sd**2 * np.sum(by_sector**2, axis=0)
     variance = variance + (MESH_ERROR * probe.at(points, near.state)) ** 2
     if log_covariance is not None:
-        by_stiffness = np.array(
-            [parameters[name] * slope(near.state.sensitivities[name]) for name in PARAMETERS]
-        )
+        slopes = [parameters[name] * slope(near.state.sensitivities[name]) for name in PARAMETERS]
+        if len(log_covariance) > len(slopes):
+            # Bumps are of the pressure with the error in it.
+            slopes.append(by_sector.sum(axis=0) / (1 + error))
+        by_stiffness = np.array(slopes)
         variance = variance + np.einsum("iv,ij,jv->v", by_stiffness, log_covariance, by_stiffness)
     return np.asarray(np.sqrt(variance))

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from legfem.common.units import FloatArray, mpa_to_kpa
+from legfem.common.units import FloatArray, mpa_to_kpa, mpa_to_mmhg
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.stocking.identification import Identified
 from legfem.stocking.judgement import (
@@ -19,11 +19,14 @@ from legfem.stocking.judgement import (
 from legfem.stocking.laplace import StockingLoad
 from legfem.stocking.leg_model import PARAMETERS
 from legfem.stocking.run import StockingResult
+from legfem.stocking.sensors import ComparedSensor
 from legfem.stocking.worn import FixedPointSettings
 
 TISSUES = dict(zip(PARAMETERS, ("muscle", "fat"), strict=True))
 UNLOADED_BEYOND = 0.01
 """Share of the skin under the stretched stocking that may bear no pressure without a word."""
+_FAR = 3.0
+"""Standard deviations of a sensor's reading that chance doesn't explain."""
 REGISTERED_WITHIN = 0.5
 """Residual of the registration (mm) that is no cause of concern: half a voxel."""
 
@@ -32,8 +35,23 @@ def stocking_warnings(result: StockingResult) -> tuple[str, ...]:
     """Return sentences, the gravest first."""
     return tuple(
         [*_of_the_state(result), *_of_the_searches(result), *_of_the_scans(result),
-         *_of_the_load(result)]
+         *_of_the_load(result), *of_sensors(result.sensors)]
     )  # fmt: skip
+
+
+def of_sensors(sensors: Sequence[ComparedSensor]) -> Iterator[str]:
+    """Yield which sensors the model misses."""
+    for one in sensors:
+        if abs(one.departure) > _FAR:
+            read, sd, model = (
+                mpa_to_mmhg(p) for p in (one.sensor.pressure, one.sensor.sd, one.pressure)
+            )
+            yield (
+                f"The sensor {one.sensor.name} read {read:.1f} ± {sd:.1f} mmHg, where the model "
+                f"has {model:.1f} mmHg ({abs(one.departure):.0f} standard deviations off): its "
+                "place, its error or the fabric is otherwise than was given (a fabric that isn't "
+                "known well: [accuracy] tension_relative_sd)."
+            )
 
 
 def unloaded_skin(shape: LegShape, load: StockingLoad) -> FloatArray:

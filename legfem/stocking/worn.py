@@ -191,7 +191,7 @@ class Feedback:
 
     def to_rate(self, rate: FloatArray) -> FloatArray:
         """Return the unknown's derivative in equilibrium, of that at a fixed pressure."""
-        left = self._pressure_slope(rate)
+        left = self.pressure_slope(rate)
         enough = FEEDBACK_TOLERANCE * np.linalg.norm(left)
         total = rate.copy()
         for image, answer in zip(self._images, self._answers, strict=True):
@@ -208,7 +208,7 @@ class Feedback:
         """Add a change of pressure, and keep what remains of it without the answer's own."""
         model, state = self._leg.model, self._worn.state
         (answer,) = model.pressure_rates(state, [direction], RATE_TOLERANCE)
-        image = direction - self._pressure_slope(answer)
+        image = direction - self.pressure_slope(answer)
         for known, known_answer in zip(self._images, self._answers, strict=True):
             share = np.vdot(known, image)
             image, answer = image - share * known, answer - share * known_answer
@@ -216,7 +216,7 @@ class Feedback:
         self._images.append(image / size)
         self._answers.append(answer / size)
 
-    def _pressure_slope(self, rate: FloatArray) -> FloatArray:
+    def pressure_slope(self, rate: FloatArray) -> FloatArray:
         """Return the change of the stocking's pressure along a derivative of the unknown."""
         model, worn = self._leg.model, self._worn
         step = slope_step(model, rate)

@@ -10,12 +10,14 @@ import typer
 
 from legfem.common.checks import check_finite
 from legfem.common.command_edge import (
+    FAILED,
     check_out_folder,
     command_edge,
     end_without_a_solution,
     study_edge,
     usable_cores,
 )
+from legfem.common.outcome_options import AsJson, Quiet, told_briefly
 from legfem.study.options import Jobs, Out
 
 app = typer.Typer(
@@ -37,18 +39,25 @@ def convergence(
     depth: Annotated[float, typer.Option(min=1.0, help="mm.")] = 30.0,
     out: Out = None,
     jobs: Jobs = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
 ) -> None:
     """How far the default settings are from convergence, and that every corner is reached.
 
     Example: python -m legfem.study convergence --subject 3
     """
-    with study_edge("corners" if corners else "convergence", out, jobs) as (folder, processes):
+    name = "corners" if corners else "convergence"
+    with study_edge(name, out, jobs, quiet=quiet) as (folder, processes):
         check_finite(depth=depth, c10=c10_kpa, c20=c20_kpa)
         from legfem.study.convergence import command as convergence_command
 
-        convergence_command.run(
-            subject, subject_dir, corners, (c10_kpa, c20_kpa), depth, folder, processes
-        )
+        with told_briefly(quiet, as_json) as written:
+            whole = convergence_command.run(
+                subject, subject_dir, corners, (c10_kpa, c20_kpa), depth, folder, processes, quiet
+            )
+            written.append(folder / "result.json")
+        if not whole:
+            raise typer.Exit(FAILED)
 
 
 @app.command()
@@ -59,15 +68,19 @@ def reproduce(
     ] = False,
     out: Out = None,
     jobs: Jobs = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
 ) -> None:
     """Tables 4 and 5 of the paper beside ours, from the four reconstructed subjects.
 
     Example: python -m legfem.study reproduce
     """
-    with study_edge("reproduce", out, jobs) as (folder, processes):
+    with study_edge("reproduce", out, jobs, quiet=quiet) as (folder, processes):
         from legfem.study import reproduce as tables
 
-        tables.run(seed, folder, processes, corrected)
+        with told_briefly(quiet, as_json) as written:
+            tables.run(seed, folder, processes, corrected, quiet)
+            written.append(folder / "result.json")
 
 
 class CountChoice(StrEnum):
@@ -102,6 +115,8 @@ def doe(
     seed: Annotated[int, typer.Option(min=0, help="Of the emulator's points.")] = 1,
     out: Out = None,
     jobs: Jobs = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
 ) -> None:
     """Which parameters a compression test can see: a factorial design and its analysis.
 
@@ -110,7 +125,8 @@ def doe(
 
     Example: python -m legfem.study doe --subject 3 --factorial-only --out results/doe
     """
-    with command_edge("run the same command again to go on; simulations that are done are kept"):
+    resume = "run the same command again to go on; simulations that are done are kept"
+    with command_edge(resume, quiet):
         from mpi4py import MPI
 
         from legfem.study.doe.command import DoeOptions, run
@@ -120,9 +136,13 @@ def doe(
         check_out_folder(folder)
         options = DoeOptions(
             tuple(factors or (PAPER, IDENTIFIED)), subject, subject_dir, folder,
-            jobs or usable_cores(), seed, count.value, not factorial_only,
+            jobs or usable_cores(), seed, count.value, not factorial_only, quiet,
         )  # fmt: skip
-        if not run(options, MPI.COMM_WORLD):
+        with told_briefly(quiet, as_json) as written:
+            solved = run(options, MPI.COMM_WORLD)
+            if MPI.COMM_WORLD.rank == 0:
+                written.append(folder / "result.json")
+        if not solved:
             end_without_a_solution("doe")
 
 
@@ -168,6 +188,8 @@ def correction(
     ] = False,
     out: Out = None,
     jobs: Jobs = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
 ) -> None:
     """Calibrate the 3D correction P(d) on the idealised leg, and draw the paper's Fig. 4.
 
@@ -175,7 +197,7 @@ def correction(
 
     Example: python -m legfem.study correction, or mpirun -n 4 python -m legfem.study correction
     """
-    with command_edge("run the same command again to go on; solved models are kept"):
+    with command_edge("run the same command again to go on; solved models are kept", quiet):
         from mpi4py import MPI
 
         from legfem.experiments.indentation_3d import Cylinder, IdealisedLegSettings
@@ -194,7 +216,9 @@ def correction(
         if subject_dir is not None:
             from legfem.study.correction import of_leg
 
-            of_leg.run(subject_dir, (c10_kpa, c20_kpa), depth, folder)
+            with told_briefly(quiet, as_json) as written:
+                of_leg.run(subject_dir, (c10_kpa, c20_kpa), depth, folder, quiet)
+                written.append(folder / of_leg.DOCUMENT)
             return
         case = CorrectionCase(
             IdealisedLeg(radius, bone_radius, length, bone_offset, ends="held" if held else "free"),
@@ -205,4 +229,7 @@ def correction(
         )
         processes = (jobs or usable_cores()) if MPI.COMM_WORLD.size == 1 else 1
         asked = correction_command.Asked(trends, legs, checks, fields)
-        correction_command.run(Calibration(case), asked, folder, processes)
+        with told_briefly(quiet, as_json) as written:
+            correction_command.run(Calibration(case), asked, folder, processes, quiet)
+            if MPI.COMM_WORLD.rank == 0:
+                written.append(folder / correction_command.DOCUMENT)

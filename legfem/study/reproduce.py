@@ -40,7 +40,7 @@ PAPER = {
 }
 
 
-def run(seed: int, out: Path, jobs: int, corrected: bool = False) -> None:
+def run(seed: int, out: Path, jobs: int, corrected: bool = False, quiet: bool = False) -> None:
     """Identify the four subjects with both laws and write the tables.
 
     Parameters
@@ -53,10 +53,12 @@ def run(seed: int, out: Path, jobs: int, corrected: bool = False) -> None:
         Processes.
     corrected
         Whether to identify them with their legs' own 3D corrections too.
+    quiet
+        Whether progress isn't told.
     """
     found: dict[str, list[IdentificationResult]] = {}
     with_correction: dict[str, list[IdentificationResult]] = {}
-    with progress_on() as progress:
+    with progress_on(quiet=quiet) as progress:
 
         def identify(
             name: str, correction: TabulatedCorrection | None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -15,12 +14,13 @@ from legfem.common.toml_file import (
     PlainName,
     Positive,
     Text,
-    parse_toml,
     trouble,
 )
 from legfem.imaging.shape_entry import LabelsEntry, ShapeEntry
 from legfem.recording import Channel, Channels
 
+HOLDER = "a subject folder"
+"""That holds the file."""
 # Half-width of a uniform distribution to its standard deviation.
 _UNIFORM = 1.0 / math.sqrt(3.0)
 
@@ -264,8 +264,3 @@ class SubjectFile(FileTable):
                 "give it, or position_mm and direction of the indenter",
             )  # fmt: skip
         return self
-
-
-def parse_subject_file(path: Path) -> SubjectFile:
-    """Read and check ``subject.toml``; see `legfem.common.toml_file.parse_toml`."""
-    return parse_toml(path, SubjectFile, "a subject folder")

@@ -12,7 +12,7 @@ from legfem.geometry.leg_shape import HULL, SKIN, LegShape, shape_of_contours
 from legfem.geometry.section import BONES, LegSection
 from legfem.geometry.shape_motion import rigidly_moved
 from legfem.subjects.placement import Placement, placed
-from legfem.subjects.schema import parse_subject_file
+from legfem.subjects.sites import subject_entry
 from legfem.subjects.subject import SUBJECTS, Subject
 
 LENGTH = 120.0
@@ -64,7 +64,7 @@ def spatial_leg(subject: Subject) -> SpatialLeg:
         If what it is taken from doesn't hold the cylinder's whole length, or can't be read.
     """
     toml = SUBJECTS.opened(subject.directory)
-    given = parse_subject_file(toml)
+    given = subject_entry(toml, subject.site).given
     length = given.section.length_mm or LENGTH
     if length <= subject.indenter.length:
         raise InputError(

@@ -25,7 +25,8 @@ from legfem.recording.formats import READERS
 from legfem.subjects.catalogue import RESOURCES, Catalogue
 from legfem.subjects.placement import placed
 from legfem.subjects.plausibility import doubts_about
-from legfem.subjects.schema import SubjectFile, TissueEntry, parse_subject_file
+from legfem.subjects.schema import SubjectFile, TissueEntry
+from legfem.subjects.sites import site_names, subject_entry
 
 __all__ = [
     "SUBJECTS",
@@ -128,10 +129,61 @@ class Subject:
     """File and plane, where the section was cut from a scan."""
     landmark_residual: float | None = None
     """Root mean square of what registered landmarks are apart, mm; None without any."""
+    site: str = ""
+    """Of the leg's sites which; empty where there is but one."""
+
+
+@dataclass(frozen=True, eq=False)
+class SitedLeg:
+    """One leg that was pressed at several sites; see `load_sites`."""
+
+    id: str
+    title: str
+    sites: tuple[Subject, ...]
+    """Of the same tissues, each with its own section, indenter and recordings."""
+    directory: Path
+
+    @property
+    def origin(self) -> Origin:
+        """Of the data."""
+        return self.sites[0].origin
+
+
+def load_sites(directory: Path) -> SitedLeg | None:
+    """Load all sites of a leg's folder, or None where it has no ``[[site]]``.
+
+    Raises
+    ------
+    InputError
+        As `load_subject` does.
+    """
+    directory = Path(directory)
+    names = site_names(SUBJECTS.opened(directory))
+    if not names:
+        return None
+    sites = tuple(_site(directory, name) for name in names)
+    first = sites[0]
+    leg_id, title = (
+        text.removesuffix(f"{joint}{first.site}")
+        for text, joint in ((first.id, "-"), (first.title, ", "))
+    )
+    return SitedLeg(leg_id, title, sites, directory)
+
+
+def _site(directory: Path, name: str) -> Subject:
+    try:
+        return load_subject(directory, site=name)
+    except InputError as error:
+        told = f"site {name}, "
+        field = error.field if error.field.startswith(told) else told + error.field
+        raise InputError(error.source, field, error.problem, error.remedy) from None
 
 
 def load_subject(
-    directory: Path, need_recordings: bool = True, need_instrument: bool = True
+    directory: Path,
+    need_recordings: bool = True,
+    need_instrument: bool = True,
+    site: str = "",
 ) -> Subject:
     """Load a subject folder: ``subject.toml``, contours or a scan, and ``recordings/*.csv``.
 
@@ -143,6 +195,8 @@ def load_subject(
         False loads the leg alone and reads no recordings.
     need_instrument : bool
         False lets ``[instrument]`` be absent: its errors are then those seen in the recordings.
+    site : str
+        Of a leg with several ``[[site]]`` which.
 
     Raises
     ------
@@ -152,7 +206,8 @@ def load_subject(
     """
     directory = Path(directory)
     toml = SUBJECTS.opened(directory)
-    given = parse_subject_file(toml)
+    entry = subject_entry(toml, site)
+    given = entry.given
     place = placed(directory, toml, given)
     section = place.section
     indenter = Indenter(
@@ -163,7 +218,8 @@ def load_subject(
     )
     _check_aim(toml, section, indenter)
     channels = given.recordings.channels()
-    recordings = _recordings(directory, channels) if need_recordings else ()
+    folder = directory / entry.recordings
+    recordings = _recordings(folder, channels) if need_recordings else ()
     subject = Subject(
         id=given.id,
         title=given.title,
@@ -195,6 +251,7 @@ def load_subject(
         confirmed=tuple(given.confirmed),
         cut_from=place.cut_from,
         landmark_residual=place.landmark_residual,
+        site=entry.site,
     )
     doubts_about(subject)
     return subject
@@ -230,8 +287,7 @@ def _instrument(
     return seen_instrument(recordings)
 
 
-def _recordings(directory: Path, channels: Channels | None) -> tuple[Recording, ...]:
-    folder = directory / "recordings"
+def _recordings(folder: Path, channels: Channels | None) -> tuple[Recording, ...]:
     there = sorted(f for f in folder.glob("*") if f.suffix.lower() in READERS)
     files = there if channels is not None else [f for f in there if f.suffix == ".csv"]
     if not files:

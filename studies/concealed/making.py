@@ -14,6 +14,7 @@ from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.jobs.pool import Workers
+from legfem.recording import Recording
 from legfem.subjects.folder import write_subject_folder
 from legfem.subjects.subject import Subject
 from studies.concealed.cases import SealedCase
@@ -50,18 +51,8 @@ class Maker:
             return "LEFT OUT: a finite-element solution stopped"
         generator = np.random.default_rng(case.noise_seed)
         if not folder.is_dir():
-            write_subject_folder(
-                stated.section,
-                folder,
-                f"Sealed case {case.number} (simulated)",
-                stated.indenter.aim,
-                stated.indenter.direction_deg,
-                origin="simulated",
-                recordings=record(truth.trials, drawn_errors(generator), generator),
-                instrument=INSTRUMENT,
-                deep_law=case.law,
-            )
-            _state_accuracy(folder / "subject.toml", stated)
+            recordings = record(truth.trials, drawn_errors(generator), generator)
+            write_case(folder, f"Sealed case {case.number} (simulated)", case, stated, recordings)
         write_sealed(self.out / "keys" / f"{case.name}.json", key_of_case(case, truth), self.seed)
         return "made"
 
@@ -71,6 +62,24 @@ class Maker:
             truths = Truths(leg.true, self.folder, self.correction)
             self._legs[number] = leg.stated, truths
         return self._legs[number]
+
+
+def write_case(
+    folder: Path, title: str, case: SealedCase, stated: Subject, recordings: Sequence[Recording]
+) -> None:
+    """Write a case's recordings with what the lab believes of the leg."""
+    write_subject_folder(
+        stated.section,
+        folder,
+        title,
+        stated.indenter.aim,
+        stated.indenter.direction_deg,
+        origin="simulated",
+        recordings=recordings,
+        instrument=INSTRUMENT,
+        deep_law=case.law,
+    )
+    _state_accuracy(folder / "subject.toml", stated)
 
 
 def _state_accuracy(path: Path, stated: Subject) -> None:

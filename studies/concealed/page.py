@@ -14,6 +14,7 @@ from legfem.common.documents import json_types
 from legfem.common.markdown import markdown_table
 from legfem.report.style import FAINT, new_figure, panel, styled
 from studies.concealed.forms import FORMS, OUTSIDE
+from studies.concealed.reliability import Reliability
 from studies.concealed.scoring import VISIBLE, Scored, Summary
 
 SCHEMA = 2
@@ -32,7 +33,13 @@ def scored_document(scored: Sequence[Scored], summary: Summary) -> dict[str, Any
 def page(everything: Sequence[Scored], summary: Summary) -> str:
     """Return the page in Markdown; twins count for stability alone."""
     scored = [s for s in everything if s.case.twin_of is None]
-    parts = [_summary(scored, summary), _sizes(summary), _reliability(summary), _confusion(scored)]
+    parts = [
+        _summary(scored, summary),
+        _sizes(summary),
+        _reliability(summary),
+        _legs(summary),
+        _confusion(scored),
+    ]
     return "\n".join(parts)
 
 
@@ -66,11 +73,26 @@ def _sizes(summary: Summary) -> str:
 
 
 def _reliability(summary: Summary) -> str:
+    tables = (
+        ("probability of the first explanation", summary.reliability),
+        ("the same with the study's own shares for priors", summary.at_base_rates),
+        ("probability that nothing shows; right below size 4", summary.nothing_shows),
+    )
+    return "\n".join(_reliability_table(title, found) for title, found in tables)
+
+
+def _reliability_table(title: str, found: Sequence[Reliability]) -> str:
     rows = [
-        [f"{one.low:g} to {one.high:g}", f"{one.stated:.2f}", str(one.right)]
-        for one in summary.reliability
-    ]
-    return markdown_table(["probability of the first explanation", "mean", "right"], rows)
+        [f"{one.low:g} to {one.high:g}", "" if not one.right.total else f"{one.stated:.2f}",
+         str(one.right)]
+        for one in found
+    ]  # fmt: skip
+    return markdown_table([title, "mean", "right"], rows)
+
+
+def _legs(summary: Summary) -> str:
+    rows = [[f"{leg}", str(rate), f"{error:+.1%}"] for leg, rate, error in summary.by_leg]
+    return markdown_table(["leg", "C10 within its interval", "median error of C10"], rows)
 
 
 def _confusion(scored: Sequence[Scored]) -> str:

@@ -14,6 +14,12 @@ from legfem.common.errors import InputError
 from legfem.diagnose.run import Diagnoser
 from studies.concealed.cases import SealedCase
 from studies.concealed.making import change_at
+from studies.concealed.reliability import (
+    Explained,
+    Reliability,
+    at_base_rates,
+    reliability_of,
+)
 from studies.concealed.running import Metric, asked, case_folders, diagnoses, metric_file
 from studies.concealed.seal import read_sealed
 from studies.lab.rate import Rate
@@ -25,18 +31,7 @@ A known shape of this size gains 8 in the logarithm of the evidence; one mechani
 3 by its prior and some 2 by its strength's, and noise moves the gain by 4 either way.
 """
 SIZES = (0.0, 2.0, 4.0, 8.0, 16.0, np.inf)
-BINS = (0.0, 0.4, 0.6, 0.8, 1.0)
-"""Of the first explanation's probability."""
 HELD = 0.9
-
-
-@dataclass(frozen=True)
-class Explained:
-    """One explanation that a diagnosis weighs."""
-
-    names: tuple[str, ...]
-    unknown: bool
-    probability: float
 
 
 @dataclass(frozen=True)
@@ -63,6 +58,8 @@ class Scored:
     seconds: float
     """Of a processor."""
     full_solutions: int
+    nothing_shows: float
+    """Probability that nothing was left out that shows."""
 
     @property
     def visible(self) -> bool:
@@ -150,22 +147,12 @@ def _scored(found: dict[str, Any], key: dict[str, Any], metric: Metric) -> Score
         bool(low <= case.c10_kpa <= high),
         found["processor_s"],
         found["full_solutions"],
+        found["probability_of_no_effect"],
     )
 
 
 def _overlap(said: Any, true: Any) -> tuple[int, int, int]:
     return int((said & true).sum()), int((said & ~true).sum()), int((~said & true).sum())
-
-
-@dataclass(frozen=True)
-class Reliability:
-    """First explanations of like probability: how often they are right."""
-
-    low: float
-    high: float
-    stated: float
-    """Mean of their probabilities; NaN of nothing."""
-    right: Rate
 
 
 @dataclass(frozen=True)
@@ -188,6 +175,14 @@ class Summary:
     same_answer: Rate
     """Of twins: the same first name, or each one's first among the other's."""
     reliability: tuple[Reliability, ...]
+    """Of the first explanations."""
+    at_base_rates: tuple[Reliability, ...]
+    """Of those that are first with the study's own shares for priors: the evidence's part of it."""
+    nothing_shows: tuple[Reliability, ...]
+    """Of the statement that nothing shows, which is right of effects that are too small to see."""
+    by_leg: tuple[tuple[int, Rate, float], ...]
+    """Legs, how often C10's interval holds the truth, and the median error of C10: how a leg is
+    stated wrongly is the same in all of its cases."""
     by_size: tuple[tuple[float, float, Rate, Rate], ...]
     """Sizes over all errors, named first, and in the set."""
 
@@ -214,6 +209,13 @@ def summarise(everything: Sequence[Scored]) -> Summary:
         _median([abs(s.bias_after) for s in inside]),
         Rate(sum(_agree(a, b) for a, b in twins), len(twins)),
         reliability(scored),
+        reliability_of([_first_at_base_rates(s) for s in scored]),
+        reliability_of([(s.nothing_shows, not s.visible) for s in scored]),
+        tuple(
+            (leg, _rate(mine, lambda s: s.covered), float(np.median([s.bias_after for s in mine])))
+            for leg in sorted({s.case.leg for s in scored})
+            for mine in [[s for s in scored if s.case.leg == leg]]
+        ),
         tuple(
             (low, high, _rate(mine, lambda s: s.first), _rate(mine, lambda s: s.in_set))
             for low, high in pairwise(SIZES)
@@ -224,17 +226,13 @@ def summarise(everything: Sequence[Scored]) -> Summary:
 
 def reliability(scored: Sequence[Scored]) -> tuple[Reliability, ...]:
     """Return how often the most probable explanation is right, by its probability."""
-    found = []
-    for low, high in pairwise(BINS):
-        mine = [
-            s for s in scored
-            if low < s.explanations[0].probability <= high
-        ]  # fmt: skip
-        stated = [s.explanations[0].probability for s in mine]
-        mean = float(np.mean(stated)) if stated else float("nan")
-        right = _rate(mine, lambda s: s.is_truth(s.explanations[0]))
-        found.append(Reliability(low, high, mean, right))
-    return tuple(found)
+    firsts = [(s.explanations[0].probability, s.is_truth(s.explanations[0])) for s in scored]
+    return reliability_of(firsts)
+
+
+def _first_at_base_rates(s: Scored) -> tuple[float, bool]:
+    shares, place = at_base_rates(s.explanations)
+    return float(shares[place]), s.is_truth(s.explanations[place])
 
 
 def _rate(scored: Sequence[Scored], holds: Callable[[Scored], bool]) -> Rate:

@@ -6,6 +6,7 @@ quadrature than the diagnosis uses. Finite-element solutions are kept on disk.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -86,18 +87,25 @@ class Truths:
         """Leave finite-element models out."""
         return {**self.__dict__, "_variants": {}}
 
-    def of(self, case: SealedCase) -> SealedTruth | None:
-        """Return what a case's leg did; None where a solution stopped."""
-        protocol = case.protocol_of_trials
+    def of(
+        self, case: SealedCase, protocols: Sequence[Protocol] = (), before: int = 0
+    ) -> SealedTruth | None:
+        """Return what a case's leg did; None where a solution stopped.
+
+        Parameters
+        ----------
+        case
+            The case.
+        protocols
+            One a trial, none deeper than the case's own; those of the case without it.
+        before
+            Trials that the leg had gone through.
+        """
+        driven = list(protocols) or [case.protocol_of_trials] * TRIALS
         plain = self._elastic(case, {})
-        model = self._model_force(case, protocol)
-        if plain is None or model is None:
+        models = {protocol: self._model_force(case, protocol) for protocol in driven}
+        if plain is None:
             return None
-        # To the end of the protocol exactly: `shortened` looks there for the deepest point.
-        time = np.append(
-            np.arange(0.0, protocol.duration - 1e-9, 1 / SAMPLING_HZ), protocol.duration
-        )
-        d = protocol.displacement_at(time)
         grid, forces = np.array(plain.time) * ELASTIC_RATE, np.array(plain.force)
 
         def elastic(at: FloatArray) -> FloatArray:
@@ -107,10 +115,18 @@ class Truths:
             c10, c20 = np.asarray(case.c10_kpa), np.asarray(case.c20_kpa)
             return np.asarray(of_another_leg(self.correction).correction(at, c10, c20))
 
-        pressed = np.interp(time, model.time, model.force)
-        trials, without = [], []
         effects = {name: dict(values) for name, values in case.effects}
-        for k in range(TRIALS):
+        trials, without = [], []
+        for k, protocol in enumerate(driven, before):
+            model = models[protocol]
+            if model is None:
+                return None
+            # To the end of the protocol exactly: `shortened` looks there for the deepest point.
+            time = np.append(
+                np.arange(0.0, protocol.duration - 1e-9, 1 / SAMPLING_HZ), protocol.duration
+            )
+            d = protocol.displacement_at(time)
+            pressed = np.interp(time, model.time, model.force)
             trial = Pressed(k, time, d, pressed, elastic, factor)
             for name, act in ON_COURSE.items():
                 if name in effects and not _in_model(case, name):

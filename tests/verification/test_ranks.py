@@ -21,7 +21,7 @@ def _check(ranks: int, formulation: str, folder: Path) -> None:
         for number in (1, ranks)
     )
     np.testing.assert_array_equal(one["displacement"], more["displacement"])
-    assert one["factorisations"] == more["factorisations"]
+    assert more["factorisations"] == pytest.approx(float(one["factorisations"]), rel=0.1)
     for name in ("force", "sensitivities", "contact", "bone", "works"):
         print(formulation, ranks, name, f"{difference(more[name], one[name]):.1e}")
         assert difference(more[name], one[name]) < 1e-9, name

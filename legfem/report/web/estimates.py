@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from legfem.common.units import readable_unit
 from legfem.identify.catalogue import parameter_of, symbol_of, unit_of
+from legfem.identify.error_sources import ErrorSource, greatest
 from legfem.identify.result import Estimate
 from legfem.report.style import LAW_NAMES, REGION_NAMES
 from legfem.report.text import prior_text
@@ -73,6 +75,39 @@ def why_identifiable(parameters: Mapping[str, Estimate], law: str) -> list[str]:
     return [
         f"{symbol_of(name)} of the {LAW_NAMES[law]} law is {found.identifiability}: {found.why}."
         for name, found in parameters.items()
+    ]
+
+
+@dataclass(frozen=True)
+class Remedies:
+    """What would narrow an interval, by what its width comes from."""
+
+    recordings: str
+    ends: str = ""
+    """Of a cylinder on a leg."""
+
+    def of(self, source: ErrorSource) -> str:
+        """Return what to do where most of an error has a source."""
+        return {
+            "recordings": f"{self.recordings}, or state what is known beforehand (--prior)",
+            "differences": "recordings differ from one another by a factor: test more specimens",
+            "model": "most of its error is the numerical model's own, which no recording narrows: "
+            "state what is known beforehand (--prior)",
+            "ends": self.ends,
+            "priors": "most of its error is that of what was known beforehand: measure that by "
+            "itself, and state it (--prior)",
+        }[source]
+
+
+def how_to_narrow(parameters: Mapping[str, Estimate], remedies: Remedies) -> list[str]:
+    """Return a sentence for what isn't identifiable, by what rules its interval."""
+    groups: dict[ErrorSource, list[str]] = {}
+    for name, found in parameters.items():
+        if found.identifiability != "identifiable":
+            groups.setdefault(greatest(found.error_shares), []).append(symbol_of(name))
+    return [
+        f"These recordings don't tell {', '.join(names)} well: {remedies.of(source)}."
+        for source, names in groups.items()
     ]
 
 

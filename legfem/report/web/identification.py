@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import shlex
+from collections.abc import Mapping, Sequence
 
 from legfem.common.doubts import doubt_lines
+from legfem.common.units import FloatArray
+from legfem.identify.laws import LawName
 from legfem.identify.result import IdentificationResult
+from legfem.recording import LoadingCurve
 from legfem.report.page import procedure
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES
 from legfem.report.text import comparison, fit_report, fits, preferred
@@ -113,6 +117,12 @@ def _headline(chosen: IdentificationResult, subject: Subject) -> web.Headline:
     )
 
 
+def options_of(subject: Subject) -> str:
+    """Return a command's options that name a subject."""
+    site = f" --site {shlex.quote(subject.site)}" if subject.site else ""
+    return f"--subject-dir {subject.directory}{site}"
+
+
 def _c10(chosen: IdentificationResult) -> str:
     found = chosen.parameters.get("deep.C10")
     interval = (
@@ -129,18 +139,12 @@ def _c10_value(chosen: IdentificationResult) -> str:
 
 
 def _next(chosen: IdentificationResult, subject: Subject) -> list[str]:
-    folder = f"--subject-dir {subject.directory}"
+    folder = options_of(subject)
     diagnose = f"python -m legfem.diagnose {folder}"
     if not fits(chosen):
         return [f"Don't use the stiffness. Find out which physics is missing: {diagnose}"]
-    unknown = estimates.unknown_among(chosen.parameters)
-    lines = []
-    if unknown:
-        lines.append(
-            f"These recordings don't tell {', '.join(unknown)} well: press deeper, repeat the "
-            "test, or state what is known beforehand (--prior)."
-        )
-    else:
+    lines = estimates.how_to_narrow(chosen.parameters, _remedies(chosen))
+    if not lines:
         lines.append(
             f"Use C10 together with the law it belongs to ({LAW_NAMES[chosen.law]}) and with the "
             "depth that was used."
@@ -149,8 +153,42 @@ def _next(chosen: IdentificationResult, subject: Subject) -> list[str]:
     return lines
 
 
+def _remedies(chosen: IdentificationResult) -> estimates.Remedies:
+    ruled = (
+        "most of its error is that of the cylinder's ends, which pressing deeper leaves as it is"
+    )
+    longer = "take a longer cylinder"
+    ends = f"{longer}, or solve this leg in 3D (--model 3d)" if chosen.spatial is None else longer
+    return estimates.Remedies("press deeper, repeat the test", f"{ruled}: {ends}")
+
+
 def _curves(results: Sequence[IdentificationResult]) -> Curves:
-    measured = results[0].measured
+    predicted = {result.law: result.predicted.force for result in results}
+    return fit_curves("fit", "", results[0].measured, predicted, preferred(results).law)
+
+
+def fit_curves(
+    name: str,
+    where: str,
+    measured: LoadingCurve,
+    predicted: Mapping[LawName, FloatArray],
+    best: LawName,
+) -> Curves:
+    """Return recorded forces beside those that laws predict (n,), N.
+
+    Parameters
+    ----------
+    name
+        Of the panels.
+    where
+        Begins the caption; empty where there is one place.
+    measured
+        n forces.
+    predicted
+        By law.
+    best
+        From which trials are taken beneath.
+    """
     many = measured.n_trials > 1
     lines = [
         Line(
@@ -158,23 +196,22 @@ def _curves(results: Sequence[IdentificationResult]) -> Curves:
             measured.force, None, DATA_COLOUR, points=True,
         )
     ]  # fmt: skip
-    best = preferred(results)
     if many:
         lines += [
-            Line(f"trial {k + 1}", force, best.predicted.force - force, FAINT, "dotted",
+            Line(f"trial {k + 1}", force, predicted[best] - force, FAINT, "dotted",
                  faint=True, tabled=False)
             for k, force in enumerate(measured.trial_force)
         ]  # fmt: skip
     lines += [
-        Line(f"model, {LAW_NAMES[r.law]}", r.predicted.force, r.residual, LAW_COLOURS[r.law],
-             _DASHES[r.law])
-        for r in results
+        Line(f"model, {LAW_NAMES[law]}", force, force - measured.force, LAW_COLOURS[law],
+             _DASHES[law])
+        for law, force in predicted.items()
     ]  # fmt: skip
-    against = f" Trials beneath are taken from the {LAW_NAMES[best.law]} law." if many else ""
+    against = f" Trials beneath are taken from the {LAW_NAMES[best]} law." if many else ""
     return Curves(
-        "fit",
-        "Force over the cylinder's displacement after first contact: recorded, and of the model "
-        f"with each law; beneath, the model less the recording.{against}",
+        name,
+        f"{where}Force over the cylinder's displacement after first contact: recorded, and of the "
+        f"model with each law; beneath, the model less the recording.{against}",
         measured.displacement,
         "displacement (mm)",
         "force (N)",

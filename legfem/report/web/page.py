@@ -23,13 +23,14 @@ from legfem.report.web.section import PressedSection, StillSection
 from legfem.report.web.turned import TurnedLeg
 
 PAGE = "report.html"
-Tone = Literal["sound", "caution", "wrong"]
+Tone = Literal["sound", "caution", "open", "wrong"]
 Provenance = Literal[
     "measured", "reconstructed", "simulated", "estimated", "computed", "assumed", "prior"
 ]  # fmt: skip
 TONES: Mapping[Tone, str] = {
     "sound": "Nothing speaks against the model",
     "caution": "Read with caution",
+    "open": "Not settled",
     "wrong": "The model is wrong here",
 }
 _PROVENANCE: Mapping[Provenance, str] = {
@@ -122,6 +123,13 @@ class Chapter:
     blocks: Sequence[Block]
 
 
+def how_it_was_done(procedure: str, summary: str, text: str) -> Chapter:
+    """Return the last chapter of a page: what was done, and the texts that were printed."""
+    prose = Prose(" ".join(procedure.split()))
+    texts = [Verbatim("Summary", summary), Verbatim("report.txt", text)]
+    return Chapter("How it was done", [prose, *texts])
+
+
 @dataclass(frozen=True)
 class Repeat:
     """How the run is made again."""
@@ -149,6 +157,8 @@ class WebPage:
     repeat: Repeat
     data: str = ""
     """What kind of data, in words, where `ORIGINS` don't say it."""
+    warned: str = ""
+    """Whom the warnings are for, where it isn't the reader."""
 
 
 def listed(explore: str) -> ReportFile:

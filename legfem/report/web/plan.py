@@ -14,6 +14,7 @@ from legfem.report.plan import NOTE, NOTHING, effects_of
 from legfem.report.style import LAW_NAMES
 from legfem.report.web import page as web
 from legfem.report.web.bars import Bar, Bars
+from legfem.report.web.identification import options_of
 from legfem.report.web.section import still_section
 from legfem.subjects.subject import Subject
 
@@ -148,7 +149,7 @@ def _chances(ranked: Sequence[Reckoned], names: Sequence[str]) -> web.WebTable:
 
 
 def _next(ranked: Sequence[Reckoned], subject: Subject) -> list[str]:
-    folder = f"--subject-dir {subject.directory}"
+    folder = options_of(subject)
     return [
         *(f"Test {k}: {one.design.name}." for k, one in enumerate(ranked[:3], 1)),
         "Put the recordings into the folder's recordings/, then: "

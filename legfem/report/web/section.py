@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
 from legfem.experiments.plane_strain import PlaneStrainIndentation
@@ -20,8 +21,8 @@ from legfem.subjects.subject import Subject
 
 _STATES = 16
 """About how many states are kept between which the page interpolates."""
-_MOVE, _PRESSURE = 1 / 200, 1 / 50
-"""mm and kPa a count: what whole numbers of 16 bits hold of them."""
+_MOVE, _SHARE = 1 / 200, 1 / 50_000
+"""mm, and share of a measure's range, a count: what whole numbers of 16 bits hold of them."""
 _MARGIN = 12.0
 
 
@@ -61,7 +62,7 @@ class Film:
 
 @dataclass(frozen=True, eq=False)
 class PressedSection:
-    """A section's mesh that a reader presses, coloured by tissue or by pressure."""
+    """A section's mesh that a reader presses, coloured by a measure or by tissue."""
 
     kind: ClassVar[str] = "pressed"
     caption: str
@@ -69,12 +70,13 @@ class PressedSection:
     """JSON for ``press.js``."""
     deepest: float
     """mm."""
-    pressures: tuple[float, float]
-    """kPa: between which it is coloured."""
+    measures: list[str]
+    """Names of what it is coloured by."""
     rows: list[list[str]]
-    """Displacement, force and greatest pressure of every state."""
+    """Displacement, force and greatest measures of every state."""
     header: ClassVar[list[str]] = [
-        "displacement (mm)", "force (N)", "highest pressure in muscle and fat (kPa)"
+        "displacement (mm)", "force (N)", "highest pressure in muscle and fat (kPa)",
+        "greatest movement (mm)", "greatest stretch of muscle and fat",
     ]  # fmt: skip
     tissues: ClassVar[list[tuple[str, str]]] = [
         *((REGION_NAMES[name], REGION_COLOURS[name]) for name in REGIONS),
@@ -93,23 +95,33 @@ def pressed_section(
     vertices, cells = np.unique(first.numbers[:, corners], return_inverse=True)
     cells = cells.reshape(-1, len(corners))
     moves = np.zeros((len(film.states) + 1, len(vertices), 2))
-    colours = np.zeros((len(film.states) + 1, len(cells)))
+    pressures = np.zeros((len(film.states) + 1, len(cells)))
+    stretches, movements = np.ones_like(pressures), np.zeros_like(pressures)
     at = np.zeros((len(vertices), 2))
     at[cells] = first.nodes[:, corners]
     tissue = first.region != REGIONS["fascia"]
-    rows = [["0.0", "0.00", "0.0"]]
+    rows = [["0.0", "0.00", "0.0", "0.0", "1.00"]]
     touch = film.experiment.section_mesh.touch
     forces, centres = [0.0], [touch.tolist()]
     for k, state in enumerate(film.states, 1):
         moves[k][cells] = state.drawn.displacement[:, corners]
-        colours[k] = state.drawn.pressure.mean(axis=1)
+        pressures[k] = state.drawn.pressure.mean(axis=1)
+        stretches[k] = state.drawn.stretch.mean(axis=1)
+        movements[k] = np.linalg.norm(state.drawn.displacement, axis=2).mean(axis=1)
         forces.append(float(np.interp(state.displacement, displacement, force)))
         centres.append(state.centre.tolist())
         rows.append(
-            [f"{state.displacement:.1f}", f"{forces[-1]:.2f}", f"{colours[k][tissue].max():.1f}"]
-        )
-    low, high = np.percentile(colours[-1][tissue], [0.5, 99.5])
-    low = min(float(low), 0.0)
+            [
+                f"{state.displacement:.1f}", f"{forces[-1]:.2f}",
+                f"{pressures[k][tissue].max():.1f}", f"{movements[k].max():.1f}",
+                f"{stretches[k][tissue].max():.2f}",
+            ]
+        )  # fmt: skip
+    measures = [
+        _measure("pressure", "kPa", 0, pressures, tissue),
+        _measure("movement", "mm", 1, movements, tissue),
+        _measure("stretch", "", 2, stretches, tissue),
+    ]
     section, radius = film.experiment.section, film.experiment.indenter.radius
     content = {
         "displacement": [0.0, *(state.displacement for state in film.states)],
@@ -121,9 +133,8 @@ def pressed_section(
         "cells": packed(cells, "<u2"),
         "moves": packed(moves / _MOVE, "<i2"),
         "mm_a_count": _MOVE,
-        "pressures": packed(colours / _PRESSURE, "<i2"),
-        "kPa_a_count": _PRESSURE,
-        "shown_kPa": [low, float(high)],
+        "measures": measures,
+        "share_a_count": _SHARE,
         "tissue": [_colour(tag) for tag in first.region],
         "bones": [section.contour(name).round(2).tolist() for name in BONES],
         "skin": section.skin.round(2).tolist(),
@@ -131,7 +142,22 @@ def pressed_section(
         "frame": _frame(section, radius, *centres),
     }
     deepest = film.states[-1].displacement
-    return PressedSection(what, json.dumps(content), deepest, (low, float(high)), rows)
+    names = [str(measure["name"]) for measure in measures]
+    return PressedSection(what, json.dumps(content), deepest, names, rows)
+
+
+def _measure(
+    name: str, unit: str, digits: int, values: FloatArray, tissue: NDArray[np.bool_]
+) -> dict[str, Any]:
+    """Return a measure's values (states, cells), and between which of a leg's it is coloured."""
+    first = float(values[0, 0])
+    low, high = np.percentile(values[-1][tissue], [0.5, 99.5])
+    low, high = min(float(low), first), max(float(high), first + 1e-9)
+    shares = np.clip((values - low) / (high - low), 0.0, 1.0)
+    return {
+        "name": name, "unit": unit, "digits": digits, "range": [low, high],
+        "values": packed(shares / _SHARE, "<u2"),
+    }  # fmt: skip
 
 
 def _colour(tag: float) -> str:

@@ -62,14 +62,7 @@ def specimen_web_page(
                 [web.Bullets([*_NOT_TESTED, *(() if best.folder.returns else (_RETURNS,))])],
             ),
             web.Chapter("What to do next", [web.Bullets(_next(best))]),
-            web.Chapter(
-                "How it was done",
-                [
-                    web.Prose(" ".join(procedure(best).split())),
-                    web.Verbatim("Summary", specimen_summary(results)),
-                    web.Verbatim("report.txt", text),
-                ],
-            ),
+            web.how_it_was_done(procedure(best), specimen_summary(results), text),
         ],
         repeat=web.Repeat(command, best.versions, {"seed": f"{best.seed}"}),
         data=origin_text(best),
@@ -127,19 +120,19 @@ def _words(name: str) -> str:
     )
 
 
+_REMEDIES = estimates.Remedies("strain it further, add rates or holds")
+
+
 def _next(best: SpecimenResult) -> list[str]:
     lines = []
-    unknown = estimates.unknown_among(best.parameters)
+    narrower = estimates.how_to_narrow(best.parameters, _REMEDIES)
     if not _fits(best):
         lines.append(
             "Try the other laws (--law yeoh, --law exponential); if none fits, use the numbers "
             "only to compare specimens of this test."
         )
-    elif unknown:
-        lines.append(
-            f"These recordings don't tell {', '.join(unknown)} well: press deeper, add rates or "
-            "holds, or state what is known beforehand (--prior)."
-        )
+    elif narrower:
+        lines += narrower
     else:
         lines.append(
             f"Use these numbers together with the {LAW_NAMES[best.law]} law and within the strains "

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
+from legfem.report.stocking_pressure_text import sensor_rows, tension_text
 from legfem.report.stocking_words import both_units, vein_interval
 from legfem.report.web.page import Known, Provenance
 from legfem.stocking.judgement import judge
@@ -47,6 +48,19 @@ def known_of(result: StockingResult) -> list[Known]:
         Known("error of the stocking's pressure round the leg",
               f"{100 * accuracy.pressure_sd:g} % (sd)", "prior", "leg.toml, or legfem's usual")
     )  # fmt: skip
+    if (text := tension_text(result)) is not None:
+        rows.append(
+            Known(
+                "tension of the fabric over what was given",
+                text,
+                "estimated",
+                "both scans" + (" and the sensors" if result.sensors else ""),
+            )
+        )
+    rows += [
+        Known(f"pressure on the skin, sensor {name}", text, data, "leg.toml")
+        for name, text in sensor_rows(result)
+    ]
     if leg.registration is not None:
         rows.append(
             Known("bones of both scans, apart after registration",

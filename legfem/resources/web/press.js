@@ -4,14 +4,14 @@
   const given = JSON.parse(document.getElementById("press-data").textContent);
   const cells = unpacked(given.cells, Uint16Array);
   const moves = unpacked(given.moves, Int16Array);
-  const pressures = unpacked(given.pressures, Int16Array);
+  const measures = given.measures.map((one) =>
+    ({...one, values: unpacked(one.values, Uint16Array)}));
   const corners = given.corners, count = cells.length / corners, length = given.vertices.length;
   const [left, bottom, width, height] = given.frame;
-  const [low, high] = given.shown_kPa;
   const canvas = document.getElementById("press"), slider = document.getElementById("press-at");
   const reading = document.getElementById("press-reading");
   const mesh = document.getElementById("press-mesh");
-  const colour = (pressure) => scaled((pressure - low) / (high - low));
+  const told = (measure, value) => `${value.toFixed(measure.digits)} ${measure.unit}`.trim();
 
   const draw = () => {
     const d = Number(slider.value), known = given.displacement;
@@ -33,7 +33,10 @@
       points.forEach(([x, y], i) => (i ? pen.lineTo(X(x), Y(y)) : pen.moveTo(X(x), Y(y))));
       pen.closePath();
     };
-    const byTissue = document.querySelector("[name=press-colour]:checked").value === "tissue";
+    const chosen = document.querySelector("[name=press-colour]:checked").value;
+    const measure = measures.find((one) => one.name === chosen), byTissue = !measure;
+    const share = (c) => given.share_a_count *
+      between(measure.values[(k - 1) * count + c], measure.values[k * count + c], part);
     pen.lineWidth = 0.35 * dense;
     for (let c = 0; c < count; c++) {
       pen.beginPath();
@@ -43,8 +46,7 @@
         else pen.moveTo(X(at[v]), Y(at[v + 1]));
       }
       pen.closePath();
-      pen.fillStyle = byTissue ? given.tissue[c] : colour(given.kPa_a_count *
-        between(pressures[(k - 1) * count + c], pressures[k * count + c], part));
+      pen.fillStyle = byTissue ? given.tissue[c] : scaled(share(c));
       pen.fill();
       // Without the mesh, cells are edged in their own colour: else the seams between them show.
       pen.strokeStyle = mesh.checked ? "rgba(0, 0, 0, 0.35)" : pen.fillStyle;
@@ -76,6 +78,11 @@
     const text = `${d.toFixed(1)} mm, ${force.toFixed(2)} N`;
     reading.textContent = text;
     slider.setAttribute("aria-valuetext", text);
+    if (measure) {
+      const [low, high] = measure.range;
+      document.getElementById("press-low").textContent = told(measure, low);
+      document.getElementById("press-high").textContent = `${told(measure, high)} ${measure.name}`;
+    }
     document.getElementById("press-scale").hidden = byTissue;
     document.getElementById("press-tissues").hidden = !byTissue;
   };

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -28,23 +27,32 @@ def run(
     depth: float,
     out: Path,
     jobs: int,
-) -> None:
-    """Study a subject's section, print the table and write it to a folder."""
+    quiet: bool = False,
+) -> bool:
+    """Study a subject's section, print the table and write it to a folder.
+
+    Returns whether every point was reached.
+    """
     subject = load_subject(subject_dir or SUBJECTS.find(subject_id), need_recordings=False)
     if corners:
-        _corners(subject, depth, out, jobs)
-    else:
-        _convergence(subject, deep_kpa, depth, out, jobs)
+        return _corners(subject, depth, out, jobs, quiet)
+    _convergence(subject, deep_kpa, depth, out, jobs, quiet)
+    return True
 
 
 def _convergence(
-    subject: Subject, deep_kpa: tuple[float, float], depth: float, out: Path, jobs: int
+    subject: Subject,
+    deep_kpa: tuple[float, float],
+    depth: float,
+    out: Path,
+    jobs: int,
+    quiet: bool,
 ) -> None:
     given = tissues_of(subject)
     c10, c20 = (kpa_to_mpa(value) for value in deep_kpa)
     deep = ReducedPolynomial(c10, given.deep.D1, c20, given.deep.D1)
     tissues = Tissues(deep, given.superficial, given.fascia)
-    with progress_on() as progress:
+    with progress_on(quiet=quiet) as progress:
         found = study_convergence(subject.section, subject.indenter, tissues, progress, depth, jobs)
     table = convergence_table(found)
     Console(width=120).print(table)
@@ -118,10 +126,10 @@ def _as_json(found: Convergence) -> dict[str, object]:
     }
 
 
-def _corners(subject: Subject, depth: float, out: Path, jobs: int) -> None:
+def _corners(subject: Subject, depth: float, out: Path, jobs: int, quiet: bool) -> bool:
     done: list[CornerOutcome] = []
     total = len(table_2_points())
-    with progress_on() as progress:
+    with progress_on(quiet=quiet) as progress:
         progress.stage("the 33 points of Table 2", total)
         for outcome in study_corners(subject.section, subject.indenter, depth, jobs):
             done.append(outcome)
@@ -135,8 +143,7 @@ def _corners(subject: Subject, depth: float, out: Path, jobs: int) -> None:
         {"schema": 1, "subject": subject.id, "points": [_corner_json(o) for o in done]},
     )
     print(f"result: {out / 'result.json'}")
-    if short:
-        sys.exit(1)
+    return not short
 
 
 def corners_table(done: list[CornerOutcome]) -> Table:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from legfem.common.documents import write_atomically, write_document
-from legfem.common.progress import Lines, Progress, Silent
+from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray
 from legfem.correction.tabulated import smooth_ratio
 from legfem.experiments.indentation_3d import IdealisedLegIndentation
@@ -32,6 +31,8 @@ from legfem.study.correction.leg_table import LegTable, tabulate_legs
 from legfem.study.correction.tables import Cells, correction_cells, meshes_cells, trend_cells
 from legfem.study.correction.web_page import correction_web_page
 
+DOCUMENT = "correction.json"
+
 
 @dataclass(frozen=True)
 class Asked:
@@ -47,7 +48,7 @@ class Asked:
     """Fields of the reference leg in 3D for ParaView, which solves it once more."""
 
 
-def run(given: Calibration, asked: Asked, out: Path, jobs: int) -> None:
+def run(given: Calibration, asked: Asked, out: Path, jobs: int, quiet: bool = False) -> None:
     """Calibrate, draw Fig. 4, and look at what P depends on; collective over all ranks.
 
     Parameters
@@ -60,13 +61,21 @@ def run(given: Calibration, asked: Asked, out: Path, jobs: int) -> None:
         Folder; solved models are kept there.
     jobs
         Processes.
+    quiet
+        Whether progress isn't told.
     """
     comm = MPI.COMM_WORLD
-    progress: Progress = Lines(sys.stderr) if comm.rank == 0 else Silent()
+    with progress_on(quiet=quiet or comm.rank > 0) as progress:
+        _run(given, asked, out, jobs, progress, comm)
+
+
+def _run(
+    given: Calibration, asked: Asked, out: Path, jobs: int, progress: Progress, comm: MPI.Intracomm
+) -> None:
     kept = out / "cases"
     found = calibrate(given, kept, jobs, progress, comm)
     if comm.rank == 0:
-        path = found.correction.write(out / "correction.json")
+        path = found.correction.write(out / DOCUMENT)
         title = f"P(d) = 1 - (RF3D / L) / RF2D, {found.correction.name}"
         Console(width=110).print(as_table(title, correction_cells(found)))
         Console(width=110).print(as_table("P on three meshes", meshes_cells(found)))

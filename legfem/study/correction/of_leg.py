@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,7 +10,7 @@ from rich.console import Console
 
 from legfem.common.documents import write_atomically, write_document
 from legfem.common.errors import InputError
-from legfem.common.progress import Lines
+from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.correction.choice import correction_of
 from legfem.correction.tabulated import DEFINITION, TabulatedCorrection
@@ -41,6 +40,7 @@ from legfem.study.correction.command import as_table
 from legfem.study.correction.tables import SHOWN, Cells
 from legfem.subjects.subject import Subject, load_subject
 
+DOCUMENT = "leg.json"
 _LEG_COLOUR, _TABLE_COLOUR = "#0072B2", "#D55E00"
 
 
@@ -70,7 +70,13 @@ class LegBesideTable:
         return self.table.correction(self.displacement, np.asarray(self.c10), np.asarray(self.c20))
 
 
-def run(directory: Path, stiffness: tuple[float, float], depth: float, out: Path) -> None:
+def run(
+    directory: Path,
+    stiffness: tuple[float, float],
+    depth: float,
+    out: Path,
+    quiet: bool = False,
+) -> None:
     """Solve a subject's leg in 3D and in plane strain, and write how P compares.
 
     Parameters
@@ -83,6 +89,8 @@ def run(directory: Path, stiffness: tuple[float, float], depth: float, out: Path
         mm.
     out
         Folder; solves are kept there.
+    quiet
+        Whether progress isn't told.
 
     Raises
     ------
@@ -90,21 +98,25 @@ def run(directory: Path, stiffness: tuple[float, float], depth: float, out: Path
         If the folder is wrong, or a model stops short of the depth.
     """
     subject = load_subject(directory, need_recordings=False, need_instrument=False)
-    found = _solved(subject, stiffness, depth, out)
+    with progress_on(quiet=quiet) as progress:
+        found = _solved(subject, stiffness, depth, out, progress)
     cells = _cells(found)
     title = f"P(d) of {subject.title}, C10 {found.c10:g}, C20 {found.c20:g} kPa"
     Console(width=110).print(as_table(title, cells))
     figure = _draw(found, out)
-    write_document(out / "leg.json", _document(found))
+    write_document(out / DOCUMENT, _document(found))
     write_atomically(out / PAGE, rendered(_page(found, cells)))
-    print(f"leg: {out / 'leg.json'}\nfigure: {figure[0]}\npage: {out / PAGE}")
+    print(f"leg: {out / DOCUMENT}\nfigure: {figure[0]}\npage: {out / PAGE}")
 
 
 def _solved(
-    subject: Subject, stiffness: tuple[float, float], depth: float, out: Path
+    subject: Subject,
+    stiffness: tuple[float, float],
+    depth: float,
+    out: Path,
+    progress: Progress,
 ) -> LegBesideTable:
     values = {DEEP_C10: kpa_to_mpa(stiffness[0]), DEEP_C20: kpa_to_mpa(stiffness[1])}
-    progress = Lines(sys.stderr)
     models = LegModels.of_subject(subject, depth, out / SOLVES, progress=progress)
     progress.stage("the section in plane strain")
     plane = PlaneStrainForward.of_subject(subject, depth).solve(values, ())

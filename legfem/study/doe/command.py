@@ -46,6 +46,7 @@ class DoeOptions:
     seed: int
     counting: Counting
     beyond: bool
+    quiet: bool = False
 
 
 def run(options: DoeOptions, comm: Any, simulator: Simulator | None = None) -> bool:
@@ -87,7 +88,7 @@ def _write_all(
     # All studies share the simulations: the same point isn't done twice.
     store = Store(options.out / "runs", Record, workers.context.fingerprint())
     results, folders = [], []
-    with progress_on() as progress:
+    with progress_on(quiet=options.quiet) as progress:
         workshop = Workshop(workers, store, progress)
         for definition in definitions:
             out = options.out if len(definitions) == 1 else options.out / definition.source.stem

@@ -1,0 +1,161 @@
+"""Searches for several laws, whose designs are solved together and whose limits are compared."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from legfem.identify.catalogue import DEEP_C20
+from legfem.identify.forward import ForwardOutcome
+from legfem.identify.laws import IdentifiedLaw, LawName, model_values
+from legfem.identify.misfit import Compared
+from legfem.identify.plain import run_plain
+from legfem.identify.search import Search
+from legfem.identify.settings import IdentificationSettings
+from legfem.identify.solver import FullSolver, key_of_values
+from legfem.identify.trial import Linearised, Trial
+from legfem.inference.domain import Domain
+from legfem.inference.least_squares import Residual
+
+# C20 over its standard error below which the neo-Hookean limit is looked at by itself.
+_NEAR_LIMIT = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Found[Comparison: Compared]:
+    """A law's finished search."""
+
+    search: Search[Comparison]
+    best: Trial
+    """The optimum, with a prediction: the law's own, or its neo-Hookean limit's."""
+    neo_hookean_limit: bool
+    wall_s: float
+
+    @property
+    def linear(self) -> Linearised:
+        """The misfit about the optimum."""
+        assert self.best.prediction is not None
+        search = self.search
+        return Linearised(search.law, search.misfit, self.best.prediction, self.best.point)
+
+    @property
+    def residual(self) -> Residual:
+        """The weighted residual of points (p,), without further full solves."""
+        search = self.search
+        if search.settings.emulator:
+            return search.emulated_residual(search.emulator())
+        return self.linear.at
+
+    @property
+    def trials(self) -> list[Trial]:
+        """All full solves."""
+        known = self.search.trials
+        return [*known, *([] if self.best in known else [self.best])]
+
+    @property
+    def outcomes(self) -> list[ForwardOutcome]:
+        """Of the solves; points that differ in the instrument only are read from one."""
+        by_values = {key_of_values(one.outcome.values): one.outcome for one in self.trials}
+        return list(by_values.values())
+
+    @property
+    def reused_solves(self) -> int:
+        """How many of the solves an earlier run had kept."""
+        return sum(self.search.solver.was_reused(one.values) for one in self.outcomes)
+
+
+@dataclass(eq=False)
+class Searches[Comparison: Compared]:
+    """Finds laws; solves of one law aren't repeated for another.
+
+    Parameters
+    ----------
+    laws : Mapping[str, IdentifiedLaw]
+        By name, with what is free and what is held in each.
+    solver : FullSolver
+        Of the forward model.
+    settings : IdentificationSettings
+        Of the search.
+    misfit_of : callable
+        Returns the comparison with what was measured, given a law.
+    """
+
+    laws: Mapping[LawName, IdentifiedLaw]
+    solver: FullSolver
+    settings: IdentificationSettings
+    misfit_of: Callable[[IdentifiedLaw], Comparison]
+
+    def __post_init__(self) -> None:
+        """Begin with no law searched for."""
+        self._searches: dict[LawName, Search[Comparison]] = {}
+        self._seconds: dict[LawName, float] = {}
+
+    def find(self, names: Sequence[LawName]) -> list[Found[Comparison]]:
+        """Return what was found of laws, in their order."""
+        if self.settings.emulator:
+            self._solve_designs(names)
+        return [self._find(name) for name in names]
+
+    def _find(self, name: LawName) -> Found[Comparison]:
+        search = self._search(name)
+        best, limit, law = search.best, False, search.law
+        k = law.index(DEEP_C20)
+        if k is not None and "neo-hookean" in self.laws:
+            near = bool(best.point[k] <= _NEAR_LIMIT * search.standard_error()[k])
+            if near or "neo-hookean" in self._searches:
+                neo_hookean = self._search("neo-hookean").best
+                if neo_hookean.objective <= best.objective:
+                    best = neo_hookean
+        if k is not None and best.values[DEEP_C20] == 0.0:
+            limit = True
+            search, best = _at_limit(search, best)
+        return Found(search, best, limit, self._seconds[name])
+
+    def _new_search(self, name: LawName) -> Search[Comparison]:
+        law = self.laws[name]
+        return Search(law, self.misfit_of(law), self.settings, self.solver)
+
+    def _solve_designs(self, names: Sequence[LawName]) -> None:
+        """Solve the designs of all laws together, which keeps all processes busy."""
+        designs = {name: self._new_search(name).design() for name in names}
+        points = [
+            model_values(self.laws[name].values(point))
+            for name, design in designs.items()
+            for point in design
+        ]
+        self.solver.progress.stage("solving the designs of the search", len(points))
+        started = time.perf_counter()
+        self.solver.solve(points)
+        each = (time.perf_counter() - started) / len(points)
+        self._seconds = {name: each * len(design) for name, design in designs.items()}
+
+    def _search(self, name: LawName) -> Search[Comparison]:
+        if name not in self._searches:
+            self.solver.progress.stage(f"identifying the {name} law")
+            started = time.perf_counter()
+            search = self._new_search(name)
+            if self.settings.emulator:
+                search.run()
+            else:
+                run_plain(search)
+            self._searches[name] = search
+            spent = time.perf_counter() - started
+            self._seconds[name] = self._seconds.get(name, 0.0) + spent
+        return self._searches[name]
+
+
+def _at_limit[Comparison: Compared](
+    search: Search[Comparison], best: Trial
+) -> tuple[Search[Comparison], Trial]:
+    """Return a search and its neo-Hookean limit, as points of the search's own law."""
+    law = search.law
+    parameters = tuple(
+        replace(one, bounds=(0.0, one.bounds[1])) if one.name == DEEP_C20 else one
+        for one in law.parameters
+    )
+    law = replace(law, parameters=parameters)
+    point = Domain(parameters).inside(law.point({**law.fixed, **best.values}))
+    if best in search.trials:
+        return replace(search, law=law), best
+    return replace(search, law=law), replace(best, point=point)

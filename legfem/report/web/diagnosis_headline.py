@@ -1,0 +1,204 @@
+"""A diagnosis' first screen: what to write down, what is wrong, how sure, and what to do.
+
+Its words were changed after readers without statistics had stumbled over them (`docs/checklist.md`,
+"Tried").
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from legfem.diagnose.diagnosis import Diagnosis
+from legfem.diagnose.explanation import Explanation
+from legfem.diagnose.sentences import next_experiments, percent, statements
+from legfem.report import diagnosis_tables as tables
+from legfem.report.diagnosis_style import determined
+from legfem.report.located import places_of
+from legfem.report.web import page as web
+from legfem.report.words import number
+
+TITLE = "Can the stiffness of {kind} ‘{id}’ be trusted?"
+_MOST_CAUSES = 2
+"""That find room on the first screen of a phone."""
+
+
+def headline(found: Diagnosis, plan: Sequence[str]) -> web.Headline:
+    """Return the verdict for someone who knows no statistics.
+
+    Parameters
+    ----------
+    found
+        The diagnosis.
+    plan
+        What could be done next, each with its chance, the best first.
+    """
+    tone, heading = _answer(found)
+    return web.Headline(
+        tone,
+        _write_down(found),
+        [
+            ("What is wrong", _wrong(found)),
+            ("How sure", _sure(found)),
+            ("What it does to C10", _stiffness(found)),
+            ("What to do", _to_do(found, plan)),
+        ],
+        heading,
+    )
+
+
+def _answer(found: Diagnosis) -> tuple[web.Tone, str]:
+    """Return how the verdict looks, and the answer to the page's title."""
+    if found.verdict == "consistent":
+        return "sound", "Yes."
+    if found.verdict == "unexplained":
+        return "wrong", "No."
+    if found.verdict == "named" or _alike(found):
+        return "caution", "Yes, but use the corrected one."
+    return "open", "Only as a range."
+
+
+def _write_down(found: Diagnosis) -> str:
+    if found.verdict == "unexplained":
+        return "Write down no number."
+    if "C10" not in found.base.fit.free:
+        return "C10 was given, not found."
+    low, high = _within(found)
+    if found.verdict == "ambiguous" and not _alike(found):
+        return f"Write down a range: C10 between {low} and {high} kPa."
+    best = found.models[0] if found.models else found.base
+    if not determined(best, "C10"):
+        return "Write down no number: this test tells nothing of C10."
+    return f"Write down: C10 {_value(found, best)} kPa (most likely between {low} and {high})."
+
+
+def _wrong(found: Diagnosis) -> str:
+    if found.verdict == "consistent":
+        return (
+            "Nothing that this test could show. What it could not show is listed further down, "
+            "under “What could not be tested”."
+        )
+    if found.verdict == "unexplained":
+        return (
+            "The computer model of the leg does not reproduce the recording, and no cause that "
+            f"this program knows explains the difference.{_place(found)}"
+        )
+    if found.verdict == "named":
+        part = " That explains a part of the difference only." if found.models[0].in_part else ""
+        return f"Most likely {statements(found.models[0])}. The computer model left that out.{part}"
+    causes = [f"({percent(m.probability)}) {statements(m)}" for m in found.models[:_MOST_CAUSES]]
+    more = len(found.models) - len(causes)
+    others = f"; or one of {more} less likely causes, listed further down" if more > 0 else ""
+    return f"The computer model left out one of these: {'; '.join(causes)}{others}."
+
+
+def _place(found: Diagnosis) -> str:
+    places = places_of(found)
+    if not places:
+        return ""
+    most = max(places, key=lambda place: place.weight)
+    low, high = most.displacement
+    return (
+        f" The difference is gravest between {low:.0f} and {high:.0f} mm of {most.phase}: "
+        f"{abs(most.size):.1g} N."
+    )
+
+
+def _sure(found: Diagnosis) -> str:
+    soundness = found.explained.soundness
+    if found.verdict == "consistent":
+        fits = f"{percent(soundness)} sure that the computer model fits this test"
+        return f"{capital(fits)}. The range in brackets {_NINETEEN_OF_20}"
+    wrong = f"{percent(1 - soundness)} sure that the computer model left something out"
+    if found.verdict == "unexplained":
+        return f"{capital(wrong)}; what it was can't be said."
+    if found.verdict == "named":
+        share = found.models[0].probability
+        return (
+            f"{capital(percent(share))} sure of this cause, and {wrong}. The range in brackets "
+            f"allows for other causes, too, and {_NINETEEN_OF_20}"
+        )
+    return f"{capital(wrong)}; this test can't tell which of these. The range {_NINETEEN_OF_20}"
+
+
+_NINETEEN_OF_20 = "is made to hold the true value in 19 of 20 tests."
+
+
+def _stiffness(found: Diagnosis) -> str:
+    if found.verdict == "unexplained":
+        return f"{_C10}, can't be told: what this test gives for it may be off by any amount."
+    if "C10" not in found.base.fit.free:
+        return "Nothing: it was given."
+    before = _value(found, found.base)
+    if found.verdict == "consistent":
+        return f"{_C10}, is {before} kPa; nothing has to be corrected."
+    after = [_value(found, model) for model in found.models]
+    if found.verdict == "named" or _alike(found):
+        change = tables.relative_change(
+            found.base.value("C10"), found.models[0].value("C10")
+        ).lstrip("+")
+        way = "lower" if change.startswith("-") else "higher"
+        causes = "" if found.verdict == "named" else ", whichever cause it is"
+        return (
+            f"{_C10}, would be {before} kPa without the correction. Corrected it is {after[0]} kPa "
+            f"({change.lstrip('-')} {way}){causes}."
+        )
+    low, high = min(after, key=float), max(after, key=float)
+    return (
+        f"{_C10}, would be {before} kPa without a correction. Corrected it is {low} to {high} kPa, "
+        "depending on the cause."
+    )
+
+
+_C10 = "C10, the stiffness of the tissue"
+
+
+def _alike(found: Diagnosis) -> bool:
+    """Return whether C10 is the same for all causes, as far as it is known."""
+    return "C10" in found.base.fit.free and len({_value(found, m) for m in found.models}) == 1
+
+
+def _value(found: Diagnosis, model: Explanation) -> str:
+    ends = [one.interval("C10") for one in (found.base, *found.models)]
+    return number(model.value("C10"), max(high - low for low, high in ends) / 4)
+
+
+def _within(found: Diagnosis) -> tuple[str, str]:
+    """Return between which values C10 lies, over all explanations."""
+    best = found.models[0] if found.models else found.base
+    low, high = found.intervals.get("C10") or best.interval("C10")
+    return number(low, (high - low) / 4), number(high, (high - low) / 4)
+
+
+def to_do_next(found: Diagnosis, plan: Sequence[str]) -> list[str]:
+    """Return what could be done next, the best first."""
+    lines = [*plan, *next_experiments(found)]
+    return [capital(line) for line in lines] or [
+        "Nothing is asked for by these recordings: use the stiffness with the law it belongs to"
+    ]
+
+
+def _to_do(found: Diagnosis, plan: Sequence[str]) -> str:
+    lines = next_experiments(found)
+    if found.verdict == "consistent":
+        if not lines:
+            return "Use the number above. No other test is needed."
+        return (
+            "Use the number above. If it matters what the tissue does in time, ask the lab to "
+            f"{lines[0]}."
+        )
+    what, _, chance = plan[0].partition(": ") if plan else (lines[0], "", "")
+    asked = f"ask the lab to {what}" + (f" ({chance})" if chance else "")
+    if found.verdict == "unexplained":
+        return (
+            "Use no number of this test. Ask the lab to look for a mistake in the data first; "
+            f"then to {lines[0]}."
+        )
+    if found.verdict == "named":
+        return f"Use the corrected number. To be surer of the cause, {asked}."
+    kept = "the corrected number" if _alike(found) else "the range, and no single number"
+    return f"Use {kept}. To find out which cause it is, {asked}."
+
+
+def capital(text: str) -> str:
+    """Return a text that begins with a capital."""
+    return text[:1].upper() + text[1:]

@@ -1,0 +1,209 @@
+"""The page of a leg's sites: one set of tissues from all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from legfem.common.doubts import doubt_lines
+from legfem.identify.catalogue import symbol_of
+from legfem.identify.warnings import LEAST_CHANCE
+from legfem.report.sites_text import (
+    agreement,
+    by_site,
+    of,
+    own_value,
+    procedure,
+    sites_text,
+)
+from legfem.report.style import LAW_NAMES
+from legfem.report.text import probability
+from legfem.report.web import estimates
+from legfem.report.web import page as web
+from legfem.report.web.identification import fit_curves, options_of
+from legfem.sites.result import SitesResult
+
+_NOT_TESTED = (
+    "What the tissues do in time: unloading, holds and other speeds were not used.",
+    "Which physics was left out, where a law does not fit: the diagnosis takes one site at a time.",
+    "What is wrong alike at all sites (the load cell's calibration, the correction for the "
+    "cylinder's ends, the stiffness assumed of fascia) looks like a change of stiffness.",
+)
+
+
+def sites_web_page(results: Sequence[SitesResult], text: str, command: str = "") -> web.WebPage:
+    """Return the page of a leg's sites.
+
+    Parameters
+    ----------
+    results
+        One a law, of one leg.
+    text
+        Of ``report.txt``.
+    command
+        That was given; empty where there was none.
+    """
+    best = _best(results)
+    leg = best.leg
+    return web.WebPage(
+        title=f"How stiff is leg {leg.id}, from {len(leg.sites)} sites together?",
+        subject=leg.title,
+        origin=leg.origin,
+        headline=_headline(best),
+        warnings=list(
+            dict.fromkeys([
+                *(line for r in (best, *results) for line in doubt_lines(r.doubts)),
+                *(f"{LAW_NAMES[r.law]} law: {line}" for r in results for line in r.warnings),
+            ])
+        ),
+        known=_known(results),
+        chapters=[
+            web.Chapter("Sites and model", [_alone(best), *_curves(results, best)]),
+            web.Chapter("What was tested", [web.Bullets(_tested(results))]),
+            web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
+            web.Chapter("What to do next", [web.Bullets(_next(best))]),
+            web.how_it_was_done(procedure(best), sites_text(results), text),
+        ],
+        repeat=web.Repeat(command, best.versions, {"seed": f"{best.seed}"}),
+    )  # fmt: skip
+
+
+def _best(results: Sequence[SitesResult]) -> SitesResult:
+    """Return the law that fits best for the number of its parameters (Akaike)."""
+    return min(results, key=lambda r: r.misfit.chi_square + 2 * len(r.parameters))
+
+
+def _fits(result: SitesResult) -> bool:
+    return not result.misfit.p_value < LEAST_CHANCE
+
+
+def _agree(result: SitesResult) -> bool:
+    return not result.agreement.p_value < LEAST_CHANCE
+
+
+def _headline(best: SitesResult) -> web.Headline:
+    law = LAW_NAMES[best.law]
+    values = "; ".join(
+        f"{estimates.words_of(name)} {estimates.value_text(found)} "
+        f"(95 % {estimates.interval_text(found)})"
+        for name, found in best.parameters.items()
+        if found.parameter.role == "identified"
+    )
+    sound = _fits(best) and _agree(best)
+    unsure = estimates.unknown_among(best.parameters)
+    tone: web.Tone = "wrong" if not sound else "caution" if unsure else "sound"
+    if sound:
+        sentence = f"One {law} tissue describes all {len(best.sites)} sites."
+        wrong = "Nothing that the loading of these recordings could show."
+    elif _agree(best):
+        sentence = "The model does not describe these sites: its stiffness is a wrong model's."
+        wrong = (
+            f"Something that the {law} law leaves out shows ({probability(best.misfit.p_value)})."
+        )
+    else:
+        sentence = "The sites do not ask for the same stiffness."
+        wrong = agreement(best)
+    return web.Headline(
+        tone,
+        sentence,
+        [
+            ("What is wrong", wrong),
+            ("How stiff", f"{values}."),
+            ("How sure", estimates.how_sure(best.parameters)),
+            ("What to do", _next(best)[0]),
+        ],
+    )
+
+
+def _known(results: Sequence[SitesResult]) -> list[web.Known]:
+    first = results[0]
+    trials = sum(site.measured.n_trials for site in first.sites)
+    rows = [
+        estimates.estimated(f"{estimates.words_of(name)}, {LAW_NAMES[r.law]} law", found, trials)
+        for r in results
+        for name, found in r.parameters.items()
+    ]
+    free = {name for r in results for name in r.parameters}
+    held = {n: v for r in results for n, v in r.assumed.items() if n not in free}
+    rows += [
+        web.Known(estimates.words_of(name), estimates.held_text(name, value), "assumed",
+                  "subject.toml, the command, or the law's own")
+        for name, value in held.items()
+    ]  # fmt: skip
+    rows += [
+        web.Known(f"{symbol_of(name)} of each site", f"± {sd:.3g} (sd)", "prior", "--prior")
+        for name, sd in first.own_errors.items()
+    ]
+    for site in first.sites:
+        curve = site.measured
+        rows.append(
+            web.Known(f"{site.name}: greatest displacement used",
+                      f"{curve.displacement[-1]:.4g} mm", first.leg.origin,
+                      "recordings, from first contact")
+        )  # fmt: skip
+        if site.correction is not None:
+            P, sd = site.correction.P[-1], site.correction.sd[-1]
+            rows.append(
+                web.Known(f"{site.name}: 3D correction P there", f"{P:+.3f}", "prior",
+                          site.correction.name, f"{P - 2 * sd:+.3f} to {P + 2 * sd:+.3f}",
+                          "its error is shared by all sites")
+            )  # fmt: skip
+    return rows
+
+
+def _alone(best: SitesResult) -> web.WebTable:
+    names = list(best.parameters)
+    return web.WebTable(
+        f"What each site says by itself, {LAW_NAMES[best.law]} law (± one standard error; in "
+        "brackets how far it departs from the joint value, in standard errors of that difference)",
+        ["site", "rms (N)", "misfit", *map(symbol_of, names)],
+        [
+            [
+                one.name, f"{one.rms:.3g}", of(one.misfit),
+                *(
+                    f"{own_value(best, one.name, name)} ({one.by_itself[name].departure:+.1f})"
+                    for name in names
+                ),
+            ]
+            for one in best.sites
+        ],
+    )  # fmt: skip
+
+
+def _curves(results: Sequence[SitesResult], best: SitesResult) -> list[web.Block]:
+    blocks: list[web.Block] = []
+    for number, site in enumerate(best.sites):
+        predicted = {r.law: r.sites[number].predicted for r in results}
+        caption = f"{site.name}. "
+        blocks.append(fit_curves(f"site{number}", caption, site.measured, predicted, best.law))
+    return blocks
+
+
+def _tested(results: Sequence[SitesResult]) -> list[str]:
+    return [
+        line
+        for result in results
+        for line in (
+            f"All sites together, {LAW_NAMES[result.law]} law: chi-square {of(result.misfit)}.",
+            agreement(result),
+            *(f"{text}." for text in by_site(result)),
+            *estimates.why_identifiable(result.parameters, result.law),
+        )
+    ]
+
+
+def _next(best: SitesResult) -> list[str]:
+    worst = min(best.sites, key=lambda one: one.misfit.p_value)
+    far = max(best.sites, key=lambda one: max(abs(own.departure) for own in one.by_itself.values()))
+    suspect = worst if _agree(best) else far
+    diagnose = f"python -m legfem.diagnose {options_of(suspect.subject)}"
+    if not (_fits(best) and _agree(best)):
+        return [f"Find out what is otherwise at {suspect.name}: {diagnose}"]
+    unknown = estimates.unknown_among(best.parameters)
+    lines = [
+        f"These sites don't tell {', '.join(unknown)} well: press deeper, or where the fat is "
+        "thinner."
+        if unknown
+        else f"Use these numbers together with the {LAW_NAMES[best.law]} law."
+    ]
+    lines.append(f"Have unloading, holds and speeds looked at, site by site: {diagnose}")
+    return lines

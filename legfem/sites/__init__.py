@@ -1,0 +1,1 @@
+"""One leg pressed at several sites: its tissues from all of them together."""

@@ -1,0 +1,85 @@
+"""What a reader of a leg's joint result must be told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from legfem.common.doubts import Doubt
+from legfem.identify.catalogue import key_of
+from legfem.identify.warnings import (
+    LEAST_CHANCE,
+    UNCONVERGED,
+    at_limits,
+    begun_in_air,
+    doubts_about_stiffness,
+    far_from_priors,
+    of_ends,
+)
+from legfem.sites.result import SiteFit, SitesResult
+from legfem.subjects.plausibility import doubts_about
+
+
+def warnings_about(result: SitesResult) -> tuple[str, ...]:
+    """Return one sentence a warning, the gravest first."""
+    texts = [*(() if result.converged else (UNCONVERGED,))]
+    if result.misfit.p_value < LEAST_CHANCE:
+        worst = min(result.sites, key=lambda one: one.misfit.p_value)
+        texts.append(
+            f"The {result.law} law does not describe these sites together (chi-square "
+            f"{result.misfit.chi_square:.4g} for {result.misfit.degrees_of_freedom} degrees of "
+            f"freedom), {worst.name} least (misses by {worst.rms:.2g} N rms). The intervals hold "
+            "for the law as fitted and understate what is unknown."
+        )
+    if result.agreement.p_value < LEAST_CHANCE:
+        texts.append(
+            "The sites do not ask for the same parameters (chi-square "
+            f"{result.agreement.chi_square:.3g} for {result.agreement.degrees_of_freedom} degrees "
+            f"of freedom): {'; '.join(_departures(result))}. Something is otherwise there, wrongly "
+            "given, or left out by the law: diagnose that site by itself."
+        )
+    for one in result.sites:
+        texts += [_at(one, text) for text in begun_in_air(one.measured)]
+    texts += [
+        *at_limits(result.law, result.parameters, result.neo_hookean_limit),
+        *far_from_priors(result.parameters),
+    ]
+    if result.failed_solves:
+        texts.append(
+            f"{result.failed_solves} of {result.forward_solves} full solves stopped short at one "
+            "of the sites; the search kept away from them."
+        )
+    applied = [one for one in result.sites if one.correction is not None]
+    texts += dict.fromkeys(
+        text for one in result.sites for text in of_ends(one.subject, one.correction is not None)
+    )
+    if len(applied) > 1:
+        texts.append(
+            "What is wrong with the 3D correction is taken to be wrong alike at all sites: it "
+            "doesn't average out, and more sites don't narrow that part of the intervals."
+        )
+    return tuple(texts)
+
+
+def doubts_of(result: SitesResult) -> tuple[Doubt, ...]:
+    """Return what is unlikely at any site, and in stiffnesses that nobody has found so."""
+    own = [
+        replace(doubt, field=f"site {one.name}, {doubt.field}")
+        for one in result.sites
+        for doubt in doubts_about(one.subject)
+    ]
+    return (*own, *doubts_about_stiffness(result.sites[0].subject, result.parameters))
+
+
+def _departures(result: SitesResult) -> list[str]:
+    found = []
+    for name in result.parameters:
+        far = result.farthest(name)
+        found.append(
+            f"{key_of(name)} departs most at {far.name}, by {far.by_itself[name].departure:+.1f} "
+            "standard errors"
+        )
+    return found
+
+
+def _at(one: SiteFit, text: str) -> str:
+    return f"Site {one.name}: {text}"

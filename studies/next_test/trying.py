@@ -1,0 +1,224 @@
+"""One ambiguous case: what is proposed, what is drawn, and what both end in.
+
+The leg does in the new test what its sealed truth says (another discretisation or another code),
+and the same lab records it: its scatter between trials and its air are drawn as those of the case
+were, anew for every trial. The old recordings and the new ones are diagnosed together; weighed are
+the mechanisms of the explanations that were left, alone and in pairs, nothing and something
+unknown: what the first diagnosis had ruled out isn't sought again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from legfem.common.progress import Silent
+from legfem.correction.choice import choose_correction
+from legfem.diagnose.diagnosis import Diagnosis, diagnose
+from legfem.diagnose.leg import solved_responses
+from legfem.diagnose.library_build import build_library
+from legfem.diagnose.mechanisms import Mechanism
+from legfem.diagnose.run import STIFFENING, Diagnoser, accuracy_of, no_ends_because
+from legfem.plan.designs import Design
+from legfem.plan.reckon import Reckoned
+from legfem.plan.run import plan_after
+from legfem.recording import Recording
+from legfem.solve.protocol import Protocol
+from legfem.subjects.subject import Subject, load_subject
+from studies.concealed.cases import DEPTH_MM, TRIALS, SealedCase
+from studies.concealed.legs import SealedLeg, sealed_leg
+from studies.concealed.making import write_case
+from studies.concealed.seal import read_sealed
+from studies.concealed.truth import Truths
+from studies.lab.conditions import drawn_errors
+from studies.lab.recording import record
+
+_SLACK_MM = 0.5
+"""By which a recorded depth is beyond the drive's: an encoder's steps and slow errors."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a new test led to."""
+
+    design: str
+    chance: float
+    """That it tells all explanations apart, as the plan reckoned it."""
+    verdict: str
+    models: list[list[str]]
+    """Named models' mechanisms, the most probable first."""
+    right: bool
+    """Whether one explanation is left, and it is what was concealed."""
+
+    @property
+    def ended(self) -> bool:
+        """Whether one explanation is left."""
+        return self.verdict == "named"
+
+    @property
+    def line(self) -> str:
+        """What progress says."""
+        names = " | ".join("+".join(names) for names in self.models)
+        return f"{self.design} ({self.chance:.0%}): {self.verdict} {names}"
+
+
+@dataclass(frozen=True)
+class Tried:
+    """One case."""
+
+    number: int
+    concealed: list[str]
+    code: str
+    before: list[list[str]]
+    """Explanations that were left."""
+    ranked: list[tuple[str, float]]
+    """All tests with their chances, the best first."""
+    able: list[str]
+    """Those that the study can make."""
+    proposed: Outcome | None
+    random: Outcome | None
+    why: str = ""
+    """Why nothing was tried, if so."""
+
+
+@dataclass(eq=False)
+class Lab:
+    """Where new tests are made.
+
+    Parameters
+    ----------
+    cases
+        Folder of the sealed cases.
+    work
+        Of the subjects with all recordings.
+    diagnoser
+        Of the old recordings and of all.
+    seed
+        Of the cases, and of what is drawn here.
+    """
+
+    cases: Path
+    work: Path
+    diagnoser: Diagnoser
+    seed: int
+    _legs: dict[int, tuple[SealedLeg, Truths]] = field(default_factory=dict, repr=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave finite-element models out."""
+        return {**self.__dict__, "_legs": {}}
+
+    def leg(self, number: int) -> tuple[SealedLeg, Truths]:
+        """Return a leg of the study and what simulates it."""
+        if number not in self._legs:
+            assert self.diagnoser.correction is not None
+            leg = sealed_leg(number, self.seed)
+            truths = Truths(leg.true, self.diagnoser.folder / "truth", self.diagnoser.correction)
+            self._legs[number] = leg, truths
+        return self._legs[number]
+
+    def recorded(self, case: SealedCase, design: Design) -> list[Recording] | None:
+        """Return a new test's recordings; None where a solution stopped."""
+        driven = [as_driven(protocol) for protocol in design.protocols]
+        truth = self.leg(case.leg)[1].of(case, driven, TRIALS)
+        if truth is None:
+            return None
+        errors = drawn_errors(np.random.default_rng(case.noise_seed))
+        generator = np.random.default_rng([case.noise_seed, 22])
+        return record(truth.trials, errors, generator)
+
+
+def as_driven(protocol: Protocol) -> Protocol:
+    """Return what a drive is told where a depth as recorded is asked for."""
+    return Protocol(protocol.time, tuple(min(d, DEPTH_MM) for d in protocol.displacement))
+
+
+def can_be_made(design: Design, case: SealedCase) -> bool:
+    """Tell whether the study knows what the leg does in a test.
+
+    Truths go to the depth of the cases, under their cylinder, on the outlines that are stated; the
+    other code's friction is known in loading alone.
+    """
+    if design.length_factor != 1.0 or design.outlines_known or design.contact_known:
+        return False
+    if max(p.depth for p in design.protocols) > DEPTH_MM + _SLACK_MM:
+        return False
+    loading = all(s.phase == "loading" for p in design.protocols for s in p.segments)
+    return loading or not (case.code == "felupe" and "contact-slip" in case.names)
+
+
+def try_case(lab: Lab, folder: Path) -> Tried:
+    """Return what the proposed test, and one drawn, say of an ambiguous case."""
+    case = SealedCase.of(read_sealed(lab.cases / "keys" / f"{folder.name}.json", lab.seed)["case"])
+    subject = load_subject(folder)
+    found = lab.diagnoser.diagnose(subject, Silent())
+    ranked = plan_after(found, subject, lab.diagnoser, Silent())
+    open_ = [one for one in ranked if can_be_made(one.design, case)]
+    told = Tried(
+        case.number, list(case.names or ("nothing",)), case.code, _names(found),
+        [(one.design.name, one.chance) for one in ranked], [one.design.name for one in open_],
+        None, None, "no test that can be made was proposed",
+    )  # fmt: skip
+    if not open_:
+        return told
+    drawn = np.random.default_rng([lab.seed, 23, case.number]).integers(len(open_))
+    outcomes: dict[str, Outcome | None] = {}
+    for one in (open_[0], open_[drawn]):
+        name = one.design.name
+        if name not in outcomes:
+            outcomes[name] = _outcome(lab, case, subject, found, one)
+    proposed, random = outcomes[open_[0].design.name], outcomes[open_[drawn].design.name]
+    if proposed is None or random is None:
+        return replace(told, why="a finite-element solution of the new test stopped")
+    return replace(told, proposed=proposed, random=random, why="")
+
+
+def _outcome(
+    lab: Lab, case: SealedCase, subject: Subject, before: Diagnosis, asked: Reckoned
+) -> Outcome | None:
+    """Make a test, and diagnose all recordings together."""
+    design = asked.design
+    new = lab.recorded(case, design)
+    if new is None:
+        return None
+    both = _numbered([*subject.recordings, *new])
+    folder = lab.work / f"{case.name}-{_slug(design.name)}"
+    if not folder.is_dir():
+        title = f"Sealed case {case.number} with another test (simulated)"
+        write_case(folder, title, case, lab.leg(case.leg)[0].stated, both)
+    left = list(dict.fromkeys(m for model in before.models for m in model.fit.mechanisms))
+    found = weigh_again(lab.diagnoser, load_subject(folder), left)
+    models = _names(found)
+    right = found.verdict == "named" and set(models[0]) == set(case.names)
+    return Outcome(design.name, asked.chance, found.verdict, models, right)
+
+
+def weigh_again(diagnoser: Diagnoser, subject: Subject, left: Sequence[Mechanism]) -> Diagnosis:
+    """Return a subject's diagnosis among some mechanisms."""
+    observed = diagnoser.observations(subject)
+    fine, coarse = solved_responses(subject, observed, diagnoser.folder, diagnoser.correction)
+    law = subject.tissues["deep"].law
+    library = build_library(
+        fine, coarse, observed, left, diagnoser.correction, 1, Silent(), STIFFENING[law]
+    )
+    ends = choose_correction("auto", subject)
+    return diagnose(
+        observed, subject.instrument, law, library, fine, Silent(), accuracy_of(subject), ends,
+        no_ends=no_ends_because(subject, ends), every=left,
+    )  # fmt: skip
+
+
+def _names(found: Diagnosis) -> list[list[str]]:
+    return [list(model.names) for model in found.models]
+
+
+def _numbered(recordings: Sequence[Recording]) -> list[Recording]:
+    return [replace(one, trial=f"trial{k + 1}") for k, one in enumerate(recordings)]
+
+
+def _slug(name: str) -> str:
+    words = "".join(c if c.isalnum() else " " for c in name).split()
+    return "-".join(words)[:40].lower()

@@ -1,0 +1,110 @@
+"""One planted leg: its sites together, and each by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from legfem.identify.catalogue import DEEP_C10, DEEP_C20, Values, parameter_of
+from legfem.identify.forward import ForwardOutcome, PlaneStrainForward
+from legfem.identify.laws import LawName
+from legfem.identify.result import Estimate
+from legfem.identify.run import identify_subject
+from legfem.inference.parameter import Parameter, Prior
+from legfem.jobs.store import Store
+from legfem.sites.forward import SitesForward
+from legfem.sites.identification import identify_sites, sites_model
+from studies.sites.planted import FAT_FACTOR, Truth, leg_of
+
+FAT = "superficial.C10"
+PARAMETERS = (DEEP_C10, DEEP_C20)
+_LAW: tuple[LawName, ...] = ("reduced-polynomial",)
+
+
+@dataclass(frozen=True)
+class Interval:
+    """What was found of one parameter, kPa."""
+
+    value: float
+    low: float
+    high: float
+
+    @property
+    def width(self) -> float:
+        """Of the interval."""
+        return self.high - self.low
+
+    def covers(self, truth: float) -> bool:
+        """Tell whether the interval holds a truth."""
+        return self.low <= truth <= self.high
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What was found of one leg."""
+
+    truth: Truth
+    together: dict[str, Interval]
+    """By the parameter's full name."""
+    alone: dict[str, dict[str, Interval]]
+    """By site."""
+    agreement_p: float
+    misfit_p: float
+    solves: int
+    converged: bool
+
+    def best_alone(self, name: str) -> Interval:
+        """Return the narrowest interval of a parameter from one site."""
+        return min((one[name] for one in self.alone.values()), key=lambda one: one.width)
+
+
+@dataclass(eq=False)
+class Remembered(PlaneStrainForward):
+    """A site's model whose solves are kept, so that both ways of identifying share them."""
+
+    kept: Path = Path()
+
+    @classmethod
+    def of(cls, model: PlaneStrainForward, kept: Path) -> Remembered:
+        """Return a model with a memory."""
+        return cls(
+            model.section, model.indenter, model.tissues, model.settings, model.depth, kept=kept
+        )
+
+    def solve(self, values: Values, sensitivities: Sequence[str]) -> ForwardOutcome:
+        """Return what is kept, or solve."""
+        store = Store(self.kept, ForwardOutcome, self.fingerprint())
+        asked: Any = (dict(values), tuple(sensitivities))
+        return store.get_or_make(asked, lambda: super(Remembered, self).solve(*asked))
+
+
+def identified(folder: Path, truth: Truth) -> Outcome:
+    """Record a leg, and identify it from its sites together and from each."""
+    leg = leg_of(truth, folder / "true")
+    models = [Remembered.of(one, folder / "solves") for one in sites_model(leg).models]
+    free = _free(models[0].nominal)
+    (joint,) = identify_sites(leg, _LAW, parameters=free, model=SitesForward(tuple(models)))
+    alone = {}
+    for site, model in zip(leg.sites, models, strict=True):
+        (single,) = identify_subject(site, _LAW, model=model, parameters=free)
+        alone[site.site] = _intervals(single.parameters)
+    return Outcome(
+        truth, _intervals(joint.parameters), alone, joint.agreement.p_value, joint.misfit.p_value,
+        joint.forward_solves, joint.converged,
+    )  # fmt: skip
+
+
+def _free(nominal: Values) -> tuple[Parameter, ...]:
+    """Return C10 and C20, and the fat's stiffness as a nuisance known to a factor."""
+    deep = [parameter_of(name, nominal) for name in PARAMETERS]
+    prior = Prior(nominal[FAT], np.log(FAT_FACTOR) / np.sqrt(3), "log", "the study's draws")
+    return (*deep, replace(parameter_of(FAT, nominal), role="nuisance", prior=prior))
+
+
+def _intervals(found: Mapping[str, Estimate]) -> dict[str, Interval]:
+    shown = {name: found[name].shown for name in (*PARAMETERS, FAT)}
+    return {name: Interval(one.value, *one.ci95) for name, one in shown.items()}

@@ -1,0 +1,138 @@
+"""What the app asks: the file's form, columns, and what loose files are."""
+
+import tomllib
+
+import numpy as np
+import pytest
+from making_specimens import write_bars
+
+from legfem.app.describe import (
+    DressedLeg,
+    LabSpecimens,
+    PressedLeg,
+    contours_in,
+    known_tests,
+    scans_in,
+)
+from legfem.app.settings import read_value, settings_of, with_channels, with_settings
+from legfem.common.errors import InputError
+from legfem.mechanics.materials import ReducedPolynomial
+from legfem.recording.columns import Channel, Channels
+from legfem.specimens.folder import load_specimen
+from legfem.specimens.schema import SpecimenFile, parse_specimen_file
+from legfem.stocking.leg_file import LegFile, parse_leg_file
+from legfem.subjects.catalogue import RESOURCES
+from legfem.subjects.schema import SubjectFile
+from legfem.subjects.sites import subject_entry
+
+SUBJECT = RESOURCES / "frauziols" / "subjects" / "3"
+
+
+def test_a_form_changes_its_keys_and_leaves_the_files_comments(tmp_path):
+    path = tmp_path / "subject.toml"
+    text = (SUBJECT / "subject.toml").read_text()
+    changed = with_settings(text, {("accuracy", "aim_sd_mm"): 1.5, ("section", "contours"): "a.csv",
+                                   ("instrument", "force_range_N"): None})  # fmt: skip
+    given, now = tomllib.loads(text), tomllib.loads(changed)
+    assert now.pop("accuracy") == {"aim_sd_mm": 1.5}
+    assert now["section"].pop("contours") == "a.csv"
+    del given["section"]["contours"], given["instrument"]["force_range_N"]
+    assert now == given
+    assert changed.count("#") == text.count("#")
+    path.write_text(with_settings(text, {("accuracy", "aim_sd_mm"): 1.5}))
+    assert subject_entry(path).given.accuracy.aim_sd_mm == 1.5
+
+
+@pytest.mark.parametrize("schema", [SubjectFile, LegFile])
+def test_the_form_has_every_number_of_the_schema(schema):
+    names = {one.name for one in settings_of(schema, "")}
+    if schema is SubjectFile:
+        assert {"indenter.aim_mm", "tissues.fascia.D1_per_MPa", "instrument.force_sd_N"} <= names
+    else:
+        assert {"stocking.stiffness_N_per_mm", "tissues.deep.C10_kPa", "bare.scan"} <= names
+    needed = {one.name for one in settings_of(SubjectFile, "") if one.needed}
+    assert "indenter.diameter_mm" in needed and "accuracy.aim_sd_mm" not in needed
+
+
+def test_what_is_typed_is_read_as_the_key_wants_it():
+    known = {one.name: one for one in settings_of(SubjectFile, "")}
+    assert read_value(known["indenter.aim_mm"], "1, -2.5") == [1.0, -2.5]
+    assert read_value(known["indenter.diameter_mm"], " 30 ") == 30.0
+    assert read_value(known["title"], "") is None
+    for text in ("3O", "1,5", "nan"):
+        with pytest.raises(InputError, match="no number"):
+            read_value(known["indenter.diameter_mm"], text)
+
+
+def test_chosen_columns_are_what_the_folder_then_reads_by(tmp_path):
+    channels = Channels(Channel("Zeit", "s"), Channel("Weg", "mm", -1), Channel("Kraft", "N", -1))
+    path = tmp_path / "subject.toml"
+    text = (SUBJECT / "subject.toml").read_text()
+    path.write_text(with_channels(text, channels))
+    assert subject_entry(path).given.recordings.channels() == channels
+    assert subject_entry(path).given.recordings.starts_at_contact
+    path.write_text(with_channels(path.read_text(), None))
+    assert subject_entry(path).given == subject_entry(SUBJECT / "subject.toml").given
+
+
+def test_loose_files_become_a_leg_that_lacks_nothing_but_the_instrument(tmp_path):
+    folder = tmp_path / "my leg"
+    folder.mkdir()
+    (folder / "outline.csv").write_bytes((SUBJECT / "contours.csv").read_bytes())
+    for trial in (SUBJECT / "recordings").iterdir():
+        (folder / trial.name).write_bytes(trial.read_bytes())
+    assert contours_in(folder) == ["outline.csv"]
+    PressedLeg("Mine", "outline.csv", 30, 50, (0, 0), 90).describe(folder)
+    given = subject_entry(folder / "subject.toml").given
+    assert (given.section.contours, given.indenter.diameter_mm) == ("outline.csv", 30.0)
+    assert given.instrument is None and given.origin == "measured"
+    assert sorted(p.name for p in folder.iterdir()) == ["outline.csv", "recordings", "subject.toml"]
+    assert len(list((folder / "recordings").iterdir())) == 3
+
+
+def test_a_scan_takes_the_place_of_contours(tmp_path):
+    (tmp_path / "leg.nii.gz").touch()
+    PressedLeg("Mine", "leg.nii.gz", 30, 50, (0, 0), 90, 300.0).describe(tmp_path)
+    section = subject_entry(tmp_path / "subject.toml").given.section
+    assert (section.scan, section.contours, section.level_mm) == ("leg.nii.gz", None, 300.0)
+
+
+def test_two_scans_become_a_leg_in_its_stocking(tmp_path):
+    for name in ("bare.nii.gz", "in stocking.nii.gz", "notes.txt"):
+        (tmp_path / name).touch()
+    assert scans_in(tmp_path) == ["bare.nii.gz", "in stocking.nii.gz"]
+    DressedLeg("Mine", "bare.nii.gz", "in stocking.nii.gz", "2").describe(tmp_path)
+    given = parse_leg_file(tmp_path / "leg.toml")
+    assert given.bare.scan == "bare.nii.gz" and given.stocking.compression_class == "2"
+
+
+def _is_small(size: str, test: str) -> bool:
+    """Whether a size is that of what presses or draws, and not the specimen's."""
+    return test in size or size in ("opening_mm", "rim_mm")
+
+
+@pytest.mark.parametrize("test", SpecimenFile.alternatives)
+def test_recordings_become_specimens_that_lack_nothing(tmp_path, test):
+    write_bars(tmp_path, ReducedPolynomial(5e-3, 1.0, 3e-3, np.inf))
+    (tmp_path / "specimen.toml").unlink()
+    for path in (tmp_path / "recordings").iterdir():
+        if test == "suction":
+            path.write_text(path.read_text().replace("force_N", "pressure_kPa"))
+        path.rename(tmp_path / path.name)
+    stated = {
+        one.key[-1]: one.choices[0]
+        if one.choices
+        else 10.0
+        if _is_small(one.key[-1], test)
+        else 40.0
+        for one in known_tests()[test]
+        if one.needed
+    }
+    LabSpecimens("Mine", test, {**stated, "never stated": None}).describe(tmp_path)
+    found = load_specimen(tmp_path)
+    assert found.origin == "measured" and not found.left_out
+    assert len(found.recordings) == len(list((tmp_path / "recordings").iterdir())) > 1
+    given = parse_specimen_file(tmp_path / "specimen.toml").test
+    assert {name: getattr(given, name) for name in stated} == stated
+    names = {one.key[0] for one in settings_of(SpecimenFile, f"[{test}]\n")}
+    assert names & set(SpecimenFile.alternatives) == {test}, "the form has no other test's numbers"

@@ -1,0 +1,202 @@
+"""The app's runs: commands as processes that outlive it, and what their results come to."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+from making import write_subject
+from making_diagnosed import diagnosed
+from making_results import result
+from test_diagnosis_report import CASES
+from typer.main import get_command
+
+from legfem.app.actions import ACTIONS
+from legfem.app.outcomes import found_by, sentence_of
+from legfem.app.runs import Run, RunState
+from legfem.common.documents import write_document
+from legfem.common.errors import InputError
+from legfem.common.progress import Lines, Reached, reached
+from legfem.diagnose.document import document
+from legfem.identify.document import result_document
+from legfem.subjects.subject import load_subject
+
+
+@pytest.fixture
+def module(tmp_path, monkeypatch):
+    """Return a function that makes a module, which a run then runs."""
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
+
+    def make(text):
+        (tmp_path / "pretended.py").write_text(text)
+        return "pretended"
+
+    return make
+
+
+def ended(run, seconds=30.0):
+    end = time.monotonic() + seconds
+    while run.alive:
+        assert time.monotonic() < end, run.log()
+        time.sleep(0.02)
+    return run.state
+
+
+def said(run, text, seconds=30.0):
+    end = time.monotonic() + seconds
+    while not any(text in line for line in run.log()):
+        assert time.monotonic() < end, run.log()
+        time.sleep(0.02)
+
+
+GOES_ON = """
+import pathlib, sys, time
+kept = pathlib.Path(sys.argv[1])
+print("kept" if kept.exists() else "anew", file=sys.stderr, flush=True)
+if not kept.exists():
+    kept.touch()
+    print("[   1.0 s] solving", file=sys.stderr, flush=True)
+    try:
+        time.sleep(60)
+    except KeyboardInterrupt:
+        print("interrupted: run the same command again to go on", file=sys.stderr)
+        sys.exit(130)
+print("result")
+"""
+
+
+def test_a_run_is_stopped_by_ctrl_c_and_goes_on_where_it_was(workspace, module, tmp_path):
+    folder = workspace.run(workspace.new_run("identify-leg"))
+    run = Run.begun(folder, module(GOES_ON), [str(tmp_path / "kept")], "leg")
+    said(run, "solving")
+    assert run.state is RunState.RUNNING and not run.resume()
+    assert run.reached().stage == "solving"
+    assert run.cancel()
+    assert ended(run) is RunState.STOPPED
+    # Another server, which knows the folder alone.
+    again = Run(folder)
+    assert not again.cancel() and again.resume()
+    assert ended(again) is RunState.DONE
+    assert (folder / "out.txt").read_text() == "result\n"
+    stopped = "interrupted: run the same command again to go on"
+    assert again.log() == ["anew", "[   1.0 s] solving", stopped, "kept"]
+    assert again.reached() is None, "progress before the stop isn't this start's"
+    assert again.command == f"python -m pretended {tmp_path / 'kept'}"
+    assert again.about == "leg"
+
+
+def test_a_run_outlives_the_server_that_began_it(workspace, module, tmp_path):
+    folder = workspace.run(workspace.new_run("identify-leg"))
+    name = module("import sys; print('on', file=sys.stderr, flush=True); sys.stdin.read()\n"
+                  "import time; time.sleep(0.5)")  # fmt: skip
+    script = (
+        "import os, signal, sys, pathlib; from legfem.app.runs import Run\n"
+        f"Run.begun(pathlib.Path({str(folder)!r}), {name!r}, [], 'leg')\n"
+        "os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    server = subprocess.run([sys.executable, "-c", script], check=False)
+    assert server.returncode == -signal.SIGKILL
+    run = Run(folder)
+    said(run, "on")
+    assert ended(run) is RunState.DONE
+
+
+def test_a_run_that_is_killed_is_seen_to_be_and_can_be_begun_again(workspace, module, tmp_path):
+    folder = workspace.run(workspace.new_run("identify-leg"))
+    run = Run.begun(folder, module(GOES_ON), [str(tmp_path / "kept")], "leg")
+    said(run, "anew")
+    assert run.cancel(at_once=True)
+    assert ended(run) is RunState.LOST
+    assert run.resume() and ended(run) is RunState.DONE
+
+
+@pytest.mark.parametrize(
+    ("status", "state"), [(0, RunState.DONE), (1, RunState.FAILED), (2, RunState.REFUSED)]
+)
+def test_how_a_run_ended_is_what_its_exit_status_says(workspace, module, status, state):
+    folder = workspace.run(workspace.new_run("identify-leg"))
+    run = Run.begun(folder, module(f"raise SystemExit({status})"), [], "leg")
+    assert ended(run) is state
+
+
+def test_progress_is_read_as_it_was_written(capsys):
+    lines = Lines(sys.stdout)
+    lines.stage("meshing")
+    lines.stage("solving", 3)
+    lines.advance("C10 0.5 kPa, 2/3 done")
+    printed = capsys.readouterr().out.splitlines()
+    about_now = pytest.approx(0, abs=1)
+    assert reached(["warning: x", *printed[:1]]) == Reached(about_now, "meshing", began=about_now)
+    last = reached(printed)
+    assert (last.stage, last.done, last.total) == ("solving", 1, 3)
+    assert last.last == "C10 0.5 kPa, 2/3 done"
+    lines.stage("searching")
+    lines.advance("one")
+    last = reached(capsys.readouterr().out.splitlines())
+    assert (last.stage, last.done, last.total, last.last) == ("searching", 1, None, "one")
+    assert reached(["no line of progress"]) is None
+    read = reached(["[  10.0 s] solving", "[  40.0 s]   3/9  one"])
+    assert read.left == pytest.approx(60.0)
+
+
+def test_every_commands_options_are_those_that_it_takes():
+    for actions in ACTIONS.values():
+        for action in actions:
+            command = get_command(import_module(f"{action.module}.__main__").app)
+            known = {name for one in command.params for name in one.opts}
+            assert {action.folder, "--out", *(one.option for one in action.choices)} <= known
+
+
+def test_typed_options_are_taken_apart_without_a_shell():
+    action = ACTIONS["subject.toml"][0]
+    folder, out = Path("/leg"), Path("/out")
+    found = action.options(folder, out, {"--law": "both", "--depth": ""}, "--prior 'deep.C10=2±1'")
+    assert found == ["--subject-dir", "/leg", "--out", "/out", "--law", "both", "--prior",
+                     "deep.C10=2±1"]  # fmt: skip
+    assert action.options(folder, out, {}, "; rm -rf $HOME")[4:] == [";", "rm", "-rf", "$HOME"]
+    for bad in ("--out=/x", "--subject 3", "'open"):
+        with pytest.raises(InputError):
+            action.options(folder, out, {}, bad)
+
+
+def pretended(workspace, kind):
+    folder = workspace.run(workspace.new_run(f"{kind}-leg"))
+    (folder / "run.json").write_text(json.dumps(
+        {"about": "leg", "arguments": ["python", "-m", f"legfem.{kind}"], "cwd": "/", "began": 0}
+    ))  # fmt: skip
+    (folder / "results").mkdir()
+    return Run(folder)
+
+
+def test_both_laws_of_an_identification_are_compared(workspace):
+    run, both = (
+        pretended(workspace, "identify"),
+        [result("neo-hookean"), result("reduced-polynomial")],
+    )
+    (run.results / "result.json").write_text('[{"half')
+    (row,) = found_by(run)
+    assert (row.kind, row.state, row.verdict) == ("identify", RunState.LOST, "")
+    write_document(run.results / "result.json", [result_document(one) for one in both])
+    for row, one in zip(found_by(run), both, strict=True):
+        shown = one.parameters["deep.C10"].shown
+        low, high = shown.ci95
+        assert row.c10 == f"{shown.value:.3g} ({low:.3g} to {high:.3g}) kPa"
+        assert bool(row.c20) == ("deep.C20" in one.parameters)
+        assert (row.law, row.verdict) == (one.law, one.identifiability[0])
+
+
+def test_a_diagnosis_is_compared_by_its_verdict_and_what_it_makes_of_c10(workspace, tmp_path):
+    effects, bump, asked = CASES["named"]
+    found, run = diagnosed(effects, bump=bump, asked=asked), pretended(workspace, "diagnose")
+    subject = load_subject(write_subject(tmp_path))
+    write_document(run.results / "diagnosis.json", document(found, subject, 0, 1.0))
+    (row,) = found_by(run)
+    low, high = found.intervals["C10"]
+    assert f"({low:.3g} to {high:.3g}) kPa" in row.c10
+    assert row.verdict == f"named: {found.models[0].names[0]}"
+    assert sentence_of(run).endswith(row.verdict)

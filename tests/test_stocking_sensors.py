@@ -1,0 +1,177 @@
+"""Pressures measured under a stocking: they tell what contours can't, the tension."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from making_stocking import PLANTED_KPA, laws, short_leg
+
+from legfem.common.errors import InputError
+from legfem.common.progress import Silent
+from legfem.common.units import MPA_PER_MMHG
+from legfem.experiments.compression import CompressionSettings
+from legfem.geometry.leg_shape import SKIN
+from legfem.geometry.slices import calf_levels
+from legfem.meshing.solid_leg import SolidMeshSettings
+from legfem.report.stocking_pressure_text import interface_section, sensor_rows
+from legfem.stocking.accuracy import ContourAccuracy
+from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
+from legfem.stocking.identification import SearchSettings
+from legfem.stocking.laplace import Stocking
+from legfem.stocking.leg import StockingLeg
+from legfem.stocking.leg_file import LegFile, parse_leg_file
+from legfem.stocking.leg_model import LegModel3D
+from legfem.stocking.posture import Posture
+from legfem.stocking.run import StockingSettings, run_leg
+from legfem.stocking.sensors import Sensing, Sensor, off_skin
+from legfem.stocking.warnings import of_sensors
+from legfem.stocking.worn import WornLeg
+
+FINE = SolidMeshSettings(skin_size=8, inside_size=10, bone_size=8)
+COARSE = SolidMeshSettings(skin_size=11, inside_size=14, bone_size=9)
+TENSION = 0.12
+"""By which the true fabric pulls more than the one that is given; known beforehand to as much."""
+SENSOR = 0.04
+"""Relative error of a sensor."""
+ACCURACY = ContourAccuracy(
+    sd=0.1, correlation=16.0, around=30.0, along=40.0, pressure_sd=0.003, tension_sd=TENSION
+)
+
+
+def sensor(shape, point, pressure, sd=None, diameter=30.0):
+    level = len(shape.levels) // 2
+    position = np.array([*shape.contours[SKIN][level, point], shape.levels[level]])
+    return Sensor(f"at {point}", position, pressure, sd or SENSOR * pressure, diameter)
+
+
+def test_a_sensor_feels_the_mean_of_what_lies_under_its_face():
+    shape = short_leg()
+    sensors = [sensor(shape, 10, 3e-3), sensor(shape, 50, 3e-3, diameter=1.0)]
+    sensing = Sensing.on(shape, sensors)
+    even = np.full(shape.contours[SKIN].shape[:2], 2.5e-3)
+    np.testing.assert_allclose(sensing.felt(even), 2.5e-3, rtol=1e-12)
+    along = even * shape.levels[:, None] / shape.levels[len(shape.levels) // 2]
+    np.testing.assert_allclose(sensing.felt(along), 2.5e-3, rtol=1e-2)
+    spot = np.zeros_like(even)
+    spot[len(shape.levels) // 2, 50] = 1.0
+    assert sensing.felt(spot)[1] == pytest.approx(1.0), "a small face lies on one point"
+    assert off_skin(shape, sensors[0].position) < 1e-9
+    assert not list(of_sensors(sensing.compared(3.1e-3 / 2.5e-3 * even)))
+    (said,) = of_sensors(sensing.compared(even)[:1])
+    assert "at 10" in said and "22.5 ± 0.9 mmHg" in said and "18.8 mmHg" in said
+    one, other = sensing.compared(even)
+    assert one.departure == pytest.approx((2.5e-3 - 3e-3) / (SENSOR * 3e-3))
+    assert other.sensor.name == "at 50"
+
+
+def test_a_metre_of_blood_presses_with_78_mmhg():
+    posture = Posture(1300.0, lying=10 * MPA_PER_MMHG)
+    inside = posture.inside(300.0)
+    # 1060 kg/m3 x 9.80665 m/s2 x 1 m = 10.395 kPa.
+    assert inside["standing"] == pytest.approx(10.395e-3, rel=1e-4)
+    assert inside["standing"] / MPA_PER_MMHG == pytest.approx(78.0, abs=0.1)
+    assert inside["lying"] / MPA_PER_MMHG == pytest.approx(10.0)
+    assert list(Posture(1300.0).inside(0.0)) == ["standing"]
+
+
+TOML = """
+id = "s"
+title = "S"
+origin = "simulated"
+[bare]
+contours = "bare.csv"
+[compressed]
+contours = "worn.csv"
+[stocking]
+compression_class = "2"
+[[sensor]]
+name = "B1"
+position_mm = [0.0, 60.0, 80.0]
+pressure_mmHg = 22.0
+instrument = "PicoPress"
+"""
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        ('instrument = "PicoPress"', "", "sd_mmHg"),
+        ('instrument = "PicoPress"', 'instrument = "PicoPress"\nsd_mmHg = 1.0', "sd_mmHg"),
+        ('"PicoPress"', '"Picopress"', "instrument"),
+        ("22.0", "-1.0", "pressure_mmHg"),
+        ("22.0", "2200.0", "pressure_mmHg"),
+        ("pressure_mmHg", "pressure_kPa", "pressure_kPa"),
+        ("[0.0, 60.0, 80.0]", "[0.0, 60.0]", "position_mm"),
+    ],
+)
+def test_what_is_wrong_with_a_sensor_is_named(tmp_path, before, after, said):
+    toml = tmp_path / "leg.toml"
+    toml.write_text(TOML)
+    parse_leg_file(toml)
+    toml.write_text(TOML.replace(before, after))
+    with pytest.raises(InputError, match=rf"sensor\.0\.{said}"):
+        parse_leg_file(toml)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        ("[0.0, 60.0, 80.0]", "[0.0, 200.0, 80.0]", "off the bare leg's skin"),
+        ("80.0]", "800.0]", "is not in the part of the leg"),
+    ],
+)
+def test_a_sensor_off_the_leg_is_refused(tmp_path, before, after, said):
+    from legfem.stocking.leg import _sensors
+
+    given = LegFile.model_validate(tomllib.loads(TOML.replace(before, after)))
+    with pytest.raises(InputError, match=said):
+        _sensors(tmp_path / "leg.toml", given, short_leg())
+
+
+@pytest.mark.slow
+def test_two_sensors_of_4_percent_narrow_what_an_uncertain_fabric_leaves_open(tmp_path):
+    """The fabric pulls 12 % more than is given; the scan is another mesh's, readings err."""
+    shape = short_leg()
+    given = fitted_stocking(shape, ClassFit(CompressionClass.STRONG))
+    true = Stocking((1 + TENSION) * given.stiffness, given.levels, given.unstretched)
+    model = LegModel3D(shape, laws(*PLANTED_KPA), FINE, CompressionSettings(stabilisation=0.3))
+    worn = WornLeg(model, true).find()
+    places = [sensor(shape, point, 1e-3) for point in (20, 65)]
+    felt = Sensing.on(shape, places).felt(worn.load.pressure)
+    # One reads too much and one too little, by their standard deviation.
+    sensors = tuple(
+        sensor(shape, point, float(p) * (1 + sign * SENSOR))
+        for point, p, sign in zip((20, 65), felt, (1, -1), strict=True)
+    )
+    slices = calf_levels(shape)
+    leg = StockingLeg(
+        "t", "Test", "simulated", shape, shape, worn.shape, None, given, ACCURACY,
+        laws(3.0, 3.0), False, "held", slices, (), sensors,
+    )  # fmt: skip
+    settings = StockingSettings(search=SearchSettings(starts_kPa=((3.0, 3.0),)))
+    found = {}
+    for name, one in (("without", replace(leg, sensors=())), ("with", leg)):
+        result = run_leg(one, settings, Silent(), mesh=COARSE, folder=tmp_path / "kept")
+        best = result.best
+        assert best is not None and best.converged and best.tension is not None
+        found[name] = best
+        for planted, (low, high) in zip(PLANTED_KPA, 1e3 * best.interval95, strict=True):
+            assert low < planted < high
+    width = {name: np.diff(np.log(best.interval95), axis=1)[:, 0] for name, best in found.items()}
+    narrower = width["with"] / width["without"]
+    tension = {name: (best.tension.value, best.tension.sd) for name, best in found.items()}
+    print(f"intervals of muscle and fat: {narrower} of their width; tension {tension}")
+    # Two sensors of 4 % know the mean to 2.8 %, where the fabric was known to 12 %.
+    assert tension["without"][1] == pytest.approx(TENSION, rel=0.05)
+    assert tension["with"][1] == pytest.approx(SENSOR / np.sqrt(2), rel=0.15)
+    assert abs(tension["with"][0] - TENSION) < 3 * tension["with"][1]
+    # The muscle's interval carries the fabric's; the fat's is ruled by the outlines' errors.
+    assert narrower[0] < 0.85 and narrower[1] < 1.05
+    assert len(sensor_rows(result)) == 2
+    assert "tension" in interface_section(result) and "at 20" in interface_section(result)
+    assert result.worn.load.pressure.mean() == pytest.approx(worn.load.pressure.mean(), rel=0.06)
+    assert all(abs(one.departure) < 3 for one in result.sensors)
+    assert MPA_PER_MMHG * 10 < result.pressures.mean_interface < MPA_PER_MMHG * 100
