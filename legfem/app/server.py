@@ -17,6 +17,9 @@ from legfem.common.errors import InputError
 _ALONE = {"content-security-policy": "sandbox allow-scripts"}
 """A report's scripts run, but have nothing of the app's, in a window of its own either."""
 _ASSETS = Path(__file__).resolve().parents[1] / "resources" / "web"
+_AWAY_S = 120.0
+"""How long a window may be silent (asleep, or on a busy machine) until what was typed in it, and
+not saved, is given up. By NiceGUI's own 3 s a page that was busy for as long came back empty."""
 
 
 def application(workspace: Workspace) -> FastAPI:
@@ -50,7 +53,10 @@ def application(workspace: Workspace) -> FastAPI:
         )
 
     add_pages(workspace)
-    ui.run_with(server, title="legfem", show_welcome_message=False, tailwind=False)
+    ui.run_with(
+        server, title="legfem", show_welcome_message=False, tailwind=False,
+        reconnect_timeout=_AWAY_S,
+    )  # fmt: skip
     return server
 
 
