@@ -37,8 +37,8 @@ from studies.concealed.truth import Truths
 from studies.lab.conditions import drawn_errors
 from studies.lab.recording import record
 
-_SLACK_MM = 0.5
-"""By which a recorded depth is beyond the drive's: an encoder's steps and slow errors."""
+_SLACK_MM = 2.0
+"""By which a recorded depth may be beyond the drive's: where first contact is found too early."""
 
 
 @dataclass(frozen=True)
