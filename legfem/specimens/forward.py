@@ -105,12 +105,16 @@ class SpecimenForward(Homebound):
         Of the tissues, by name.
     bulk_ratios : Mapping[str, float]
         Bulk over shear modulus at small strain, by name.
+    least_bulk : Mapping[str, float]
+        Stiffness C10 (MPa) below which the bulk modulus doesn't fall with it, by name: what is
+        called incompressible is to stay so where a law stiffens far beyond its C10.
     """
 
     tests: tuple[Sizes, ...]
     depths: tuple[float, ...]
     laws: Mapping[str, Hyperelastic]
     bulk_ratios: Mapping[str, float]
+    least_bulk: Mapping[str, float]
 
     @classmethod
     def of_tissues(
@@ -122,7 +126,8 @@ class SpecimenForward(Homebound):
     ) -> SpecimenForward:
         """Return the model of tissues whose stiffness is ``c10`` (MPa) if it isn't stated."""
         laws = {one.name: one.at(c10) for one in tissues}
-        return cls(tests, depths, laws, {one.name: one.bulk_ratio for one in tissues})
+        least = {one.name: 0.0 if one.poisson_ratio is not None else c10 for one in tissues}
+        return cls(tests, depths, laws, {one.name: one.bulk_ratio for one in tissues}, least)
 
     @made_when_needed
     def experiments(self) -> list[Test]:
@@ -145,7 +150,7 @@ class SpecimenForward(Homebound):
         """Return values with each D1 that isn't among them, as Poisson's ratio has it."""
         own = {**self.nominal, **values}
         missing = {
-            f"{tissue}.D1": 1 / (ratio * own[f"{tissue}.C10"])
+            f"{tissue}.D1": 1 / (ratio * max(own[f"{tissue}.C10"], self.least_bulk[tissue]))
             for tissue, ratio in self.bulk_ratios.items()
             if f"{tissue}.D1" not in values
         }
@@ -166,7 +171,9 @@ class SpecimenForward(Homebound):
         tied = [
             tissue
             for tissue in self.bulk_ratios
-            if f"{tissue}.D1" not in values and f"{tissue}.C10" in sensitivities
+            if f"{tissue}.D1" not in values
+            and f"{tissue}.C10" in sensitivities
+            and {**self.nominal, **values}[f"{tissue}.C10"] >= self.least_bulk[tissue]
         ]
         every = self.with_compressibility(values)
         asked = (*sensitivities, *(f"{tissue}.D1" for tissue in tied))
