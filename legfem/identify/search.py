@@ -35,6 +35,8 @@ _LAST_STEP_OF_ERROR = 0.02
 _FLAT = 0.1
 # Of the least sum of squares: what a further solve has to gain where numbers are read off a curve.
 _WORTH = 1e-4
+# Optima of the emulator, one after another, that full solves showed to be none.
+_REFUTED = 3
 # Complete solves, the best first, from which an optimum among many parameters is polished.
 _MORE_STARTS = 4
 
@@ -64,7 +66,7 @@ class Search[Comparison: Compared]:
     generations: list[Generation] = field(default_factory=list)
     converged: bool = False
     emulator_error: float = math.nan
-    """N: the greatest, at the last proposal, before that was solved."""
+    """N: the greatest, at the last proposal that was the best yet, before that was solved."""
 
     @property
     def domain(self) -> Domain:
@@ -155,7 +157,7 @@ class Search[Comparison: Compared]:
             self._stiffen()
         if self._wide:
             self._replace_failed()
-        gained = math.inf
+        gained, refuted = math.inf, 0
         for attempt in range(self.settings.most_solves):
             emulator = self.emulator()
             proposal = self.propose(emulator, attempt)
@@ -164,8 +166,14 @@ class Search[Comparison: Compared]:
             if near and (self.is_stationary() or (self._reads and is_settled(gained))):
                 self.converged = True
                 return
-            if near:
-                proposal = self.domain.inside(self.best.point + self.newton_step())
+            if self._wide and refuted >= _REFUTED and self.is_stationary():
+                self.converged = True
+                return
+            step = self.domain.inside(self.best.point + self.newton_step())
+            # Where forces grow without measure an emulator is wrong between its solves.
+            by_newton = near or (self._wide and gained < 0 and not self._solved(step))
+            if by_newton:
+                proposal = step
             if self._wide and not near and self._solved(proposal):
                 best = self.best.point[None]
                 proposal = half_way(self.coordinates, proposal[None], best)[0]
@@ -179,7 +187,9 @@ class Search[Comparison: Compared]:
             expected, before = self.emulated(emulator, proposal), self.best.objective
             (trial,) = self.solve(proposal[None], "proposal")
             gained = 1 - trial.objective / before if before > 0 else 0.0
-            if trial.prediction is not None:
+            if not by_newton:
+                refuted = refuted + 1 if gained < 0 else 0
+            if trial.prediction is not None and trial is self.best:
                 self.emulator_error = float(np.max(np.abs(trial.prediction.force - expected)))
 
     def propose(self, emulator: Emulator, attempt: int) -> FloatArray:
