@@ -18,10 +18,9 @@ from reading_page import read
 from test_diagnosis_report import CASES
 
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.fem.fields import fields_of
+from legfem.fem.fields import FieldReader, fields_of
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report.leg_figure import DrawnSection
-from legfem.report.web import section
 from legfem.report.web.curves import Curves, Line, embedded
 from legfem.report.web.diagnosis import diagnosis_web_page
 from legfem.report.web.identification import identification_page
@@ -160,7 +159,7 @@ def test_the_film_holds_the_solutions_last_state(film, pressed):
 
 def test_a_film_forgets_an_attempt_that_was_given_up(film, monkeypatch):
     last = fields_of(film[0].experiment.system)
-    monkeypatch.setattr(section, "fields_of", lambda system: last)
+    monkeypatch.setattr(FieldReader, "read", lambda reader: last)
     taken = Film(film[0].experiment, DEPTH)
     for at in (1.0, 2.0, 0.5, 1.5):
         taken.take(at)

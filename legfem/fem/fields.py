@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import basix
@@ -87,59 +89,123 @@ def greatest_stretch(gradient: FloatArray) -> FloatArray:
 
 
 def fields_of(system: System) -> LegFields:
-    """Return the fields of a system in its present state; collective over the system's ranks.
+    """Return the fields of a system in its present state; see `FieldReader`."""
+    return FieldReader(system).read()
+
+
+@dataclass(frozen=True, eq=False)
+class FieldReader:
+    """Reads a system's fields in one state after another, its expressions made once.
 
     The stress is the sum of what the terms tell (`legfem.mechanics.model.Stressed`). Where one of
     a region doesn't, the names of pressure and stress say what they are without.
     """
-    spaces, body, skin = system.spaces, system.body.domain, system.skin.domain
-    assert isinstance(body, Body) and isinstance(skin, Skin)
-    displacement = fem.Function(spaces.displacement_space, name="displacement")
-    displacement.x.array[:] = system.unknown.x.array[spaces.displacement_dofs]
 
-    linear = fem.functionspace(spaces.mesh, ("DG", 1))
-    terms = system.model.at("body")
-    untold = [t.name for t in terms if hasattr(t, "region") and not isinstance(t, Stressed)]
-    without = f"_without_{'_'.join(untold)}" if untold else ""
-    names = {
-        "pressure": f"pressure{without}",
-        "von_mises": f"von_mises{without}",
-        "stretch": "stretch",
-        "volume_ratio": "volume_ratio",
-    }
-    measures = {key: fem.Function(linear, name=name) for key, name in names.items()}
-    degree, F = body.quadrature_degree, body.deformation_gradient
-    for region, tag in spaces.regions.items():
-        telling = [t for t in terms if isinstance(t, Stressed) and t.region == region]
-        if not telling:
-            continue
-        cells = spaces.cell_tags.find(tag).astype(np.int32)
-        sigma = cauchy_stress(sum(term.nominal_stress(body) for term in telling), F)
-        both = ufl.as_tensor([[[m[i, j] for j in range(3)] for i in range(3)] for m in (F, sigma)])
-        values = _at_points(both, spaces.mesh, cells, degree).reshape(-1, 2, 3, 3)
-        gradient, stress = values[:, 0], mpa_to_kpa(values[:, 1])
-        for key, value in (
-            ("pressure", hydrostatic_pressure(stress)),
-            ("von_mises", von_mises_stress(stress)),
-            ("stretch", greatest_stretch(gradient)),
-            ("volume_ratio", np.linalg.det(gradient)),
-        ):
-            fit_in_cells(measures[key], value, cells, degree)
-    _drop_negative(measures["von_mises"])
-    for measure in measures.values():
-        measure.x.scatter_forward()
+    system: System
 
-    region = fem.Function(fem.functionspace(spaces.mesh, ("DG", 0)), name="region")
-    region.x.array[spaces.cell_tags.indices] = spaces.cell_tags.values
-    skin_pressure, skin_displacement = _on_skin(system, skin)
-    return LegFields(
-        displacement=displacement,
-        region=region,
-        skin_pressure=skin_pressure,
-        skin_displacement=skin_displacement,
-        indenter_centre=np.array(skin.centre.value),
-        **measures,
-    )
+    def read(self) -> LegFields:
+        """Return the fields in the present state; collective over the system's ranks."""
+        system, spaces = self.system, self.system.spaces
+        body, skin = system.body.domain, system.skin.domain
+        assert isinstance(body, Body) and isinstance(skin, Skin)
+        displacement = fem.Function(spaces.displacement_space, name="displacement")
+        displacement.x.array[:] = system.unknown.x.array[spaces.displacement_dofs]
+
+        linear = fem.functionspace(spaces.mesh, ("DG", 1))
+        untold = [t.name for t in self._terms if hasattr(t, "region") and not _tells(t)]
+        without = f"_without_{'_'.join(untold)}" if untold else ""
+        names = {
+            "pressure": f"pressure{without}",
+            "von_mises": f"von_mises{without}",
+            "stretch": "stretch",
+            "volume_ratio": "volume_ratio",
+        }
+        measures = {key: fem.Function(linear, name=name) for key, name in names.items()}
+        degree = body.quadrature_degree
+        for cells, both in self._in_tissues:
+            values = evaluate(both, spaces.mesh, cells).reshape(-1, 2, 3, 3)
+            gradient, stress = values[:, 0], mpa_to_kpa(values[:, 1])
+            for key, value in (
+                ("pressure", hydrostatic_pressure(stress)),
+                ("von_mises", von_mises_stress(stress)),
+                ("stretch", greatest_stretch(gradient)),
+                ("volume_ratio", np.linalg.det(gradient)),
+            ):
+                fit_in_cells(measures[key], value, cells, degree)
+        _drop_negative(measures["von_mises"])
+        for measure in measures.values():
+            measure.x.scatter_forward()
+
+        region = fem.Function(fem.functionspace(spaces.mesh, ("DG", 0)), name="region")
+        region.x.array[spaces.cell_tags.indices] = spaces.cell_tags.values
+        skin_pressure, skin_displacement = self._on_skin(skin)
+        return LegFields(
+            displacement=displacement,
+            region=region,
+            skin_pressure=skin_pressure,
+            skin_displacement=skin_displacement,
+            indenter_centre=np.array(skin.centre.value),
+            **measures,
+        )
+
+    @property
+    def _terms(self) -> Sequence[Any]:
+        return self.system.model.at("body")
+
+    @cached_property
+    def _in_tissues(self) -> list[tuple[NDArray[np.int32], Any]]:
+        """Cells, and deformation gradient and Cauchy stress there, of every tissue that tells."""
+        spaces, body = self.system.spaces, self.system.body.domain
+        assert isinstance(body, Body)
+        found, F = [], body.deformation_gradient
+        for region, tag in spaces.regions.items():
+            telling = [t for t in self._terms if _tells(t) and t.region == region]
+            if not telling:
+                continue
+            cells = spaces.cell_tags.find(tag).astype(np.int32)
+            sigma = cauchy_stress(sum(term.nominal_stress(body) for term in telling), F)
+            both = ufl.as_tensor([
+                [[m[i, j] for j in range(3)] for i in range(3)] for m in (F, sigma)
+            ])  # fmt: skip
+            found.append((cells, _at_points(both, spaces.mesh, body.quadrature_degree)))
+        return found
+
+    @cached_property
+    def _on_the_skin(self) -> tuple[str, Any]:
+        """What presses the skin, by its name, and its pressure per deformed area (MPa) or None."""
+        domain = self.system.skin.domain
+        assert isinstance(domain, Skin)
+        terms = self.system.model.at("skin")
+        contacts = [term for term in terms if isinstance(term, NormalContact)]
+        given = [term for term in terms if isinstance(term, SkinPressure)]
+        name = "interface_pressure" if given and not contacts else "contact_pressure"
+        if not contacts and not given:
+            return name, None
+        growth = ufl.sqrt(domain.sheet_invariants[1])
+        pressure = sum(term.pressure(domain) for term in contacts) / growth
+        pressure += sum(term.pressure(domain, growth) for term in given)
+        return name, _at_points(pressure, self.system.spaces.skin, SKIN_DEGREE)
+
+    def _on_skin(self, domain: Skin) -> tuple[Any, Any]:
+        """Return pressure per deformed area (kPa) and displacement on the skin's mesh."""
+        system, mesh = self.system, self.system.spaces.skin
+        domain.unknown.x.array[:] = system.unknown.x.array[system.spaces.trace]
+        displacement = fem.Function(system.spaces.skin_space, name="displacement")
+        displacement.x.array[:] = domain.unknown.x.array
+        name, pressure = self._on_the_skin
+        function = fem.Function(fem.functionspace(mesh, ("DG", 1)), name=name)
+        if pressure is None:
+            return function, displacement
+        index_map = mesh.topology.index_map(mesh.topology.dim)
+        cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+        values = mpa_to_kpa(evaluate(pressure, mesh, cells))
+        fit_in_cells(function, values, cells, SKIN_DEGREE)
+        _drop_negative(function)
+        return function, displacement
+
+
+def _tells(term: Any) -> bool:
+    return isinstance(term, Stressed)
 
 
 def fit_in_cells(function: Any, values: FloatArray, cells: NDArray[np.int32], degree: int) -> None:
@@ -165,29 +231,6 @@ def fit_in_cells(function: Any, values: FloatArray, cells: NDArray[np.int32], de
     function.x.array[space.dofmap.list[cells]] = values.reshape(len(cells), -1) @ fit.T
 
 
-def _on_skin(system: System, domain: Skin) -> tuple[Any, Any]:
-    """Return pressure per deformed area (kPa) and displacement on the skin's mesh."""
-    mesh = system.spaces.skin
-    domain.unknown.x.array[:] = system.unknown.x.array[system.spaces.trace]
-    displacement = fem.Function(system.spaces.skin_space, name="displacement")
-    displacement.x.array[:] = domain.unknown.x.array
-    contacts = [term for term in system.model.at("skin") if isinstance(term, NormalContact)]
-    given = [term for term in system.model.at("skin") if isinstance(term, SkinPressure)]
-    growth = ufl.sqrt(domain.sheet_invariants[1])
-    name = "interface_pressure" if given and not contacts else "contact_pressure"
-    function = fem.Function(fem.functionspace(mesh, ("DG", 1)), name=name)
-    if not contacts and not given:
-        return function, displacement
-    pressure = sum(term.pressure(domain) for term in contacts) / growth
-    pressure += sum(term.pressure(domain, growth) for term in given)
-    index_map = mesh.topology.index_map(mesh.topology.dim)
-    cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
-    values = mpa_to_kpa(_at_points(pressure, mesh, cells, SKIN_DEGREE))
-    fit_in_cells(function, values, cells, SKIN_DEGREE)
-    _drop_negative(function)
-    return function, displacement
-
-
 def _drop_negative(function: Any) -> None:
     """Set to zero where a linear fit falls below what the quantity can be."""
     np.maximum(function.x.array, 0.0, out=function.x.array)
@@ -199,8 +242,7 @@ def _quadrature(mesh: Any, degree: int) -> tuple[FloatArray, FloatArray]:
     return points, weights
 
 
-def _at_points(
-    value: Expr, mesh: Any, cells: NDArray[np.int32], degree: int
-) -> NDArray[np.float64]:
+def _at_points(value: Expr, mesh: Any, degree: int) -> Any:
+    """Return a compiled expression at a quadrature's points."""
     points, _ = _quadrature(mesh, degree)
-    return evaluate(expression(value, points), mesh, cells)
+    return expression(value, points)

@@ -5,9 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from legfem.common.units import kpa_to_mpa
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.document import Recorded, versions
+from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.meshing.section import SectionMeshSettings
 from legfem.report.diagnosis_text import diagnosis_page
+from legfem.report.filmed import filmed
 from legfem.report.in_place import REPORT, made_in_place
 from legfem.report.page import ReportFile
 from legfem.report.parameter_figure import parameter_figure
@@ -18,6 +22,7 @@ from legfem.report.signature_figure import leading, signature_figure
 from legfem.report.style import save
 from legfem.report.web.diagnosis import diagnosis_web_page
 from legfem.report.web.page import listed, write_page
+from legfem.report.web.section import PressedSection
 from legfem.subjects.subject import Subject
 
 
@@ -47,9 +52,20 @@ def write_diagnosis_report(
     with made_in_place(out) as folder:
         entries = [listed("curves"), *_figures(diagnosis, subject, folder)]
         page = diagnosis_page(diagnosis, subject, entries, plan)
-        html = diagnosis_web_page(diagnosis, subject, page, plan, versions(), command)
+        pressed = _pressed(diagnosis, subject) if isinstance(subject, Subject) else None
+        html = diagnosis_web_page(diagnosis, subject, page, plan, versions(), command, pressed)
         write_page(html, folder, page)
     return out / REPORT
+
+
+def _pressed(found: Diagnosis, subject: Subject) -> PressedSection | None:
+    """Return the section with the base model, on a mesh coarse enough not to be waited for."""
+    mesh = SectionMeshSettings(contact_size=3.0, far_size=12.0)
+    experiment = PlaneStrainIndentation.of_subject(subject, PlaneStrainSettings(mesh=mesh))
+    values = {f"deep.{name}": kpa_to_mpa(found.base.value(name)) for name in ("C10", "C20")}
+    depth = float(found.observed.displacement.max())
+    shot = filmed(experiment, values, depth)
+    return shot.section("the base model (a coarse mesh; what was found to be left out isn't in it)")
 
 
 def _figures(found: Diagnosis, subject: Recorded, folder: Path) -> list[ReportFile]:

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 from mpi4py import MPI
 
-from legfem.experiments.base import Solved
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.fem.fields import fields_of
 from legfem.identify.result import IdentificationResult
-from legfem.mechanics.integration_domain import Skin
 from legfem.report.cost_figure import cost_figure
+from legfem.report.filmed import filmed
 from legfem.report.fit_figure import fit_figure
 from legfem.report.in_place import REPORT, made_in_place
 from legfem.report.leg_figure import leg_figure
@@ -23,7 +21,7 @@ from legfem.report.placement_figure import SECTION_SHOWS, placement_figure
 from legfem.report.style import LAW_NAMES, save
 from legfem.report.web.identification import identification_page
 from legfem.report.web.page import listed, write_page
-from legfem.report.web.section import Film, PressedSection, pressed_section
+from legfem.report.web.section import PressedSection
 from legfem.subjects.subject import Subject
 
 
@@ -95,35 +93,13 @@ def pressed_leg(
     results: Sequence[IdentificationResult], experiment: PlaneStrainIndentation
 ) -> PressedSection | None:
     """Solve the best law once more; return its section to press, None where that fails."""
-    film, solved = _filmed(results, experiment)
-    if film is None or not _state_is_final(experiment, solved):
-        return None
-    return _pressed(results, film, solved)
+    best = _best(results)
+    shot = filmed(experiment, best.model_values, float(best.measured.displacement[-1]))
+    return shot.section(f"the {LAW_NAMES[best.law]} law")
 
 
 def _best(results: Sequence[IdentificationResult]) -> IdentificationResult:
     return min(results, key=lambda result: result.cost.value)
-
-
-def _filmed(
-    results: Sequence[IdentificationResult], experiment: PlaneStrainIndentation
-) -> tuple[Film | None, Solved]:
-    best = _best(results)
-    depth = float(best.measured.displacement[-1])
-    film = Film(experiment, depth) if experiment.comm.size == 1 else None
-    on_step = None if film is None else film.take
-    return film, experiment.solve(best.model_values, depth, on_step=on_step)
-
-
-def _pressed(
-    results: Sequence[IdentificationResult], film: Film, solved: Solved
-) -> PressedSection | None:
-    return pressed_section(
-        film, solved.curve.displacement, solved.curve.force,
-        f"Section of the leg with the {LAW_NAMES[_best(results).law]} law while the cylinder is "
-        "pressed in (model): its mesh, coloured by the hydrostatic pressure, by how far the tissue "
-        "moved, by its greatest stretch (1 is none) or by tissue. Dashed: the skin before.",
-    )  # fmt: skip
 
 
 def _deformed_state(
@@ -134,8 +110,9 @@ def _deformed_state(
 ) -> tuple[str, list[ReportFile], PressedSection | None]:
     """Solve the best law once more; return a note on that, what was written of it, and the film."""
     best = _best(results)
-    film, solved = _filmed(results, experiment)
-    if not _state_is_final(experiment, solved):
+    shot = filmed(experiment, best.model_values, float(best.measured.displacement[-1]))
+    solved = shot.solved
+    if not shot.is_final:
         return (
             f"The deformed state at {best.measured.displacement[-1]:g} mm could not be solved for "
             f"again with the same mesh ({solved.report.reason}): its picture and fields are left "
@@ -145,8 +122,8 @@ def _deformed_state(
         )
     fields = fields_of(experiment.system)
     entries, pressed = [], None
-    if film is not None:
-        pressed = _pressed(results, film, solved)
+    if shot.film is not None:
+        pressed = shot.section(f"the {LAW_NAMES[best.law]} law")
         figure = leg_figure(
             fields,
             subject.section,
@@ -173,13 +150,3 @@ def _deformed_state(
         f"{solved.report.seconds:.1f} s)."
     )
     return note, entries, pressed
-
-
-def _state_is_final(experiment: PlaneStrainIndentation, solved: Solved) -> bool:
-    """Return whether the system is in the solution's last state: a finer mesh has another."""
-    touch, direction = experiment.section_mesh.touch, experiment.section_mesh.direction
-    skin = experiment.system.skin.domain
-    assert isinstance(skin, Skin)
-    here = float((skin.centre.value - touch) @ direction)
-    own_mesh = solved.report.unknowns == experiment.system.spaces.unknowns
-    return own_mesh and bool(np.isclose(here, solved.report.reached))

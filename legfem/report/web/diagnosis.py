@@ -16,7 +16,7 @@ from legfem.report.web import page as web
 from legfem.report.web.diagnosis_curves import curves_of
 from legfem.report.web.diagnosis_headline import TITLE, headline, to_do_next
 from legfem.report.web.diagnosis_numbers import known_of
-from legfem.report.web.section import still_section
+from legfem.report.web.section import PressedSection, still_section
 from legfem.subjects.subject import Subject
 
 
@@ -27,6 +27,7 @@ def diagnosis_web_page(
     plan: Sequence[str] = (),
     versions: Mapping[str, str] | None = None,
     command: str = "",
+    pressed: PressedSection | None = None,
 ) -> web.WebPage:
     """Return the page of a diagnosis.
 
@@ -44,6 +45,8 @@ def diagnosis_web_page(
         Of the programs that made it.
     command
         That was given; empty where there was none.
+    pressed
+        The section for the reader to press; as it is unpressed without it.
     """
     chapters = [
         web.Chapter(
@@ -57,7 +60,7 @@ def diagnosis_web_page(
         web.Chapter("What to do next", [web.Bullets(to_do_next(found, plan))]),
     ]
     if isinstance(subject, Subject):
-        chapters.insert(1, web.Chapter("The leg", [still_section(subject)]))
+        chapters.insert(1, web.Chapter("The leg", [pressed or still_section(subject)]))
     chapters.append(web.Chapter("The full report", [web.Verbatim("report.txt", text)]))
     return web.WebPage(
         title=TITLE.format(kind=kind_of(subject).lower(), id=subject.id),

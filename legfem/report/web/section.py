@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
 from legfem.experiments.plane_strain import PlaneStrainIndentation
-from legfem.fem.fields import fields_of
+from legfem.fem.fields import FieldReader
 from legfem.geometry.section import BONES, PARTS, LegSection
 from legfem.meshing.section import REGIONS, first_touch
 from legfem.report.leg_figure import DrawnSection
@@ -48,6 +49,10 @@ class Film:
     """mm, to which it is pressed."""
     states: list[State] = field(default_factory=list)
 
+    @cached_property
+    def _reader(self) -> FieldReader:
+        return FieldReader(self.experiment.system)
+
     def take(self, at: float) -> None:
         """Keep the state at a displacement (mm), unless the last one is near."""
         if self.states and at < self.states[-1].displacement:
@@ -55,7 +60,7 @@ class Film:
         last = self.states[-1].displacement if self.states else 0.0
         if at - last < self.depth / _STATES and not np.isclose(at, self.depth):
             return
-        fields = fields_of(self.experiment.system)
+        fields = self._reader.read()
         centre = np.array(fields.indenter_centre)
         self.states.append(State(at, float("nan"), centre, DrawnSection.of(fields)))
 
