@@ -11,7 +11,7 @@ from legfem.solve.protocol import Protocol
 from legfem.solve.sensitivity import SensitivityTracker
 from legfem.solve.stepping import follow
 
-PRECISE = NewtonSettings(relative_tolerance=1e-12)
+PRECISE = NewtonSettings(relative_tolerance=1e-12, mixing=0)
 
 
 def taylor_orders(system: System, largest: float = 4e-5) -> np.ndarray:

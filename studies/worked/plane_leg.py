@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from legfem.common.progress import Progress
 from legfem.correction.tabulated import TabulatedCorrection
@@ -17,7 +17,7 @@ from legfem.diagnose.mechanisms.base import Solution
 from legfem.diagnose.mechanisms.compressibility import Compressibility
 from legfem.diagnose.mechanisms.end_effects import EndEffects
 from legfem.diagnose.mechanisms.strain_stiffening import StrainStiffening
-from legfem.diagnose.nuisances import MATERIAL_LOG_SD
+from legfem.diagnose.nuisances import MATERIAL_LOG_SD, Displaced
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses
 from legfem.diagnose.variants import Stopped
@@ -58,6 +58,7 @@ class PlaneLegVariants:
 
     case: CorrectionCase
     moved: MeshMotion | None = None
+    displaced: ClassVar[tuple[Displaced, ...]] = ()
 
     def follow(
         self,
