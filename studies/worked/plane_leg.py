@@ -59,6 +59,11 @@ class PlaneLegVariants:
     case: CorrectionCase
     moved: MeshMotion | None = None
     displaced: ClassVar[tuple[Displaced, ...]] = ()
+    assumed: ClassVar[tuple[str, ...]] = ()
+
+    def moved_to(self, moved: MeshMotion) -> PlaneLegVariants:
+        """Return the leg with its mesh moved, which stops every solution."""
+        return replace(self, moved=moved)
 
     def follow(
         self,
@@ -119,7 +124,7 @@ def plane_responses(
         "code": code_fingerprint("legfem.experiments.indentation_3d"),
     }
     variants = PlaneLegVariants(case)
-    return SolvedResponses(variants, case.depth, folder, fingerprint, correction)  # type: ignore[arg-type]
+    return SolvedResponses(variants, case.depth, folder, fingerprint, correction)
 
 
 def offered(
