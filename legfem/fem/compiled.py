@@ -23,7 +23,9 @@ import ffcx.naming
 import numpy as np
 from dolfinx import default_scalar_type, fem, jit
 from mpi4py import MPI
-from ufl.algorithms import expand_derivatives, strip_variables
+from ufl.algorithms import expand_derivatives
+from ufl.corealg.map_dag import map_expr_dag
+from ufl.corealg.multifunction import MultiFunction
 from ufl.domain import extract_unique_domain
 
 from legfem.common.units import FloatArray
@@ -42,9 +44,18 @@ def compiled(form: Any) -> Any:
 def expression(value: Any, points: FloatArray) -> Any:
     """Return a compiled expression at points of the reference cell; collective likewise."""
     # The labels of variables count on through a process, and would make every signature new.
-    value = strip_variables(expand_derivatives(value))
+    value = map_expr_dag(_WithoutVariables(), expand_derivatives(value))
     what = (value, np.asarray(points))
     return fem.Expression(*what, jit_options=_compile(what, extract_unique_domain(value)))
+
+
+class _WithoutVariables(MultiFunction):
+    """UFL's `strip_variables`, which visits what stands in many places once for each of them."""
+
+    expr = MultiFunction.reuse_if_untouched
+
+    def variable(self, o: Any, operand: Any, label: Any) -> Any:
+        return operand
 
 
 def cache_folder() -> Path:

@@ -18,7 +18,7 @@ from legfem.identify.misfit import Compared
 from legfem.identify.result import Generation
 from legfem.identify.settings import IdentificationSettings
 from legfem.identify.solver import FullSolver, key_of_values
-from legfem.identify.trial import Linearised, Stage, Trial
+from legfem.identify.trial import Asking, Linearised, Stage, Trial, sizes_of
 from legfem.identify.trust import Trust
 from legfem.inference.domain import Domain
 from legfem.inference.emulator import Emulator, Samples
@@ -150,13 +150,22 @@ class Search[Comparison: Compared]:
         assert trial.prediction is not None
         return Linearised(self.law, self.misfit, trial.prediction, trial.point)
 
-    def run(self) -> None:
-        """Search until the emulator's optimum and the full model's agree."""
-        self.solve(self.design(), "design")
+    def asking(self) -> Asking:
+        """Search until the emulator's optimum and the full model's agree.
+
+        Others solve what is asked for: see `legfem.identify.side_by_side`.
+
+        Raises
+        ------
+        SearchError
+            If too few full solves reach the measured depth.
+        """
+        yield self.design(), "design"
         while len(self.complete) < min(2, 1 + len(self.law.of_model)):
-            self._stiffen()
-        if self._wide:
-            self._replace_failed()
+            yield self._stiffer(), "design"
+        if self._wide and (failed := [one.point for one in self.trials if one.prediction is None]):
+            known = np.array([trial.point for trial in self.complete])
+            yield half_way(self.coordinates, np.array(failed), known), "design"
         gained, refuted = math.inf, 0
         for attempt in range(self.settings.most_solves):
             emulator = self.emulator()
@@ -185,7 +194,7 @@ class Search[Comparison: Compared]:
             if len(self.trials) >= self.settings.most_solves:
                 return
             expected, before = self.emulated(emulator, proposal), self.best.objective
-            (trial,) = self.solve(proposal[None], "proposal")
+            (trial,) = yield proposal[None], "proposal"
             gained = 1 - trial.objective / before if before > 0 else 0.0
             if not by_newton:
                 refuted = refuted + 1 if gained < 0 else 0
@@ -249,23 +258,9 @@ class Search[Comparison: Compared]:
         return self._is_short(self.newton_step(), _AGREE_OF_ERROR, _AGREE_OF_VALUE)
 
     def _is_short(self, step: FloatArray, of_error: float, of_value: float) -> bool:
-        scale = np.maximum(of_error * self.standard_error(), of_value * self._sizes())
+        sizes = sizes_of(self.best, self.law.parameters)
+        scale = np.maximum(of_error * self.standard_error(), of_value * sizes)
         return bool(np.all(np.abs(step) <= scale))
-
-    def _sizes(self) -> FloatArray:
-        """Return what steps are small against, (p,): C10 + C20 of a tissue, values, widths."""
-        best = self.best
-        sizes = []
-        for parameter, value in zip(self.law.parameters, best.point, strict=True):
-            term, _, name = parameter.name.rpartition(".")
-            if name in ("C10", "C20"):
-                both = (best.values.get(f"{term}.{one}", 0.0) for one in ("C10", "C20"))
-                sizes.append(sum(both))
-            elif parameter.scale == "linear":
-                sizes.append(0.5 * (parameter.bounds[1] - parameter.bounds[0]))
-            else:
-                sizes.append(float(value))
-        return np.array(sizes)
 
     def _is_flat(self, point: FloatArray) -> bool:
         """Whether a solved point fits as well as the best, by what errors leave open."""
@@ -296,15 +291,8 @@ class Search[Comparison: Compared]:
         """Whether numbers are free that the emulator knows exactly, since no solve has them."""
         return len(self.law.of_model) < len(self.law.parameters)
 
-    def _replace_failed(self) -> None:
-        """Solve half-way from every failed solve of the design to the nearest complete one."""
-        failed = [trial.point for trial in self.trials if trial.prediction is None]
-        if failed:
-            known = np.array([trial.point for trial in self.complete])
-            self.solve(half_way(self.coordinates, np.array(failed), known), "design")
-
-    def _stiffen(self) -> None:
-        """Solve a stiffer tissue: that deforms less and reaches its depth."""
+    def _stiffer(self) -> FloatArray:
+        """Return a stiffer tissue (1, p): that deforms less and reaches its depth."""
         points = np.array([trial.point for trial in self.trials])
         first = next((k for k, name in enumerate(self.law.names) if name.endswith(".C10")), None)
         bounds = self.domain.bounds
@@ -323,7 +311,7 @@ class Search[Comparison: Compared]:
         point[first] = min(2 * stiffest, bounds[first, 1])
         if (limit := self.law.index(DEEP_C20)) is not None:
             point[limit] = bounds[limit, 0]
-        self.solve(point[None], "design")
+        return point[None]
 
     def _remember(self, emulator: Emulator, path: FloatArray, attempt: int) -> None:
         costs = self.misfit.cost(self.emulated(emulator, path))

@@ -1,4 +1,4 @@
-"""Searches for several laws, whose designs are solved together and whose limits are compared."""
+"""Searches for several laws, run side by side, and whose limits are compared."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 
 from legfem.identify.catalogue import DEEP_C20
 from legfem.identify.forward import ForwardOutcome
-from legfem.identify.laws import IdentifiedLaw, LawName, model_values
+from legfem.identify.laws import IdentifiedLaw, LawName
 from legfem.identify.misfit import Compared
 from legfem.identify.plain import run_plain
 from legfem.identify.search import Search
 from legfem.identify.settings import IdentificationSettings
+from legfem.identify.side_by_side import run_together
 from legfem.identify.solver import FullSolver, key_of_values
 from legfem.identify.trial import Linearised, Trial
 from legfem.inference.domain import Domain
@@ -93,8 +94,7 @@ class Searches[Comparison: Compared]:
 
     def find(self, names: Sequence[LawName]) -> list[Found[Comparison]]:
         """Return what was found of laws, in their order."""
-        if self.settings.emulator:
-            self._solve_designs(names)
+        self._run(names)
         return [self._find(name) for name in names]
 
     def _find(self, name: LawName) -> Found[Comparison]:
@@ -112,37 +112,29 @@ class Searches[Comparison: Compared]:
             search, best = _at_limit(search, best)
         return Found(search, best, limit, self._seconds[name])
 
-    def _new_search(self, name: LawName) -> Search[Comparison]:
-        law = self.laws[name]
-        return Search(law, self.misfit_of(law), self.settings, self.solver)
-
-    def _solve_designs(self, names: Sequence[LawName]) -> None:
-        """Solve the designs of all laws together, which keeps all processes busy."""
-        designs = {name: self._new_search(name).design() for name in names}
-        points = [
-            model_values(self.laws[name].values(point))
-            for name, design in designs.items()
-            for point in design
-        ]
-        self.solver.progress.stage("solving the designs of the search", len(points))
-        started = time.perf_counter()
-        self.solver.solve(points)
-        each = (time.perf_counter() - started) / len(points)
-        self._seconds = {name: each * len(design) for name, design in designs.items()}
-
     def _search(self, name: LawName) -> Search[Comparison]:
         if name not in self._searches:
-            self.solver.progress.stage(f"identifying the {name} law")
-            started = time.perf_counter()
-            search = self._new_search(name)
-            if self.settings.emulator:
-                search.run()
-            else:
-                run_plain(search)
-            self._searches[name] = search
-            spent = time.perf_counter() - started
-            self._seconds[name] = self._seconds.get(name, 0.0) + spent
+            self._run([name])
         return self._searches[name]
+
+    def _run(self, names: Sequence[LawName]) -> None:
+        """Search for laws, with an emulator side by side."""
+        new = {
+            name: Search(law, self.misfit_of(law), self.settings, self.solver)
+            for name, law in ((name, self.laws[name]) for name in names)
+        }
+        self.solver.progress.stage(f"identifying the {' and the '.join(new)} law")
+        started = time.perf_counter()
+        if self.settings.emulator:
+            run_together(list(new.values()))
+        else:
+            for search in new.values():
+                run_plain(search)
+        spent = time.perf_counter() - started
+        solves = sum(len(search.trials) for search in new.values())
+        for name, search in new.items():
+            self._searches[name] = search
+            self._seconds[name] = spent * len(search.trials) / solves
 
 
 def _at_limit[Comparison: Compared](

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -13,6 +14,7 @@ from legfem.identify.forward import ForwardOutcome
 from legfem.identify.laws import IdentifiedLaw
 from legfem.identify.misfit import Compared, Prediction
 from legfem.inference.least_squares import gain_matrix, with_unit_errors
+from legfem.inference.parameter import Parameter
 
 Stage = Literal["design", "proposal", "genetic"]
 
@@ -31,6 +33,25 @@ class Trial:
     """None where the solve stopped short of the measured depth."""
     objective: float
     """What is minimised, priors included; infinite without a prediction."""
+
+
+type Asking = Generator[tuple[FloatArray, Stage], list[Trial]]
+"""Asks for full solves of points (n, p) as often as it needs, and is sent their trials."""
+
+
+def sizes_of(trial: Trial, parameters: Sequence[Parameter]) -> FloatArray:
+    """Return what steps (p,) are small against: C10 + C20 of a tissue, values, widths."""
+    sizes = []
+    for parameter, value in zip(parameters, trial.point, strict=True):
+        term, _, name = parameter.name.rpartition(".")
+        if name in ("C10", "C20"):
+            both = (trial.values.get(f"{term}.{one}", 0.0) for one in ("C10", "C20"))
+            sizes.append(sum(both))
+        elif parameter.scale == "linear":
+            sizes.append(0.5 * (parameter.bounds[1] - parameter.bounds[0]))
+        else:
+            sizes.append(float(value))
+    return np.array(sizes)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ import numpy as np
 
 from legfem.experiments.base import Solved
 from legfem.experiments.plane_strain import PlaneStrainIndentation
+from legfem.fem.fields import FieldReader, LegFields
 from legfem.mechanics.integration_domain import Skin
 from legfem.report.web.section import Film, PressedSection, pressed_section
 
@@ -30,6 +31,13 @@ class Filmed:
         here = float((skin.centre.value - mesh.touch) @ mesh.direction)
         own_mesh = self.solved.report.unknowns == system.spaces.unknowns
         return own_mesh and bool(np.isclose(here, self.solved.report.reached))
+
+    @property
+    def fields(self) -> LegFields:
+        """Of the system's present state, by the film's expressions where it has some."""
+        film = self.film
+        reader = FieldReader(self.experiment.system) if film is None else film.reader
+        return reader.read()
 
     def section(self, what: str) -> PressedSection | None:
         """Return the section to press, of ``what`` in words; None where there is none to show."""

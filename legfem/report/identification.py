@@ -8,7 +8,6 @@ from pathlib import Path
 from mpi4py import MPI
 
 from legfem.experiments.plane_strain import PlaneStrainIndentation
-from legfem.fem.fields import fields_of
 from legfem.identify.result import IdentificationResult
 from legfem.report.cost_figure import cost_figure
 from legfem.report.filmed import filmed
@@ -120,7 +119,7 @@ def _deformed_state(
             [],
             None,
         )
-    fields = fields_of(experiment.system)
+    fields = shot.fields
     entries, pressed = [], None
     if shot.film is not None:
         pressed = shot.section(f"the {LAW_NAMES[best.law]} law")

@@ -20,6 +20,7 @@ from legfem.identify.laws import LawName, model_values
 from legfem.identify.result import Estimate
 from legfem.identify.search import Search
 from legfem.identify.settings import IdentificationSettings
+from legfem.identify.side_by_side import run_together
 from legfem.identify.solver import FullSolver
 from legfem.identify.warnings import LEAST_CHANCE
 from legfem.inference.constants import quantile
@@ -228,7 +229,7 @@ def _identify(
     progress.stage(f"identifying the {name} law")
     with FullSolver(model, store, jobs, progress, sensitivities) as solver:
         search = Search(free, misfit, settings, solver)
-        search.run()
+        run_together([search])
     best = search.best
     linear = search.linearised(best)
     force = linear.prediction.force

@@ -50,7 +50,8 @@ class Film:
     states: list[State] = field(default_factory=list)
 
     @cached_property
-    def _reader(self) -> FieldReader:
+    def reader(self) -> FieldReader:
+        """Of the experiment's fields."""
         return FieldReader(self.experiment.system)
 
     def take(self, at: float) -> None:
@@ -60,7 +61,7 @@ class Film:
         last = self.states[-1].displacement if self.states else 0.0
         if at - last < self.depth / _STATES and not np.isclose(at, self.depth):
             return
-        fields = self._reader.read()
+        fields = self.reader.read()
         centre = np.array(fields.indenter_centre)
         self.states.append(State(at, float("nan"), centre, DrawnSection.of(fields)))
 
