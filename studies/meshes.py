@@ -19,7 +19,7 @@ from legfem.common.progress import progress_on
 from legfem.common.versions import legfem_version, package_version
 from legfem.meshing.exchange import write_mesh
 from legfem.meshing.quality import quality_of_file
-from legfem.stocking.leg import LEGS
+from legfem.stocking.loading import LEGS
 from legfem.subjects.subject import SUBJECTS
 
 MANIFEST = "meshes.json"

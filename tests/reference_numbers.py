@@ -26,12 +26,13 @@ import typer
 HERE = Path(__file__).resolve().parent
 CROSSCHECK = HERE / "data" / "crosscheck"
 OLD_NAMES = {
+    "legfem.stocking.loading": "legfem.stocking.leg",
     "legfem.subjects.subject": "legfem.subject",
     "legfem.correction.choice": "legfem.identify.correction",
     "legfem.correction.tabulated": "legfem.correction",
     "legfem.study.correction.cases": "legfem.study.correction_cases",
 }
-"""Of modules that moved, as they were at 898bc29."""
+"""Of modules that moved, and of some of their functions: what they were before, since 898bc29."""
 
 # Table 5 of Frauziols et al. (C10, C20 in kPa).
 PAPER = {"1": (0.82, 2.61), "2": (0.80, 2.00), "3": (0.70, 0.80), "4": (0.19, 0.24)}
@@ -45,13 +46,13 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 
 
 def module(name: str) -> Any:
-    """Import a module under its name, or under the one that it had."""
+    """Import a module under its name, or under one that it had."""
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError:
         if name not in OLD_NAMES:
             raise
-        return importlib.import_module(OLD_NAMES[name])
+        return module(OLD_NAMES[name])
 
 
 def own_subject(number: str) -> Any:
@@ -140,7 +141,8 @@ def designed() -> Entries:
 
 def stocking() -> Entries:
     """The first leg in its stocking, coarse, with given stiffness: pressure and shape."""
-    legs, model_of = module("legfem.stocking.leg"), module("legfem.stocking.leg_model").LegModel3D
+    legs = module("legfem.stocking.loading")
+    model_of = module("legfem.stocking.leg_model").LegModel3D
     worn_leg, meshing = module("legfem.stocking.worn").WornLeg, module("legfem.meshing.solid_leg")
     leg = legs.load_leg(legs.LEGS.find("1"))
     mesh = meshing.SolidMeshSettings(skin_size=9, inside_size=11, bone_size=8)

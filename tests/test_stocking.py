@@ -283,7 +283,7 @@ def test_a_finer_mesh_has_the_same_pressures(shape, truth, result):
     not (SHARED / "data" / "leg_geometry").is_dir(), reason="needs ../shared/data/leg_geometry"
 )
 def test_a_real_leg_s_surfaces_can_wear_a_stocking(tmp_path):
-    from legfem.stocking.leg import load_leg
+    from legfem.stocking.loading import load_leg
 
     folder = SHARED / "data" / "leg_geometry"
     (tmp_path / "leg.toml").write_text(

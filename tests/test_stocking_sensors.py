@@ -124,7 +124,7 @@ def test_what_is_wrong_with_a_sensor_is_named(tmp_path, before, after, said):
     ],
 )
 def test_a_sensor_off_the_leg_is_refused(tmp_path, before, after, said):
-    from legfem.stocking.leg import _sensors
+    from legfem.stocking.loading import _sensors
 
     given = LegFile.model_validate(tomllib.loads(TOML.replace(before, after)))
     with pytest.raises(InputError, match=said):

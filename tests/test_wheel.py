@@ -25,7 +25,7 @@ from legfem.correction.choice import LEGS as SIZES, REFERENCE
 from legfem.correction.leg_sizes import read_leg_corrections
 from legfem.correction.tabulated import read_correction
 from legfem.imaging.volume_file import read_volume
-from legfem.stocking.leg import LEGS
+from legfem.stocking.loading import LEGS
 from legfem.stocking.leg_file import parse_leg_file
 from legfem.study.doe.definition import IDENTIFIED, PAPER, read_definition
 from legfem.subjects.subject import SUBJECTS, load_subject

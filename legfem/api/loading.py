@@ -74,8 +74,8 @@ def load_leg(leg: Given) -> StockingLeg:
     InputError
         If there is no such leg, or anything in the folder is missing or wrong.
     """
-    from legfem.stocking.leg import LEGS
-    from legfem.stocking.leg import load_leg as load_leg_folder
+    from legfem.stocking.loading import LEGS
+    from legfem.stocking.loading import load_leg as load_leg_folder
 
     loaded = load_leg_folder(folder_of(leg, LEGS))
     say(loaded.doubts)

@@ -108,7 +108,7 @@ def _asked(
             "give one of --subject, --subject-dir, --stocking and --idealised",
         )  # fmt: skip
     from legfem.commands.leg_meshes import idealised_mesh, section_mesh, stocking_mesh
-    from legfem.stocking.leg import LEGS
+    from legfem.stocking.loading import LEGS
     from legfem.subjects.subject import SUBJECTS
 
     if idealised:

@@ -51,7 +51,7 @@ def stocking(
         from legfem.commands.outcome import print_outcome
         from legfem.report.stocking import NUMBERS, write_stocking_report
         from legfem.report.web.page import command_line
-        from legfem.stocking.leg import LEGS, load_leg
+        from legfem.stocking.loading import LEGS, load_leg
         from legfem.stocking.run import StockingSettings, run_leg
 
         leg = load_leg(LEGS.named(subject, subject_dir))

@@ -31,7 +31,8 @@ from legfem.report.style import (
 )
 from legfem.specimens.folder import FILE, load_specimen
 from legfem.specimens.schema import parse_specimen_file
-from legfem.stocking.leg import LEGS, StockingLeg, load_leg
+from legfem.stocking.leg import StockingLeg
+from legfem.stocking.loading import LEGS, load_leg
 from legfem.subjects.plausibility import doubts_about, room_before
 from legfem.subjects.sites import RECORDINGS, site_names, subject_entry
 from legfem.subjects.subject import SUBJECTS, Subject, load_subject

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 
 import numpy as np
 
@@ -19,14 +19,35 @@ from legfem.diagnose.observations import Observations
 from legfem.inference.parameter import Parameter, Prior
 
 if TYPE_CHECKING:
-    from legfem.diagnose.variants import Variants
+    from legfem.experiments.plane_strain import Tissues
+    from legfem.geometry.section import LegSection
     from legfem.mechanics.contact_settings import TangentialName
     from legfem.mechanics.materials import Hyperelastic
     from legfem.mechanics.model import Formulation
+    from legfem.subjects.subject import Indenter
 
 Values = Mapping[str, float]
 type Stiffness = tuple[float, float]
 """C10 and C20 of the deep tissue, kPa."""
+
+
+class PressedLeg(Protocol):
+    """A leg and how it is pressed: what a mechanism's terms may ask of it."""
+
+    @property
+    def section(self) -> LegSection:
+        """Across the leg."""
+        ...
+
+    @property
+    def indenter(self) -> Indenter:
+        """Its size, aim and direction."""
+        ...
+
+    @property
+    def tissues(self) -> Tissues:
+        """The base model's laws."""
+        ...
 
 
 def strength(
@@ -172,7 +193,7 @@ class TissueMechanism(Mechanism):
         """Return what each of the derivatives is multiplied by (k,)."""
         raise NotImplementedError(f"{self.name} isn't tabulated by derivatives")
 
-    def terms(self, leg: Variants) -> Sequence[Any]:
+    def terms(self, leg: PressedLeg) -> Sequence[Any]:
         """Return the terms that it adds to the leg's model, at their nulls."""
         return ()
 

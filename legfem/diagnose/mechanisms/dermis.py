@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
-from legfem.diagnose.mechanisms.base import Solution, TissueMechanism, Values, strength
+from legfem.diagnose.mechanisms.base import PressedLeg, Solution, TissueMechanism, Values, strength
 from legfem.inference.parameter import Parameter
-
-if TYPE_CHECKING:
-    from legfem.diagnose.variants import Variants
 
 
 @dataclass(frozen=True)
@@ -35,7 +32,7 @@ class Dermis(TissueMechanism):
     )
     strengths: ClassVar[tuple[float, ...]] = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)
 
-    def terms(self, leg: Variants) -> Sequence[Any]:
+    def terms(self, leg: PressedLeg) -> Sequence[Any]:
         """Return the membrane."""
         from legfem.mechanics.terms.dermis import Dermis as Membrane
 

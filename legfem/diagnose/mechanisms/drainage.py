@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from legfem.diagnose.mechanisms.base import Solution, TissueMechanism, Values, strength
+from legfem.diagnose.mechanisms.base import PressedLeg, Solution, TissueMechanism, Values, strength
 from legfem.diagnose.mechanisms.viscoelasticity import needs_time
 from legfem.diagnose.observations import Observations
 from legfem.inference.parameter import Parameter
 
 if TYPE_CHECKING:
-    from legfem.diagnose.variants import Variants
     from legfem.mechanics.model import Formulation
 
 
@@ -38,7 +37,7 @@ class PoroelasticDrainage(TissueMechanism):
         """Return whether there are a hold, an unloading or two rates."""
         return needs_time(observed)
 
-    def terms(self, leg: Variants) -> Sequence[Any]:
+    def terms(self, leg: PressedLeg) -> Sequence[Any]:
         """Return the flow."""
         from legfem.mechanics.terms import Drainage
 

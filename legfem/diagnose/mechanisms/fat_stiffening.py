@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from legfem.common.units import kpa_to_mpa
-from legfem.diagnose.mechanisms.base import Solution, TissueMechanism, Values, strength
+from legfem.diagnose.mechanisms.base import PressedLeg, Solution, TissueMechanism, Values, strength
 from legfem.inference.parameter import Parameter
-
-if TYPE_CHECKING:
-    from legfem.diagnose.variants import Variants
 
 
 @dataclass(frozen=True)
@@ -26,7 +23,7 @@ class FatStiffening(TissueMechanism):
     next_experiment: ClassVar[str] = "image the fat's thickness under load, at several depths"
     strengths: ClassVar[tuple[float, ...]] = (1.0, 6.0, 25.0)
 
-    def terms(self, leg: Variants) -> Sequence[Any]:
+    def terms(self, leg: PressedLeg) -> Sequence[Any]:
         """Return the fat with more coefficients of its energy."""
         from legfem.mechanics.materials import Yeoh
         from legfem.mechanics.terms import Tissue

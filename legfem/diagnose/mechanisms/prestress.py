@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from legfem.common.units import kpa_to_mpa
-from legfem.diagnose.mechanisms.base import Solution, TissueMechanism, Values, strength
+from legfem.diagnose.mechanisms.base import PressedLeg, Solution, TissueMechanism, Values, strength
 from legfem.inference.parameter import Parameter
-
-if TYPE_CHECKING:
-    from legfem.diagnose.variants import Variants
 
 
 @dataclass(frozen=True)
@@ -28,7 +25,7 @@ class Prestress(TissueMechanism):
     )
     strengths: ClassVar[tuple[float, ...]] = (20.0, 100.0, 300.0)
 
-    def terms(self, leg: Variants) -> Sequence[Any]:
+    def terms(self, leg: PressedLeg) -> Sequence[Any]:
         """Return the fascia's tension."""
         from legfem.mechanics.terms import Prestress as Tension
 

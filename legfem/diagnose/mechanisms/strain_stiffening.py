@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from legfem.common.units import kpa_to_mpa
-from legfem.diagnose.mechanisms.base import Solution, TissueMechanism, Values, strength
+from legfem.diagnose.mechanisms.base import PressedLeg, Solution, TissueMechanism, Values, strength
 from legfem.inference.parameter import Parameter
 
 if TYPE_CHECKING:
-    from legfem.diagnose.variants import Variants
     from legfem.mechanics.materials import Hyperelastic
 
 
@@ -29,7 +28,7 @@ class StrainStiffening(TissueMechanism):
     next_experiment: ClassVar[str] = "press deeper, or with a smaller indenter: larger strains"
     strengths: ClassVar[tuple[float, ...]] = (0.3, 1.2, 4.0)
 
-    def terms(self, leg: Variants) -> Sequence[Any]:
+    def terms(self, leg: PressedLeg) -> Sequence[Any]:
         """Return the tissue with a third coefficient of its energy."""
         return self.terms_of(leg.tissues.deep)
 

@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.mechanisms.base import Solution, TissueMechanism, Values, factor
+from legfem.diagnose.mechanisms.base import PressedLeg, Solution, TissueMechanism, Values, factor
 from legfem.diagnose.observations import Observations
 from legfem.inference.parameter import Parameter, Prior
-
-if TYPE_CHECKING:
-    from legfem.diagnose.variants import Variants
 
 _DEPTHS_MM, _SIDES_MM = (6.0, 18.0, 30.0), (-16.0, 0.0, 16.0)
 _RADIUS_MM = 8.0
@@ -68,7 +65,7 @@ class UnevenMuscle(TissueMechanism):
             for depth, side in ((8.0, 0.0), (26.0, 0.0), (14.0, -12.0), (14.0, 12.0))
         )
 
-    def terms(self, leg: Variants) -> Sequence[Any]:
+    def terms(self, leg: PressedLeg) -> Sequence[Any]:
         """Return the muscle's excess of stiffness at the lattice's places."""
         from legfem.geometry.section import first_crossing
         from legfem.mechanics.terms.uneven_stiffness import UnevenStiffness

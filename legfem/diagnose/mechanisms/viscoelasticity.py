@@ -11,13 +11,12 @@ import numpy as np
 from scipy.stats import norm
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.mechanisms.base import Solution, TissueMechanism, Values, strength
+from legfem.diagnose.mechanisms.base import PressedLeg, Solution, TissueMechanism, Values, strength
 from legfem.diagnose.observations import Observations
 from legfem.inference.parameter import Parameter, Prior
 from legfem.recording.phases import HOLD, UNLOADING
 
 if TYPE_CHECKING:
-    from legfem.diagnose.variants import Variants
     from legfem.mechanics.materials import Hyperelastic
 
 TIMES_S = (0.1, 0.35, 1.2, 4.2, 14.0, 48.0, 170.0)
@@ -97,7 +96,7 @@ class Viscoelasticity(TissueMechanism):
             for spread in (0.4, 2.0)
         )
 
-    def terms(self, leg: Variants) -> Sequence[Any]:
+    def terms(self, leg: PressedLeg) -> Sequence[Any]:
         """Return the branches."""
         return self._branches_of(getattr(leg.tissues, self.region))
 
