@@ -29,7 +29,8 @@ from legfem.subjects.expected_force import (
     STIFFEST_KPA,
     features,
 )
-from legfem.subjects.subject import SUBJECTS, Indenter, load_subject
+from legfem.subjects.loading import SUBJECTS, load_subject
+from legfem.subjects.subject import Indenter
 from studies.legs.calf import Calf, calf_section
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)

@@ -20,7 +20,7 @@ from legfem.common.versions import legfem_version, package_version
 from legfem.meshing.exchange import write_mesh
 from legfem.meshing.quality import quality_of_file
 from legfem.stocking.loading import LEGS
-from legfem.subjects.subject import SUBJECTS
+from legfem.subjects.loading import SUBJECTS
 
 MANIFEST = "meshes.json"
 PAGE = "README.md"

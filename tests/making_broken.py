@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 
 from legfem.common.errors import InputError
+from legfem.subjects.loading import SUBJECTS, load_subject
 from legfem.subjects.plausibility import doubts_about
-from legfem.subjects.subject import SUBJECTS, load_subject
 
 type Change = Callable[[Path], None]
 

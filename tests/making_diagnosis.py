@@ -27,7 +27,7 @@ from legfem.inference.errors import error_model
 from legfem.inference.trial_noise import Noise
 from legfem.recording import Instrument, Recording
 from legfem.solve.protocol import Protocol
-from legfem.subjects.subject import SUBJECTS, load_subject
+from legfem.subjects.loading import SUBJECTS, load_subject
 
 INSTRUMENT = Instrument(force_sd=0.03, displacement_sd=0.01)
 NOISE = Noise(0.02, 0.02, 12.0, 0.02, 0.008, "made")

@@ -22,7 +22,8 @@ from legfem.inference.parameter import Parameter
 from legfem.jobs.store import Store
 from legfem.recording import Instrument, Recording
 from legfem.solve.force_curve import ForceCurve
-from legfem.subjects.subject import Subject, load_subject
+from legfem.subjects.loading import load_subject
+from legfem.subjects.subject import Subject
 
 DEPTH = 20.0
 LAWS = ("neo-hookean", "reduced-polynomial")

@@ -64,7 +64,7 @@ from legfem.study.doe.runs import Workshop, simulate
 from legfem.study.doe.simulator import Record
 from legfem.study.doe.study import StudyResult, study
 from legfem.study.doe.web_page import study_web_page
-from legfem.subjects.subject import load_subject
+from legfem.subjects.loading import load_subject
 
 COMMAND = "python -m legfem.identify --subject-dir 'my <leg>'"
 DEPTH = 4.0

@@ -26,6 +26,7 @@ import typer
 HERE = Path(__file__).resolve().parent
 CROSSCHECK = HERE / "data" / "crosscheck"
 OLD_NAMES = {
+    "legfem.subjects.loading": "legfem.subjects.subject",
     "legfem.stocking.loading": "legfem.stocking.leg",
     "legfem.subjects.subject": "legfem.subject",
     "legfem.correction.choice": "legfem.identify.correction",
@@ -57,7 +58,7 @@ def module(name: str) -> Any:
 
 def own_subject(number: str) -> Any:
     """Load one of the four subjects."""
-    subjects = module("legfem.subjects.subject")
+    subjects = module("legfem.subjects.loading")
     return subjects.load_subject(subjects.SUBJECTS.find(number))
 
 
@@ -70,7 +71,7 @@ def forces() -> Entries:
         )
         for number, (c10, c20) in PAPER.items()
     }  # fmt: skip
-    load = module("legfem.subjects.subject").load_subject
+    load = module("legfem.subjects.loading").load_subject
     for name, values in OTHER_CODE.items():
         cases[f"crosscheck {name}"] = load(CROSSCHECK / name), values, 20.0
     found: Entries = {}

@@ -23,8 +23,8 @@ from legfem.common.errors import InputError
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.specimens.schema import parse_specimen_file
 from legfem.subjects.catalogue import RESOURCES
+from legfem.subjects.loading import load_subject
 from legfem.subjects.sites import subject_entry
-from legfem.subjects.subject import load_subject
 
 pytestmark = [
     pytest.mark.slow,

@@ -24,7 +24,7 @@ from legfem.common.errors import InputError
 from legfem.common.progress import Lines, Reached, reached
 from legfem.diagnose.document import document
 from legfem.identify.document import result_document
-from legfem.subjects.subject import load_subject
+from legfem.subjects.loading import load_subject
 
 
 @pytest.fixture

@@ -14,8 +14,8 @@ from mpi4py import MPI
 
 from legfem.jobs.checkpoint import Checkpoint
 from legfem.jobs.store import Store
+from legfem.subjects.loading import SUBJECTS, load_subject
 from legfem.subjects.plausibility import doubts_about
-from legfem.subjects.subject import SUBJECTS, load_subject
 
 FOREIGN = sorted((SHARED / "foreign").glob("case-*"))
 LONGEST_S = 60.0

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from legfem.common.errors import InputError
-from legfem.subjects.subject import load_subject
+from legfem.subjects.loading import load_subject
 from studies.concealed.cases import SealedCase, make_cases
 from studies.concealed.forms import FORMS, NAMED, ON_COURSE, OUTSIDE, OUTSIDE_ON_COURSE, Pressed
 from studies.concealed.other_code import OtherCase, OtherCode

@@ -23,7 +23,7 @@ from legfem.diagnose.solved import SolvedResponses, end_effect
 from legfem.diagnose.variants import Stopped, Variants
 from legfem.recording import Recording
 from legfem.solve.protocol import Protocol
-from legfem.subjects.subject import SUBJECTS, load_subject
+from legfem.subjects.loading import SUBJECTS, load_subject
 
 DEPTH = 6.0
 SOFT = (0.8, 0.9)

@@ -23,7 +23,7 @@ from legfem.report.located import places_of
 from legfem.report.ranking_figure import ranking_figure
 from legfem.report.signature_figure import leading, matched, strongest
 from legfem.report.words import number, probability
-from legfem.subjects.subject import load_subject
+from legfem.subjects.loading import load_subject
 
 ASKED = ("fascia-stiffness", "force-drift", "support-compliance", "contact-onset")
 TWINS = ("fascia-stiffness", "prestress", "force-drift")

@@ -8,8 +8,8 @@ import pytest
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.meshing.section import SectionMeshSettings
 from legfem.subjects.expected_force import SOFTEST_KPA, STIFFEST_KPA, force_range
+from legfem.subjects.loading import SUBJECTS, load_subject
 from legfem.subjects.plausible_recordings import SLACK
-from legfem.subjects.subject import SUBJECTS, load_subject
 
 
 @pytest.mark.slow

@@ -21,8 +21,8 @@ from typer.testing import CliRunner
 
 from legfem.commands.data import app
 from legfem.recording import read_instrument_file
+from legfem.subjects.loading import load_subject
 from legfem.subjects.schema import RecordingsEntry
-from legfem.subjects.subject import load_subject
 
 MADE = press(air=2.0, hold=20.0, force_sd=0.02, displacement_sd=0.005, offset=0.1, seed=4)
 T, D, F = MADE.time, MADE.displacement, MADE.force

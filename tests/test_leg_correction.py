@@ -16,8 +16,9 @@ from legfem.common.errors import InputError
 from legfem.identify.forward import ForwardOutcome, PlaneStrainForward
 from legfem.identify.spatial import ROUGHER, LegModels
 from legfem.study.correction import of_leg
+from legfem.subjects.loading import load_subject
 from legfem.subjects.spatial import spatial_leg
-from legfem.subjects.subject import Subject, load_subject
+from legfem.subjects.subject import Subject
 
 DEPTH = 6.0
 

@@ -38,8 +38,9 @@ from legfem.imaging.outlines import OutlineSettings
 from legfem.imaging.surfaces import read_surfaces
 from legfem.imaging.volume import LabelVolume
 from legfem.imaging.volume_file import read_volume
+from legfem.subjects.loading import load_subject
 from legfem.subjects.plausibility import doubts_about
-from legfem.subjects.subject import Subject, load_subject
+from legfem.subjects.subject import Subject
 
 REAL = SHARED / "data" / "leg_geometry"
 LEVEL = 52.7

@@ -11,7 +11,7 @@ from legfem.correction.choice import REFERENCE
 from legfem.correction.tabulated import read_correction
 from legfem.plan.designs import designs
 from legfem.solve.protocol import Protocol
-from legfem.subjects.subject import SUBJECTS, load_subject
+from legfem.subjects.loading import SUBJECTS, load_subject
 from studies.concealed.cases import DEPTH_MM, SealedCase, make_cases
 from studies.concealed.truth import ELASTIC_RATE, ForceCourse, Truths
 from studies.next_test.page import page, tried_document

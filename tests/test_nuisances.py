@@ -24,7 +24,8 @@ from legfem.diagnose.nuisances import (
     displaced_geometries,
 )
 from legfem.diagnose.run import accuracy_of
-from legfem.subjects.subject import SUBJECTS, LegAccuracy, load_subject
+from legfem.subjects.loading import SUBJECTS, load_subject
+from legfem.subjects.subject import LegAccuracy
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,8 @@ from legfem.experiments.plane_strain import (
 )
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.solve.protocol import Protocol
-from legfem.subjects.subject import Indenter, load_subject
+from legfem.subjects.loading import load_subject
+from legfem.subjects.subject import Indenter
 
 DEPTHS = np.array([1.0, 3.0, 5.0, 8.0])
 

@@ -11,7 +11,7 @@ from legfem.common.errors import InputError
 from legfem.geometry.section import girth
 from legfem.report.preview import preview_of
 from legfem.subjects.catalogue import RESOURCES
-from legfem.subjects.subject import load_subject
+from legfem.subjects.loading import load_subject
 
 SUBJECT = RESOURCES / "frauziols" / "subjects" / "3"
 SPECIMEN = Path(__file__).resolve().parents[1] / "examples" / "specimen"

@@ -16,7 +16,7 @@ from legfem.recording import (
     read_recording,
     split_phases,
 )
-from legfem.subjects.subject import load_subject
+from legfem.subjects.loading import load_subject
 
 INSTRUMENT = Instrument(force_sd=0.04, displacement_sd=0.02)
 

@@ -24,7 +24,7 @@ from legfem.report.fit_figure import fit_figure
 from legfem.report.identification import write_identification_report
 from legfem.report.style import save
 from legfem.report.text import comparison, fit_report, summary
-from legfem.subjects.subject import load_subject
+from legfem.subjects.loading import load_subject
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,7 @@ from legfem.identify.settings import IdentificationSettings
 from legfem.inference.parameter import Prior
 from legfem.report.sites import write_sites_report
 from legfem.sites.identification import identify_sites
-from legfem.subjects.subject import load_sites, load_subject
+from legfem.subjects.loading import load_sites, load_subject
 
 NEO_HOOKEAN = ("neo-hookean",)
 C10 = "deep.C10"

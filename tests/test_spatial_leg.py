@@ -11,8 +11,8 @@ from making_legs_3d import CONE, cone_folder
 from legfem.common.errors import InputError
 from legfem.geometry.curve import area_and_centroid
 from legfem.geometry.leg_shape import HULL, SKIN
+from legfem.subjects.loading import SUBJECTS, load_subject
 from legfem.subjects.spatial import LENGTH, spatial_leg
-from legfem.subjects.subject import SUBJECTS, load_subject
 
 
 def leg_of(folder: Path):

@@ -28,8 +28,9 @@ from legfem.identify.spatial import LegModels, check_has_ends
 from legfem.identify.two_fidelity import MOST_SOLVES, TwoFidelities
 from legfem.recording import Instrument, Recording
 from legfem.report.text import fit_report
+from legfem.subjects.loading import load_subject
 from legfem.subjects.spatial import spatial_leg
-from legfem.subjects.subject import Subject, load_subject
+from legfem.subjects.subject import Subject
 
 GRID = np.linspace(0.0, DEPTH, 41)
 

@@ -26,7 +26,7 @@ from legfem.report.web.diagnosis import diagnosis_web_page
 from legfem.report.web.identification import identification_page
 from legfem.report.web.page import rendered
 from legfem.report.web.section import Film, pressed_section
-from legfem.subjects.subject import load_subject
+from legfem.subjects.loading import load_subject
 
 MOST_BYTES = 2_000_000
 DEPTH = 4.0

@@ -12,7 +12,8 @@ from legfem.api.loading import Given, load_subject
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 from legfem.identify.laws import LawName
-from legfem.subjects.subject import SUBJECTS, Subject
+from legfem.subjects.loading import SUBJECTS
+from legfem.subjects.subject import Subject
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

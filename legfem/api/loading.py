@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 from legfem.common.doubts import say
 from legfem.common.errors import InputError
 from legfem.subjects.catalogue import Catalogue
+from legfem.subjects.loading import SUBJECTS
+from legfem.subjects.loading import load_subject as load_subject_folder
 from legfem.subjects.plausibility import doubts_about
-from legfem.subjects.subject import SUBJECTS, Subject
-from legfem.subjects.subject import load_subject as load_subject_folder
+from legfem.subjects.subject import Subject
 
 if TYPE_CHECKING:
     from legfem.specimens.folder import SpecimenFolder

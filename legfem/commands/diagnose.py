@@ -19,7 +19,7 @@ from legfem.common.doubts import say
 from legfem.common.errors import InputError
 from legfem.common.outcome_options import AsJson, Quiet
 from legfem.common.progress import progress_on
-from legfem.subjects.subject import SUBJECTS
+from legfem.subjects.loading import SUBJECTS
 
 if TYPE_CHECKING:
     from legfem.specimens.folder import SpecimenFolder
@@ -100,8 +100,8 @@ def diagnose(
         from legfem.report.diagnosis import write_diagnosis_report
         from legfem.report.plan import plan_document, plan_lines
         from legfem.report.web.page import command_line
+        from legfem.subjects.loading import load_subject
         from legfem.subjects.plausibility import doubts_about
-        from legfem.subjects.subject import load_subject
 
         folder = SUBJECTS.named(subject, subject_dir)
         found = load_subject(folder, need_instrument=False, site=site or "")

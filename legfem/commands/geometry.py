@@ -75,8 +75,8 @@ def convert(
         from legfem.report.placement_figure import placement_figure
         from legfem.report.style import save
         from legfem.subjects.folder import folder_of_leg
+        from legfem.subjects.loading import load_subject
         from legfem.subjects.plausibility import doubts_about
-        from legfem.subjects.subject import load_subject
 
         given = [source for source in (cross_sections, scan, surface, subject_dir) if source]
         if len(given) != 1:

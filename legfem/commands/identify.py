@@ -184,8 +184,8 @@ def run(
         from legfem.report.identification import write_identification_report
         from legfem.report.text import fit_report
         from legfem.report.web.page import command_line
+        from legfem.subjects.loading import SUBJECTS, load_sites, load_subject
         from legfem.subjects.plausibility import doubts_about
-        from legfem.subjects.subject import SUBJECTS, load_sites, load_subject
 
         if seed < 0:
             raise InputError("--seed", f"{seed}", "is negative", "give 0 or more")

@@ -14,7 +14,7 @@ from legfem.meshing.section import REGIONS, SectionMeshSettings, mesh_section
 from legfem.meshing.solid_leg import mesh_solid_leg, settings_for_cells
 from legfem.stocking.loading import load_leg
 from legfem.stocking.run import StockingSettings
-from legfem.subjects.subject import load_subject
+from legfem.subjects.loading import load_subject
 
 
 @dataclass(frozen=True, eq=False)

@@ -109,7 +109,7 @@ def _asked(
         )  # fmt: skip
     from legfem.commands.leg_meshes import idealised_mesh, section_mesh, stocking_mesh
     from legfem.stocking.loading import LEGS
-    from legfem.subjects.subject import SUBJECTS
+    from legfem.subjects.loading import SUBJECTS
 
     if idealised:
         return idealised_mesh(finer).mesh

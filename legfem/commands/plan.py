@@ -16,7 +16,7 @@ from legfem.common.command_edge import (
 from legfem.common.doubts import say
 from legfem.common.outcome_options import AsJson, Quiet
 from legfem.common.progress import progress_on
-from legfem.subjects.subject import SUBJECTS
+from legfem.subjects.loading import SUBJECTS
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -63,8 +63,8 @@ def plan(
         from legfem.report.plan import plan_document, plan_page
         from legfem.report.web.page import command_line, write_page
         from legfem.report.web.plan import plan_web_page
+        from legfem.subjects.loading import load_subject
         from legfem.subjects.plausibility import doubts_about
-        from legfem.subjects.subject import load_subject
 
         check_finite(c10=c10, c20=c20, depth=depth, rate=rate)
         found = load_subject(

@@ -33,9 +33,10 @@ from legfem.specimens.folder import FILE, load_specimen
 from legfem.specimens.schema import parse_specimen_file
 from legfem.stocking.leg import StockingLeg
 from legfem.stocking.loading import LEGS, load_leg
+from legfem.subjects.loading import SUBJECTS, load_subject
 from legfem.subjects.plausibility import doubts_about, room_before
 from legfem.subjects.sites import RECORDINGS, site_names, subject_entry
-from legfem.subjects.subject import SUBJECTS, Subject, load_subject
+from legfem.subjects.subject import Subject
 
 PREVIEW = "preview.json"
 

@@ -18,7 +18,7 @@ from legfem.identify.document import result_document
 from legfem.identify.result import IdentificationResult
 from legfem.identify.run import identify_subject
 from legfem.identify.settings import IdentificationSettings
-from legfem.subjects.subject import SUBJECTS, load_subject
+from legfem.subjects.loading import SUBJECTS, load_subject
 
 
 @dataclass(frozen=True)

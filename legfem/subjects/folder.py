@@ -206,7 +206,7 @@ def check_new_folder(out: Path) -> None:
 
 def _check_loads(folder: Path) -> None:
     # Imported here: a subject stands above geometry.
-    from legfem.subjects.subject import load_subject
+    from legfem.subjects.loading import load_subject
 
     load_subject(folder, need_recordings=False)
 

@@ -11,9 +11,10 @@ from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, shape_of_contours
 from legfem.geometry.section import BONES, LegSection
 from legfem.geometry.shape_motion import rigidly_moved
+from legfem.subjects.loading import SUBJECTS
 from legfem.subjects.placement import Placement, placed
 from legfem.subjects.sites import subject_entry
-from legfem.subjects.subject import SUBJECTS, Subject
+from legfem.subjects.subject import Subject
 
 LENGTH = 120.0
 """Of the leg that is modelled (mm), as that of the tabulated correction's idealised legs."""

@@ -7,7 +7,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from legfem.subjects.subject import SUBJECTS, Subject, load_subject
+from legfem.subjects.loading import SUBJECTS, load_subject
+from legfem.subjects.subject import Subject
 from studies.concealed.cases import SUBJECTS_OF_LEGS
 from studies.lab.conditions import drawn_misstatement
 from studies.lab.stated import misstated

@@ -23,7 +23,7 @@ from legfem.jobs.key import Contents
 from legfem.jobs.pool import Workers
 from legfem.jobs.resume import finish
 from legfem.jobs.store import Store
-from legfem.subjects.subject import load_subject
+from legfem.subjects.loading import load_subject
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from legfem.identify.laws import LawName
 from legfem.identify.result import IdentificationResult
 from legfem.identify.run import forward_model, identify_subject
 from legfem.identify.spatial import SOLVES, LegModels
-from legfem.subjects.subject import load_subject
+from legfem.subjects.loading import load_subject
 from studies.leg3d.planted import Planted, folder_of, true_curve
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)

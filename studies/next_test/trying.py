@@ -28,7 +28,8 @@ from legfem.plan.reckon import Reckoned
 from legfem.plan.run import plan_after
 from legfem.recording import Recording
 from legfem.solve.protocol import Protocol
-from legfem.subjects.subject import Subject, load_subject
+from legfem.subjects.loading import load_subject
+from legfem.subjects.subject import Subject
 from studies.concealed.cases import DEPTH_MM, TRIALS, SealedCase
 from studies.concealed.legs import SealedLeg, sealed_leg
 from studies.concealed.making import write_case

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from legfem.common.errors import InputError
-from legfem.subjects.subject import Subject, load_subject
+from legfem.subjects.loading import load_subject
+from legfem.subjects.subject import Subject
 from studies.lab.recording import Course
 
 RATE_MM_PER_S = 0.4

@@ -22,7 +22,8 @@ from legfem.identify.settings import IdentificationSettings
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.meshing.section import SectionMeshSettings
 from legfem.solve.step_settings import StepSettings
-from legfem.subjects.subject import SUBJECTS, Subject, load_subject
+from legfem.subjects.loading import SUBJECTS, load_subject
+from legfem.subjects.subject import Subject
 from studies.lab.synthesis import InstrumentNoise, record_path
 
 C10_KPA = (0.1, 5.0)

@@ -17,12 +17,7 @@ from legfem.common.units import kpa_to_mpa
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.jobs.store import Store
 from legfem.solve.force_curve import ForceCurve
-from legfem.subjects.subject import (
-    Indenter,
-    SitedLeg,
-    Subject,
-    TissueParameters,
-)
+from legfem.subjects.subject import Indenter, SitedLeg, Subject, TissueParameters
 from studies.concealed.other_code import OtherCase, OtherCode
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
 from studies.legs.calf import Calf, calf_section

@@ -17,7 +17,7 @@ from legfem.diagnose.variants import Stopped, Variants
 from legfem.experiments.plane_strain import tissues_of
 from legfem.solve.protocol import Protocol
 from legfem.subjects.folder import write_subject_folder
-from legfem.subjects.subject import SUBJECTS, load_subject
+from legfem.subjects.loading import SUBJECTS, load_subject
 from studies.concealed.cases import DEPTH_MM, FAST, HOLD_S, SLOW, TRIALS, ProtocolName
 from studies.concealed.legs import with_deep_law
 from studies.concealed.truth import TRUTH_SETTINGS

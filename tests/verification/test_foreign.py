@@ -12,7 +12,7 @@ from legfem.common.progress import Silent
 from legfem.correction.choice import REFERENCE
 from legfem.correction.tabulated import read_correction
 from legfem.diagnose.run import Diagnoser
-from legfem.subjects.subject import load_subject
+from legfem.subjects.loading import load_subject
 
 FOREIGN = SHARED / "foreign"
 pytestmark = [

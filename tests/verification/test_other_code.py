@@ -8,7 +8,7 @@ import pytest
 from making import CROSSCHECK
 
 from legfem.experiments.plane_strain import PlaneStrainIndentation
-from legfem.subjects.subject import load_subject
+from legfem.subjects.loading import load_subject
 
 # kPa to MPa; the other code has no (J - 1)^4 / D2 term.
 PARAMETERS = {

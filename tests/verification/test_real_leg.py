@@ -15,7 +15,7 @@ from making_mechanics import REAL_LEG
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.imaging.leg_source import LegSource
 from legfem.subjects.folder import folder_of_leg
-from legfem.subjects.subject import load_subject
+from legfem.subjects.loading import load_subject
 from studies.legs.parametric_leg import parametric_leg, read_legs
 from studies.stockings.command import LEGS
 

@@ -16,7 +16,8 @@ from legfem.mechanics.materials import ReducedPolynomial
 from legfem.study.convergence.corners import CornerOutcome, study_corners, table_2_points
 from legfem.study.convergence.figure import draw_convergence
 from legfem.study.convergence.meshes import WINDOWS, Convergence, study_convergence
-from legfem.subjects.subject import SUBJECTS, Subject, load_subject
+from legfem.subjects.loading import SUBJECTS, load_subject
+from legfem.subjects.subject import Subject
 
 
 def run(

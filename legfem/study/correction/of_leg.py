@@ -38,7 +38,8 @@ from legfem.solve.force_curve import ForceCurve
 from legfem.study.correction.calibration import versions
 from legfem.study.correction.command import as_table
 from legfem.study.correction.tables import SHOWN, Cells
-from legfem.subjects.subject import Subject, load_subject
+from legfem.subjects.loading import load_subject
+from legfem.subjects.subject import Subject
 
 DOCUMENT = "leg.json"
 _LEG_COLOUR, _TABLE_COLOUR = "#0072B2", "#D55E00"

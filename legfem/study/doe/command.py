@@ -31,7 +31,8 @@ from legfem.study.doe.tables import anova_table, beside_table_3
 from legfem.study.doe.verdict import verdicts
 from legfem.study.doe.web_page import study_web_page
 from legfem.subjects.catalogue import RESOURCES
-from legfem.subjects.subject import SUBJECTS, Subject, load_subject
+from legfem.subjects.loading import SUBJECTS, load_subject
+from legfem.subjects.subject import Subject
 
 
 @dataclass(frozen=True)
