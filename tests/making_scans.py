@@ -1,7 +1,7 @@
 """One leg, drawn by ellipses, as a label volume, as surfaces and as cross-sections.
 
-Voxels are labelled by the ellipses' equations and surfaces triangulated by trimesh: nothing here
-runs through what reads them.
+Voxels are labelled by the ellipses' equations and surfaces triangulated by trimesh: nothing that is
+written here runs through what reads it.
 """
 
 from __future__ import annotations
@@ -13,11 +13,18 @@ from pathlib import Path
 import nibabel
 import numpy as np
 import trimesh
+from making import TOML
 from scipy.spatial.transform import Rotation
+from typer.testing import CliRunner
+
+from legfem.geometry.__main__ import app
+from legfem.subjects.subject import Subject, load_subject
 
 HEIGHT = 100.0
 SPACING = (0.8, 0.9, 2.0)
 """Of the voxels, mm."""
+FLAT = 'contours = "contours.csv"'
+PLACE = "aim_mm = [0.0, 0.0]\ndirection_deg = 90.0"
 PARTS = ("skin", "muscle_hull", "tibia", "fibula")
 # Centre and half axes at z = 0, mm, and their change per mm of z; +y is posterior.
 _ELLIPSES = {
@@ -192,3 +199,43 @@ def write_cross_sections(path: Path, levels: np.ndarray) -> Path:
     ]
     path.write_text("\n".join(rows) + "\n")
     return path
+
+
+def write_leg(folder: Path) -> None:
+    """Write the leg in every way that it can be read."""
+    write_nifti(folder / "leg.nii.gz", *labels())
+    write_surfaces(folder)
+    for part in PARTS:
+        write_polydata(folder / f"{part}.vtp", surface(part), "raw zlib")
+    turned, affine = turned_labels(17.0)
+    nibabel.save(
+        nibabel.Nifti1Image(turned, np.diag([-1, -1, 1, 1]) @ affine), folder / "turned.nii"
+    )
+    write_cross_sections(folder / "sections.csv", np.arange(0.0, HEIGHT + 1, 5.0))
+
+
+def subject_of_scan(folder: Path, section: str, place: str = PLACE, more: str = "") -> Subject:
+    """Return a subject whose section is cut from a scan."""
+    folder.mkdir(exist_ok=True)
+    toml = TOML.replace(FLAT, section).replace(PLACE, place)
+    (folder / "subject.toml").write_text(toml + more)
+    return load_subject(folder, need_recordings=False)
+
+
+def entry_of(leg_files: Path, kind: str) -> str:
+    """Return the entry of subject.toml for a way in which the leg was written."""
+    return {
+        "nifti": f'scan = "{leg_files}/leg.nii.gz"',
+        "oblique": f'scan = "{leg_files}/turned.nii"',
+        "stl": "surfaces = {" + ", ".join(f'{p} = "{leg_files}/{p}.stl"' for p in PARTS) + "}",
+        "vtp": "surfaces = {" + ", ".join(f'{p} = "{leg_files}/{p}.vtp"' for p in PARTS) + "}",
+        "csv": f'contours = "{leg_files}/sections.csv"',
+    }[kind]
+
+
+def made_leg(folder: Path, *options: str) -> Subject:
+    """Return the subject that the command makes of a scan."""
+    done = CliRunner().invoke(app, [*options, "--out", str(folder)])
+    assert done.exit_code == 0, done.output
+    assert f"picture: {folder}/section.png" in done.output.replace("\n", "")
+    return load_subject(folder, need_recordings=False)

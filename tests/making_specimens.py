@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import brentq
 
-from legfem.mechanics.materials import Hyperelastic
+from legfem.mechanics.materials import Hyperelastic, ReducedPolynomial
 from legfem.recording import Recording, write_recording
 
 LENGTH, AREA = 10.0, 100.0
@@ -25,6 +25,7 @@ area_mm2 = 100.0
 [recordings]
 starts_at_contact = true
 """
+PLANTED = ReducedPolynomial(5e-3, 1.0, C20=3e-3)
 BRANCHES = ((1.2, 0.3), (0.8, 4.0), (0.5, 60.0), (0.3, 400.0))
 """Ratios and times (s) of a tissue that relaxes; no log-normal spectrum."""
 

@@ -1,0 +1,120 @@
+"""Courses of specimens' recordings: creep, relaxation, returns, and where they end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from making_specimens import BAR, BRANCHES, PLANTED, compressed, crept, ramp, record, relaxing
+
+import legfem as lf
+from legfem.mechanics.materials import ReducedPolynomial
+from legfem.recording import Recording
+from legfem.specimens.course import course_of
+from legfem.specimens.relaxation import branch_ratios, memory
+
+
+def test_the_memory_is_that_of_branches_walked_step_by_step() -> None:
+    time, d = ramp(3.0, 6.0, hold=20.0)
+    branch = branch_ratios(np.array([[2.0, 4.0, 0.05]]))[0]
+    from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S
+
+    elastic = d**1.5
+    walked = relaxing(elastic, time, list(zip(branch, TIMES_S, strict=True)))
+    kept = np.tensordot(branch, memory(time[1:]), axes=1) @ np.diff(elastic)
+    np.testing.assert_allclose(elastic[1:] + kept, walked[1:], rtol=1e-10)
+
+
+SHORT = ((1.2, 0.3), (0.8, 3.0), (0.4, 20.0))
+
+
+def _under_force(duration: float, newtons: float, held: float) -> Recording:
+    time = np.concatenate([np.linspace(0, duration, 121), np.arange(duration + 0.5, held, 0.5)])
+    force = newtons * np.minimum(time / duration, 1.0)
+    return Recording(time, crept(PLANTED, force, time, SHORT), force, "crept")
+
+
+def test_a_held_force_is_seen_as_creep_and_a_plateau_is_not() -> None:
+    creep = course_of(_under_force(2.0, 1.5, 120.0), starts_at_contact=True)
+    assert creep.creeps and creep.holds
+    time, d = ramp(3.0, 6.0)
+    foam = Recording(time, d, 2 * np.minimum(d, 1.0), "foam")
+    assert not course_of(foam, starts_at_contact=True).holds
+    plain = Recording(time, d, compressed(PLANTED, d), "plain")
+    assert not course_of(plain, starts_at_contact=True).creeps
+
+
+@pytest.mark.slow
+def test_a_law_is_found_from_creep_under_held_forces(tmp_path: Path) -> None:
+    """The recorded motion is imposed, and the force that it asks for compared."""
+    for name, duration, newtons in (("low", 2.0, 1.0), ("high", 8.0, 2.0)):
+        made = _under_force(duration, newtons, 200.0)
+        record(tmp_path, name, made.time, made.displacement, made.force)
+    (tmp_path / "specimen.toml").write_text(BAR)
+    folder = lf.load_specimen(tmp_path)
+    assert folder.relaxes
+    found = lf.identify(folder, "reduced-polynomial")["reduced-polynomial"]
+    print({name: value.value for name, value in found.parameters.items()}, found.rms_percent)
+    assert found.rms_percent < 1.0
+    assert found.parameters["deep.C10"].value == pytest.approx(5e-3, rel=0.1)
+    assert found.parameters["viscoelasticity.ratio"].value == pytest.approx(2.4, rel=0.2)
+
+
+def test_one_sample_that_overshoots_changes_nothing() -> None:
+    time, d = ramp(3.0, 6.0, hold=20.0)
+    force = relaxing(d**1.5, time)
+    jumped = d.copy()
+    jumped[100] += 4.0
+    plain, other = (course_of(Recording(time, x, force, "a"), None, True) for x in (d, jumped))
+    assert plain.holds and plain.depth == pytest.approx(3.0)
+    assert other.arrival == pytest.approx(plain.arrival)
+    assert other.depth == pytest.approx(plain.depth)
+    at = np.interp(plain.time, other.time, other.displacement)
+    np.testing.assert_allclose(at, plain.displacement, atol=0.03)
+
+
+def test_a_course_ends_at_the_first_return_and_begins_at_contact() -> None:
+    time = np.arange(0.0, 20.0, 0.02)
+    d = np.interp(time, [0, 5, 6, 11, 20], [0, 5, 5, 1.5, 1.5])
+    force = 0.8 * np.maximum(d - 1.0, 0.0) ** 1.2 + np.random.default_rng(0).normal(0, 1e-3, 1000)
+    course = course_of(Recording(time, d, force, "a"))
+    assert course.in_air
+    assert course.depth == pytest.approx(4.0, abs=0.15)
+    assert course.arrival == pytest.approx(4.0, abs=0.15)
+    assert course.time[-1] < 5.2
+    assert course.count.sum() == len(course.samples)
+
+
+def _cycled(folder: Path, returns: bool, branches=BRANCHES[:2]) -> Path:
+    """Write loading, hold, a partial return, loading again and a return, at three rates."""
+    law = ReducedPolynomial(4e-3, 1.0, C20=4e-3)
+    for name, pace in (("fast", 0.4), ("middle", 2.0), ("slow", 10.0)):
+        time = np.arange(0.0, 12.0 * pace, 0.02 * pace)
+        d = np.interp(time / pace, [0, 3, 5, 6.5, 9, 12], [0, 3, 3, 1.8, 3, 0])
+        record(folder, name, time, d, relaxing(compressed(law, d), time, branches))
+    more = "[tissue]\nreturns = true\n" if returns else ""
+    (folder / "specimen.toml").write_text(BAR + more)
+    return folder
+
+
+def test_a_course_goes_on_through_returns_until_the_force_is_gone(tmp_path: Path) -> None:
+    whole = lf.load_specimen(_cycled(tmp_path, returns=True)).named("fast")[0].course
+    first = lf.load_specimen(_cycled(tmp_path, returns=False)).named("fast")[0].course
+    assert whole.arrival == pytest.approx(first.arrival) and whole.depth == first.depth
+    # The partial return's turn is at 6.5 of 12 parts, and the last force is near the end.
+    assert first.time[-1] < 5.2 * 0.4 and 9.5 * 0.4 < whole.time[-1] < 12 * 0.4
+    assert whole.force[-1] < 0.1 * whole.peak
+    turn = np.argmin(np.abs(whole.time - 6.5 * 0.4))
+    assert whole.displacement[turn] == pytest.approx(1.8, abs=0.1)
+    np.testing.assert_allclose(whole.force[: len(first.force) - 2], first.force[:-2])
+
+
+@pytest.mark.slow
+def test_cycles_are_predicted_as_they_were_driven(tmp_path: Path) -> None:
+    folder = lf.load_specimen(_cycled(tmp_path, returns=True))
+    found = lf.identify(folder, "reduced-polynomial", leave_out=["middle"])["reduced-polynomial"]
+    (predicted,) = found.held_out
+    print(predicted.r_squared, {n: e.value for n, e in found.parameters.items()})
+    assert predicted.r_squared > 0.995
+    assert found.parameters["deep.C10"].value == pytest.approx(4e-3, rel=0.1)
