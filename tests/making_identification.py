@@ -14,8 +14,9 @@ from legfem.common.progress import Silent
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.identify.forward import ForwardOutcome
 from legfem.identify.identification import Identification, beyond_of, measured_curve
+from legfem.identify.request import sensitivities_of
 from legfem.identify.result import IdentificationResult
-from legfem.identify.run import laws_of, sensitivities_of
+from legfem.identify.run import laws_of
 from legfem.identify.settings import IdentificationSettings
 from legfem.identify.solver import FullSolver
 from legfem.inference.parameter import Parameter

@@ -16,7 +16,7 @@ from legfem.experiments.indentation_3d import (
     IdealisedLegIndentation,
     IdealisedLegSettings,
 )
-from legfem.experiments.pressing import Pressing
+from legfem.experiments.pressing import Pressed, Pressing
 from legfem.jobs.checkpoint import Checkpoint
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
@@ -82,7 +82,7 @@ def test_it_goes_on_within_a_hold_too(tmp_path: Path, every_step):
 
         pressing: Pressing = made(2).pressing
         kept = (folder, "a test") if keep else None
-        return pressing.run(None, protocol, (), on_step, keep_in=kept)
+        return pressing.run(Pressed(None, protocol, (), on_step), keep_in=kept)
 
     whole = run(0, keep=False)
     resumed, kills = None, 0

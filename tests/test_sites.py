@@ -17,6 +17,7 @@ from legfem.common.errors import InputError
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.identify.catalogue import parameter_of
 from legfem.identify.identification import measured_curve
+from legfem.identify.request import SearchRequest
 from legfem.identify.settings import IdentificationSettings
 from legfem.inference.parameter import Prior
 from legfem.report.sites import write_sites_report
@@ -28,8 +29,8 @@ C10 = "deep.C10"
 
 
 def joint(leg, **options):
-    laws = options.pop("laws", NEO_HOOKEAN)
-    return identify_sites(leg, laws, model=sites_model(), **options)
+    laws, corrections = options.pop("laws", NEO_HOOKEAN), options.pop("corrections", None)
+    return identify_sites(leg, laws, SearchRequest(**options), corrections, sites_model())
 
 
 def width(found):

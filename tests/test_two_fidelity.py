@@ -19,8 +19,9 @@ from legfem.correction.tabulated import TabulatedCorrection
 from legfem.identify.document import result_document
 from legfem.identify.forward import ForwardOutcome
 from legfem.identify.identification import Identification, measured_curve
+from legfem.identify.request import sensitivities_of
 from legfem.identify.result import CLOSE
-from legfem.identify.run import laws_of, sensitivities_of
+from legfem.identify.run import laws_of
 from legfem.identify.search import SearchError
 from legfem.identify.settings import IdentificationSettings
 from legfem.identify.solver import FullSolver

@@ -76,6 +76,14 @@ class ByLaw[Result: OfLaw](Found):
 
     results: tuple[Result, ...]
 
+    @abstractmethod
+    def _document_of(self, result: Result) -> dict[str, Any]:
+        """Return what ``result.json`` holds of a law."""
+
+    def document(self) -> list[dict[str, Any]]:
+        """Return what ``result.json`` holds, one a law."""
+        return [self._document_of(result) for result in self.results]
+
     def __getitem__(self, law: LawName) -> Result:
         """Return a law's result."""
         return next(result for result in self.results if result.law == law)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
@@ -45,11 +45,10 @@ class IdentifiedLeg(ByLaw["IdentificationResult"]):
 
         return summary(self.results)
 
-    def document(self) -> list[dict[str, Any]]:
-        """Return what ``result.json`` holds, one a law."""
+    def _document_of(self, result: IdentificationResult) -> dict[str, Any]:
         from legfem.identify.document import result_document
 
-        return [result_document(result) for result in self.results]
+        return result_document(result)
 
     def plot(self) -> Figure:
         """Return recordings, model and their difference, for each law."""
@@ -89,11 +88,10 @@ class IdentifiedSpecimen(ByLaw["SpecimenResult"]):
 
         return specimen_summary(self.results)
 
-    def document(self) -> list[dict[str, Any]]:
-        """Return what ``result.json`` holds, one a law."""
+    def _document_of(self, result: SpecimenResult) -> dict[str, Any]:
         from legfem.report.specimen_numbers import specimen_document
 
-        return [specimen_document(result) for result in self.results]
+        return specimen_document(result)
 
     def plot(self) -> Figure:
         """Return recordings, model and their difference, for each law."""
@@ -185,7 +183,7 @@ def identify(
         Whether to print what is being done.
     parameters : sequence of Parameter, optional
         What to identify, with bounds and priors; C10 and C20 of the deep tissue without them. See
-        `legfem.identify.run.identify_subject`.
+        `legfem.identify.request.SearchRequest`.
     fixed : Mapping[str, float], optional
         Values that are held in place of the folder's, by full name, in MPa, 1/MPa, N or mm.
     leave_out : sequence of str
@@ -208,7 +206,9 @@ def identify(
     """
     from legfem.correction.choice import choose_correction
     from legfem.identify.laws import LAWS
+    from legfem.identify.request import SearchRequest
     from legfem.identify.run import forward_model, identify_subject
+    from legfem.identify.settings import IdentificationSettings
     from legfem.identify.spatial import SOLVES, LegModels, check_has_ends
 
     if not isinstance(leg, Subject | str | Path):
@@ -223,7 +223,11 @@ def identify(
             subject.directory / SUBJECTS.file, "instrument", "missing",
             "add force_sd_N and displacement_sd_mm, or accuracies",
         )  # fmt: skip
-    section = forward_model(subject, depth, parameters, fixed, _meshed(mesh))
+    request = SearchRequest(
+        parameters, fixed or {}, depth, settings or IdentificationSettings(),
+        None if out is None else Path(out), jobs,
+    )  # fmt: skip
+    section = forward_model(subject, request, _meshed(mesh))
     if model == "3d":
         check_has_ends(subject)
     with progress_on(quiet=not progress) as told:
@@ -232,9 +236,9 @@ def identify(
             kept = None if out is None else Path(out) / SOLVES
             leg_in_3d = LegModels.of_subject(subject, section.depth, kept, progress=told)
         results = identify_subject(
-            subject, [name for name in LAWS if law in ("both", name)], settings,
-            choose_correction(correction, subject), None if out is None else Path(out), jobs,
-            depth, told, section, parameters, fixed, leg_in_3d,
+            subject, [name for name in LAWS if law in ("both", name)],
+            replace(request, progress=told), choose_correction(correction, subject), section,
+            leg_in_3d,
         )  # fmt: skip
     return IdentifiedLeg(subject, tuple(results), section.experiment)
 

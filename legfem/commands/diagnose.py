@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from legfem.commands.options import Jobs, Site, Subject, SubjectDir
+from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir
 from legfem.commands.specimens import specimens_for
 from legfem.common.command_edge import (
     check_out_folder,
@@ -32,9 +32,7 @@ def diagnose(
     subject: Subject = None,
     subject_dir: SubjectDir = None,
     site: Site = None,
-    specimen_dir: Annotated[
-        Path | None, typer.Option(help="Folder of specimens in a lab's test, in place of a leg.")
-    ] = None,
+    specimen_dir: SpecimenDir = None,
     specimen: Annotated[
         list[str] | None,
         typer.Option(

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from legfem.commands.options import Jobs, Site, Subject, SubjectDir
+from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir
 from legfem.commands.specimens import specimens_for
 from legfem.common.command_edge import (
     FAILED,
@@ -62,9 +63,7 @@ def run(
     subject: Subject = None,
     subject_dir: SubjectDir = None,
     site: Site = None,
-    specimen_dir: Annotated[
-        Path | None, typer.Option(help="Folder of specimens in a lab's test, in place of a leg.")
-    ] = None,
+    specimen_dir: SpecimenDir = None,
     leave_out: Annotated[
         list[str] | None,
         _option("Recording or specimen to predict and not to fit; may be given again."),
@@ -176,6 +175,7 @@ def run(
         from legfem.correction.choice import choose_correction
         from legfem.experiments.plane_strain import tissues_of
         from legfem.identify.forward import values_of
+        from legfem.identify.request import SearchRequest
         from legfem.identify.run import forward_model, identify_subject, laws_of, write_results
         from legfem.identify.search import SearchError
         from legfem.identify.settings import IdentificationSettings
@@ -215,7 +215,8 @@ def run(
         )
         folder = out or Path("results") / f"identify-{found.id}"
         check_out_folder(folder)
-        section = forward_model(found, depth, parameters, fixed)
+        request = SearchRequest(parameters, fixed, depth, settings, folder, processes)
+        section = forward_model(found, request)
         if model is ModelChoice.LEG:
             check_has_ends(found)
         try:
@@ -226,8 +227,8 @@ def run(
                         found, section.depth, folder / SOLVES, progress=progress
                     )
                 results = identify_subject(
-                    found, chosen, settings, choose_correction(correction, found),
-                    folder, processes, depth, progress, section, parameters, fixed, leg,
+                    found, chosen, replace(request, progress=progress),
+                    choose_correction(correction, found), section, leg,
                 )  # fmt: skip
         except SearchError as failure:
             print(f"{found.id}: {failure}", file=sys.stderr)

@@ -50,6 +50,7 @@ def identify_leg(
     from legfem.correction.choice import choose_correction
     from legfem.experiments.plane_strain import tissues_of
     from legfem.identify.forward import values_of
+    from legfem.identify.request import SearchRequest
     from legfem.identify.search import SearchError
     from legfem.identify.settings import IdentificationSettings
     from legfem.report.sites import write_sites_report
@@ -69,10 +70,9 @@ def identify_leg(
     check_out_folder(folder)
     try:
         with progress_on(quiet=quiet) as progress:
-            results = identify_sites(
-                leg, chosen, IdentificationSettings(seed=seed), corrections, folder, jobs, depth,
-                progress, parameters, fixed,
-            )  # fmt: skip
+            settings = IdentificationSettings(seed=seed)
+            request = SearchRequest(parameters, fixed, depth, settings, folder, jobs, progress)
+            results = identify_sites(leg, chosen, request, corrections)
     except SearchError as failure:
         print(f"{leg.id}: {failure}", file=sys.stderr)
         raise typer.Exit(FAILED) from None

@@ -6,7 +6,6 @@ from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path as FilePath
 from typing import Literal
 
 import numpy as np
@@ -15,7 +14,7 @@ from mpi4py import MPI
 from legfem.common.checks import check_positive
 from legfem.common.errors import InputError
 from legfem.experiments.base import Solved
-from legfem.experiments.pressing import OnStep, Pressing, PressingTest, leg_model, motion
+from legfem.experiments.pressing import Pressed, Pressing, PressingTest, leg_model
 from legfem.fem.spaces import LegSpaces, Symmetry, build_spaces
 from legfem.fem.system import System
 from legfem.mechanics.contact import RigidBall, RigidIndenter, RigidPlate
@@ -308,25 +307,15 @@ class CylinderCompression(AxisymmetricTest[CylinderBetweenPlates]):
         """Yield the model; a softer contact wouldn't help flat faces."""
         yield self.pressing, 1.0
 
-    def solve(
-        self,
-        values: Mapping[str, float] | None = None,
-        protocol: Protocol | float | None = None,
-        sensitivities: Sequence[str] = (),
-        *,
-        depth: float | None = None,
-        on_step: OnStep | None = None,
-        keep_in: FilePath | None = None,
-    ) -> Solved:
-        """Compress the cylinder along a protocol; arguments as those of `PressingTest.solve`."""
-        whole = motion(protocol if depth is None else depth)
+    def _farthest(self, attempts: Iterator[tuple[Pressing, float]], asked: Pressed) -> Solved:
+        whole = asked.protocol
         half = Protocol(whole.time, tuple(d / 2 for d in whole.displacement))
 
         def told(at: float) -> None:
-            if on_step is not None:
-                on_step(2 * at)
+            if asked.on_step is not None:
+                asked.on_step(2 * at)
 
-        return _doubled(super().solve(values, half, sensitivities, on_step=told, keep_in=keep_in))
+        return _doubled(super()._farthest(attempts, replace(asked, protocol=half, on_step=told)))
 
 
 def _doubled(solved: Solved) -> Solved:

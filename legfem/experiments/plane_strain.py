@@ -11,8 +11,9 @@ from pathlib import Path
 from mpi4py import MPI
 
 from legfem.experiments.base import Solved, made_when_needed
+from legfem.experiments.driven import motion
 from legfem.experiments.placement import Placement
-from legfem.experiments.pressing import SOFTER, OnStep, Pressing, PressingTest, leg_model
+from legfem.experiments.pressing import SOFTER, OnStep, Pressed, Pressing, PressingTest, leg_model
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
 from legfem.geometry.section import LegSection
@@ -166,8 +167,8 @@ class PlaneStrainIndentation(PressingTest):
         Solved
             Also where the end wasn't reached.
         """
-        given, attempts = protocol if depth is None else depth, self.attempts(placement)
-        return self._farthest(attempts, values, given, sensitivities, on_step, keep_in)
+        given, attempts = motion(protocol if depth is None else depth), self.attempts(placement)
+        return self._farthest(attempts, Pressed(values, given, sensitivities, on_step, keep_in))
 
     def _made(self) -> Pressing:
         meshed = self.section_mesh

@@ -13,6 +13,7 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.experiments.base import Homebound, Solved, made_when_needed
+from legfem.experiments.driven import Meshed, motion
 from legfem.fem.system import System
 from legfem.jobs.checkpoint import Checkpoint
 from legfem.jobs.key import key_of
@@ -25,7 +26,6 @@ from legfem.mechanics.terms import NormalContact, TangentialContact, Tissue
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.path import Path
 from legfem.solve.protocol import Protocol
-from legfem.solve.sensitivity import Trackers
 from legfem.solve.step_settings import StepSettings
 from legfem.solve.stepping import follow
 
@@ -48,13 +48,22 @@ def leg_model(
 
 
 @dataclass(frozen=True, eq=False)
-class Pressing:
+class Pressed:
+    """What is asked of a test with an indenter; as the arguments of `PressingTest.solve`."""
+
+    values: Mapping[str, float] | None
+    protocol: Protocol
+    sensitivities: Sequence[str] = ()
+    on_step: OnStep | None = None
+    keep_in: FilePath | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Pressing(Meshed):
     """A model on its mesh with its solver, ready to be pressed with any parameters.
 
     Parameters
     ----------
-    system, solver
-        The model and its Newton solver.
     contact
         How contact is enforced.
     radius
@@ -66,16 +75,10 @@ class Pressing:
         Sizes.
     """
 
-    system: System
-    solver: NewtonSolver
     contact: ContactSettings
     radius: float
     whole: float
     steps: StepSettings
-
-    @cached_property
-    def _trackers(self) -> Trackers:
-        return Trackers(self.system)
 
     @cached_property
     def relaxing(self) -> Pressing:
@@ -83,24 +86,19 @@ class Pressing:
         return replace(self, steps=replace(self.steps, relaxes=True))
 
     def run(
-        self,
-        parameters: Mapping[str, float] | None,
-        protocol: Protocol,
-        sensitivities: Sequence[str] = (),
-        on_step: OnStep | None = None,
-        softness: float = 1.0,
-        keep_in: tuple[FilePath, str] | None = None,
+        self, asked: Pressed, softness: float = 1.0, keep_in: tuple[FilePath, str] | None = None
     ) -> Solved:
         """Follow a protocol, with a contact softened by a factor.
 
         States are kept in a folder, with the hash of what else they depend on, if one is given;
         derivatives aren't, so that a solution with sensitivities keeps none.
         """
-        values = self.system.model.values(parameters)
+        protocol, sensitivities, on_step = asked.protocol, asked.sensitivities, asked.on_step
+        values = self.system.model.values(asked.values)
         values |= self._contact_numbers(softness * self.contact.penalty(values, self.radius))
         self.system.set_parameters(values)
         names, chain = self._chain(tuple(sensitivities), softness)
-        tracker = self._trackers.fresh(names)
+        tracker = self.trackers.fresh(names)
         time, displacement = [float(protocol.time[0])], [float(protocol.displacement[0])]
         force = [0.0]
         derivatives: list[FloatArray] = [np.zeros(len(sensitivities))]
@@ -245,23 +243,15 @@ class PressingTest(Homebound, ABC):
         Solved
             Also where the end wasn't reached: that of the attempt that came farthest.
         """
-        given = protocol if depth is None else depth
-        return self._farthest(self.attempts(), values, given, sensitivities, on_step, keep_in)
-
-    def _farthest(
-        self,
-        attempts: Iterator[tuple[Pressing, float]],
-        values: Mapping[str, float] | None,
-        given: Protocol | float | None,
-        sensitivities: Sequence[str],
-        on_step: OnStep | None,
-        keep_in: FilePath | None,
-    ) -> Solved:
-        asked = values, motion(given), sensitivities, on_step
-        kept = None if keep_in is None else (keep_in, key_of(self.fingerprint()))
-        return farthest(
-            pressing.run(*asked, softness=softness, keep_in=kept) for pressing, softness in attempts
+        given = motion(protocol if depth is None else depth)
+        return self._farthest(
+            self.attempts(), Pressed(values, given, sensitivities, on_step, keep_in)
         )
+
+    def _farthest(self, attempts: Iterator[tuple[Pressing, float]], asked: Pressed) -> Solved:
+        folder = asked.keep_in
+        kept = None if folder is None else (folder, key_of(self.fingerprint()))
+        return farthest(pressing.run(asked, softness, kept) for pressing, softness in attempts)
 
 
 def solved_once(context: None, task: tuple[PressingTest, Protocol | float]) -> Solved:
@@ -273,19 +263,6 @@ def solved_once(context: None, task: tuple[PressingTest, Protocol | float]) -> S
     given: Any = test
     copy: PressingTest = replace(given)
     return copy.solve(None, protocol)
-
-
-def motion(given: Protocol | float | None) -> Protocol:
-    """Return a protocol; a number is the depth (mm) of a loading at 1 mm/s.
-
-    Raises
-    ------
-    TypeError
-        If nothing is given.
-    """
-    if given is None:
-        raise TypeError("give a protocol or a depth")
-    return given if isinstance(given, Protocol) else Protocol.ramp(given, rate=1.0)
 
 
 def farthest(attempts: Iterable[Solved]) -> Solved:

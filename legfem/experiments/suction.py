@@ -25,8 +25,8 @@ from legfem.common.checks import check_positive
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments.axisymmetric import AxisymmetricBody
-from legfem.experiments.base import Homebound, Solved, made_when_needed
-from legfem.experiments.pressing import motion
+from legfem.experiments.base import Solved, made_when_needed
+from legfem.experiments.driven import DrivenTest, Meshed, sampled
 from legfem.fem.system import System
 from legfem.mechanics.model import LegModel
 from legfem.mechanics.terms import SkinPressure, Tissue
@@ -38,7 +38,6 @@ from legfem.solve.newton import NewtonSolver
 from legfem.solve.path import Path
 from legfem.solve.protocol import Protocol
 from legfem.solve.report import SolveReport, Step
-from legfem.solve.sensitivity import Trackers
 
 _STEPS, _POINTS = 20, 80
 """To the dome's height; and of every straight part of a motion."""
@@ -92,7 +91,7 @@ class CupOnLayer:
 
 
 @dataclass(frozen=True, eq=False)
-class SuctionTest(AxisymmetricBody[CupOnLayer], Homebound):
+class SuctionTest(AxisymmetricBody[CupOnLayer], DrivenTest):
     """The cup's test, an `legfem.experiments.base.Experiment`.
 
     Displacement is the dome's height at the axis, force the suction times the opening's area. The
@@ -135,41 +134,23 @@ class SuctionTest(AxisymmetricBody[CupOnLayer], Homebound):
         """The model on its mesh, in the state last solved for."""
         return self._drawn.system
 
-    def solve(
-        self,
-        values: Mapping[str, float] | None = None,
-        protocol: Protocol | float | None = None,
-        sensitivities: Sequence[str] = (),
-        *,
-        depth: float | None = None,
+    def _driven(
+        self, values: Mapping[str, float] | None, protocol: Protocol, sensitivities: Sequence[str]
     ) -> Solved:
-        """Draw the dome along a protocol of its height; arguments as those of `PressingTest.solve`.
+        """Draw the dome along a protocol of its height.
 
         What the tissue remembers doesn't count: returns and holds are those of its first rise.
         """
-        given = motion(protocol if depth is None else depth)
         parameters = self.model.values(values)
-        curve, report = self._drawn.to(given.depth, parameters, sensitivities, self.test.opening)
-        parts = [np.linspace(one.start, one.end, _POINTS) for one in given.segments]
-        times = np.unique(np.concatenate(parts))
-        at = given.displacement_at(times)
-        beyond = np.flatnonzero(at > report.reached + 1e-9)
-        if len(beyond):
-            times, at = times[: beyond[0]], at[: beyond[0]]
+        curve, report = self._drawn.to(protocol.depth, parameters, sensitivities, self.test.opening)
+        times, at = sampled(protocol, _POINTS, report.reached + 1e-9)
         by = {name: curve.sensitivity(name, at) for name in sensitivities}
         return Solved(parameters, curve, Path(times, at, curve(at), by), report)
 
 
 @dataclass(frozen=True, eq=False)
-class _Drawn:
+class _Drawn(Meshed):
     """The finite-element model of a suction; suctions are in MPa."""
-
-    system: System
-    solver: NewtonSolver
-
-    @cached_property
-    def _trackers(self) -> Trackers:
-        return Trackers(self.system)
 
     @cached_property
     def _apex(self) -> int:
@@ -189,7 +170,7 @@ class _Drawn:
         system.reset()
         # The term's time is the suction in MPa.
         system.applied_pressure.x.array[:] = -1.0
-        tracker = self._trackers.fresh(names)
+        tracker = self.trackers.fresh(names)
         modulus = min(value for name, value in values.items() if name.endswith(".C10"))
         at, risen = [0.0], [0.0]
         slopes: list[FloatArray] = [np.zeros(len(names))]

@@ -20,8 +20,8 @@ import numpy as np
 
 from legfem.common.checks import check_positive
 from legfem.common.units import FloatArray
-from legfem.experiments.base import Homebound, Solved
-from legfem.experiments.pressing import motion
+from legfem.experiments.base import Solved
+from legfem.experiments.driven import DrivenTest, sampled
 from legfem.mechanics.materials import Hyperelastic
 from legfem.solve.path import Path
 from legfem.solve.protocol import Protocol
@@ -59,7 +59,7 @@ class Bar:
 
 
 @dataclass(frozen=True, eq=False)
-class UniaxialTest(Homebound):
+class UniaxialTest(DrivenTest):
     """The bar's test, an `legfem.experiments.base.Experiment`.
 
     Parameters
@@ -78,30 +78,19 @@ class UniaxialTest(Homebound):
         """Every number of the law by full name."""
         return {f"deep.{name}": value for name, value in self.law.parameters.items()}
 
-    def solve(
-        self,
-        values: Mapping[str, float] | None = None,
-        protocol: Protocol | float | None = None,
-        sensitivities: Sequence[str] = (),
-        *,
-        depth: float | None = None,
+    def _driven(
+        self, values: Mapping[str, float] | None, protocol: Protocol, sensitivities: Sequence[str]
     ) -> Solved:
-        """Move the ends along a protocol; arguments as those of `PressingTest.solve`.
+        """Move the ends along a protocol.
 
         Derivatives are exact, by a complex step (J. N. Lyness, C. B. Moler, SIAM J. Numer. Anal. 4
         (1967) 202-210).
         """
-        given = motion(protocol if depth is None else depth)
         parameters = {**self.parameters, **(values or {})}
-        target = given.depth
+        target = protocol.depth
         sign = 1.0 if self.test.pulled == "tension" else -1.0
         farthest = target if sign > 0 else min(target, (1 - _SHORTEST) * self.test.length)
-        parts = [np.linspace(one.start, one.end, _POINTS) for one in given.segments]
-        time = np.unique(np.concatenate(parts))
-        at = given.displacement_at(time)
-        beyond = np.flatnonzero(at > farthest)
-        if len(beyond):
-            time, at = time[: beyond[0]], at[: beyond[0]]
+        time, at = sampled(protocol, _POINTS, farthest)
         force = self._force(parameters, at, sign)
         by = {}
         for name in sensitivities:

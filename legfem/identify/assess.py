@@ -21,8 +21,8 @@ from legfem.identify.catalogue import (
     Values,
     key_of,
     short_key_of,
-    unit_of,
     unit_suffix,
+    with_units,
 )
 from legfem.identify.error_sources import total_of
 from legfem.identify.estimates import Optimum, correlations_of, estimates
@@ -227,7 +227,7 @@ def _settings(given: Assessment) -> dict[str, Any]:
         "depth_mm": float(given.measured.displacement[-1]),
         "deep_D2_per_MPa": {**law.nominal, **law.fixed}.get(DEEP_D2, math.inf),
         "fascia_thickness_mm": given.subject.section.fascia_thickness,
-        **_held_settings(law),
+        **with_units(held_values(law)),
         **bounds,
         "priors": {key_of(one.name): _prior(one) for one in law.parameters if one.prior},
         "emulator": settings.emulator,
@@ -253,15 +253,6 @@ def held_values(law: IdentifiedLaw) -> dict[str, float]:
         for name, value in {**law.nominal, **law.fixed}.items()
         if name not in law.names and math.isfinite(value) and (name, value) != (DEEP_C20, 0.0)
     }
-
-
-def _held_settings(law: IdentifiedLaw) -> dict[str, float]:
-    """Return what was held by names with units."""
-    held = {}
-    for name, value in held_values(law).items():
-        unit, factor = readable_unit(unit_of(name))
-        held[f"{name.replace('.', '_')}_{unit_suffix(unit)}"] = factor * value
-    return held
 
 
 def _prior(parameter: Any) -> dict[str, Any]:

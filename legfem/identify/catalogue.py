@@ -7,7 +7,7 @@ import math
 from collections.abc import Collection, Mapping
 
 from legfem.common.errors import InputError
-from legfem.common.units import kpa_to_mpa
+from legfem.common.units import kpa_to_mpa, readable_unit
 from legfem.identify.reading import INSTRUMENT, READINGS
 from legfem.inference.parameter import Parameter, Scale
 
@@ -165,6 +165,15 @@ def symbol_of(name: str) -> str:
 def short_key_of(name: str) -> str:
     """Return ``c10`` for ``deep.C10``, and `key_of` for what isn't the deep tissue's."""
     return symbol_of(name).lower() if name.startswith("deep.") else key_of(name)
+
+
+def with_units(values: Values) -> dict[str, float]:
+    """Return values by names that end with the unit in which people read them."""
+    found = {}
+    for name, value in values.items():
+        unit, factor = readable_unit(unit_of(name))
+        found[f"{name.replace('.', '_')}_{unit_suffix(unit)}"] = factor * value
+    return found
 
 
 def unit_suffix(unit: str) -> str:

@@ -77,6 +77,14 @@ class ForwardModel(Protocol):
         ...
 
 
+class PreparedModel(ForwardModel, Protocol):
+    """A forward model that can be made ready before its first solve."""
+
+    def prepare(self) -> None:
+        """Mesh and compile now."""
+        ...
+
+
 @dataclass(eq=False)
 class PlaneStrainForward:
     """The plane-strain test of a subject; meshes on the first solve, in whichever process."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from types import TracebackType
+from typing import Any
 
 from legfem.common.progress import Progress
 from legfem.common.units import readable_unit
@@ -52,14 +52,9 @@ class FullSolver:
         """Return itself; processes start with the first batch of several solves."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *raised: Any) -> None:
         """End the processes; after an error without waiting for the solve in hand."""
-        self._workers.__exit__(kind, error, trace)
+        self._workers.__exit__(*raised)
 
     def solve(self, points: Sequence[Values]) -> list[ForwardOutcome]:
         """Return the outcomes of the model's values, in their order."""

@@ -8,7 +8,7 @@ from typing import Any
 from legfem.common.documents import json_types
 from legfem.common.doubts import doubt_documents
 from legfem.common.units import readable_unit
-from legfem.identify.catalogue import key_of, unit_of, unit_suffix
+from legfem.identify.catalogue import key_of, unit_of, with_units
 from legfem.identify.document import correlations_document, estimate_document
 from legfem.sites.result import SiteFit, SitesResult
 
@@ -28,8 +28,8 @@ def sites_document(result: SitesResult) -> dict[str, Any]:
             key_of(name): estimate_document(one) for name, one in result.parameters.items()
         },
         "correlations": correlations_document(list(result.parameters), result.correlations),
-        "assumed": _with_units(result.assumed),
-        "own_errors_of_sites_sd": _with_units(result.own_errors),
+        "assumed": with_units(result.assumed),
+        "own_errors_of_sites_sd": with_units(result.own_errors),
         "sites": {one.name: _site(one) for one in result.sites},
         "misfit": asdict(result.misfit),
         "agreement_of_sites": asdict(result.agreement),
@@ -78,12 +78,3 @@ def _by_itself(name: str, one: SiteFit) -> dict[str, Any]:
         "unit": unit,
         "departure_in_standard_errors": found.departure,
     }
-
-
-def _with_units(values: Any) -> dict[str, float]:
-    """Return values by names that end with the unit in which people read them."""
-    found = {}
-    for name, value in values.items():
-        unit, factor = readable_unit(unit_of(name))
-        found[f"{name.replace('.', '_')}_{unit_suffix(unit)}"] = factor * value
-    return found

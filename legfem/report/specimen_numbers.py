@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any
 
 from legfem.common.documents import json_types
-from legfem.common.units import readable_unit
-from legfem.identify.catalogue import key_of, unit_of, unit_suffix
+from legfem.identify.catalogue import key_of, with_units
 from legfem.identify.document import correlations_document, estimate_document
 from legfem.specimens.result import ComparedRecording, SpecimenResult
 
@@ -26,7 +24,7 @@ def specimen_document(result: SpecimenResult) -> dict[str, Any]:
             key_of(name): estimate_document(one) for name, one in result.parameters.items()
         },
         "correlations": correlations_document(list(result.parameters), result.correlations),
-        "assumed": dict(assumed_numbers(result)),
+        "assumed": with_units(result.assumed),
         "recordings": [_recording(one) for one in result.recordings],
         "not_used": {one.name: one.reason for one in result.left_out},
         "chi_square": result.chi_square,
@@ -66,10 +64,3 @@ def _recording(one: ComparedRecording) -> dict[str, Any]:
         "force_N": course.force,
         "predicted_force_N": one.predicted,
     }
-
-
-def assumed_numbers(result: SpecimenResult) -> Iterable[tuple[str, float]]:
-    """Yield what was held, as people read it, by names that end with the unit."""
-    for name, value in result.assumed.items():
-        unit, factor = readable_unit(unit_of(name))
-        yield f"{name.replace('.', '_')}_{unit_suffix(unit)}", factor * value

@@ -7,9 +7,8 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from legfem.identify.catalogue import symbol_of
+from legfem.identify.catalogue import symbol_of, with_units
 from legfem.report.page import ReportFile, headline, listing
-from legfem.report.specimen_numbers import assumed_numbers
 from legfem.report.style import LAW_NAMES
 from legfem.report.text import ENERGIES, ORIGINS, WIDTH, probability, variables, wrapped
 from legfem.specimens.misfit import SHAPE_SD_OF_LAYERS
@@ -145,7 +144,7 @@ def _result(result: SpecimenResult) -> str:
         or ["taken to be equally stiff"],
         "Variables": variables(result.parameters),
         "Correlations": _correlations(result) or ["none: there is one parameter"],
-        "Assumed": [f"{name} = {value:.4g}" for name, value in assumed_numbers(result)],
+        "Assumed": [f"{name} = {value:.4g}" for name, value in with_units(result.assumed).items()],
         "Warnings": result.warnings or ["none"],
     }
     lines = []

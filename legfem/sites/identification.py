@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 from scipy.stats import chi2
 
 from legfem.common.errors import InputError
-from legfem.common.progress import Progress, Silent
 from legfem.common.units import FloatArray
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.identify.assess import (
@@ -23,19 +21,17 @@ from legfem.identify.assess import (
 from legfem.identify.catalogue import Values
 from legfem.identify.error_sources import total_of
 from legfem.identify.estimates import Optimum, correlations_of, estimates
-from legfem.identify.forward import ForwardOutcome, PlaneStrainForward
+from legfem.identify.forward import PlaneStrainForward
 from legfem.identify.identification import measured_curve
 from legfem.identify.laws import IdentifiedLaw, LawName
 from legfem.identify.misfit import Misfit
 from legfem.identify.reading import INSTRUMENT
-from legfem.identify.run import laws_of, sensitivities_of
+from legfem.identify.request import SearchRequest
+from legfem.identify.run import laws_of
 from legfem.identify.searches import Found, Searches
-from legfem.identify.settings import IdentificationSettings
-from legfem.identify.solver import FullSolver
 from legfem.identify.warnings import LEAST_CHANCE
 from legfem.inference.constants import quantile
 from legfem.inference.parameter import Parameter
-from legfem.jobs.store import Store
 from legfem.sites.by_itself import Apart
 from legfem.sites.forward import SitesForward
 from legfem.sites.misfit import SitesMisfit, with_own_errors
@@ -64,7 +60,7 @@ class Asked:
     own_errors: Values
 
 
-def asked_of(parameters: Sequence[Parameter] | None, fixed: Values | None) -> Asked:
+def asked_of(parameters: Sequence[Parameter] | None, fixed: Values) -> Asked:
     """Return what is to be found, the instruments' numbers as errors that each site has of its own.
 
     Raises
@@ -72,7 +68,6 @@ def asked_of(parameters: Sequence[Parameter] | None, fixed: Values | None) -> As
     InputError
         If one of these is to be identified or held: each site has its own.
     """
-    fixed = fixed or {}
     remedy = (
         "each site has its own: let it err by --prior, as in 'instrument.gain=1±0.01', or "
         "identify a site by itself with --site"
@@ -102,14 +97,8 @@ def asked_of(parameters: Sequence[Parameter] | None, fixed: Values | None) -> As
 def identify_sites(
     leg: SitedLeg,
     laws: Sequence[LawName],
-    settings: IdentificationSettings | None = None,
+    request: SearchRequest | None = None,
     corrections: Sequence[TabulatedCorrection | None] | None = None,
-    out: Path | None = None,
-    jobs: int = 1,
-    depth: float | None = None,
-    progress: Progress | None = None,
-    parameters: Sequence[Parameter] | None = None,
-    fixed: Values | None = None,
     model: SitesForward | None = None,
 ) -> list[SitesResult]:
     """Identify tissues that all sites of a leg share.
@@ -120,23 +109,11 @@ def identify_sites(
         With recordings at every site.
     laws : sequence of str
         Of the deep tissue: ``neo-hookean``, ``reduced-polynomial``.
-    settings : IdentificationSettings, optional
-        Of the search, which goes on an emulator and weighs every site by its errors.
+    request : SearchRequest, optional
+        What to identify, and with what means. The search goes on an emulator and weighs every site
+        by its errors; the instrument's numbers, with a prior, are each site's own.
     corrections : sequence of TabulatedCorrection, optional
         For 3D effects, one a site.
-    out : Path, optional
-        Folder in whose ``solves`` every full solve is kept; none is without it.
-    jobs : int
-        Processes.
-    depth : float, optional
-        Greatest displacement to use, mm.
-    progress : Progress, optional
-        Told of every full solve.
-    parameters : sequence of Parameter, optional
-        As for `legfem.identify.run.identify_subject`; the instrument's numbers, with a prior, are
-        each site's own.
-    fixed : Mapping[str, float], optional
-        Values that are held, in place of those that the folder gives.
     model : SitesForward, optional
         The leg's; see `sites_model`.
 
@@ -148,22 +125,18 @@ def identify_sites(
     SearchError
         If too few full solves reach the measured depths.
     """
-    asked = asked_of(parameters, fixed)
-    settings = settings or IdentificationSettings()
+    request = request or SearchRequest()
+    asked, depth = asked_of(request.parameters, request.fixed), request.depth
     curves = [with_own_errors(measured_curve(site, depth), asked.own_errors) for site in leg.sites]
     model = model or sites_model(leg, depth)
     chosen = laws_of(leg.sites[0], laws, model.nominal, asked.parameters, asked.fixed)
-    progress = progress or Silent()
-    progress.stage("meshing; on a machine's first run, compiling forms (some 20 s)")
-    model.prepare()
     parts = tuple(
         Misfit(curve, "covariance", correction)
         for curve, correction in zip(curves, corrections or [None] * len(curves), strict=True)
     )
     misfit = SitesMisfit(parts)
-    store = None if out is None else Store(out / "solves", ForwardOutcome, model.fingerprint())
-    with FullSolver(model, store, jobs, progress, sensitivities_of(chosen)) as solver:
-        searches = Searches(chosen, solver, settings, lambda law: misfit)
+    with request.solver(model, chosen) as solver:
+        searches = Searches(chosen, solver, request.settings, lambda law: misfit)
         return [_assessed(leg, asked, found) for found in searches.find(laws)]
 
 

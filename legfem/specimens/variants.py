@@ -69,6 +69,10 @@ def slipping(sizes: Sizes) -> Sizes | None:
     return None if free == sizes else free
 
 
+type _Numbers = tuple[tuple[str, float], ...]
+type _Asked = tuple[str, Protocol, _Numbers, tuple[str, ...]]
+
+
 @dataclass(eq=False)
 class SpecimenVariants:
     """A specimen's models, `legfem.diagnose.models.Models`, made when first asked for.
@@ -88,7 +92,7 @@ class SpecimenVariants:
     depth: float
     tissues: tuple[SpecimenTissue, ...] = (SpecimenTissue(),)
     _models: dict[str, Test] = field(default_factory=dict, init=False, repr=False)
-    _paths: dict[str, Path | Stopped] = field(default_factory=dict, init=False, repr=False)
+    _paths: dict[_Asked, Path | Stopped] = field(default_factory=dict, init=False, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the finite-element models out: they can't leave their process."""
@@ -253,18 +257,15 @@ class SpecimenVariants:
         sensitivities: tuple[str, ...],
     ) -> Path | Stopped:
         rounded = {name: float(f"{value:.12g}") for name, value in values.items()}
-        key = repr((variant, protocol, sorted(rounded.items()), sensitivities))
-        if key not in self._paths:
-            self._paths[key] = self._made(variant, protocol, rounded, sensitivities)
-        return self._paths[key]
+        asked = variant, protocol, tuple(sorted(rounded.items())), sensitivities
+        if asked not in self._paths:
+            self._paths[asked] = self._made(*asked)
+        return self._paths[asked]
 
     def _made(
-        self,
-        variant: str,
-        protocol: Protocol,
-        values: Mapping[str, float],
-        sensitivities: tuple[str, ...],
+        self, variant: str, protocol: Protocol, given: _Numbers, sensitivities: tuple[str, ...]
     ) -> Path | Stopped:
+        values = dict(given)
         model = self.model(variant)
         known = model.parameters
         try:

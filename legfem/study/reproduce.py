@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from legfem.correction.choice import correction_of, size_of
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.identify.catalogue import DEEP_C10, DEEP_C20
 from legfem.identify.document import result_document
+from legfem.identify.request import SearchRequest
 from legfem.identify.result import IdentificationResult
 from legfem.identify.run import identify_subject
 from legfem.identify.settings import IdentificationSettings
@@ -58,7 +59,9 @@ def run(seed: int, out: Path, jobs: int, corrected: bool = False, quiet: bool = 
     """
     found: dict[str, list[IdentificationResult]] = {}
     with_correction: dict[str, list[IdentificationResult]] = {}
+    settings = IdentificationSettings(seed=seed)
     with progress_on(quiet=quiet) as progress:
+        request = SearchRequest(settings=settings, jobs=jobs, progress=progress)
 
         def identify(
             name: str, correction: TabulatedCorrection | None
@@ -66,11 +69,8 @@ def run(seed: int, out: Path, jobs: int, corrected: bool = False, quiet: bool = 
             return identify_subject(
                 load_subject(SUBJECTS.find(name)),
                 ["neo-hookean", "reduced-polynomial"],
-                IdentificationSettings(seed=seed),
+                replace(request, out=out / f"subject-{name}"),
                 correction,
-                out=out / f"subject-{name}",
-                jobs=jobs,
-                progress=progress,
             )
 
         for name in PAPER:

@@ -17,6 +17,7 @@ from legfem.correction.choice import correction_of
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.identify.catalogue import DEEP_C10
 from legfem.identify.laws import LawName
+from legfem.identify.request import SearchRequest
 from legfem.identify.result import IdentificationResult
 from legfem.identify.run import forward_model, identify_subject
 from legfem.identify.spatial import SOLVES, LegModels
@@ -40,13 +41,12 @@ def identified(
     subject = load_subject(folder_of(planted, curve, place, seed))
     law: LawName = "reduced-polynomial" if planted.c20 else "neo-hookean"
     solves = folder / "solves" / place.name
-    section = forward_model(subject)
+    request = SearchRequest(out=solves, progress=progress)
+    section = forward_model(subject, request)
     leg = LegModels.of_subject(subject, section.depth, solves / SOLVES, progress=progress)
 
     def found(table: TabulatedCorrection | None, leg: LegModels | None) -> IdentificationResult:
-        (result,) = identify_subject(
-            subject, [law], None, table, solves, progress=progress, model=section, leg=leg
-        )
+        (result,) = identify_subject(subject, [law], request, table, section, leg)
         return result
 
     table = correction_of(subject)

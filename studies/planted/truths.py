@@ -16,6 +16,7 @@ from legfem.common.units import kpa_to_mpa
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.identify.forward import PlaneStrainForward
 from legfem.identify.identification import measured_curve
+from legfem.identify.request import SearchRequest
 from legfem.identify.result import IdentificationResult
 from legfem.identify.run import identify_subject
 from legfem.identify.settings import IdentificationSettings
@@ -95,9 +96,9 @@ def identify_truth(context: None, truth: PlantedTruth) -> Planted:
         If the simulation of the truth stops short.
     """
     subject = _recorded(truth)
-    settings = IdentificationSettings(seed=truth.seed)
+    request = SearchRequest(settings=IdentificationSettings(seed=truth.seed))
     result = identify_subject(
-        subject, ["reduced-polynomial"], settings, model=_model(truth.subject, _depth(subject))
+        subject, ["reduced-polynomial"], request, model=_model(truth.subject, _depth(subject))
     )[0]
     return _outcome(truth, result)
 

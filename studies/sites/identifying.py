@@ -12,6 +12,7 @@ import numpy as np
 from legfem.identify.catalogue import DEEP_C10, DEEP_C20, Values, parameter_of
 from legfem.identify.forward import ForwardOutcome, PlaneStrainForward
 from legfem.identify.laws import LawName
+from legfem.identify.request import SearchRequest
 from legfem.identify.result import Estimate
 from legfem.identify.run import identify_subject
 from legfem.inference.parameter import Parameter, Prior
@@ -86,11 +87,11 @@ def identified(folder: Path, truth: Truth) -> Outcome:
     """Record a leg, and identify it from its sites together and from each."""
     leg = leg_of(truth, folder / "true")
     models = [Remembered.of(one, folder / "solves") for one in sites_model(leg).models]
-    free = _free(models[0].nominal)
-    (joint,) = identify_sites(leg, _LAW, parameters=free, model=SitesForward(tuple(models)))
+    request = SearchRequest(_free(models[0].nominal))
+    (joint,) = identify_sites(leg, _LAW, request, model=SitesForward(tuple(models)))
     alone = {}
     for site, model in zip(leg.sites, models, strict=True):
-        (single,) = identify_subject(site, _LAW, model=model, parameters=free)
+        (single,) = identify_subject(site, _LAW, request, model=model)
         alone[site.site] = _intervals(single.parameters)
     return Outcome(
         truth, _intervals(joint.parameters), alone, joint.agreement.p_value, joint.misfit.p_value,
