@@ -179,7 +179,13 @@ def test_signature_of_the_true_mechanism_matches_the_misfit(found):
     assert left @ left < base.chi2
 
 
-@pytest.mark.parametrize("verdict", CASES)
+@pytest.mark.parametrize(
+    "verdict",
+    [
+        pytest.param(name, marks=[] if name in ("consistent", "ambiguous") else pytest.mark.slow)
+        for name in CASES
+    ],
+)
 def test_report_lists_every_file_it_writes(found, subject, tmp_path, verdict):
     path = report.write_diagnosis_report(found[verdict], subject, tmp_path / "out")
     written = {entry.name for entry in path.parent.iterdir()}

@@ -248,31 +248,22 @@ def test_a_leg_gives_the_same_table_in_one_process_two_and_two_ranks(tmp_path: P
     assert tables(tmp_path / "one") == tables(tmp_path / "two") == tables(tmp_path / "ranks")
 
 
-def on_two_ranks(home: Path, beyond: bool) -> dict[str, int]:
+def on_two_ranks(home: Path) -> dict[str, int]:
     """Run a study on two ranks, into the folder ``ranks``; return each one's simulations."""
     options(home)
     calls = home / "calls"
     calls.mkdir()
-    script, wanted = Path(__file__).parent / "making_doe.py", ["beyond"] if beyond else []
+    script = Path(__file__).parent / "making_doe.py"
     subprocess.run(
-        ["mpirun", "-n", "2", sys.executable, script, home, "ranks", *wanted],
+        ["mpirun", "-n", "2", sys.executable, script, home, "ranks"],
         env=environment(), check=True, timeout=300,
     )  # fmt: skip
     return Counter(path.name.rpartition("-")[2] for path in calls.iterdir())
 
 
-@pytest.mark.mpi
-@pytest.mark.usefixtures("no_figures")
-def test_two_ranks_give_the_same_factorial(tmp_path: Path) -> None:
-    done = on_two_ranks(tmp_path, beyond=False)
-    assert done["0"] > 10 and done["1"] > 10 and done.total() == 33
-    run(options(tmp_path, "one", beyond=False), MPI.COMM_SELF, SpringLeg())
-    assert tables(tmp_path / "ranks") == tables(tmp_path / "one")
-
-
 @pytest.mark.slow
 @pytest.mark.mpi
 def test_two_ranks_give_the_same_study(tmp_path: Path, whole: Path) -> None:
-    done = on_two_ranks(tmp_path, beyond=True)
+    done = on_two_ranks(tmp_path)
     assert done["0"] > 30 and done["1"] > 30
     assert tables(tmp_path / "ranks") == tables(whole)

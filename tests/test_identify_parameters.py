@@ -109,15 +109,17 @@ def test_failed_solves_among_three_parameters_are_values(tmp_path: Path) -> None
         assert one.shown.ci95[0] <= value <= one.shown.ci95[1]
 
 
-def test_the_reduced_polynomial_never_costs_more_with_a_third_parameter(tmp_path: Path) -> None:
-    for seed in range(2):
-        subject = pressed_leg(tmp_path, 1.5, 0.0, seed, fat=2.3)
-        prior = Prior(2e-3, 1e-3)
-        neo_hookean, polynomial = identify(subject, parameters=free(*THREE, superficial=prior))
-        assert list(neo_hookean.parameters) == ["deep.C10", "superficial.C10"]
-        assert neo_hookean.search.cost_map is not None
-        assert polynomial.cost.minimised_value <= neo_hookean.cost.minimised_value
-        assert polynomial.cost.minimised_unit == "1"
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+def test_the_reduced_polynomial_never_costs_more_with_a_third_parameter(
+    tmp_path: Path, seed: int
+) -> None:
+    subject = pressed_leg(tmp_path, 1.5, 0.0, seed, fat=2.3)
+    prior = Prior(2e-3, 1e-3)
+    neo_hookean, polynomial = identify(subject, parameters=free(*THREE, superficial=prior))
+    assert list(neo_hookean.parameters) == ["deep.C10", "superficial.C10"]
+    assert neo_hookean.search.cost_map is not None
+    assert polynomial.cost.minimised_value <= neo_hookean.cost.minimised_value
+    assert polynomial.cost.minimised_unit == "1"
 
 
 @pytest.mark.parametrize(

@@ -76,8 +76,10 @@ def press(folder: Path, name: str, fat: float, muscle: float, depth: float = 2.0
 
 @pytest.mark.parametrize(
     "whole",
-    [BallOnLayer(12.0, 5.0, 40.0), PunchOnLayer(12.0, 5.0, 1.0, 40.0)],
-    ids=["ball", "punch"],
+    [
+        pytest.param(BallOnLayer(12.0, 5.0, 40.0), id="ball"),
+        pytest.param(PunchOnLayer(12.0, 5.0, 1.0, 40.0), id="punch", marks=pytest.mark.slow),
+    ],
 )
 def test_equal_layers_are_one_tissue_and_so_are_their_derivatives(whole) -> None:
     layered = LayeredTest(whole, (("muscle", 7.0), ("fat", 5.0)))

@@ -58,7 +58,7 @@ ACCURACY = ContourAccuracy(correlation=16.0, around=30.0, along=40.0)
 @pytest.fixture(scope="module")
 def result():
     """50 mm of the first leg, its scan in the stocking made by the model itself."""
-    bare = parametric_leg(read_legs(LEGS)["1"]).at_levels(np.linspace(50.0, 100.0, 11))
+    bare = parametric_leg(read_legs(LEGS)["1"], n_points=90).at_levels(np.linspace(50.0, 100.0, 11))
     stocking = fitted_stocking(bare, ClassFit(CompressionClass.MODERATE))
     true = {"deep": NeoHookean(2.6e-3, 2.0), "superficial": NeoHookean(6e-3, 2.0)}
     made = WornLeg(LegModel3D(bare, true, MESH), stocking).find()
