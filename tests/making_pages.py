@@ -102,9 +102,7 @@ def ranked(chances: tuple[tuple[float, float], ...] = ((0.96, 0.1), (0.4, 0.05))
 
 def planned(folder: Path) -> WebPage:
     expected = Expected(0.8, 0.0, 20.0, 0.5)
-    return plan_web_page(
-        ranked(), subject_in(folder), expected, (), "the text", versions(), COMMAND
-    )
+    return plan_web_page(ranked(), subject_in(folder), expected, (), versions(), COMMAND)
 
 
 def studied(folder: Path, **spring: object) -> StudyResult:
@@ -183,7 +181,7 @@ def stocking() -> StockingResult:
 def dressed(folder: Path) -> WebPage:
     found = stocking()
     moved = {part: found.model.displacement(part, found.worn.state.unknown) for part in SURFACES}
-    return stocking_web_page(found, moved, "the text", COMMAND)
+    return stocking_web_page(found, moved, command=COMMAND)
 
 
 def looked(folder: Path) -> WebPage:
@@ -207,7 +205,7 @@ PAGES = {
     "plan": planned,
     "doe": lambda folder: study_web_page(studied(folder), "the text", 1, COMMAND),
     "correction": corrected,
-    "specimen": lambda folder: specimen_web_page(specimens(folder), "the text", COMMAND),
+    "specimen": lambda folder: specimen_web_page(specimens(folder), COMMAND),
     "stocking": dressed,
 }
 

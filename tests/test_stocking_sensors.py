@@ -16,7 +16,9 @@ from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.leg_shape import SKIN
 from legfem.geometry.slices import calf_levels
 from legfem.meshing.solid_leg import SolidMeshSettings
-from legfem.report.stocking_pressure_text import interface_section, sensor_rows
+from legfem.report.plain import plain_page
+from legfem.report.web.stocking import stocking_web_page
+from legfem.report.web.stocking_pressures import sensor_rows
 from legfem.stocking.accuracy import ContourAccuracy
 from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
 from legfem.stocking.identification import SearchSettings
@@ -171,7 +173,8 @@ def test_two_sensors_of_4_percent_narrow_what_an_uncertain_fabric_leaves_open(tm
     # The muscle's interval carries the fabric's; the fat's is ruled by the outlines' errors.
     assert narrower[0] < 0.85 and narrower[1] < 1.05
     assert len(sensor_rows(result)) == 2
-    assert "tension" in interface_section(result) and "at 20" in interface_section(result)
+    said = plain_page(stocking_web_page(result), [])
+    assert "tension of the fabric over what was given" in said and "at 20" in said
     assert result.worn.load.pressure.mean() == pytest.approx(worn.load.pressure.mean(), rel=0.06)
     assert all(abs(one.departure) < 3 for one in result.sensors)
     assert MPA_PER_MMHG * 10 < result.pressures.mean_interface < MPA_PER_MMHG * 100

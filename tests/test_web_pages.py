@@ -65,8 +65,8 @@ def test_a_plan_names_the_best_test_and_what_no_test_shows(tmp_path):
     seen = pages.ranked(((0.9, 0.3), (0.4, 0.2)))
     subject = pages.subject_in(tmp_path)
     expected = pages.Expected(0.8, 0.0, 20.0, 0.5)
-    assert plan_web_page(seen, subject, expected, (), "", {}).headline.tone == "sound"
-    none = plan_web_page([], subject, expected, (), "", {})
+    assert plan_web_page(seen, subject, expected, (), {}).headline.tone == "sound"
+    none = plan_web_page([], subject, expected, (), {})
     assert none.headline.tone == "wrong"
 
 
@@ -142,11 +142,11 @@ def test_a_correction_says_how_large_it_is_and_in_which_direction():
 
 
 def test_specimens_say_how_stiff_what_was_left_out_and_when_not_to_trust(tmp_path):
-    page = specimen_web_page(pages.specimens(tmp_path), "the text", pages.COMMAND)
+    page = specimen_web_page(pages.specimens(tmp_path), pages.COMMAND)
     checked(page, "C10 of the tissue 5.00 kPa", "95 % 4.80 to 5.20", "torn: it <never> touched",
             "left out, predicted", "a bar: length 10 mm, area 100 mm²")  # fmt: skip
     assert page.headline.tone == "caution", "a recording was left out"
-    wrong = specimen_web_page(pages.specimens(tmp_path, p_value=1e-9), "", "")
+    wrong = specimen_web_page(pages.specimens(tmp_path, p_value=1e-9))
     assert wrong.headline.tone == "wrong" and "does not describe" in wrong.headline.sentence
 
 

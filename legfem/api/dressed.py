@@ -26,10 +26,11 @@ class LegInStocking(Found):
     result: StockingResult
 
     def summary(self) -> str:
-        """Return the report's text."""
-        from legfem.report.stocking_text import stocking_page
+        """Return what was found, in words."""
+        from legfem.report.plain import brief
+        from legfem.report.web.stocking import PRESSURES, STIFFNESS, stocking_web_page
 
-        return stocking_page(self.result, None, [])
+        return brief(stocking_web_page(self.result), (STIFFNESS, PRESSURES))
 
     def document(self) -> dict[str, Any]:
         """Return what ``result.json`` holds."""
@@ -53,7 +54,7 @@ class LegInStocking(Found):
         from legfem.report.stocking import moved_surfaces
         from legfem.report.web.stocking import stocking_web_page
 
-        return stocking_web_page(self.result, moved_surfaces(self.result), self.summary(), "")
+        return stocking_web_page(self.result, moved_surfaces(self.result))
 
     def _rows(self) -> Iterator[dict[str, Any]]:
         for name, entry in self.document()["stiffness"].items():

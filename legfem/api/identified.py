@@ -84,9 +84,9 @@ class IdentifiedSpecimen(ByLaw["SpecimenResult"]):
 
     def summary(self) -> str:
         """Return values, intervals, how well what was left out is predicted, and warnings."""
-        from legfem.report.specimen_text import specimen_summary
+        from legfem.report.plain import brief
 
-        return specimen_summary(self.results)
+        return brief(self._page())
 
     def _document_of(self, result: SpecimenResult) -> dict[str, Any]:
         from legfem.report.specimen_numbers import specimen_document
@@ -102,7 +102,7 @@ class IdentifiedSpecimen(ByLaw["SpecimenResult"]):
     def _page(self) -> WebPage:
         from legfem.report.web.specimen import specimen_web_page
 
-        return specimen_web_page(self.results, self.summary(), "")
+        return specimen_web_page(self.results)
 
     def write(self, folder: Given) -> Path:
         """Write result.json, report.txt and the figure; return the report's path."""

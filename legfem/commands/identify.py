@@ -256,9 +256,10 @@ def _run_specimens(
     from legfem.identify.search import SearchError
     from legfem.identify.settings import IdentificationSettings
     from legfem.identify.written import Written
+    from legfem.report.plain import brief
     from legfem.report.specimen import write_specimen_report
-    from legfem.report.specimen_text import specimen_summary
     from legfem.report.web.page import command_line
+    from legfem.report.web.specimen import specimen_web_page
     from legfem.specimens.identification import identify_specimen
     from legfem.specimens.laws import asked_in_writing, laws_named
 
@@ -273,5 +274,5 @@ def _run_specimens(
         print(f"{found.id}: {failure}", file=sys.stderr)
         raise typer.Exit(FAILED) from None
     report = write_specimen_report(results, folder, command_line())
-    texts = [specimen_summary(results)]
+    texts = [brief(specimen_web_page(results))]
     print_outcome(texts, folder / "result.json", report, quiet, as_json)

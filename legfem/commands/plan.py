@@ -60,9 +60,11 @@ def plan(
         from legfem.diagnose.run import Diagnoser
         from legfem.plan.run import Expected, plan_before
         from legfem.report.in_place import REPORT, made_in_place
-        from legfem.report.plan import plan_document, plan_page
-        from legfem.report.web.page import command_line, write_page
-        from legfem.report.web.plan import plan_web_page
+        from legfem.report.page import NUMBERS, ReportFile
+        from legfem.report.plain import brief, plain_page
+        from legfem.report.plan import plan_document
+        from legfem.report.web.page import command_line, listed, write_page
+        from legfem.report.web.plan import RANKED, SHOWN, plan_web_page
         from legfem.subjects.loading import load_subject
         from legfem.subjects.plausibility import doubts_about
 
@@ -82,8 +84,8 @@ def plan(
             expected = Expected(c10, c20, depth, rate)
             ranked = plan_before(found, diagnoser, expected, progress)
         path = write_document(folder / "plan.json", plan_document(ranked, found.id))
-        text = plan_page(ranked, found)
-        page = plan_web_page(ranked, found, expected, doubts, text, versions(), command_line())
+        page = plan_web_page(ranked, found, expected, doubts, versions(), command_line())
         with made_in_place(folder) as hidden:
-            write_page(page, hidden, text)
-        print_outcome([text], path, folder / REPORT, quiet, as_json)
+            files = [listed("what each test would show"), ReportFile([path], NUMBERS)]
+            write_page(page, hidden, plain_page(page, files))
+        print_outcome([brief(page, (RANKED, SHOWN))], path, folder / REPORT, quiet, as_json)

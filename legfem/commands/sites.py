@@ -53,9 +53,10 @@ def identify_leg(
     from legfem.identify.request import SearchRequest
     from legfem.identify.search import SearchError
     from legfem.identify.settings import IdentificationSettings
+    from legfem.report.plain import brief
     from legfem.report.sites import write_sites_report
-    from legfem.report.sites_text import sites_text
     from legfem.report.web.page import command_line
+    from legfem.report.web.sites import sites_web_page
     from legfem.sites.identification import asked_of, identify_sites
     from legfem.subjects.plausibility import doubts_about
 
@@ -77,4 +78,4 @@ def identify_leg(
         print(f"{leg.id}: {failure}", file=sys.stderr)
         raise typer.Exit(FAILED) from None
     path, report = write_sites_report(results, folder, command_line())
-    print_outcome([sites_text(results)], path, report, quiet, as_json)
+    print_outcome([brief(sites_web_page(results))], path, report, quiet, as_json)

@@ -14,6 +14,8 @@ from legfem.report.style import LAW_NAMES
 from legfem.report.text import ORIGINS, WIDTH, fit_report, summary
 from legfem.subjects.subject import Subject
 
+NUMBERS = "all numbers with their units"
+
 
 @dataclass(frozen=True)
 class ReportFile:
@@ -21,6 +23,9 @@ class ReportFile:
 
     paths: Sequence[Path]
     shows: str
+
+
+RESULT = ReportFile([Path("result.json")], NUMBERS)
 
 
 def report_page(
@@ -42,7 +47,7 @@ def report_page(
             headline(f"Result: {LAW_NAMES[result.law]}") + fit_report(result).rstrip()
             for result in results
         ),
-        headline("Files") + listing(files, note),
+        headline("Files") + listing([*files, RESULT], note),
     ]
     return "\n\n".join(blocks) + "\n"
 
@@ -131,7 +136,7 @@ def _tissue(name: str, result: IdentificationResult) -> tuple[Hyperelastic, str]
 def listing(files: Sequence[ReportFile], note: str = "") -> str:
     """Return a report's files and what each shows."""
     rows = []
-    for entry in [*files, ReportFile([Path("result.json")], "all numbers with their units")]:
+    for entry in files:
         rows.append(", ".join(path.name for path in entry.paths))
         indent = " " * 4
         rows.append(

@@ -1,17 +1,12 @@
-"""The page of a plan: which tests would show which effects."""
+"""A plan in sentences and numbers: which tests would show which effects."""
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Sequence
 from typing import Any
 
 from legfem.diagnose.sentences import percent
 from legfem.plan.reckon import Reckoned
-from legfem.report.diagnosis_style import plain
-from legfem.report.diagnosis_tables import table
-from legfem.report.text import WIDTH
-from legfem.subjects.subject import Subject
 
 SCHEMA = 1
 NOTHING = "nothing"
@@ -21,28 +16,6 @@ NOTE = (
     "instruments. Simulated; no recording was used. An effect that no test shows may bias the "
     "stiffness unseen."
 )
-
-
-def plan_page(ranked: Sequence[Reckoned], subject: Subject) -> str:
-    """Return the text of ``report.txt``: tests of a leg, the most telling first."""
-    heading = f"Subject {subject.id} ({subject.title}): which tests would show which effects?"
-    tests = "\n".join(
-        textwrap.fill(f"({k}) {one.design.name}", WIDTH, subsequent_indent="    ")
-        for k, one in enumerate(ranked, 1)
-    )
-    names = effects_of(ranked)
-    rows = [
-        [plain(name), *(percent(one.chances[name, NOTHING]) for one in ranked)] for name in names
-    ]
-    header = ["effect", *(f"({k})" for k in range(1, len(ranked) + 1))]
-    return "\n\n".join(
-        [
-            f"{heading}\n{'=' * min(len(heading), WIDTH)}",
-            textwrap.fill(NOTE, WIDTH),
-            f"Tests, the most telling first:\n{tests}",
-            table(header, rows),
-        ]
-    ) + "\n"  # fmt: skip
 
 
 def effects_of(ranked: Sequence[Reckoned]) -> list[str]:

@@ -7,11 +7,11 @@ from pathlib import Path
 
 from legfem.common.documents import write_document
 from legfem.report.in_place import REPORT, made_in_place
-from legfem.report.page import ReportFile
+from legfem.report.page import RESULT, ReportFile
 from legfem.report.placement_figure import SECTION_SHOWS, placement_figure
+from legfem.report.plain import plain_page
 from legfem.report.sites_figure import sites_figure
 from legfem.report.sites_numbers import sites_document
-from legfem.report.sites_text import sites_page
 from legfem.report.style import LAW_NAMES, save
 from legfem.report.web.page import listed, write_page
 from legfem.report.web.sites import sites_web_page
@@ -43,6 +43,6 @@ def write_sites_report(
         for site in results[0].leg.sites:
             drawn = save(placement_figure(site), folder, f"section-{site.site}")
             files.append(ReportFile(drawn, f"{site.site}: {SECTION_SHOWS}"))
-        text = sites_page(results, files)
-        write_page(sites_web_page(results, text, command), folder, text)
+        page = sites_web_page(results, command)
+        write_page(page, folder, plain_page(page, [*files, RESULT]))
     return path, out / REPORT

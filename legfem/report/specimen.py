@@ -7,10 +7,10 @@ from pathlib import Path
 
 from legfem.common.documents import write_document
 from legfem.report.in_place import REPORT, made_in_place
-from legfem.report.page import ReportFile
+from legfem.report.page import RESULT, ReportFile
+from legfem.report.plain import plain_page
 from legfem.report.specimen_figure import specimen_figure
 from legfem.report.specimen_numbers import specimen_document
-from legfem.report.specimen_text import specimen_page
 from legfem.report.style import save
 from legfem.report.web.page import listed, write_page
 from legfem.report.web.specimen import specimen_web_page
@@ -35,6 +35,6 @@ def write_specimen_report(results: Sequence[SpecimenResult], out: Path, command:
             save(specimen_figure(results), folder, "fit", svg=True),
             "every recording beside the model over displacement and time, and their differences",
         )
-        text = specimen_page(results, [listed("curves"), figure])
-        write_page(specimen_web_page(results, text, command), folder, text)
+        page = specimen_web_page(results, command)
+        write_page(page, folder, plain_page(page, [listed("curves"), figure, RESULT]))
     return out / REPORT

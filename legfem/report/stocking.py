@@ -14,11 +14,11 @@ from legfem.geometry.leg_shape import LegShape
 from legfem.report.in_place import REPORT, made_in_place
 from legfem.report.page import ReportFile
 from legfem.report.paraview import write_fields
+from legfem.report.plain import plain_page
 from legfem.report.stocking_contours_figure import stocking_contours_figure
 from legfem.report.stocking_fat_figure import stocking_fat_figure
 from legfem.report.stocking_pressure_figure import stocking_pressure_figure
 from legfem.report.stocking_section_figure import stocking_section_figure
-from legfem.report.stocking_text import stocking_page
 from legfem.report.style import save
 from legfem.report.web.page import listed, write_page
 from legfem.report.web.stocking import stocking_web_page
@@ -65,8 +65,8 @@ def write_stocking_report(result: StockingResult, folder: Path, command: str = "
             entries = [*_figures(result, sampled, hidden), *entries]
             numbers = write_document(hidden / NUMBERS, stocking_document(result, sampled.fat))
             entries.append(ReportFile([numbers], "all numbers with their units"))
-            page = stocking_page(result, sampled.fat, [listed("the leg to turn"), *entries])
-            write_page(stocking_web_page(result, sampled.moved, page, command), hidden, page)
+            page = stocking_web_page(result, sampled.moved, sampled.fat, command)
+            write_page(page, hidden, plain_page(page, [listed("the leg to turn"), *entries]))
     return folder / REPORT
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,10 +11,13 @@ from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.geometry.shape_measures import fat_thickness_around
 from legfem.inference.constants import quantile
 from legfem.report.leg_directions import Directions, angle_round
-from legfem.report.text import WIDTH
-from legfem.stocking.judgement import KnownStiffness
 from legfem.stocking.run import StockingResult
 from legfem.stocking.warnings import TISSUES
+
+ORIGINS = {
+    "measured": "measured data",
+    "simulated": "simulated data (the scans were computed by a model; no leg was scanned)",
+}
 
 
 def both_units(pressure: float) -> str:
@@ -37,12 +39,6 @@ def stiffness_values(parameters: dict[str, float]) -> str:
     return ", ".join(
         f"{TISSUES[name]} C10 = {mpa_to_kpa(value):.3g} kPa" for name, value in parameters.items()
     )
-
-
-def interval(known: KnownStiffness) -> str:
-    """Return a 95 % interval in kPa."""
-    low, high = (mpa_to_kpa(value) for value in known.interval95)
-    return f"95 % interval {low:.3g} to {high:.3g}"
 
 
 def vein_interval(result: StockingResult, vein: int) -> tuple[float, float]:
@@ -70,15 +66,3 @@ def place_in_fat(bare: LegShape, point: FloatArray) -> str:
 def correlation(value: float) -> str:
     """Return a rank correlation, if there is one."""
     return f"{value:.2f}" if np.isfinite(value) else "- (one of them is the same all round)"
-
-
-def table(rows: Sequence[tuple[str, str]]) -> str:
-    """Return names and values as a table without rules."""
-    width = max(len(name) for name, _ in rows)
-    return "\n".join(
-        textwrap.fill(
-            f"{name:<{width}}  {value}", WIDTH, subsequent_indent=" " * (width + 2),
-            break_on_hyphens=False,
-        )
-        for name, value in rows
-    )  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +10,13 @@ import numpy as np
 from legfem.common.units import readable_unit
 from legfem.identify.catalogue import parameter_of, symbol_of, unit_of
 from legfem.identify.error_sources import ErrorSource, greatest
-from legfem.identify.result import Estimate
+from legfem.identify.result import Estimate, IdentifiedParameters
 from legfem.report.style import LAW_NAMES, REGION_NAMES
-from legfem.report.text import prior_text
-from legfem.report.web.page import Known
+from legfem.report.text import ENERGIES, prior_text
+from legfem.report.web.page import Block, Known, WebTable
 from legfem.report.words import number
+from legfem.sites.result import SitesResult
+from legfem.specimens.result import SpecimenResult
 
 
 def value_text(found: Estimate) -> str:
@@ -52,8 +54,43 @@ def estimated(what: str, found: Estimate, recordings: int) -> Known:
         "estimated" if found.parameter.role == "identified" else "prior",
         f"{recordings} recording{'s' * (recordings > 1)}{prior}",
         interval_text(found),
-        f"{found.identifiability}{bound}",
+        f"{found.identifiability}{bound}; ± {found.shown.standard_error:.2g} (sd)",
     )
+
+
+def least_akaike[Result: IdentifiedParameters](
+    results: Sequence[Result], chi_square: Callable[[Result], float]
+) -> Result:
+    """Return the law that fits best for the number of its parameters (Akaike)."""
+    return min(results, key=lambda r: chi_square(r) + 2 * len(r.parameters))
+
+
+def how_found(results: Sequence[SpecimenResult] | Sequence[SitesResult]) -> list[Block]:
+    """Return each law's energy, how its optimum was searched for, and the errors' correlations."""
+    blocks: list[Block] = [
+        WebTable(
+            "Laws, and how each was searched for",
+            ["law", "strain energy", "full solves", "failed", "from before", "converged", "s"],
+            [
+                [
+                    LAW_NAMES[r.law], ENERGIES[r.law], f"{r.forward_solves}",
+                    f"{r.failed_solves}", f"{r.reused_solves}", "yes" if r.converged else "NO",
+                    f"{r.wall_s:.1f}",
+                ]
+                for r in results
+            ],
+        )
+    ]  # fmt: skip
+    for r in results:
+        symbols = [symbol_of(name) for name in r.parameters]
+        if len(symbols) > 1:
+            rows = [
+                [symbol, *(f"{value:+.3f}" for value in row)]
+                for symbol, row in zip(symbols, r.correlations, strict=True)
+            ]
+            caption = f"Correlations of the errors, {LAW_NAMES[r.law]} law"
+            blocks.append(WebTable(caption, ["", *symbols], rows, folded=True))
+    return blocks
 
 
 def how_sure(parameters: Mapping[str, Estimate]) -> str:

@@ -23,6 +23,8 @@ from legfem.report.web.section import PressedSection, StillSection
 from legfem.report.web.turned import TurnedLeg
 
 PAGE = "report.html"
+TESTED = "What was tested"
+"""A chapter of many pages."""
 Tone = Literal["sound", "caution", "open", "wrong"]
 Provenance = Literal[
     "measured", "reconstructed", "simulated", "estimated", "computed", "assumed", "prior"
@@ -33,7 +35,7 @@ TONES: Mapping[Tone, str] = {
     "open": "Not settled",
     "wrong": "The model is wrong here",
 }
-_PROVENANCE: Mapping[Provenance, str] = {
+PROVENANCE: Mapping[Provenance, str] = {
     "measured": "read off measurements of this leg",
     "reconstructed": "read off reconstructed data; no leg was measured",
     "simulated": "read off simulated data; no leg was measured",
@@ -123,13 +125,6 @@ class Chapter:
     blocks: Sequence[Block]
 
 
-def how_it_was_done(procedure: str, summary: str, text: str) -> Chapter:
-    """Return the last chapter of a page: what was done, and the texts that were printed."""
-    prose = Prose(" ".join(procedure.split()))
-    texts = [Verbatim("Summary", summary), Verbatim("report.txt", text)]
-    return Chapter("How it was done", [prose, *texts])
-
-
 @dataclass(frozen=True)
 class Repeat:
     """How the run is made again."""
@@ -190,7 +185,7 @@ def rendered(page: WebPage) -> str:
         page=page,
         tone=page.headline.heading or TONES[page.headline.tone],
         data=page.data or ORIGINS[page.origin],
-        provenances=_PROVENANCE,
+        provenances=PROVENANCE,
         plots=embedded([b for b in blocks if isinstance(b, Curves | ResponseSurface)]),
         scripts=[name for kind, name in _SCRIPTS.items() if kind in kinds],
         legfem=legfem_version(),

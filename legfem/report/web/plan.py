@@ -18,6 +18,8 @@ from legfem.report.web.identification import options_of
 from legfem.report.web.section import still_section
 from legfem.subjects.subject import Subject
 
+RANKED, SHOWN = "Tests, the most telling first", "What each test would show"
+"""Chapters."""
 _LIKELY, _UNLIKELY = 0.8, 0.2
 """Chances from which an effect is called shown, and below which it is called unseen."""
 _NOT_WEIGHED = (
@@ -32,7 +34,6 @@ def plan_web_page(
     subject: Subject,
     expected: Expected,
     doubts: Sequence[Doubt],
-    text: str,
     versions: Mapping[str, str],
     command: str = "",
 ) -> web.WebPage:
@@ -48,8 +49,6 @@ def plan_web_page(
         Stiffness and test that the plan is made for.
     doubts
         About what was given.
-    text
-        Of ``report.txt``.
     versions
         Of the programs that made it.
     command
@@ -64,12 +63,11 @@ def plan_web_page(
         warnings=[*doubt_lines(doubts), *_warnings(ranked, names)],
         known=_known(subject, expected),
         chapters=[
-            web.Chapter("Tests, the most telling first", [_tests(ranked)]),
-            web.Chapter("What each test would show", [web.Prose(NOTE), _chances(ranked, names)]),
+            web.Chapter(RANKED, [_tests(ranked)]),
+            web.Chapter(SHOWN, [web.Prose(NOTE), _chances(ranked, names)]),
             web.Chapter("The leg", [still_section(subject)]),
             web.Chapter("What to do next", [web.Bullets(_next(ranked, subject))]),
             web.Chapter("What was not weighed", [web.Bullets(_NOT_WEIGHED)]),
-            web.Chapter("The full report", [web.Verbatim("report.txt", text)]),
         ],
         repeat=web.Repeat(command, versions),
         data=f"simulated data (no test was made yet; section of the leg: {subject.origin})",
@@ -135,7 +133,10 @@ def _tests(ranked: Sequence[Reckoned]) -> Bars:
     return Bars(
         "Chance that whatever is wrong is told from all else",
         ("test", "chance"),
-        [Bar(one.design.name, 100 * one.chance, percent(one.chance)) for one in ranked],
+        [
+            Bar(f"({k}) {one.design.name}", 100 * one.chance, percent(one.chance))
+            for k, one in enumerate(ranked, 1)
+        ],
         greatest=100.0,
     )
 

@@ -13,7 +13,6 @@ from legfem.report.sites_text import (
     of,
     own_value,
     procedure,
-    sites_text,
 )
 from legfem.report.style import LAW_NAMES
 from legfem.report.text import probability
@@ -30,15 +29,13 @@ _NOT_TESTED = (
 )
 
 
-def sites_web_page(results: Sequence[SitesResult], text: str, command: str = "") -> web.WebPage:
+def sites_web_page(results: Sequence[SitesResult], command: str = "") -> web.WebPage:
     """Return the page of a leg's sites.
 
     Parameters
     ----------
     results
         One a law, of one leg.
-    text
-        Of ``report.txt``.
     command
         That was given; empty where there was none.
     """
@@ -58,18 +55,19 @@ def sites_web_page(results: Sequence[SitesResult], text: str, command: str = "")
         known=_known(results),
         chapters=[
             web.Chapter("Sites and model", [_alone(best), *_curves(results, best)]),
-            web.Chapter("What was tested", [web.Bullets(_tested(results))]),
+            web.Chapter(web.TESTED, [web.Bullets(_tested(results))]),
             web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
             web.Chapter("What to do next", [web.Bullets(_next(best))]),
-            web.how_it_was_done(procedure(best), sites_text(results), text),
+            web.Chapter(
+                "How it was done", [web.Prose(procedure(best)), *estimates.how_found(results)]
+            ),
         ],
         repeat=web.Repeat(command, best.versions, {"seed": f"{best.seed}"}),
     )  # fmt: skip
 
 
 def _best(results: Sequence[SitesResult]) -> SitesResult:
-    """Return the law that fits best for the number of its parameters (Akaike)."""
-    return min(results, key=lambda r: r.misfit.chi_square + 2 * len(r.parameters))
+    return estimates.least_akaike(results, lambda r: r.misfit.chi_square)
 
 
 def _fits(result: SitesResult) -> bool:
@@ -138,7 +136,7 @@ def _known(results: Sequence[SitesResult]) -> list[web.Known]:
         rows.append(
             web.Known(f"{site.name}: greatest displacement used",
                       f"{curve.displacement[-1]:.4g} mm", first.leg.origin,
-                      "recordings, from first contact")
+                      f"{curve.n_trials} recording{'s' * (curve.n_trials > 1)}, from first contact")
         )  # fmt: skip
         if site.correction is not None:
             P, sd = site.correction.P[-1], site.correction.sd[-1]

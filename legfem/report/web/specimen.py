@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from legfem.common.units import FloatArray
 from legfem.identify.catalogue import symbol_of
 from legfem.identify.warnings import LEAST_CHANCE
-from legfem.report.specimen_text import origin_text, predictions, procedure, specimen_summary
+from legfem.report.specimen_text import differing, origin_text, predictions, procedure
 from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES
 from legfem.report.text import probability
 from legfem.report.web import estimates
@@ -27,17 +27,13 @@ _NOT_TESTED = (
 )
 
 
-def specimen_web_page(
-    results: Sequence[SpecimenResult], text: str, command: str = ""
-) -> web.WebPage:
+def specimen_web_page(results: Sequence[SpecimenResult], command: str = "") -> web.WebPage:
     """Return the page of specimens.
 
     Parameters
     ----------
     results
         One a law, of one folder.
-    text
-        Of ``report.txt``.
     command
         That was given; empty where there was none.
     """
@@ -56,13 +52,15 @@ def specimen_web_page(
         known=_known(results),
         chapters=[
             web.Chapter("Recordings and model", _recordings(results)),
-            web.Chapter("What was tested", [web.Bullets(_tested(results))]),
+            web.Chapter(web.TESTED, [web.Bullets(_tested(results))]),
             web.Chapter(
                 "What could not be tested",
                 [web.Bullets([*_NOT_TESTED, *(() if best.folder.returns else (_RETURNS,))])],
             ),
             web.Chapter("What to do next", [web.Bullets(_next(best))]),
-            web.how_it_was_done(procedure(best), specimen_summary(results), text),
+            web.Chapter(
+                "How it was done", [web.Prose(procedure(best)), *estimates.how_found(results)]
+            ),
         ],
         repeat=web.Repeat(command, best.versions, {"seed": f"{best.seed}"}),
         data=origin_text(best),
@@ -70,8 +68,7 @@ def specimen_web_page(
 
 
 def _best(results: Sequence[SpecimenResult]) -> SpecimenResult:
-    """Return the law that fits best for the number of its parameters (Akaike)."""
-    return min(results, key=lambda r: r.chi_square + 2 * len(r.parameters))
+    return estimates.least_akaike(results, lambda r: r.chi_square)
 
 
 def _fits(result: SpecimenResult) -> bool:
@@ -198,6 +195,28 @@ def _recordings(results: Sequence[SpecimenResult]) -> list[web.Block]:
             greatest=1.0,
         )
     )
+    return [*blocks, *(block for result in results for block in _in_numbers(result))]
+
+
+def _in_numbers(result: SpecimenResult) -> list[web.Block]:
+    law = LAW_NAMES[result.law]
+    blocks: list[web.Block] = [
+        web.WebTable(
+            f"Recordings beside the {law} law; own over joint: the factor that would fit each best",
+            ["recording", "mm/s", "mm", "peak N", "rmse N", "R²", "own/joint", ""],
+            [
+                [one.name, f"{one.course.rate:.3g}", f"{one.course.depth:.3g}",
+                 f"{one.course.peak:.4g}", f"{one.rmse:.3g}", f"{one.r_squared:.4f}",
+                 f"{one.scale:.3f}", "" if one.fitted else "left out"]
+                for one in result.recordings
+            ],
+            folded=True,
+        )
+    ]  # fmt: skip
+    if result.stiffness:
+        rows = [[name, f"{factor:.3f}"] for name, factor in result.stiffness.items()]
+        caption = f"Stiffness of each specimen over a typical one, {law} law"
+        blocks.append(web.WebTable(caption, ["specimen", "times as stiff"], rows, folded=True))
     return blocks
 
 
@@ -234,6 +253,6 @@ def _tested(results: Sequence[SpecimenResult]) -> list[str]:
             f"{result.chi_square:.4g} on {result.degrees_of_freedom} degrees of freedom "
             f"({probability(result.p_value)}).",
             *estimates.why_identifiable(result.parameters, result.law),
-            *(f"{text}." for text in predictions(result)),
+            *(f"{text}." for text in (*differing(result), *predictions(result))),
         )
     ]

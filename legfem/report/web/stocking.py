@@ -8,21 +8,27 @@ import numpy as np
 
 from legfem.common.doubts import doubt_lines
 from legfem.common.units import FloatArray, mpa_to_mmhg
-from legfem.report.stocking_mismatch_text import CONTOURS, mismatch_verdict
-from legfem.report.stocking_pressure_text import highest_place
-from legfem.report.stocking_stiffness_text import verdict_sentence
-from legfem.report.stocking_text import ORIGINS
-from legfem.report.stocking_words import both_units, place_in_fat, share_of, vein_interval
+from legfem.report.stocking_words import (
+    ORIGINS,
+    both_units,
+    place_in_fat,
+    share_of,
+    vein_interval,
+)
 from legfem.report.web import page as web
-from legfem.report.web.bars import Bar, Bars
 from legfem.report.web.stocking_leg import dressed_leg
+from legfem.report.web.stocking_mismatch import mismatch_blocks, mismatch_verdict
 from legfem.report.web.stocking_numbers import known_of
-from legfem.report.words import short_probability
+from legfem.report.web.stocking_pressures import pressure_blocks
+from legfem.report.web.stocking_stiffness import stiffness_blocks, verdict_sentence
 from legfem.stocking.document import versions
+from legfem.stocking.fat_pressures import FatPressures
 from legfem.stocking.judgement import judge, model_misses
 from legfem.stocking.run import StockingResult
 from legfem.stocking.warnings import TISSUES, best_complete, stocking_warnings
 
+PRESSURES, STIFFNESS = "Pressures on the skin and inside", "Stiffness of muscle and fat"
+"""Chapters."""
 _NOT_TESTED = (
     "A fabric whose stiffness or size is wrong: a pressure 10 % higher everywhere makes both "
     "tissues about 10 % stiffer, and raises every pressure here by about as much.",
@@ -33,8 +39,8 @@ _NOT_TESTED = (
 
 def stocking_web_page(
     result: StockingResult,
-    moved: Mapping[str, FloatArray] | None,
-    text: str,
+    moved: Mapping[str, FloatArray] | None = None,
+    fat: FatPressures | None = None,
     command: str = "",
 ) -> web.WebPage:
     """Return the page of a leg in its stocking.
@@ -45,21 +51,26 @@ def stocking_web_page(
         Of a run.
     moved
         Displacement (mm) of skin's and hull's points; None if the worn state was not found.
-    text
-        Of ``report.txt``.
+    fat
+        Pressures in columns of fat, if they were sampled.
     command
         That was given; empty where there was none.
     """
-    leg, found = result.leg, result.pressures
+    leg, differ = result.leg, result.mismatch
     chapters = []
-    if found is not None and moved is not None:
+    if result.pressures is not None and moved is not None:
         chapters.append(web.Chapter("The leg, bare and dressed", [dressed_leg(result, moved)]))
-        chapters.append(web.Chapter("Pressures on the skin and inside", _pressures(result)))
     chapters += [
-        web.Chapter("Where model and scan differ", _mismatch(result)),
+        web.Chapter(PRESSURES, pressure_blocks(result, fat)),
+        web.Chapter(STIFFNESS, stiffness_blocks(result)),
+        web.Chapter(
+            "Where model and scan differ",
+            [web.Prose(_wrong(result))] if differ is None else mismatch_blocks(differ),
+        ),
         web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
         web.Chapter("What to do next", [web.Bullets(_next(result))]),
-        web.Chapter("The full report", [web.Verbatim("report.txt", text)]),
+        web.Chapter("What was scanned", _scanned(result)),
+        web.Chapter("How it was computed", [_computed(result)]),
     ]
     return web.WebPage(
         title=f"What does its compression stocking do to leg {leg.id}?",
@@ -193,67 +204,51 @@ def _next(result: StockingResult) -> list[str]:
     return lines
 
 
-def _pressures(result: StockingResult) -> list[web.Block]:
-    found, leg = result.pressures, result.leg
-    assert found is not None
-    load = result.worn.load
-    bars = [
-        Bar("skin, mean", mpa_to_mmhg(found.mean_interface), both_units(found.mean_interface)),
-        Bar(f"skin, greatest ({highest_place(result)})", mpa_to_mmhg(found.greatest_interface),
-            both_units(found.greatest_interface)),
-        Bar("skin, least", mpa_to_mmhg(float(load.pressure.min())),
-            both_units(float(load.pressure.min()))),
-        Bar("fat, greatest", mpa_to_mmhg(found.greatest_in_fat), both_units(found.greatest_in_fat)),
-        Bar("muscle, mean", mpa_to_mmhg(found.mean_in_muscle), both_units(found.mean_in_muscle)),
-    ]  # fmt: skip
-    for k, (vein, pressure) in enumerate(zip(leg.veins, found.at_veins, strict=True)):
-        low, high = vein_interval(result, k)
-        known = np.isfinite(high)
-        bars.append(
-            Bar(
-                f"vein, {vein.name}",
-                mpa_to_mmhg(pressure) if np.isfinite(pressure) else 0.0,
-                both_units(pressure) + (f", {low:.1f} to {high:.1f} mmHg" if known else "")
-                if np.isfinite(pressure)
-                else "not in the tissues: check the vein's position",
-                (low, high) if known else None,
-            )
+def _scanned(result: StockingResult) -> list[web.Block]:
+    leg = result.leg
+    made = "Simulated scans" if leg.origin == "simulated" else "Scans"
+    which = "without" if leg.compressed is None else "without and with"
+    lines = [
+        f"{made} of {leg.bare.length:.0f} mm of the leg, z = {leg.bare.levels[0]:.0f} to "
+        f"{leg.bare.levels[-1]:.0f} mm, {which} the stocking. Bones: "
+        f"{', '.join(leg.bare.bones)}. Coordinates are taken as DICOM's: x to the patient's left, "
+        "y to the back, z upwards."
+    ]
+    registration = leg.registration
+    if registration is not None:
+        error = registration.standard_error
+        lines.append(
+            f"The scan in the stocking was laid on the bare one by the bones: what is left between "
+            f"them is {registration.residual:.3f} mm (root mean square of {registration.pairs} "
+            f"patches, {registration.left_out} left out); standard error of the shift "
+            f"{error[0]:.3f}, {error[1]:.3f} and {error[2]:.3f} mm in x, y and z."
         )
-    return [
-        Bars(
-            "Pressures (mmHg, kPa), on the skin by Laplace's law, inside hydrostatic; ends: 95 %",
-            ("where", "pressure"), bars,
+    elif leg.compressed is not None:
+        lines.append("The two were given in one system of coordinates: nothing was registered.")
+    accuracy = leg.accuracy
+    if leg.compressed is not None:
+        lines.append(
+            f"Each scan's segmentation is taken to be {accuracy.sd:.2g} mm off (standard "
+            f"deviation, alike over {accuracy.correlation:g} mm), which leaves "
+            f"{accuracy.smoothed_sd:.2g} mm in its contours, and the stocking's pressure to be "
+            f"{100 * accuracy.pressure_sd:g} % off over an eighth of the girth; the intervals of "
+            "the stiffness rest on that."
         )
-    ]  # fmt: skip
+    return [web.Prose(line) for line in lines]
 
 
-def _mismatch(result: StockingResult) -> list[web.Block]:
-    found = result.mismatch
-    if found is None:
-        return [web.Prose(_wrong(result))]
-    blocks: list[web.Block] = [web.Prose(mismatch_verdict(found))]
-    if found.places:
-        blocks.append(
-            web.WebTable(
-                "Places that differ beyond the errors: the model outside the scan",
-                ["contour", "angle from +x to +y (°)", "heights z (mm)", "distance (mm)", "p"],
-                [
-                    [CONTOURS[p.contour], f"{p.angle_deg:.0f}",
-                     f"{p.levels[0]:.0f} to {p.levels[1]:.0f}", f"{p.distance:+.2f}",
-                     short_probability(p.p_value)]
-                    for p in found.places
-                ],
-            )
-        )  # fmt: skip
-    blocks.append(
-        web.WebTable(
-            "What was tried as a reason (p: family-wise, of a sign as strong by chance)",
-            ["mechanism", "what it is", "chi-square", "p"],
-            [
-                [s.name.replace("-", " "), s.statement,
-                 f"{s.statistic:.1f} on {s.degrees}", short_probability(s.p_value)]
-                for s in found.scores
-            ],
-        )
-    )  # fmt: skip
-    return blocks
+def _computed(result: StockingResult) -> web.WebTable:
+    spaces, solves = result.model.compression.spaces, sum(s.solves for s in result.searches)
+    cells = spaces.mesh.topology.index_map(spaces.mesh.topology.dim).size_global
+    settings = result.model.compression.settings
+    rows = [
+        ("mesh", f"{cells} tetrahedra, {spaces.unknowns} unknowns"),
+        ("elements", f"displacements of degree {settings.degree}, "
+         + ("pressures of their own" if settings.formulation == "continuous" else "no pressures")),
+        ("load", "follows the deformed skin" if settings.follower else "dead load"),
+        ("ends of the segment", "held in their planes" if settings.ends == "held" else "free"),
+        ("bones", "rigid and fixed"),
+        ("solved states", f"{result.states}, {solves} of them to identify"),
+        ("wall time", f"{result.wall_s:.0f} s"),
+    ]  # fmt: skip
+    return web.WebTable("Model and run", ["what", "how"], rows)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
-from legfem.report.stocking_pressure_text import sensor_rows, tension_text
 from legfem.report.stocking_words import both_units, vein_interval
 from legfem.report.web.page import Known, Provenance
+from legfem.report.web.stocking_pressures import sensor_rows, tension_text
 from legfem.stocking.judgement import judge
 from legfem.stocking.run import StockingResult
 from legfem.stocking.warnings import TISSUES, best_complete

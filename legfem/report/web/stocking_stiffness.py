@@ -1,4 +1,4 @@
-"""The part of a stocking's page on the stiffness of muscle and fat, and how well it is known."""
+"""What a stocking's page says of the stiffness of muscle and fat, and how well it is known."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import numpy as np
 
 from legfem.common.units import mpa_to_kpa
 from legfem.inference.constants import IDENTIFIABLE_WITHIN, WEAKLY_WITHIN
-from legfem.report.lines import fill
 from legfem.report.stocking_words import stiffness_values
+from legfem.report.web.page import Block, Prose, WebTable
 from legfem.stocking.identification import Identified
 from legfem.stocking.judgement import (
     KnownStiffness,
@@ -51,43 +51,33 @@ def verdict_sentence(known: KnownStiffness) -> str:
     )
 
 
-def stiffness_section(result: StockingResult) -> str:
+def stiffness_blocks(result: StockingResult) -> list[Block]:
     """Return the values, how well they are known, how well they fit, and what each search found."""
     leg = result.leg
+    given = stiffness_values(result.parameters)
     if not result.searches:
-        return fill(
-            f"Not identified: the leg was not scanned in its stocking. Given: "
-            f"{stiffness_values(result.parameters)}."
-        )
+        return [Prose(f"Not identified: the leg was not scanned in its stocking. Given: {given}.")]
     best = best_complete(result)
-    blocks = []
+    blocks: list[Block] = []
     if best is not None:
-        blocks += [fill(verdict_sentence(known)) for known in judge(best, leg.accuracy)]
-        blocks.append(
-            fill(
-                "The intervals count errors of the contours, of the registration, and of a "
-                "pressure that is wrong here and there round the leg. " + _of_fabric(result)
-            )
+        blocks += [Prose(verdict_sentence(known)) for known in judge(best, leg.accuracy)]
+        errors = (
+            "The intervals count errors of the contours, of the registration, and of a pressure "
+            "that is wrong here and there round the leg."
         )
-        blocks.append(fill(_goodness(result, best)))
-    blocks.append(_searches(result))
-    blocks.append(fill(_agreement(result)))
+        blocks += [Prose(f"{errors} {_of_fabric(result)}"), Prose(_goodness(result, best))]
+    blocks += [_searches(result), Prose(_agreement(result))]
     if leg.known:
-        blocks.append(
-            fill(
-                f"The pressures below are not of these values but of those given: "
-                f"{stiffness_values(result.parameters)}."
-            )
-        )
-    laws = {law.D1 for law in leg.tissues.values()}
-    bulk = ", ".join(f"{2 / D1:.3g}" for D1 in sorted(laws))
-    blocks.append(
-        fill(
+        used = f"The pressures below are not of these values but of those given: {given}."
+        blocks.append(Prose(used))
+    bulk = ", ".join(f"{2 / D1:.3g}" for D1 in sorted({law.D1 for law in leg.tissues.values()}))
+    return [
+        *blocks,
+        Prose(
             "Both tissues are neo-Hookean, U = C10 (I1 - 3) + (J - 1)^2 / D1, with a given bulk "
             f"modulus of {bulk} MPa; the initial shear modulus is 2 C10."
-        )
-    )
-    return "\n\n".join(blocks)
+        ),
+    ]
 
 
 def _of_fabric(result: StockingResult) -> str:
@@ -122,26 +112,25 @@ def _goodness(result: StockingResult, best: Identified) -> str:
     )
 
 
-def _searches(result: StockingResult) -> str:
-    rows = [
-        f"{'search':<12} {'from (kPa)':>13} {'muscle C10':>11} {'fat C10 (kPa)':>14} "
-        f"{'rms (mm)':>9} {'misfit':>8} {'solves':>7}  ended"
-    ]
+def _searches(result: StockingResult) -> WebTable:
+    rows = []
     for search in result.searches:
         start = ", ".join(f"{mpa_to_kpa(float(value)):.3g}" for value in search.start)
-        muscle, fat = (mpa_to_kpa(float(value)) for value in search.parameters)
-        found = search.worn.state.report.complete and np.isfinite(search.rms)
-        misfit = f"{search.chi_square:.3f}" if np.isfinite(search.chi_square) else "-"
-        if not found:
-            rows.append(f"{search.method:<12} {start:>13} {'-':>11} {'-':>14} {'-':>9} {'-':>8} "
-                        f"{search.solves:>7}  no state found")  # fmt: skip
-            continue
-        ended = "settled" if search.converged else "NOT SETTLED"
-        rows.append(
-            f"{search.method:<12} {start:>13} {muscle:>11.4g} {fat:>14.4g} {search.rms:>9.3f} "
-            f"{misfit:>8} {search.solves:>7}  {ended}"
-        )
-    return "\n".join(rows)
+        if not (search.worn.state.report.complete and np.isfinite(search.rms)):
+            found = ["-", "-", "-", "-"]
+            ended = "no state found"
+        else:
+            misfit = f"{search.chi_square:.3f}" if np.isfinite(search.chi_square) else "-"
+            values = [f"{mpa_to_kpa(float(value)):.4g}" for value in search.parameters]
+            found = [*values, f"{search.rms:.3f}", misfit]
+            ended = "settled" if search.converged else "NOT SETTLED"
+        rows.append([search.method, start, *found, f"{search.solves}", ended])
+    return WebTable(
+        "Every search",
+        ["search", "from (kPa)", "muscle C10", "fat C10 (kPa)", "rms (mm)", "misfit", "solves",
+         "ended"],
+        rows,
+    )  # fmt: skip
 
 
 def _agreement(result: StockingResult) -> str:

@@ -1,4 +1,4 @@
-"""The parts of a stocking's page on the pressures on the skin and inside the leg."""
+"""What a stocking's page says of the pressures on the skin and inside the leg."""
 
 from __future__ import annotations
 
@@ -8,54 +8,54 @@ from legfem.common.units import mpa_to_mmhg
 from legfem.geometry.leg_shape import SKIN
 from legfem.inference.constants import quantile
 from legfem.report.leg_directions import Directions, angle_round
-from legfem.report.lines import fill
 from legfem.report.stocking_words import (
     both_units,
     correlation,
     place_in_fat,
-    table,
     vein_interval,
 )
+from legfem.report.web.bars import Bar, Bars
+from legfem.report.web.page import Block, Prose, WebTable
 from legfem.stocking.fat_pressures import FatPressures
+from legfem.stocking.pressures import TissuePressures
 from legfem.stocking.run import StockingResult
 from legfem.stocking.warnings import unloaded_skin
 
 
-def interface_section(result: StockingResult) -> str:
+def pressure_blocks(result: StockingResult, fat: FatPressures | None) -> list[Block]:
+    """Return the pressures on the skin and inside; those in the fat if they were sampled."""
+    return [*_of_stocking(result), *_inside(result, fat)]
+
+
+def _of_stocking(result: StockingResult) -> list[Block]:
     """Return what the stocking does to the skin, and to itself."""
-    load, stocking, bare = result.worn.load, result.leg.stocking, result.leg.bare
+    load = result.worn.load
     by_level = load.pressure.mean(axis=1)
-    unloaded = unloaded_skin(bare, load)
-    low, high = stocking.unstretched.min(), stocking.unstretched.max()
-    width = f"{low:.0f} mm" if high - low < 0.5 else f"{low:.0f} to {high:.0f} mm"
+    unloaded = unloaded_skin(result.leg.bare, load)
     rows = [
         ("mean over the skin", both_units(load.mean_pressure)),
-        ("least", f"{both_units(float(load.pressure.min()))}"
+        ("least", both_units(float(load.pressure.min()))
          + (f"; {100 * unloaded.mean():.0f} % of the skin bears none" if unloaded.any() else "")),
         ("greatest", f"{both_units(float(load.pressure.max()))}, {highest_place(result)}"),
-        ("mean at the lower end", f"{both_units(float(by_level[0]))}"),
-        ("mean at the upper end", f"{both_units(float(by_level[-1]))}"),
-        ("fabric", f"{stocking.stiffness:g} N/mm per unit of strain, unstretched {width} round"),
-        ("its strain", f"{100 * load.strain.min():.1f} to {100 * load.strain.max():.1f} %"),
+        ("mean at the lower end", both_units(float(by_level[0]))),
+        ("mean at the upper end", both_units(float(by_level[-1]))),
+        ("the fabric's strain",
+         f"{100 * load.strain.min():.1f} to {100 * load.strain.max():.1f} %"),
         ("its tension", f"{load.tension.min():.4f} to {load.tension.max():.4f} N/mm"),
     ]  # fmt: skip
-    if not result.worn.state.report.complete:
-        note = "Of the bare leg's shape, since the leg in its stocking could not be computed:"
-    else:
-        note = (
-            "By Laplace's law, from the fabric's tension and the curvature of the leg as it is "
-            "compressed; the fabric spans hollows and presses on nothing there."
-        )
-    if result.scan_load is not None:
-        rows.insert(
-            1, ("by the scanned shape", f"{both_units(result.scan_load.mean_pressure)} (mean)")
-        )
-    if (text := tension_text(result)) is not None:
-        rows.append(("its tension over what was given", text))
-    blocks = [fill(note), table(rows)]
+    note = (
+        "By Laplace's law, from the fabric's tension and the curvature of the leg as it is "
+        "compressed; the fabric spans hollows and presses on nothing there."
+        if result.worn.state.report.complete
+        else "Of the bare leg's shape, since the leg in its stocking could not be computed."
+    )
+    blocks: list[Block] = [
+        Prose(note), WebTable("Pressure of the stocking on the skin", ["where", "pressure"], rows)
+    ]  # fmt: skip
     if result.sensors:
-        blocks += [fill(f"{_SENSORS} {_used(result)}"), table(sensor_rows(result))]
-    return "\n\n".join(blocks)
+        caption = f"{_SENSORS} {_used(result)}"
+        blocks.append(WebTable(caption, ["sensor", "shown, and by the model"], sensor_rows(result)))
+    return blocks
 
 
 _SENSORS = "Sensors between stocking and skin beside the model, averaged over their faces."
@@ -104,49 +104,36 @@ def highest_place(result: StockingResult) -> str:
     return f"{direction}, z = {bare.levels[level]:.0f} mm"
 
 
-def inside_section(result: StockingResult, fat: FatPressures | None) -> str:
+def _inside(result: StockingResult, fat: FatPressures | None) -> list[Block]:
     """Return the pressures at the veins, in the muscle and in the fat; nothing if not found."""
     found = result.pressures
     if found is None:
-        return ""
-    mean, where = found.mean_interface, place_in_fat(result.leg.bare, found.greatest_in_fat_at)
-    rows = [
-        (vein.name,
-         f"{both_units(p)}{_interval(result, k)}, {100 * p / mean:.0f} % of the mean on the skin"
-         if np.isfinite(p) else "not in the tissues: check the vein's position")
-        for k, (vein, p) in enumerate(zip(result.leg.veins, found.at_veins, strict=True))
-    ]  # fmt: skip
-    rows.append(("muscle, mean", f"{both_units(found.mean_in_muscle)}"))
-    rows.append(
-        ("fat, greatest",
-         f"{both_units(found.greatest_in_fat)}, {100 * found.greatest_in_fat / mean:.0f} % of the "
-         "mean on the skin")
-    )  # fmt: skip
-    blocks = [
-        fill(
-            "Hydrostatic pressure, positive in compression; at the veins in tissue without a vein "
-            f"in it, at z = {result.leg.veins[0].position[2]:.1f} mm. Intervals (95 %) count the "
-            "errors of stiffness, mesh and the pressure round the leg"
-            + (
-                ", not those of the fabric."
-                if tension_text(result) is None
-                else " and those of the fabric's tension."
-            )
-            if result.leg.veins
-            else "Hydrostatic pressure, positive in compression. No veins were given or placed."
-        ),
-        table(rows),
-        *_postures(result),
-        fill(
+        return []
+    beside = (
+        ", not those of the fabric"
+        if tension_text(result) is None
+        else " and those of the fabric's tension"
+    )
+    note = (
+        "Hydrostatic pressure, positive in compression; at the veins in tissue without a vein in "
+        f"it, at z = {result.leg.veins[0].position[2]:.1f} mm. Intervals (95 %) count the errors "
+        f"of stiffness, mesh and the pressure round the leg{beside}."
+        if result.leg.veins
+        else "Hydrostatic pressure, positive in compression. No veins were given or placed."
+    )
+    blocks: list[Block] = [Prose(note), _bars(result, found), *_postures(result)]
+    where = place_in_fat(result.leg.bare, found.greatest_in_fat_at)
+    blocks.append(
+        Prose(
             "The greatest pressure in the fat, where the receptors of pain are, is the second "
             f"paper's measure of discomfort. It is {where}."
-        ),
-    ]
+        )
+    )
     if fat is not None:
         thickness = fat.rank_correlation(fat.greatest, fat.thickness)
         interface = fat.rank_correlation(fat.greatest, fat.interface)
         blocks.append(
-            fill(
+            Prose(
                 f"Round this leg the fat is {fat.thickness.min():.1f} to {fat.thickness.max():.1f} "
                 "mm thick. The greatest pressure in the fat under a place on the skin goes with "
                 f"the fat's thickness with a rank correlation of {correlation(thickness)}, with "
@@ -154,10 +141,10 @@ def inside_section(result: StockingResult, fat: FatPressures | None) -> str:
                 "leg; it says nothing of differences between legs."
             )
         )
-    return "\n\n".join(blocks)
+    return blocks
 
 
-def _postures(result: StockingResult) -> list[str]:
+def _postures(result: StockingResult) -> list[Block]:
     """Return what the veins' walls bear from inside, where the posture is given."""
     posture, found = result.leg.posture, result.pressures
     if posture is None or found is None or not result.leg.veins:
@@ -169,11 +156,43 @@ def _postures(result: StockingResult) -> list[str]:
         rows.append((vein.name, bears if np.isfinite(tissue) else "not in the tissues"))
     said = (
         "Inside a vein less outside, by the blood's column from the heart when standing still; "
-        "below zero it is narrowed. The tissue's own weight is left out."
+        "below zero it is narrowed. The tissue's own weight is left out"
     )
-    return [fill(said), table(rows)]
+    return [WebTable(said, ["vein", "pressure"], rows)]
 
 
-def _interval(result: StockingResult, vein: int) -> str:
-    low, high = vein_interval(result, vein)
-    return f", {low:.1f} to {high:.1f} mmHg" if np.isfinite(high) else ""
+def _bars(result: StockingResult, found: TissuePressures) -> Bars:
+    leg, load = result.leg, result.worn.load
+    bars = [
+        Bar("skin, mean", mpa_to_mmhg(found.mean_interface), both_units(found.mean_interface)),
+        Bar(f"skin, greatest ({highest_place(result)})", mpa_to_mmhg(found.greatest_interface),
+            both_units(found.greatest_interface)),
+        Bar("skin, least", mpa_to_mmhg(float(load.pressure.min())),
+            both_units(float(load.pressure.min()))),
+        Bar("fat, greatest", mpa_to_mmhg(found.greatest_in_fat),
+            f"{both_units(found.greatest_in_fat)}, {_share(found.greatest_in_fat, found)}"),
+        Bar("muscle, mean", mpa_to_mmhg(found.mean_in_muscle), both_units(found.mean_in_muscle)),
+    ]  # fmt: skip
+    for k, (vein, pressure) in enumerate(zip(leg.veins, found.at_veins, strict=True)):
+        low, high = vein_interval(result, k)
+        known = np.isfinite(high)
+        bars.append(
+            Bar(
+                f"vein, {vein.name}",
+                mpa_to_mmhg(pressure) if np.isfinite(pressure) else 0.0,
+                both_units(pressure)
+                + (f", {low:.1f} to {high:.1f} mmHg" if known else "")
+                + f", {_share(pressure, found)}"
+                if np.isfinite(pressure)
+                else "not in the tissues: check the vein's position",
+                (low, high) if known else None,
+            )
+        )
+    return Bars(
+        "Pressures (mmHg, kPa), on the skin by Laplace's law, inside hydrostatic; ends: 95 %",
+        ("where", "pressure"), bars,
+    )  # fmt: skip
+
+
+def _share(pressure: float, found: TissuePressures) -> str:
+    return f"{100 * pressure / found.mean_interface:.0f} % of the mean on the skin"

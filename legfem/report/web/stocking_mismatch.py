@@ -1,21 +1,43 @@
-"""Where model and scan of a leg in its stocking differ, in words."""
+"""What a stocking's page says of where model and scan differ."""
 
 from __future__ import annotations
 
 from legfem.common.units import mpa_to_kpa
-from legfem.report.lines import fill
+from legfem.report.web import page as web
+from legfem.report.words import short_probability
 from legfem.stocking.mismatch import Mismatch
-from legfem.stocking.run import StockingResult
 
 CONTOURS = {"outer": "skin", "inner": "hull of the muscle"}
 
 
-def mismatch_section(result: StockingResult) -> str:
-    """Return the section, empty where nothing was identified."""
-    found = result.mismatch
-    if found is None:
-        return ""
-    return "\n\n".join([fill(mismatch_verdict(found)), *_places(found), _table(found)])
+def mismatch_blocks(found: Mismatch) -> list[web.Block]:
+    """Return the verdict, the places that differ, and what was tried as a reason."""
+    blocks: list[web.Block] = [web.Prose(mismatch_verdict(found))]
+    if found.places:
+        blocks.append(
+            web.WebTable(
+                "Places that differ beyond the errors: the model outside the scan",
+                ["contour", "angle from +x to +y (°)", "heights z (mm)", "distance (mm)", "p"],
+                [
+                    [CONTOURS[p.contour], f"{p.angle_deg:.0f}",
+                     f"{p.levels[0]:.0f} to {p.levels[1]:.0f}", f"{p.distance:+.2f}",
+                     short_probability(p.p_value)]
+                    for p in found.places
+                ],
+            )
+        )  # fmt: skip
+    blocks.append(
+        web.WebTable(
+            "What was tried as a reason (p: family-wise, of a sign as strong by chance)",
+            ["mechanism", "what it is", "chi-square", "p"],
+            [
+                [s.name.replace("-", " "), s.statement,
+                 f"{s.statistic:.1f} on {s.degrees}", short_probability(s.p_value)]
+                for s in found.scores
+            ],
+        )
+    )  # fmt: skip
+    return blocks
 
 
 def mismatch_verdict(found: Mismatch) -> str:
@@ -41,21 +63,3 @@ def mismatch_verdict(found: Mismatch) -> str:
             f"{muscle:.3g} kPa for muscle and {fat:.3g} kPa for fat."
         )
     return text
-
-
-def _places(found: Mismatch) -> list[str]:
-    lines = [
-        f"- {CONTOURS[place.contour]}, {place.angle_deg:.0f} degrees from +x towards +y, z = "
-        f"{place.levels[0]:.0f} to {place.levels[1]:.0f} mm: the model is {place.distance:+.2f} mm "
-        f"outside the scan (p = {place.p_value:.2g})"
-        for place in found.places[:6]
-    ]
-    return ["Where:\n" + "\n".join(lines)] if lines else []
-
-
-def _table(found: Mismatch) -> str:
-    rows = [
-        f"{score.name:20} {score.statistic:8.1f} on {score.degrees:2}   {score.p_value:.2g}"
-        for score in found.scores
-    ]
-    return "\n".join([f"{'mechanism':20} {'chi-square':>14}   p, family-wise", *rows])

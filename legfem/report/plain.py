@@ -1,0 +1,113 @@
+"""A run's page as plain text: ``report.txt``, and its beginning for the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from legfem.report.lines import bullets, fill
+from legfem.report.page import ReportFile, headline, listing
+from legfem.report.text import ORIGINS, WIDTH
+from legfem.report.web.bars import Bars
+from legfem.report.web.page import (
+    PROVENANCE,
+    TESTED,
+    TONES,
+    Block,
+    Bullets,
+    Chapter,
+    Known,
+    Prose,
+    Verbatim,
+    WebPage,
+    WebTable,
+)
+
+
+def plain_page(page: WebPage, files: Sequence[ReportFile]) -> str:
+    """Return the text of ``report.txt``: all that a page says, and what else was written."""
+    blocks = [
+        *_opening(page, underlined=True),
+        headline("Numbers") + _numbers(page.known),
+        *(headline(one.title) + body for one in page.chapters if (body := _chapter(one))),
+        headline("How to repeat it") + _repeat(page),
+        headline("Files") + listing(files),
+    ]
+    return "\n\n".join(blocks) + "\n"
+
+
+def brief(page: WebPage, chapters: Sequence[str] = (TESTED,)) -> str:
+    """Return what a page says first, its estimates and some chapters, for the terminal."""
+    found = [one for one in page.known if one.provenance in ("estimated", "prior")]
+    told = [_chapter(one) for one in page.chapters if one.title in chapters]
+    return "\n\n".join([*_opening(page, underlined=False), _numbers(found), *told]) + "\n"
+
+
+def _opening(page: WebPage, underlined: bool) -> list[str]:
+    line = "\n" + "=" * min(len(page.title), WIDTH) if underlined else ""
+    data = page.data or ORIGINS[page.origin]
+    what, _, explanation = data.partition(" (")
+    given = page.headline
+    answers = [f"{question}: {answer}" for question, answer in given.answers]
+    return [
+        f"{page.title}{line}\n{page.subject}",
+        f"*** {what.upper()} ***" + (f" ({explanation}" if explanation else ""),
+        fill(f"{(given.heading or TONES[given.tone]).upper()}. {given.sentence}"),
+        bullets(answers),
+        *([f"Warnings{page.warned}:\n{bullets(page.warnings)}"] if page.warnings else []),
+    ]
+
+
+def _numbers(known: Sequence[Known]) -> str:
+    """Return numbers a line each, and what the words for their origin mean."""
+    lines = []
+    for one in known:
+        interval = f" (95 % {one.interval})" if one.interval else ""
+        remark = f"; {one.remark}" if one.remark else ""
+        lines.append(f"{one.name}: {one.value}{interval}; {one.provenance}, {one.source}{remark}")
+    used = dict.fromkeys(one.provenance for one in known)
+    legend = "; ".join(f"{name}: {PROVENANCE[name]}" for name in used)
+    return f"{bullets(lines)}\n\n{fill(f'({legend}.)')}" if lines else "None."
+
+
+def _chapter(chapter: Chapter) -> str:
+    return "\n\n".join(text for block in chapter.blocks if (text := _block(block)))
+
+
+def _block(block: Block) -> str:
+    match block:
+        case Prose():
+            return fill(block.text)
+        case Bullets():
+            return bullets(block.items)
+        case WebTable():
+            return f"{fill(block.caption)}:\n{_table(block.header, block.rows)}"
+        case Bars():
+            rows = [(bar.name, bar.text) for bar in block.bars]
+            return f"{fill(block.caption)}:\n{_table(block.header, rows)}"
+        case Verbatim():
+            return f"{block.title}:\n{block.text.rstrip()}"
+    return ""  # What is to be looked at stands in the page for a browser, and in the figures.
+
+
+def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return columns as wide as they need; an item a row where a page isn't as wide as that."""
+    cells = [list(header), *map(list, rows)]
+    widths = [max(len(row[k]) for row in cells) for k in range(len(header))]
+    if sum(widths) + 2 * len(widths) > WIDTH:
+        labels = [f"{name}: " if len(header) > 2 else "" for name in header[1:]]
+        return bullets([
+            f"{name}: " + "; ".join(f"{h}{c}" for h, c in zip(labels, more, strict=True) if c)
+            for name, *more in rows
+        ])  # fmt: skip
+    return "\n".join(
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in cells
+    )
+
+
+def _repeat(page: WebPage) -> str:
+    given = page.repeat
+    versions = ", ".join(f"{name} {version}" for name, version in given.versions.items())
+    numbers = ", ".join(f"{name} {value}" for name, value in given.numbers.items())
+    lines = [given.command, *(fill(text) for text in (numbers, versions) if text)]
+    return "\n".join(line for line in lines if line) or "From Python."
