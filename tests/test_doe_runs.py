@@ -224,6 +224,7 @@ def test_runs_that_gave_nothing_are_tried_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("no_figures")
+@pytest.mark.usefixtures("no_figures")
 def test_two_processes_give_the_same_table(tmp_path: Path) -> None:
     run(options(tmp_path, "one", beyond=False), MPI.COMM_SELF, SpringLeg())
     calls = tmp_path / "calls"

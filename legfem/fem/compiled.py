@@ -82,12 +82,13 @@ def _compile_here(what: Any, options: dict[str, Any]) -> None:
     folder = options["cache_dir"]
     folder.mkdir(parents=True, exist_ok=True)
     with _locked(folder) as locked:
-        if not _finished(folder):
-            _announce()
-            if locked:
-                for file in folder.iterdir():
-                    if file.name != _LOCK:
-                        file.unlink()
+        if _finished(folder):
+            return
+        _announce()
+        if locked:
+            for file in folder.iterdir():
+                if file.name != _LOCK:
+                    file.unlink()
         jit.ffcx_jit(
             MPI.COMM_SELF,
             what,

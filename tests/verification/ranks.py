@@ -18,7 +18,7 @@ settings = PlaneStrainSettings(
 )
 test = PlaneStrainIndentation(*subject_3(), settings, comm=MPI.COMM_WORLD)
 parameters = ("deep.C10", "deep.C20", "superficial.C10", "fascia.C10")
-solved = test.solve(None, Protocol.through((6.0, 4.0), rate=1.0), parameters)
+solved = test.solve(None, Protocol.through((3.0, 2.0), rate=1.0), parameters)
 balance = test.system.balance()
 if MPI.COMM_WORLD.rank == 0:
     np.savez(

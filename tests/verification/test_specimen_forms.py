@@ -84,7 +84,7 @@ def test_half_a_block_under_a_cylinder_is_half_of_the_whole_one() -> None:
     penalty = contact.penalty({"deep.C10": C10}, 8.0)
     x, y = np.linspace(-20, 20, 65), np.linspace(-20, 0, 33)
     whole = pressed_block("mixed", contact, one_tissue(C10, 28.0), 8.0, penalty, meshed=block(x, y))
-    report = press(whole, NewtonSolver(whole), [3.0], StepSettings(first=0.25, largest=0.25))
+    report = press(whole, NewtonSolver(whole), [3.0], StepSettings(first=0.5, largest=0.5))
     assert report.complete
     print(solved.curve.force[-1] / (3.0 * whole.force()))
     assert solved.curve.force[-1] == pytest.approx(3.0 * whole.force(), rel=0.01)
