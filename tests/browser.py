@@ -122,7 +122,7 @@ addEventListener("load", async () => {
     const pictures = [leg.toDataURL()];
     const said = () => document.getElementById("turn-reading").textContent;
     seen.dressed = [said()];
-    for (const [id, value] of [["turn-dressed", 0], ["turn-around", 90], ["turn-tilt", 40]]) {
+    for (const [id, value] of [["turn-at", 0], ["turn-around", 90], ["turn-tilt", 40]]) {
       await set(id, value);
       pictures.push(leg.toDataURL());
       seen.dressed.push(said());
@@ -132,7 +132,7 @@ addEventListener("load", async () => {
       await pause();
       pictures.push(leg.toDataURL());
     }
-    await set("turn-dressed", 100);
+    await set("turn-at", document.getElementById("turn-at").max);
     const {left, top, width, height} = leg.getBoundingClientRect();
     const at = (x) => ({clientX: left + x * width, clientY: top + 0.5 * height, pointerId: 1});
     leg.setPointerCapture = () => {};

@@ -24,10 +24,13 @@ from making_stocking import COARSE, laws, short_leg
 from legfem.common.progress import Silent
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.document import versions
+from legfem.experiments.indentation_3d import Cylinder
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.geometry.leg_shape import HULL, SKIN
 from legfem.geometry.slices import calf_levels
 from legfem.identify.catalogue import parameter_of
-from legfem.identify.result import Estimate
+from legfem.identify.leg_film import LegState, PressedLeg, seen
+from legfem.identify.result import Confirmation, Estimate, SpatialEvidence
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.mechanics.materials import ReducedPolynomial
@@ -65,6 +68,7 @@ from legfem.study.doe.simulator import Record
 from legfem.study.doe.study import StudyResult, study
 from legfem.study.doe.web_page import study_web_page
 from legfem.subjects.loading import load_subject
+from studies.legs.parametric_leg import round_leg
 
 COMMAND = "python -m legfem.identify --subject-dir 'my <leg>'"
 DEPTH = 4.0
@@ -82,6 +86,35 @@ def identified(folder: Path) -> WebPage:
     pressed = pressed_section(film, solved.curve.displacement, solved.curve.force, "A leg")
     results = [result("neo-hookean", measured), result("reduced-polynomial", measured)]
     return identification_page(results, subject, pressed, COMMAND)
+
+
+def pressed_in_3d() -> PressedLeg:
+    """A round leg, invented: the skin goes with the cylinder within its length, in proportion."""
+    shape = seen(round_leg(n_points=60))
+    touch, direction = np.array([0.0, -66.0, shape.levels.mean()]), np.array([0.0, 1.0, 0.0])
+    skin = shape.points(SKIN)
+    away = np.linalg.norm((skin - touch) / (12.0, 30.0, 20.0), axis=-1)
+    share = np.exp(-(away**2))
+    states = tuple(
+        LegState(
+            at, at * share[..., None] * direction, np.zeros_like(shape.points(HULL)),
+            3.0 * at * share,
+        )
+        for at in (2.0, 5.0, 8.0)
+    )  # fmt: skip
+    d = np.linspace(0.0, 8.0, 17)
+    return PressedLeg(shape, Cylinder(), touch, direction, ForceCurve(d, 0.1 * d**2), states)
+
+
+def identified_in_3d(folder: Path) -> WebPage:
+    """With the leg in 3D, too."""
+    confirmed = Confirmation(0.8, 0.0, 60.0, 40, 0.002, 0.001)
+    evidence = SpatialEvidence(
+        "contours of one section, extruded", True, 120.0, (confirmed,), 1, 2, {"mesh": 0.01},
+        None, pressed_in_3d(),
+    )  # fmt: skip
+    found = result("reduced-polynomial", measured_curve(depth=DEPTH), spatial=evidence)
+    return identification_page([found], subject_in(folder), None, COMMAND)
 
 
 def diagnosis(folder: Path) -> WebPage:
@@ -201,6 +234,7 @@ def looked(folder: Path) -> WebPage:
 PAGES = {
     "look": looked,
     "identification": identified,
+    "identification-3d": identified_in_3d,
     "diagnosis": diagnosis,
     "plan": planned,
     "doe": lambda folder: study_web_page(studied(folder), "the text", 1, COMMAND),

@@ -24,6 +24,7 @@ from legfem.common.errors import InputError
 from legfem.common.progress import Lines, Reached, reached
 from legfem.diagnose.document import document
 from legfem.identify.document import result_document
+from legfem.report.words import number
 from legfem.subjects.loading import load_subject
 
 
@@ -185,7 +186,8 @@ def test_both_laws_of_an_identification_are_compared(workspace):
     for row, one in zip(found_by(run), both, strict=True):
         shown = one.parameters["deep.C10"].shown
         low, high = shown.ci95
-        assert row.c10 == f"{shown.value:.3g} ({low:.3g} to {high:.3g}) kPa"
+        digits = [number(value, (high - low) / 4) for value in (shown.value, low, high)]
+        assert row.c10 == "{} ({} to {}) kPa".format(*digits)
         assert bool(row.c20) == ("deep.C20" in one.parameters)
         assert (row.law, row.verdict) == (one.law, one.identifiability[0])
 
@@ -197,6 +199,7 @@ def test_a_diagnosis_is_compared_by_its_verdict_and_what_it_makes_of_c10(workspa
     write_document(run.results / "diagnosis.json", document(found, subject, 0, 1.0))
     (row,) = found_by(run)
     low, high = found.intervals["C10"]
-    assert f"({low:.3g} to {high:.3g}) kPa" in row.c10
+    ends = [number(end, (high - low) / 4) for end in (low, high)]
+    assert f"({ends[0]} to {ends[1]}) kPa" in row.c10
     assert row.verdict == f"named: {found.models[0].names[0]}"
     assert sentence_of(run).endswith(row.verdict)

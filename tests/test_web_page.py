@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 from dataclasses import replace
+from datetime import date
 
 import browser
 import numpy as np
@@ -26,6 +27,7 @@ from legfem.report.web.diagnosis import diagnosis_web_page
 from legfem.report.web.identification import identification_page
 from legfem.report.web.page import rendered
 from legfem.report.web.section import Film, pressed_section
+from legfem.report.web.usual import QUESTION, high_or_low
 from legfem.subjects.loading import load_subject
 
 MOST_BYTES = 2_000_000
@@ -104,7 +106,9 @@ def test_the_page_of_a_diagnosis_says_what_is_wrong_how_sure_and_what_to_do(subj
     html = rendered(diagnosis_web_page(found, subject, "the text", plan, {"legfem": "1"}))
     page, answers = read(html), dict(diagnosis_web_page(found, subject, "").headline.answers)
     assert len(html.encode()) < MOST_BYTES
-    assert list(answers) == ["What is wrong", "How sure", "What it does to C10", "What to do"]
+    asked = ["What is wrong", "How sure", "What it does to C10", "What to do"]
+    assert [question for question in answers if question != QUESTION] == asked
+    assert (QUESTION in answers) == (verdict != "unexplained")
     assert all(answers.values())
     assert "3.70 mm of air before first contact" in page.words
     assert page.words.index("warning") < page.words.index("Recordings and model")
@@ -174,6 +178,31 @@ def test_the_table_behind_a_plot_holds_what_is_drawn():
     assert len(curves.rows) == 25
     assert curves.rows[0] == ["0.00", "0.000"] and curves.rows[-1] == ["10.00", "100.000"]
     assert embedded([curves]).places.keys() == {"name"}
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "said"),
+    [(0.3, None, "Softer than"), (0.68, None, "At the soft end of"), (3.0, None, "Within"),
+     (12.0, None, "At the stiff end of"), (20.0, None, "Stiffer than"),
+     (0.3, 0.8, "Partly outside of"), (0.6, 3.0, "Within"), (0.6, 0.9, "At the soft end of")],
+)  # fmt: skip
+def test_a_stiffness_is_set_beside_what_was_published_with_its_source(low, high, said):
+    ((_, answer),) = high_or_low("deep", low, high)
+    assert answer.startswith(f"{said} what was published for muscle: 0.5 to 15 kPa (Frauziols")
+
+
+def test_where_nothing_was_published_nothing_is_said_of_high_or_low(subject, both):
+    assert high_or_low("fascia", 100.0) == [] and high_or_low("", 1.0) == []
+    page = identification_page(both, subject, None)
+    assert [q for q, _ in page.headline.answers].count(QUESTION) == 1
+    misses = identification_page(both[:1], subject, None)
+    assert QUESTION not in dict(misses.headline.answers), "a wrong model's number isn't compared"
+
+
+def test_a_page_says_its_day_in_words(subject, both):
+    page = replace(identification_page(both, subject, None), made=date(2026, 3, 9))
+    words = read(rendered(page)).words
+    assert words.index("made on 9 March 2026") < words.index(page.headline.sentence)
 
 
 in_browser = pytest.mark.skipif(browser.browser() is None, reason="no Chromium here")

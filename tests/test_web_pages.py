@@ -20,20 +20,22 @@ from reading_page import read
 from typer.testing import CliRunner
 
 from legfem.commands.plan import app
-from legfem.geometry.leg_shape import HULL, SKIN
+from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.report.web.bars import Bar, Bars
 from legfem.report.web.curves import Curves, Line, embedded
 from legfem.report.web.page import rendered
 from legfem.report.web.plan import plan_web_page
+from legfem.report.web.pressed_leg import pressed_leg
 from legfem.report.web.specimen import specimen_web_page
-from legfem.report.web.stocking_leg import inward, stretch_round
-from legfem.report.web.turned import Marked, SkinField, turned_leg
+from legfem.report.web.stocking_leg import by_height, inward, stretch_round
+from legfem.report.web.turned import Marked, SkinField, Slider, View, turned_leg
 from legfem.study.correction.web_page import correction_web_page
 from legfem.study.doe.advice import not_seen, shares, to_measure
 from legfem.study.doe.web_page import study_web_page
 from studies.legs.parametric_leg import round_leg
 
 MOST_BYTES = 2_000_000
+LEGS_IN_3D = ("stocking", "identification-3d")
 MOST_SECONDS = 2.0
 """In which a page is drawn whole."""
 
@@ -167,32 +169,92 @@ def test_a_leg_that_shrinks_moves_inwards_and_its_skin_shortens(shrunk):
     np.testing.assert_allclose(stretch_round(bare, moved[SKIN]), -2.0, rtol=1e-9)
 
 
+def unpacked(text, kind):
+    return np.frombuffer(base64.b64decode(text), kind)
+
+
 def test_the_turned_leg_holds_what_was_computed(shrunk):
     bare, moved = shrunk
-    values = inward(bare, moved[SKIN])
-    marked = [Marked("a vein", np.array([1.0, 2.0, 3.0]))]
-    made = turned_leg(bare, moved, [SkinField("inward", "mm", values)], marked, "A leg")
+    half = {part: np.stack([0 * by, 0.5 * by, by]) for part, by in moved.items()}
+    values = np.stack(
+        [0.0 * bare.points(SKIN)[..., 0], *(inward(bare, half[SKIN][k]) for k in (1, 2))]
+    )
+    made = turned_leg(
+        bare, half, [SkinField("inward", "mm", values)], Slider("Shrink", (0.0, 40.0, 100.0), " %"),
+        View("abcdefgh"), ["a"], [["1"]], "A leg", [Marked("a vein", np.array([1.0, 2.0, 3.0]))],
+    )  # fmt: skip
     data = json.loads(made.data)
+    assert data["stops"] == [0.0, 40.0, 100.0]
     skin = next(part for part in data["parts"] if part["name"] == SKIN)
     rows, columns = skin["shape"]
     step = bare.contours[SKIN].shape[1] // columns
     place, move = data["mm_a_count"]
-
-    def unpacked(text, kind):
-        return np.frombuffer(base64.b64decode(text), kind)
-
     at = unpacked(skin["at"], "<i2").reshape(rows, columns, 3) * place
     back = bare.points(SKIN)[:, ::step]
     np.testing.assert_allclose(at - at[0, 0], back - back[0, 0], atol=2 * place)
-    by = unpacked(skin["moves"], "<i2").reshape(rows, columns, 3) * move
-    np.testing.assert_allclose(by, moved[SKIN][:, ::step], atol=move)
+    by = unpacked(skin["moves"], "<i2").reshape(3, rows, columns, 3) * move
+    np.testing.assert_allclose(by, half[SKIN][:, :, ::step], atol=move)
     (field,) = skin["fields"]
     low, high = field["range"]
     shown = low + (high - low) * data["share_a_count"] * unpacked(field["values"], "<u2")
-    np.testing.assert_allclose(shown.reshape(rows, columns), values[:, ::step], atol=1e-3)
-    first = dict(zip(made.header, made.rows[0], strict=True))
-    bare_girth, girth = float(first["girth, bare (mm)"]), float(first["girth, dressed (mm)"])
-    assert girth == pytest.approx(0.98 * bare_girth, abs=0.1)
+    np.testing.assert_allclose(shown.reshape(3, rows, columns), values[:, :, ::step], atol=1e-3)
+
+
+def test_the_table_of_a_dressed_leg_has_its_girths():
+    bare = round_leg()
+    moved = np.zeros_like(bare.points(SKIN))
+    moved[..., :2] = -0.02 * bare.contours[SKIN]
+    first = by_height(bare, moved, [inward(bare, moved)])[0]
+    assert float(first[2]) == pytest.approx(0.98 * float(first[1]), abs=0.1)
+
+
+def test_a_leg_pressed_in_3d_is_turned_so_that_the_cylinder_is_in_front():
+    pressed = pages.pressed_in_3d()
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    sideways = replace(
+        pressed,
+        shape=LegShape(
+            pressed.shape.levels,
+            {part: xy @ turn[:2, :2].T for part, xy in pressed.shape.contours.items()},
+        ),
+        touch=turn @ pressed.touch,
+        direction=turn @ pressed.direction,
+        states=tuple(
+            replace(one, skin=one.skin @ turn.T, hull=one.hull @ turn.T) for one in pressed.states
+        ),
+    )
+    first, second = (json.loads(pressed_leg(one, "").data) for one in (pressed, sideways))
+    for one, other in zip(first["parts"], second["parts"], strict=True):
+        for key in ("at", "moves"):
+            if one[key] is not None:
+                counts, others = (unpacked(part[key], "<i2").astype(int) for part in (one, other))
+                assert np.abs(counts - others).max() <= 1
+    tool = first["parts"][-1]
+    place, move = first["mm_a_count"]
+    rows, columns = tool["shape"]
+    at = place * unpacked(tool["at"], "<i2").reshape(rows, columns, 3)
+    skin = place * unpacked(first["parts"][0]["at"], "<i2").reshape(-1, 3)
+    assert at[..., 1].mean() < skin[:, 1].min(), "before contact the axis is in front of the leg"
+    assert np.ptp(at[..., 2]) == pytest.approx(pressed.cylinder.length, abs=2 * place)
+    by = move * unpacked(tool["moves"], "<i2").reshape(4, -1, 3)
+    np.testing.assert_allclose(by[:, 0], [[0, d, 0] for d in (0, 2, 5, 8)], atol=move)
+    rows = pressed_leg(pressed, "").rows
+    assert rows[0][:2] == ["0.0", "0.00"] and rows[-1][:2] == ["8.0", "6.40"]
+
+
+def test_a_solve_whose_states_were_not_kept_shows_the_section_alone(tmp_path):
+    page = pages.identified_in_3d(tmp_path)
+    kinds = [
+        block.kind for c in page.chapters for block in c.blocks if c.title == "The leg, pressed"
+    ]
+    assert kinds == ["turned", "still"]
+    words = read(rendered(page)).words
+    assert (
+        "The leg in 3D (the section, extruded) with the reduced polynomial law at C10 0.8" in words
+    )
+    found = pages.result("reduced-polynomial", pages.measured_curve(depth=pages.DEPTH))
+    plain = pages.identification_page([found], pages.subject_in(tmp_path / "other"), None)
+    assert not any(b.kind == "turned" for c in plain.chapters for b in c.blocks)
 
 
 def test_bars_are_in_proportion_and_ends_stay_within():
@@ -241,7 +303,7 @@ def test_curves_of_one_panel_and_of_names_with_signs_are_drawn():
 def test_a_browser_finds_no_fault_no_request_and_nothing_inaccessible(name, tmp_path):
     path = tmp_path / f"{name}.html"
     path.write_text(rendered(pages.PAGES[name](tmp_path)), encoding="utf-8")
-    assert path.stat().st_size < (5_000_000 if name == "stocking" else MOST_BYTES)
+    assert path.stat().st_size < (5_000_000 if name in LEGS_IN_3D else MOST_BYTES)
     script = browser.axe()
     assert script, "axe-core is among what tests need"
     with Driven(browser.browser()) as page:

@@ -10,6 +10,7 @@ from typing import Any
 
 from legfem.app.runs import Run
 from legfem.common.units import kpa_to_mpa, mpa_to_mmhg
+from legfem.report.words import number
 
 
 @dataclass(frozen=True)
@@ -119,8 +120,11 @@ def _number(known: Mapping[str, Any] | None) -> str:
     if not known or known.get("value") is None:
         return ""
     ends = known.get("ci95") or ()
-    interval = f" ({ends[0]:.3g} to {ends[1]:.3g})" if None not in ends and ends else ""
-    return f"{known['value']:.3g}{interval} {known['unit']}"
+    if not ends or None in ends:
+        return f"{known['value']:.3g} {known['unit']}"
+    low, high = ends
+    value, low, high = (number(one, (high - low) / 4) for one in (known["value"], low, high))
+    return f"{value} ({low} to {high}) {known['unit']}"
 
 
 def files_of_results(folder: Path) -> list[Path]:

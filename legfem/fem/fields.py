@@ -138,7 +138,7 @@ class FieldReader:
 
         region = fem.Function(fem.functionspace(spaces.mesh, ("DG", 0)), name="region")
         region.x.array[spaces.cell_tags.indices] = spaces.cell_tags.values
-        skin_pressure, skin_displacement = self._on_skin(skin)
+        skin_pressure, skin_displacement = self.on_skin()
         return LegFields(
             displacement=displacement,
             region=region,
@@ -186,9 +186,11 @@ class FieldReader:
         pressure += sum(term.pressure(domain, growth) for term in given)
         return name, _at_points(pressure, self.system.spaces.skin, SKIN_DEGREE)
 
-    def _on_skin(self, domain: Skin) -> tuple[Any, Any]:
-        """Return pressure per deformed area (kPa) and displacement on the skin's mesh."""
+    def on_skin(self) -> tuple[Any, Any]:
+        """Return pressure per deformed area (kPa) and displacement (mm) on the skin's mesh."""
         system, mesh = self.system, self.system.spaces.skin
+        domain = system.skin.domain
+        assert isinstance(domain, Skin)
         domain.unknown.x.array[:] = system.unknown.x.array[system.spaces.trace]
         displacement = fem.Function(system.spaces.skin_space, name="displacement")
         displacement.x.array[:] = domain.unknown.x.array

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from legfem.inference.constants import VERDICTS, Identifiability
 from legfem.inference.identifiability import Bound, Estimated, bound_of
 from legfem.inference.parameter import Parameter
 from legfem.recording import LoadingCurve
+
+if TYPE_CHECKING:
+    from legfem.identify.leg_film import PressedLeg
 
 
 @dataclass(frozen=True)
@@ -219,6 +222,8 @@ class SpatialEvidence:
     """Greatest error of P from `legfem.correction.tabulated.FIRST_RATIO` on, by its cause."""
     table_P: FloatArray | None
     """What the table of idealised legs says here, (n,); None without one."""
+    pressed: PressedLeg | None = None
+    """The last full solve, to be looked at; None where its states were not kept."""
 
     @property
     def converged(self) -> bool:

@@ -15,6 +15,8 @@ from legfem.experiments.plane_strain import tissues_of
 from legfem.experiments.pressing import OnStep
 from legfem.identify.catalogue import Values
 from legfem.identify.forward import ForwardModel, ForwardOutcome, values_of
+from legfem.identify.leg_film import LegCamera, LegFilm, PressedLeg
+from legfem.jobs.key import key_of
 from legfem.subjects.spatial import SpatialLeg, spatial_leg
 from legfem.subjects.subject import Subject
 
@@ -47,6 +49,8 @@ class SpatialForward:
         Folder for the states of the solve in hand, from which one that was killed goes on.
     progress
         Told how far a solve is.
+    film
+        Takes states of the solves, to be looked at.
     """
 
     subject: Subject
@@ -55,6 +59,7 @@ class SpatialForward:
     settings: SolidLegSettings
     states: Path | None = None
     progress: Progress = field(default_factory=Silent)
+    film: LegFilm | None = None
 
     @cached_property
     def experiment(self) -> LegIndentation3D:
@@ -74,7 +79,7 @@ class SpatialForward:
             every["fascia.C10"], self.subject.section.fascia_thickness
         )
         solved = self.experiment.solve(
-            own, self.depth, sensitivities, on_step=self._teller(), keep_in=self.states
+            own, self.depth, sensitivities, on_step=self._on_step(values), keep_in=self.states
         )
         report = solved.report
         return ForwardOutcome(
@@ -82,11 +87,31 @@ class SpatialForward:
             float(report.seconds) + sum(before.seconds for before in report.earlier_attempts),
         )  # fmt: skip
 
-    def _teller(self) -> OnStep:
-        told = 0.0
+    def pressed(self, outcome: ForwardOutcome) -> PressedLeg | None:
+        """Return a solve to be looked at; None where its states were not kept."""
+        states = self.film.states(self._key(outcome.values)) if self.film is not None else []
+        if not states:
+            return None
+        test = self.experiment
+        return PressedLeg(
+            self._camera.shape, test.cylinder, test.touch, test.pose.direction, outcome.curve,
+            tuple(states),
+        )  # fmt: skip
+
+    def _key(self, values: Values) -> str:
+        return key_of((self.fingerprint(), dict(values)))
+
+    @cached_property
+    def _camera(self) -> LegCamera:
+        return LegCamera(self.experiment, self.depth, self.film or LegFilm())
+
+    def _on_step(self, values: Values) -> OnStep:
+        told, key = 0.0, self._key(values)
 
         def tell(displacement: float) -> None:
             nonlocal told
+            if self.film is not None:
+                self._camera.take(key, displacement)
             if displacement >= told + _TOLD_EVERY:
                 told = displacement
                 self.progress.advance(f"3D at {displacement:.1f} of {self.depth:g} mm")
@@ -147,11 +172,18 @@ class LegModels:
         )
         trimmed = leg.trimmed(subject.indenter.length, TRIMMED)
         states = None if kept is None else kept / "states"
+        film = LegFilm(None if kept is None else kept / "film")
         full, rough, shorter = (
-            SpatialForward(subject, shape, depth, numbers, states, progress or Silent())
-            for shape, numbers in ((leg, settings), (leg, larger), (trimmed, larger))
-        )
+            SpatialForward(subject, shape, depth, numbers, states, progress or Silent(), taken)
+            for shape, numbers, taken in (
+                (leg, settings, film), (leg, larger, None), (trimmed, larger, None)
+            )
+        )  # fmt: skip
         return cls(full, rough, shorter, leg, depth, kept)
+
+    def pressed(self, outcome: ForwardOutcome) -> PressedLeg | None:
+        """Return a full solve to be looked at; None where its states were not kept."""
+        return self.full.pressed(outcome) if isinstance(self.full, SpatialForward) else None
 
 
 def check_has_ends(subject: Subject) -> None:

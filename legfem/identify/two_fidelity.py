@@ -25,6 +25,7 @@ from legfem.correction.tabulated import (
 from legfem.identify.catalogue import DEEP_C10, DEEP_C20
 from legfem.identify.identification import Identification
 from legfem.identify.laws import LawName
+from legfem.identify.leg_film import PressedLeg
 from legfem.identify.leg_solver import LegSolver
 from legfem.identify.result import CLOSE, Confirmation, IdentificationResult, SpatialEvidence
 from legfem.identify.spatial import LegModels
@@ -55,6 +56,7 @@ class TwoFidelities:
     progress: Progress
     table: TabulatedCorrection | None
     _last: TabulatedCorrection | None = None
+    _seen: PressedLeg | None = None
 
     def __post_init__(self) -> None:
         """Lay out the solver of the leg."""
@@ -119,6 +121,7 @@ class TwoFidelities:
             self.table, stiffness, grid, solved.P, {"prediction": prediction, **solved.errors},
         )  # fmt: skip
         outcome = solved.outcome
+        self._seen = self.models.pressed(outcome)
         told = Confirmation(c10, c20, outcome.seconds, outcome.factorisations, share)
         return told, self._last
 
@@ -137,7 +140,7 @@ class TwoFidelities:
         }
         evidence = SpatialEvidence(
             leg.source, leg.extruded, leg.shape.length, tuple(confirmations),
-            self._leg.full_solves, self._leg.rough_solves, errors, table,
+            self._leg.full_solves, self._leg.rough_solves, errors, table, self._seen,
         )  # fmt: skip
         warnings = []
         if not evidence.converged:

@@ -54,7 +54,7 @@ def designs(depth: float, rate: float, deepest: float, in_air: bool = False) -> 
     held = Protocol.cycle(depth, rate, _HOLD_S)
     fast = Protocol.cycle(depth, _FASTER * rate, _HOLD_S)
     found = [
-        Design("the same once more: three more repeats", (same,) * REPEATS),
+        Design(f"repeat the same test {REPEATS} times", (same,) * REPEATS),
         Design(
             f"hold the deepest position for {_HOLD_S:g} s, and record the unloading",
             (held,) * REPEATS,

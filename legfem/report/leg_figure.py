@@ -23,6 +23,7 @@ from legfem.report.style import (
     BONE_COLOUR,
     REGION_COLOURS,
     REGION_NAMES,
+    TOOL_COLOUR,
     new_figure,
     panel,
     styled,
@@ -135,7 +136,7 @@ def leg_figure(
     x, y = fields.indenter_centre
     for axes in (after, near):
         image = _draw_pressure(axes, drawn, section)
-        axes.add_patch(Circle((x, y), radius, facecolor="#B8C4CC", edgecolor="black", zorder=4))
+        axes.add_patch(Circle((x, y), radius, facecolor=TOOL_COLOUR, edgecolor="black", zorder=4))
         axes.annotate("indenter", (x, y), ha="center", va="center", zorder=5)
     bar = figure.colorbar(image, ax=near, extend="both", shrink=0.8, pad=0.02)
     bar.set_label("hydrostatic pressure (kPa),\npositive in compression")

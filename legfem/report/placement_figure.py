@@ -15,6 +15,7 @@ from legfem.report.style import (
     FAINT,
     REGION_COLOURS,
     REGION_NAMES,
+    TOOL_COLOUR,
     new_figure,
     styled,
     title,
@@ -59,7 +60,7 @@ def placement_figure(subject: Subject, scanned: Mapping[str, Polygon] | None = N
     way = first_crossing(section.polygon("skin").buffer(indenter.radius).exterior, aim, direction)
     room = room_before(subject)
     start, end = aim + way * direction, aim + (way + room) * direction
-    axes.add_patch(Circle(tuple(start), indenter.radius, facecolor="#B8C4CC", edgecolor="black"))
+    axes.add_patch(Circle(tuple(start), indenter.radius, facecolor=TOOL_COLOUR, edgecolor="black"))
     axes.annotate("", tuple(end), tuple(start), arrowprops={"arrowstyle": "->", "linewidth": 1.5})
     axes.update_datalim(np.stack([start - indenter.radius, start + indenter.radius]))
     axes.autoscale_view()

@@ -34,6 +34,7 @@ REGION_NAMES = {
     "deep": "deep tissue (muscle)",
 }
 BONE_COLOUR = "#FAFAF5"
+TOOL_COLOUR = "#B8C4CC"
 DATA_COLOUR = "#111111"
 FAINT = "#8C8C8C"
 

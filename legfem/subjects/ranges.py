@@ -2,9 +2,32 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from legfem.common.doubts import PhysicalRange
 
 PAPER = "Frauziols et al. (2015)"
+
+
+@dataclass(frozen=True)
+class Published:
+    """Between which values a quantity was published, and where."""
+
+    low: float
+    high: float
+    unit: str
+    source: str
+
+    def __str__(self) -> str:
+        """Return the range and its source."""
+        return f"{self.low:g} to {self.high:g} {self.unit}: {self.source}"
+
+
+PUBLISHED_C10 = {
+    "deep": Published(0.5, 15.0, "kPa", f"{PAPER} and what it cites"),
+    "superficial": Published(1.0, 30.0, "kPa", f"{PAPER}, Table 2"),
+}
+"""Of legs' tissues."""
 _STRESS = {"Pa": 1e-3, "MPa": 1e3}
 _LENGTH = {"cm": 10.0, "m": 1e3, "micrometres": 1e-3}
 
@@ -24,13 +47,13 @@ LENGTH = PhysicalRange(
 )
 DEEP_C10 = PhysicalRange(
     "a deep tissue's C10", "kPa", (0.05, 30.0), (0.002, 600.0),
-    f"0.5 to 15 kPa: {PAPER} and what it cites", _STRESS,
+    str(PUBLISHED_C10["deep"]), _STRESS,
 )  # fmt: skip
 C10 = {
     "deep": DEEP_C10,
     "superficial": PhysicalRange(
         "a superficial tissue's C10", "kPa", (0.1, 60.0), (0.005, 600.0),
-        f"1 to 30 kPa: {PAPER}, Table 2", _STRESS,
+        str(PUBLISHED_C10["superficial"]), _STRESS,
     ),
     "fascia": PhysicalRange(
         "a fascia's C10", "kPa", (5.0, 5e4), (0.5, 1e6), f"100 kPa: {PAPER}, Table 1", _STRESS

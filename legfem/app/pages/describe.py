@@ -77,7 +77,11 @@ def _pressed(folder: Path, sources: list[str]) -> None:
             leg.describe(folder)
 
         _button("It is a pressed leg", describe)
-    tag("p", "Tissues are the first paper's until you change them under Assumed.", "quiet")
+    tag(
+        "p",
+        "Tissues are those of Frauziols et al. (2015) until changed under Assumed.",
+        "quiet",
+    )
 
 
 def _dressed(folder: Path, scans: list[str]) -> None:

@@ -57,8 +57,8 @@ def _recording(looking: Run, recording: dict[str, Any]) -> None:
             return
         if recording["reasons"]:
             tag("p", "; ".join(recording["reasons"]), "quiet")
-        _picture(looking, recording["picture"], f"{recording['file']}: displacement and force over "
-                 "time with phases, and force over displacement with first contact.")  # fmt: skip
+        shown = f"displacement and force of {recording['file']} over time with phases, and force "
+        _picture(looking, recording["picture"], f"{shown}over displacement with first contact.")
         with ui.element("details"):
             tag("summary", "How it was read, first contact, phases, noise")
             tag("pre", recording["text"])

@@ -58,7 +58,9 @@ def _progress(run: Run, state: RunState) -> Callable[[], None]:
         if state is not RunState.RUNNING:
             if state is not RunState.DONE:
                 ui.button("Go on", on_click=lambda: _go_on(run)).props("dense")
-                tag("span", "goes on from what is finished", "quiet")
+                kept = "goes on from what is finished"
+                told = "once what is said below is mended" if state is RunState.REFUSED else kept
+                tag("span", told, "quiet")
             return lambda: None
         since = tag("span", "", "quiet")
         ui.button("Stop", on_click=lambda: _stop(run)).props("outline dense")

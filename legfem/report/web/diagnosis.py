@@ -66,7 +66,7 @@ def diagnosis_web_page(
         title=TITLE.format(kind=kind_of(subject).lower(), id=subject.id),
         subject=subject.title,
         origin=subject.origin,
-        headline=headline(found, plan),
+        headline=headline(found, plan, "deep" if isinstance(subject, Subject) else ""),
         warnings=[*doubt_lines(doubts_of(found, subject)), *_warnings(found)],
         warned=" for whoever made and described the recordings",
         known=known_of(found, subject),

@@ -15,6 +15,7 @@ from legfem.report import diagnosis_tables as tables
 from legfem.report.diagnosis_style import determined
 from legfem.report.located import places_of
 from legfem.report.web import page as web
+from legfem.report.web.usual import high_or_low
 from legfem.report.words import number
 
 TITLE = "Can the stiffness of {kind} ‘{id}’ be trusted?"
@@ -22,7 +23,7 @@ _MOST_CAUSES = 2
 """That find room on the first screen of a phone."""
 
 
-def headline(found: Diagnosis, plan: Sequence[str]) -> web.Headline:
+def headline(found: Diagnosis, plan: Sequence[str], tissue: str = "") -> web.Headline:
     """Return the verdict for someone who knows no statistics.
 
     Parameters
@@ -31,6 +32,8 @@ def headline(found: Diagnosis, plan: Sequence[str]) -> web.Headline:
         The diagnosis.
     plan
         What could be done next, each with its chance, the best first.
+    tissue
+        Of a leg, whose C10 it is.
     """
     tone, heading = _answer(found)
     return web.Headline(
@@ -40,6 +43,7 @@ def headline(found: Diagnosis, plan: Sequence[str]) -> web.Headline:
             ("What is wrong", _wrong(found)),
             ("How sure", _sure(found)),
             ("What it does to C10", _stiffness(found)),
+            *_high_or_low(found, tissue),
             ("What to do", _to_do(found, plan)),
         ],
         heading,
@@ -154,6 +158,16 @@ def _stiffness(found: Diagnosis) -> str:
 
 
 _C10 = "C10, the stiffness of the tissue"
+
+
+def _high_or_low(found: Diagnosis, tissue: str) -> list[tuple[str, str]]:
+    """Return how the number to write down compares with others', where there is one."""
+    if found.verdict == "unexplained" or "C10" not in found.base.fit.free:
+        return []
+    if found.verdict == "ambiguous" and not _alike(found):
+        return high_or_low(tissue, *(float(end) for end in _within(found)))
+    best = found.models[0] if found.models else found.base
+    return high_or_low(tissue, best.value("C10")) if determined(best, "C10") else []
 
 
 def _alike(found: Diagnosis) -> bool:

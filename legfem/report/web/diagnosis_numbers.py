@@ -55,18 +55,29 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
     ]
     accuracy = "usual accuracy"
     if isinstance(subject, Subject):
-        accuracy += ", or [accuracy] in subject.toml"
-    rows += [
-        Known(f"{name}", f"{round(z, 1) + 0.0:+.1f} sd", "prior",
-              accuracy,
-              remark="how far the fit moved it from what was assumed")
-        for name, z in zip(found.errors.names, found.best.posterior.effects, strict=True)
-    ]  # fmt: skip
+        accuracy += ", or subject.toml"
+    rows += [Known(name, moved, "prior", accuracy) for name, moved in _assumed(found)]
     if isinstance(subject, Subject):
         rows.append(
             Known("girth of the section", f"{girth(subject.section):.0f} mm", data, "contours")
         )
     return rows
+
+
+def _assumed(found: Diagnosis) -> list[tuple[str, str]]:
+    """Return how far the fit moved what was assumed; modes of one outline together."""
+    moved: dict[str, list[float]] = {}
+    for name, z in zip(found.errors.names, found.best.posterior.effects, strict=True):
+        moved.setdefault(name.partition(", mode ")[0], []).append(round(float(z), 1) + 0.0)
+    return [
+        (
+            name if len(every) == 1 else f"{name}, {len(every)} modes",
+            f"moved {every[0]:+.1f} sd"
+            if len(every) == 1
+            else f"moved {min(every):+.1f} to {max(every):+.1f} sd",
+        )
+        for name, every in moved.items()
+    ]
 
 
 def _hundredths(value: float) -> str:

@@ -96,12 +96,10 @@ def how_found(results: Sequence[SpecimenResult] | Sequence[SitesResult]) -> list
 def how_sure(parameters: Mapping[str, Estimate]) -> str:
     """Return how well parameters are known, for someone who knows no statistics."""
     each = "; ".join(
-        f"{symbol_of(name)} is {found.identifiability}"
-        + (
-            f" (within {100 * found.relative_half_width:.0f} %)"
-            if np.isfinite(found.relative_half_width)
-            else ""
-        )
+        f"{symbol_of(name)} is known within {100 * found.relative_half_width:.0f} % "
+        f"({found.identifiability})"
+        if np.isfinite(found.relative_half_width)
+        else f"{symbol_of(name)} is {found.identifiability}"
         for name, found in parameters.items()
     )
     return f"{each}. If the model is right, 19 of 20 such intervals hold the true value."

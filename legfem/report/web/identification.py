@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from legfem.common.doubts import doubt_lines
 from legfem.common.units import FloatArray
+from legfem.identify.catalogue import DEEP_C10
 from legfem.identify.laws import LawName
 from legfem.identify.result import IdentificationResult
 from legfem.recording import LoadingCurve
@@ -17,7 +18,10 @@ from legfem.report.web import estimates
 from legfem.report.web import page as web
 from legfem.report.web.curves import Curves, Dash, Line
 from legfem.report.web.identification_numbers import known_of
+from legfem.report.web.pressed_leg import pressed_leg
 from legfem.report.web.section import PressedSection, still_section
+from legfem.report.web.turned import TurnedLeg
+from legfem.report.web.usual import high_or_low
 from legfem.subjects.subject import Subject
 
 _DASHES: dict[str, Dash] = {"neo-hookean": "dashed", "reduced-polynomial": "solid"}
@@ -38,7 +42,7 @@ def identification_page(
     """Return the page of an identification, with the section pressed where it was solved for."""
     chosen = preferred(results)
     return web.WebPage(
-        title=f"How stiff is the deep tissue of subject {subject.id}?",
+        title=f"How stiff is the deep tissue (muscle) of subject {subject.id}?",
         subject=subject.title,
         origin=subject.origin,
         headline=_headline(chosen, subject),
@@ -53,7 +57,9 @@ def identification_page(
         known=known_of(results, subject),
         chapters=[
             web.Chapter("Recordings and model", [_curves(results)]),
-            web.Chapter("The leg, pressed", [pressed or still_section(subject)]),
+            web.Chapter(
+                "The leg, pressed", [*_in_3d(results, chosen), pressed or still_section(subject)]
+            ),
             web.Chapter(
                 "What was tested",
                 [
@@ -109,12 +115,37 @@ def _headline(chosen: IdentificationResult, subject: Subject) -> web.Headline:
                 f"{c10} is the best fit, but don't rely on it: its interval doesn't cover what was "
                 "left out."
                 if tone == "wrong"
-                else f"Nothing is known to move it from {c10}; what was assumed of fat and fascia "
-                "does, by the shares in the table.",
+                else f"Nothing found here changes {c10}. What was assumed of fat and fascia would, "
+                "if it is wrong: the table of numbers says by how much.",
             ),
+            *_high_or_low(chosen, tone),
             ("What to do", _next(chosen, subject)[0]),
         ],
     )
+
+
+def _high_or_low(chosen: IdentificationResult, tone: web.Tone) -> list[tuple[str, str]]:
+    found = chosen.parameters.get(DEEP_C10)
+    if found is None or tone == "wrong":
+        return []
+    return high_or_low("deep", found.shown.value)
+
+
+def _in_3d(
+    results: Sequence[IdentificationResult], chosen: IdentificationResult
+) -> list[TurnedLeg]:
+    """Return the leg's last full solve, of the law that was chosen where it has one."""
+    for result in (chosen, *reversed(results)):
+        found = result.spatial
+        if found is None or found.pressed is None:
+            continue
+        leg = "the section, extruded" if found.extruded else "the leg's own shape"
+        solved = f" with the {LAW_NAMES[result.law]} law"
+        if found.confirmations:
+            solved += f" at C10 {found.confirmations[-1].c10:.3g} kPa"
+        caption = f"The leg in 3D ({leg}){solved}, while the cylinder is pressed in (model)."
+        return [pressed_leg(found.pressed, caption)]
+    return []
 
 
 def options_of(subject: Subject) -> str:

@@ -6,6 +6,7 @@ import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import date
 from pathlib import Path
 from typing import ClassVar, Literal
 
@@ -35,6 +36,10 @@ TONES: Mapping[Tone, str] = {
     "open": "Not settled",
     "wrong": "The model is wrong here",
 }
+_MONTHS = (
+    "January", "February", "March", "April", "May", "June", "July", "August", "September",
+    "October", "November", "December",
+)  # fmt: skip
 PROVENANCE: Mapping[Provenance, str] = {
     "measured": "read off measurements of this leg",
     "reconstructed": "read off reconstructed data; no leg was measured",
@@ -154,6 +159,12 @@ class WebPage:
     """What kind of data, in words, where `ORIGINS` don't say it."""
     warned: str = ""
     """Whom the warnings are for, where it isn't the reader."""
+    made: date = field(default_factory=date.today)
+
+    @property
+    def made_on(self) -> str:
+        """The day, as people of all countries read it."""
+        return f"{self.made.day} {_MONTHS[self.made.month - 1]} {self.made.year}"
 
 
 def listed(explore: str) -> ReportFile:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from legfem.common.doubts import doubt_lines
-from legfem.identify.catalogue import symbol_of
+from legfem.identify.catalogue import DEEP_C10, symbol_of
 from legfem.identify.warnings import LEAST_CHANCE
 from legfem.report.sites_text import (
     agreement,
@@ -19,6 +19,7 @@ from legfem.report.text import probability
 from legfem.report.web import estimates
 from legfem.report.web import page as web
 from legfem.report.web.identification import fit_curves, options_of
+from legfem.report.web.usual import high_or_low
 from legfem.sites.result import SitesResult
 
 _NOT_TESTED = (
@@ -86,7 +87,7 @@ def _headline(best: SitesResult) -> web.Headline:
         for name, found in best.parameters.items()
         if found.parameter.role == "identified"
     )
-    sound = _fits(best) and _agree(best)
+    sound, stiffness = _fits(best) and _agree(best), best.parameters.get(DEEP_C10)
     unsure = estimates.unknown_among(best.parameters)
     tone: web.Tone = "wrong" if not sound else "caution" if unsure else "sound"
     if sound:
@@ -106,6 +107,7 @@ def _headline(best: SitesResult) -> web.Headline:
         [
             ("What is wrong", wrong),
             ("How stiff", f"{values}."),
+            *(high_or_low("deep", stiffness.shown.value) if sound and stiffness else ()),
             ("How sure", estimates.how_sure(best.parameters)),
             ("What to do", _next(best)[0]),
         ],

@@ -1,4 +1,4 @@
-"""A leg in 3D on a page: its surfaces as grids, which a reader turns and dresses with a slider.
+"""A leg in 3D on a page: its surfaces as grids, which a reader turns, and loads with a slider.
 
 Drawn on a canvas by a script of the page's own: the grids are a few thousand facets, and a library
 for it (three.js in trimesh's viewer: 0.7 MB, k3d: 2.6 MB, Plotly: 4.8 MB) would outweigh all else.
@@ -9,20 +9,23 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
-from legfem.report.leg_directions import Directions
-from legfem.report.style import BONE_COLOUR, REGION_COLOURS
+from legfem.report.style import BONE_COLOUR, REGION_COLOURS, TOOL_COLOUR
 from legfem.report.web.packed import packed
 
+_TOOL = "tool"
 _POINTS = 120
 """Of a contour, at most."""
-_PLACE, _MOVE, _VALUE = 0.02, 1 / 1000, 1 / 10_000
+_PLACE, _MOVE, _VALUE = 0.02, 1 / 800, 1 / 10_000
 """mm, mm, and share of a field's range a count: what whole numbers of 16 bits hold of them."""
+
+
+type Told = Literal["mean", "most"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +35,9 @@ class SkinField:
     name: str
     unit: str
     values: FloatArray
-    """(n_levels, n_points), of the dressed leg."""
-    bare: float = 0.0
-    """Of the bare leg."""
+    """(n_states, n_levels, n_points)."""
+    told: Told = "mean"
+    """What is said of it beside the slider."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,104 +49,158 @@ class Marked:
     """(3,), mm."""
 
 
+@dataclass(frozen=True, eq=False)
+class Tool:
+    """A rigid grid of points that touches the leg, drawn so that the leg is seen through it."""
+
+    points: FloatArray
+    """(n_levels, n_points, 3), mm, in the first state."""
+    moves: FloatArray
+    """(n_states, 3), mm."""
+
+
+@dataclass(frozen=True)
+class Slider:
+    """What a reader moves, through the states; between them pictures are in proportion."""
+
+    label: str
+    stops: Sequence[float]
+    """Of the states, increasing from 0."""
+    unit: str
+    """With the space before it, if any."""
+    step: float = 1.0
+    digits: int = 0
+    force: Sequence[float] = ()
+    """N, of the states; empty where there is none."""
+
+    @property
+    def most(self) -> float:
+        """Its end."""
+        return self.stops[-1]
+
+
+@dataclass(frozen=True)
+class View:
+    """How a leg is looked at first, and what eight views round it are called."""
+
+    names: Sequence[str]
+    """At 0, 45, ... degrees from the front, -y."""
+    turn_deg: float = -30.0
+    exaggerates: bool = True
+    """Whether movements may be shown five times as large."""
+
+
 @dataclass(frozen=True)
 class TurnedLeg:
-    """A leg that is turned, and dressed with a slider."""
+    """A leg that is turned, and loaded with a slider."""
 
     kind: ClassVar[str] = "turned"
     caption: str
     data: str
     """JSON for ``turn.js``."""
+    slider: Slider
+    view: View
     fields: Sequence[str]
     """Names of the skin's colours."""
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
-    """The same as a table: a row a height."""
+    """The same as a table."""
     tissues: ClassVar[list[tuple[str, str]]] = [
         ("muscle", REGION_COLOURS["deep"]), ("bone (fixed)", BONE_COLOUR)
     ]  # fmt: skip
 
 
 def turned_leg(
-    bare: LegShape,
+    shape: LegShape,
     moved: Mapping[str, FloatArray],
     fields: Sequence[SkinField],
-    marked: Sequence[Marked],
+    slider: Slider,
+    view: View,
+    header: Sequence[str],
+    rows: Sequence[Sequence[str]],
     caption: str,
+    marked: Sequence[Marked] = (),
+    tool: Tool | None = None,
 ) -> TurnedLeg:
     """Return a leg for a page.
 
     Parameters
     ----------
-    bare
-        Without the stocking.
+    shape
+        Without load; its front is at -y.
     moved
-        Displacement (mm) of skin's and hull's points, (n_levels, n_points, 3) each.
+        Displacement (mm) of skin's and hull's points, (n_states, n_levels, n_points, 3) each.
     fields
         Of the skin.
-    marked
-        Points that are named, of the bare leg.
+    slider, view
+        What is moved, and how it is looked at.
+    header, rows
+        The same as a table.
     caption
         What is seen, in words.
+    marked
+        Points that are named, of the leg without load.
+    tool
+        What touches it.
     """
-    directions = Directions.of(bare)
-    middle = bare.contours[SKIN].mean(axis=(0, 1))
-    centre = np.array([*middle, bare.levels.mean()])
+    middle = shape.contours[SKIN].mean(axis=(0, 1))
+    centre = np.array([*middle, shape.levels.mean()])
     parts = []
-    for part in bare.parts:
-        step = max(1, -(-bare.contours[part].shape[1] // _POINTS))
-        points = bare.points(part)[:, ::step] - centre
-        entry: dict[str, object] = {
-            "name": part,
-            "shape": points.shape[:2],
-            "at": packed(points / _PLACE, "<i2"),
-            "moves": packed(moved[part][:, ::step] / _MOVE, "<i2") if part in moved else None,
-            "colour": REGION_COLOURS["deep"] if part == HULL else BONE_COLOUR,
-        }
+    for part in shape.parts:
+        step = max(1, -(-shape.contours[part].shape[1] // _POINTS))
+        entry = _part(part, shape.points(part)[:, ::step] - centre)
+        if part in moved:
+            entry["moves"] = packed(moved[part][:, :, ::step] / _MOVE, "<i2")
         if part == SKIN:
             entry["fields"] = [_field(field, step) for field in fields]
         parts.append(entry)
+    if tool is not None:
+        entry = _part(_TOOL, tool.points - centre)
+        moves = np.broadcast_to(tool.moves[:, None, None], (len(tool.moves), *tool.points.shape))
+        parts.append({**entry, "moves": packed(moves / _MOVE, "<i2")})
+    reach = max(float(np.abs(shape.points(SKIN) - centre)[..., :2].max()), _reach(tool, centre))
     content = {
         "parts": parts,
         "mm_a_count": [_PLACE, _MOVE],
         "share_a_count": _VALUE,
         "marked": [{"name": m.name, "at": (m.position - centre).round(2).tolist()} for m in marked],
-        "views": [directions.at(45.0 * k) for k in range(8)],
-        "height": bare.length,
-        "reach": float(np.abs(bare.points(SKIN) - centre)[..., :2].max()),
+        "stops": list(slider.stops),
+        "force": list(slider.force),
+        "unit": slider.unit,
+        "digits": slider.digits,
+        "views": list(view.names),
+        "height": shape.length,
+        "reach": reach,
     }
     return TurnedLeg(
-        caption, json.dumps(content), [f.name for f in fields], _header(fields),
-        _rows(bare, moved[SKIN], fields),
-    )  # fmt: skip
+        caption, json.dumps(content), slider, view, [f.name for f in fields], header, rows
+    )
+
+
+def _part(name: str, points: FloatArray) -> dict[str, object]:
+    colours = {HULL: REGION_COLOURS["deep"], _TOOL: TOOL_COLOUR}
+    return {
+        "name": name,
+        "shape": points.shape[:2],
+        "at": packed(points / _PLACE, "<i2"),
+        "moves": None,
+        "colour": colours.get(name, BONE_COLOUR),
+    }
+
+
+def _reach(tool: Tool | None, centre: FloatArray) -> float:
+    """Return how far to the side a tool is seen in its last state, at most (mm)."""
+    if tool is None:
+        return 0.0
+    there = tool.points + tool.moves[-1] - centre
+    return float(np.linalg.norm(there[..., :2], axis=-1).max())
 
 
 def _field(field: SkinField, step: int) -> dict[str, object]:
-    low, high = min(float(field.values.min()), field.bare), float(field.values.max())
-    high = max(high, field.bare, low + 1e-9)
-    shares = (field.values[:, ::step] - low) / (high - low)
+    low, high = float(field.values.min()), float(field.values.max())
+    high = max(high, low + 1e-9)
+    shares = (field.values[:, :, ::step] - low) / (high - low)
     return {
-        "name": field.name, "unit": field.unit, "range": [low, high], "bare": field.bare,
+        "name": field.name, "unit": field.unit, "range": [low, high], "told": field.told,
         "values": packed(shares / _VALUE, "<u2"),
     }  # fmt: skip
-
-
-def _header(fields: Sequence[SkinField]) -> list[str]:
-    each = [f"{f.name} ({f.unit}): {which}" for f in fields for which in ("mean", "least", "most")]
-    return ["height z (mm)", "girth, bare (mm)", "girth, dressed (mm)", *each]
-
-
-def _rows(bare: LegShape, moved: FloatArray, fields: Sequence[SkinField]) -> list[list[str]]:
-    def girths(points: FloatArray) -> FloatArray:
-        return np.linalg.norm(np.diff(points, axis=1, append=points[:, :1]), axis=2).sum(axis=1)
-
-    points = bare.points(SKIN)
-    before, after = girths(points), girths(points + moved)
-    return [
-        [
-            f"{level:.0f}", f"{before[k]:.1f}", f"{after[k]:.1f}",
-            *(f"{value:.1f}" for f in fields
-              for value in (f.values[k].mean(), f.values[k].min(), f.values[k].max())),
-        ]
-        for k, level in enumerate(bare.levels)
-    ]  # fmt: skip

@@ -34,7 +34,7 @@
     return answer;
   };
   const upload = async (zone, files) => {
-    if (!files.length) return say(zone, "nothing was in it", true);
+    if (!files.length) return say(zone, "the folder is empty: nothing was taken in", true);
     const tops = new Set(files.map((one) => one.path.split("/")[0]));
     const folder = tops.size === 1 && files.every((one) => one.path.includes("/"));
     const top = [...tops][0];

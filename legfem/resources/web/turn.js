@@ -1,4 +1,4 @@
-// The leg in 3D: facets sorted by depth and filled, from any side, between bare and dressed.
+// The leg in 3D: facets sorted by depth and filled, from any side, between the states solved for.
 "use strict";
 (() => {
   const given = JSON.parse(document.getElementById("turn-data").textContent);
@@ -9,16 +9,27 @@
     fields: (part.fields || []).map((field) =>
       ({...field, values: unpacked(field.values, Uint16Array)}))}));
   const byId = (id) => document.getElementById(id);
-  const canvas = byId("turn"), dressed = byId("turn-dressed"), around = byId("turn-around");
+  const canvas = byId("turn"), slider = byId("turn-at"), around = byId("turn-around");
   const tilt = byId("turn-tilt"), times = byId("turn-times"), reading = byId("turn-reading");
   const chosen = (name) => document.querySelector(`[name=${name}]:checked`).value;
 
-  const placed = (part, share, view) => {
-    const [rows, columns] = part.shape, count = rows * columns;
-    const found = new Float64Array(3 * count);
+  // The state before a place of the slider, and the share of the way to the next.
+  const stopped = () => {
+    const at = Number(slider.value), stops = given.stops;
+    let k = stops.findIndex((stop) => stop >= at - 1e-9);
+    k = Math.max(k < 0 ? stops.length - 1 : k, 1);
+    return [k - 1, Math.min((at - stops[k - 1]) / (stops[k] - stops[k - 1]), 1)];
+  };
+
+  const placed = (part, [k, share], times, view) => {
+    const [rows, columns] = part.shape, count = rows * columns, state = 3 * count;
+    const found = new Float64Array(state);
     for (let i = 0; i < count; i++) {
-      const p = [0, 1, 2].map((c) => placeUnit * part.at[3 * i + c] +
-        (part.moves ? share * moveUnit * part.moves[3 * i + c] : 0));
+      const p = [0, 1, 2].map((c) => {
+        const j = 3 * i + c;
+        return placeUnit * part.at[j] + (part.moves ? times * moveUnit *
+          between(part.moves[k * state + j], part.moves[(k + 1) * state + j], share) : 0);
+      });
       found.set(view(p), 3 * i);
     }
     return found;
@@ -44,7 +55,7 @@
   };
 
   const draw = () => {
-    const share = dressed.value / 100, shown = canvas.clientWidth;
+    const [state, share] = stopped(), shown = canvas.clientWidth;
     const dense = Math.max(window.devicePixelRatio || 1, 2);
     const inside = chosen("turn-show") === "inside";
     const width = 2.6 * given.reach, height = given.height + 1.2 * given.reach;
@@ -64,18 +75,20 @@
     const skin = parts.find((part) => part.name === "skin");
     const field = skin.fields.find((one) => one.name === chosen("turn-colour"));
     const [low, high] = field.range;
-    const value = (k) => between(field.bare,
-      low + (high - low) * given.share_a_count * field.values[k], share);
+    const count = skin.shape[0] * skin.shape[1];
+    const value = (k) => low + (high - low) * given.share_a_count *
+      between(field.values[state * count + k], field.values[(state + 1) * count + k], share);
     const lit = (facing) => 0.88 + 0.12 * Math.abs(facing);
     let every = [];
     for (const part of parts) {
-      if (!inside && part.name !== "skin") continue;
-      const points = placed(part, share * (times.checked ? 5 : 1), view);
+      if (!inside && !["skin", "tool"].includes(part.name)) continue;
+      const points = placed(part, [state, share], times && times.checked ? 5 : 1, view);
       const colour = part.name === "skin"
         ? (corners, facing) => scaled((corners.reduce((sum, k) => sum + value(k), 0) / 4 - low) /
             (high - low), lit(facing))
         : (corners, facing) => `color-mix(in srgb, ${part.colour} ${100 * lit(facing)}%, black)`;
-      const alpha = !inside ? 1 : {skin: 0.12, hull: 0.35}[part.name] || 1;
+      const alpha = part.name === "tool" ? 0.3
+        : !inside ? 1 : {skin: 0.12, hull: 0.35}[part.name] || 1;
       every = every.concat(facets(part, points, colour, alpha));
     }
     every.sort((one, other) => one.depth - other.depth);
@@ -109,10 +122,15 @@
       }
     }
     const seen = given.views[Math.round(((Number(around.value) % 360) + 360) / 45) % 8];
-    const mean = field.values.reduce((sum, _, k) => sum + value(k), 0) / field.values.length;
-    const text = `${dressed.value} % dressed, ${seen}: mean ${mean.toFixed(1)} ${field.unit}`;
-    reading.textContent = text;
-    dressed.setAttribute("aria-valuetext", `${dressed.value} %, mean ${mean.toFixed(1)} ${field.unit}`);
+    const values = Array.from({length: count}, (_, k) => value(k));
+    const said = field.told === "most" ? Math.max(...values)
+      : values.reduce((sum, one) => sum + one, 0) / count;
+    const force = given.force.length
+      ? `, ${between(given.force[state], given.force[state + 1], share).toFixed(2)} N` : "";
+    const at = `${Number(slider.value).toFixed(given.digits)}${given.unit}${force}`;
+    const told = `${field.told === "most" ? "at most" : "mean"} ${said.toFixed(1)} ${field.unit}`;
+    reading.textContent = `${at}, seen from ${seen}: ${told}`;
+    slider.setAttribute("aria-valuetext", `${at}, ${told}`);
     around.setAttribute("aria-valuetext", `seen from ${seen}`);
     byId("turn-low").textContent = `${low.toFixed(1)} ${field.unit}`;
     byId("turn-high").textContent = `${high.toFixed(1)} ${field.unit}, ${field.name}`;

@@ -72,10 +72,16 @@ def _headline(given: Calibration, found: Calibrated) -> web.Headline:
     depth, P, sd = _at_end(given, found)
     more = "more" if P < 0 else "less"
     length = given.reference.cylinder.length
+    share = f"{100 * abs(P):.0f} %"
     return web.Headline(
         "caution" if _warnings(found) or 1.96 * sd > abs(P) else "sound",
-        f"A cylinder of {length:g} mm bears {100 * abs(P):.0f} % {more} force than plane strain "
-        f"says, {depth:g} mm deep.",
+        f"A cylinder of {length:g} mm bears "
+        + (
+            "the force that plane strain says"
+            if share == "0 %"
+            else f"{share} {more} force than plane strain says"
+        )
+        + f", {depth:g} mm deep.",
         [
             (
                 "How sure",
@@ -84,8 +90,12 @@ def _headline(given: Calibration, found: Calibrated) -> web.Headline:
             ),
             (
                 "What it does to C10",
-                f"Left out, it makes C10 about {100 * abs(P):.0f} % too "
-                f"{'high' if P < 0 else 'low'}: legfem's identification applies it.",
+                (
+                    "Next to nothing"
+                    if share == "0 %"
+                    else f"Left out, it makes C10 about {share} too {'high' if P < 0 else 'low'}"
+                )
+                + ": legfem's identification applies it.",
             ),
             ("What to do", _next()[0]),
         ],
@@ -160,7 +170,7 @@ def _dependence(trends: Trend) -> list[web.Block]:
             f"P against the {name}, on a coarser mesh; lines end where a model stopped.",
             tables.grid_of(curves), "displacement (mm)", "P", "",
             [
-                Line(value, curve, None, _COLOURS[k % 7], _DASHES[k % 4])
+                Line(f"{name}: {value}", curve, None, _COLOURS[k % 7], _DASHES[k % 4])
                 for k, (value, curve) in enumerate(curves.items())
             ],
         )

@@ -89,7 +89,7 @@ def fascia_note(result: StudyResult) -> str:
     ratios = [Hyperelastic(level, given.D1).poisson_ratio for level in levels]
     if min(ratios) >= 0:
         return ""
-    span = f"{min(ratios):.3f}" if len(ratios) == 1 else f"{max(ratios):.2f} to {min(ratios):.3f}"
+    span = f"{min(ratios):.2f}" if len(ratios) == 1 else f"{max(ratios):.2f} to {min(ratios):.2f}"
     return (
         f"The fascia's Poisson's ratio is {span}: it follows from the C10 and the D1 of "
         f"{given.D1:g}/MPa that the paper gives, which make its bulk modulus the smaller one."

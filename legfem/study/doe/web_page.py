@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from legfem.common.units import FloatArray
@@ -53,8 +55,9 @@ def study_web_page(result: StudyResult, text: str, seed: int, command: str) -> w
         web.Chapter("The full report", [web.Verbatim("report.md", text)]),
     ]
     return web.WebPage(
-        title=f"What does a compression test of this leg show? {result.definition.title}",
-        subject=f"{result.subject.title}, section of subject {result.subject.id}",
+        title="What does a compression test of this leg show?",
+        subject=f"{result.subject.title}, section of subject {result.subject.id}; "
+        f"{result.definition.title}",
         origin="simulated",
         headline=_headline(result),
         warnings=_warnings(result),
@@ -89,14 +92,19 @@ def _headline(result: StudyResult) -> web.Headline:
             ),
             (
                 "How sure",
-                f"The surface predicts runs that it hasn't seen with R² of {min(fits):.3f} to "
-                f"{max(fits):.3f}. The runs are a model's, without noise.",
+                "Of how runs differ that it hasn't seen, the fitted surface predicts "
+                f"{_percents(fits)} (R²). The runs are a model's, without noise.",
             ),
             ("What must be known beforehand", to_know(result)),
             ("What to do", to_measure(result)[0]),
         ],
         "What a test of this leg can show",
     )
+
+
+def _percents(shares: Sequence[float]) -> str:
+    low, high = (f"{100 * max(share, 0.0):.0f}" for share in (min(shares), max(shares)))
+    return f"{low} %" if low == high else f"{low} to {high} %"
 
 
 def _warnings(result: StudyResult) -> list[str]:

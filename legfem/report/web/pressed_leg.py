@@ -1,0 +1,89 @@
+"""A leg in 3D on a page, pressed with a slider, and what colours its skin."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from legfem.common.units import FloatArray
+from legfem.experiments.indentation_3d import Cylinder
+from legfem.geometry.leg_shape import HULL, SKIN, LegShape
+from legfem.identify.leg_film import PressedLeg
+from legfem.report.web.turned import SkinField, Slider, Tool, TurnedLeg, View, turned_leg
+
+_SIDES = (
+    "the cylinder's side", "the cylinder's side and the right", "the right",
+    "behind, and the right", "behind", "behind, and the left", "the left",
+    "the cylinder's side and the left",
+)  # fmt: skip
+_ALONG, _ROUND = 13, 36
+"""Rings of a cylinder's grid, and points of one."""
+
+
+def pressed_leg(pressed: PressedLeg, caption: str) -> TurnedLeg:
+    """Return a leg that is pressed, with the cylinder in front.
+
+    Parameters
+    ----------
+    pressed
+        The leg's solve.
+    caption
+        Begins what is said of it.
+    """
+    turn = _to_the_front(pressed.direction)
+    bare = pressed.shape
+    shape = LegShape(bare.levels, {part: xy @ turn[:2, :2].T for part, xy in bare.contours.items()})
+    stops = np.array([0.0, *(state.displacement for state in pressed.states)])
+    moved = {
+        SKIN: _from_none([state.skin @ turn.T for state in pressed.states]),
+        HULL: _from_none([state.hull @ turn.T for state in pressed.states]),
+    }
+    pressure = _from_none([state.pressure for state in pressed.states])
+    movement = np.linalg.norm(moved[SKIN], axis=-1)
+    along = turn @ pressed.direction
+    tool = Tool(_cylinder(pressed.cylinder, turn @ pressed.touch), stops[:, None] * along)
+    force = pressed.curve(stops)
+    rows = [
+        [
+            f"{at:.1f}", f"{force[k]:.2f}", f"{pressure[k].max():.1f}", f"{movement[k].max():.1f}"
+        ]
+        for k, at in enumerate(stops)
+    ]  # fmt: skip
+    return turned_leg(
+        shape, moved,
+        [SkinField("pressure on the skin", "kPa", pressure, "most"),
+         SkinField("movement of the skin", "mm", movement, "most")],
+        Slider("Press the leg in 3D", tuple(stops), " mm", 0.1, 1, tuple(force)),
+        View(_SIDES, -50.0, exaggerates=False),
+        ("displacement (mm)", "force (N)", "highest pressure on the skin (kPa)",
+         "greatest movement of the skin (mm)"),
+        rows,
+        f"{caption} Its skin is coloured by the cylinder's pressure or by how far it moved; the "
+        f"cylinder is drawn see-through. {len(pressed.states)} states were computed; what lies "
+        "between is drawn in proportion.",
+        tool=tool,
+    )  # fmt: skip
+
+
+def _from_none(states: list[FloatArray]) -> FloatArray:
+    """Return the unpressed leg's zeros, and the values of the states."""
+    return np.stack([np.zeros_like(states[0]), *states])
+
+
+def _to_the_front(direction: FloatArray) -> FloatArray:
+    """Return the rotation (3, 3) about z that turns a travel into +y, from the front."""
+    x, y, _ = direction
+    return np.array([[y, -x, 0.0], [x, y, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _cylinder(cylinder: Cylinder, middle: FloatArray) -> FloatArray:
+    """Return a cylinder with its end faces as a grid (n, m, 3) along z."""
+    half = cylinder.length / 2
+    z = np.concatenate([[-half], np.linspace(-half, half, _ALONG), [half]])
+    radius = np.full(len(z), cylinder.radius)
+    radius[[0, -1]] = 0.0
+    angle = np.linspace(0.0, 2 * np.pi, _ROUND, endpoint=False)
+    ring = np.column_stack([np.cos(angle), np.sin(angle)])
+    points = np.empty((len(z), _ROUND, 3))
+    points[..., :2] = radius[:, None, None] * ring
+    points[..., 2] = z[:, None]
+    return points + middle
