@@ -127,12 +127,12 @@ addEventListener("load", async () => {
       pictures.push(leg.toDataURL());
       seen.dressed.push(said());
     }
+    await set("turn-at", document.getElementById("turn-at").max);
     for (const name of ["turn-show", "turn-colour"]) {
       [...document.querySelectorAll(`[name=${name}]`)].pop().click();
       await pause();
       pictures.push(leg.toDataURL());
     }
-    await set("turn-at", document.getElementById("turn-at").max);
     const {left, top, width, height} = leg.getBoundingClientRect();
     const at = (x) => ({clientX: left + x * width, clientY: top + 0.5 * height, pointerId: 1});
     leg.setPointerCapture = () => {};

@@ -18,7 +18,7 @@ from browser import FLAGS
 _AXE = """axe.run(document, {resultTypes: ["violations"], iframes: false}).then((found) =>
   found.violations.map((one) => `${one.impact}: ${one.id}: `
     + one.nodes.slice(0, 3).map((node) => node.target.join(" ")).join("; ")))"""
-_DRAWN = """document.readyState === "complete"
+DRAWN = """document.readyState === "complete"
   && (!window.Bokeh || Bokeh.documents.every((one) => one.is_idle))
   && new Promise((done) => requestAnimationFrame(() => setTimeout(() => done(true))))"""
 
@@ -95,7 +95,7 @@ class Driven:
         clock = self._processor_seconds if crowded else time.monotonic
         began = clock()
         self.open(address)
-        self.until(_DRAWN, every=0.02)
+        self.until(DRAWN, every=0.02)
         return clock() - began
 
     def _processor_seconds(self) -> float:

@@ -47,7 +47,7 @@ from legfem.report.web.identification import identification_page
 from legfem.report.web.look import Looked, look_web_page
 from legfem.report.web.page import WebPage, rendered
 from legfem.report.web.plan import plan_web_page
-from legfem.report.web.section import Film, pressed_section
+from legfem.report.web.section import Film, PressedSection, pressed_section
 from legfem.report.web.specimen import specimen_web_page
 from legfem.report.web.stocking import stocking_web_page
 from legfem.solve.force_curve import ForceCurve
@@ -68,6 +68,7 @@ from legfem.study.doe.simulator import Record
 from legfem.study.doe.study import StudyResult, study
 from legfem.study.doe.web_page import study_web_page
 from legfem.subjects.loading import load_subject
+from legfem.subjects.subject import Subject
 from studies.legs.parametric_leg import round_leg
 
 COMMAND = "python -m legfem.identify --subject-dir 'my <leg>'"
@@ -78,14 +79,18 @@ def subject_in(folder: Path):
     return load_subject(write_subject(folder / "leg"), need_recordings=False)
 
 
-def identified(folder: Path) -> WebPage:
-    subject, measured = subject_in(folder), measured_curve(depth=DEPTH)
+def pressed(subject: Subject) -> PressedSection | None:
+    """Press a subject's section on a coarse mesh."""
     coarse = PlaneStrainSettings(mesh=SectionMeshSettings(contact_size=3.0, far_size=12.0))
     film = Film(PlaneStrainIndentation.of_subject(subject, coarse), DEPTH)
     solved = film.experiment.solve({}, DEPTH, on_step=film.take)
-    pressed = pressed_section(film, solved.curve.displacement, solved.curve.force, "A leg")
+    return pressed_section(film, solved.curve.displacement, solved.curve.force, "A leg")
+
+
+def identified(folder: Path) -> WebPage:
+    subject, measured = subject_in(folder), measured_curve(depth=DEPTH)
     results = [result("neo-hookean", measured), result("reduced-polynomial", measured)]
-    return identification_page(results, subject, pressed, COMMAND)
+    return identification_page(results, subject, pressed(subject), COMMAND)
 
 
 def pressed_in_3d() -> PressedLeg:
@@ -118,8 +123,10 @@ def identified_in_3d(folder: Path) -> WebPage:
 
 
 def diagnosis(folder: Path) -> WebPage:
-    found = diagnosed({"fascia-stiffness.factor": 4.0})
-    return diagnosis_web_page(found, subject_in(folder), "the text", (), versions(), COMMAND)
+    found, subject = diagnosed({"fascia-stiffness.factor": 4.0}), subject_in(folder)
+    return diagnosis_web_page(
+        found, subject, "the text", (), versions(), COMMAND, pressed=pressed(subject)
+    )
 
 
 def ranked(chances: tuple[tuple[float, float], ...] = ((0.96, 0.1), (0.4, 0.05))) -> list[Reckoned]:

@@ -270,6 +270,50 @@ def test_a_large_file_arrives_whole_and_one_that_breaks_off_not_at_all(served):
     assert there == {"big.nii", *(f"{k}.csv" for k in range(8))}
 
 
+def test_wrong_input_is_a_line_each_and_nothing_is_taken_for_a_leg(served, page, tmp_path):
+    workspace, address = served
+    before = set(workspace.inputs)
+    empty, other, foreign = (tmp_path / name for name in ("empty", "other", "foreign"))
+    for folder in (empty, other, foreign):
+        folder.mkdir()
+    page.drop([empty])
+    page.sees("the folder is empty")
+    assert set(workspace.inputs) == before
+    (other / "photo.jpg").write_bytes(b"\xff\xd8\xff")
+    page.drop([other])
+    page.until("location.pathname === '/input/other'")
+    page.sees("nor a recording that can be read", 3 * MINUTES)
+    # Headers that no program could guess are chosen by hand.
+    rows = "".join(f"{0.1 * k:.1f};{0.04 * k:.3f};{0.002 * k * k:.4f}\n" for k in range(200))
+    (foreign / "essai.csv").write_text(f"foo;bar;baz\n{rows}")
+    page.open(home(address))
+    page.sees("Drop a folder here")
+    page.drop([foreign])
+    page.until("location.pathname === '/input/foreign'")
+    page.sees("no column is named", 3 * MINUTES)
+    page.click("Columns", ".q-tab")
+    page.sees("essai.csv")
+    for quantity, column, unit in (("time", "foo", "s"), ("displacement", "bar", "mm"),
+                                   ("force", "baz", "N")):  # fmt: skip
+        page.choose(f"{quantity}: column", column)
+        page.type(f"{quantity}: unit", unit)
+    assert accessible(page)
+
+
+def test_a_run_that_is_refused_says_the_commands_line_and_leaves_its_input(served, page):
+    workspace, _ = served
+    name = begun(page, "a pressed leg")
+    page.click("Run")
+    page.type("more options", "--law nonsense")
+    page.sees("--law nonsense")
+    page.click("Run identify")
+    page.sees("'nonsense' is not one of", MINUTES)
+    page.sees("once what is said below is mended")
+    (run,) = (one for one in workspace.runs if one.startswith(f"identify-{name}"))
+    assert Run(workspace.run(run)).state is RunState.REFUSED
+    assert (workspace.input(name) / "subject.toml").is_file()
+
+
 def ran(page, kind, options, minutes, **fields):
     """Run a command from the page of an input; return its sentence, its report's page seen."""
     page.click("Run")

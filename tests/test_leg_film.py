@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+
 import numpy as np
 import pytest
 from making_legs_3d import cone_folder
@@ -10,7 +12,7 @@ from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.fem.fields import FieldReader
 from legfem.geometry.leg_shape import SKIN
 from legfem.identify.leg_film import LegFilm, LegState, seen
-from legfem.identify.spatial import SpatialForward
+from legfem.identify.spatial import LegModels, SpatialForward
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.subjects.loading import load_subject
 from legfem.subjects.spatial import spatial_leg
@@ -60,6 +62,17 @@ def test_a_solve_s_states_show_the_cylinder_s_imprint(filmed):
     total = float(there @ field.x.array[facets].mean(axis=1))
     assert float((last.pressure * area).sum()) == pytest.approx(total, rel=0.05)
     assert 1e-3 * total == pytest.approx(outcome.curve.force[-1], rel=0.5), "kPa and mm2 give N"
+
+
+def test_the_solves_that_make_the_correction_are_filmed_and_rough_ones_not(filmed, tmp_path):
+    model, outcome = filmed
+    models = LegModels.of_subject(model.subject, DEPTH, tmp_path, COARSE)
+    assert models.rough.film is None and models.shorter.film is None
+    assert models.full.fingerprint() == model.fingerprint()
+    assert models.pressed(outcome) is None, "solved, but not filmed in this folder"
+    shutil.copytree(model.film.folder, tmp_path / "film")
+    again = LegModels.of_subject(model.subject, DEPTH, tmp_path, COARSE).pressed(outcome)
+    assert len(again.states) == len(model.pressed(outcome).states)
 
 
 def test_states_are_found_again_under_their_solve_s_key_only(filmed):

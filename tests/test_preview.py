@@ -90,6 +90,20 @@ def test_files_of_an_instrument_are_read_before_the_folder_says_what_they_are(le
     assert "contours.csv" not in [one.file for one in seen.recordings]
 
 
+def test_a_folder_of_other_files_says_that_none_is_a_recording(tmp_path):
+    folder = tmp_path / "other"
+    folder.mkdir()
+    (folder / "photo.jpg").write_bytes(b"\xff\xd8\xff")
+    (folder / "notes.txt").write_text("hello\n")
+    assert "nor a recording that can be read" in preview_of(folder, tmp_path).trouble
+    rows = "".join(f"{0.1 * k:.1f};{0.04 * k:.3f};{0.002 * k * k:.4f}\n" for k in range(200))
+    (folder / "essai.csv").write_text(f"foo;bar;baz\n{rows}")
+    seen = preview_of(folder, tmp_path)
+    assert "nor a recording" not in seen.trouble, "its columns can be mapped"
+    (table,) = (one for one in seen.recordings if one.file == "essai.csv")
+    assert [column.name for column in table.columns] == ["foo", "bar", "baz"] and table.trouble
+
+
 def test_specimens_are_seen_with_what_each_was_driven_to(tmp_path):
     seen = preview_of(SPECIMEN, tmp_path)
     assert seen.trouble == "" and len(seen.facts) == len(seen.recordings) == 3

@@ -2,7 +2,7 @@
 
 import browser
 import pytest
-from driving import Driven
+from driving import DRAWN, Driven
 from test_web_pages import MOST_BYTES, MOST_SECONDS
 from typer.testing import CliRunner
 
@@ -34,6 +34,9 @@ def test_the_report_of_subject_3_is_light_opens_quickly_and_asks_for_nothing(rep
         page.open(report.as_uri())
         phone = page.until("document.querySelector('.sentence')?.getBoundingClientRect().bottom")
         assert max(first, phone) < 600, "the verdict stands on the first screen"
+        page.until(DRAWN)
+        beyond = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+        assert page.value(beyond) == 0, "nothing is wider than a phone"
 
 
 @pytest.mark.parametrize("width", [1000, 500])

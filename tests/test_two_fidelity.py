@@ -177,3 +177,13 @@ def test_a_confirmed_correction_is_what_was_solved_and_follows_the_table_from_th
         np.testing.assert_allclose(made.correction(GRID, 1.0, 0.0), P, atol=1e-12)
         change = made.correction(GRID, 3.0, 0.0) - P
         np.testing.assert_allclose(change, 0.0 if trend is None else 0.05 * np.log(3), atol=1e-12)
+
+
+def test_the_last_full_solve_is_there_to_be_looked_at(monkeypatch, tmp_path):
+    monkeypatch.setattr(LegModels, "pressed", lambda models, outcome: outcome)
+    (result,) = identified(recorded(tmp_path, 1.3), table(0.3))
+    last = result.spatial.confirmations[-1]
+    assert 1e3 * result.spatial.pressed.values["deep.C10"] == pytest.approx(last.c10)
+    monkeypatch.undo()
+    (bare,) = identified(recorded(tmp_path, 1.3), table(0.3))
+    assert bare.spatial.pressed is None, "a model without states has nothing to show"

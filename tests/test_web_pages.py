@@ -14,7 +14,7 @@ import browser
 import making_pages as pages
 import numpy as np
 import pytest
-from driving import Driven
+from driving import DRAWN, Driven
 from making import write_subject
 from reading_page import read
 from typer.testing import CliRunner
@@ -297,6 +297,17 @@ def test_curves_of_one_panel_and_of_names_with_signs_are_drawn():
     assert "a@b" not in script and "a&#64;b &lt;&#36;c&gt;" in script
 
 
+CURVES = frozenset({"off", "cursor"})
+CONTROLS = {
+    "identification": CURVES | {"pictures"},
+    "identification-3d": CURVES | {"views"},
+    "diagnosis": CURVES | {"pictures"},
+    "doe": CURVES | {"surface"},
+    "stocking": {"views"},
+}
+"""What a page must have, besides that whatever it has must work."""
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(browser.browser() is None, reason="no Chromium here")
 @pytest.mark.parametrize("name", pages.PAGES)
@@ -310,8 +321,14 @@ def test_a_browser_finds_no_fault_no_request_and_nothing_inaccessible(name, tmp_
         # What else the machine does only adds to it.
         opened = min(page.seconds_to_open(path.as_uri()) for _ in range(3))
         assert opened < MOST_SECONDS
+        page.resize(390, 844)
+        page.open(path.as_uri())
+        page.until(DRAWN)
+        beyond = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+        assert page.value(beyond) == 0, "nothing is wider than a phone"
         assert page.faults == []
     for width in (1000, 500):
         seen = browser.seen(path, browser.browser(), script, width)
         assert browser.faults(seen) == []
         assert browser.idle(seen) == []
+        assert "inaccessible" in seen and CONTROLS.get(name, set()) <= seen.keys()

@@ -104,8 +104,11 @@ def preview_of(folder: Path, out: Path) -> Preview:
     files = [path for path in folder.rglob("*") if path.suffix.lower() in READERS]
     recordings = [path for path in sorted(files) if not _is_contours(path)]
     seen = _recordings(recordings, out, None, ANY_DEPTH)
+    readable = any(one.columns or not one.trouble for one in seen)
     error = InputError(
-        folder, "folder", f"holds no {SUBJECTS.file}, {LEGS.file} or {FILE}",
+        folder, "folder",
+        f"holds no {SUBJECTS.file}, {LEGS.file} or {FILE}"
+        + ("" if readable else ", nor a recording that can be read"),
         "say what it is: the file describes leg, test and instruments",
     )  # fmt: skip
     return Preview(folder.name, "", str(error), recordings=seen)
