@@ -103,7 +103,7 @@ def pressed_in_3d() -> PressedLeg:
     states = tuple(
         LegState(
             at, at * share[..., None] * direction, np.zeros_like(shape.points(HULL)),
-            3.0 * at * share,
+            3.0 * at * share**3,
         )
         for at in (2.0, 5.0, 8.0)
     )  # fmt: skip
