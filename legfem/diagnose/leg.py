@@ -11,7 +11,7 @@ from legfem.diagnose.solved import SolvedResponses
 from legfem.diagnose.variants import Variants
 from legfem.subjects.subject import Subject
 
-_DEPTH_STEP_MM = 5.0
+_DEPTH_STEP_MM = 1.0
 COARSENING = 1.7
 """Of the mesh on which relative changes are tabulated."""
 
@@ -30,7 +30,7 @@ def solved_responses(
 ) -> tuple[SolvedResponses, SolvedResponses]:
     """Return a leg's responses by full solutions, on the default mesh and on a coarser one.
 
-    Elastic curves go to the next 5 mm beyond the recordings, so that recordings of one leg share
+    Elastic curves go to the next mm beyond the recordings, so that recordings of one leg share
     them whatever their depths.
     """
     from legfem.experiments.plane_strain import (
