@@ -12,6 +12,7 @@ import pytest
 from matplotlib.image import imread
 from reading_page import read
 
+from legfem.api.dressed import LegInStocking
 from legfem.common.progress import Silent
 from legfem.common.units import mmhg_to_mpa, mpa_to_kpa, mpa_to_mmhg
 from legfem.fem.fields import fields_of
@@ -179,6 +180,12 @@ def test_page_gives_stiffness_with_intervals_and_every_search(result, folder):
     nelder = result.searches[-1]
     assert f"it took {nelder.solves} solves and leaves {nelder.cost:.2f} of its cost" in text
     assert f"errors of the contours alone make {expected_rms(result.leg.accuracy):.3f} mm" in text
+
+
+def test_a_summary_tells_stiffness_and_pressures(result):
+    said = " ".join(LegInStocking(result).summary().split())
+    assert "C10 of the muscle" in said and "Hydrostatic pressure" in said
+    assert said.count("Every search") == 1 and "legfem 0" not in said
 
 
 def test_page_gives_pressures_in_both_units(result, folder):
