@@ -43,8 +43,8 @@ def headline(found: Diagnosis, plan: Sequence[str], tissue: str = "") -> web.Hea
             ("What is wrong", _wrong(found)),
             ("How sure", _sure(found)),
             ("What it does to C10", _stiffness(found)),
-            *_high_or_low(found, tissue),
             ("What to do", _to_do(found, plan)),
+            *_high_or_low(found, tissue),
         ],
         heading,
     )

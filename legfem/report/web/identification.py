@@ -118,8 +118,8 @@ def _headline(chosen: IdentificationResult, subject: Subject) -> web.Headline:
                 else f"Nothing found here changes {c10}. What was assumed of fat and fascia would, "
                 "if it is wrong: the table of numbers says by how much.",
             ),
-            *_high_or_low(chosen, tone),
             ("What to do", _next(chosen, subject)[0]),
+            *_high_or_low(chosen, tone),
         ],
     )
 

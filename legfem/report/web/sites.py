@@ -107,9 +107,9 @@ def _headline(best: SitesResult) -> web.Headline:
         [
             ("What is wrong", wrong),
             ("How stiff", f"{values}."),
-            *(high_or_low("deep", stiffness.shown.value) if sound and stiffness else ()),
             ("How sure", estimates.how_sure(best.parameters)),
             ("What to do", _next(best)[0]),
+            *(high_or_low("deep", stiffness.shown.value) if sound and stiffness else ()),
         ],
     )
 
