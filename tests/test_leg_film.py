@@ -12,10 +12,9 @@ from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.fem.fields import FieldReader
 from legfem.geometry.leg_shape import SKIN
 from legfem.identify.leg_film import LegFilm, LegState, seen
-from legfem.identify.spatial import LegModels, SpatialForward
+from legfem.identify.spatial import LegModels
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.subjects.loading import load_subject
-from legfem.subjects.spatial import spatial_leg
 
 DEPTH = 4.0
 COARSE = SolidLegSettings(
@@ -31,15 +30,14 @@ def filmed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("cone")
     cone_folder(folder, level=100.0, more="length_mm = 60.0", slope=0.0)
     subject = load_subject(folder, need_recordings=False)
-    film = LegFilm(folder / "film")
-    model = SpatialForward(subject, spatial_leg(subject), DEPTH, COARSE, film=film)
+    model = LegModels.of_subject(subject, DEPTH, folder, COARSE).full
     outcome = model.solve({"deep.C10": 1.2e-3})
     assert outcome.complete
-    return model, outcome
+    return model, outcome, subject
 
 
 def test_a_solve_s_states_show_the_cylinder_s_imprint(filmed):
-    model, outcome = filmed
+    model, outcome, _ = filmed
     pressed = model.pressed(outcome)
     at = [state.displacement for state in pressed.states]
     assert at == sorted(at) and at[-1] == pytest.approx(DEPTH) and len(at) >= 2
@@ -65,18 +63,18 @@ def test_a_solve_s_states_show_the_cylinder_s_imprint(filmed):
 
 
 def test_the_solves_that_make_the_correction_are_filmed_and_rough_ones_not(filmed, tmp_path):
-    model, outcome = filmed
-    models = LegModels.of_subject(model.subject, DEPTH, tmp_path, COARSE)
+    model, outcome, subject = filmed
+    models = LegModels.of_subject(subject, DEPTH, tmp_path, COARSE)
     assert models.rough.film is None and models.shorter.film is None
     assert models.full.fingerprint() == model.fingerprint()
     assert models.pressed(outcome) is None, "solved, but not filmed in this folder"
     shutil.copytree(model.film.folder, tmp_path / "film")
-    again = LegModels.of_subject(model.subject, DEPTH, tmp_path, COARSE).pressed(outcome)
+    again = LegModels.of_subject(subject, DEPTH, tmp_path, COARSE).pressed(outcome)
     assert len(again.states) == len(model.pressed(outcome).states)
 
 
 def test_states_are_found_again_under_their_solve_s_key_only(filmed):
-    model, _ = filmed
+    model, _, _ = filmed
     again = LegFilm(model.film.folder)
     (name,) = [path.stem for path in model.film.folder.iterdir()]
     kept = model.film.states(name)
@@ -98,6 +96,6 @@ def test_an_attempt_that_was_given_up_leaves_no_states_and_a_broken_file_none(tm
 
 
 def test_a_leg_is_looked_at_finely_along_and_no_finer_than_needed_round(filmed):
-    shape = seen(filmed[0].leg.shape)
+    shape = seen(filmed[0].experiment.shape)
     assert len(shape.levels) == 41
     assert all(xy.shape[1] <= 120 for xy in shape.contours.values())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -153,7 +154,7 @@ def run(
     Example: python -m legfem.identify --subject 3 --law both --out results/subject-3
     """
     resume = "run the same command again to go on; solves that are done are kept"
-    with work_edge(jobs, resume, quiet) as processes:
+    with _edge(model, jobs, resume, quiet) as processes:
         if specimen_dir is not None:
             legs_alone = {
                 "--subject": subject, "--subject-dir": subject_dir, "--site": site,
@@ -171,6 +172,8 @@ def run(
             return
         if leave_out:
             raise InputError("--leave-out", leave_out[0], "is for specimens", "give --specimen-dir")
+        from mpi4py import MPI
+
         from legfem.commands.outcome import print_outcome
         from legfem.correction.choice import choose_correction
         from legfem.experiments.plane_strain import tissues_of
@@ -224,8 +227,9 @@ def run(
                 leg = None
                 if model is ModelChoice.LEG:
                     leg = LegModels.of_subject(
-                        found, section.depth, folder / SOLVES, progress=progress
-                    )
+                        found, section.depth, folder / SOLVES, progress=progress,
+                        comm=MPI.COMM_WORLD,
+                    )  # fmt: skip
                 results = identify_subject(
                     found, chosen, replace(request, progress=progress),
                     choose_correction(correction, found), section, leg,
@@ -239,6 +243,16 @@ def run(
         )
         texts = [fit_report(result) for result in results]
         print_outcome(texts, path, report, quiet, as_json)
+
+
+def _edge(
+    model: ModelChoice, jobs: int | None, resume: str, quiet: bool
+) -> AbstractContextManager[int]:
+    if model is ModelChoice.SECTION:
+        return work_edge(jobs, resume, quiet)
+    from legfem.commands.spread import spread_edge
+
+    return spread_edge(jobs, resume, quiet)
 
 
 def _run_specimens(

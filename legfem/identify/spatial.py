@@ -8,6 +8,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from mpi4py import MPI
+
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, Silent
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membrane_stiffness
@@ -17,6 +19,7 @@ from legfem.identify.catalogue import Values
 from legfem.identify.forward import ForwardModel, ForwardOutcome, values_of
 from legfem.identify.leg_film import LegCamera, LegFilm, PressedLeg
 from legfem.jobs.key import key_of
+from legfem.jobs.ranks import Together
 from legfem.subjects.spatial import SpatialLeg, spatial_leg
 from legfem.subjects.subject import Subject
 
@@ -35,16 +38,19 @@ _FASCIA = "fascia."
 class SpatialForward:
     """A `legfem.identify.forward.ForwardModel` of the leg itself.
 
+    Over several ranks of the experiment's communicator this is the first, and the others serve it,
+    as `legfem.jobs.ranks.leading` has it.
+
     Parameters
     ----------
-    subject
-        Cylinder, tissues and fascia.
-    leg
-        Its shape.
+    experiment
+        The finite-element model; compiled and meshed when first solved.
+    nominal
+        The tissues' values (MPa, 1/MPa), by the names of the model in plane strain.
+    fascia_thickness
+        mm.
     depth
         mm.
-    settings
-        Numerical.
     states
         Folder for the states of the solve in hand, from which one that was killed goes on.
     progress
@@ -53,30 +59,33 @@ class SpatialForward:
         Takes states of the solves, to be looked at.
     """
 
-    subject: Subject
-    leg: SpatialLeg
+    experiment: LegIndentation3D
+    nominal: Values
+    fascia_thickness: float
     depth: float
-    settings: SolidLegSettings
     states: Path | None = None
     progress: Progress = field(default_factory=Silent)
     film: LegFilm | None = None
 
-    @cached_property
-    def experiment(self) -> LegIndentation3D:
-        """The finite-element model; compiled and meshed when first solved."""
-        return LegIndentation3D.of_subject(self.subject, self.leg, self.settings)
+    def __post_init__(self) -> None:
+        """Gather the ranks."""
+        self._ranks = Together(self.experiment.comm, _solved, self)
 
-    @property
-    def nominal(self) -> Values:
-        """The tissues' values (MPa, 1/MPa), by the names of the model in plane strain."""
-        return values_of(tissues_of(self.subject))
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave what the first rank alone does: to lead, and to tell of progress."""
+        kept = {name: value for name, value in self.__dict__.items() if name != "_ranks"}
+        return {**kept, "progress": Silent()}
 
     def solve(self, values: Values, sensitivities: Sequence[str] = ()) -> ForwardOutcome:
         """Solve in full for values by the names of the model in plane strain."""
+        return self._ranks.do((values, sensitivities))
+
+    def solve_here(self, values: Values, sensitivities: Sequence[str]) -> ForwardOutcome:
+        """As `solve`; collective over the ranks."""
         every = {**self.nominal, **values}
         own = {name: value for name, value in every.items() if not name.startswith(_FASCIA)}
         own["fascia.membrane.stiffness"] = membrane_stiffness(
-            every["fascia.C10"], self.subject.section.fascia_thickness
+            every["fascia.C10"], self.fascia_thickness
         )
         solved = self.experiment.solve(
             own, self.depth, sensitivities, on_step=self._on_step(values), keep_in=self.states
@@ -156,8 +165,11 @@ class LegModels:
         kept: Path | None = None,
         settings: SolidLegSettings | None = None,
         progress: Progress | None = None,
+        comm: MPI.Intracomm = MPI.COMM_SELF,
     ) -> LegModels:
         """Return the models of a subject's leg, pressed to a depth (mm).
+
+        Every solve is spread over the ranks of ``comm``, see `SpatialForward`.
 
         Raises
         ------
@@ -172,18 +184,28 @@ class LegModels:
         )
         trimmed = leg.trimmed(subject.indenter.length, TRIMMED)
         states = None if kept is None else kept / "states"
-        film = LegFilm(None if kept is None else kept / "film")
-        full, rough, shorter = (
-            SpatialForward(subject, shape, depth, numbers, states, progress or Silent(), taken)
-            for shape, numbers, taken in (
-                (leg, settings, film), (leg, larger, None), (trimmed, larger, None)
-            )
-        )  # fmt: skip
+        # Of a leg that is spread over ranks no process sees the whole.
+        film = LegFilm(None if kept is None else kept / "film") if comm.size == 1 else None
+        nominal, thickness = values_of(tissues_of(subject)), subject.section.fascia_thickness
+        told = progress or Silent()
+
+        def pressed(
+            shape: SpatialLeg, numbers: SolidLegSettings, film: LegFilm | None = None
+        ) -> SpatialForward:
+            test = LegIndentation3D.of_subject(subject, shape, numbers, comm)
+            return SpatialForward(test, nominal, thickness, depth, states, told, film)
+
+        full, rough = pressed(leg, settings, film), pressed(leg, larger)
+        shorter = pressed(trimmed, larger)
         return cls(full, rough, shorter, leg, depth, kept)
 
     def pressed(self, outcome: ForwardOutcome) -> PressedLeg | None:
         """Return a full solve to be looked at; None where its states were not kept."""
         return self.full.pressed(outcome) if isinstance(self.full, SpatialForward) else None
+
+
+def _solved(model: SpatialForward, task: tuple[Values, Sequence[str]]) -> ForwardOutcome:
+    return model.solve_here(*task)
 
 
 def check_has_ends(subject: Subject) -> None:

@@ -34,7 +34,7 @@ class Workers[Context, Task, Outcome]:
         Processes; 1 works in this one.
     comm
         Over whose ranks tasks are spread if there are several: this is the first, and the others
-        serve it, as `legfem.jobs.ranks.lead` has it.
+        serve it, as `legfem.jobs.ranks.leading` has it.
     fresh
         Whether every task has a process of its own, even with one job.
     """

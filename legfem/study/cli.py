@@ -214,11 +214,14 @@ def correction(
         folder = out or Path("results") / "correction"
         check_out_folder(folder)
         if subject_dir is not None:
+            from legfem.jobs.ranks import leading
             from legfem.study.correction import of_leg
 
-            with told_briefly(quiet, as_json) as written:
-                of_leg.run(subject_dir, (c10_kpa, c20_kpa), depth, folder, quiet)
-                written.append(folder / of_leg.DOCUMENT)
+            with leading(MPI.COMM_WORLD) as first, told_briefly(quiet, as_json) as written:
+                if first:
+                    stiffness = c10_kpa, c20_kpa
+                    of_leg.run(subject_dir, stiffness, depth, folder, quiet, MPI.COMM_WORLD)
+                    written.append(folder / of_leg.DOCUMENT)
             return
         case = CorrectionCase(
             IdealisedLeg(radius, bone_radius, length, bone_offset, ends="held" if held else "free"),

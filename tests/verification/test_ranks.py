@@ -31,6 +31,24 @@ def test_two_ranks_give_the_same_curve(tmp_path):
     _check(2, "mixed", tmp_path)
 
 
+def test_ranks_do_a_task_together_each_with_its_context(tmp_path):
+    found = run_on_ranks(2, "ranks_together.py", tmp_path / "2.npz")
+    assert found["found"].tolist() == [22, 42, 82]
+    assert "is negative" in str(found["refused"])
+
+
+@pytest.mark.slow
+def test_a_leg_is_identified_in_3d_alike_on_two_ranks(tmp_path):
+    one, two = (
+        run_on_ranks(number, "ranks_identify_3d.py", tmp_path / f"{number}.npz", seconds=1800)
+        for number in (1, 2)
+    )
+    assert one["solves"] == two["solves"] >= 2
+    for name in ("value", "ci95", "force"):
+        print(name, f"{difference(two[name], one[name]):.1e}")
+        assert difference(two[name], one[name]) < 1e-6, name
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("ranks", [2, 3])
 def test_displacement_form_on_several_ranks(tmp_path, ranks):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from mpi4py import MPI
 from rich.console import Console
 
 from legfem.common.documents import write_atomically, write_document
@@ -77,6 +78,7 @@ def run(
     depth: float,
     out: Path,
     quiet: bool = False,
+    comm: MPI.Intracomm = MPI.COMM_SELF,
 ) -> None:
     """Solve a subject's leg in 3D and in plane strain, and write how P compares.
 
@@ -92,6 +94,8 @@ def run(
         Folder; solves are kept there.
     quiet
         Whether progress isn't told.
+    comm
+        Over whose ranks solves in 3D are spread; this is the first, which the others serve.
 
     Raises
     ------
@@ -100,7 +104,8 @@ def run(
     """
     subject = load_subject(directory, need_recordings=False, need_instrument=False)
     with progress_on(quiet=quiet) as progress:
-        found = _solved(subject, stiffness, depth, out, progress)
+        models = LegModels.of_subject(subject, depth, out / SOLVES, progress=progress, comm=comm)
+        found = _solved(subject, models, stiffness, progress)
     cells = _cells(found)
     title = f"P(d) of {subject.title}, C10 {found.c10:g}, C20 {found.c20:g} kPa"
     Console(width=110).print(as_table(title, cells))
@@ -111,16 +116,11 @@ def run(
 
 
 def _solved(
-    subject: Subject,
-    stiffness: tuple[float, float],
-    depth: float,
-    out: Path,
-    progress: Progress,
+    subject: Subject, models: LegModels, stiffness: tuple[float, float], progress: Progress
 ) -> LegBesideTable:
     values = {DEEP_C10: kpa_to_mpa(stiffness[0]), DEEP_C20: kpa_to_mpa(stiffness[1])}
-    models = LegModels.of_subject(subject, depth, out / SOLVES, progress=progress)
     progress.stage("the section in plane strain")
-    plane = PlaneStrainForward.of_subject(subject, depth).solve(values, ())
+    plane = PlaneStrainForward.of_subject(subject, models.depth).solve(values, ())
     if not plane.complete:
         raise _too_deep(f"the section stops at {plane.curve.depth:.1f} mm")
     solver = LegSolver(models, progress)
