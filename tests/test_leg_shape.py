@@ -19,6 +19,7 @@ from legfem.geometry.shape_measures import (
 )
 from legfem.geometry.shape_motion import displaced, rigidly_moved
 from legfem.geometry.shape_smoothing import smoothed
+from legfem.geometry.shape_surface import PartSurface
 from studies.legs.parametric_leg import round_leg
 
 
@@ -203,3 +204,14 @@ def test_smoothing_may_leave_parts_as_they_are():
     smooth = smoothed(shape, around=60.0, parts=("tibia",))
     assert np.array_equal(smooth.contours["skin"], shape.contours["skin"])
     assert not np.array_equal(smooth.contours["tibia"], shape.contours["tibia"])
+
+
+def test_points_near_a_surface_are_put_onto_it():
+    rng = np.random.default_rng(1)
+    angle, z = rng.uniform(0, 2 * np.pi, 200), rng.uniform(0, 60, 200)
+    away = np.column_stack([np.cos(angle), np.sin(angle)])
+    radius = 50 + 0.1 * z
+    near = np.column_stack([(3, 2) + (radius - rng.uniform(0, 0.6, 200))[:, None] * away, z])
+    found = PartSurface(cone(), "skin").beside(near)
+    # The contour itself is a spline through points 0.8 mm apart.
+    assert found == pytest.approx(np.column_stack([(3, 2) + radius[:, None] * away, z]), abs=2e-4)

@@ -77,7 +77,7 @@ class SolidLegSettings:
     )
     contact_size: float = 6.0
     contact: ContactSettings = field(default_factory=ContactSettings)
-    newton: NewtonSettings = field(default_factory=NewtonSettings)
+    newton: NewtonSettings = field(default_factory=lambda: NewtonSettings(reuse=0.7))
     linear: LinearSettings = field(default_factory=LinearSettings)
     steps: StepSettings = field(default_factory=lambda: StepSettings.regular(largest=2.0))
     quadrature_degree: int = 4
@@ -156,6 +156,10 @@ class LegIndentation3D(PressingTest):
                 "scan a longer part of the leg, or give another level",
             )  # fmt: skip
 
+    @cached_property
+    def _skin(self) -> PartSurface:
+        return PartSurface(self.shape, SKIN)
+
     @property
     def _span(self) -> tuple[float, float]:
         half = self.cylinder.length / 2
@@ -172,9 +176,8 @@ class LegIndentation3D(PressingTest):
     def touch(self) -> FloatArray:
         """The cylinder's middle (3,), mm, where it first touches the leg."""
         aim, travel = np.array(self.pose.aim), self.pose.direction[:2]
-        skin = PartSurface(self.shape, SKIN)
         turns = np.linspace(0.0, 1.0, _TURNS, endpoint=False)[:, None]
-        points = skin(turns, np.linspace(*self._span, _LEVELS)[None, :])
+        points = self._skin(turns, np.linspace(*self._span, _LEVELS)[None, :])
         middles = [
             first_touch(points[:, k, :2], self.cylinder.radius, aim, travel) for k in range(_LEVELS)
         ]
@@ -201,8 +204,9 @@ class LegIndentation3D(PressingTest):
             (*meshed.supports, Support(END, (2,))),
         )
         system = System(
-            spaces, self.model, self.touch, self.pose.direction, settings.quadrature_degree
-        )
+            spaces, self.model, self.touch, self.pose.direction, settings.quadrature_degree,
+            self._skin.beside,
+        )  # fmt: skip
         solver = NewtonSolver(system, settings.newton, settings.linear)
         radius = self.cylinder.radius
         return Pressing(system, solver, settings.contact, radius, 1.0, settings.steps)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import ufl
 from dolfinx import fem
 
+from legfem.common.units import FloatArray
 from legfem.fem.compiled import compiled
 from legfem.fem.history import History
 from legfem.fem.spaces import POROUS, LegSpaces
@@ -19,6 +20,8 @@ from legfem.mechanics.model import LegModel
 from legfem.meshing.section import HULL
 
 SKIN_DEGREE = 3
+type Rounding = Callable[[FloatArray], FloatArray]
+"""From points on flat facets, (n, 3), to those of the surface they stand for (mm)."""
 
 
 class DomainForms:
@@ -112,8 +115,13 @@ def skin_forms(
     clock: Clock,
     centres: tuple[Any, Any],
     applied_pressure: Any,
+    rounding: Rounding | None = None,
 ) -> DomainForms:
-    """Return the forms of the skin; ``centres`` are the indenter's, now and before the step."""
+    """Return the forms of the skin.
+
+    ``centres`` are the indenter's, now and before the step; it meets the skin that ``rounding``
+    makes of the mesh's facets, to the order of the displacement.
+    """
     mesh, space = spaces.skin, spaces.skin_space
     unknown, before, test = fem.Function(space), fem.Function(space), ufl.TestFunction(space)
     metadata = {"quadrature_degree": SKIN_DEGREE, "quadrature_rule": "default"}
@@ -137,8 +145,17 @@ def skin_forms(
         outward,
         applied_pressure,
         radius,
+        None if rounding is None else _rounded(space, rounding),
     )
     return DomainForms(domain, before, model.at("skin"), SKIN_DEGREE)
+
+
+def _rounded(space: Any, rounding: Rounding) -> Any:
+    """Return what a rounding adds to the position, interpolated."""
+    added, nodes = fem.Function(space), space.tabulate_dof_coordinates()
+    if len(nodes) > 0:
+        added.x.array[:] = (rounding(nodes) - nodes).ravel()
+    return added
 
 
 def _hull(spaces: LegSpaces, degree: int) -> Any:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from legfem.common.units import FloatArray
-from legfem.fem.forms import body_forms, skin_forms
+from legfem.fem.forms import Rounding, body_forms, skin_forms
 from legfem.fem.spaces import LegSpaces
 from legfem.fem.symbols import Clock, Symbols
 from legfem.mechanics.integration_domain import Body
@@ -50,6 +50,8 @@ class System:
         model without one.
     quadrature_degree
         In the body.
+    rounding
+        Of the skin in 3D, where the mesh's facets are flat and it isn't.
     """
 
     def __init__(
@@ -59,6 +61,7 @@ class System:
         start: FloatArray | None = None,
         direction: FloatArray | None = None,
         quadrature_degree: int = 4,
+        rounding: Rounding | None = None,
     ) -> None:
         self.spaces, self.model = spaces, model
         start = np.zeros(spaces.dimension) if start is None else start
@@ -76,7 +79,7 @@ class System:
         )
         self.skin = skin_forms(
             spaces, model, self.skin_symbols, self._clocks[1], (self._centre, self._centre_before),
-            self.applied_pressure,
+            self.applied_pressure, rounding,
         )  # fmt: skip
         self.tangent_matrix = fem_petsc.create_matrix(self.body.tangent)
         self._skin_matrix = fem.create_matrix(self.skin.tangent)

@@ -108,16 +108,23 @@ class Skin(IntegrationDomain):
     """Given on the skin (MPa), positive inwards."""
     radius: Expr | None = None
     """Reference distance from the axis of symmetry (mm); None without one."""
+    rounding: Expr | None = None
+    """From the mesh's flat facets to the rounded skin that an indenter meets (mm); None where
+    facets are the skin."""
 
     @property
     def relative_position(self) -> Expr:
         """Return the skin's points relative to the indenter, now (mm)."""
-        return self.position + self.displacement - self.centre
+        return self._met + self.displacement - self.centre
 
     @property
     def relative_position_before(self) -> Expr:
         """Return the same at the end of the last step (mm)."""
-        return self.position + self.displacement_before - self.centre_before
+        return self._met + self.displacement_before - self.centre_before
+
+    @property
+    def _met(self) -> Expr:
+        return self.position if self.rounding is None else self.position + self.rounding
 
     @property
     def sheet_invariants(self) -> tuple[Expr, Expr]:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from making_mechanics import at_skin
 
 from legfem.common.errors import InputError
 from legfem.experiments.indentation_3d import (
@@ -47,6 +48,18 @@ def test_the_cylinder_first_touches_the_skin_on_its_way():
     np.testing.assert_allclose(test.touch, [*away[:2], 30.0], atol=2e-3)
 
 
+def test_the_cylinder_meets_a_round_skin_though_facets_are_flat():
+    test = pressed(8.0)
+    domain = test.system.skin.domain
+    met = at_skin(test.system, domain.relative_position) + test.touch
+    off = RADIUS - np.hypot(met[:, 0], met[:, 1])
+    flat = at_skin(test.system, domain.position)
+    off_facets = RADIUS - np.hypot(flat[:, 0], flat[:, 1])
+    # A parabola over an arc of 8 to 12 mm, the chord of which lies 0.2 to 0.45 mm below.
+    assert off_facets.max() > 0.2
+    assert np.abs(off).max() < 0.02 * off_facets.max()
+
+
 def test_a_cylinder_beyond_what_was_scanned_is_refused():
     with pytest.raises(InputError, match="leaves the leg"):
         LegIndentation3D(round_leg(60.0), CYLINDER, Pose((0, 0), 50.0, 0.0), TISSUES)
@@ -56,10 +69,11 @@ def test_a_cylinder_beyond_what_was_scanned_is_refused():
 def test_a_round_leg_is_the_idealised_leg_s_by_other_elements():
     """Tetrahedra of Taylor and Hood against hexahedra, once some elements touch."""
     at = np.array([3.0, 4.0, 5.0, 6.0])
-    found = pressed(4.5, mesh=COARSE.refined(1.4)).solve(depth=6.0)
+    found = pressed(3.5, mesh=COARSE.refined(0.85)).solve(depth=6.0)
     assert found.report.complete
     leg = IdealisedLeg(RADIUS, BONE, 60.0, fat=FAT, ends="held")
-    mesh = LegMeshSettings(contact_size=3, depth_size=5, edge_size=3, growth=0.4, far_size=15)
+    # Its skin is made of flat facets: these are so small that the cylinder doesn't feel it.
+    mesh = LegMeshSettings(contact_size=1, depth_size=5, edge_size=2, growth=0.4, far_size=15)
     other = IdealisedLegIndentation(
         leg, CYLINDER, TISSUES, 3, replace(IdealisedLegSettings(), mesh=mesh)
     ).solve(depth=6.0)

@@ -1,0 +1,124 @@
+"""``python -m studies.leg3d.meshes``: the force on a leg in 3D by meshes of several sizes."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from legfem.common.command_edge import command_edge
+from legfem.common.errors import InputError
+from legfem.common.markdown import markdown_table
+from legfem.common.units import kpa_to_mpa
+from legfem.experiments.indentation_3d import IdealisedLegIndentation, IdealisedLegSettings
+from legfem.experiments.leg_3d import LegIndentation3D, Pose, SolidLegSettings
+from legfem.experiments.pressing import PressingTest
+from legfem.geometry.leg_shape import HULL, SKIN, LegShape
+from legfem.identify.catalogue import DEEP_C10
+from legfem.mechanics.materials import Hyperelastic
+from legfem.meshing.idealised_leg import LegMeshSettings
+from legfem.subjects.loading import load_subject
+from legfem.subjects.spatial import spatial_leg
+from studies.leg3d.planted import CYLINDER, LEG, Planted
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+SHOWN = np.array([1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 15.0, 20.0, 25.0, 30.0])
+"""mm."""
+
+
+def round_leg() -> LegIndentation3D:
+    """Return the study's small leg, round, without its fascia and fibula."""
+    angle = np.linspace(0, 2 * np.pi, 96, endpoint=False)
+    ring = np.column_stack([np.cos(angle), np.sin(angle)])
+    levels = np.linspace(-LEG.length / 2, LEG.length / 2, 9)
+    radii = {SKIN: LEG.radius, HULL: LEG.radius - LEG.fat, "tibia": LEG.bone_radius}
+    shape = LegShape(levels, {p: np.tile(r * ring, (len(levels), 1, 1)) for p, r in radii.items()})
+    return LegIndentation3D(shape, CYLINDER, Pose((0.0, 0.0), 0.0, 90.0), _tissues(), 0.0)
+
+
+def hexahedra() -> IdealisedLegIndentation:
+    """Return the same leg by hexahedra, so fine around the leg that flat facets don't matter."""
+    leg = replace(LEG, fascia=0.0)
+    mesh = LegMeshSettings(contact_size=1, depth_size=5, edge_size=2, growth=0.4, far_size=15)
+    settings = replace(IdealisedLegSettings(), mesh=mesh)
+    return IdealisedLegIndentation(leg, CYLINDER, _tissues(), 3, settings)
+
+
+def _tissues() -> dict[str, Hyperelastic]:
+    laws = Planted().tissues
+    return {region: laws[region] for region in ("deep", "superficial")}
+
+
+def refined(test: LegIndentation3D, finer: float, contact: float) -> LegIndentation3D:
+    """Return a test with all edges shorter by a factor, but those under the cylinder as given."""
+    mesh = test.settings.mesh.refined(finer)
+    return replace(test, settings=replace(test.settings, mesh=mesh, contact_size=contact))
+
+
+def row(name: str, test: PressingTest, c10: float, depth: float) -> list[str]:
+    """Return what a solution of a test took, how it balances, and its forces."""
+    _ = test.pressing
+    started = time.process_time()
+    solved = test.solve({DEEP_C10: kpa_to_mpa(c10)}, depth)
+    seconds = time.process_time() - started
+    report, balance = solved.report, test.system.balance()
+    # The planes that the ends stay in, and mirror planes, take forces too.
+    whole = isinstance(test, LegIndentation3D)
+    across = np.abs(balance.contact_force + balance.bone_reaction)[:2].max()
+    off = across / np.abs(balance.contact_force).max()
+    forces = [f"{solved.curve(d):.4f}" if d <= report.reached else "" for d in _shown(depth)]
+    return [
+        name, f"{report.unknowns:,}", f"{report.reached:.4g}", f"{len(report.steps)}",
+        f"{report.factorisations}", f"{seconds:.0f}", f"{off:.0e}" if whole else "", *forces,
+    ]  # fmt: skip
+
+
+def _shown(depth: float) -> list[float]:
+    return [float(d) for d in SHOWN if d <= depth]
+
+
+@app.command()
+def meshes(
+    subject: Annotated[
+        Path | None, typer.Option(help="Folder of a subject; a small round leg by default.")
+    ] = None,
+    finer: Annotated[
+        list[float] | None, typer.Option(help="Divides the default sizes; may be given again.")
+    ] = None,
+    contact: Annotated[
+        list[float] | None,
+        typer.Option(help="Of elements under the cylinder (mm); may be given again."),
+    ] = None,
+    c10: Annotated[float, typer.Option(min=0.01, help="Of the deep tissue, kPa.")] = 1.0,
+    depth: Annotated[float, typer.Option(min=1.0, help="mm.")] = 6.0,
+) -> None:
+    """Press a leg in 3D by meshes of several sizes; the round one by hexahedra, too. Simulated.
+
+    Example: python -m studies.leg3d.meshes --subject DIR --contact 8 --contact 6 --depth 10
+    """
+    with command_edge():
+        factors, sizes = finer or [1.0], contact or [SolidLegSettings().contact_size]
+        if min(*factors, *sizes) <= 0:
+            raise InputError("meshes", "sizes", "one is not positive", "give 1, 6 mm or so")
+        test = round_leg()
+        if subject is not None:
+            given = load_subject(subject, need_recordings=False, need_instrument=False)
+            test = LegIndentation3D.of_subject(given, spatial_leg(given))
+        rows = [
+            row(f"{size:g} mm, finer by {factor:g}", refined(test, factor, size), c10, depth)
+            for factor in factors
+            for size in sizes
+        ]
+        if subject is None:
+            rows.append(row("hexahedra", hexahedra(), c10, depth))
+        header = ["elements", "unknowns", "mm reached", "steps", "factorisations", "processor s"]
+        header += ["imbalance", *(f"N at {d:g} mm" for d in _shown(depth))]
+        typer.echo(markdown_table(header, rows))
+
+
+if __name__ == "__main__":
+    app(prog_name="python -m studies.leg3d.meshes")
