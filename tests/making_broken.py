@@ -86,6 +86,41 @@ def copy_moved_in_time_and_scaled(folder: Path) -> None:
     table.to_csv(folder / "recordings" / "z.csv", index=False)
 
 
+def _each(change_of: Callable[[pd.DataFrame], pd.DataFrame]) -> Change:
+    def change(folder: Path) -> None:
+        for path in trials(folder):
+            change_of(pd.read_csv(path)).to_csv(path, index=False)
+
+    return change
+
+
+def counted(table: pd.DataFrame) -> pd.DataFrame:
+    return table.assign(time_s=np.arange(len(table)))
+
+
+def cut_off(table: pd.DataFrame) -> pd.DataFrame:
+    return table.assign(force_N=table["force_N"].clip(upper=0.4 * table["force_N"].max()))
+
+
+def copy_thinned(folder: Path) -> None:
+    pd.read_csv(trials(folder)[0])[::2].to_csv(folder / "recordings" / "z.csv", index=False)
+
+
+def copy_resampled(folder: Path) -> None:
+    table = pd.read_csv(trials(folder)[0])
+    time = np.linspace(table["time_s"].min(), table["time_s"].max(), len(table) + 37)
+    others = {
+        name: np.interp(time, table["time_s"], table[name])
+        for name in ("displacement_mm", "force_N")
+    }
+    copy = pd.DataFrame({"time_s": time, **others})
+    copy.to_csv(folder / "recordings" / "z.csv", index=False)
+
+
+def copy_of_another_kind(folder: Path) -> None:
+    shutil.copy(trials(folder)[0], folder / "recordings" / "trial 4.txt")
+
+
 def one_trial_times(factor: float) -> Change:
     def change(folder: Path) -> None:
         table = pd.read_csv(trials(folder)[1])
@@ -120,6 +155,15 @@ SILENTLY_WRONG: dict[str, tuple[Change, str]] = {
     "displacement in cm": (columns(displacement_mm=0.1), "displacement_mm"),
     "displacement in micrometres": (columns(displacement_mm=1e3), "displacement_mm"),
     "time in ms": (columns(time_s=1e3), "time_s"),
+    "time in minutes": (columns(time_s=1 / 60), "time_s"),
+    "time is the sample's number": (_each(counted), "time_s"),
+    "force cut off": (_each(cut_off), "force_N"),
+    "displacement from another zero": (
+        _each(lambda table: table.assign(displacement_mm=table["displacement_mm"] + 100.0)),
+        "displacement_mm"),
+    "a file that isn't read": (copy_of_another_kind, "recordings"),
+    "a trial copied and thinned": (copy_thinned, "force_N"),
+    "a trial copied and resampled": (copy_resampled, "force_N"),
     "length in cm": (replaced("length_mm = 50.0", "length_mm = 5.0"), "indenter.length_mm"),
     "radius for diameter": (replaced("r_mm = 30.0", "r_mm = 15.0"), "indenter.diameter_mm"),
     "diameter for radius": (replaced("r_mm = 30.0", "r_mm = 60.0"), "indenter.diameter_mm"),

@@ -51,7 +51,8 @@ from legfem.report.web.section import Film, PressedSection, pressed_section
 from legfem.report.web.specimen import specimen_web_page
 from legfem.report.web.stocking import stocking_web_page
 from legfem.solve.force_curve import ForceCurve
-from legfem.specimens.folder import LeftOut, load_specimen
+from legfem.specimens.folder import load_specimen
+from legfem.specimens.recorded import LeftOut
 from legfem.specimens.result import ComparedRecording, SpecimenResult
 from legfem.stocking.accuracy import ContourAccuracy
 from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking

@@ -76,7 +76,8 @@ def crept(
 
 def record(folder: Path, name: str, time: np.ndarray, d: np.ndarray, force: np.ndarray) -> None:
     """Write a recording with 2 mN of noise."""
-    noise = np.random.default_rng(len(name)).normal(0.0, 2e-3, len(force))
+    drawn = np.random.default_rng([*name.encode(), round(1e3 * float(np.ptp(force)))])
+    noise = drawn.normal(0.0, 2e-3, len(force))
     (folder / "recordings").mkdir(parents=True, exist_ok=True)
     write_recording(Recording(time, d, force + noise, name), folder / "recordings" / f"{name}.csv")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from making import SHARED
 from making_broken import SILENTLY_WRONG, broken_at_random, copied, told
 from mpi4py import MPI
 
+from legfem.common.errors import InputError
 from legfem.jobs.checkpoint import Checkpoint
 from legfem.jobs.store import Store
 from legfem.subjects.loading import SUBJECTS, load_subject
@@ -58,6 +60,15 @@ def test_what_is_confirmed_is_not_doubted(tmp_path):
     assert told(folder) == ["indenter.diameter_mm"]
     toml.write_text('confirmed = ["indenter.diameter_mm"]\n' + toml.read_text())
     assert told(folder) == []
+
+
+@pytest.mark.parametrize("file", ["subject.toml", "contours.csv", "recordings/trial1.csv"])
+def test_what_never_ends_is_not_read(tmp_path, file):
+    folder = copied("3", tmp_path / "leg")
+    (folder / file).unlink()
+    os.mkfifo(folder / file)
+    with pytest.raises(InputError, match=r"is a pipe|there is no file|not found"):
+        load_subject(folder)
 
 
 def broken(tmp_path: Path, seeds: range) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from legfem.common.errors import InputError
+from legfem.common.text_file import text_of
 
 _DECIMAL_COMMA = re.compile(r"^\s*[+-]?\d+,\d+\s*$")
 
@@ -75,13 +76,7 @@ def read_table(
 
 
 def _lines(path: Path) -> list[str]:
-    try:
-        content = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise InputError(path, "file", "not found", "check the path") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(path, "file", f"can't be read ({error})", "save it as CSV text") from None
-    lines = content.splitlines()
+    lines = text_of(path, "check the path", "save it as CSV text").splitlines()
     if not lines or not lines[0].strip():
         raise InputError(
             path,

@@ -11,12 +11,13 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from legfem.common.errors import InputError
+from legfem.common.text_file import text_of
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Text = Annotated[str, Field(min_length=1)]
-PlainName = Annotated[str, Field(pattern=r"^\w[\w. -]*$")]
+PlainName = Annotated[str, Field(pattern=r"^\w[\w. -]*$", max_length=100)]
 """Of a file or folder too: results are written under it, and must not leave their folder."""
 
 
@@ -60,11 +61,7 @@ def read_toml(path: Path, holder: str) -> dict[str, Any]:
         For a missing file, and TOML that can't be parsed.
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except FileNotFoundError:
-        raise InputError(path, "file", "not found", f"{holder} holds {path.name}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(path, "file", f"can't be read ({error})", "save it as UTF-8") from None
+        return tomllib.loads(text_of(path, f"{holder} holds {path.name}", "save it as UTF-8"))
     except tomllib.TOMLDecodeError as error:
         raise InputError(
             path, "TOML", str(error), "correct the syntax (texts in quotes, decimals with points)"

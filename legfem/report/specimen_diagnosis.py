@@ -17,7 +17,8 @@ from legfem.report.in_place import REPORT, made_in_place
 from legfem.report.lines import bullets, fill
 from legfem.report.text import ORIGINS
 from legfem.specimens.diagnosis import DiagnosedSpecimen
-from legfem.specimens.folder import LeftOut, SpecimenFolder
+from legfem.specimens.folder import SpecimenFolder
+from legfem.specimens.recorded import LeftOut
 
 DOCUMENT = "diagnosis.json"
 SCHEMA = 1

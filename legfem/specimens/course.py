@@ -22,6 +22,8 @@ _GROWTH = 0.15
 _LEAST_SAMPLES = 10
 _LEAST_SEEN = 5.0
 _BACK = 0.02
+_LEAST_RISE = 0.2
+"""Of all motion: with less what was recorded goes the other way."""
 _LEFT = 0.03
 """Of the greatest force: with less what presses may part from the specimen."""
 # Of the greatest force, where no instrument is stated.
@@ -148,6 +150,7 @@ def course_of(
     recording = calmed(given)
     calm = recording.displacement
     noise = sample_noise(given.displacement)
+    _check_motion(calm, starts_at_contact, source)
     start, arrived, end = _loaded_and_held(calm, noise)
     loading = _part(recording, slice(start, arrived + 1))
     _check(loading, source)
@@ -215,6 +218,21 @@ def _parted(recording: Recording, end: int) -> int:
     force = recording.force - recording.force[:end].min()
     left = force[end:] < _LEFT * force[:end].max()
     return end + int(np.argmax(left)) if left.any() else len(force)
+
+
+def _check_motion(calm: FloatArray, starts_at_contact: bool, source: object) -> None:
+    begun, rise = float(calm[0]), float(calm.max() - calm[0])
+    if rise < _LEAST_RISE * float(np.ptp(calm)):
+        raise InputError(
+            f"{source}", "displacement_mm", f"falls by {np.ptp(calm):.3g} mm, and never grows",
+            "change its sign: displacement and force are positive in the test's direction",
+        )  # fmt: skip
+    if starts_at_contact and abs(begun) > rise:
+        raise InputError(
+            f"{source}", "displacement_mm", f"starts at {begun:.4g} mm, and goes on by {rise:.3g} "
+            "mm, where starts_at_contact says that it counts from first touch",
+            "subtract where it touches, or leave starts_at_contact out",
+        )  # fmt: skip
 
 
 def _check(loading: Recording, source: object) -> None:

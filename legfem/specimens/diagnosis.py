@@ -9,8 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from legfem.common.doubts import doubt_lines
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress
+from legfem.common.units import kpa_to_mpa
 from legfem.diagnose.diagnosis import Diagnosis, diagnose
 from legfem.diagnose.library_build import build_library, middle_of, shown_mechanisms
 from legfem.diagnose.nuisances import Accuracy
@@ -20,8 +22,9 @@ from legfem.diagnose.solved import PLAIN, SolvedResponses
 from legfem.jobs.fingerprint import code_fingerprint
 from legfem.recording import Instrument
 from legfem.specimens.course import calmed
-from legfem.specimens.folder import FILE, LeftOut, SpecimenFolder, SpecimenRecording
+from legfem.specimens.folder import FILE, SpecimenFolder, stiffness_doubts
 from legfem.specimens.mechanisms import Scale, mechanisms_of
+from legfem.specimens.recorded import LeftOut, SpecimenRecording
 from legfem.specimens.sizes import Sizes
 from legfem.specimens.tissues import SpecimenTissue
 from legfem.specimens.variants import SpecimenVariants
@@ -148,6 +151,9 @@ def _diagnosed(
         solved, solved, observed, able, None, jobs, progress, stiffening, middle, _STIFFENINGS
     )
     library = replace(library, missing={**unable, **library.missing}, reach=_REACH)
+    stiff = stiffness_doubts(folder, kpa_to_mpa(middle))
+    doubts = (*folder.doubts, *(one for one in stiff if one.field not in folder.confirmed))
+    observed = replace(observed, remarks=(*doubt_lines(doubts), *observed.remarks))
     accuracy = Accuracy() if folder.origin == "measured" else _DRAWN
     diagnosis = diagnose(
         observed, _instrument(folder, used), folder.base_law, library, solved, progress, accuracy,

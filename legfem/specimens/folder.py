@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from legfem.common.doubts import Doubt
 from legfem.common.errors import InputError
-from legfem.recording import Instrument, Recording
+from legfem.common.units import kpa_to_mpa
+from legfem.recording import Instrument
+from legfem.recording.copies import refuse_copies
 from legfem.recording.formats import READERS
 from legfem.recording.reader import read_samples
-from legfem.specimens.course import Course, course_of
+from legfem.specimens.course import course_of
+from legfem.specimens.plausibility import (
+    doubts_about_course,
+    doubts_about_shape,
+    doubts_about_sizes,
+    doubts_about_stiffness,
+)
+from legfem.specimens.recorded import LeftOut, SpecimenRecording
 from legfem.specimens.schema import (
     BaseLaw,
     SpecimenEntry,
@@ -24,28 +34,6 @@ from legfem.specimens.tissues import SpecimenTissue, tissues_of
 from legfem.subjects.subject import Origin
 
 FILE = "specimen.toml"
-
-
-@dataclass(frozen=True, eq=False)
-class SpecimenRecording:
-    """One recording of one specimen."""
-
-    name: str
-    """Of the file, with its folder where that tells it from others."""
-    specimen: str
-    sizes: Sizes
-    """Of the specimen and what presses it."""
-    course: Course
-    recording: Recording
-    """All of it, returns too."""
-
-
-@dataclass(frozen=True)
-class LeftOut:
-    """A recording that can't be used."""
-
-    name: str
-    reason: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +60,9 @@ class SpecimenFolder:
     tissues: tuple[SpecimenTissue, ...] = (SpecimenTissue(),)
     """One, or layers from the base up."""
     doubts: tuple[Doubt, ...] = ()
-    """What of the recordings can be, but is unlikely."""
+    """What can be, but is unlikely."""
+    confirmed: tuple[str, ...] = ()
+    """Fields whose unusual values are right."""
 
     @property
     def equally_stiff(self) -> bool:
@@ -127,12 +117,15 @@ def load_specimen(directory: Path) -> SpecimenFolder:
         raise InputError(directory, "specimen folder", "not found", f"give one that holds {FILE}")
     given = parse_specimen_file(toml)
     named = _named(directory, toml, given)
+    doubts = _doubts_about_bodies(toml, given)
     sizes = {entry: _sizes(toml, given, entry) for entry in {entry for _, entry, _ in named}}
+    doubts += [doubt for body in sizes.values() for doubt in doubts_about_shape(toml, body)]
     stated = given.instrument
     errors = None if stated is None else Instrument(stated.force_sd(), stated.displacement_sd())
     # A cup lies on the skin before it draws.
     at_contact = given.recordings.starts_at_contact or given.suction is not None
-    used, left, doubts = list[SpecimenRecording](), list[LeftOut](), list[Doubt]()
+    doubts += _unread(directory, [path for _, _, path in named])
+    used, left = list[SpecimenRecording](), list[LeftOut]()
     for name, entry, path in named:
         try:
             opening = opening_of(sizes[entry])
@@ -140,6 +133,9 @@ def load_specimen(directory: Path) -> SpecimenFolder:
             if opening is not None:
                 doubts += suction_doubts(samples, opening)
             course = course_of(samples, errors, at_contact, given.tissue.returns)
+            source = str(samples.source or samples.trial)
+            doubts += doubts_about_course(source, course, sizes[entry])
+            refuse_copies(samples, [one.recording for one in used])
         except InputError as error:
             left.append(LeftOut(name, str(error)))
         else:
@@ -156,8 +152,44 @@ def load_specimen(directory: Path) -> SpecimenFolder:
         given.id, given.title, given.origin, tuple(used), tuple(left),
         any(one.course.holds for one in used) if relaxes is None else relaxes,
         directory, errors, at_contact, given.tissue.one_stiffness, given.tissue.returns,
-        given.tissue.law, tissues_of(given), tuple(doubts),
+        given.tissue.law, tissues_of(given),
+        tuple(doubt for doubt in dict.fromkeys(doubts) if doubt.field not in given.confirmed),
+        tuple(given.confirmed),
     )  # fmt: skip
+
+
+def stiffness_doubts(folder: SpecimenFolder, c10: float) -> list[Doubt]:
+    """Return what is unlikely in how stiff (C10, MPa) a folder's recordings are."""
+    names = [folder.id, folder.title]
+    if len(folder.tissues) > 1:
+        names = [one.name for one in folder.tissues if "C10" not in one.stated]
+    field = "force_N" if opening_of(folder.recordings[0].sizes) is None else "pressure"
+    return list(doubts_about_stiffness(folder.directory / "recordings", c10, names, field))
+
+
+def _doubts_about_bodies(toml: Path, given: SpecimenFile) -> list[Doubt]:
+    name = next(name for name in given.alternatives if getattr(given, name) is given.test)
+    bodies = [(name, given.test), *((f"specimen {one.name}", one) for one in given.specimen)]
+    found = [doubt for table, body in bodies for doubt in doubts_about_sizes(toml, table, body)]
+    for layer in given.layers:
+        if layer.C10_kPa is not None:
+            c10, field = kpa_to_mpa(layer.C10_kPa), f"layers.{layer.name}.C10_kPa"
+            found += doubts_about_stiffness(toml, c10, [layer.name], field)
+    return found
+
+
+def _unread(directory: Path, read: Sequence[Path]) -> list[Doubt]:
+    there = (directory / "recordings").glob("*")
+    others = [f.name for f in sorted(there) if f.suffix.lower() in READERS and f not in read]
+    if not others:
+        return []
+    return [
+        Doubt(
+            str(directory / "recordings"), "recordings", f"{', '.join(others[:5])} are not read",
+            "name them with a specimen, remove them, or give [recordings] from "
+            "`python -m legfem.data look --specimens`",
+        )
+    ]  # fmt: skip
 
 
 def _named(directory: Path, toml: Path, given: SpecimenFile) -> list[tuple[str, int | None, Path]]:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import chi2
 
+from legfem.common.doubts import Doubt
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, Silent
 from legfem.identify.assess import versions
@@ -26,11 +27,13 @@ from legfem.identify.warnings import LEAST_CHANCE
 from legfem.inference.constants import quantile
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
-from legfem.specimens.folder import LeftOut, SpecimenFolder, SpecimenRecording
+from legfem.specimens.folder import SpecimenFolder, stiffness_doubts
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import Asked, identified_law
 from legfem.specimens.misfit import SHAPE_SD_OF_LAYERS, Part, SpecimenMisfit
 from legfem.specimens.own_stiffness import OwnStiffness
+from legfem.specimens.plausibility import doubts_about_differing
+from legfem.specimens.recorded import LeftOut, SpecimenRecording
 from legfem.specimens.result import ComparedRecording, SpecimenResult
 from legfem.specimens.sizes import Sizes
 from legfem.specimens.tissues import REFERENCE_MPA, begin_at
@@ -52,6 +55,8 @@ class Prepared:
     depths: tuple[float, ...]
     c10: float
     """MPa: the middle of what each recording asks for by itself, neo-Hookean."""
+    doubts: tuple[Doubt, ...]
+    """About recordings beside others."""
 
 
 def identify_specimen(
@@ -158,14 +163,15 @@ def prepare(
         sizes: max(one.course.depth for one in used if one.sizes == sizes)
         for sizes in dict.fromkeys(one.sizes for one in used)
     }
-    stiffness = []
+    stiffness = dict[SpecimenRecording, float]()
     for one in fitted:
         course = one.course
         unit = outcomes[one.sizes].curve(course.displacement)
-        stiffness.append(usual * float(course.force @ unit / (unit @ unit)))
+        stiffness[one] = usual * float(course.force @ unit / (unit @ unit))
     return Prepared(
         tuple(used), tuple(left), tuple(notes), tuple(depths), tuple(depths.values()),
-        max(float(np.median(stiffness)), 1e-9),
+        max(float(np.median(list(stiffness.values()))), 1e-9),
+        tuple(doubts_about_differing(stiffness)),
     )  # fmt: skip
 
 
@@ -340,7 +346,12 @@ def _warnings(
     notes: Sequence[str],
 ) -> tuple[str, ...]:
     """Return a sentence a warning, the gravest first."""
-    texts = [f"DOUBTFUL INPUT: {doubt}" for doubt in folder.doubts]
+    doubted = [
+        one
+        for one in (*prepared.doubts, *stiffness_doubts(folder, prepared.c10))
+        if one.field not in folder.confirmed
+    ]
+    texts = [f"DOUBTFUL INPUT: {doubt}" for doubt in (*folder.doubts, *doubted)]
     if not search.converged:
         texts.append("The search ended before it converged: rerun with another --seed.")
     texts += [

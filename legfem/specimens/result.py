@@ -10,7 +10,8 @@ import numpy as np
 from legfem.common.units import FloatArray
 from legfem.identify.result import IdentifiedParameters
 from legfem.specimens.course import Course
-from legfem.specimens.folder import LeftOut, SpecimenFolder
+from legfem.specimens.folder import SpecimenFolder
+from legfem.specimens.recorded import LeftOut
 
 
 @dataclass(frozen=True, eq=False)

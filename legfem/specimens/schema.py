@@ -169,6 +169,8 @@ class SpecimenFile(FileTable):
     tissue: TissueEntry = TissueEntry()
     instrument: InstrumentEntry | None = None
     recordings: RecordingsEntry = RecordingsEntry()
+    confirmed: list[Text] = Field(default_factory=list)
+    """Fields whose unusual values are right: they aren't doubted."""
 
     @model_validator(mode="after")
     def _one_test(self) -> SpecimenFile:

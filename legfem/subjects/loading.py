@@ -168,7 +168,7 @@ def _instrument(
 
 def _recordings(folder: Path, channels: Channels | None) -> tuple[Recording, ...]:
     there = sorted(f for f in folder.glob("*") if f.suffix.lower() in READERS)
-    files = there if channels is not None else [f for f in there if f.suffix == ".csv"]
+    files = there if channels is not None else [f for f in there if f.suffix.lower() == ".csv"]
     if not files:
         raise InputError(
             folder,
@@ -178,14 +178,14 @@ def _recordings(folder: Path, channels: Channels | None) -> tuple[Recording, ...
             if there
             else "put one CSV file a trial there: time_s,displacement_mm,force_N",
         )
-    if channels is None:
-        return tuple(read_recording(file) for file in files)
     stems = [file.stem for file in files]
     twice = next((stem for stem in stems if stems.count(stem) > 1), None)
     if twice is not None:
         raise InputError(
             folder, twice, "two files have this name", "keep one file a trial, of one format"
         )
+    if channels is None:
+        return tuple(read_recording(file) for file in files)
     return tuple(read_instrument_file(file, channels) for file in files)
 
 

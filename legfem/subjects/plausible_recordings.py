@@ -9,12 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import spearmanr
 
 from legfem.common.doubts import Doubt
 from legfem.common.units import FloatArray
 from legfem.recording import Recording
 from legfem.recording.contact import contact_at_start, find_first_contact
+from legfem.recording.copies import refuse_copies
+from legfem.recording.formats import READERS
+from legfem.recording.oddities import counts_samples, cut_off
+from legfem.recording.reader import MINIMAL_DEPTH_MM
 from legfem.recording.smoothing import sample_noise, smooth_displacement
 from legfem.subjects import ranges
 from legfem.subjects.expected_force import force_range
@@ -28,9 +31,8 @@ _ALIKE = 1.5
 """Ratio of repeats' forces that is still a repeat's: a first loading is up to 1.2 of a later."""
 _APART = 4.0
 _LIKE_SPEED = 2.0
-_SAME_NOISE = 0.95
-_LEAST_NOISE_N = 5e-4
-"""Below it noise may be no more than rounding, which copies and repeats share."""
+_CUT_OFF = 0.1
+"""Of the depth: a force that doesn't rise any more."""
 _NOISE_FACTOR = 5.0
 _QUIET, _SOFT = 0.15, 3.0
 """Noise so far below what is stated is a sign of another unit where the leg is soft, too."""
@@ -109,7 +111,11 @@ def doubts_about_recordings(subject: Subject, toml: Path, room: float) -> Iterat
         )
     if not subject.recordings:
         return
-    _refuse_copies(subject.recordings)
+    for k, recording in enumerate(subject.recordings):
+        refuse_copies(recording, subject.recordings[:k])
+    yield from _unread(subject)
+    for recording in subject.recordings:
+        _refuse_far_start(recording, subject.starts_at_contact)
     loadings = [loading_of(r, subject.starts_at_contact) for r in subject.recordings]
     for loading in loadings:
         yield from _motion(loading, room)
@@ -119,26 +125,48 @@ def doubts_about_recordings(subject: Subject, toml: Path, room: float) -> Iterat
         yield from _noise(subject, toml)
 
 
-def _refuse_copies(recordings: Sequence[Recording]) -> None:
-    for one, other in combinations(recordings, 2):
-        n = min(len(one), len(other))
-        a, b = one.force[:n], other.force[:n]
-        copied = len(one) == len(other) and np.array_equal(a, b)
-        if min(sample_noise(a), sample_noise(b)) > _LEAST_NOISE_N:
-            # By ranks: one jump that both trials share is no noise.
-            copied |= spearmanr(np.diff(a, 2), np.diff(b, 2)).statistic > _SAME_NOISE
-        if copied:
-            raise Doubt(
-                str(other.source or other.trial), "force_N",
-                f"is a copy of {one.trial}: the two have the same noise, which no repeat has",
-                "remove one of them; a copy makes the result look surer than it is",
-            ).error()  # fmt: skip
+def _refuse_far_start(recording: Recording, starts_at_contact: bool) -> None:
+    start = float(recording.displacement[0])
+    if starts_at_contact and abs(start) > MINIMAL_DEPTH_MM:
+        raise Doubt(
+            str(recording.source or recording.trial), "displacement_mm",
+            f"starts at {start:.4g} mm, where starts_at_contact says that it counts from first "
+            "touch", "subtract where it touches, or set starts_at_contact = false",
+        ).error()  # fmt: skip
+
+
+def _unread(subject: Subject) -> Iterator[Doubt]:
+    read = {one.source for one in subject.recordings}
+    folders = {path.parent for path in read if path is not None}
+    others = sorted(
+        file.name
+        for folder in folders
+        for file in folder.iterdir()
+        if file.suffix.lower() in READERS and file not in read
+    )
+    if others:
+        yield Doubt(
+            str(next(iter(folders))), "recordings", f"{', '.join(others[:5])} are not read",
+            "remove them, or give [recordings] from `python -m legfem.data look`",
+        )  # fmt: skip
 
 
 def _motion(loading: Loading, room: float) -> Iterator[Doubt]:
     yield from ranges.SPEED.doubts(
-        loading.source, "time_s", loading.speed, "check that time is in s"
+        loading.source, "time_s", loading.speed, "check that time is in s (not min or ms)"
     )
+    if counts_samples(loading.recording.time[: len(loading.force)]):
+        yield Doubt(
+            loading.source, "time_s", "goes up by exactly 1 from row to row, as a count of samples",
+            "divide it by the sampling rate in Hz, or confirm that there was one a second",
+        )  # fmt: skip
+    way = cut_off(loading.displacement, loading.force)
+    if way > _CUT_OFF * loading.depth:
+        yield Doubt(
+            loading.source, "force_N", f"stays at exactly {loading.force.max():.4g} N for "
+            f"{way:.3g} mm of loading, as a load cell at its limit does",
+            "use a cell of a larger range, or remove what lies beyond",
+        )  # fmt: skip
     if loading.depth <= _LITTLE_ROOM * room:
         return
     found = Doubt(

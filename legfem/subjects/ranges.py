@@ -67,8 +67,8 @@ D1 = PhysicalRange(
     "bulk modulus 2 / D1 of 20 kPa to water's", {"1/GPa": 1e-3, "1/Pa": 1e6, "1/kPa": 1e3},
 )  # fmt: skip
 SPEED = PhysicalRange(
-    "a speed of loading", "mm/s", (0.01, 100.0), (1e-6, 5000.0), f"0.4 mm/s: {PAPER}",
-    {"the inverse of ms (time in ms)": 1e3},
+    "a speed of loading", "mm/s", (0.01, 20.0), (1e-6, 5000.0),
+    f"0.4 mm/s: {PAPER}; by hand some 10 mm/s",
 )  # fmt: skip
 FORCE_SD = PhysicalRange(
     "an error of the force", "N", (1e-5, 3.0), (1e-8, 100.0), "data sheets of load cells"

@@ -1,0 +1,152 @@
+"""What of specimens can't be (an error) or is unlikely (a doubt): units, sizes, stiffness."""
+
+from __future__ import annotations
+
+import math
+import re
+import statistics
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from legfem.common.doubts import Doubt, PhysicalRange
+from legfem.common.units import mpa_to_kpa
+from legfem.experiments.axisymmetric import CylinderBetweenPlates
+from legfem.experiments.uniaxial import Bar
+from legfem.recording.oddities import counts_samples, cut_off
+from legfem.specimens import ranges
+from legfem.specimens.course import Course
+from legfem.specimens.recorded import SpecimenRecording
+from legfem.specimens.schema import SpecimenEntry, TestEntry
+from legfem.specimens.sizes import LayeredTest, Sizes, opening_of
+
+_APART = 5.0
+"""Of recordings of one specimen: rates a thousand times apart change tissues by less."""
+_THREE = 3
+"""Recordings at least, for the middle to tell which of them is off."""
+_CUT_OFF = 0.1
+"""Of the depth: a force that doesn't rise any more."""
+_UNITS: Mapping[str, Mapping[str, float]] = {
+    "pressure": {"mbar": 0.1, "mmHg": 0.1333, "psi": 6.895, "Pa": 1e-3},
+    "force_N": {"kgf": 9.80665, "gf": 9.80665e-3, "mN": 1e-3, "kN": 1e3},
+}
+"""Units that are taken for the right one by column, and by what they change a stiffness."""
+
+
+def doubts_about_sizes(toml: Path, table: str, entry: TestEntry | SpecimenEntry) -> Iterator[Doubt]:
+    """Yield what is unlikely in the sizes that a table of ``specimen.toml`` gives.
+
+    Raises
+    ------
+    InputError
+        For what no lab has.
+    """
+    for key, usual in ranges.SIZES.items():
+        value = getattr(entry, key, None)
+        if value is not None:
+            yield from usual.doubts(toml, f"{table}.{key}", value)
+
+
+def doubts_about_shape(toml: Path, sizes: Sizes) -> Iterator[Doubt]:
+    """Yield a doubt about a specimen so slender that it would buckle."""
+    match sizes:
+        case Bar(pulled="compression"):
+            slender, key = sizes.length / math.sqrt(sizes.area), "area_mm2"
+        case CylinderBetweenPlates():
+            slender, key = sizes.height / (2 * sizes.radius), "diameter_mm"
+        case _:
+            return
+    yield from ranges.SLENDER.doubts(toml, key, slender, "check that sizes are in mm and mm²")
+
+
+def doubts_about_course(source: str, course: Course, sizes: Sizes) -> Iterator[Doubt]:
+    """Yield what is unlikely in a recording.
+
+    Raises
+    ------
+    InputError
+        For a depth beyond the specimen, and a speed that no machine has.
+    """
+    whole = sizes.whole if isinstance(sizes, LayeredTest) else sizes
+    if opening_of(sizes) is None:
+        pressed = not isinstance(whole, Bar) or whole.pulled == "compression"
+        share = course.depth / _along(whole)
+        yield from ranges.SHARE[pressed].doubts(
+            source, "displacement_mm", share,
+            f"check that {course.depth:.3g} mm are right, and the specimen's sizes",
+        )  # fmt: skip
+    yield from ranges.SPEED.doubts(
+        source, "time_s", course.rate, "check that time is in s (not min or ms)"
+    )
+    loading = course.samples.time <= course.arrival
+    time, force = course.samples.time[loading], course.samples.force[loading]
+    if counts_samples(time):
+        yield Doubt(
+            source, "time_s", "goes up by exactly 1 from row to row, as a count of samples",
+            "divide it by the sampling rate in Hz",
+        )  # fmt: skip
+    if cut_off(course.samples.displacement[loading], force) > _CUT_OFF * course.depth:
+        yield Doubt(
+            source, "force_N",
+            f"stays at exactly {force.max():.4g} N while the drive goes on, as a load cell at its "
+            "limit does", "use a cell of a larger range, or remove what lies beyond",
+        )  # fmt: skip
+
+
+def doubts_about_stiffness(
+    source: Path, c10: float, names: Sequence[str], field: str
+) -> Iterator[Doubt]:
+    """Yield a doubt about a stiffness that is stated, or that recordings ask for.
+
+    Parameters
+    ----------
+    source
+        File, or folder of recordings.
+    c10
+        MPa.
+    names
+        What the tissue and its folder are called: a muscle is compared with muscles.
+    field
+        ``force_N``, ``pressure``, or where it is stated.
+    """
+    found, usual = mpa_to_kpa(c10), _range_of(names)
+    low, high = usual.usual
+    units = [unit for unit, by in _UNITS.get(field, {}).items() if low <= by * found <= high]
+    first = f"if it is in {' or '.join(units)}, say so; or " if units else ""
+    others = "units and sizes" if field in _UNITS else "its unit"
+    yield from usual.likely(source, field, found, f"{first}check {others}")
+
+
+def doubts_about_differing(stiffness: Mapping[SpecimenRecording, float]) -> Iterator[Doubt]:
+    """Yield a doubt about each recording that is far stiffer or softer than its specimen's others.
+
+    Parameters
+    ----------
+    stiffness
+        C10 (MPa) that a recording asks for by itself.
+    """
+    for one, c10 in stiffness.items():
+        same = {two: other for two, other in stiffness.items() if two.specimen == one.specimen}
+        if len(same) < _THREE:
+            same.pop(one)
+        ratio = c10 / statistics.median(same.values()) if same else 1.0
+        if not 1 / _APART < ratio < _APART:
+            yield Doubt(
+                str(one.recording.source or one.name), "force_N",
+                f"asks for {ratio:.3g} times the stiffness of the specimen's other recordings",
+                "check that units, gain and specimen are the same",
+            )  # fmt: skip
+
+
+def _range_of(names: Sequence[str]) -> PhysicalRange:
+    words = set(re.findall(r"[a-z]+", " ".join(names).lower()))
+    known = [one for name, one in ranges.STIFFNESS.items() if {name, f"{name}s"} & words]
+    return known[0] if len(known) == 1 else ranges.ANYTHING_SOFT
+
+
+def _along(sizes: Sizes) -> float:
+    """Return the specimen's size (mm) in the direction of the displacement."""
+    for name in ("thickness", "height", "length"):
+        value = getattr(sizes, name, None)
+        if value is not None:
+            return float(value)
+    raise TypeError(f"{sizes}: no size lies along the displacement")
