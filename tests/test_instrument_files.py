@@ -202,10 +202,57 @@ def hdf5_table(path: Path) -> Path:
     return path
 
 
+def bluehill_german(path: Path) -> Path:
+    path = path / "Probe_RawData_1.csv"
+    head = '"Probe","1"\r\n\r\n"Zeit","Traversenweg","Last"\r\n"(s)","(mm)","(N)"\r\n'
+    lines = (
+        ",".join(f'"{number:.6f}"'.replace(".", ",") for number in row)
+        for row in zip(T, D, F, strict=True)
+    )
+    path.write_text(head + "\r\n".join(lines))
+    return path
+
+
+def numpy_text(path: Path) -> Path:
+    path = path / "trial.txt"
+    np.savetxt(path, np.column_stack([T, D, F]), "%.6f", header="time_s displacement_mm force_N")
+    return path
+
+
+def matlab_import(path: Path) -> Path:
+    path = path / "import.mat"
+    names = np.array(["time_s", "displacement_mm", "force_N"], dtype=object)
+    savemat(path, {"test": {"data": np.column_stack([T, D, F]), "colheaders": names}})
+    return path
+
+
+def matlab_73(path: Path) -> Path:
+    """As HDF5 with MATLAB's own head in front."""
+    path = path / "trial73.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, values in (("time_s", T), ("displacement_mm", D), ("force_N", F)):
+            made = file.create_dataset(name, data=values[None, :])
+            made.attrs["MATLAB_class"] = np.bytes_("double")
+    content = bytearray(path.read_bytes())
+    head = b"MATLAB 7.3 MAT-file, Platform: GLNXA64, HDF5 schema 1.00 ."
+    content[:128] = head.ljust(124) + b"\x00\x02IM"
+    path.write_bytes(content)
+    return path
+
+
+def hdf5_matrix(path: Path) -> Path:
+    path = path / "matrix.h5"
+    with h5py.File(path, "w") as file:
+        made = file.create_dataset("data", data=np.column_stack([T, D, F]))
+        made.attrs["columns"] = ["time_s", "displacement_mm", "force_N"]
+    return path
+
+
 REAL = [
     plain_csv, semicolons_and_decimal_commas, bluehill, bluehill_compression, mts_testsuite,
     mts_testworks, zwick, zwick_workbook, workbook, wintest, wintest_utf16, tdms_waveforms,
     tdms_columns, lvm, lvm_without_times, matlab, matlab_structure, hdf5_attributes, hdf5_table,
+    bluehill_german, numpy_text, matlab_import, matlab_73, hdf5_matrix,
 ]  # fmt: skip
 
 
@@ -294,6 +341,12 @@ MANGLED = {
         table("time_s,position_mm,force_N", np.floor(T), D, F), "time repeats"),
     "in air": (
         table("time_s,position_mm,force_N", T, D, 0.02 * np.sin(37 * T)), "doesn't follow"),
+    "clock": (
+        written("a.csv", b"time,position_mm,force_N\n" + b"10:59:58.001,1.5,2.5\n" * 60),
+        "are a clock's ('10:59:58.001')"),
+    "thousands": (
+        written("a.csv", b"time_s;position_mm;force_mN\n" + b"1.5;2.5;1,234.5\n" * 60),
+        "thousands' separators ('1,234.5')"),
     "no names": (written("a.csv", rows(T, D, F).encode()), "no row with the names"),
 }  # fmt: skip
 

@@ -54,6 +54,9 @@ def read_sheets(path: Path) -> list[Sheet]:
         ) from error  # fmt: skip
     if not sheets:
         raise InputError(
-            path, "file", "holds no table of numbers", "export time, displacement and force"
+            path,
+            "file",
+            "holds no columns of numbers with names",
+            "export time, displacement and force, each with its name",
         )
     return sheets

@@ -21,6 +21,10 @@ _NUMBER = {
     mark: re.compile(rf"\s*[+-]?(\d+{re.escape(mark)}?\d*|{re.escape(mark)}\d+)([eE][+-]?\d+)?\s*")
     for mark in ".,"
 }
+_COMMENT = re.compile(r"^\s*[#%]+\s?")
+"""Before a line of names, as NumPy and gnuplot write it."""
+_CLOCK = re.compile(r"\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?")
+_THOUSANDS = re.compile(r"[+-]?\d{1,3}((,\d{3})+\.\d*|(\.\d{3})+,\d*)")
 _LINES_TRIED = 40
 
 
@@ -33,7 +37,7 @@ def read_text(path: Path) -> list[Sheet]:
         If it is no text, or no table of numbers, or one that can be read in two ways.
     """
     text, encoding = _decoded(path)
-    lines = text.splitlines()
+    lines = [_COMMENT.sub("", line) for line in text.splitlines()]
     delimiter, decimal = _dialect(path, lines)
     rows = [[_cell(c, decimal) for c in cells] for cells in _parted(lines, delimiter)]
     remarks = (
@@ -74,18 +78,18 @@ def _dialect(path: Path, lines: list[str]) -> tuple[str, str]:
         (delimiter, decimal, widths.pop())
         for delimiter in _DELIMITERS
         for decimal in ".,"
-        if decimal != delimiter
+        if decimal != delimiter or any('"' in line for line in tried)
         if len(widths := _widths(tried, delimiter, decimal)) == 1
     ]
     fits = [fit for fit in fits if fit[2] >= 2]
     if len(filled) < FEWEST_ROWS or not fits:
         ragged = any(len(_widths(tried, d, ".")) > 1 for d in "\t;,|")
-        raise InputError(
-            path, "file",
+        problem, remedy = _no_numbers(tried) or (
             "its rows have different numbers of cells" if ragged and len(filled) >= FEWEST_ROWS
             else "holds no table of numbers",
             "export it again as CSV with one row a sample",
         )  # fmt: skip
+        raise InputError(path, "file", problem, remedy)
     marked = [fit for fit in fits if any(fit[1] in line for line in tried)] or fits
     best = [fit for fit in marked if fit[0] != " "] or marked
     # Without a point or comma in any number both marks fit alike.
@@ -96,6 +100,18 @@ def _dialect(path: Path, lines: list[str]) -> tuple[str, str]:
             path, "file", f"its columns may be parted by {ways}", "part them by semicolons or tabs"
         )
     return best[0][0], best[0][1]
+
+
+def _no_numbers(lines: list[str]) -> tuple[str, str] | None:
+    """Return what keeps cells from being numbers, and how to mend it; None for anything else."""
+    cells = [cell for d in "\t;," for row in _parted(lines, d) for cell in row]
+    clock = next((found[0] for cell in cells if (found := _CLOCK.search(cell))), None)
+    if clock is not None:
+        return f"its times are a clock's ('{clock}')", "export time in seconds since the start"
+    grouped = next((cell for cell in cells if _THOUSANDS.fullmatch(cell)), None)
+    if grouped is not None:
+        return f"its numbers have thousands' separators ('{grouped}')", "export them without"
+    return None
 
 
 def _widths(lines: list[str], delimiter: str, decimal: str) -> set[int]:
