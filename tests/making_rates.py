@@ -7,7 +7,7 @@ from math import gamma
 from pathlib import Path
 
 import numpy as np
-from making_specimens import BAR, LENGTH, compressed
+from making_specimens import BAR, compressed
 
 from legfem.mechanics.materials import ExponentialStiffening
 from legfem.recording import Recording, write_recording
@@ -95,6 +95,3 @@ def write_rates(folder: Path, memory: Memory, seed: int = 1, sampled: float = 20
             folder / "recordings" / f"{name}.csv",
         )
     return folder
-
-
-assert LENGTH > DEPTH

@@ -221,12 +221,38 @@ def _only_soft(attempt: Attempt) -> float:
 def test_a_softer_contact_is_tried_before_giving_up(monkeypatch):
     report = _solved(monkeypatch, _only_soft, defences=True).report
     assert report.complete and report.contact_stiffness_factor == 0.2
-    (first,) = report.earlier_attempts
-    assert not first.complete and first.contact_stiffness_factor == 1.0
+    first, other = report.earlier_attempts
+    for attempt in (first, other):
+        assert not attempt.complete and attempt.contact_stiffness_factor == 1.0
+    assert first.unknowns > other.unknowns, "the pressures' are missing"
     assert report.factorisations > sum(step.factorisations for step in report.steps)
-    assert report.factorisations == first.factorisations + sum(
-        step.factorisations for step in report.steps
+    assert report.factorisations == sum(
+        step.factorisations for one in (report, first, other) for step in one.steps
     )
+
+
+def _only_without_pressures(attempt: Attempt) -> float:
+    _UNKNOWNS.append(attempt.unknowns)
+    return 2.0 if attempt.unknowns == _UNKNOWNS[0] else np.inf
+
+
+_UNKNOWNS: list[int] = []
+
+
+def test_a_form_without_pressures_is_tried_first_and_its_force_is_alike(monkeypatch):
+    _UNKNOWNS.clear()
+    report = _solved(monkeypatch, _only_without_pressures, defences=True).report
+    assert report.complete and report.contact_stiffness_factor == 1.0
+    (first,) = report.earlier_attempts
+    assert first.reached <= 2.0 and report.unknowns < first.unknowns
+
+
+def test_a_form_without_pressures_that_is_too_stiff_is_refused(monkeypatch):
+    _UNKNOWNS.clear()
+    monkeypatch.setattr(plane_strain, "_LIKE", 1e-6)
+    report = _solved(monkeypatch, _only_without_pressures, defences=True).report
+    assert report.contact_stiffness_factor == 0.2, "the next attempt went on"
+    assert "without pressures the force is off by" in report.earlier_attempts[1].reason
 
 
 def test_without_defences_the_first_failure_stands(monkeypatch):
@@ -241,15 +267,17 @@ def test_a_finer_mesh_is_tried_last_and_the_farthest_attempt_returned(monkeypatc
 
     def reach(attempt: Attempt) -> float:
         sizes.append(attempt.unknowns)
+        if attempt.unknowns < sizes[0] and attempt.stiffness > STIFF:
+            return 0.5
         kind = "finer" if attempt.unknowns > sizes[0] else "softer"
         return 2.0 if best == (kind if attempt.stiffness < STIFF else "the first") else 1.0
 
     solved = _solved(monkeypatch, reach, defences=True)
     report = solved.report
-    assert not report.complete and len(report.earlier_attempts) == 2
+    assert not report.complete and len(report.earlier_attempts) == 3
     attempts = [report, *report.earlier_attempts]
-    assert sorted(attempt.contact_stiffness_factor for attempt in attempts) == [0.2, 0.2, 1.0]
-    assert len({attempt.unknowns for attempt in attempts}) == 2
+    assert sorted(attempt.contact_stiffness_factor for attempt in attempts) == [0.2, 0.2, 1.0, 1.0]
+    assert len({attempt.unknowns for attempt in attempts}) == 3
     assert 1.0 < report.reached == max(attempt.reached for attempt in attempts)
     assert report.contact_stiffness_factor == (1.0 if best == "the first" else 0.2)
     assert (report.unknowns == max(sizes)) == (best == "finer")

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from legfem.common.errors import UnsolvedError
+from legfem.solve.newton import NewtonOutcome, NewtonSolver
 from studies.people import command as people
 from studies.people.__main__ import app as people_app
 from studies.people.probe import SolvedPoint
@@ -48,3 +53,36 @@ def test_recordings_of_which_none_is_solved_exit_nonzero(tmp_path, monkeypatch, 
     done = CliRunner().invoke(recordings_app, given)
     assert done.exit_code == (1 if all(problems) else 0), done.output
     assert (tmp_path / "out" / "result.json").is_file()
+
+
+@pytest.mark.slow
+def test_planted_truths_whose_solver_never_converges_end_in_one_line(tmp_path, monkeypatch):
+    def failing(self: NewtonSolver, *_: object) -> NewtonOutcome:
+        return NewtonOutcome(False, "made to fail", 1, 1, np.inf)
+
+    monkeypatch.setattr(NewtonSolver, "solve", failing)
+    app = import_module("studies.planted.__main__").app
+    done = CliRunner().invoke(app, ["--n", "1", "--jobs", "1", "--out", str(tmp_path)])
+    assert done.exit_code == 1, done.output
+    assert "nothing was solved" in done.output.strip().splitlines()[-1]
+
+
+@pytest.mark.parametrize(
+    ("study", "work", "options"),
+    [
+        ("fibres", "correction_of", ["--coarse", "--jobs", "1"]),
+        ("leg3d", "identified", []),
+        ("sites", "identified", ["--n", "1", "--jobs", "1"]),
+    ],
+)
+def test_a_study_that_cannot_be_solved_ends_in_one_line(
+    tmp_path, monkeypatch, study, work, options
+):
+    def failing(*_: object) -> None:
+        raise UnsolvedError("it stops at 1 mm")
+
+    module = import_module(f"studies.{study}.__main__")
+    monkeypatch.setattr(module, work, failing)
+    done = CliRunner().invoke(module.app, [*options, "--out", str(tmp_path)])
+    assert done.exit_code == 1, done.output
+    assert done.output.strip().splitlines()[-1] == "nothing was solved: it stops at 1 mm"

@@ -14,7 +14,7 @@ from typing import NoReturn
 
 import typer
 
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, UnsolvedError
 
 BAD_INPUT, INTERRUPTED, FAILED = 2, 130, 1
 
@@ -38,6 +38,9 @@ def command_edge(
     except InputError as error:
         print(error, file=sys.stderr)
         raise typer.Exit(BAD_INPUT) from None
+    except UnsolvedError as error:
+        print(f"nothing was solved: {' '.join(str(error).split())}", file=sys.stderr)
+        raise typer.Exit(FAILED) from None
     except KeyboardInterrupt:
         print(f"interrupted: {resume}", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None

@@ -1,4 +1,4 @@
-"""The one error a user meets when what was given cannot be used."""
+"""The errors a user meets: what was given can't be used, or nothing of it could be solved."""
 
 from __future__ import annotations
 
@@ -33,3 +33,10 @@ class InputError(Exception):
         """Return ``file: field: what is wrong; remedy`` on one line."""
         line = f"{self.source}: {self.field}: {self.problem}; {self.remedy}"
         return " ".join(line.split())
+
+
+class UnsolvedError(Exception):
+    """What all else rests on couldn't be solved.
+
+    Commands catch it, print its message as one line and exit with status 1.
+    """

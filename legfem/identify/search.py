@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from legfem.common.errors import UnsolvedError
 from legfem.common.units import FloatArray
 from legfem.identify.catalogue import DEEP_C20, Values
 from legfem.identify.coordinates import Coordinates
@@ -49,7 +50,7 @@ def is_settled(gained: float) -> bool:
     return 0.0 <= gained <= _WORTH
 
 
-class SearchError(Exception):
+class SearchError(UnsolvedError):
     """Too few full solves reached the measured depth."""
 
 

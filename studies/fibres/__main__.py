@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from legfem.common.command_edge import study_edge
 from legfem.common.documents import write_atomically, write_document
+from legfem.common.errors import UnsolvedError
 from legfem.common.markdown import markdown_table
 from legfem.common.progress import progress_on
 from legfem.common.units import FloatArray
@@ -46,6 +47,12 @@ def case_of(ratio: float, coarse: bool = False) -> CorrectionCase:
 def correction_of(folder: Path, case: CorrectionCase) -> tuple[FloatArray, FloatArray]:
     """Return P and the 3D force (N) at `AT_MM`."""
     outcome = remembered_case(case, folder)
+    reached = min(outcome.spatial.depth, outcome.plane.depth)
+    if reached < AT_MM[-1]:
+        raise UnsolvedError(
+            f"fibres of ratio {case.material.fibre_ratio:g} stop at {reached:.3g} mm of "
+            f"{AT_MM[-1]:g} mm"
+        )
     return smooth_ratio(outcome.spatial, outcome.plane, AT_MM), outcome.spatial(AT_MM)
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from legfem.common.errors import UnsolvedError
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.experiments.indentation_3d import (
     Cylinder,
@@ -81,7 +82,7 @@ def true_curve(planted: Planted, kept: Path) -> ForceCurve:
         test = IdealisedLegIndentation(LEG, CYLINDER, planted.tissues, 3, settings)
         found = test.solve(depth=planted.depth)
         if not found.report.complete:
-            raise RuntimeError(str(found.report))
+            raise UnsolvedError(f"the leg in 3D: {found.report.reason}")
         return found.curve
 
     store = Store(kept, ForceCurve, modules=(__name__,))

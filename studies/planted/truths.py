@@ -12,6 +12,7 @@ from functools import cache
 import numpy as np
 from scipy.stats import binomtest, qmc
 
+from legfem.common.errors import UnsolvedError
 from legfem.common.units import kpa_to_mpa
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.identify.forward import PlaneStrainForward
@@ -109,7 +110,7 @@ def _recorded(truth: PlantedTruth) -> Subject:
         {"deep.C10": kpa_to_mpa(truth.c10_kpa), "deep.C20": kpa_to_mpa(truth.c20_kpa)}, DEPTH_MM
     )
     if not solved.report.complete:
-        raise RuntimeError(f"{truth}: {solved.report}")
+        raise UnsolvedError(f"{truth}: {solved.report.reason}")
     generator = np.random.default_rng([truth.seed, truth.number])
     noise = InstrumentNoise(subject.instrument)
     true = solved.path.displacement, solved.path.force

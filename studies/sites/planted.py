@@ -13,6 +13,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from legfem.common.errors import UnsolvedError
 from legfem.common.units import kpa_to_mpa
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.jobs.store import Store
@@ -122,13 +123,13 @@ def _true_curve(truth: Truth, site: Subject, kept: Path) -> ForceCurve:
         if truth.by_other_code:
             found = OtherCode(true, OtherCase(truth.c10, truth.c20)).solve(truth.depth_mm)
             if found.displacement[-1] < LEAST_MM:
-                raise RuntimeError(f"{site.id}: felupe stops at {found.displacement[-1]:g} mm")
+                raise UnsolvedError(f"{site.id}: felupe stops at {found.displacement[-1]:g} mm")
             return ForceCurve(found.displacement, found.force, {})
         test = PlaneStrainIndentation.of_subject(true, TRUTH_SETTINGS)
         deep = {"deep.C10": kpa_to_mpa(truth.c10), "deep.C20": kpa_to_mpa(truth.c20)}
         pressed = test.solve(deep, truth.depth_mm)
         if not pressed.report.complete:
-            raise RuntimeError(f"{site.id}: {pressed.report}")
+            raise UnsolvedError(f"{site.id}: {pressed.report.reason}")
         return pressed.curve
 
     return Store(kept, ForceCurve, modules=(__name__,)).get_or_make((truth, site.site), solved)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from legfem.common.errors import InputError
+from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.diagnosis import diagnose
@@ -62,7 +62,7 @@ def spatial_curve(folder: Path) -> ForceCurve:
 
     Raises
     ------
-    InputError
+    UnsolvedError
         If the solution stops short of the depth.
     """
     return Store(folder, ForceCurve, modules=(__name__,)).get_or_make(SPATIAL.asked, _solved)
@@ -74,7 +74,7 @@ def _solved() -> ForceCurve:
                                     given.settings)  # fmt: skip
     solved = model.solve(depth=given.depth)
     if not solved.report.complete:
-        raise InputError("end effects", "3D", str(solved.report), "give the truth a finer mesh")
+        raise UnsolvedError(f"end effects in 3D: {solved.report.reason}")
     return solved.curve
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from legfem.common.errors import InputError
+from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress
 from legfem.common.units import kpa_to_mpa
 from legfem.correction.tabulated import TabulatedCorrection
@@ -53,7 +53,7 @@ def make_recordings(name: ProtocolName, folder: Path) -> Path:
 
     Raises
     ------
-    InputError
+    UnsolvedError
         If the solution stops short.
     """
     leg = load_subject(SUBJECTS.find(SUBJECT), need_recordings=False)
@@ -62,7 +62,7 @@ def make_recordings(name: ProtocolName, folder: Path) -> Path:
     model = Variants(leg.section, leg.indenter, tissues_of(leg), TRUTH_SETTINGS)
     path = model.follow(Protocol.ramp(DEPTH_MM, 1.0), deep, Solution())
     if isinstance(path, Stopped):
-        raise InputError("strain stiffening", "truth", path.why, "give it a finer mesh")
+        raise UnsolvedError(f"strain stiffening: {path.why}")
     protocol = protocol_named(name)
     time = np.arange(0.0, protocol.duration + 1e-9, 1 / SAMPLING_HZ)
     d = protocol.displacement_at(time)
