@@ -21,7 +21,8 @@ COMMANDS = (
     "studies.concealed", "studies.nulls", "studies.planted", "studies.recordings",
     "studies.worked", "studies.solvers", "studies.stockings", "studies.reconstruct",
     "studies.meshes", "studies.bench", "studies.expected_force", "studies.fibres",
-    "studies.leg3d", "studies.people", "studies.reach", "studies.next_test", "studies.sites",
+    "studies.leg3d", "studies.leg3d.meshes", "studies.people", "studies.reach",
+    "studies.next_test", "studies.sites",
 )  # fmt: skip
 
 

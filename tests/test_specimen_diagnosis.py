@@ -76,9 +76,12 @@ def test_relaxation_is_named_by_a_hold(tmp_path: Path) -> None:
     found = diagnosed(tmp_path).diagnosis
     assert found is not None and found.verdict in ("named", "ambiguous")
     assert all("viscoelasticity" in model.names for model in found.models)
-    print(found.best.names, found.best.fit.values)
-    # Two branches that end within the hold are no spectrum; what lasts is still found.
-    assert found.best.value("C10") == pytest.approx(5.0, rel=0.1)
+    # Two branches that end within the hold are no spectrum, and a drift may stand in for what it
+    # misses; what lasts is still found.
+    alone = next(model for model in found.models if model.names == ("viscoelasticity",))
+    assert alone.value("C10") == pytest.approx(5.0, rel=0.1)
+    low, high = found.intervals["C10"]
+    assert low < 5.0 < high
 
 
 @pytest.mark.slow
@@ -143,7 +146,7 @@ def test_every_mechanism_is_tested_or_said_why_not() -> None:
 
 
 def test_a_bad_recording_and_a_bad_specimen_cost_themselves_alone(tmp_path: Path) -> None:
-    """Of a bar said to be 2 mm long, 3 mm of compression are more than there is."""
+    """Of a bar said to be 3.05 mm long hardly anything is left at 3 mm."""
     law = NeoHookean(5e-3, 1.0)
     repeats(tmp_path, lambda d: compressed(law, d))
     (tmp_path / "recordings" / "letters.csv").write_text("time_s,displacement_mm,force_N\na,b,c\n")
@@ -151,7 +154,7 @@ def test_a_bad_recording_and_a_bad_specimen_cost_themselves_alone(tmp_path: Path
         f'[[specimen]]\nname = "{name}"\nlength_mm = {length}\nrecordings = {files}\n'
         for name, length, files in (
             ("sound", 10.0, '["recordings/a.csv", "recordings/bb.csv", "recordings/l*.csv"]'),
-            ("short", 2.0, '["recordings/ccc.csv"]'),
+            ("short", 3.05, '["recordings/ccc.csv"]'),
         )
     )
     (tmp_path / "specimen.toml").write_text(
@@ -175,6 +178,16 @@ def test_a_bad_recording_and_a_bad_specimen_cost_themselves_alone(tmp_path: Path
     short = CliRunner().invoke(app, [*asked, "--specimen", "short", "--out", str(out / "short")])
     assert short.exit_code == 2 and "can't be solved" in short.output
     assert not (out / "short").exists()
+
+
+def test_a_specimen_pressed_to_a_tenth_of_its_length_ends_with_a_verdict(tmp_path: Path) -> None:
+    """A more compressible law has no force left there, and no ratio to tabulate."""
+    law = NeoHookean(5e-3, 1.0)
+    repeats(tmp_path, lambda d: compressed(law, d))
+    (tmp_path / "specimen.toml").write_text(
+        BAR.replace("length_mm = 10.0", "length_mm = 3.3") + STATED
+    )
+    assert diagnosed(tmp_path).diagnosis is not None
 
 
 @pytest.mark.parametrize(

@@ -297,11 +297,14 @@ def _table(
     tasks: Sequence[_Task],
     outcomes: Sequence[Mapping[str, FloatArray] | None],
 ) -> Table | None:
+    ratios = bool(mechanism.strengths) and not mechanism.along_path
     rows: dict[float, list[Mapping[str, FloatArray] | None]] = {}
     for task, outcome in zip(tasks, outcomes, strict=True):
         own = "" if task.stations is None else task.stations.key
         if task.mechanism is mechanism and own == key:
-            rows.setdefault(task.point[0], []).append(outcome)
+            # Where no force is left there is no ratio to tabulate.
+            left = outcome is not None and not (ratios and np.any(outcome["change"] <= -1.0))
+            rows.setdefault(task.point[0], []).append(outcome if left else None)
     # One stiffness serves where a solution at the other stopped.
     whole = {c10: [o["change"] for o in found if o is not None] for c10, found in rows.items()}
     whole = {c10: changes for c10, changes in whole.items() if len(changes) == len(rows[c10])}
@@ -309,5 +312,4 @@ def _table(
         return None
     values = np.array([np.vstack(changes) for changes in whole.values()])
     logs = np.log(list(whole))
-    ratios = mechanism.strengths and not mechanism.along_path
     return Table(logs, np.log1p(values) if ratios else values)
