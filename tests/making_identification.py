@@ -41,6 +41,7 @@ class AnalyticLeg:
     softest: float = 0.0
     """kPa: below this C10 a solve stops at 12 mm."""
     killed_after: int = 10**9
+    compromise: str = ""
     depth: float = DEPTH
     calls: int = field(default=0)
 
@@ -77,8 +78,9 @@ class AnalyticLeg:
         }
         curve = ForceCurve(d, force, {name: by[name] for name in sensitivities})
         return ForwardOutcome(
-            values, (curve,), complete, "" if complete else "made to stop", 10, 0.0
-        )
+            values, (curve,), complete, "" if complete else "made to stop", 10, 0.0,
+            self.compromise,
+        )  # fmt: skip
 
 
 def curve_of(c10: float, c20: float, fat: float = 2.0) -> ForceCurve:

@@ -74,6 +74,13 @@ def test_a_law_that_misses_is_said_to(tmp_path: Path) -> None:
     assert neo_hookean.parameters["deep.C10"].identifiability != "identifiable"
 
 
+def test_what_the_model_gave_up_to_go_on_is_a_warning(tmp_path: Path) -> None:
+    softened = AnalyticLeg(compromise="a contact 5 times softer")
+    for model, warned in ((AnalyticLeg(), False), (softened, True)):
+        (result, _) = identify(pressed_leg(tmp_path, 0.8, 0.4), model=model)
+        assert any("a contact 5 times softer" in text for text in result.warnings) == warned
+
+
 def test_same_seed_same_result_and_another_seed_the_same_optimum(tmp_path: Path) -> None:
     subject = pressed_leg(tmp_path, 0.7, 0.8)
     first, again = identify(subject)[1], identify(subject)[1]

@@ -91,7 +91,7 @@ def assess(given: Assessment) -> IdentificationResult:
     outcomes = given.found.outcomes
     finding = Finding(
         given.subject, law.name, found, cost, limit, search.converged, solves,
-        given.correction, given.measured,
+        given.correction, given.measured, best.outcome.compromise,
     )  # fmt: skip
     return IdentificationResult(
         subject_id=given.subject.id,

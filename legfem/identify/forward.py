@@ -40,6 +40,8 @@ class ForwardOutcome:
     """Why it ended."""
     factorisations: int
     seconds: float
+    compromise: str = ""
+    """What the model gave up to go on, in words; empty if nothing."""
 
     @classmethod
     def joined(cls, values: Values, every: Sequence[ForwardOutcome]) -> ForwardOutcome:
@@ -51,6 +53,7 @@ class ForwardOutcome:
             "; ".join(one.reason for one in every if not one.complete),
             sum(one.factorisations for one in every),
             sum(one.seconds for one in every),
+            "; ".join(dict.fromkeys(one.compromise for one in every if one.compromise)),
         )
 
     @property
@@ -151,6 +154,7 @@ class PlaneStrainForward:
             report.reason,
             report.factorisations,
             float(report.seconds) + sum(before.seconds for before in report.earlier_attempts),
+            report.compromise,
         )
 
     def fingerprint(self) -> Mapping[str, Any]:

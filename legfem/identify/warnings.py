@@ -36,6 +36,8 @@ class Finding:
     solves: tuple[FullSolve, ...]
     correction: Correction | None
     measured: LoadingCurve
+    compromise: str
+    """Of the best solve; see `legfem.identify.forward.ForwardOutcome`."""
 
 
 def warnings_about(found: Finding) -> tuple[str, ...]:
@@ -50,6 +52,7 @@ def warnings_about(found: Finding) -> tuple[str, ...]:
             "of freedom). The intervals hold for the law as fitted and understate what is unknown."
         )
     texts += [
+        *of_compromise(found.compromise),
         *begun_in_air(found.measured),
         *at_limits(found.law, found.parameters, found.neo_hookean_limit),
     ]
@@ -78,6 +81,16 @@ UNCONVERGED = (
     "The search ended before it converged: the optimum may lie elsewhere. Rerun with another "
     "--seed or narrower bounds."
 )
+
+
+def of_compromise(compromise: str) -> Iterator[str]:
+    """Yield what the best solve's model gave up to go on, if anything."""
+    if compromise:
+        yield (
+            f"The model of the best fit went on only with {compromise}: its force may be off by "
+            "some percent, over very soft fat by more. Use less of the recordings with --depth, "
+            "and see whether C10 stays."
+        )
 
 
 def begun_in_air(measured: LoadingCurve) -> Iterator[str]:

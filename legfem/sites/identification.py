@@ -177,6 +177,7 @@ def _assessed(leg: SitedLeg, asked: Asked, found: Found[SitesMisfit]) -> SitesRe
         converged=search.converged,
         forward_solves=len(outcomes),
         failed_solves=sum(not one.complete for one in outcomes),
+        compromise=best.outcome.compromise,
         reused_solves=found.reused_solves,
         emulator_error=search.emulator_error,
         seed=search.settings.seed,

@@ -89,6 +89,8 @@ class SitesResult(IdentifiedParameters):
     neo_hookean_limit: bool
     """Whether the reduced polynomial's optimum is its neo-Hookean limit."""
     failed_solves: int
+    compromise: str
+    """Of the best solve; see `legfem.identify.forward.ForwardOutcome`."""
     doubts: tuple[Doubt, ...] = field(default=())
 
     def farthest(self, name: str) -> SiteFit:

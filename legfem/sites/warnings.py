@@ -13,6 +13,7 @@ from legfem.identify.warnings import (
     begun_in_air,
     doubts_about_stiffness,
     far_from_priors,
+    of_compromise,
     of_ends,
 )
 from legfem.sites.result import SiteFit, SitesResult
@@ -40,6 +41,7 @@ def warnings_about(result: SitesResult) -> tuple[str, ...]:
     for one in result.sites:
         texts += [_at(one, text) for text in begun_in_air(one.measured)]
     texts += [
+        *of_compromise(result.compromise),
         *at_limits(result.law, result.parameters, result.neo_hookean_limit),
         *far_from_priors(result.parameters),
     ]

@@ -40,6 +40,8 @@ class SolveReport:
     unknowns: int = 0
     contact_stiffness_factor: float = 1.0
     """1 unless the contact had to be softened to go on."""
+    without_pressures: bool = False
+    """Whether a form of displacements alone went on where that with pressures had stopped."""
     earlier_attempts: tuple[SolveReport, ...] = ()
 
     @property
@@ -57,6 +59,16 @@ class SolveReport:
     def rejected(self) -> int:
         """Number of rejected steps."""
         return sum(not step.accepted for step in self.steps)
+
+    @property
+    def compromise(self) -> str:
+        """What was given up to go on, in words; empty if nothing."""
+        given_up = []
+        if self.contact_stiffness_factor < 1:
+            given_up.append(f"a contact {1 / self.contact_stiffness_factor:.2g} times softer")
+        if self.without_pressures:
+            given_up.append("a form without pressures of its own")
+        return " and ".join(given_up)
 
     def __str__(self) -> str:
         """Return one line for a log."""

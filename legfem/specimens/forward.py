@@ -189,8 +189,7 @@ class SpecimenForward(Homebound):
         seconds = report.seconds + sum(before.seconds for before in report.earlier_attempts)
         return ForwardOutcome(
             values, (_at_poissons_ratio(solved.curve, every, tied),), bool(report.complete),
-            report.reason, report.factorisations,
-            float(seconds),
+            report.reason, report.factorisations, float(seconds), report.compromise,
         )  # fmt: skip
 
     def fingerprint(self) -> Mapping[str, Any]:

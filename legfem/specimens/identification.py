@@ -23,7 +23,7 @@ from legfem.identify.search import Search
 from legfem.identify.settings import IdentificationSettings
 from legfem.identify.side_by_side import run_together
 from legfem.identify.solver import FullSolver
-from legfem.identify.warnings import LEAST_CHANCE
+from legfem.identify.warnings import LEAST_CHANCE, of_compromise
 from legfem.inference.constants import quantile
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
@@ -354,6 +354,7 @@ def _warnings(
     texts = [f"DOUBTFUL INPUT: {doubt}" for doubt in (*folder.doubts, *doubted)]
     if not search.converged:
         texts.append("The search ended before it converged: rerun with another --seed.")
+    texts += of_compromise(search.best.outcome.compromise)
     texts += [
         f"{name} stands at the {one.at_bound} bound of the search."
         for name, one in found.items()
