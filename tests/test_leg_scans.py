@@ -60,7 +60,7 @@ def test_the_force_is_the_same_from_label_volume_surfaces_and_cross_sections(tmp
         leg = subject_of_scan(
             tmp_path / kind, section, "aim_mm = [3.0, 0.0]\ndirection_deg = 270.0"
         )
-        test = PlaneStrainIndentation.ofsubject_of_scan(leg)
+        test = PlaneStrainIndentation.of_subject(leg)
         solved = test.solve({"deep.C10": 1e-3, "deep.C20": 1e-3}, depth=20.0)
         force[kind] = solved.curve([5.0, 10.0, 15.0, 20.0])
     for kind in WITHIN:
@@ -117,7 +117,7 @@ def test_the_force_on_a_real_leg_is_the_same_from_all_three(tmp_path):
     for kind, entry in entries.items():
         place = "aim_mm = [-80.0, 0.0]\ndirection_deg = 270.0"
         leg = subject_of_scan(tmp_path / kind, f"{entry}\nlevel_mm = 300.0", place)
-        test = PlaneStrainIndentation.ofsubject_of_scan(leg)
+        test = PlaneStrainIndentation.of_subject(leg)
         solved = test.solve({"deep.C10": 1e-3, "deep.C20": 1e-3}, depth=20.0)
         force[kind] = solved.curve([5.0, 10.0, 15.0, 20.0])
     for kind in ("nifti", "stl"):

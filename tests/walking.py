@@ -167,7 +167,7 @@ class Walk:
         self.look("actions")
         page.click("Run identify")
         page.until("location.pathname === '/run/identify-my%20leg'")
-        page.sees("solving the designs", 3 * _MINUTES)
+        page.sees("identifying the", 3 * _MINUTES)
         self.look("running")
         page.click("Stop")
         page.sees("goes on from what is finished", 3 * _MINUTES)
