@@ -66,7 +66,7 @@ def test_who_reads_a_corrected_c10_is_told_what_fibres_would_do_to_it(both, tmp_
     leg = replace(load_subject(write_subject(tmp_path)), plane_strain=False)
     one, own = both[0], read_correction(REFERENCE)
     finding = Finding(
-        leg, one.law, one.parameters, one.cost, False, True, (), own, one.measured
+        leg, one.law, one.parameters, one.cost, False, True, (), own, one.measured, ""
     )  # fmt: skip
     for correction, told in ((own, True), (None, False)):
         texts = warnings_about(replace(finding, correction=correction))
