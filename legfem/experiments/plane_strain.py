@@ -149,13 +149,14 @@ class PlaneStrainIndentation(PressingTest):
 
     def attempts(self, placement: Placement | None = None) -> Iterator[tuple[Pressing, float]]:
         """Yield the model, one without pressures, a softer contact, and last a finer mesh."""
-        placed = self._placed(placement or Placement())
+        placement = placement or Placement()
+        placed = self._placed(placement)
         yield placed.relaxing if self.settings.defences else placed, 1.0
         if self.settings.defences:
             if self.settings.formulation == "mixed":
-                yield self._of_displacements._placed(placement or Placement()).relaxing, 1.0
+                yield self._of_displacements._placed(placement).relaxing, 1.0
             yield self.pressing, SOFTER
-            yield self._finer._placed(placement or Placement()), SOFTER
+            yield self._finer._placed(placement), SOFTER
 
     def solve(
         self,

@@ -88,8 +88,8 @@ def of_compromise(compromise: str) -> Iterator[str]:
     if compromise:
         yield (
             f"The model of the best fit went on only with {compromise}: its force may be off by "
-            "some percent, over very soft fat by more. Use less of the recordings with --depth, "
-            "and see whether C10 stays."
+            "some percent, over very soft fat by more. Use less of the recordings' depth, and see "
+            "whether C10 stays."
         )
 
 
