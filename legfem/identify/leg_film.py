@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import io
-import zlib
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -19,12 +16,14 @@ from legfem.fem.body_surfaces import BodySurface, hull_surface
 from legfem.fem.fields import FieldReader
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.surface import TriangleSurface
+from legfem.jobs.arrays import read_arrays, write_arrays
 from legfem.solve.force_curve import ForceCurve
 
 _STATES = 10
 """About how many are kept, between which pictures interpolate."""
 _LEVELS, _POINTS = 41, 120
 """Heights, and points of a contour at most, at which a leg is looked at."""
+_FIELDS = ("skin", "hull", "pressure")
 _QUARTERS = np.array([(0, 5, 4), (5, 1, 3), (4, 3, 2), (3, 4, 5)])
 """A second-order triangle as four, in the order of DOLFINx' nodes."""
 
@@ -152,26 +151,20 @@ class LegCamera:
 
 
 def _write(path: Path, states: list[LegState]) -> None:
-    content = io.BytesIO()
-    np.savez_compressed(
-        content,
-        displacement=np.array([state.displacement for state in states]),
-        **{
-            name: np.array([getattr(state, name) for state in states], dtype=np.float32)
-            for name in ("skin", "hull", "pressure")
-        },  # type: ignore[arg-type]
-    )
-    path.with_suffix(".new").write_bytes(content.getvalue())
-    path.with_suffix(".new").replace(path)
+    columns = {
+        name: np.array([getattr(state, name) for state in states], dtype=np.float32)
+        for name in _FIELDS
+    }
+    displacement = np.array([state.displacement for state in states])
+    write_arrays(path, {"displacement": displacement, **columns}, compressed=True)
 
 
 def _read(path: Path) -> list[LegState]:
+    kept = read_arrays(path)
     try:
-        with np.load(path) as kept:
-            every = [kept[name] for name in ("skin", "hull", "pressure")]
-            return [
-                LegState(float(at), *(values[k] for values in every))
-                for k, at in enumerate(kept["displacement"])
-            ]
-    except (OSError, ValueError, LookupError, TypeError, EOFError, BadZipFile, zlib.error):
+        return [
+            LegState(float(at), *(kept[name][k] for name in _FIELDS))
+            for k, at in enumerate(kept.get("displacement", ()))
+        ]
+    except (ValueError, LookupError, TypeError):
         return []

@@ -7,24 +7,18 @@ are there: neither a kill nor another solution's files are ever taken for a stat
 
 from __future__ import annotations
 
-import io
 import json
 import time
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
-import numpy as np
 from mpi4py import MPI
-from numpy.typing import NDArray
 
 from legfem.common.documents import write_document
+from legfem.jobs.arrays import Arrays, read_arrays, write_arrays
 from legfem.jobs.key import key_of
-
-Arrays = dict[str, NDArray[Any]]
 
 
 @dataclass
@@ -59,11 +53,7 @@ class Checkpoint:
         """Write a state, the rank's arrays and what is the same on all ranks; collective."""
         before, self._number = self._number, self._number + 1
         self.folder.mkdir(parents=True, exist_ok=True)
-        content = io.BytesIO()
-        np.savez(content, **arrays)  # type: ignore[arg-type]
-        part = self._part(self._number)
-        part.with_suffix(".new").write_bytes(content.getvalue())
-        part.with_suffix(".new").replace(part)
+        write_arrays(self._part(self._number), arrays)
         self.comm.Barrier()
         if self.comm.rank == 0:
             head = {"key": self.key, "ranks": self.comm.size, "number": self._number}
@@ -78,7 +68,7 @@ class Checkpoint:
         if head is None:
             return None
         number, plain = head
-        arrays = _read_arrays(self._part(number))
+        arrays = read_arrays(self._part(number))
         fits = all(name in arrays and arrays[name].shape == s for name, s in shapes.items())
         if not self.comm.allreduce(fits, MPI.LAND):
             return None
@@ -111,12 +101,3 @@ class Checkpoint:
 
     def _part(self, number: int) -> Path:
         return self.folder / f"{number:05d}-{self.comm.rank}.npz"
-
-
-def _read_arrays(part: Path) -> Arrays:
-    """Return a part's arrays; none where it is missing or malformed."""
-    try:
-        with np.load(part) as kept:
-            return dict(kept)
-    except (OSError, ValueError, LookupError, TypeError, EOFError, BadZipFile, zlib.error):
-        return {}
