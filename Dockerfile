@@ -4,7 +4,7 @@
 #   docker run --rm -v "$PWD:/data" legfem python -m legfem.identify --subject-dir /data/my-subject --out /data/out
 FROM debian:trixie
 
-COPY scripts/packages-debian.txt scripts/packages-pypi.txt scripts/in-env /legfem/scripts/
+COPY scripts/packages-debian.txt scripts/packages-pypi.txt scripts/packages-pypi.lock scripts/in-env /legfem/scripts/
 RUN apt-get update \
     && sed 's/#.*//' /legfem/scripts/packages-debian.txt \
         | DEBIAN_FRONTEND=noninteractive xargs apt-get install -y --no-install-recommends \

@@ -94,7 +94,7 @@ def test_versions_required_agree() -> None:
 def test_dockerfile_installs_from_the_lists() -> None:
     text = (ROOT / "Dockerfile").read_text()
     assert "FROM debian:trixie" in text
-    for name in ("packages-debian.txt", "packages-pypi.txt", "in-env"):
+    for name in ("packages-debian.txt", "packages-pypi.txt", "packages-pypi.lock", "in-env"):
         assert re.search(rf"^COPY .*scripts/{name}", text, flags=re.MULTILINE)
     assert not [package for package in DEBIAN if re.search(rf"\bpython3-\w|\b{package}\b", text)]
 
@@ -123,6 +123,12 @@ def test_the_lock_of_the_wheel_route_has_every_package_with_a_version_and_hashes
     wanted |= {bare(p) for p in PYPI} | {"pytest", "setuptools"}
     wanted -= {"petsc4py"}  # within DOLFINx's wheel
     assert wanted <= set(versions)
+
+
+def test_the_lock_beside_debian_has_every_package_of_the_list_and_leaves_what_is_compiled() -> None:
+    versions = locked("packages-pypi.lock")
+    assert {bare(p) for p in PYPI} <= set(versions)
+    assert not {"dolfinx-solver-real", "numpy", "scipy", "matplotlib", "petsc4py"} & set(versions)
 
 
 def test_the_lock_of_the_docs_has_them_and_no_dolfinx_of_its_own() -> None:
