@@ -16,7 +16,7 @@ from legfem.commands.leg_meshes import MadeMesh, idealised_mesh, section_mesh, s
 from legfem.common.command_edge import check_out_folder, command_edge, leave_to_first_rank
 from legfem.common.documents import json_types, write_atomically, write_document
 from legfem.common.progress import progress_on
-from legfem.common.versions import legfem_version, package_version
+from legfem.common.versions import versions_of
 from legfem.meshing.exchange import write_mesh
 from legfem.meshing.quality import quality_of_file
 from legfem.stocking.loading import LEGS
@@ -172,7 +172,7 @@ def meshes(
         for reference in REFERENCES:
             entries.append(make(reference, out))
             progress.advance(reference.name)
-        versions = {"legfem": legfem_version(), "gmsh": package_version("gmsh")}
+        versions = versions_of("legfem", "gmsh")
         manifest = {"schema": 1, "versions": versions, "unit": "mm", "meshes": entries}
         write_document(out / MANIFEST, manifest)
         write_atomically(out / PAGE, page(manifest))

@@ -130,6 +130,19 @@ def one_trial_times(factor: float) -> Change:
     return change
 
 
+def spiked(folder: Path) -> None:
+    table = pd.read_csv(trials(folder)[1])
+    table.loc[100, "force_N"] = 50.0
+    table.to_csv(trials(folder)[1], index=False)
+
+
+def spiked_contour(folder: Path) -> None:
+    table = pd.read_csv(folder / "contours.csv")
+    at = table.index[table["part"] == "skin"][17]
+    table.loc[at, ["x_mm", "y_mm"]] *= 1.2
+    table.to_csv(folder / "contours.csv", index=False)
+
+
 def exchanged(one: str, other: str) -> Change:
     def change(folder: Path) -> None:
         path = folder / "contours.csv"
@@ -182,6 +195,10 @@ SILENTLY_WRONG: dict[str, tuple[Change, str]] = {
         replaced(r"thickness_mm = [\d.]+", "thickness_mm = 0.0006"),
         "section.fascia_thickness_mm"),
     "contours halved": (contours(0.5), "section.contours"),
+    "contours times 0.7": (contours(0.7), "section.contours"),
+    "contours doubled": (contours(2.0), "section.contours"),
+    "a skin with a spike": (spiked_contour, "section.contours"),
+    "a reading with a spike": (spiked, "force_N"),
     "contours in cm": (contours(0.1), "x_mm, y_mm"),
     "contours in micrometres": (contours(1e3), "x_mm, y_mm"),
     "skin and fascia exchanged": (exchanged("skin", "fascia"), "fascia"),
@@ -201,6 +218,8 @@ def _characters(rng: np.random.Generator, text: str) -> str:
 
 def _number(rng: np.random.Generator, text: str) -> str:
     found = list(re.finditer(r"-?\d+\.?\d*", text))
+    if not found:
+        return text
     one = found[int(rng.integers(len(found)))]
     value = float(one[0])
     choices = [
@@ -261,12 +280,17 @@ def _scaled(rng: np.random.Generator, text: str) -> str:
 
 
 def broken_at_random(folder: Path, seed: int) -> str:
-    """Break one file of a folder in one to three ways; return what was done."""
+    """Break one file of a leg's folder in one to three ways; return what was done."""
     rng = np.random.default_rng(seed)
     files = [folder / "subject.toml", folder / "contours.csv", *trials(folder)]
     path = files[
         int(rng.choice(len(files), p=[0.4, 0.3, *[0.3 / (len(files) - 2)] * (len(files) - 2)]))
     ]
+    return broken_text(path, rng)
+
+
+def broken_text(path: Path, rng: np.random.Generator) -> str:
+    """Break a TOML file or a table in one to three ways; return what was done."""
     done = [path.name]
     for _ in range(int(rng.integers(1, 4))):
         text = path.read_text()
@@ -283,3 +307,20 @@ def broken_at_random(folder: Path, seed: int) -> str:
         path.write_bytes(_bytes(rng, path.read_text()))
         done.append("bytes")
     return " ".join(done)
+
+
+def broken_bytes(path: Path, rng: np.random.Generator) -> str:
+    """Cut a file, or change some of its bytes, of its head mostly; return what was done."""
+    kept = bytearray(path.read_bytes())
+    way = int(rng.integers(5))
+    if way == 0:
+        del kept[int(rng.integers(len(kept))) :]
+    elif way == 1:
+        at = int(rng.integers(len(kept)))
+        del kept[at : at + int(rng.integers(1, 40))]
+    else:
+        ends = len(kept) if way == 2 else min(400, len(kept))
+        for at in rng.integers(ends, size=int(rng.integers(1, 9))):
+            kept[at] = int(rng.choice([0, 1, 127, 128, 255, int(rng.integers(256))]))
+    path.write_bytes(kept)
+    return f"{path.name} bytes {way}"

@@ -12,6 +12,7 @@ from legfem.common.progress import Silent
 from legfem.diagnose.diagnosis import Diagnosis, diagnose
 from legfem.diagnose.library_build import shown_mechanisms
 from legfem.diagnose.observations import Observations
+from legfem.identify.laws import LawName
 from legfem.recording import Recording
 
 BASE = {"C10": 1.0, "C20": 0.6}
@@ -28,6 +29,7 @@ def diagnosed(
     bump: float = 0.0,
     asked: Sequence[str] | None = None,
     seed: int = 1,
+    law: LawName = "reduced-polynomial",
 ) -> Diagnosis:
     """Return the diagnosis of recordings with effects in them.
 
@@ -43,9 +45,12 @@ def diagnosed(
         Names of the mechanisms that are tested; all that have a response by default.
     seed
         Of the noise.
+    law
+        Of the base model; without C20 the recordings have none either.
     """
     observed, predictor = observations(list(recordings or ramps()))
-    force = predictor({**BASE, **effects}, mechanisms_in(effects))
+    base = BASE if law == "reduced-polynomial" else {"C10": BASE["C10"], "C20": 0.0}
+    force = predictor({**base, **effects}, mechanisms_in(effects))
     place = (observed.displacement - 12.0) / 0.9
     force = force + bump * (1 - place**2) * np.exp(-0.5 * place**2)
     observed = replace(
@@ -53,10 +58,14 @@ def diagnosed(
         remarks=("trial1: 3.70 mm of air before first contact; displacement and force "
                  "are counted from there.",),
     )  # fmt: skip
-    return diagnosed_of(observed, asked)
+    return diagnosed_of(observed, asked, law)
 
 
-def diagnosed_of(observed: Observations, asked: Sequence[str] | None = None) -> Diagnosis:
+def diagnosed_of(
+    observed: Observations,
+    asked: Sequence[str] | None = None,
+    law: LawName = "reduced-polynomial",
+) -> Diagnosis:
     """Return the diagnosis of observations, by closed-form responses.
 
     Parameters
@@ -65,6 +74,8 @@ def diagnosed_of(observed: Observations, asked: Sequence[str] | None = None) -> 
         The recordings.
     asked
         Names of the mechanisms that are tested; all that have a response by default.
+    law
+        Of the base model.
     """
     able, _ = shown_mechanisms(observed, None)
     left = [
@@ -73,4 +84,4 @@ def diagnosed_of(observed: Observations, asked: Sequence[str] | None = None) -> 
     library = ClosedForm(
         missing=dict.fromkeys(left, "its solutions did not follow the protocol to the end")
     )
-    return diagnose(observed, INSTRUMENT, "reduced-polynomial", library, None, Silent())  # type: ignore[arg-type]
+    return diagnose(observed, INSTRUMENT, law, library, None, Silent())  # type: ignore[arg-type]

@@ -28,9 +28,10 @@ from legfem.experiments.indentation_3d import Cylinder
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.geometry.leg_shape import HULL, SKIN
 from legfem.geometry.slices import calf_levels
+from legfem.identify.applied_correction import Confirmation, SpatialEvidence
 from legfem.identify.catalogue import parameter_of
 from legfem.identify.leg_film import LegState, PressedLeg, seen
-from legfem.identify.result import Confirmation, Estimate, SpatialEvidence
+from legfem.identify.result import Estimate
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.mechanics.materials import ReducedPolynomial
@@ -125,9 +126,7 @@ def identified_in_3d(folder: Path) -> WebPage:
 
 def diagnosis(folder: Path) -> WebPage:
     found, subject = diagnosed({"fascia-stiffness.factor": 4.0}), subject_in(folder)
-    return diagnosis_web_page(
-        found, subject, "the text", (), versions(), COMMAND, pressed=pressed(subject)
-    )
+    return diagnosis_web_page(found, subject, (), COMMAND, pressed=pressed(subject))
 
 
 def ranked(chances: tuple[tuple[float, float], ...] = ((0.96, 0.1), (0.4, 0.05))) -> list[Reckoned]:
@@ -245,7 +244,7 @@ PAGES = {
     "identification-3d": identified_in_3d,
     "diagnosis": diagnosis,
     "plan": planned,
-    "doe": lambda folder: study_web_page(studied(folder), "the text", 1, COMMAND),
+    "doe": lambda folder: study_web_page(studied(folder), 1, COMMAND),
     "correction": corrected,
     "specimen": lambda folder: specimen_web_page(specimens(folder), COMMAND),
     "stocking": dressed,

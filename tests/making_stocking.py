@@ -11,6 +11,17 @@ from studies.legs.parametric_leg import parametric_leg, read_legs
 from studies.stockings.command import LEGS
 
 PLANTED_KPA = (2.5, 6.0)
+LEG_TOML = """id = "a"
+title = "A leg"
+origin = "simulated"
+[bare]
+contours = "bare.csv"
+[compressed]
+contours = "compressed.csv"
+[stocking]
+compression_class = "2"
+"""
+"""A leg's file: with the least that it needs."""
 COARSE = SolidMeshSettings(skin_size=9, inside_size=11, bone_size=8)
 
 

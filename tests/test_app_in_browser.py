@@ -309,7 +309,8 @@ def test_a_run_that_is_refused_says_the_commands_line_and_leaves_its_input(serve
     page.click("Run identify")
     page.sees("'nonsense' is not one of", MINUTES)
     page.sees("once what is said below is mended")
-    (run,) = (one for one in workspace.runs if one.startswith(f"identify-{name}"))
+    run = workspace.runs[0]
+    assert run.startswith(f"identify-{name}")
     assert Run(workspace.run(run)).state is RunState.REFUSED
     assert (workspace.input(name) / "subject.toml").is_file()
 

@@ -4,13 +4,24 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from making import SHARED
-from making_broken import SILENTLY_WRONG, broken_at_random, copied, told
+from making_broken import (
+    SILENTLY_WRONG,
+    Change,
+    broken_at_random,
+    copied,
+    replaced,
+    told,
+    trials,
+)
+from making_fuzzed import KINDS, broken_anywhere
 from mpi4py import MPI
 
 from legfem.common.errors import InputError
@@ -89,6 +100,80 @@ def test_a_dozen_folders_broken_at_random_give_no_traceback(tmp_path):
 @pytest.mark.slow
 def test_four_hundred_folders_broken_at_random_give_no_traceback(tmp_path):
     broken(tmp_path, range(400))
+
+
+def _first_trial(change: Callable[[bytes], bytes]) -> Change:
+    def changed(folder: Path) -> None:
+        path = trials(folder)[0]
+        path.write_bytes(change(path.read_bytes()))
+
+    return changed
+
+
+NASTY: dict[str, tuple[Change, str]] = {
+    "header twice": (_first_trial(lambda text: text.split(b"\n")[0] + b"\n" + text), "time_s"),
+    "a unit in brackets": (
+        _first_trial(lambda text: text.replace(b"force_N", b"Force [kN]", 1)), "header"),
+    "one row": (_first_trial(lambda text: b"\n".join(text.split(b"\n")[:2])), "rows"),
+    "nothing": (_first_trial(lambda text: b""), "header"),
+    "a cell of ten million characters": (
+        _first_trial(lambda text: text + b"1" * 10_000_000 + b",1,1\n"), "rows"),
+    "zeros in the text": (_first_trial(lambda text: text[:200] + b"\0" + text[200:]), "file"),
+    "a folder called so": (lambda folder: (folder / "recordings" / "z.csv").mkdir(), "file"),
+    "a link to itself": (
+        lambda folder: (folder / "recordings" / "z.csv").symlink_to("z.csv"), "file"),
+    "a date": (replaced("length_mm = .*", "length_mm = 1979-05-27"), "indenter.length_mm"),
+    "three coordinates": (replaced("aim_mm = .*", "aim_mm = [0, 0, 0]"), "indenter.aim_mm"),
+    "a number of ten thousand digits": (
+        replaced("length_mm = .*", f"length_mm = {'9' * 10_000}"), "TOML"),
+    "a table in tables": (replaced("^", f"x = {'{a=' * 1000}1{'}' * 1000}\n"), "TOML"),
+    "a name too long for a file": (
+        replaced("contours = .*", f'contours = "{"a" * 5000}"'), "section.contours"),
+    "a line's end in a name": (
+        lambda folder: trials(folder)[0].rename(trials(folder)[0].with_name("a\nb.csv")), "name"),
+    "a name that is no text": (
+        lambda folder: trials(folder)[0].rename(
+            os.fsdecode(os.fsencode(folder / "recordings") + b"/\xff.csv")
+        ), "name"),
+    "a device": (replaced("contours = .*", 'contours = "/dev/zero"'), "file"),
+    "a terminal's orders in the title": (
+        replaced("title = .*", r'title = "\\u001b[31mred"'), "title"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("nasty", NASTY)
+def test_what_few_would_write_is_refused_with_its_field(tmp_path, nasty):
+    change, field = NASTY[nasty]
+    folder = copied("3", tmp_path / "leg")
+    change(folder)
+    assert [one.partition(",")[0] for one in told(folder)] == [field]
+
+
+def broken_of_a_kind(tmp_path: Path, kind: str, seeds: range) -> None:
+    good = tmp_path / "good"
+    KINDS[kind].make(good)
+    assert KINDS[kind].told(good) == ""
+    for seed in seeds:
+        folder = tmp_path / f"{seed}"
+        shutil.copytree(good, folder)
+        done, started = broken_anywhere(folder, seed), time.perf_counter()
+        try:
+            KINDS[kind].told(folder)
+        except Exception as error:
+            raise AssertionError(f"{kind}, seed {seed} ({done}): {error!r}") from error
+        assert time.perf_counter() - started < LONGEST_S, f"{kind}, seed {seed} ({done})"
+        shutil.rmtree(folder)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_folders_of_every_kind_broken_at_random_give_no_traceback(tmp_path, kind):
+    broken_of_a_kind(tmp_path, kind, range(6))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_four_hundred_of_every_kind_give_no_traceback(tmp_path, kind):
+    broken_of_a_kind(tmp_path, kind, range(1000, 1400))
 
 
 MALFORMED = ["", "[]", "null", "{", '{"key": 1}', "[" * 100_000, '{"key": {}, "kept": []}', "\x00"]

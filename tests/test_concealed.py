@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from legfem.common.errors import InputError
+from legfem.diagnose.explain import PRIOR_NONE, PRIOR_SINGLE
 from legfem.subjects.loading import load_subject
 from studies.concealed.cases import SealedCase, make_cases
 from studies.concealed.forms import FORMS, NAMED, ON_COURSE, OUTSIDE, OUTSIDE_ON_COURSE, Pressed
@@ -189,8 +190,12 @@ def test_reliability_sets_probabilities_beside_what_is_right():
 
 
 def test_priors_are_exchanged_for_the_studys_shares():
-    half = [Explained((), False, 0.5), Explained(("a",), False, 0.36), Explained(("b",), False, 0)]
-    shares, first = at_base_rates(half)
+    assumed = [
+        Explained((), False, PRIOR_NONE),
+        Explained(("a",), False, PRIOR_SINGLE),
+        Explained(("b",), False, 0),
+    ]
+    shares, first = at_base_rates(assumed)
     # Of 0.15 cases without effect and 0.58 single ones, and a fifth of 0.15 that have a name.
     np.testing.assert_allclose(shares, [0.15 / 0.76, 0.61 / 0.76, 0])
     assert first == 1

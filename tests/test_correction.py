@@ -18,7 +18,7 @@ from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
 from legfem.solve.force_curve import ForceCurve
 from legfem.study.correction.calibration import Calibration, calibrate
 from legfem.study.correction.cases import CorrectionCase
-from legfem.study.correction.checks import check
+from studies.correction_checks import check
 
 GRID = np.linspace(0, 25, 51)
 
@@ -108,7 +108,7 @@ def test_a_calibration_is_kept_and_gone_on_with(tmp_path: Path):
 
 @pytest.mark.slow
 def test_checks_press_the_mesh_and_compare_elements(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("legfem.study.correction.checks.REACH", 1.0)
+    monkeypatch.setattr("studies.correction_checks.REACH", 1.0)
     mesh = LegMeshSettings(contact_size=8, depth_size=16, edge_size=4, growth=0.5, far_size=40)
     case = CorrectionCase(
         IdealisedLeg(length=60), settings=IdealisedLegSettings(mesh=mesh), depth=5.0

@@ -20,6 +20,7 @@ COMMANDS = (
     "legfem.study", "legfem.plan", "legfem.data", "legfem.app",
     "studies.concealed", "studies.nulls", "studies.planted", "studies.recordings",
     "studies.worked", "studies.solvers", "studies.stockings", "studies.reconstruct",
+    "studies.correction_checks",
     "studies.meshes", "studies.bench", "studies.expected_force", "studies.fibres",
     "studies.leg3d", "studies.leg3d.meshes", "studies.people", "studies.reach",
     "studies.next_test", "studies.sites",

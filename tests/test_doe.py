@@ -24,7 +24,7 @@ from legfem.study.doe.metrics import Metric, metrics_in
 from legfem.study.doe.paper import ERROR_DOF, MODEL_DOF, TABLE_2, TABLE_3
 from legfem.study.doe.study import analyse
 from legfem.study.doe.surface import NotEstimableError, fit_surface
-from legfem.study.doe.tables import beside_table_3
+from legfem.study.doe.tables import table_3_cells
 from legfem.study.doe.verdict import ClaimFinding, _in_words
 
 SLOPE = Metric("slope", 0.0, 5.0)
@@ -98,14 +98,14 @@ def test_the_table_beside_the_papers_halves_curvatures_only() -> None:
     given, table, _ = planted_table(noise=0.05)
     done, _ = analyse(given, table, "coefficients")
     result = cast(Any, SimpleNamespace(definition=given, analyses=done))
-    rows = [line.split("|") for line in beside_table_3(result).splitlines()[2:]]
-    assert [row[1].strip() for row in rows].count("half of it") == 3 and len(rows) == 9
-    own = [float(row[2].split("/")[1]) for row in rows]
+    _, rows = table_3_cells(result)
+    assert [row[0] for row in rows].count("half of it") == 3 and len(rows) == 9
+    own = [float(row[1].split("/")[1]) for row in rows]
     assert own[0] == pytest.approx(done[0].anova.ssr, rel=0.05)
     assert own[1] == pytest.approx(done[0].anova.ssr / 4, rel=0.05)
     assert own[-1] == pytest.approx(done[-1].anova.ssr, rel=0.05)
     narrow = replace(given, factors=(*given.factors[:-1], replace(given.factors[-1], high=0.9)))
-    assert not beside_table_3(cast(Any, SimpleNamespace(definition=narrow, analyses=done)))
+    assert not table_3_cells(cast(Any, SimpleNamespace(definition=narrow, analyses=done)))
 
 
 def test_lenth_tells_active_effects_from_noise() -> None:

@@ -24,10 +24,16 @@ from scipy.stats import t as student_t
 from legfem.diagnose.averaged import averaged_interval
 from legfem.diagnose.explain import PRIOR_NONE, PRIOR_PAIR, PRIOR_SINGLE, PRIOR_UNKNOWN, explain
 from legfem.diagnose.explanation import HELD, Explained, Explanation
-from legfem.diagnose.fit import Problem, fit
+from legfem.diagnose.fit import Fit, Problem, fit
 from legfem.diagnose.limits import limits_of
 from legfem.diagnose.mechanisms import mechanism_named
-from legfem.diagnose.nuisances import MATERIAL_LOG_SD, Accuracy, Nuisances, variance_degrees
+from legfem.diagnose.nuisances import (
+    GEOMETRY_DOF,
+    MATERIAL_LOG_SD,
+    Accuracy,
+    Nuisances,
+    variance_degrees,
+)
 from legfem.diagnose.predict import onset_name
 from legfem.diagnose.remains import explained_share, remains_of
 from legfem.inference.errors import error_model
@@ -130,6 +136,65 @@ def test_two_effects_are_explained_by_the_pair():
     best = explain(problem, base, SOUGHT).every[0]
     assert set(best.names) == {"preconditioning", "support-compliance"}
     assert best.value("C10") == pytest.approx(TRUTH["C10"], rel=0.04)
+
+
+def test_behind_one_effect_that_suffices_others_are_tried_and_widen_the_interval():
+    """A small second effect, which the gains take up: C10 by the first alone is too sure."""
+    effects = {"support-compliance.compliance": 0.3, "preconditioning.softening": 0.06,
+               "preconditioning.fading": 0.9}  # fmt: skip
+    problem, base = problem_of(ramps(), effects, seed=7)
+    explained = explain(problem, base, SOUGHT)
+    best = explained.every[0]
+    assert best.names == ("support-compliance",)
+    beside = {frozenset(e.names) for e in explained.every if len(e.names) == 2}
+    assert {frozenset([*best.names, m.name]) for m in SOUGHT if m.name not in best.names} <= beside
+    low, high = averaged_interval(explained, "C10")
+    alone = best.interval("C10")
+    assert high - low > 1.02 * (alone[1] - alone[0])
+    assert low < TRUTH["C10"] < high
+
+
+def test_a_pair_that_adds_nothing_takes_the_solution_of_its_one_mechanism():
+    problem, base = problem_of(ramps(), {"support-compliance.compliance": 0.3}, seed=3)
+    asked = []
+
+    def confirm(given: Problem, fitted: Fit) -> tuple[Problem, Fit, bool]:
+        asked.append(fitted.names)
+        shifted = given.corrected(0.002 * fitted.prediction)
+        return shifted, fit(shifted, fitted.mechanisms, fitted.values), True
+
+    explained = explain(problem, base, SOUGHT, confirm)
+    assert asked == [("support-compliance",)]
+    pairs = [e for e in explained.every if len(e.names) == 2 and "support-compliance" in e.names]
+    assert len(pairs) == len(SOUGHT) - 1
+    assert all(np.any(e.problem.predictor.offset != 0.0) for e in pairs)
+
+
+def test_a_pair_that_is_more_than_either_takes_a_solution_of_its_own():
+    effects = {"support-compliance.compliance": 0.2, "preconditioning.softening": 0.3,
+               "preconditioning.fading": 0.2}  # fmt: skip
+    problem, base = problem_of(ramps(), effects, seed=4)
+    asked = []
+
+    def confirm(given: Problem, fitted: Fit) -> tuple[Problem, Fit, bool]:
+        asked.append(frozenset(fitted.names))
+        shifted = given.corrected(0.002 * fitted.prediction)
+        return shifted, fit(shifted, fitted.mechanisms, fitted.values), True
+
+    best = explain(problem, base, SOUGHT, confirm).every[0]
+    assert set(best.names) == {"preconditioning", "support-compliance"} and best.confirmed
+    assert asked.count(frozenset(best.names)) == 1
+
+
+def test_a_variance_that_a_bound_makes_small_keeps_its_degrees_of_freedom():
+    """A bound takes variance away, not what the errors' sizes are known by."""
+    problem, base = problem_of(ramps(), seed=1)
+    known, names = 0.1 * base.change[:, :1], ("outline of the skin, mode 1",)
+    problem = problem.with_errors(replace(problem.errors, known=known, names=names))
+    one = explain(problem, base, SOUGHT[:1]).base
+    assert np.isfinite(one.degrees_of_freedom[0])
+    posterior = replace(one.posterior, covariance=1e-6 * one.posterior.covariance)
+    assert replace(one, posterior=posterior).degrees_of_freedom[0] >= GEOMETRY_DOF
 
 
 def test_a_first_trial_stiffer_by_a_share_that_varies_with_depth_is_named_preconditioning():

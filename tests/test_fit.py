@@ -16,6 +16,7 @@ from making_diagnosis import (
     ramps,
     two_rates,
 )
+from scipy.stats import truncnorm
 
 from legfem.diagnose.fit import Problem, fit
 from legfem.diagnose.held_out import folds_of, held_out
@@ -66,6 +67,7 @@ def test_what_is_known_beforehand_holds_a_parameter_that_the_data_do_not_see(dra
 
 
 def test_an_unseen_parameter_costs_no_evidence(dragged):
+    """Nor is more known of it than beforehand: its prior, between its bounds."""
     problem, found = dragged
     evidence = Evidence(problem.errors, [Unknown(None, 0.0, 0.0)])
     given = found.linearised
@@ -77,7 +79,8 @@ def test_an_unseen_parameter_costs_no_evidence(dragged):
     one, other = evidence.of(given), evidence.of(without)
     assert one.log_evidence == pytest.approx(other.log_evidence, abs=1e-6)
     k = found.free.index("drag.unseen")
-    assert one.covariance[k, k] == pytest.approx(1.0, rel=1e-6)
+    beforehand = truncnorm(given.low[k], given.high[k])
+    assert one.covariance[k, k] == pytest.approx(beforehand.var(), rel=1e-6)
 
 
 def test_a_fit_s_interval_and_derivatives_are_those_of_the_prediction(dragged):

@@ -76,7 +76,8 @@ def test_an_identified_leg_can_be_read_drawn_and_written(subject, tmp_path: Path
     laws = ("neo-hookean", "reduced-polynomial")
     found = lf.IdentifiedLeg(subject, tuple(result(law) for law in laws))
     assert found["neo-hookean"].law == "neo-hookean"
-    assert "C10 (kPa)" in found.summary() and "reconstructed data" in found.summary()
+    assert "C10 of the deep tissue (muscle), neo-Hookean law" in found.summary()
+    assert "RECONSTRUCTED DATA" in found.summary()
     frame = found.to_frame()
     assert list(frame["law"]) == [laws[0], laws[1], laws[1]]
     assert list(frame["parameter"]) == ["c10_deep", "c10_deep", "c20_deep"]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from making import circle
@@ -163,6 +165,8 @@ def test_a_file_gives_the_shape_back(tmp_path):
         (lambda t: t.replace(",hull,", ",hulk,"), "hull: the part is missing"),
         (lambda t: t.replace("5.0000,tibia", "6.0000,tibia"), "0 points are too few"),
         (lambda t: t.replace("x_mm", "x_cm"), "found column 'x_cm'"),
+        (lambda t: re.sub(r"(\d+\.\d{4}),(skin|hull|tibia|fibula)", r"1e4\1,\2", t), "level_mm"),
+        (lambda t: re.sub(r",[-\d.]+$", ",1.0", t, flags=re.MULTILINE), "x_mm, y_mm"),
     ],
 )
 def test_a_bad_file_gives_one_line(tmp_path, change, message):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from importlib import import_module
 
-import click
 import pytest
 import typer
 from making import press, write_recording, write_subject
@@ -23,10 +22,12 @@ def commands():
         if name == SERVES:
             continue  # it has no result
         made = typer.main.get_command(import_module(f"legfem.{name}.__main__").app)
-        if isinstance(made, click.Group):
-            yield from ((f"{name} {part}", one) for part, one in made.commands.items())
-        else:
-            yield name, made
+        parts = getattr(made, "commands", None)
+        yield from (
+            [(name, made)]
+            if parts is None
+            else ((f"{name} {part}", one) for part, one in parts.items())
+        )
 
 
 @pytest.mark.parametrize(("name", "command"), list(commands()))

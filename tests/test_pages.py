@@ -163,7 +163,7 @@ def test_the_python_of_the_front_door_runs(
     code = blocks("docs/python.md", "python")
     assert sum(QUICK[0] in block for block in code) == 1
     names = run("docs/python.md", [block.replace(*QUICK) for block in code] if quick else code)
-    assert "reconstructed data" in capsys.readouterr().out
+    assert "RECONSTRUCTED DATA" in capsys.readouterr().out
     frame = names["result"].to_frame()
     assert len(frame) == (1 if quick else 3) and (frame["low"] < frame["high"]).all()
     assert (tmp_path / "results" / "identify-3" / "report.txt").is_file()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from legfem.report.page import RESULT, ReportFile
+from legfem.report.listing import RESULT, ReportFile
 from legfem.report.plain import brief, plain_page
 from legfem.report.web.bars import Bar, Bars
 from legfem.report.web.page import (

@@ -31,6 +31,15 @@ def with_process(context: None, task: int) -> tuple[int, int]:
     return task, os.getpid()
 
 
+def mark_ready(folder: Path) -> None:
+    (folder / str(os.getpid())).touch()
+
+
+def here_or_there(context: Path, task: int) -> int:
+    time.sleep(0.2)
+    return os.getpid()
+
+
 def slow_first(context: None, task: int) -> int:
     time.sleep(0.3 if task == 0 else 0.0)
     return task
@@ -66,6 +75,26 @@ def test_the_order_is_the_tasks_where_it_is_asked_for() -> None:
     with Workers(slow_first, None, 2) as workers:
         assert list(workers.in_order(range(6))) == list(range(6))
         assert sorted(task for task, _ in workers.run(range(6))) == list(range(6))
+
+
+def test_this_process_works_along_where_it_is_asked_to(tmp_path: Path) -> None:
+    def ready() -> int:
+        return len(list(tmp_path.iterdir()))
+
+    with Workers(here_or_there, tmp_path, 2, along=True) as workers:
+        workers.start(mark_ready, most=3)
+        while not ready():
+            time.sleep(0.05)
+        found = dict(workers.run(range(6)))
+        assert sorted(found) == list(range(6))
+        assert set(found.values()) == {os.getpid(), int(next(tmp_path.iterdir()).name)}
+        assert dict(workers.run([7])) == {7: os.getpid()}
+    assert ready() == 1
+    with (
+        pytest.raises(ValueError, match="made to fail"),
+        Workers(fail, None, 2, along=True) as workers,
+    ):
+        list(workers.run(range(4)))
 
 
 def test_fresh_workers_do_one_task_each() -> None:

@@ -16,14 +16,17 @@ from scipy.stats import chi2
 from legfem.correction.choice import REFERENCE
 from legfem.correction.tabulated import read_correction
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.identify.result import AppliedCorrection
+from legfem.identify.applied_correction import AppliedCorrection
 from legfem.identify.warnings import Finding, warnings_about
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report.cost_figure import confidence_ellipse, cost_figure, linear_cost
 from legfem.report.fit_figure import fit_figure
 from legfem.report.identification import write_identification_report
+from legfem.report.law_comparison import comparison
+from legfem.report.plain import brief, plain_page
 from legfem.report.style import save
-from legfem.report.text import comparison, fit_report, summary
+from legfem.report.web.identification import identification_page
+from legfem.report.words import number
 from legfem.subjects.loading import load_subject
 
 
@@ -33,33 +36,47 @@ def both():
     return [result("neo-hookean", measured), result("reduced-polynomial", measured)]
 
 
-def test_fit_report_states_values_errors_and_units(both):
+@pytest.fixture(scope="module")
+def subject(tmp_path_factory):
+    folder = write_subject(tmp_path_factory.mktemp("report") / "made")
+    return load_subject(folder, need_recordings=False)
+
+
+def text_of(results, subject) -> str:
+    """Return ``report.txt``, its lines joined."""
+    return " ".join(plain_page(identification_page(results, subject, None), []).split())
+
+
+def test_report_states_values_errors_and_units(both, subject):
     found = both[1]
-    text = fit_report(found)
+    text = text_of(both, subject)
     c10 = found.parameters["deep.C10"].shown
-    assert f"{c10.value:.6g} +/- {c10.standard_error:.3g} kPa" in text
-    assert f"95 % interval {c10.ci95[0]:.5g} to {c10.ci95[1]:.5g} kPa" in text
-    assert f"{found.cost.value:.6g} N2" in text
-    assert f"{found.cost.per_length:.6g} (N/mm)2" in text
+    low, high = (number(end, c10.standard_error) for end in c10.ci95)
+    assert f"{number(c10.value, c10.standard_error)} kPa (95 % {low} to {high})" in text
+    assert f"± {c10.standard_error:.2g} (sd)" in text
+    for one in both:
+        assert f"{one.cost.value:.6g}" in text and f"{one.cost.per_length:.6g}" in text
+        assert f"{one.cost.chi_square:.5g} on {one.cost.degrees_of_freedom} degrees" in text
     assert found.cost.definition in text
-    assert "7 (0 failed, 2 from an earlier run), 420 factorisations" in text
-    assert "12.3 s" in text
+    assert f"factorisations: neo-Hookean: {both[0].factorisations}; reduced" in text
+    assert "full solves: 7; failed: 0; from before: 2; converged: yes; s: 12.3" in text
     assert "identifiable: its interval is narrow" in text
-    for section in ("Model", "Fit Statistics", "Variables", "Correlations", "Warnings"):
-        assert f"[[{section}]]" in text
+    assert f"C10 +1.000 {found.correlation('deep.C10', 'deep.C20'):+.3f}" in text
+    assert "superficial neo-Hookean 2 assumed 22.5" in text, "what was held is there"
+    assert "correlated over 1.2 mm" in text
 
 
-def test_one_parameter_has_no_correlations(both):
-    assert "[[Correlations]]" not in fit_report(both[0])
+def test_one_parameter_has_no_correlations(both, subject):
+    assert "Correlations" not in text_of(both[:1], subject)
 
 
-def test_the_correction_is_named_with_its_size_and_error(both):
+def test_the_correction_is_named_with_its_size_and_error(both, subject):
     grid = both[0].measured.displacement
     applied = AppliedCorrection("a leg's", np.full(len(grid), -0.15), np.full(len(grid), 0.04))
-    text = fit_report(replace(both[0], correction=applied))
-    assert "3D correction      a leg's" in text
-    assert "P -0.15 ± 0.04 at 5 mm" in text
-    assert "3D correction      none" in fit_report(both[0])
+    text = text_of([replace(both[0], correction=applied)], subject)
+    assert "3D correction a leg's, neo-Hookean law: force = (1 - P) x plane strain" in text
+    assert "5 -0.15 ± 0.04 15 -0.15 ± 0.04" in text
+    assert "without a correction for 3D effects" in text_of(both[:1], subject)
 
 
 def test_who_reads_a_corrected_c10_is_told_what_fibres_would_do_to_it(both, tmp_path):
@@ -74,16 +91,19 @@ def test_who_reads_a_corrected_c10_is_told_what_fibres_would_do_to_it(both, tmp_
 
 
 @pytest.mark.parametrize("origin", ["reconstructed", "simulated", "measured"])
-def test_origin_of_the_data_comes_first(both, origin):
+def test_origin_of_the_data_comes_first(both, subject, origin):
     other = replace(both[1], subject_origin=origin)
-    assert fit_report(other).startswith(f"DATA: {origin} data")
-    assert f"DATA: {origin} data" in summary([other])
+    page = identification_page([other], replace(subject, origin=origin), None)
+    for text in (plain_page(page, []), brief(page)):
+        assert text.index(f"*** {origin.upper()} DATA ***") < text.index(
+            page.headline.sentence[:20]
+        )
     assert f"{origin} data" in fit_figure([other]).get_suptitle()
     assert f"{origin} data" in cost_figure(other).get_suptitle()
 
 
-def test_summary_compares_the_laws(both):
-    text = summary(both)
+def test_terminal_is_told_how_the_laws_compare(both, subject):
+    text = " ".join(brief(identification_page(both, subject, None)).split())
     ratio = both[0].cost.value / both[1].cost.value
     assert f"its cost is {ratio:.3g} times smaller" in text
     assert "The neo-Hookean law does not fit within the noise" in text
@@ -100,9 +120,9 @@ def test_comparison_does_not_praise_a_parameter_that_the_data_do_not_need(both):
     assert "fit alike" in comparison([neo, limit])[-1]
 
 
-def test_report_survives_numbers_that_are_missing(both):
+def test_report_survives_numbers_that_are_missing(both, subject):
     found = both[1]
-    unmoved = replace(found.parameters["deep.C20"], value=0.0, moves={})
+    unmoved = replace(found.parameters["deep.C20"], value=0.0, moves={"superficial.C10": math.nan})
     bare = replace(
         found,
         parameters={**found.parameters, "deep.C20": unmoved},
@@ -112,8 +132,9 @@ def test_report_survives_numbers_that_are_missing(both):
         cost=replace(found.cost, p_value=math.nan),
         warnings=(),
     )
-    assert "no emulator" in fit_report(bare)
-    assert "nan" not in fit_report(bare) + summary([bare])
+    text = text_of([bare], subject)
+    assert "no emulator" in text and "not known" in text
+    assert "nan" not in text
     cost_figure(bare)
 
 

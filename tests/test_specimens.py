@@ -13,6 +13,8 @@ import legfem as lf
 from legfem.identify.search import Search, is_settled
 from legfem.inference.parameter import Parameter, Prior
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean, Yeoh
+from legfem.report.specimen import write_specimen_report
+from legfem.specimens.result import SpecimenResult
 
 
 def test_a_planted_law_is_found_from_recordings_together(bars: Path) -> None:
@@ -77,6 +79,27 @@ def test_a_prior_and_a_held_value_count(bars: Path) -> None:
     assert found.parameters["deep.C10"].value == pytest.approx(4e-3, rel=0.01)
     held = lf.identify(folder, "reduced-polynomial", fixed={"deep.C20": 3e-3})
     assert list(held["reduced-polynomial"].parameters) == ["deep.C10"]
+
+
+def test_what_another_unit_or_size_would_do_is_said_and_so_it_is(tmp_path: Path) -> None:
+    def c10(force: float, way: float) -> SpecimenResult:
+        folder = tmp_path / f"{force:g}{way:g}"
+        for name, duration in (("fast", 0.6), ("slow", 60.0)):
+            time, d = ramp(2.0, duration)
+            record(folder, name, time, way * d, force * compressed(NeoHookean(5e-3, 1.0), d))
+        (folder / "specimen.toml").write_text(BAR)
+        return lf.identify(lf.load_specimen(folder), "neo-hookean")["neo-hookean"]
+
+    found = c10(1.0, 1.0)
+    one = found.parameters["deep.C10"]
+    assert one.moves["force_N"] == pytest.approx(0.1, rel=1e-3)
+    assert c10(1.1, 1.0).values["deep.C10"] / one.value - 1 == pytest.approx(0.1, rel=0.01)
+    deeper = c10(1.0, 1.02).values["deep.C10"] / one.value - 1
+    assert one.moves["displacement_mm"] == pytest.approx(5 * deeper, rel=0.1)
+    write_specimen_report([found], tmp_path)
+    assert "an area_mm2 of half the true one makes it twice" in " ".join(
+        (tmp_path / "report.txt").read_text().split()
+    )
 
 
 def test_a_value_at_its_bound_is_told(bars: Path) -> None:

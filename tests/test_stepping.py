@@ -14,6 +14,7 @@ from legfem.experiments.base import Solved
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.fem.system import System
 from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.integration_domain import Body
 from legfem.solve.newton import Damping, NewtonOutcome, NewtonSettings, NewtonSolver
 from legfem.solve.protocol import Protocol
 from legfem.solve.report import SolveReport, Step
@@ -185,6 +186,8 @@ class Attempt:
     stiffness: float
     """Of the contact (MPa/mm)."""
     unknowns: int
+    degree: int
+    """Of the integration."""
 
 
 def _solved(monkeypatch, reach: Callable[[Attempt], float], defences: bool) -> Solved:
@@ -193,7 +196,9 @@ def _solved(monkeypatch, reach: Callable[[Attempt], float], defences: bool) -> S
     class Limited(FailingSolver):
         def __init__(self, system: System, *_: object) -> None:
             super().__init__(system, lambda at: at > reach(self.attempt))
-            self.attempt = Attempt(0.0, system.spaces.unknowns)
+            domain = system.body.domain
+            assert isinstance(domain, Body)
+            self.attempt = Attempt(0.0, system.spaces.unknowns, domain.quadrature_degree)
             given = system.set_parameters
 
             def told(values: dict[str, float]) -> None:
@@ -221,13 +226,13 @@ def _only_soft(attempt: Attempt) -> float:
 def test_a_softer_contact_is_tried_before_giving_up(monkeypatch):
     report = _solved(monkeypatch, _only_soft, defences=True).report
     assert report.complete and report.contact_stiffness_factor == 0.2
-    first, other = report.earlier_attempts
-    for attempt in (first, other):
+    first, well, other = report.earlier_attempts
+    for attempt in (first, well, other):
         assert not attempt.complete and attempt.contact_stiffness_factor == 1.0
-    assert first.unknowns > other.unknowns, "the pressures' are missing"
+    assert first.unknowns == well.unknowns > other.unknowns, "the pressures' are missing"
     assert report.factorisations > sum(step.factorisations for step in report.steps)
     assert report.factorisations == sum(
-        step.factorisations for one in (report, first, other) for step in one.steps
+        step.factorisations for one in (report, first, well, other) for step in one.steps
     )
 
 
@@ -239,12 +244,20 @@ def _only_without_pressures(attempt: Attempt) -> float:
 _UNKNOWNS: list[int] = []
 
 
-def test_a_form_without_pressures_is_tried_first_and_its_force_is_alike(monkeypatch):
+def test_more_points_of_integration_are_tried_first(monkeypatch):
+    report = _solved(monkeypatch, lambda one: np.inf if one.degree > 4 else 2.0, True).report
+    assert report.complete and report.compromise == "more points of integration than elsewhere"
+    (first,) = report.earlier_attempts
+    assert first.reached <= 2.0 and report.unknowns == first.unknowns
+    assert "tissue is drawn out" in first.reason and " mm" in first.reason
+
+
+def test_a_form_without_pressures_is_tried_next_and_its_force_is_alike(monkeypatch):
     _UNKNOWNS.clear()
     report = _solved(monkeypatch, _only_without_pressures, defences=True).report
     assert report.complete and report.contact_stiffness_factor == 1.0
     assert report.compromise == "a form without pressures of its own"
-    (first,) = report.earlier_attempts
+    first, _ = report.earlier_attempts
     assert first.reached <= 2.0 and report.unknowns < first.unknowns
 
 
@@ -253,7 +266,7 @@ def test_a_form_without_pressures_that_is_too_stiff_is_refused(monkeypatch):
     monkeypatch.setattr(plane_strain, "_LIKE", 1e-6)
     report = _solved(monkeypatch, _only_without_pressures, defences=True).report
     assert report.compromise == "a contact 5 times softer", "the next attempt went on"
-    assert "without pressures the force is off by" in report.earlier_attempts[1].reason
+    assert "without pressures the force is off by" in report.earlier_attempts[2].reason
 
 
 def test_without_defences_the_first_failure_stands(monkeypatch):
@@ -268,16 +281,17 @@ def test_a_finer_mesh_is_tried_last_and_the_farthest_attempt_returned(monkeypatc
 
     def reach(attempt: Attempt) -> float:
         sizes.append(attempt.unknowns)
-        if attempt.unknowns < sizes[0] and attempt.stiffness > STIFF:
+        other_form = attempt.unknowns < sizes[0] or attempt.degree > 4
+        if other_form and attempt.stiffness > STIFF:
             return 0.5
         kind = "finer" if attempt.unknowns > sizes[0] else "softer"
         return 2.0 if best == (kind if attempt.stiffness < STIFF else "the first") else 1.0
 
     solved = _solved(monkeypatch, reach, defences=True)
     report = solved.report
-    assert not report.complete and len(report.earlier_attempts) == 3
+    assert not report.complete and len(report.earlier_attempts) == 4
     attempts = [report, *report.earlier_attempts]
-    assert sorted(attempt.contact_stiffness_factor for attempt in attempts) == [0.2, 0.2, 1.0, 1.0]
+    assert sorted(attempt.contact_stiffness_factor for attempt in attempts) == [0.2, 0.2, 1, 1, 1]
     assert len({attempt.unknowns for attempt in attempts}) == 3
     assert 1.0 < report.reached == max(attempt.reached for attempt in attempts)
     assert report.contact_stiffness_factor == (1.0 if best == "the first" else 0.2)

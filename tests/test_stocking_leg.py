@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from making_stocking import LEG_TOML
 from shapely import Point, Polygon
 
 from legfem.common.errors import InputError
@@ -17,17 +18,6 @@ from legfem.stocking.loading import LEGS, load_leg
 from legfem.stocking.veins import GAP, default_veins
 from studies.legs.parametric_leg import parametric_leg, read_legs
 from studies.stockings.command import LEGS as SHAPES
-
-TOML = """id = "a"
-title = "A leg"
-origin = "simulated"
-[bare]
-contours = "bare.csv"
-[compressed]
-contours = "compressed.csv"
-[stocking]
-compression_class = "2"
-"""
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +31,7 @@ def folder(tmp_path: Path, shape: LegShape) -> Path:
     motion = RigidTransform.of_angles((0.3, -0.2, 2.0), np.array([3.0, -2.0, 0.5]))
     moved = rigidly_moved(shape, motion.rotation, motion.translation)
     write_shape(moved, tmp_path / "compressed.csv")
-    (tmp_path / "leg.toml").write_text(TOML)
+    (tmp_path / "leg.toml").write_text(LEG_TOML)
     return tmp_path
 
 

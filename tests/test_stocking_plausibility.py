@@ -88,6 +88,8 @@ def _table(low: float, high: float) -> Change:
     ("change", "field", "words"),
     [
         (_resized(0.6), "bare", "a girth of"),
+        (_resized(0.75), "bare", "a tibia's width"),
+        (_resized(1.8), "bare", "both are large"),
         (_tissue("deep", D1=150.0), "tissues.deep.D1_per_MPa", "a D1 of 150"),
         (_tissue("superficial", C10=0.1), "tissues.superficial.C10_kPa", "C10 of 100 kPa"),
         (_tissue("deep", C10=40e-3), "tissues.deep.C10_kPa", "C10 of 40 kPa"),

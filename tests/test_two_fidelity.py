@@ -16,11 +16,11 @@ from legfem.common.errors import InputError
 from legfem.common.progress import Silent
 from legfem.correction.confirmed import confirmed_correction
 from legfem.correction.tabulated import TabulatedCorrection
+from legfem.identify.applied_correction import CLOSE
 from legfem.identify.document import result_document
 from legfem.identify.forward import ForwardOutcome
 from legfem.identify.identification import Identification, measured_curve
 from legfem.identify.request import sensitivities_of
-from legfem.identify.result import CLOSE
 from legfem.identify.run import laws_of
 from legfem.identify.search import SearchError
 from legfem.identify.settings import IdentificationSettings
@@ -28,7 +28,8 @@ from legfem.identify.solver import FullSolver
 from legfem.identify.spatial import LegModels, check_has_ends
 from legfem.identify.two_fidelity import MOST_SOLVES, TwoFidelities
 from legfem.recording import Instrument, Recording
-from legfem.report.text import fit_report
+from legfem.report.plain import plain_page
+from legfem.report.web.identification import identification_page
 from legfem.subjects.loading import load_subject
 from legfem.subjects.spatial import spatial_leg
 from legfem.subjects.subject import Subject
@@ -151,8 +152,9 @@ def test_a_leg_that_stops_short_is_a_search_error(tmp_path):
 
 
 def test_report_and_document_say_what_the_leg_itself_said(tmp_path):
-    (result,) = identified(recorded(tmp_path, 1.3), table(0.3))
-    text = fit_report(result)
+    subject = recorded(tmp_path, 1.3)
+    (result,) = identified(subject, table(0.3))
+    text = " ".join(plain_page(identification_page([result], subject, None), []).split())
     assert "extruded over 120 mm (assumed)" in text and "the table of idealised legs" in text
     document = result_document(result)
     assert document["model"] == "3d"

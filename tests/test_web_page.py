@@ -22,7 +22,7 @@ from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainS
 from legfem.fem.fields import FieldReader, fields_of
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report.leg_figure import DrawnSection
-from legfem.report.web.curves import Curves, Line, embedded
+from legfem.report.web.curves import Curves, Line, embedded, ways
 from legfem.report.web.diagnosis import diagnosis_web_page
 from legfem.report.web.identification import identification_page
 from legfem.report.web.page import rendered
@@ -77,6 +77,7 @@ def test_the_page_of_an_identification_says_verdict_warnings_and_provenance(subj
     assert '<span class="tag measured">' not in html, "nothing simulated is called measured"
     assert command in page.words
     assert "What could not be tested" in page.words
+    assert "C10 by +14 % if all forces were 10 % higher" in page.words
 
 
 def test_a_law_that_does_not_fit_is_not_praised(subject, both):
@@ -103,8 +104,8 @@ def test_the_page_of_a_diagnosis_says_what_is_wrong_how_sure_and_what_to_do(subj
     effects, bump, asked = CASES[verdict]
     found = diagnosed(effects, bump=bump, asked=asked)
     plan = ["press to 25 mm: 70 % chance of telling the candidates apart"]
-    html = rendered(diagnosis_web_page(found, subject, "the text", plan, {"legfem": "1"}))
-    page, answers = read(html), dict(diagnosis_web_page(found, subject, "").headline.answers)
+    html = rendered(diagnosis_web_page(found, subject, plan))
+    page, answers = read(html), dict(diagnosis_web_page(found, subject).headline.answers)
     assert len(html.encode()) < MOST_BYTES
     asked = ["What is wrong", "How sure", "What it does to C10", "What to do"]
     assert [question for question in answers if question != QUESTION] == asked
@@ -127,7 +128,7 @@ def test_a_test_that_asks_for_nothing_more_says_so(subject):
     # Holds and two rates are there: nothing of the tissue's behaviour in time is left to be tested.
     found = diagnosed({}, recordings=two_rates())
     assert found.verdict == "consistent"
-    answers = dict(diagnosis_web_page(found, subject, "").headline.answers)
+    answers = dict(diagnosis_web_page(found, subject).headline.answers)
     assert answers["What to do"] == "Use the number above. No other test is needed."
 
 
@@ -178,6 +179,12 @@ def test_the_table_behind_a_plot_holds_what_is_drawn():
     assert len(curves.rows) == 25
     assert curves.rows[0] == ["0.00", "0.000"] and curves.rows[-1] == ["10.00", "100.000"]
     assert embedded([curves]).places.keys() == {"name"}
+
+
+def test_a_band_over_loading_hold_and_unloading_is_drawn_in_two_ways():
+    there_and_back = np.array([0.0, 1.0, 2.0, 2.0, 2.0, 1.0, 0.5])
+    assert ways(there_and_back) == [slice(0, 5), slice(4, 7)]
+    assert ways(np.arange(4.0)) == [slice(0, 4)]
 
 
 @pytest.mark.parametrize(

@@ -90,7 +90,7 @@ def study(tmp_path_factory):
 
 
 def test_a_study_says_what_a_press_shows_and_what_to_measure(study):
-    page = study_web_page(study, "the text", 1, pages.COMMAND)
+    page = study_web_page(study, 1, pages.COMMAND)
     checked(page, "C20 of the deep tissue", "Poisson's ratio is", "slope 20-30 mm", "R2 predicted")
     assert not study.failed and len(to_measure(study)) >= 3
     # F/L grows with C20 d^2 before all, and C10 of fat and muscle hardly count.
@@ -111,7 +111,7 @@ def test_shares_are_those_of_the_variance_that_the_surface_explains(study):
 
 
 def test_the_map_predicts_what_the_surface_does(study):
-    page = study_web_page(study, "", 1, "")
+    page = study_web_page(study, 1, "")
     (block,) = next(c.blocks for c in page.chapters if c.title == "The response surface")
     data = json.loads(block.data)
     at = np.random.default_rng(1).uniform(-1, 1, 5)
@@ -123,11 +123,11 @@ def test_the_map_predicts_what_the_surface_does(study):
 
 def test_a_study_in_which_runs_stopped_warns_on_top(tmp_path):
     found = pages.studied(tmp_path, stops=(("deep.C20", 5e-4, 12.0),))
-    page = study_web_page(found, "the text", 1, pages.COMMAND)
+    page = study_web_page(found, 1, pages.COMMAND)
     assert page.headline.tone == "caution" and "stopped short" in page.warnings[0]
     checked(page)
     none = replace(found, analyses=(), information=None)
-    assert checked(study_web_page(none, "", 1, pages.COMMAND)).words.count("No metric") >= 2
+    assert checked(study_web_page(none, 1, pages.COMMAND)).words.count("No metric") >= 2
 
 
 def test_a_correction_says_how_large_it_is_and_in_which_direction():

@@ -39,9 +39,9 @@ class DiagnosedLeg(Found):
 
     def summary(self) -> str:
         """Return the report's text."""
-        from legfem.report.diagnosis_text import diagnosis_page
+        from legfem.report.plain import plain_page
 
-        return diagnosis_page(self.diagnosis, self.subject, [])
+        return plain_page(self._page(), [])
 
     def document(self) -> dict[str, Any]:
         """Return what ``diagnosis.json`` holds."""
@@ -64,10 +64,9 @@ class DiagnosedLeg(Found):
         return write_diagnosis_report(self.diagnosis, self.subject, Path(folder))
 
     def _page(self) -> WebPage:
-        from legfem.diagnose.document import versions
         from legfem.report.web.diagnosis import diagnosis_web_page
 
-        return diagnosis_web_page(self.diagnosis, self.subject, self.summary(), (), versions())
+        return diagnosis_web_page(self.diagnosis, self.subject)
 
     def _rows(self) -> Iterator[dict[str, Any]]:
         yield from _before_and_after(self.document())
@@ -93,12 +92,11 @@ class DiagnosedFolder(Found):
 
     def summary(self) -> str:
         """Return the report's text; of several specimens a table of all."""
-        from legfem.report.diagnosis_text import diagnosis_page
+        from legfem.report.plain import plain_page
         from legfem.report.specimen_diagnosis import specimens_page
 
-        alone = self.specimens[0]
-        if len(self.specimens) == 1 and alone.diagnosis is not None:
-            return diagnosis_page(alone.diagnosis, alone, [])
+        if len(self.specimens) == 1 and self.specimens[0].diagnosis is not None:
+            return plain_page(self._page(), [])
         return specimens_page(self.specimens, self.folder)
 
     def document(self) -> dict[str, Any]:
@@ -139,11 +137,10 @@ class DiagnosedFolder(Found):
 
     def _page(self) -> WebPage:
         """Return that of the first diagnosed specimen; each has one of its own."""
-        from legfem.diagnose.document import versions
         from legfem.report.web.diagnosis import diagnosis_web_page
 
         one, found = self._first
-        return diagnosis_web_page(found, one, self.summary(), (), versions())
+        return diagnosis_web_page(found, one)
 
     def _rows(self) -> Iterator[dict[str, Any]]:
         for name, document in self.document().items():

@@ -41,9 +41,10 @@ class IdentifiedLeg(ByLaw["IdentificationResult"]):
 
     def summary(self) -> str:
         """Return values, intervals, which law fits better, and warnings."""
-        from legfem.report.text import summary
+        from legfem.report.plain import brief
+        from legfem.report.web.identification import identification_page
 
-        return summary(self.results)
+        return brief(identification_page(self.results, self.subject, None))
 
     def _document_of(self, result: IdentificationResult) -> dict[str, Any]:
         from legfem.identify.document import result_document

@@ -185,7 +185,8 @@ def run(
         from legfem.identify.spatial import SOLVES, LegModels, check_has_ends
         from legfem.identify.written import Written
         from legfem.report.identification import write_identification_report
-        from legfem.report.text import fit_report
+        from legfem.report.plain import brief
+        from legfem.report.web.identification import identification_page
         from legfem.report.web.page import command_line
         from legfem.subjects.loading import SUBJECTS, load_sites, load_subject
         from legfem.subjects.plausibility import doubts_about
@@ -239,9 +240,9 @@ def run(
             raise typer.Exit(FAILED) from None
         path = write_results(results, folder, as_list=len(chosen) > 1)
         report = write_identification_report(
-            results, found, section.experiment, folder, command_line()
+            results, found, section.experiment, folder, command_line(), processes
         )
-        texts = [fit_report(result) for result in results]
+        texts = [brief(identification_page(results, found, None))]
         print_outcome(texts, path, report, quiet, as_json)
 
 

@@ -60,7 +60,7 @@ def plan(
         from legfem.diagnose.run import Diagnoser
         from legfem.plan.run import Expected, plan_before
         from legfem.report.in_place import REPORT, made_in_place
-        from legfem.report.page import NUMBERS, ReportFile
+        from legfem.report.listing import NUMBERS, ReportFile
         from legfem.report.plain import brief, plain_page
         from legfem.report.plan import plan_document
         from legfem.report.web.page import command_line, listed, write_page

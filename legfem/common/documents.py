@@ -24,8 +24,11 @@ def write_atomically(path: Path, text: str) -> None:
         # mkstemp's files are private; the results needn't be.
         Path(name).chmod(0o644)
         Path(name).replace(path)
-    except BaseException:
+    except BaseException as error:
         Path(name).unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            # A full disk's error names no file.
+            error.filename = error.filename or str(path)
         raise
 
 

@@ -32,7 +32,7 @@ class InputError(Exception):
     def __str__(self) -> str:
         """Return ``file: field: what is wrong; remedy`` on one line."""
         line = f"{self.source}: {self.field}: {self.problem}; {self.remedy}"
-        return " ".join(line.split())
+        return "".join(c if c.isprintable() else "?" for c in " ".join(line.split()))
 
 
 class UnsolvedError(Exception):

@@ -7,12 +7,15 @@ import difflib
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from legfem.common.errors import InputError
 from legfem.common.text_file import text_of
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _DECIMAL_COMMA = re.compile(r"^\s*[+-]?\d+,\d+\s*$")
 
@@ -44,6 +47,8 @@ def read_table(
         For a missing or empty file, a wrong header, semicolons, decimal commas, cells that are
         missing, not numbers or not finite.
     """
+    import pandas as pd
+
     lines = _lines(path)
     header = lines[0]
     columns = [c for c in columns if c not in optional or c in re.split(r"[,;\t\s]+", header)]
@@ -55,10 +60,15 @@ def read_table(
             f"columns are separated by {'tabs' if chr(9) in header else ';'}",
             f"separate columns by commas and write decimals with points: {wanted}",
         )
-    found = [name.strip() for name in next(csv.reader([header]))]
+    try:
+        found = [name.strip() for name in next(csv.reader([header]))]
+        rows = list(csv.reader(lines[1:]))
+    except csv.Error as error:
+        raise InputError(
+            path, "rows", f"can't be split: {error}", f"give rows of {wanted}"
+        ) from None
     if found != list(columns):
         raise InputError(path, "header", *_header_problem(found, columns))
-    rows = list(csv.reader(lines[1:]))
     numbers = [i + 2 for i, row in enumerate(rows) if any(cell.strip() for cell in row)]
     if not numbers:
         raise InputError(path, "rows", "there are none", f"give rows of {wanted}")
@@ -127,6 +137,8 @@ def _check_width(path: Path, line: int, row: list[str], width: int, wanted: str)
 
 
 def _numbers(path: Path, column: pd.Series[str]) -> pd.Series[float]:
+    import pandas as pd
+
     values = pd.to_numeric(column, errors="coerce").astype(np.float64)
     bad = ~np.isfinite(values.to_numpy())
     if not bad.any():

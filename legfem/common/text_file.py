@@ -27,9 +27,27 @@ def text_of(path: Path, missing: str, remedy: str) -> str:
     """
     try:
         if stat.S_IFMT(path.stat().st_mode) in (stat.S_IFREG, stat.S_IFDIR):
-            return path.read_text(encoding="utf-8-sig")
+            text = path.read_text(encoding="utf-8-sig")
+            if "\0" not in text:
+                return text
+            raise InputError(path, "file", "holds bytes that are no text (NUL)", remedy)
     except FileNotFoundError:
         raise InputError(path, "file", "not found", missing) from None
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(path, "file", f"can't be read ({error})", remedy) from None
     raise InputError(path, "file", "can't be read (it is a pipe or a device)", remedy)
+
+
+def check_shown(*paths: Path) -> None:
+    """Check that files' names can be shown and written.
+
+    Raises
+    ------
+    InputError
+        For a line's end, another control character, or bytes that are no UTF-8.
+    """
+    for path in paths:
+        if not path.name.isprintable():
+            raise InputError(
+                path, "name", f"{path.name!a} can't be shown", "rename it: letters and digits"
+            )

@@ -17,6 +17,8 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Text = Annotated[str, Field(min_length=1)]
+Title = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f\x7f]*$", max_length=500)]
+"""Of one line: it is shown on terminals and pages."""
 PlainName = Annotated[str, Field(pattern=r"^\w[\w. -]*$", max_length=100)]
 """Of a file or folder too: results are written under it, and must not leave their folder."""
 
@@ -62,7 +64,7 @@ def read_toml(path: Path, holder: str) -> dict[str, Any]:
     """
     try:
         return tomllib.loads(text_of(path, f"{holder} holds {path.name}", "save it as UTF-8"))
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # of the syntax, or a number of thousands of digits
         raise InputError(
             path, "TOML", str(error), "correct the syntax (texts in quotes, decimals with points)"
         ) from None
@@ -131,6 +133,8 @@ def _explain(
             return f"unknown value {given!r}", (
                 f"did you mean '{near[0]}'?" if near else f"use {context['expected']}"
             )
+        case "string_pattern_mismatch" if context["pattern"].startswith("^[^"):
+            return f"{given!r} holds a line's end or another control character", "take it out"
         case "string_pattern_mismatch":
             return f"{given!r} is no plain name", (
                 "begin with a letter or digit, and use these, dots, dashes, underscores and spaces"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import platform
 import tomllib
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
@@ -29,3 +30,13 @@ def legfem_version() -> str:
     if project.is_file():
         return str(tomllib.loads(project.read_text())["project"]["version"])
     return package_version("legfem")
+
+
+def versions_of(*names: str) -> dict[str, str]:
+    """Return versions of ``legfem``, ``python`` and packages, by name; ``dolfinx`` is DOLFINx."""
+    own = {"legfem": legfem_version, "python": platform.python_version}
+    packages = {"dolfinx": "fenics-dolfinx"}
+    return {
+        name: own[name]() if name in own else package_version(packages.get(name, name))
+        for name in names
+    }

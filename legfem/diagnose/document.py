@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any, Protocol
@@ -11,7 +10,7 @@ import numpy as np
 
 from legfem.common.documents import json_types
 from legfem.common.doubts import Doubt, doubt_documents
-from legfem.common.versions import legfem_version, package_version
+from legfem.common.versions import versions_of
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.fit import Fit
@@ -150,11 +149,7 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
 
 def versions() -> dict[str, str]:
     """Return those of the programs that a diagnosis rests on."""
-    return {
-        "legfem": legfem_version(),
-        "dolfinx": package_version("fenics-dolfinx"),
-        "python": platform.python_version(),
-    }
+    return versions_of("legfem", "dolfinx", "python")
 
 
 def doubts_of(found: Diagnosis, subject: Recorded) -> tuple[Doubt, ...]:
@@ -255,9 +250,7 @@ def indistinguishable(models: Sequence[Explanation]) -> list[list[str]]:
 def parameters(model: Explanation) -> dict[str, Any]:
     """Return an explanation's parameters with units and intervals."""
     result = {
-        f"{name.lower()}_deep": _parameter(model, name, "kPa")
-        for name in ("C10", "C20")
-        if name in model.fit.free
+        f"{name.lower()}_deep": _parameter(model, name, "kPa") for name in model.fit.stiffness
     }
     for mechanism in model.fit.mechanisms:
         for p in mechanism.parameters:

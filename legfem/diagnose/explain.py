@@ -12,7 +12,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from legfem.diagnose.explanation import Explained, Explanation, gain_over
+from legfem.diagnose.explanation import (
+    Explained,
+    Explanation,
+    counts_for,
+    gain_over,
+    singles_of,
+)
 from legfem.diagnose.fit import Fit, Problem, fit
 from legfem.diagnose.mechanisms import Mechanism
 from legfem.diagnose.touch import posterior_of
@@ -20,15 +26,16 @@ from legfem.diagnose.unknown import unknown_errors
 from legfem.inference.errors import ErrorModel
 from legfem.inference.evidence import Evidence, Unknown, probabilities
 
-PRIOR_NONE, PRIOR_SINGLE, PRIOR_PAIR, PRIOR_UNKNOWN = 0.5, 0.36, 0.1, 0.04
-"""Of all explanations of a kind together: half of all tests are sound."""
+PRIOR_NONE, PRIOR_SINGLE, PRIOR_PAIR, PRIOR_UNKNOWN = 0.37, 0.37, 0.18, 0.08
+"""Of all explanations of a kind together: one effect is expected in a test, by Poisson's
+distribution none, one or two; what is left is more than two, or what no mechanism describes."""
 INEXACT = 0.5
 """Prior probability that a mechanism's form leaves something, ..."""
 INEXACT_SHARE = 0.4
 """... of this share at most of what shows of it."""
 CONFIRMED_FROM, CONFIRMED_MOST = 0.02, 5
 PAIRS_OF, PAIRS_WITH = 3, 7
-"""The best single mechanisms are tried in pairs with more of them."""
+"""The best single mechanisms are tried in pairs with more of them, the first with all."""
 type Confirm = Callable[[Problem, Fit], tuple[Problem, Fit, bool]]
 """Refits about a full solution: the problem shifted to it, the refit, and whether it was made."""
 
@@ -89,9 +96,8 @@ def _nothing(found: Sequence[Explanation]) -> Explanation:
 
 
 def _open(found: Sequence[Explanation]) -> bool:
-    """Tell whether pairs may matter: nothing alone describes the recordings wholly."""
-    first = _weighed(found)[0]
-    return not first.nothing and (first.unknown or first.posterior.unknown > 0.2)
+    """Tell whether pairs may matter: nothing alone isn't what most probably describes the data."""
+    return not _weighed(found)[0].nothing
 
 
 def _weighed(found: Sequence[Explanation]) -> list[Explanation]:
@@ -178,10 +184,10 @@ def shown_effect(problem: Problem, fitted: Fit, base: Fit) -> float:
 
 
 def _pairs(singles: Sequence[Explanation]) -> list[tuple[Explanation, Explanation]]:
-    leading, wider = singles[:PAIRS_OF], singles[:PAIRS_WITH]
+    """Return the best with every other, which it may hide, and the next with the better ones."""
     found: dict[frozenset[str], tuple[Explanation, Explanation]] = {}
-    for one in leading:
-        for other in wider:
+    for place, one in enumerate(singles[:PAIRS_OF]):
+        for other in singles if place == 0 else singles[:PAIRS_WITH]:
             key = frozenset([*one.names, *other.names])
             if len(key) == 2:
                 found.setdefault(key, (one, other))
@@ -211,15 +217,30 @@ def _confirmed(
         waiting = [
             e for e in found[:CONFIRMED_MOST] if not e.confirmed and e.names
             and e.probability >= CONFIRMED_FROM and gain_over(e, nothing) > 0.0
+            and counts_for(e, singles_of(found)) is e
         ]  # fmt: skip
         if not waiting:
             break
         for one in waiting:
             shifted, refit, made = confirm(one.problem, one.fit)
             again = _explanation(shifted, refit, base, evidence, unknowns, one.log_prior, True)
+            led = _led_by(one, found) if made else []
+            for pair in led:
+                # Its second effect hardly matters: the first one's solution serves both.
+                about = fit(shifted, pair.fit.mechanisms, pair.fit.values)
+                found[found.index(pair)] = _explanation(
+                    shifted, about, base, evidence, unknowns, pair.log_prior
+                )
             found[found.index(one)] = again if made else _as_confirmed(one)
         found = _weighed(found)
     return found
+
+
+def _led_by(one: Explanation, found: Sequence[Explanation]) -> list[Explanation]:
+    """Return the pairs without a full solution that explain no more than a single mechanism."""
+    singles = singles_of(found)
+    pairs = [e for e in found if len(e.names) > 1 and not e.confirmed and e is not one]
+    return [pair for pair in pairs if counts_for(pair, singles) is one]
 
 
 def _as_confirmed(one: Explanation) -> Explanation:

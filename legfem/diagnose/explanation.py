@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -50,7 +50,9 @@ class Explanation:
         white = errors.whitened(change)
         spread = np.linalg.inv(white.T @ white + np.eye(change.shape[1]))
         gain = spread @ solve_triangular(errors.lower, white, lower=True, trans="T").T
-        return variance_degrees(self.posterior.covariance, gain, errors)
+        # Bounds make a variance smaller, not its parts: their shares are those of the whole.
+        whole = np.maximum(np.diag(self.posterior.covariance), np.diag(spread))
+        return variance_degrees(np.diag(whole), gain, errors)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -102,13 +104,10 @@ class Explained:
         more than one of its mechanisms does alone counts for that one.
         """
         rest = [e for e in self.every if self._adds(e)]
-        singles = {e.names: e for e in rest if len(e.names) == 1}
+        singles = singles_of(rest)
         held: dict[tuple[str, ...], float] = {}
         for one in rest:
-            alone = [singles[n,] for n in one.names if (n,) in singles and len(one.names) > 1]
-            best = max(alone, key=lambda e: e.posterior.log_evidence, default=one)
-            more = one.posterior.log_evidence - best.posterior.log_evidence
-            names = best.names if more < MORE_THAN_ALONE else one.names
+            names = counts_for(one, singles).names
             held[names] = held.get(names, 0.0) + one.probability
         total = sum(held.values())
         shares = {names: probability / total for names, probability in held.items()}
@@ -145,6 +144,18 @@ class Explained:
     def _adds(self, one: Explanation) -> bool:
         most = max(self.plain, key=lambda e: e.posterior.log_evidence)
         return one not in self.plain and gain_over(one, most) > ADDS_FROM
+
+
+def singles_of(every: Sequence[Explanation]) -> dict[tuple[str, ...], Explanation]:
+    """Return the explanations of one mechanism, by its name."""
+    return {e.names: e for e in every if len(e.names) == 1}
+
+
+def counts_for(one: Explanation, singles: Mapping[tuple[str, ...], Explanation]) -> Explanation:
+    """Return the better one of a pair's mechanisms, if the pair explains no more; else itself."""
+    alone = [singles[n,] for n in one.names if (n,) in singles and len(one.names) > 1]
+    best = max(alone, key=lambda e: e.posterior.log_evidence, default=one)
+    return best if gain_over(one, best) < MORE_THAN_ALONE else one
 
 
 def gain_over(one: Explanation, nothing: Explanation) -> float:

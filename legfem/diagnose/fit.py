@@ -53,6 +53,11 @@ class Fit:
         return tuple(m.name for m in self.mechanisms)
 
     @property
+    def stiffness(self) -> tuple[str, ...]:
+        """Of C10 and C20 those that it has: a neo-Hookean tissue has no C20."""
+        return tuple(name for name in ("C10", "C20") if name in self.free)
+
+    @property
     def free(self) -> tuple[str, ...]:
         """Names of the parameters that were fitted."""
         return tuple(p.name for p in self.parameters)

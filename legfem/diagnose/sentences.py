@@ -20,6 +20,7 @@ _NO_MECHANISM = (
     "located intervals on film"
 )
 _AIR_FROM_MM = 0.2
+_CERTAIN = 0.95
 
 
 def verdict_sentence(found: Diagnosis) -> str:
@@ -32,14 +33,14 @@ def verdict_sentence(found: Diagnosis) -> str:
         ).strip()
     if found.verdict == "unexplained":
         return (
-            "The recordings contradict the model, and none of the mechanisms known to legfem, "
-            "alone or in pairs, explains how. Don't rely on the stiffness below."
+            f"{_contradiction(found)} None of the mechanisms known to legfem, alone or in pairs, "
+            "explains how. Don't rely on the stiffness."
         )
     first = found.models[0]
     if found.verdict == "named":
         whole = "What it left out" if not first.in_part else "What it left out, in part"
         return (
-            f"The recordings contradict the model. {whole}: {statements(first)} (probability "
+            f"{_contradiction(found)} {whole}: {statements(first)} (probability "
             f"{percent(first.probability)}).{_in_part(found, first)} "
             f"{stiffness_sentence(found.base, first)} {air(found)}"
         ).strip()
@@ -48,10 +49,17 @@ def verdict_sentence(found: Diagnosis) -> str:
         for k, model in enumerate(found.models, 1)
     )
     return (
-        "The recordings contradict the model. What it left out is one of these, and the "
-        f"recordings can't tell which: {candidates}. "
+        f"{_contradiction(found)} What it left out is one of these, and the recordings can't tell "
+        f"which: {candidates}. "
         f"{stiffness_range(found.base, found.models)} {air(found)}"
     ).strip()
+
+
+def _contradiction(found: Diagnosis) -> str:
+    missing = 1 - found.explained.soundness
+    if missing > _CERTAIN:
+        return "The recordings contradict the model."
+    return f"The model probably left something out ({percent(missing)})."
 
 
 def air(found: Diagnosis) -> str:
@@ -101,20 +109,19 @@ def statements(model: Explanation) -> str:
 def stiffness_range(before: Explanation, after: Sequence[Explanation]) -> str:
     """Return between which values the stiffness moves by one of several explanations."""
     parts = []
-    for name in ("C10", "C20"):
-        if name in before.fit.free:
-            values = [model.value(name) for model in after]
-            ends = list(dict.fromkeys(_digits(value) for value in (min(values), max(values))))
-            there = f"between {ends[0]} and {ends[1]}" if len(ends) > 1 else ends[0]
-            parts.append(f"{name} from {_digits(before.value(name))} kPa to {there} kPa")
+    for name in before.fit.stiffness:
+        values = [model.value(name) for model in after]
+        ends = list(dict.fromkeys(_digits(value) for value in (min(values), max(values))))
+        there = f"between {ends[0]} and {ends[1]}" if len(ends) > 1 else ends[0]
+        parts.append(f"{name} from {_digits(before.value(name))} kPa to {there} kPa")
     return f"Depending on which it is, putting it into the model moves {' and '.join(parts)}."
 
 
 def stiffness_sentence(before: Explanation, after: Explanation) -> str:
     """Return how the stiffness changed."""
     parts = []
-    for name in ("C10", "C20"):
-        if name in before.fit.free and name in after.fit.free:
+    for name in before.fit.stiffness:
+        if name in after.fit.free:
             was, now = before.value(name), after.value(name)
             change = f"{name} from {_digits(was)} to {_digits(now)} kPa"
             if was > 1e-6:

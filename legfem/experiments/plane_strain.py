@@ -7,17 +7,21 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
+from shapely import Point
 
 from legfem.experiments.base import Solved, made_when_needed
 from legfem.experiments.driven import motion
 from legfem.experiments.placement import Placement
 from legfem.experiments.pressing import SOFTER, OnStep, Pressed, Pressing, PressingTest, leg_model
+from legfem.experiments.replay import Replays
+from legfem.fem.distortion import most_drawn_out
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
-from legfem.geometry.section import LegSection
+from legfem.geometry.section import BONES, LegSection
 from legfem.mechanics.contact import RigidCylinder
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
@@ -40,6 +44,9 @@ from legfem.subjects.subject import Indenter, Subject, TissueParameters
 
 _LIKE = 0.03
 """Of the force: what a solution without pressures may be off, where both go."""
+_MANY = 6
+"""Degree of integration where the usual one stops."""
+_NEAR_MM = 15.0
 
 
 @dataclass(frozen=True)
@@ -67,8 +74,8 @@ class PlaneStrainSettings:
     """Whether the fat's fluid can leave through the skin, in a porous form."""
     quadrature_degree: int = 4
     defences: bool = True
-    """Whether a jump to another equilibrium, a form without pressures, a softer contact and then a
-    finer mesh are tried when a solution stops short."""
+    """Whether a jump to another equilibrium, more points of integration, a form without pressures,
+    a softer contact and then a finer mesh are tried when a solution stops short."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,26 +141,39 @@ class PlaneStrainIndentation(PressingTest):
         return moved_section_mesh(meshed, self.moved, self.section, indenter.radius, indenter.aim)
 
     @made_when_needed
+    def replays(self) -> Replays:
+        """Solutions whose states are kept."""
+        return Replays()
+
+    @made_when_needed
     def _finer(self) -> PlaneStrainIndentation:
         """The same on a finer mesh."""
         mesh = self.settings.mesh.refined(1.5)
         return replace(self, settings=replace(self.settings, mesh=mesh, defences=False))
 
     @made_when_needed
+    def _well_integrated(self) -> PlaneStrainIndentation:
+        """The same with more points in every element, for films that are drawn out far."""
+        return self._on_this_mesh(quadrature_degree=max(self.settings.quadrature_degree, _MANY))
+
+    @made_when_needed
     def _of_displacements(self) -> PlaneStrainIndentation:
         """The same without pressures of their own, whose films of soft fat are less unsteady."""
-        settings = replace(self.settings, formulation="displacement", defences=False)
-        made = replace(self, settings=settings)
+        return self._on_this_mesh(formulation="displacement")
+
+    def _on_this_mesh(self, **changed: Any) -> PlaneStrainIndentation:
+        made = replace(self, settings=replace(self.settings, defences=False, **changed))
         vars(made)["section_mesh"] = self.section_mesh
         return made
 
     def attempts(self, placement: Placement | None = None) -> Iterator[tuple[Pressing, float]]:
-        """Yield the model, one without pressures, a softer contact, and last a finer mesh."""
+        """Yield the model, better integrated, without pressures, softer, and on a finer mesh."""
         placement = placement or Placement()
         placed = self._placed(placement)
         yield placed.relaxing if self.settings.defences else placed, 1.0
         if self.settings.defences:
             if self.settings.formulation == "mixed":
+                yield self._well_integrated._placed(placement).relaxing, 1.0
                 yield self._of_displacements._placed(placement).relaxing, 1.0
             yield self.pressing, SOFTER
             yield self._finer._placed(placement), SOFTER
@@ -189,17 +209,44 @@ class PlaneStrainIndentation(PressingTest):
     def _trusted(self, made: Iterator[Solved]) -> Iterator[Solved]:
         """Yield attempts; without pressures an incompressible body is too stiff, and so refused."""
         first = next(made)
-        yield first
-        for solved in made:
-            if solved.report.contact_stiffness_factor < 1:
-                yield solved
+        if first.report.complete:
+            yield first
+            return
+        where = self._squeezed()
+        yield _told(first, where)
+        for number, solved in enumerate(made, 1):
+            report = solved.report
+            if report.contact_stiffness_factor < 1:
+                yield solved if report.complete else _told(solved, where)
                 continue
-            report = replace(solved.report, without_pressures=True)
+            if number == 1:
+                # More exact than the first: where films are drawn out far, they part.
+                finer = replace(solved, report=replace(report, more_points=True))
+                yield finer if report.complete else _told(finer, where)
+                continue
+            report = replace(report, without_pressures=True)
             apart = _apart(first.curve, solved.curve)
             if apart > _LIKE:
                 reason = f"without pressures the force is off by {100 * apart:.2g} %"
                 report = replace(report, complete=False, reached=0.0, reason=reason)
+            elif not report.complete:
+                report = _told(replace(solved, report=report), where).report
             yield replace(solved, report=report)
+
+    def _squeezed(self) -> str:
+        """Return where the body that didn't go on is drawn out most, and what to do about it."""
+        found = most_drawn_out(self.system)
+        tissue = next(name for name, tag in REGIONS.items() if tag == found.region)
+        x, y = found.place
+        text = (
+            f"the {tissue} tissue is drawn out {found.stretch:.2g} times at ({x:.0f}, {y:.0f}) mm"
+        )
+        gap, bone = min(
+            (self.section.polygon(bone).distance(Point(x, y)), bone) for bone in BONES
+        )  # fmt: skip
+        if tissue == "deep" and gap < _NEAR_MM:
+            text += f", {gap:.0f} mm from the {bone}, onto which what lies above presses it"
+        return f"{text}; use less depth, or check how soft it is beside its neighbours"
 
     def _made(self) -> Pressing:
         meshed = self.section_mesh
@@ -227,6 +274,12 @@ class PlaneStrainIndentation(PressingTest):
         touch = first_touch(meshed.outline, indenter.radius, aim, meshed.direction)
         self.system.place_indenter(touch, placement.travel(meshed.direction))
         return self.pressing
+
+
+def _told(solved: Solved, where: str) -> Solved:
+    """Return an outcome whose reason says where, too."""
+    report = solved.report
+    return replace(solved, report=replace(report, reason=f"{report.reason}: {where}"))
 
 
 def _apart(first: ForceCurve, other: ForceCurve) -> float:

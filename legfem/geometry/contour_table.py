@@ -12,10 +12,12 @@ from pathlib import Path
 import numpy as np
 from shapely import Polygon
 
+from legfem.common.errors import InputError
 from legfem.common.tables import read_table
 from legfem.common.units import FloatArray
 
 HEADER = ("level_mm", "part", "loop", "i", "x_mm", "y_mm")
+_LONGEST_MM = 1200.0
 MUSCLE_HULL = "muscle_hull"
 """Muscles as they were segmented: bones may stick out, and nothing is known of their room."""
 
@@ -44,7 +46,7 @@ def read_loops(
     Raises
     ------
     InputError
-        If the table can't be read.
+        If the table can't be read, or its levels are no leg's in mm.
     """
     table = read_table(Path(path), HEADER, text=("part",), optional=("loop",))
     inside = table["level_mm"].between(*between)
@@ -52,11 +54,27 @@ def read_loops(
     if "loop" not in table:
         table = table.assign(loop=0.0)
     levels = np.unique(table["level_mm"].to_numpy(np.float64))
+    check_levels(levels, path)
     found: dict[float, Loops] = {float(level): {} for level in levels}
     for (level, part, _), rows in table.groupby(["level_mm", "part", "loop"], sort=False):
         points = rows.sort_values("i")[["x_mm", "y_mm"]].to_numpy(np.float64)
         found[level].setdefault(str(part), []).append(points)
     return levels, [found[float(level)] for level in levels]
+
+
+def check_levels(levels: FloatArray, source: str | Path) -> None:
+    """Check that levels (n,) may be a leg's in mm.
+
+    Raises
+    ------
+    InputError
+        If they span more.
+    """
+    if (span := float(np.ptp(levels))) > _LONGEST_MM:
+        raise InputError(
+            source, "level_mm", f"the levels span {span:.4g} mm, more than a leg",
+            "give levels in mm",
+        )  # fmt: skip
 
 
 def write_outlines(outlines: Mapping[float, Mapping[str, Polygon]], path: Path) -> None:

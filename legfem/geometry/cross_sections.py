@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from shapely import Polygon, make_valid, union_all
+from shapely import GEOSException, Polygon, make_valid, union_all
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
@@ -175,8 +175,20 @@ def nested_outlines(
     Raises
     ------
     InputError
-        If nothing is left of a part.
+        If nothing is left of a part, or outlines cross themselves.
     """
+    try:
+        return _nested(outlines, fascia_thickness, source, room)
+    except GEOSException as error:
+        raise InputError(
+            source, "x_mm, y_mm", f"an outline crosses itself ({error})",
+            "give points in order around each part",
+        ) from None  # fmt: skip
+
+
+def _nested(
+    outlines: Mapping[str, Polygon], fascia_thickness: float, source: str | Path, room: Clearances
+) -> dict[str, Polygon]:
     outlines = {part: _thinned(outline) for part, outline in outlines.items()}
     _check_order(outlines, source)
     fat = room.fat(fascia_thickness)

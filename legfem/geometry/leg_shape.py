@@ -171,6 +171,8 @@ def corresponding(contour: ArrayLike, n_points: int) -> FloatArray:
     upwards = np.flatnonzero((y[:-1] <= 0) & (y[1:] > 0))
     share = -y[upwards] / (y[upwards + 1] - y[upwards])
     crossing = x[upwards] + share * (x[upwards + 1] - x[upwards])
+    if len(crossing) == 0:
+        raise ValueError("it encloses nothing")
     outermost = int(np.argmax(crossing))
     first = int(upwards[outermost])
     start = arc[first] + share[outermost] * (arc[first + 1] - arc[first])

@@ -9,6 +9,7 @@ import shapely
 from shapely import Polygon
 
 from legfem.common.errors import InputError
+from legfem.geometry.contour_table import check_levels
 from legfem.geometry.contours import check_girth
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 
@@ -35,6 +36,8 @@ def check_shape(
         If a contour crosses itself, a part is not inside the one around it with the clearance, or
         the girth is not a leg's in mm.
     """
+    if leg_sized:
+        check_levels(shape.levels, source)
     pairs = [(HULL, SKIN), *((bone, HULL) for bone in shape.bones)]
     for k, level in enumerate(shape.levels):
         here = {part: Polygon(xy[k]) for part, xy in shape.contours.items()}

@@ -55,7 +55,10 @@ def read_shape(path: Path, between: tuple[float, float] = (-np.inf, np.inf)) -> 
     if any(MUSCLE_HULL in here for here in found):
         names = [f"level {level:g} mm" for level in levels]
         outlines = [polygons_of(here, path, at) for here, at in zip(found, names, strict=True)]
-        return nested_shape(levels, outlines, path)
+        try:
+            return nested_shape(levels, outlines, path)
+        except ValueError as error:
+            raise not_closed(path, error) from None
     contours, points = {}, {}
     for part in dict.fromkeys(part for here in found for part in here):
         loops = [max(here.get(part, [np.empty((0, 2))]), key=len) for here in found]
@@ -70,6 +73,17 @@ def read_shape(path: Path, between: tuple[float, float] = (-np.inf, np.inf)) -> 
     for part in (SKIN, HULL):
         if part not in contours:
             raise InputError(path, part, "the part is missing", f"add rows 'level,{part},i,x,y'")
-    shape = shape_of_contours(levels, contours, points)
+    try:
+        shape = shape_of_contours(levels, contours, points)
+    except ValueError as error:
+        raise not_closed(path, error) from None
     check_shape(shape, path)
     return shape
+
+
+def not_closed(path: Path, error: ValueError) -> InputError:
+    """Return the error of a file with a contour that no closed curve goes through."""
+    return InputError(
+        path, "x_mm, y_mm", f"a contour is no closed outline: {error}",
+        "give its points in order around it, once",
+    )  # fmt: skip

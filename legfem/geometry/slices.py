@@ -220,11 +220,6 @@ def _at_nearest(points: FloatArray, contour: FloatArray, values: FloatArray) -> 
     return np.asarray(make_interp_spline(arc, np.concatenate([values, values[:1]]), k=1)(at))
 
 
-def contour_misfit(target: SliceSet, simulated: SliceSet) -> float:
-    """Return the sum of squared distances over both contours of all slices, mm2."""
-    return sum(float((d**2).sum()) for d in slice_distances(target, simulated).values())
-
-
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     crossed: FloatArray = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
     return crossed

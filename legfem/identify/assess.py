@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-import platform
 from dataclasses import asdict, dataclass, is_dataclass
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from legfem.common.units import FloatArray, mpa_to_kpa, readable_unit
-from legfem.common.versions import legfem_version, package_version
+from legfem.common.versions import versions_of
 from legfem.correction.choice import Correction
+from legfem.identify.applied_correction import AppliedCorrection
 from legfem.identify.catalogue import (
     DEEP_C10,
     DEEP_C20,
@@ -29,7 +29,6 @@ from legfem.identify.estimates import Optimum, correlations_of, estimates
 from legfem.identify.laws import IdentifiedLaw
 from legfem.identify.misfit import Misfit
 from legfem.identify.result import (
-    AppliedCorrection,
     Cost,
     CostMap,
     FullSolve,
@@ -172,7 +171,7 @@ def _cost(given: Assessment, covariance: FloatArray) -> Cost:
         r_squared=1 - value / float(np.sum((measured.force - measured.force.mean()) ** 2)),
         chi_square=chi_square,
         degrees_of_freedom=degrees,
-        p_value=float(chi2.sf(chi_square, degrees)),
+        p_value=float(chdtrc(degrees, chi_square)),
         minimised=weighting[misfit.weighting] + priors,
         minimised_value=best.objective,
         minimised_unit="N2" if misfit.weighting == "paper" else "1",
@@ -269,14 +268,4 @@ def _prior(parameter: Any) -> dict[str, Any]:
 
 def versions() -> dict[str, str]:
     """Return those of legfem and of what a result rests on."""
-    names = {
-        "dolfinx": "fenics-dolfinx",
-        "numpy": "numpy",
-        "scipy": "scipy",
-        "pygad": "pygad",
-    }
-    return {
-        "legfem": legfem_version(),
-        **{name: package_version(package) for name, package in names.items()},
-        "python": platform.python_version(),
-    }
+    return versions_of("legfem", "dolfinx", "numpy", "scipy", "pygad", "python")

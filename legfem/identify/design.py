@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import qmc
 
 from legfem.common.units import FloatArray
 from legfem.identify.catalogue import usual_range
@@ -14,15 +13,15 @@ from legfem.inference.domain import Domain
 from legfem.inference.parameter import Parameter
 
 # In shares of the usual ranges.
-_LINE = np.array([[0.0], [1.0], [0.5]])
-_SQUARE = np.array([[0.5, 0.15], [0.0, 0.02], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
+_LINE = np.array([[0.5]])
+_SQUARE = np.array([[0.5, 0.15]])
 
 
 def design(law: IdentifiedLaw, seed: int) -> FloatArray:
     """Return the points (n, p) to solve first.
 
-    Fixed places for one and two parameters of the model, a Latin hypercube of 2 q + 1 for q of them
-    above; the instrument's numbers stand at their nulls.
+    One place for one and two parameters of the model, from where exact derivatives lead on; a Latin
+    hypercube of 2 q + 1 for q of them above; the instrument's numbers stand at their nulls.
     """
     points = np.tile([_null(one) for one in law.parameters], (1, 1))
     q = len(law.of_model)
@@ -33,6 +32,8 @@ def design(law: IdentifiedLaw, seed: int) -> FloatArray:
     elif q == 2:
         shares = _SQUARE
     else:
+        from scipy.stats import qmc
+
         sampler = qmc.LatinHypercube(q, rng=np.random.default_rng(seed), optimization="random-cd")
         shares = sampler.random(2 * q + 1)
     points = np.repeat(points, len(shares), axis=0)

@@ -7,7 +7,8 @@ from typing import Any
 
 from legfem.common.documents import json_types
 from legfem.common.doubts import doubt_documents
-from legfem.common.units import FloatArray, readable_unit
+from legfem.common.units import readable_unit
+from legfem.identify.applied_correction import SpatialEvidence
 from legfem.identify.catalogue import (
     DEEP_C10,
     DEEP_C20,
@@ -17,14 +18,15 @@ from legfem.identify.catalogue import (
     unit_of,
     unit_suffix,
 )
+from legfem.identify.estimates import DISPLACEMENT, FORCE
 from legfem.identify.result import (
     Cost,
     CostMap,
     Estimate,
     IdentificationResult,
+    IdentifiedParameters,
     PredictedCurve,
     SearchPath,
-    SpatialEvidence,
 )
 
 SCHEMA = "legfem.identify/1"
@@ -38,26 +40,15 @@ def result_document(result: IdentificationResult) -> dict[str, Any]:
         "subject": result.subject_id,
         "title": result.subject_title,
         "origin": result.subject_origin,
-        "law": result.law,
+        **searched_document(result),
         "doubts": doubt_documents(result.doubts),
-        "parameters": {
-            key_of(name): estimate_document(one) for name, one in result.parameters.items()
-        },
         "correlation_c10_c20": result.correlation(DEEP_C10, DEEP_C20),
-        "correlations": correlations_document(list(result.parameters), result.correlations),
         "identifiability": verdict,
         "identifiability_why": why,
         "cost": _cost(result.cost),
-        "converged": result.converged,
         "neo_hookean_limit": result.neo_hookean_limit,
-        "warnings": list(result.warnings),
-        "forward_solves": result.forward_solves,
-        "forward_solves_reused": result.reused_solves,
-        "failed_solves": sum(not solve.complete for solve in result.search.solves),
+        "failed_solves": result.failed_solves,
         "factorisations": result.factorisations,
-        "wall_s": result.wall_s,
-        "seed": result.seed,
-        "emulator_error_N": result.emulator_error,
         "model": "2d" if result.spatial is None else "3d",
         "spatial": None if result.spatial is None else _spatial(result.spatial),
         "correction": None if result.correction is None else result.correction.name,
@@ -79,13 +70,33 @@ def result_document(result: IdentificationResult) -> dict[str, Any]:
         },
         "search": _search(result.search),
         "settings": dict(result.settings),
-        "versions": dict(result.versions),
     }
     plain: dict[str, Any] = json_types(document)
     return plain
 
 
-def estimate_document(found: Estimate) -> dict[str, Any]:
+def searched_document(result: IdentifiedParameters) -> dict[str, Any]:
+    """Return what every identification of one law has found, and how it was searched for."""
+    keys = [key_of(name) for name in result.parameters]
+    return {
+        "law": result.law,
+        "parameters": dict(zip(keys, map(_estimate, result.parameters.values()), strict=True)),
+        "correlations": {
+            key: dict(zip(keys, map(float, row), strict=True))
+            for key, row in zip(keys, result.correlations, strict=True)
+        },
+        "converged": result.converged,
+        "warnings": list(result.warnings),
+        "forward_solves": result.forward_solves,
+        "forward_solves_reused": result.reused_solves,
+        "emulator_error_N": result.emulator_error,
+        "seed": result.seed,
+        "wall_s": result.wall_s,
+        "versions": dict(result.versions),
+    }
+
+
+def _estimate(found: Estimate) -> dict[str, Any]:
     """Return a parameter's estimate, in the unit in which people read it."""
     shown = found.shown
     return {
@@ -100,16 +111,8 @@ def estimate_document(found: Estimate) -> dict[str, Any]:
         "share_of_squared_error": dict(found.error_shares),
         "relative_change_if_fat_c10_is_10_percent_higher": found.moves.get("superficial.C10"),
         "relative_change_if_fascia_c10_is_10_percent_higher": found.moves.get("fascia.C10"),
-    }
-
-
-def correlations_document(
-    names: Sequence[str], correlations: FloatArray
-) -> dict[str, dict[str, float]]:
-    """Return the correlations (p, p) of parameters by their keys."""
-    return {
-        key_of(one): dict(zip(map(key_of, names), map(float, row), strict=True))
-        for one, row in zip(names, correlations, strict=True)
+        "relative_change_if_forces_are_10_percent_higher": found.moves.get(FORCE),
+        "relative_change_if_displacements_are_10_percent_higher": found.moves.get(DISPLACEMENT),
     }
 
 

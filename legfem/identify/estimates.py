@@ -26,8 +26,12 @@ from legfem.inference.least_squares import Residual
 
 # Correlation of the parameters' errors above which their trade is worth a word.
 _TRADE = 0.9
-_STIFFER = 0.1
-_TISSUES = {"superficial.C10": "fat", "fascia.C10": "fascia"}
+_TENTH = 0.1
+FORCE, DISPLACEMENT = "force_N", "displacement_mm"
+_TOLD = {
+    "superficial.C10": "if the assumed C10 of the fat were 10 % higher",
+    "fascia.C10": "if the assumed C10 of the fascia were 10 % higher",
+}
 _RULED_BY: Mapping[ErrorSource, str] = {
     "differences": "that recordings differ by a factor",
     "model": "the numerical model's",
@@ -86,7 +90,19 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
     jacobian = optimum.linear.jacobian
     curvature = np.linalg.pinv(jacobian.T @ jacobian)
     correlations = correlations_of(spread)
-    moves = {name: _moves(optimum, name, value) for name, value in optimum.assumed.items()}
+    linear, misfit = optimum.linear, optimum.linear.misfit
+    sensitivities = linear.prediction.sensitivities
+    # By which measured forces would differ less from the model's, were each a tenth higher.
+    tenths = {
+        **{
+            name: -value * sensitivities[name]
+            for name, value in optimum.assumed.items()
+            if name in sensitivities
+        },
+        FORCE: misfit.measured_force,
+        DISPLACEMENT: misfit.if_deeper,
+    }
+    moves = {name: _moves(linear, _TENTH * change) for name, change in tenths.items()}
     shares = shares_of_error(optimum.linear.gain, optimum.covariances)
     found = {}
     for k, parameter in enumerate(law.parameters):
@@ -109,18 +125,16 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
     return found
 
 
-def _moves(optimum: Optimum, name: str, value: float) -> FloatArray:
-    """Return the relative changes (p,) if an assumed stiffness were 10 % higher; NaN at bounds."""
-    linear = optimum.linear
+def _moves(linear: Linearised, change: FloatArray) -> FloatArray:
+    """Return the relative changes (p,) if measured forces changed by (n,) N; NaN at bounds."""
     at, law = linear.point, linear.law
     moves = np.full(len(at), math.nan)
     free = [k for k, one in enumerate(law.parameters) if bound_of(at[k], one.bounds) == ""]
-    if name not in linear.prediction.sensitivities or not free:
+    if not free:
         return moves
     gain = np.linalg.pinv(linear.jacobian[:, free])[:, : len(linear.misfit)]
-    change = _STIFFER * value * linear.prediction.sensitivities[name]
     with np.errstate(divide="ignore", invalid="ignore"):
-        moves[free] = -(gain @ linear.misfit.weighted(change)) / at[free]
+        moves[free] = gain @ linear.misfit.weighted(change) / at[free]
     return np.where(np.isfinite(moves), moves, math.nan)
 
 
@@ -163,9 +177,9 @@ def _why(known: Estimated, law_fits: bool, trade: str, moves: Mapping[str, float
     if trade:
         reasons.append(trade)
     told = [
-        f"{100 * change:+.1f} % if the assumed C10 of the {_TISSUES[name]} were 10 % higher"
+        f"{100 * change:+.1f} % {_TOLD[name]}"
         for name, change in moves.items()
-        if math.isfinite(change)
+        if name in _TOLD and math.isfinite(change)
     ]
     if told:
         reasons.append(f"{symbol_of(parameter.name)} changes by " + " and by ".join(told))

@@ -145,7 +145,12 @@ class PlaneStrainForward:
 
     def solve(self, values: Values, sensitivities: Sequence[str]) -> ForwardOutcome:
         """Solve in full."""
-        solved = self.experiment.solve(values, self.depth, sensitivities)
+        from legfem.experiments.replay import Replay
+
+        replay = Replay(self.experiment, dict(values), self.depth)
+        solved = self.experiment.solve(values, self.depth, sensitivities, on_step=replay.take)
+        replay.solved = solved
+        self.experiment.replays.add(replay)
         report = solved.report
         return ForwardOutcome(
             values,

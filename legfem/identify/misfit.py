@@ -13,7 +13,7 @@ from scipy.linalg import solve_triangular
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.correction.choice import Correction, correction_factor
 from legfem.identify.catalogue import DEEP_C10, DEEP_C20
-from legfem.identify.error_sources import Covariances, ErrorSource
+from legfem.identify.error_sources import Covariances, ErrorSource, total_of
 from legfem.identify.forward import ForwardOutcome
 from legfem.identify.reading import INSTRUMENT, Reading
 from legfem.identify.settings import Weighting
@@ -54,6 +54,10 @@ class Compared(ABC):
     def covariance(self) -> FloatArray:
         """Of measured less predicted force at the truth; (n, n), N2."""
 
+    def covariance_at(self, values: Mapping[str, float]) -> FloatArray:
+        """Return `covariance` with what depends on the model's values; (n, n), N2."""
+        return self.covariance
+
     @property
     @abstractmethod
     def reach(self) -> str:
@@ -75,6 +79,11 @@ class Compared(ABC):
     @abstractmethod
     def read(self, force: FloatArray, readings: FloatArray) -> FloatArray:
         """Return what is read (..., n) of the model's forces (..., m)."""
+
+    @property
+    @abstractmethod
+    def if_deeper(self) -> FloatArray:
+        """Change of the measured forces (n,) per relative change of the displacements, N."""
 
     @abstractmethod
     def weighted(self, values: FloatArray) -> FloatArray:
@@ -139,6 +148,11 @@ class Misfit(Compared):
         return self.measured.force
 
     @property
+    def if_deeper(self) -> FloatArray:
+        """Change of the measured forces (n,) per relative change of the displacements, N."""
+        return -self.displacement * np.gradient(self.measured.force, self.displacement)
+
+    @property
     def reach(self) -> str:
         """The deepest point of the grid."""
         return f"{self.grid[-1]:g} mm"
@@ -162,6 +176,10 @@ class Misfit(Compared):
         return measured.covariance + numerical_covariance(
             self.displacement, measured.force, power=1.0
         )
+
+    def covariance_at(self, values: Mapping[str, float]) -> FloatArray:
+        """Return `covariance` with the correction's; (n, n), N2."""
+        return total_of(self.covariances_at(values))
 
     def covariances_at(self, values: Mapping[str, float]) -> Covariances:
         """Return the parts of `covariance`, and the correction's at the model's values."""

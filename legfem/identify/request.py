@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -56,12 +57,23 @@ class SearchRequest:
 
         That compiles once for all processes, and finds what can't be meshed before files are made.
         """
+        solver = FullSolver(model, None, self.jobs, self.progress, sensitivities_of(laws))
+        kept = None if self.out is None else self.out / "solves"
+        if kept is None or not kept.exists():
+            solver.start(_prepare, most=len(laws) - 1)
         self.progress.stage("meshing; on a machine's first run, compiling forms (some 20 s)")
-        model.prepare()
-        out, store = self.out, None
-        if out is not None:
-            store = Store(out / "solves", ForwardOutcome, model.fingerprint())
-        return FullSolver(model, store, self.jobs, self.progress, sensitivities_of(laws))
+        try:
+            model.prepare()
+        except BaseException:
+            solver.__exit__(*sys.exc_info())
+            raise
+        if kept is not None:
+            solver.store = Store(kept, ForwardOutcome, model.fingerprint())
+        return solver
+
+
+def _prepare(model: PreparedModel) -> None:
+    model.prepare()
 
 
 def sensitivities_of(laws: Mapping[LawName, IdentifiedLaw]) -> tuple[str, ...]:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from legfem.common.doubts import Doubt
 from legfem.common.units import FloatArray, readable_unit
+from legfem.identify.applied_correction import AppliedCorrection, SpatialEvidence
 from legfem.identify.catalogue import Values, key_of
 from legfem.identify.error_sources import ErrorSource
 from legfem.identify.laws import LawName, model_values
@@ -18,9 +18,6 @@ from legfem.inference.constants import VERDICTS, Identifiability
 from legfem.inference.identifiability import Bound, Estimated, bound_of
 from legfem.inference.parameter import Parameter
 from legfem.recording import LoadingCurve
-
-if TYPE_CHECKING:
-    from legfem.identify.leg_film import PressedLeg
 
 
 @dataclass(frozen=True)
@@ -48,7 +45,8 @@ class Estimate:
     why: str
     """Why the parameter is called that."""
     moves: Mapping[str, float] = field(default_factory=dict)
-    """Relative change of the value if an assumed stiffness, by full name, were 10 % higher."""
+    """Relative change of the value if an assumed stiffness, by full name, or all forces or
+    displacements (``force_N``, ``displacement_mm``) were 10 % higher."""
     error_shares: Mapping[ErrorSource, float] = field(default_factory=dict)
     """Of the square of the standard error, by what causes it."""
 
@@ -175,67 +173,6 @@ class SearchPath:
     """None without an emulator, or with more than two parameters."""
 
 
-@dataclass(frozen=True, eq=False)
-class AppliedCorrection:
-    """The 3D correction that the force was multiplied with, at the identified stiffness."""
-
-    name: str
-    P: FloatArray
-    """On the curve's grid, (n,); the factor is ``1 - P``."""
-    sd: FloatArray
-    """Of P's error, (n,), which the intervals carry."""
-
-
-@dataclass(frozen=True)
-class Confirmation:
-    """One full solve of the leg in 3D, at the optimum of a search on the corrected section."""
-
-    c10: float
-    """kPa, as ``c20``."""
-    c20: float
-    seconds: float
-    """Of the solve."""
-    factorisations: int
-    error: float
-    """Greatest difference of the force from what the correction predicted, over the greatest."""
-    moved: float = math.nan
-    """Relative change of C10 by the search that came after."""
-
-
-@dataclass(frozen=True, eq=False)
-class SpatialEvidence:
-    """What the leg's own solves in 3D say of its correction."""
-
-    shape: str
-    """Where the leg's shape was taken from."""
-    extruded: bool
-    """Whether one section stands for the whole leg, which is an assumption."""
-    length: float
-    """Of the leg modelled (mm)."""
-    confirmations: tuple[Confirmation, ...]
-    """Of this law, in their order; none where another law's solves used the budget up."""
-    full_solves: int
-    """So far, of all laws."""
-    rough_solves: int
-    """By larger elements, which measured errors."""
-    errors: Mapping[str, float]
-    """Greatest error of P from `legfem.correction.tabulated.FIRST_RATIO` on, by its cause."""
-    table_P: FloatArray | None
-    """What the table of idealised legs says here, (n,); None without one."""
-    pressed: PressedLeg | None = None
-    """The last full solve, to be looked at; None where its states were not kept."""
-
-    @property
-    def converged(self) -> bool:
-        """Whether the last solve met what was predicted, and moved nothing."""
-        last = self.confirmations[-1] if self.confirmations else None
-        return last is not None and max(last.error, last.moved) < CLOSE
-
-
-CLOSE = 0.01
-"""Of the force that was predicted in 3D, and of C10 from search to search: where they have met."""
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class IdentifiedParameters:
     """What every identification of one law found, and how it was searched for."""
@@ -287,6 +224,11 @@ class IdentificationResult(IdentifiedParameters):
     """What is unlikely in the input, or in what came out of it."""
     spatial: SpatialEvidence | None = None
     """Of the leg solved in 3D; None of the model in plane strain with a tabulated correction."""
+
+    @property
+    def failed_solves(self) -> int:
+        """Of the full solves, those that stopped short."""
+        return sum(not solve.complete for solve in self.search.solves)
 
     @property
     def identifiability(self) -> tuple[Identifiability, str]:

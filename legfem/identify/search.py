@@ -38,6 +38,10 @@ _FLAT = 0.1
 _WORTH = 1e-4
 # Optima of the emulator, one after another, that full solves showed to be none.
 _REFUTED = 3
+# How far from all solves, in the coordinates, the emulator may draw an interval's end; beyond it is
+# solved there too, up to the greatest distance from the optimum.
+_FAR, _FARTHEST = 0.6, 1.2
+_HALF_INTERVAL = 2.0
 # Complete solves, the best first, from which an optimum among many parameters is polished.
 _MORE_STARTS = 4
 
@@ -162,7 +166,7 @@ class Search[Comparison: Compared]:
             If too few full solves reach the measured depth.
         """
         yield self.design(), "design"
-        while len(self.complete) < min(2, 1 + len(self.law.of_model)):
+        while not self.complete:
             yield self._stiffer(), "design"
         if self._wide and (failed := [one.point for one in self.trials if one.prediction is None]):
             known = np.array([trial.point for trial in self.complete])
@@ -174,6 +178,10 @@ class Search[Comparison: Compared]:
             # Near the optimum the full model's own derivatives are exact where the emulator isn't.
             near = self._is_short(proposal - self.best.point, _AGREE_OF_ERROR, _AGREE_OF_VALUE)
             if near and (self.is_stationary() or (self._reads and is_settled(gained))):
+                ends = self._far_ends()
+                if len(ends) and len(self.trials) + len(ends) <= self.settings.most_solves:
+                    yield ends, "design"
+                    continue
                 self.converged = True
                 return
             if self._wide and refuted >= _REFUTED and self.is_stationary():
@@ -249,6 +257,32 @@ class Search[Comparison: Compared]:
         """Return the standard errors (p,) at the best full solve."""
         spread = self.linearised(self.best).errors(self.misfit.covariance)
         return np.asarray(np.sqrt(np.diag(spread)))
+
+    def _far_ends(self) -> FloatArray:
+        """Return the intervals' ends (n, p) that are far from all solves of one or two parameters.
+
+        Intervals and maps of the cost are drawn by the emulator, and none of them is drawn far from
+        what was solved.
+        """
+        best, model = self.best, np.array(self.law.of_model, dtype=int)
+        if self._wide or not len(model):
+            return np.zeros((0, len(self.law.parameters)))
+        by_point = np.linalg.inv(self.coordinates.derivatives(best.point[None])[0])
+        errors = self.linearised(best).errors(self.misfit.covariance_at(best.values))
+        spread = by_point @ errors[np.ix_(model, model)] @ by_point.T
+        ways = _HALF_INTERVAL * spread / np.sqrt(np.maximum(np.diag(spread), 1e-300))
+        lengths = np.linalg.norm(ways, axis=0)
+        ways = (ways * np.minimum(1.0, _FARTHEST / np.maximum(lengths, 1e-300))).T
+        at = self.coordinates.of(best.point) + np.concatenate([ways, -ways])
+        ends = self.domain.inside(self.coordinates.points(at, np.tile(best.point, (len(at), 1))))
+        solved = [self.coordinates.of(trial.point) for trial in self.trials]
+        far: list[FloatArray] = []
+        for end in ends:
+            place = self.coordinates.of(end)
+            if min(np.linalg.norm(place - other) for other in solved) > _FAR:
+                solved.append(place)
+                far.append(end)
+        return np.array(far).reshape(-1, len(best.point))
 
     def is_stationary(self) -> bool:
         """Whether Gauss-Newton hardly leaves the best full solve."""

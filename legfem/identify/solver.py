@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from legfem.common.progress import Progress
@@ -45,7 +45,9 @@ class FullSolver:
         self.model, self.store, self.jobs, self.progress = model, store, jobs, progress
         self.sensitivities = sensitivities
         self.reused: set[Key] = set()
-        self._workers: Workers[ForwardModel, _Task, ForwardOutcome] = Workers(_solve, model, jobs)
+        self._workers: Workers[ForwardModel, _Task, ForwardOutcome] = Workers(
+            _solve, model, jobs, along=True
+        )
         self._known: dict[Key, ForwardOutcome] = {}
 
     def __enter__(self) -> FullSolver:
@@ -55,6 +57,10 @@ class FullSolver:
     def __exit__(self, *raised: Any) -> None:
         """End the processes; after an error without waiting for the solve in hand."""
         self._workers.__exit__(*raised)
+
+    def start(self, ready: Callable[[Any], None], most: int) -> None:
+        """Start up to ``most`` other processes, and get the model ready in each meanwhile."""
+        self._workers.start(ready, most)
 
     def solve(self, points: Sequence[Values]) -> list[ForwardOutcome]:
         """Return the outcomes of the model's values, in their order."""

@@ -22,12 +22,13 @@ from legfem.correction.tabulated import (
     FIRST_RATIO,
     TabulatedCorrection,
 )
+from legfem.identify.applied_correction import CLOSE, Confirmation, SpatialEvidence
 from legfem.identify.catalogue import DEEP_C10, DEEP_C20
 from legfem.identify.identification import Identification
 from legfem.identify.laws import LawName
 from legfem.identify.leg_film import PressedLeg
 from legfem.identify.leg_solver import LegSolver
-from legfem.identify.result import CLOSE, Confirmation, IdentificationResult, SpatialEvidence
+from legfem.identify.result import IdentificationResult
 from legfem.identify.spatial import LegModels
 
 MOST_SOLVES = 8

@@ -18,7 +18,7 @@ from legfem.geometry.cross_sections import SURFACES, Clearances, polygons_of
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.nested_shape import shape_of_outlines
 from legfem.geometry.plane import CuttingPlane
-from legfem.geometry.shape_file import read_shape
+from legfem.geometry.shape_file import not_closed, read_shape
 from legfem.imaging.anatomy import check_anatomy, cropped
 from legfem.imaging.outlines import OutlineSettings, shape_of_volume
 from legfem.imaging.shape_cut import outlines_of_shape
@@ -180,5 +180,8 @@ def _outlines_of_contours(path: Path, plane: CuttingPlane) -> dict[str, Polygon]
     outlines = [
         polygons_of(here, path, f"level {at:g} mm") for at, here in zip(levels, loops, strict=True)
     ]
-    shape = shape_of_outlines(levels, outlines, _FINE.n_points)
+    try:
+        shape = shape_of_outlines(levels, outlines, _FINE.n_points)
+    except ValueError as error:
+        raise not_closed(path, error) from None
     return outlines_of_shape(shape, plane, str(path))

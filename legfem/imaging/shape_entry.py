@@ -53,6 +53,10 @@ def existing(directory: Path, name: str, toml: Path, field: str) -> Path:
         If there is none.
     """
     found = directory / name
-    if not found.exists():
+    try:
+        there = found.exists()
+    except OSError as error:
+        raise InputError(toml, field, f"can't be a file ({error.strerror})", "name it") from None
+    if not there:
         raise InputError(toml, field, f"there is no file '{name}'", f"put it at {found}")
     return found

@@ -63,6 +63,10 @@ def read_surface(path: Path) -> Any:
             surface = trimesh.Trimesh(*read_polydata(path))
         else:
             surface = trimesh.load(path, force="mesh")
+    except ImportError:  # trimesh looks for the encoding of what it takes for text
+        raise InputError(
+            path, "file", "is neither a whole binary STL nor text", "save it again"
+        ) from None
     except Exception as error:  # the readers raise all kinds
         raise InputError(
             path, "file", f"is no surface that can be read ({error})", "save it as STL"

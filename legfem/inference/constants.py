@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from scipy.stats import t as student_t
+from scipy.special import stdtrit
 
 NUMERICAL_ERROR = 0.0025
 """Standard deviation of the forward model's error relative to its force. The convergence study
@@ -32,7 +32,7 @@ VERDICTS: tuple[Identifiability, ...] = (
 
 def quantile(repeat_dof: int) -> float:
     """Return Student's two-sided 95 % quantile for a covariance known from so many repeats."""
-    return float(student_t.ppf(0.975, PRIOR_DOF + repeat_dof))
+    return float(stdtrit(PRIOR_DOF + repeat_dof, 0.975))
 
 
 def identifiability(half_width: float) -> Identifiability:

@@ -54,7 +54,7 @@ class Emulator:
     Parameters
     ----------
     samples : Samples
-        At least two, or one without coordinates.
+        At least one, through which alone ln F is linear in the coordinates.
     """
 
     def __init__(self, samples: Samples) -> None:

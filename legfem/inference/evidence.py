@@ -23,6 +23,7 @@ from scipy.special import log_ndtr, logsumexp
 from scipy.stats import norm
 
 from legfem.common.units import FloatArray
+from legfem.inference.bounded import within
 from legfem.inference.errors import GAIN_SDS, ErrorModel
 
 
@@ -74,7 +75,7 @@ class Posterior:
 
     log_evidence: float
     mean: FloatArray
-    """(p,): departures."""
+    """(p,): departures, within their bounds."""
     covariance: FloatArray
     """(p, p)."""
     unknown: float
@@ -188,10 +189,10 @@ class Evidence:
         sizes = np.array([factor.unknown.size for factor in self._factors])
         some = float(of_unknown[sizes > 0].sum())
         of_sizes = weights.reshape(-1, each).sum(axis=0)
+        inside = _inside(about, mean, spread)
         return Posterior(
-            total + _inside(about, mean, spread),
-            mean,
-            spread,
+            total + inside,
+            *within(mean, spread, about.low, about.high),
             some,
             float(of_unknown @ sizes) / some if some > 0 else 0.0,
             float(of_sizes @ [gain for gain, _, _ in self._sizes]),

@@ -6,8 +6,11 @@ import multiprocessing
 import os
 import signal
 import threading
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from contextlib import suppress
+from queue import SimpleQueue
 from types import TracebackType
 
 from mpi4py import MPI
@@ -37,6 +40,9 @@ class Workers[Context, Task, Outcome]:
         serve it, as `legfem.jobs.ranks.leading` has it.
     fresh
         Whether every task has a process of its own, even with one job.
+    along
+        Whether this process is one of those that work, for tasks of seconds: what others finish
+        meanwhile isn't yielded before its own task is.
     """
 
     def __init__(
@@ -46,9 +52,10 @@ class Workers[Context, Task, Outcome]:
         jobs: int = 1,
         comm: MPI.Intracomm = MPI.COMM_SELF,
         fresh: bool = False,
+        along: bool = False,
     ) -> None:
         self.work, self.context, self.jobs = work, context, jobs
-        self.comm, self.fresh = comm, fresh
+        self.comm, self.fresh, self.along = comm, fresh, along
         self._executor: ProcessPoolExecutor | None = None
 
     def __enter__(self) -> Workers[Context, Task, Outcome]:
@@ -65,6 +72,7 @@ class Workers[Context, Task, Outcome]:
         if self._executor is None:
             return
         if error is not None:
+            _let_pipes_break()
             for process in list((self._executor._processes or {}).values()):
                 process.kill()
         self._executor.shutdown(wait=True, cancel_futures=True)
@@ -88,25 +96,80 @@ class Workers[Context, Task, Outcome]:
         """Yield tasks' places in the list with their outcomes as they become known."""
         if self.comm.size > 1:
             yield from over_ranks(self.comm, self.work, self.context, tasks)
-        elif not self.fresh and (self.jobs == 1 or (len(tasks) < 2 and self._executor is None)):
+        elif not self.fresh and (
+            self.jobs == 1 or (len(tasks) < 2 and (self.along or self._executor is None))
+        ):
             for place, task in enumerate(tasks):
-                with interruptible():
-                    outcome = self.work(self.context, task)
-                yield place, outcome
+                yield place, self._done_here(task)
+        elif self.along:
+            yield from self._working_along(tasks)
         else:
             self._executor = self._executor or self._started()
             futures = {self._executor.submit(_work, self.work, t): k for k, t in enumerate(tasks)}
             for future in as_completed(futures):
                 yield futures[future], future.result()
 
+    def start(self, ready: Callable[[Context], None], most: int) -> None:
+        """Start up to ``most`` processes, which get ready while this one goes on.
+
+        What getting ready raises is left to a task.
+        """
+        if self.jobs == 1 or self.comm.size > 1:
+            return
+        self._executor = self._executor or self._started()
+        for _ in range(min(most, self.jobs - self.along)):
+            self._executor.submit(_work, _made_ready, ready)
+
+    def _done_here(self, task: Task) -> Outcome:
+        with interruptible():
+            return self.work(self.context, task)
+
+    def _working_along(self, tasks: Sequence[Task]) -> Iterator[tuple[int, Outcome]]:
+        """Yield as `places` does; whoever is free takes the next task."""
+        executor = self._executor = self._executor or self._started()
+        waiting = deque(enumerate(tasks))
+        done: SimpleQueue[tuple[int, Future[Outcome]]] = SimpleQueue()
+
+        def hand_on() -> None:
+            if (one := _first_of(waiting)) is not None:
+                place, task = one
+                future = executor.submit(_work, self.work, task)
+                future.add_done_callback(lambda made: taken(place, made))
+
+        def taken(place: int, future: Future[Outcome]) -> None:
+            done.put((place, future))
+            if not (future.cancelled() or future.exception()):
+                hand_on()
+
+        for _ in range(self.jobs - 1):
+            hand_on()
+        for _ in tasks:
+            mine = _first_of(waiting) if done.empty() else None
+            if mine is None:
+                place, future = done.get()
+                yield place, future.result()
+            else:
+                place, task = mine
+                yield place, self._done_here(task)
+
     def _started(self) -> ProcessPoolExecutor:
+        _let_pipes_break()
         return ProcessPoolExecutor(
-            self.jobs,
+            self.jobs - self.along,
             mp_context=multiprocessing.get_context("spawn"),
             initializer=_start,
             initargs=(self.context,),
             max_tasks_per_child=1 if self.fresh else None,
         )
+
+
+def _let_pipes_break() -> None:
+    """Make a write to a process that has ended an error again, as Python has it.
+
+    PETSc ends the program at the signal.
+    """
+    if threading.current_thread() is threading.main_thread() and hasattr(signal, "SIGPIPE"):
+        signal.signal(signal.SIGPIPE, signal.SIG_IGN)
 
 
 # One context a worker process, made when the process starts.
@@ -125,6 +188,16 @@ def _end_with_parent() -> None:
     if parent is not None:
         parent.join()
         os._exit(1)
+
+
+def _made_ready[Context](context: Context, ready: Callable[[Context], None]) -> None:
+    ready(context)
+
+
+def _first_of[Item](waiting: deque[Item]) -> Item | None:
+    with suppress(IndexError):
+        return waiting.popleft()
+    return None
 
 
 def _work[Task, Outcome](work: Callable[..., Outcome], task: Task) -> Outcome:

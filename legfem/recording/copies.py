@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import spearmanr
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
@@ -58,5 +57,7 @@ def _alike(a: FloatArray, b: FloatArray) -> bool:
         return False
     if min(sample_noise(a), sample_noise(b)) <= _LEAST_NOISE_N:
         return False
+    from scipy.stats import spearmanr
+
     # By ranks: one jump that both trials share is no noise.
     return bool(spearmanr(a2, b2).statistic > _SAME_NOISE)

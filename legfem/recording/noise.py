@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
-from scipy.stats import t as student_t
+from scipy.special import ndtri, stdtrit
 
 from legfem.common.units import FloatArray
 from legfem.recording.instrument import EXPECTED_GAIN_SD
@@ -77,7 +76,7 @@ class NoiseEstimate:
         """
         if self.repeat_dof < 1:
             return 1.0
-        return float(student_t.ppf(0.975, self.repeat_dof + 2) / norm.ppf(0.975))
+        return float(stdtrit(self.repeat_dof + 2, 0.975) / ndtri(0.975))
 
 
 @dataclass(frozen=True)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pandas as pd
-
 from legfem.recording.trial import Recording
 
 
 def write_recording(recording: Recording, path: Path) -> None:
     """Write ``time_s,displacement_mm,force_N``, to 0.1 um and 0.1 mN."""
+    import pandas as pd
+
     table = pd.DataFrame(
         {
             "time_s": recording.time.round(4),

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from legfem.common.units import FloatArray, readable_unit
 from legfem.identify.result import IdentificationResult, Shown
@@ -94,7 +94,7 @@ def confidence_ellipse(result: IdentificationResult, level: float = 0.95) -> Flo
     values, axes = np.linalg.eigh(covariance)
     angle = np.linspace(0, 2 * np.pi, 200)
     circle = np.column_stack([np.cos(angle), np.sin(angle)])
-    half = np.sqrt(np.maximum(values, 0.0) * chi2.ppf(level, 2))
+    half = np.sqrt(np.maximum(values, 0.0) * chdtri(2, 1 - level))
     region = np.array([first.value, second.value]) + circle * half @ axes.T
     # The first may stand on a logarithmic axis.
     if first.value > 0:

@@ -7,15 +7,15 @@ from pathlib import Path
 
 from legfem.common.units import kpa_to_mpa
 from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.document import Recorded, versions
+from legfem.diagnose.document import Recorded
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.meshing.section import SectionMeshSettings
-from legfem.report.diagnosis_text import diagnosis_page
 from legfem.report.filmed import filmed
 from legfem.report.in_place import REPORT, made_in_place
-from legfem.report.page import ReportFile
+from legfem.report.listing import NUMBERS, ReportFile
 from legfem.report.parameter_figure import parameter_figure
 from legfem.report.placement_figure import SECTION_SHOWS, placement_figure
+from legfem.report.plain import plain_page
 from legfem.report.ranking_figure import ranking_figure
 from legfem.report.recording_figure import recording_figure
 from legfem.report.signature_figure import leading, signature_figure
@@ -24,6 +24,8 @@ from legfem.report.web.diagnosis import diagnosis_web_page
 from legfem.report.web.page import listed, write_page
 from legfem.report.web.section import PressedSection
 from legfem.subjects.subject import Subject
+
+_RESULT = ReportFile([Path("diagnosis.json")], NUMBERS)
 
 
 def write_diagnosis_report(
@@ -51,10 +53,9 @@ def write_diagnosis_report(
     out = Path(out)
     with made_in_place(out) as folder:
         entries = [listed("curves"), *_figures(diagnosis, subject, folder)]
-        page = diagnosis_page(diagnosis, subject, entries, plan)
         pressed = _pressed(diagnosis, subject) if isinstance(subject, Subject) else None
-        html = diagnosis_web_page(diagnosis, subject, page, plan, versions(), command, pressed)
-        write_page(html, folder, page)
+        page = diagnosis_web_page(diagnosis, subject, plan, command, pressed)
+        write_page(page, folder, plain_page(page, [*entries, _RESULT]))
     return out / REPORT
 
 
@@ -62,7 +63,8 @@ def _pressed(found: Diagnosis, subject: Subject) -> PressedSection | None:
     """Return the section with the base model, on a mesh coarse enough not to be waited for."""
     mesh = SectionMeshSettings(contact_size=3.0, far_size=12.0)
     experiment = PlaneStrainIndentation.of_subject(subject, PlaneStrainSettings(mesh=mesh))
-    values = {f"deep.{name}": kpa_to_mpa(found.base.value(name)) for name in ("C10", "C20")}
+    base = found.base
+    values = {f"deep.{name}": kpa_to_mpa(base.value(name)) for name in base.fit.stiffness}
     depth = float(found.observed.displacement.max())
     shot = filmed(experiment, values, depth)
     return shot.section("the base model (a coarse mesh; what was found to be left out isn't in it)")

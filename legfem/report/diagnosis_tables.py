@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.held_out import HeldOut
-from legfem.diagnose.mechanisms.base import null_of
 from legfem.diagnose.remains import explained_share
 from legfem.diagnose.sentences import percent
-from legfem.report.diagnosis_style import BASE_NAME, determined, model_name, plain, shown_models
+from legfem.report.diagnosis_style import BASE_NAME, determined, model_name, plain
 from legfem.report.located import Place, places_of
 from legfem.report.words import number, short_probability
 
@@ -22,22 +19,9 @@ type Cells = tuple[list[str], list[list[str]]]
 OVER_ALL = "over all explanations"
 
 
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return columns as wide as they need; the last one isn't padded."""
-    cells = [list(header), *(list(row) for row in rows)]
-    widths = [max(len(row[k]) for row in cells) for k in range(len(header))]
-    return "\n".join(
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in cells
-    )
-
-
-def places_table(found: Diagnosis) -> str:
-    """Return `places_cells` as text, and how many more there are."""
-    text, more = table(*places_cells(found)), len(places_of(found)) - PLACES_SHOWN
-    if more > 0:
-        text += f"\n... and {more} smaller ones (all are in diagnosis.json)"
-    return text
+def places_left_out(found: Diagnosis) -> int:
+    """Return how many smaller places `places_cells` leaves out."""
+    return max(len(places_of(found)) - PLACES_SHOWN, 0)
 
 
 def places_cells(found: Diagnosis) -> Cells:
@@ -131,51 +115,6 @@ def held_out_note(held: HeldOut) -> str:
         f"Held-out error: of predicting {held.how}, from a refit to the others. The noise of a "
         f"trial alone makes {held.noise:.3f} N."
     )
-
-
-def mechanism_table(model: Explanation) -> str:
-    """Return a model's mechanisms' parameters."""
-    rows = []
-    for mechanism in model.fit.mechanisms:
-        for k, p in enumerate(mechanism.parameters):
-            name = f"{mechanism.name}.{p.name}"
-            unit = "" if p.unit == "-" else f" {p.unit}"
-            mark = flag(model, name, null_of(p) if k == 0 else None)
-            rows.append(
-                [
-                    plain(mechanism.name) if k == 0 else "",
-                    f"{p.name.replace('_', ' ')} ({p.statement})",
-                    estimate(model, name) + unit,
-                    interval(model, name),
-                ]
-            )
-            if mark:
-                rows.append(["", f"  {mark}", "", ""])
-    return table(["mechanism", "parameter", "value", "95 % interval"], rows)
-
-
-def parameter_table(found: Diagnosis) -> str:
-    """Return the deep tissue's parameters in the base model and in those beside it."""
-    base, models = found.base, shown_models(found)
-    rows = []
-    for name in (name for name in ("C10", "C20") if name in base.fit.free):
-        rows.append([f"{name} (kPa)", BASE_NAME, *_cells(base, name), ""])
-        if mark := flag(base, name, 0.0):
-            rows.append(["", f"  {mark}", "", "", ""])
-        for shown in models:
-            title = f"with {shown.name}" if shown.suits else shown.name
-            change = relative_change(base.value(name), shown.model.value(name))
-            rows.append(["", title, *_cells(shown.model, name), change])
-            if mark := flag(shown.model, name, 0.0):
-                rows.append(["", f"  {mark}", "", "", ""])
-        if over := averaged(found, name):
-            rows.append(["", OVER_ALL, "", over, ""])
-    header = ["", "model", "value", "95 % interval", "change" if models else ""]
-    return table(header, rows)
-
-
-def _cells(model: Explanation, name: str) -> list[str]:
-    return [estimate(model, name), interval(model, name)]
 
 
 def relative_change(before: float, after: float) -> str:

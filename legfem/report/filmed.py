@@ -47,12 +47,18 @@ class Filmed:
             self.film, self.solved.curve.displacement, self.solved.curve.force,
             f"Section of the leg with {what} while the cylinder is pressed in (model): its mesh, "
             "coloured by the hydrostatic pressure, by how far the tissue moved, by its greatest "
-            "stretch (1 is none) or by tissue. Dashed: the skin before.",
+            "stretch (1 is none) or by tissue. Dashed: the skin before. The force is that of plane "
+            "strain times the cylinder's length, without a correction for its ends.",
         )  # fmt: skip
 
 
 def filmed(experiment: PlaneStrainIndentation, values: Mapping[str, float], depth: float) -> Filmed:
-    """Solve for values (MPa, 1/MPa) to a depth (mm)."""
+    """Solve for values (MPa, 1/MPa) to a depth (mm), unless that was done in this process."""
     film = Film(experiment, depth) if experiment.comm.size == 1 else None
+    replay = experiment.replays.find(values, depth)
+    if film is not None and replay is not None and replay.solved is not None:
+        for at in replay.show():
+            film.take(at)
+        return Filmed(experiment, film, replay.solved)
     on_step = None if film is None else film.take
     return Filmed(experiment, film, experiment.solve(values, depth, on_step=on_step))

@@ -9,14 +9,16 @@ from mpi4py import MPI
 
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.identify.result import IdentificationResult
+from legfem.jobs.aside import aside
 from legfem.report.cost_figure import cost_figure
 from legfem.report.filmed import filmed
 from legfem.report.fit_figure import fit_figure
 from legfem.report.in_place import REPORT, made_in_place
 from legfem.report.leg_figure import leg_figure
-from legfem.report.page import ReportFile, report_page
+from legfem.report.listing import RESULT, ReportFile
 from legfem.report.paraview import write_fields
 from legfem.report.placement_figure import SECTION_SHOWS, placement_figure
+from legfem.report.plain import plain_page
 from legfem.report.style import LAW_NAMES, save
 from legfem.report.web.identification import identification_page
 from legfem.report.web.page import listed, write_page
@@ -30,6 +32,7 @@ def write_identification_report(
     experiment: PlaneStrainIndentation | None,
     out: Path,
     command: str = "",
+    jobs: int = 1,
 ) -> Path:
     """Write report.txt, report.html, the figures and the fields of an identification.
 
@@ -48,24 +51,31 @@ def write_identification_report(
         Folder; made if missing.
     command
         That was given, for who wants to repeat it.
+    jobs
+        Processes: with several the figures are drawn while the deformed state is read.
     """
     out = Path(out)
     comm = MPI.COMM_SELF if experiment is None else experiment.comm
     if comm.size == 1 and MPI.COMM_WORLD.rank > 0:
         return out / REPORT
     note, entries, pressed = "", list[ReportFile](), None
-    with made_in_place(out, comm) as folder:
+    apart = jobs > 1 and experiment is not None and comm.size == 1
+    with (
+        made_in_place(out, comm) as folder,
+        aside(lambda: _figures(results, subject, folder), apart) as figures,
+    ):
         if experiment is not None:
             note, entries, pressed = _deformed_state(results, subject, experiment, folder)
         if comm.rank == 0:
-            section = ReportFile(save(placement_figure(subject), folder, "section"), SECTION_SHOWS)
-            entries = [listed("curves and leg"), *_figures(results, folder), section, *entries]
-            html = identification_page(results, subject, pressed, command)
-            write_page(html, folder, report_page(results, subject, entries, note))
+            entries = [listed("curves and leg"), *figures(), *entries]
+            page = identification_page(results, subject, pressed, command, note)
+            write_page(page, folder, plain_page(page, [*entries, RESULT]))
     return out / REPORT
 
 
-def _figures(results: Sequence[IdentificationResult], folder: Path) -> list[ReportFile]:
+def _figures(
+    results: Sequence[IdentificationResult], subject: Subject, folder: Path
+) -> list[ReportFile]:
     entries = [
         ReportFile(
             save(fit_figure(results), folder, "fit", svg=True),
@@ -85,6 +95,7 @@ def _figures(results: Sequence[IdentificationResult], folder: Path) -> list[Repo
         entries.append(
             ReportFile(save(cost_figure(result), folder, f"cost-{result.law}", svg=not two), shows)
         )
+    entries.append(ReportFile(save(placement_figure(subject), folder, "section"), SECTION_SHOWS))
     return entries
 
 

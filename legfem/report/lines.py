@@ -5,7 +5,8 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 
-from legfem.report.text import WIDTH
+WIDTH = 100
+"""Of a page in characters."""
 
 
 def fill(text: str, indent: str = "") -> str:

@@ -40,7 +40,7 @@ def parameter_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
     models = shown_models(found)[: ROWS - 1]
     rows = [EstimateRow(BASE_NAME, found.base, BASE_COLOUR)]
     rows += [EstimateRow(m.name, m.model, REPAIRED_COLOUR if m.suits else FAINT) for m in models]
-    stiffness = [name for name in ("C10", "C20") if name in found.base.fit.free]
+    stiffness = found.base.fit.stiffness
     panels: list[tuple[str, str, list[EstimateRow], float | None]]
     panels = [(f"{name} of the deep tissue (kPa)", name, rows, None) for name in stiffness]
     for mechanism in dict.fromkeys(m for row in rows for m in row.explanation.fit.mechanisms):

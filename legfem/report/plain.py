@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from legfem.report.lines import bullets, fill
-from legfem.report.page import ReportFile, headline, listing
-from legfem.report.text import ORIGINS, WIDTH
+from legfem.report.lines import WIDTH, bullets, fill
+from legfem.report.listing import ReportFile, listing
 from legfem.report.web.bars import Bars
 from legfem.report.web.page import (
     PROVENANCE,
@@ -21,16 +20,23 @@ from legfem.report.web.page import (
     WebPage,
     WebTable,
 )
+from legfem.report.web.response import ResponseSurface
+from legfem.report.words import ORIGINS
+
+_WIDE = 180
+"""Characters of a page with a table of numbers."""
+_SHORT = 30
+"""Characters of a number, or of a name beside it, at most."""
 
 
 def plain_page(page: WebPage, files: Sequence[ReportFile]) -> str:
     """Return the text of ``report.txt``: all that a page says, and what else was written."""
     blocks = [
         *_opening(page, underlined=True),
-        headline("Numbers") + _numbers(page.known),
-        *(headline(one.title) + body for one in page.chapters if (body := _chapter(one))),
-        headline("How to repeat it") + _repeat(page),
-        headline("Files") + listing(files),
+        _headline("Numbers") + _numbers(page.known),
+        *(_headline(one.title) + body for one in page.chapters if (body := _chapter(one))),
+        _headline("How to repeat it") + _repeat(page),
+        *([_headline("Files") + listing(files)] if files else []),
     ]
     return "\n\n".join(blocks) + "\n"
 
@@ -42,6 +48,10 @@ def brief(page: WebPage, chapters: Sequence[str] = (TESTED,)) -> str:
     return "\n\n".join([*_opening(page, underlined=False), _numbers(found), *told]) + "\n"
 
 
+def _headline(name: str) -> str:
+    return f"{name}\n{'-' * len(name)}\n"
+
+
 def _opening(page: WebPage, underlined: bool) -> list[str]:
     line = "\n" + "=" * min(len(page.title), WIDTH) if underlined else ""
     data = page.data or ORIGINS[page.origin]
@@ -51,7 +61,7 @@ def _opening(page: WebPage, underlined: bool) -> list[str]:
     return [
         f"{page.title}{line}\n{page.subject}",
         f"*** {what.upper()} ***" + (f" ({explanation}" if explanation else ""),
-        fill(f"{(given.heading or TONES[given.tone]).upper()}. {given.sentence}"),
+        fill(f"{(given.heading or TONES[given.tone]).upper().rstrip('.')}. {given.sentence}"),
         bullets(answers),
         *([f"Warnings{page.warned}:\n{bullets(page.warnings)}"] if page.warnings else []),
     ]
@@ -61,9 +71,10 @@ def _numbers(known: Sequence[Known]) -> str:
     """Return numbers a line each, and what the words for their origin mean."""
     lines = []
     for one in known:
-        interval = f" (95 % {one.interval})" if one.interval else ""
+        interval = f"(95 % {one.interval})" if one.interval else ""
+        number = " ".join(part for part in (one.value, interval) if part)
         remark = f"; {one.remark}" if one.remark else ""
-        lines.append(f"{one.name}: {one.value}{interval}; {one.provenance}, {one.source}{remark}")
+        lines.append(f"{one.name}: {number}; {one.provenance}, {one.source}{remark}")
     used = dict.fromkeys(one.provenance for one in known)
     legend = "; ".join(f"{name}: {PROVENANCE[name]}" for name in used)
     return f"{bullets(lines)}\n\n{fill(f'({legend}.)')}" if lines else "None."
@@ -80,20 +91,25 @@ def _block(block: Block) -> str:
         case Bullets():
             return bullets(block.items)
         case WebTable():
-            return f"{fill(block.caption)}:\n{_table(block.header, block.rows)}"
+            return f"{fill(block.caption)}:\n{table(block.header, block.rows)}"
         case Bars():
             rows = [(bar.name, bar.text) for bar in block.bars]
-            return f"{fill(block.caption)}:\n{_table(block.header, rows)}"
+            return f"{fill(block.caption)}:\n{table(block.header, rows)}"
+        case ResponseSurface():
+            return f"{fill(block.header[0].capitalize())}:\n{table(block.header, block.rows)}"
         case Verbatim():
             return f"{block.title}:\n{block.text.rstrip()}"
     return ""  # What is to be looked at stands in the page for a browser, and in the figures.
 
 
-def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return columns as wide as they need; an item a row where a page isn't as wide as that."""
+def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return columns as wide as they need; an item a row where a page isn't as wide as that.
+
+    Numbers stay in columns on a wider page, too.
+    """
     cells = [list(header), *map(list, rows)]
     widths = [max(len(row[k]) for row in cells) for k in range(len(header))]
-    if sum(widths) + 2 * len(widths) > WIDTH:
+    if sum(widths) + 2 * len(widths) > (_WIDE if max(widths) <= _SHORT else WIDTH):
         labels = [f"{name}: " if len(header) > 2 else "" for name in header[1:]]
         return bullets([
             f"{name}: " + "; ".join(f"{h}{c}" for h, c in zip(labels, more, strict=True) if c)

@@ -6,32 +6,21 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
-import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-
 from legfem.common.documents import write_document
 from legfem.common.doubts import doubt_lines
 from legfem.common.errors import InputError
-from legfem.common.units import FloatArray
 from legfem.geometry.section import fat_thickness, girth
 from legfem.geometry.shape_measures import perimeter
-from legfem.geometry.slices import CONTOURS, SliceSet
 from legfem.recording.columns import Channels, Proposal, propose, recording_of
 from legfem.recording.formats import READERS, read_sheets
 from legfem.recording.quality import ANY_DEPTH, BEST_GRADE, quality_of
 from legfem.recording.reader import MINIMAL_DEPTH_MM
 from legfem.report.look import draw_look, look_text
 from legfem.report.placement_figure import SECTION_SHOWS, placement_figure
-from legfem.report.style import (
-    FAINT,
-    new_figure,
-    save,
-    styled,
-)
+from legfem.report.slices_figure import slices_figure
+from legfem.report.style import save
 from legfem.specimens.folder import FILE, load_specimen
 from legfem.specimens.schema import parse_specimen_file
-from legfem.stocking.leg import StockingLeg
 from legfem.stocking.loading import LEGS, load_leg
 from legfem.subjects.loading import SUBJECTS, load_subject
 from legfem.subjects.plausibility import doubts_about, room_before
@@ -279,37 +268,3 @@ def _recording(
         f"{site}/{path.name}" if site else path.name, quality.grade, reasons, text, picture,
         channels=proposal.channels, columns=columns,
     )  # fmt: skip
-
-
-@styled
-def slices_figure(leg: StockingLeg) -> Figure:
-    """Return outlines at three of the heights that are compared, bare and in the stocking."""
-    levels = leg.slices[:: len(leg.slices) // 2]
-    figure = new_figure(7.4, 4.0)
-    figure.suptitle(f"Bare and in its stocking: {leg.origin} data", x=0.01, ha="left")
-    every = figure.subplots(1, len(levels), sharex=True, sharey=True)
-    shapes = [("bare", leg.bare, FAINT, 1.2)]
-    if leg.compressed is not None:
-        shapes.append(("in the stocking", leg.compressed, "#0072B2", 1.2))
-    for name, shape, colour, width in shapes:
-        low, high = shape.levels[0], shape.levels[-1]
-        slices = SliceSet.of(shape, np.clip(levels, low, high))
-        for number, axes in enumerate(every):
-            outlines = [slices.contours(part)[number] for part in CONTOURS]
-            _outlines(axes, outlines, name, colour, width)
-    for axes, level in zip(every, levels, strict=True):
-        axes.set_title(f"z = {level:.0f} mm", loc="center")
-        axes.set_aspect("equal")
-        axes.set_xlabel("x (mm)")
-    every[0].set_ylabel("y (mm)")
-    every[0].invert_yaxis()
-    figure.legend(*every[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
-    return figure
-
-
-def _outlines(
-    axes: Axes, outlines: Sequence[FloatArray], name: str, colour: str, width: float
-) -> None:
-    for number, outline in enumerate(outlines):
-        closed = np.vstack([outline, outline[:1]])
-        axes.plot(*closed.T, color=colour, lw=width, label=name if number == 0 else None)

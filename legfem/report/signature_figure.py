@@ -71,7 +71,8 @@ def signature_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
         Line2D([], [], color=FAINT, marker=".", linestyle="none", label="missed in each trial"),
         Line2D([], [], color=DATA_COLOUR, linewidth=0.9, label="its mean over the trials"),
     ]
-    hides = "C10 and C20 take" if "C20" in found.base.fit.free else "C10 takes"
+    stiffness = found.base.fit.stiffness
+    hides = f"{' and '.join(stiffness)} take{'s' if len(stiffness) == 1 else ''}"
     looks = f"less what {hides} up, scaled to the misfit"
     kinds = [
         (REPAIRED_COLOUR, f"signature of a reported mechanism, {looks}"),

@@ -9,7 +9,7 @@ from legfem.common.documents import json_types
 from legfem.common.doubts import doubt_documents
 from legfem.common.units import readable_unit
 from legfem.identify.catalogue import key_of, unit_of, with_units
-from legfem.identify.document import correlations_document, estimate_document
+from legfem.identify.document import searched_document
 from legfem.sites.result import SiteFit, SitesResult
 
 SCHEMA = "legfem.identify-sites/1"
@@ -22,27 +22,15 @@ def sites_document(result: SitesResult) -> dict[str, Any]:
         "subject": result.leg.id,
         "title": result.leg.title,
         "origin": result.leg.origin,
-        "law": result.law,
+        **searched_document(result),
         "doubts": doubt_documents(result.doubts),
-        "parameters": {
-            key_of(name): estimate_document(one) for name, one in result.parameters.items()
-        },
-        "correlations": correlations_document(list(result.parameters), result.correlations),
         "assumed": with_units(result.assumed),
         "own_errors_of_sites_sd": with_units(result.own_errors),
         "sites": {one.name: _site(one) for one in result.sites},
         "misfit": asdict(result.misfit),
         "agreement_of_sites": asdict(result.agreement),
         "neo_hookean_limit": result.neo_hookean_limit,
-        "converged": result.converged,
-        "warnings": list(result.warnings),
-        "forward_solves": result.forward_solves,
-        "forward_solves_reused": result.reused_solves,
         "failed_solves": result.failed_solves,
-        "emulator_error_N": result.emulator_error,
-        "seed": result.seed,
-        "wall_s": result.wall_s,
-        "versions": dict(result.versions),
     }
     plain: dict[str, Any] = json_types(document)
     return plain

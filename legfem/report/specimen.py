@@ -7,7 +7,7 @@ from pathlib import Path
 
 from legfem.common.documents import write_document
 from legfem.report.in_place import REPORT, made_in_place
-from legfem.report.page import RESULT, ReportFile
+from legfem.report.listing import RESULT, ReportFile
 from legfem.report.plain import plain_page
 from legfem.report.specimen_figure import specimen_figure
 from legfem.report.specimen_numbers import specimen_document

@@ -15,7 +15,8 @@ from legfem.report.diagnosis import write_diagnosis_report
 from legfem.report.diagnosis_style import model_name
 from legfem.report.in_place import REPORT, made_in_place
 from legfem.report.lines import bullets, fill
-from legfem.report.text import ORIGINS
+from legfem.report.plain import table
+from legfem.report.words import ORIGINS
 from legfem.specimens.diagnosis import DiagnosedSpecimen
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.recorded import LeftOut
@@ -125,7 +126,7 @@ def specimens_page(made: Iterable[DiagnosedSpecimen], folder: SpecimenFolder) ->
     blocks = [
         f"{heading}\n{'=' * min(len(heading), 100)}",
         f"*** {ORIGINS[folder.origin].partition(' (')[0].upper()} ***",
-        tables.table(columns, rows),
+        table(columns, rows),
         fill("Each specimen has a folder with its own report beside this one."),
     ]
     if missing:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from legfem.common.documents import json_types
-from legfem.identify.catalogue import key_of, with_units
-from legfem.identify.document import correlations_document, estimate_document
+from legfem.identify.catalogue import with_units
+from legfem.identify.document import searched_document
 from legfem.specimens.result import ComparedRecording, SpecimenResult
 
 SCHEMA = "legfem.identify-specimen/1"
@@ -19,11 +19,7 @@ def specimen_document(result: SpecimenResult) -> dict[str, Any]:
         "specimen": result.folder.id,
         "title": result.folder.title,
         "origin": result.folder.origin,
-        "law": result.law,
-        "parameters": {
-            key_of(name): estimate_document(one) for name, one in result.parameters.items()
-        },
-        "correlations": correlations_document(list(result.parameters), result.correlations),
+        **searched_document(result),
         "assumed": with_units(result.assumed),
         "recordings": [_recording(one) for one in result.recordings],
         "not_used": {one.name: one.reason for one in result.left_out},
@@ -33,15 +29,7 @@ def specimen_document(result: SpecimenResult) -> dict[str, Any]:
         "gain_sd_between_recordings": result.gain_sd,
         "stiffness_over_typical": dict(result.stiffness),
         "stiffness_log_sd": result.stiffness_spread,
-        "converged": result.converged,
-        "forward_solves": result.forward_solves,
-        "forward_solves_reused": result.reused_solves,
         "failed_solves": result.failed_solves,
-        "emulator_error_N": result.emulator_error,
-        "warnings": list(result.warnings),
-        "seed": result.seed,
-        "wall_s": result.wall_s,
-        "versions": dict(result.versions),
     }
     plain: dict[str, Any] = json_types(document)
     return plain

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from legfem.report.text import ORIGINS
+from legfem.experiments.axisymmetric import BallOnLayer, CylinderBetweenPlates
+from legfem.experiments.flat_punch import PunchOnLayer
+from legfem.experiments.lateral_cylinder import CylinderOnBlock
+from legfem.experiments.suction import CupOnLayer
+from legfem.experiments.uniaxial import Bar
+from legfem.report.words import ORIGINS
 from legfem.specimens.misfit import SHAPE_SD_OF_LAYERS
 from legfem.specimens.result import ComparedRecording, SpecimenResult
-from legfem.specimens.sizes import Sizes, opening_of
+from legfem.specimens.sizes import LayeredTest, Sizes, opening_of
 
 _SIMULATED = "simulated data (forces computed by a model; no specimen was measured)"
 
@@ -68,6 +73,24 @@ def _of_a_cup(tests: Sequence[Sizes]) -> str:
         "Displacement is the dome's height at its middle, force the suction times the area of the "
         "cup's opening; the cup is held where it touches. "
     )
+
+
+_FOLLOWED: dict[type, str] = {
+    BallOnLayer: "a ball_diameter_mm of half the true one makes it about 1.4 times, or twice on a "
+    "thin layer",
+    PunchOnLayer: "a punch_diameter_mm of half the true one makes it at least twice",
+    CylinderBetweenPlates: "a diameter_mm of half the true one makes it at least four times",
+    CylinderOnBlock: "a length_mm of half the true one makes it twice",
+    Bar: "an area_mm2 of half the true one makes it twice",
+    CupOnLayer: "an opening_mm of half the true one makes it about half",
+}
+"""At small strain: Hertz; Boussinesq; a stress on an area; a dome as wide as its opening."""
+
+
+def followed(result: SpecimenResult) -> str:
+    """Return how stiffness follows the size of what presses or is pressed, as a clause."""
+    sizes = result.folder.recordings[0].sizes
+    return _FOLLOWED[type(sizes.whole if isinstance(sizes, LayeredTest) else sizes)]
 
 
 def differing(result: SpecimenResult) -> list[str]:

@@ -12,7 +12,7 @@ from legfem.common.units import FloatArray
 from legfem.fem.fields import fields_of
 from legfem.geometry.leg_shape import LegShape
 from legfem.report.in_place import REPORT, made_in_place
-from legfem.report.page import ReportFile
+from legfem.report.listing import ReportFile
 from legfem.report.paraview import write_fields
 from legfem.report.plain import plain_page
 from legfem.report.stocking_contours_figure import stocking_contours_figure

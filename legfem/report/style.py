@@ -103,6 +103,8 @@ def save(figure: Figure, out: Path, name: str, svg: bool = False) -> list[Path]:
     figure.savefig(png, dpi=200)
     if not svg:
         return [png]
+    # Laid out already, which takes as long as the drawing.
+    figure.set_layout_engine("none")
     vector = out / f"{name}.svg"
     figure.savefig(vector, metadata={"Date": None})
     return [png, vector]

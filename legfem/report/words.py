@@ -1,15 +1,32 @@
-"""Numbers as words and cells of a diagnosis' page."""
+"""What several pages say alike: origins, laws' energies, numbers as words and cells."""
 
 from __future__ import annotations
 
 import math
 
+ORIGINS = {
+    "measured": "measured data",
+    "reconstructed": "reconstructed data (made to resemble a published study; no leg was measured)",
+    "simulated": "simulated data (forces computed by a model; no leg was measured)",
+}
+ENERGIES = {
+    "neo-hookean": "U = C10 (I1 - 3) + (J - 1)^2 / D1",
+    "reduced-polynomial": ("U = C10 (I1 - 3) + C20 (I1 - 3)^2 + (J - 1)^2 / D1 + (J - 1)^4 / D2"),
+    "yeoh": "U = C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3 + (J - 1)^2 / D1",
+    "exponential": "U = C10 (I1 - 3) + A / b (exp(b (I1 - 3)) - 1 - b (I1 - 3)) + (J - 1)^2 / D1",
+}
 
-def probability(p: float | None) -> str:
-    """Return a p-value as people write it; draws tell none below 0.0005."""
+
+def probability(p: float | None, least: float = 1e-3) -> str:
+    """Return a p-value as people write it; draws tell none below half of the least."""
     if p is None or math.isnan(p):
         return "p unknown"
-    return "p < 0.001" if p < 1e-3 else f"p = {p:.2g}"
+    return f"p < {least:g}" if p < least else f"p = {p:.2g}"
+
+
+def fit_probability(p: float) -> str:
+    """Return the p-value of a fit, which comes from a formula and not from draws."""
+    return probability(p, 1e-4)
 
 
 def short_probability(p: float | None) -> str:

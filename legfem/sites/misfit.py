@@ -12,7 +12,7 @@ from scipy.linalg import block_diag
 
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.identify.catalogue import DEEP_C10, DEEP_C20
-from legfem.identify.error_sources import Covariances
+from legfem.identify.error_sources import Covariances, total_of
 from legfem.identify.forward import ForwardOutcome
 from legfem.identify.misfit import Compared, Misfit, Prediction
 from legfem.identify.reading import GAIN, OFFSET, ZERO
@@ -67,6 +67,11 @@ class SitesMisfit(Compared):
         return np.concatenate([part.measured_force for part in self.parts])
 
     @property
+    def if_deeper(self) -> FloatArray:
+        """Change of the measured forces (n,) per relative change of the displacements, N."""
+        return np.concatenate([part.if_deeper for part in self.parts])
+
+    @property
     def reach(self) -> str:
         """The sites' depths."""
         return ", ".join(part.reach for part in self.parts)
@@ -104,6 +109,10 @@ class SitesMisfit(Compared):
     def covariance(self) -> FloatArray:
         """Of measured less predicted forces at the truth, without the correction's; (n, n), N2."""
         return np.asarray(block_diag(*(part.covariance for part in self.parts)))
+
+    def covariance_at(self, values: Mapping[str, float]) -> FloatArray:
+        """Return `covariance` with the correction's; (n, n), N2."""
+        return total_of(self.covariances_at(values))
 
     def covariances_at(self, values: Mapping[str, float]) -> Covariances:
         """Return covariances (n, n), N2, at values, by source; the correction's is alike at all."""

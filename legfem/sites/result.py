@@ -9,8 +9,9 @@ import numpy as np
 
 from legfem.common.doubts import Doubt
 from legfem.common.units import FloatArray
+from legfem.identify.applied_correction import AppliedCorrection
 from legfem.identify.catalogue import Values
-from legfem.identify.result import AppliedCorrection, IdentifiedParameters
+from legfem.identify.result import IdentifiedParameters
 from legfem.recording import LoadingCurve
 from legfem.subjects.subject import SitedLeg, Subject
 

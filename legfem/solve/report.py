@@ -40,6 +40,8 @@ class SolveReport:
     unknowns: int = 0
     contact_stiffness_factor: float = 1.0
     """1 unless the contact had to be softened to go on."""
+    more_points: bool = False
+    """Whether more points of integration went on where the usual ones had stopped."""
     without_pressures: bool = False
     """Whether a form of displacements alone went on where that with pressures had stopped."""
     earlier_attempts: tuple[SolveReport, ...] = ()
@@ -66,6 +68,8 @@ class SolveReport:
         given_up = []
         if self.contact_stiffness_factor < 1:
             given_up.append(f"a contact {1 / self.contact_stiffness_factor:.2g} times softer")
+        if self.more_points:
+            given_up.append("more points of integration than elsewhere")
         if self.without_pressures:
             given_up.append("a form without pressures of its own")
         return " and ".join(given_up)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from legfem.common.doubts import Doubt
 from legfem.common.errors import InputError
+from legfem.common.text_file import check_shown
 from legfem.common.units import kpa_to_mpa
 from legfem.recording import Instrument
 from legfem.recording.copies import refuse_copies
@@ -226,6 +227,7 @@ def _named(directory: Path, toml: Path, given: SpecimenFile) -> list[tuple[str, 
                 toml, "specimen.recordings", f"{path.name} is named {times} times",
                 "name every recording once",
             )  # fmt: skip
+    check_shown(*(path for _, path in found))
     stems = Counter(path.stem for _, path in found)
     return [
         (

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from scipy.stats import chi2
 
-from legfem.common.doubts import Doubt
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, Silent
 from legfem.identify.assess import versions
@@ -25,38 +24,16 @@ from legfem.identify.side_by_side import run_together
 from legfem.identify.solver import FullSolver
 from legfem.identify.warnings import LEAST_CHANCE, of_compromise
 from legfem.inference.constants import quantile
-from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.specimens.folder import SpecimenFolder, stiffness_doubts
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import Asked, identified_law
 from legfem.specimens.misfit import SHAPE_SD_OF_LAYERS, Part, SpecimenMisfit
 from legfem.specimens.own_stiffness import OwnStiffness
-from legfem.specimens.plausibility import doubts_about_differing
-from legfem.specimens.recorded import LeftOut, SpecimenRecording
+from legfem.specimens.prepared import Prepared, prepare
+from legfem.specimens.recorded import SpecimenRecording
 from legfem.specimens.result import ComparedRecording, SpecimenResult
-from legfem.specimens.sizes import Sizes
-from legfem.specimens.tissues import REFERENCE_MPA, begin_at
-
-_BEYOND = 1.02
-# Of the depth that was reached: short of where a solution stopped.
-_SHORT_OF = 0.97
-_LEAST_SHARE = 0.3
-
-
-@dataclass(frozen=True, eq=False)
-class Prepared:
-    """Recordings that can be modelled, the tests that they are of, and how stiff they seem."""
-
-    recordings: tuple[SpecimenRecording, ...]
-    left_out: tuple[LeftOut, ...]
-    notes: tuple[str, ...]
-    tests: tuple[Sizes, ...]
-    depths: tuple[float, ...]
-    c10: float
-    """MPa: the middle of what each recording asks for by itself, neo-Hookean."""
-    doubts: tuple[Doubt, ...]
-    """About recordings beside others."""
+from legfem.specimens.tissues import REFERENCE_MPA
 
 
 def identify_specimen(
@@ -112,99 +89,6 @@ def identify_specimen(
         )
         for name in laws
     ]  # fmt: skip
-
-
-def prepare(
-    folder: SpecimenFolder,
-    held: set[SpecimenRecording],
-    out: Path | None,
-    jobs: int,
-    progress: Progress,
-) -> Prepared:
-    """Solve every test once, and leave out or shorten what can't be modelled.
-
-    Raises
-    ------
-    InputError
-        If nothing that is to be fitted is left.
-    """
-    deepest: dict[Sizes, float] = {}
-    for one in folder.recordings:
-        deepest[one.sizes] = max(deepest.get(one.sizes, 0.0), _BEYOND * one.course.depth)
-    usual = begin_at(folder.tissues, REFERENCE_MPA)
-    model = SpecimenForward.of_tissues(
-        tuple(deepest), tuple(deepest.values()),
-        [one.of_law("neo-hookean") for one in folder.tissues], usual,
-    )  # fmt: skip
-    progress.stage("solving every test once; on a machine's first run, compiling", len(deepest))
-    outcomes = _solved_once(model, out, jobs, progress)
-    used, left, notes = list[SpecimenRecording](), list(folder.left_out), list[str]()
-    for one in folder.recordings:
-        outcome = outcomes[one.sizes]
-        reached = outcome.curve.depth * (1.0 if outcome.complete else _SHORT_OF)
-        if one.course.depth <= reached:
-            used.append(one)
-        elif reached < _LEAST_SHARE * one.course.depth:
-            reason = f"its test can't be solved beyond {reached:.3g} mm: {outcome.reason}"
-            left.append(LeftOut(one.name, reason))
-        else:
-            used.append(_shortened(one, reached))
-            notes.append(
-                f"{one.name} is used to {reached:.3g} of its {one.course.depth:.3g} mm: its test "
-                f"stopped there ({outcome.reason})."
-            )
-    fitted = [one for one in used if one.name not in {other.name for other in held}]
-    if not fitted:
-        raise InputError(
-            folder.directory, "recordings", f"none can be modelled: {left[0].reason}",
-            "check the sizes, or record less deep",
-        )  # fmt: skip
-    depths = {
-        sizes: max(one.course.depth for one in used if one.sizes == sizes)
-        for sizes in dict.fromkeys(one.sizes for one in used)
-    }
-    stiffness = dict[SpecimenRecording, float]()
-    for one in fitted:
-        course = one.course
-        unit = outcomes[one.sizes].curve(course.displacement)
-        stiffness[one] = usual * float(course.force @ unit / (unit @ unit))
-    return Prepared(
-        tuple(used), tuple(left), tuple(notes), tuple(depths), tuple(depths.values()),
-        max(float(np.median(list(stiffness.values()))), 1e-9),
-        tuple(doubts_about_differing(stiffness)),
-    )  # fmt: skip
-
-
-def _solved_once(
-    model: SpecimenForward, out: Path | None, jobs: int, progress: Progress
-) -> dict[Sizes, ForwardOutcome]:
-    store = None if out is None else Store(out / "solves", ForwardOutcome, model.laws)
-    found: dict[Sizes, ForwardOutcome] = {}
-    asked = {
-        sizes: ("once", sizes, depth)
-        for sizes, depth in zip(model.tests, model.depths, strict=True)
-    }
-    for sizes in model.tests:
-        kept = store.get(asked[sizes]) if store else None
-        if kept is not None:
-            found[sizes] = kept
-    missing = [k for k, sizes in enumerate(model.tests) if sizes not in found]
-    with Workers(_solve_one, model, jobs) as workers:
-        for k, outcome in workers.run(missing):
-            sizes = model.tests[k]
-            found[sizes] = outcome
-            if store:
-                store.put(asked[sizes], outcome)
-            progress.advance(f"{type(sizes).__name__} to {outcome.curve.depth:.3g} mm")
-    return found
-
-
-def _solve_one(model: SpecimenForward, number: int) -> ForwardOutcome:
-    return model.solve_one(number, model.nominal)
-
-
-def _shortened(one: SpecimenRecording, depth: float) -> SpecimenRecording:
-    return replace(one, course=one.course.down_to(depth))
 
 
 def _identify(

@@ -37,6 +37,15 @@ def grid_to(depth: float) -> FloatArray:
     return np.asarray(depth * (np.arange(1, GRID + 1) / GRID) ** 1.3)
 
 
+def _power(course: Course) -> float:
+    """Return the power of the displacement that the loading's force is nearest to."""
+    rising = (course.time <= course.arrival) & (course.displacement > 0) & (course.force > 0)
+    d, force = course.displacement[rising], course.force[rising]
+    if len(d) < 3 or np.ptp(d) == 0:
+        return 1.0
+    return float(np.polyfit(np.log(d), np.log(force), 1, w=force)[0])
+
+
 @dataclass(frozen=True, eq=False)
 class Part:
     """One recording, and which of the tests that are solved it is of."""
@@ -80,6 +89,14 @@ class SpecimenMisfit(Compared):
     def measured_force(self) -> FloatArray:
         """Of all stations (n,), N."""
         return np.concatenate([part.course.force for part in self.parts])
+
+    @property
+    def if_deeper(self) -> FloatArray:
+        """Change of the measured forces (n,) per relative change of the displacements, N.
+
+        As of a force in proportion to a power of the depth, which holds and returns keep to.
+        """
+        return np.concatenate([_power(part.course) * -part.course.force for part in self.parts])
 
     @property
     def reach(self) -> str:

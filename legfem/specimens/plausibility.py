@@ -12,7 +12,7 @@ from legfem.common.doubts import Doubt, PhysicalRange
 from legfem.common.units import mpa_to_kpa
 from legfem.experiments.axisymmetric import CylinderBetweenPlates
 from legfem.experiments.uniaxial import Bar
-from legfem.recording.oddities import counts_samples, cut_off
+from legfem.recording.oddities import counts_samples, cut_off, spike_doubts
 from legfem.specimens import ranges
 from legfem.specimens.course import Course
 from legfem.specimens.recorded import SpecimenRecording
@@ -77,6 +77,7 @@ def doubts_about_course(source: str, course: Course, sizes: Sizes) -> Iterator[D
     yield from ranges.SPEED.doubts(
         source, "time_s", course.rate, "check that time is in s (not min or ms)"
     )
+    yield from spike_doubts(source, course.samples)
     loading = course.samples.time <= course.arrival
     time, force = course.samples.time[loading], course.samples.force[loading]
     if counts_samples(time):

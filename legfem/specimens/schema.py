@@ -13,6 +13,7 @@ from legfem.common.toml_file import (
     PlainName,
     Positive,
     Text,
+    Title,
     parse_toml,
     trouble,
 )
@@ -156,7 +157,7 @@ class SpecimenFile(FileTable):
     alternatives: ClassVar = ("ball", "punch", "plates", "cylinder", "uniaxial", "suction")
 
     id: PlainName
-    title: Text
+    title: Title
     origin: Literal["measured", "reconstructed", "simulated"]
     ball: BallEntry | None = None
     punch: PunchEntry | None = None

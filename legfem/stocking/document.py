@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import platform
 from dataclasses import asdict
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 from legfem.common.documents import json_types
 from legfem.common.doubts import doubt_documents
 from legfem.common.units import FloatArray, mpa_to_kpa
-from legfem.common.versions import legfem_version, package_version
+from legfem.common.versions import versions_of
 from legfem.geometry.shape_measures import fat_thickness_around
 from legfem.stocking.fat_pressures import FatPressures
 from legfem.stocking.identification import Identified
@@ -72,13 +71,7 @@ def stocking_document(result: StockingResult, fat: FatPressures | None = None) -
 
 def versions() -> dict[str, str]:
     """Return those of the programs that make a result."""
-    return {
-        "legfem": legfem_version(),
-        "dolfinx": package_version("fenics-dolfinx"),
-        "numpy": package_version("numpy"),
-        "scipy": package_version("scipy"),
-        "python": platform.python_version(),
-    }
+    return versions_of("legfem", "dolfinx", "numpy", "scipy", "python")
 
 
 def _stiffness(result: StockingResult) -> dict[str, Any]:

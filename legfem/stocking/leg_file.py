@@ -14,6 +14,7 @@ from legfem.common.toml_file import (
     PlainName,
     Positive,
     Text,
+    Title,
     parse_toml,
     trouble,
 )
@@ -117,7 +118,7 @@ class LegFile(FileTable):
     """``leg.toml`` as it is written, in the file's units."""
 
     id: PlainName
-    title: Text
+    title: Title
     origin: Literal["measured", "simulated"]
     bare: ShapeEntry
     compressed: ShapeEntry | None = None

@@ -15,6 +15,7 @@ from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.shape_measures import perimeter
 from legfem.stocking.laplace import Stocking, stocking_load
 from legfem.subjects import ranges
+from legfem.subjects.plausibility import doubts_about_size
 
 if TYPE_CHECKING:
     from legfem.stocking.leg import StockingLeg
@@ -69,9 +70,10 @@ def check_scans_differ(bare: LegShape, compressed: LegShape, toml: Path) -> None
 
 
 def _girth(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
-    yield from ranges.GIRTH.doubts(
-        toml, "bare", float(perimeter(leg.bare).max()), "check that the scan is whole and in mm"
-    )
+    around = perimeter(leg.bare)
+    largest = int(np.argmax(around))
+    tibia = leg.bare.contours["tibia"][largest]
+    yield from doubts_about_size(toml, "bare", float(around[largest]), tibia)
 
 
 def _tissues(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:

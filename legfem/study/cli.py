@@ -10,7 +10,6 @@ import typer
 
 from legfem.common.checks import check_finite
 from legfem.common.command_edge import (
-    FAILED,
     check_out_folder,
     command_edge,
     end_without_a_solution,
@@ -23,7 +22,7 @@ from legfem.study.options import Jobs, Out
 app = typer.Typer(
     add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
     no_args_is_help=True,
-    help="Studies of the model. Example: python -m legfem.study convergence --corners",
+    help="Studies of the model. Example: python -m legfem.study convergence",
 )  # fmt: skip
 
 
@@ -31,9 +30,6 @@ app = typer.Typer(
 def convergence(
     subject: Annotated[str, typer.Option(help="Id of a subject that comes with legfem.")] = "3",
     subject_dir: Annotated[Path | None, typer.Option(help="Folder of a subject, instead.")] = None,
-    corners: Annotated[
-        bool, typer.Option("--corners", help="The 33 points of Table 2 instead of the meshes.")
-    ] = False,
     c10_kpa: Annotated[float, typer.Option("--c10", min=0.0, help="Deep C10 (kPa).")] = 0.70,
     c20_kpa: Annotated[float, typer.Option("--c20", min=0.0, help="Deep C20 (kPa).")] = 0.80,
     depth: Annotated[float, typer.Option(min=1.0, help="mm.")] = 30.0,
@@ -42,22 +38,19 @@ def convergence(
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
-    """How far the default settings are from convergence, and that every corner is reached.
+    """How far the default settings are from convergence.
 
     Example: python -m legfem.study convergence --subject 3
     """
-    name = "corners" if corners else "convergence"
-    with study_edge(name, out, jobs, quiet=quiet) as (folder, processes):
+    with study_edge("convergence", out, jobs, quiet=quiet) as (folder, processes):
         check_finite(depth=depth, c10=c10_kpa, c20=c20_kpa)
         from legfem.study.convergence import command as convergence_command
 
         with told_briefly(quiet, as_json) as written:
-            whole = convergence_command.run(
-                subject, subject_dir, corners, (c10_kpa, c20_kpa), depth, folder, processes, quiet
+            convergence_command.run(
+                subject, subject_dir, (c10_kpa, c20_kpa), depth, folder, processes, quiet
             )
             written.append(folder / "result.json")
-        if not whole:
-            raise typer.Exit(FAILED)
 
 
 @app.command()
@@ -180,9 +173,6 @@ def correction(
     legs: Annotated[
         bool, typer.Option("--legs", help="Also a table of P for legs of other girth and bone.")
     ] = False,
-    checks: Annotated[
-        bool, typer.Option("--checks", help="Also how far the mesh goes, and P with tetrahedra.")
-    ] = False,
     fields: Annotated[
         bool, typer.Option("--fields", help="Also the 3D model's fields for ParaView.")
     ] = False,
@@ -231,7 +221,7 @@ def correction(
             depth,
         )
         processes = (jobs or usable_cores()) if MPI.COMM_WORLD.size == 1 else 1
-        asked = correction_command.Asked(trends, legs, checks, fields)
+        asked = correction_command.Asked(trends, legs, fields)
         with told_briefly(quiet, as_json) as written:
             correction_command.run(Calibration(case), asked, folder, processes, quiet)
             if MPI.COMM_WORLD.rank == 0:

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from shapely import Point
+from shapely import Point, Polygon
 
 from legfem.common.doubts import Doubt
 from legfem.common.units import FloatArray, mpa_to_kpa
-from legfem.geometry.section import BONES, first_crossing, girth
+from legfem.geometry.section import BONES, PARTS, first_crossing, girth
 from legfem.subjects import ranges
 from legfem.subjects.plausible_recordings import doubts_about_recordings
 
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 _GRAZING_DEG = 30.0
 """Between travel and the skin's inward normal, beyond which a cylinder slides off."""
 _MISSING_DEG = 60.0
+_SHARP_DEG = 60.0
+_FAR_OUT, _FAR_OUT_MM = 3.0, 1.0
+"""Times the points' distance, or mm, that a spike is long."""
 _LANDMARKS_MM = 2.0
 """Of error in the aim, which a diagnosis assumes without a word."""
 _MOST_OF_LEG = 0.8
@@ -41,19 +44,50 @@ def doubts_about(subject: Subject) -> tuple[Doubt, ...]:
     """
     toml = subject.directory / "subject.toml"
     found = [
-        *ranges.GIRTH.doubts(
-            toml, "section.contours", girth(subject.section),
-            "check that the coordinates are whole lengths in mm, not halved",
+        *doubts_about_size(
+            toml, "section.contours", girth(subject.section), subject.section.tibia
         ),
         *ranges.FASCIA_THICKNESS.doubts(
             toml, "section.fascia_thickness_mm", subject.section.fascia_thickness
         ),
+        *(d for part in PARTS for d in _spike(toml, part, getattr(subject.section, part))),
         *_landmarks(toml, subject),
         *_indenter(toml, subject),
         *(d for name, t in subject.tissues.items() for d in _tissue(toml, f"tissues.{name}", t)),
         *doubts_about_recordings(subject, toml, room_before(subject)),
     ]  # fmt: skip
     return tuple(doubt for doubt in found if doubt.field not in subject.confirmed)
+
+
+def doubts_about_size(toml: Path, field: str, around: float, tibia: FloatArray) -> Iterator[Doubt]:
+    """Yield a doubt about a section that is too large or too small for a leg.
+
+    Parameters
+    ----------
+    toml, field
+        What names the section.
+    around
+        Its girth, mm.
+    tibia : (n, 2) array
+        Its outline, mm: bones are of one size where flesh isn't.
+
+    Raises
+    ------
+    InputError
+        For what no leg is.
+    """
+    remedy = "check that the coordinates are whole lengths in mm, not halved, nor in pixels"
+    width = math.sqrt(4 * Polygon(tibia).area / math.pi)
+    found = [
+        *ranges.GIRTH.doubts(toml, field, around, remedy),
+        *ranges.TIBIA.doubts(toml, field, width, remedy),
+    ]
+    low, high = ranges.LEG_MM2
+    if not found and not low <= around * width <= high:
+        size = "small" if around * width < low else "large"
+        problem = f"a girth of {around:.0f} mm with a tibia {width:.0f} mm wide: both are {size}"
+        found.append(Doubt(str(toml), field, f"{problem}, as if the section were scaled", remedy))
+    yield from found[:1]
 
 
 def poisson_ratio(tissue: TissueParameters) -> float | None:
@@ -82,6 +116,26 @@ def room_before(subject: Subject) -> float:
         except ValueError:
             continue
     return min(reached)
+
+
+def _spike(toml: Path, part: str, outline: FloatArray) -> Iterator[Doubt]:
+    """Yield a doubt about a point of an outline (n, 2) that stands out alone, by how far it does.
+
+    The line to it goes out and back much farther than points lie apart.
+    """
+    before, after = np.roll(outline, 1, axis=0) - outline, np.roll(outline, -1, axis=0) - outline
+    ways = np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)
+    shorter = np.minimum(*ways)
+    cosine = np.sum(before * after, axis=1) / np.maximum(ways[0] * ways[1], 1e-12)
+    out = np.where(cosine > math.cos(math.radians(_SHARP_DEG)), shorter, 0.0)
+    worst = int(np.argmax(out))
+    if out[worst] > _FAR_OUT * max(float(np.median(ways[1])), _FAR_OUT_MM):
+        x, y = outline[worst]
+        yield Doubt(
+            str(toml), "section.contours",
+            f"the {part} has a spike of {out[worst]:.2g} mm at ({x:.1f}, {y:.1f})",
+            "remove the point",
+        )  # fmt: skip
 
 
 def _landmarks(toml: Path, subject: Subject) -> Iterator[Doubt]:

@@ -16,7 +16,7 @@ from legfem.recording import Recording
 from legfem.recording.contact import contact_at_start, find_first_contact
 from legfem.recording.copies import refuse_copies
 from legfem.recording.formats import READERS
-from legfem.recording.oddities import counts_samples, cut_off
+from legfem.recording.oddities import counts_samples, cut_off, spike_doubts
 from legfem.recording.reader import MINIMAL_DEPTH_MM
 from legfem.recording.smoothing import sample_noise, smooth_displacement
 from legfem.subjects import ranges
@@ -167,6 +167,7 @@ def _motion(loading: Loading, room: float) -> Iterator[Doubt]:
             f"{way:.3g} mm of loading, as a load cell at its limit does",
             "use a cell of a larger range, or remove what lies beyond",
         )  # fmt: skip
+    yield from spike_doubts(loading.source, loading.recording)
     if loading.depth <= _LITTLE_ROOM * room:
         return
     found = Doubt(

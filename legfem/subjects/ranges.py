@@ -35,6 +35,13 @@ GIRTH = PhysicalRange(
     "a girth", "mm", (230.0, 700.0), (100.0, 800.0),
     "calves of adults and more: ANSUR II, Gordon et al. 2014",
 )  # fmt: skip
+TIBIA = PhysicalRange(
+    "a tibia's width, that of a circle as large,", "mm", (18.5, 60.0), (8.0, 90.0),
+    "20 to 30 mm along the shaft, 42 mm below the knee: pQCT, and the scanned leg of MULTIS",
+)  # fmt: skip
+LEG_MM2 = (5300.0, 20000.0)
+"""Girth times the tibia's width, beyond which both are small, or large, for one leg: calves have
+7500 to 11,000 mm², the scanned leg of MULTIS 5740 above the ankle and 15,300 below the knee."""
 FASCIA_THICKNESS = PhysicalRange(
     "a fascia's thickness", "mm", (0.1, 3.0), (0.02, 10.0),
     f"0.2 to 1.0 mm: {PAPER}, Table 2", _LENGTH,

@@ -14,6 +14,7 @@ from legfem.common.toml_file import (
     PlainName,
     Positive,
     Text,
+    Title,
     trouble,
 )
 from legfem.imaging.shape_entry import LabelsEntry, ShapeEntry
@@ -231,7 +232,7 @@ class SubjectFile(FileTable):
     """``subject.toml`` as it is written, in the file's units."""
 
     id: PlainName
-    title: Text
+    title: Title
     origin: Literal["measured", "reconstructed", "simulated"]
     section: SectionEntry
     labels: LabelsEntry = LabelsEntry()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ from legfem.common.units import FloatArray
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.document import document
 from legfem.diagnose.run import Diagnoser
+from legfem.jobs.arrays import write_arrays
 from legfem.jobs.key import Contents
 from legfem.jobs.pool import Workers
 from legfem.jobs.resume import finish
@@ -77,11 +77,7 @@ class Metric:
 
     def write(self, path: Path) -> None:
         """Write it, whole or not at all."""
-        content = io.BytesIO()
-        np.savez_compressed(content, **vars(self))
-        scratch = path.with_suffix(".new")
-        scratch.write_bytes(content.getvalue())
-        scratch.replace(path)
+        write_arrays(path, vars(self), compressed=True)
 
     @classmethod
     def read(cls, path: Path) -> Metric:

@@ -47,7 +47,7 @@ def test_air_is_found_with_the_stiffness(diagnoser):
     assert found.verdict == "consistent"
     for k, contact in enumerate(found.observed.contacts):
         at = contact.displacement + found.best.value(f"trial{k + 1}.onset")
-        assert at == pytest.approx(1.2, abs=0.2)
+        assert at == pytest.approx(1.2, abs=0.15)
     assert found.best.value("C10") == pytest.approx(truth("08")["true_C10_kPa"], rel=0.03)
 
 

@@ -6,21 +6,50 @@ from collections.abc import Callable
 from pathlib import Path
 
 from legfem.common.errors import InputError
-from legfem.recording.formats.arrays import read_hdf5, read_matlab
-from legfem.recording.formats.labview import read_lvm, read_tdms
 from legfem.recording.formats.sheet import Column, Sheet
 from legfem.recording.formats.text import read_text
-from legfem.recording.formats.workbook import read_workbook
 
 __all__ = ["READERS", "Column", "Sheet", "read_sheets"]
 
+
+# The libraries of kinds that a command doesn't read take a good part of its start.
+def _workbook(path: Path) -> list[Sheet]:
+    from legfem.recording.formats.workbook import read_workbook
+
+    return read_workbook(path)
+
+
+def _tdms(path: Path) -> list[Sheet]:
+    from legfem.recording.formats.labview import read_tdms
+
+    return read_tdms(path)
+
+
+def _lvm(path: Path) -> list[Sheet]:
+    from legfem.recording.formats.labview import read_lvm
+
+    return read_lvm(path)
+
+
+def _matlab(path: Path) -> list[Sheet]:
+    from legfem.recording.formats.arrays import read_matlab
+
+    return read_matlab(path)
+
+
+def _hdf5(path: Path) -> list[Sheet]:
+    from legfem.recording.formats.arrays import read_hdf5
+
+    return read_hdf5(path)
+
+
 READERS: dict[str, Callable[[Path], list[Sheet]]] = {
     **dict.fromkeys((".csv", ".txt", ".dat", ".tra", ".asc", ".tsv"), read_text),
-    **dict.fromkeys((".xlsx", ".xlsm"), read_workbook),
-    ".tdms": read_tdms,
-    ".lvm": read_lvm,
-    ".mat": read_matlab,
-    **dict.fromkeys((".h5", ".hdf5"), read_hdf5),
+    **dict.fromkeys((".xlsx", ".xlsm"), _workbook),
+    ".tdms": _tdms,
+    ".lvm": _lvm,
+    ".mat": _matlab,
+    **dict.fromkeys((".h5", ".hdf5"), _hdf5),
 }
 
 

@@ -128,7 +128,10 @@ def _widths(lines: list[str], delimiter: str, decimal: str) -> set[int]:
 def _parted(lines: list[str], delimiter: str) -> list[list[str]]:
     if delimiter == " ":
         return [line.split() for line in lines]
-    return [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=delimiter)]
+    try:
+        return [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=delimiter)]
+    except csv.Error:  # a cell of a hundred thousand characters is no number either
+        return [[line] for line in lines]
 
 
 def _cell(text: str, decimal: str) -> Cell:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
+from itertools import pairwise
 from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
@@ -18,6 +19,7 @@ from bokeh.models import (
     ColumnDataSource,
     CrosshairTool,
     HoverTool,
+    InlineStyleSheet,
     Span,
 )
 from bokeh.plotting import figure
@@ -140,10 +142,10 @@ def _panels(curves: Curves) -> Any:
         one.add_tools(CrosshairTool(overlay=cursor, dimensions="height"))
     source = ColumnDataSource({"x": curves.x})
     below.add_layout(Span(location=0, dimension="width", line_width=1, line_color=DATA_COLOUR))
-    for low, high in _joined(curves.located):
+    for left, right in _joined(curves.located):
         below.add_layout(
             BoxAnnotation(
-                left=low, right=high, fill_color="#F0E442", fill_alpha=0.25, line_color=None,
+                left=left, right=right, fill_color="#F0E442", fill_alpha=0.25, line_color=None,
                 hatch_pattern="/", hatch_color=FAINT, hatch_alpha=0.35, hatch_weight=0.5,
                 level="underlay",
             )
@@ -151,8 +153,9 @@ def _panels(curves: Curves) -> Any:
     if curves.band is not None:
         about = curves.lines[0].above if below is above else None
         middle = np.zeros(len(curves.x)) if about is None else about
-        source.data["band"], source.data["minus"] = middle + curves.band, middle - curves.band
-        below.varea("x", "minus", "band", source=source, color=FAINT, alpha=0.3)
+        low, high = middle - curves.band, middle + curves.band
+        for way in ways(curves.x):
+            below.varea(curves.x[way], low[way], high[way], color=FAINT, alpha=0.3)
     for number, line in enumerate(curves.lines):
         for one, values, place in ((above, line.above, "above"), (below, line.below, "below")):
             if values is not None:
@@ -161,6 +164,14 @@ def _panels(curves: Curves) -> Any:
                 _draw(one, source, key, line, f"{curves.name}-{place}-{number}")
     _add_readings(above, below, source, curves)
     return column(*panels, sizing_mode="stretch_width", spacing=0)
+
+
+def ways(x: FloatArray) -> list[slice]:
+    """Return where an abscissa goes on one way: a band that turns back on itself isn't filled."""
+    signs = np.sign(np.diff(x))
+    moving = np.flatnonzero(signs)
+    turns = moving[1:][np.diff(signs[moving]) != 0]
+    return [slice(a, b + 1) for a, b in pairwise([0, *turns.tolist(), len(x) - 1])]
 
 
 def _joined(stretches: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
@@ -181,6 +192,7 @@ def panel(height: int, label: str, **options: Any) -> Any:
         min_border_left=_LEFT, min_border_right=12, output_backend="svg", **options,
     )  # fmt: skip
     made.toolbar.logo = None
+    made.toolbar.stylesheets = [InlineStyleSheet(css="@media print { :host { display: none; } }")]
     made.yaxis.axis_label = label
     made.yaxis.formatter.use_scientific = False
     for axis in (*made.xaxis, *made.yaxis):

@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from legfem.common.doubts import doubt_lines
 from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.document import Recorded, doubts_of, kind_of
+from legfem.diagnose.document import Recorded, doubts_of, kind_of, r_squared, versions
 from legfem.diagnose.explanation import Explanation
-from legfem.diagnose.sentences import verdict_sentence
+from legfem.diagnose.sentences import next_experiments, percent, verdict_sentence
 from legfem.report import diagnosis_tables as tables
 from legfem.report.diagnosis_style import BASE_NAME, model_name, plain
-from legfem.report.diagnosis_text import alike, untested
+from legfem.report.style import LAW_NAMES
 from legfem.report.web import page as web
 from legfem.report.web.diagnosis_curves import curves_of
-from legfem.report.web.diagnosis_headline import TITLE, headline, to_do_next
+from legfem.report.web.diagnosis_headline import TITLE, capital, headline
 from legfem.report.web.diagnosis_numbers import known_of
 from legfem.report.web.section import PressedSection, still_section
+from legfem.report.words import ORIGINS
 from legfem.subjects.subject import Subject
 
 
 def diagnosis_web_page(
     found: Diagnosis,
     subject: Recorded,
-    text: str,
     plan: Sequence[str] = (),
-    versions: Mapping[str, str] | None = None,
     command: str = "",
     pressed: PressedSection | None = None,
 ) -> web.WebPage:
@@ -37,12 +36,8 @@ def diagnosis_web_page(
         The diagnosis.
     subject
         Whose recordings they are.
-    text
-        Of ``report.txt``.
     plan
         What could be done next, each with its chance, the best first.
-    versions
-        Of the programs that made it.
     command
         That was given; empty where there was none.
     pressed
@@ -56,12 +51,12 @@ def diagnosis_web_page(
         web.Chapter("Where the model is wrong", _where(found)),
         web.Chapter("Which physics, and how sure", _physics(found)),
         web.Chapter("What was tested", _tested(found)),
-        web.Chapter("What could not be tested", [web.Bullets([*untested(found), *alike(found)])]),
-        web.Chapter("What to do next", [web.Bullets(to_do_next(found, plan))]),
+        web.Chapter("What could not be tested", [web.Bullets([*_untested(found), *_alike(found)])]),
+        web.Chapter("What to do next", _next(found, plan)),
+        web.Chapter("Noise and accuracy", [web.Prose(_noise(found))]),
     ]
     if isinstance(subject, Subject):
         chapters.insert(1, web.Chapter("The leg", [pressed or still_section(subject)]))
-    chapters.append(web.Chapter("The full report", [web.Verbatim("report.txt", text)]))
     return web.WebPage(
         title=TITLE.format(kind=kind_of(subject).lower(), id=subject.id),
         subject=subject.title,
@@ -71,7 +66,8 @@ def diagnosis_web_page(
         warned=" for whoever made and described the recordings",
         known=known_of(found, subject),
         chapters=chapters,
-        repeat=web.Repeat(command, versions or {}),
+        repeat=web.Repeat(command, versions()),
+        data="" if isinstance(subject, Subject) else ORIGINS[subject.origin].partition(" (")[0],
     )
 
 
@@ -103,31 +99,90 @@ def _where(found: Diagnosis) -> list[web.Block]:
                 else "The misfit is spread over the recordings; no interval stands out by itself."
             )
         ]
+    how = (
+        "Intervals in which the repaired model differs from the base model by more than a trial's "
+        "noise"
+        if found.models
+        else "Intervals that stand out of the noise (chosen among all intervals)"
+    )
+    more = tables.places_left_out(found)
     return [
         web.Prose(
-            "Size: recorded less model; above zero the tissue pushed back harder than it should."
+            f"{how}. Size: recorded less model, mean; above zero the tissue pushed back harder "
+            "than it should. Noise: standard deviation of one trial's value. p: family-wise over "
+            "all intervals looked at; '-' where the interval is not significant by itself."
         ),
         web.WebTable("Intervals in which the model is wrong", *tables.places_cells(found)),
+        *([web.Prose(f"{more} smaller ones are in diagnosis.json.")] if more > 0 else []),
     ]
 
 
 def _physics(found: Diagnosis) -> list[web.Block]:
-    every = web.WebTable("How probable each explanation is", *tables.explanation_cells(found))
+    blocks: list[web.Block] = [
+        web.Prose(f"Verdict: {found.verdict.upper()}. {verdict_sentence(found)}"),
+        web.Prose(_looks(found)),
+        web.WebTable("How probable each explanation is", *tables.explanation_cells(found)),
+    ]
     if found.verdict == "consistent":
         return [
-            every,
+            *blocks,
             web.WebTable(
                 "How strong each mechanism may be without having been seen",
                 *tables.limit_cells(found), folded=True,
             ),
         ]  # fmt: skip
-    blocks: list[web.Block] = [web.Prose(verdict_sentence(found)), every]
-    if found.models:
-        blocks += [
-            web.WebTable("What the reported explanations explain", *tables.evidence_cells(found)),
-            web.Prose(tables.held_out_note(found.base_held_out)),
-        ]
-    return blocks
+    if not found.models:
+        return [*blocks, web.Prose(_closest(found))]
+    return [
+        *blocks,
+        web.WebTable("What the reported explanations explain", *tables.evidence_cells(found)),
+        web.Prose(
+            f"{tables.held_out_note(found.base_held_out)} ln Bayes factor: how much more probable "
+            "the recordings are with the mechanism than without; 5 is strong. In part: beside it "
+            "something remains that has no name, since no real effect has exactly a model's form."
+        ),
+    ]
+
+
+def _looks(found: Diagnosis) -> str:
+    stiffness = " and ".join(found.base.fit.stiffness)
+    ends = ", the cylinder's ends included" if found.with_ends else ""
+    looks = (
+        f"The base model ({LAW_NAMES[found.law]} deep tissue{ends}, nothing added) fits with "
+        f"R2 = {r_squared(found.base.fit, found):.5f}. Probabilities weigh all explanations "
+        "against each other: none, one mechanism, two, or something unknown; beforehand as many "
+        "tests are taken to be sound as to lack one mechanism, and half as many two."
+    )
+    if found.verdict == "consistent":
+        looks += (
+            f" That is no proof that nothing was left out: what a change of {stiffness} takes up, "
+            "and what could not be tested, stays unseen. How strong each mechanism may be unseen "
+            "stands below."
+        )
+    if found.verdict in ("named", "ambiguous"):
+        looks += (
+            " The recordings tell which known mechanisms can explain them; a mechanism that legfem "
+            "does not know and that looks alike is not ruled out."
+        )
+    return looks
+
+
+def _closest(found: Diagnosis) -> str:
+    text = (
+        "None that legfem knows. Every mechanism that these recordings can show was put into the "
+        "model, alone and the best in pairs; something unknown is more probable than any of them."
+    )
+    named = [e for e in found.explained.every if e.names]
+    if named:
+        text += (
+            f" The most probable of them is {model_name(named[0])} "
+            f"({percent(named[0].probability)}): that is not a finding."
+        )
+    held = found.base_held_out
+    return (
+        f"{text} The base model predicts {held.how}, from a refit to the others, with an error of "
+        f"{held.rmse:.3f} N; what differs from trial to trial makes {held.noise:.3f} N."
+    )
 
 
 def _tested(found: Diagnosis) -> list[web.Block]:
@@ -140,3 +195,86 @@ def _tested(found: Diagnosis) -> list[web.Block]:
         ),
         web.WebTable("Signs of mechanisms in what the model misses", *tables.score_cells(found)),
     ]
+
+
+def _untested(found: Diagnosis) -> list[str]:
+    """Return which mechanisms could not be tested, and why."""
+    if not found.untested:
+        return ["Nothing: all mechanisms that legfem knows were tested."]
+    reasons: dict[str, list[str]] = {}
+    for name, why in found.untested.items():
+        reasons.setdefault(why, []).append(plain(name))
+    return [f"{', '.join(names)}: {why}" for why, names in reasons.items()]
+
+
+def _alike(found: Diagnosis) -> list[str]:
+    """Return sentences on what the recordings can't tell apart."""
+    lines = []
+    if len(found.models) > 1:
+        names = [model_name(model) for model in found.models]
+        lines.append(
+            f"{'; '.join(names)}: together they hold 90 % of the probability, and none of them "
+            "does alone. Which of them it is can't be said."
+        )
+    both = " and ".join(found.base.fit.stiffness)
+    lines.append(
+        "A constant factor on the force (the load cell's gain, the cylinder's length) looks like "
+        f"a change of {both}. It is not tested, and would sit in the stiffness unseen."
+    )
+    hidden = [s for s in found.assessment.scores if s.concealed > 0.95]
+    if hidden:
+        names = [f"{plain(s.name)} ({100 * s.concealed:.1f} %)" for s in hidden]
+        lines.append(
+            "A refit of the stiffness hides nearly all of a small effect of: "
+            f"{', '.join(names)}. Such an effect could bias the stiffness without a sign."
+        )
+    return lines
+
+
+def _next(found: Diagnosis, plan: Sequence[str]) -> list[web.Block]:
+    wanted = [capital(line) for line in next_experiments(found)]
+    if plan:
+        return [
+            web.Prose("Simulated under each candidate, the best first:"),
+            web.Bullets([capital(line) for line in plan]),
+            web.Prose("Not simulated:"),
+            web.Bullets(wanted),
+        ]
+    if not wanted:
+        return [
+            web.Prose(
+                "Nothing is asked for by these recordings: use the stiffness with the law it "
+                "belongs to."
+            )
+        ]
+    why = {"ambiguous": "To tell the candidates apart:", "named": "To confirm what was named:"}
+    before = [web.Prose(why[found.verdict])] if found.verdict in why else []
+    return [*before, web.Bullets(wanted)]
+
+
+def _noise(found: Diagnosis) -> str:
+    noise, posterior = found.errors.noise, found.best.posterior
+    return (
+        f"A force reading errs by {noise.force_sd:.3g} N about its trial's course "
+        f"({noise.white_sd:.2g} N from reading to reading; {noise.slow_sd:.2g} N slowly, over "
+        f"{noise.correlation_time:.2g} s), a trial's zero by {posterior.zero_sd:.2g} N, its gain "
+        f"by {100 * posterior.gain_sd:.2g} %, the displacement by {noise.wander_sd:.2g} mm; known "
+        f"from {noise.source}. The {len(found.observed.force)} values compared are worth "
+        f"{found.errors.effective_samples:.0f} independent ones. {_solutions(found)} What is not "
+        "known exactly (the geometry, and what is assumed of the tissues) may take up misfit as "
+        "far as its stated accuracy allows: the table of numbers says how far each was moved."
+    )
+
+
+def _solutions(found: Diagnosis) -> str:
+    if not (found.solutions or found.emulator_error > 0):
+        return "No full finite-element solution was made to confirm the interpolated forces."
+    made = (
+        f"{found.solutions} finite-element solutions were made now, beside those kept from before; "
+    )
+    if found.emulator_error != found.emulator_error:
+        return made + "one of the base model stopped, so interpolation could not be checked."
+    return made + (
+        f"interpolation differed from the base model's by {found.emulator_error:.2%} of the "
+        "largest force at most."
+    )

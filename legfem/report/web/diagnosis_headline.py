@@ -187,14 +187,6 @@ def _within(found: Diagnosis) -> tuple[str, str]:
     return number(low, (high - low) / 4), number(high, (high - low) / 4)
 
 
-def to_do_next(found: Diagnosis, plan: Sequence[str]) -> list[str]:
-    """Return what could be done next, the best first."""
-    lines = [*plan, *next_experiments(found)]
-    return [capital(line) for line in lines] or [
-        "Nothing is asked for by these recordings: use the stiffness with the law it belongs to"
-    ]
-
-
 def _to_do(found: Diagnosis, plan: Sequence[str]) -> str:
     lines = next_experiments(found)
     if found.verdict == "consistent":

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.document import Recorded
+from legfem.diagnose.mechanisms.base import null_of
 from legfem.diagnose.predict import onset_name
 from legfem.geometry.section import girth
 from legfem.report import diagnosis_tables as tables
 from legfem.report.diagnosis_style import BASE_NAME, model_name, plain, shown_models
 from legfem.report.web.page import Known, Provenance
 from legfem.subjects.subject import Subject
+
+_WRONG = "DO NOT RELY ON IT: of a wrong model, whose interval doesn't cover what was left out"
 
 
 def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
@@ -18,27 +21,32 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
     recordings = f"{trials} recording{'s' * (trials > 1)}"
     data: Provenance = subject.origin
     rows = []
-    for name in (name for name in ("C10", "C20") if name in found.base.fit.free):
+    wrong = _WRONG if found.verdict == "unexplained" else ""
+    for name in found.base.fit.stiffness:
         shown = [(found.base, BASE_NAME)]
         shown += [(s.model, f"with {s.name}" if s.suits else s.name) for s in shown_models(found)]
         for model, which in shown:
             change = tables.relative_change(found.base.value(name), model.value(name))
-            remark = [tables.flag(model, name, 0.0), "" if model is found.base else change]
+            flag = tables.flag(model, name, 0.0)
+            remark = [wrong, flag, "" if model is found.base else change]
             rows.append(
                 Known(f"{name}, {which}", f"{tables.estimate(model, name)} kPa", "estimated",
                       recordings, tables.interval(model, name), "; ".join(filter(None, remark)))
             )  # fmt: skip
         if over := tables.averaged(found, name):
-            rows.append(Known(f"{name}, {tables.OVER_ALL}", "", "estimated", recordings, over))
+            row = Known(f"{name}, {tables.OVER_ALL}", "", "estimated", recordings, over, wrong)
+            rows.append(row)
     for model in found.models:
         for mechanism in model.fit.mechanisms:
-            for p in mechanism.parameters:
+            for k, p in enumerate(mechanism.parameters):
                 full = f"{mechanism.name}.{p.name}"
                 unit = "" if p.unit == "-" else f" {p.unit}"
+                flag = tables.flag(model, full, null_of(p) if k == 0 else None)
+                remark = [flag, f"model with {model_name(model)}"]
                 rows.append(
                     Known(f"{plain(mechanism.name)}: {p.statement or plain(p.name)}",
                           tables.estimate(model, full) + unit, "estimated", recordings,
-                          tables.interval(model, full), f"model with {model_name(model)}")
+                          tables.interval(model, full), "; ".join(filter(None, remark)))
                 )  # fmt: skip
     for k, trial in enumerate(found.observed.trials):
         low, high = found.best.interval(onset_name(k))

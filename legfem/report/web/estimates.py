@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -10,11 +11,12 @@ import numpy as np
 from legfem.common.units import readable_unit
 from legfem.identify.catalogue import parameter_of, symbol_of, unit_of
 from legfem.identify.error_sources import ErrorSource, greatest
-from legfem.identify.result import Estimate, IdentifiedParameters
+from legfem.identify.estimates import DISPLACEMENT, FORCE
+from legfem.identify.result import Estimate, IdentificationResult, IdentifiedParameters
+from legfem.inference.parameter import Parameter
 from legfem.report.style import LAW_NAMES, REGION_NAMES
-from legfem.report.text import ENERGIES, prior_text
 from legfem.report.web.page import Block, Known, WebTable
-from legfem.report.words import number
+from legfem.report.words import ENERGIES, number
 from legfem.sites.result import SitesResult
 from legfem.specimens.result import SpecimenResult
 
@@ -58,6 +60,19 @@ def estimated(what: str, found: Estimate, recordings: int) -> Known:
     )
 
 
+def prior_text(parameter: Parameter) -> str:
+    """Return a parameter's prior in words, in the unit in which people read it."""
+    prior = parameter.prior
+    assert prior is not None
+    unit, factor = readable_unit(parameter.unit)
+    if prior.scale == "log":
+        width = f"x/ {math.exp(prior.sd):.4g} {unit} (its logarithm is normal)"
+    else:
+        width = f"± {factor * prior.sd:.4g} {unit} (normal)"
+    source = f", from {prior.source}" if prior.source else ""
+    return f"prior {factor * prior.centre:.4g} {width}{source}"
+
+
 def least_akaike[Result: IdentifiedParameters](
     results: Sequence[Result], chi_square: Callable[[Result], float]
 ) -> Result:
@@ -65,7 +80,9 @@ def least_akaike[Result: IdentifiedParameters](
     return min(results, key=lambda r: chi_square(r) + 2 * len(r.parameters))
 
 
-def how_found(results: Sequence[SpecimenResult] | Sequence[SitesResult]) -> list[Block]:
+def how_found(
+    results: Sequence[SpecimenResult] | Sequence[SitesResult] | Sequence[IdentificationResult],
+) -> list[Block]:
     """Return each law's energy, how its optimum was searched for, and the errors' correlations."""
     blocks: list[Block] = [
         WebTable(
@@ -85,7 +102,7 @@ def how_found(results: Sequence[SpecimenResult] | Sequence[SitesResult]) -> list
         symbols = [symbol_of(name) for name in r.parameters]
         if len(symbols) > 1:
             rows = [
-                [symbol, *(f"{value:+.3f}" for value in row)]
+                [symbol, *("not known" if np.isnan(value) else f"{value:+.3f}" for value in row)]
                 for symbol, row in zip(symbols, r.correlations, strict=True)
             ]
             caption = f"Correlations of the errors, {LAW_NAMES[r.law]} law"
@@ -110,6 +127,32 @@ def why_identifiable(parameters: Mapping[str, Estimate], law: str) -> list[str]:
     return [
         f"{symbol_of(name)} of the {LAW_NAMES[law]} law is {found.identifiability}: {found.why}."
         for name, found in parameters.items()
+    ]
+
+
+def rests_on(parameters: Mapping[str, Estimate], likewise: str) -> list[str]:
+    """Return a sentence on how far stiffness follows what nothing can check within a factor.
+
+    Parameters
+    ----------
+    parameters
+        By full name.
+    likewise
+        The sizes that it follows, too, in a sentence's end.
+    """
+    told = [
+        f"{symbol_of(name)} by {100 * found.moves[FORCE]:+.0f} % if all forces were 10 % higher "
+        f"and by {100 * found.moves[DISPLACEMENT]:+.0f} % if all displacements were"
+        for name, found in parameters.items()
+        # What is hardly known changes by any number to first order; nor is time a matter of force.
+        if all(abs(found.moves.get(one, np.nan)) < 1 for one in (FORCE, DISPLACEMENT))
+        and found.unit == "MPa"
+    ]
+    if not told:
+        return []
+    return [
+        f"Units, the load cell's gain and sizes are as stated. They change {'; '.join(told)}; "
+        f"{likewise}. No check sees a factor of less than about ten in them."
     ]
 
 

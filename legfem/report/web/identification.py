@@ -11,12 +11,12 @@ from legfem.identify.catalogue import DEEP_C10
 from legfem.identify.laws import LawName
 from legfem.identify.result import IdentificationResult
 from legfem.recording import LoadingCurve
-from legfem.report.page import procedure
+from legfem.report.law_comparison import comparison, fits, preferred
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES
-from legfem.report.text import comparison, fit_report, fits, preferred
 from legfem.report.web import estimates
 from legfem.report.web import page as web
 from legfem.report.web.curves import Curves, Dash, Line
+from legfem.report.web.identification_fit import how_done
 from legfem.report.web.identification_numbers import known_of
 from legfem.report.web.pressed_leg import pressed_leg
 from legfem.report.web.section import PressedSection, still_section
@@ -25,6 +25,7 @@ from legfem.report.web.usual import high_or_low
 from legfem.subjects.subject import Subject
 
 _DASHES: dict[str, Dash] = {"neo-hookean": "dashed", "reduced-polynomial": "solid"}
+_LIKEWISE = "a length_mm that is 10 % lower acts as such forces do"
 _NOT_TESTED = (
     "A constant factor on the force (the load cell's gain, the cylinder's length, its ends in 3D) "
     "looks like a change of C10, and would sit in it unseen.",
@@ -38,8 +39,23 @@ def identification_page(
     subject: Subject,
     pressed: PressedSection | None,
     command: str = "",
+    note: str = "",
 ) -> web.WebPage:
-    """Return the page of an identification, with the section pressed where it was solved for."""
+    """Return the page of an identification, with the section pressed where it was solved for.
+
+    Parameters
+    ----------
+    results
+        One a law, of one subject.
+    subject
+        Whose results they are.
+    pressed
+        The section; as it is unpressed without it.
+    command
+        That was given; empty where there was none.
+    note
+        On the solve that pressed it.
+    """
     chosen = preferred(results)
     return web.WebPage(
         title=f"How stiff is the deep tissue (muscle) of subject {subject.id}?",
@@ -58,7 +74,12 @@ def identification_page(
         chapters=[
             web.Chapter("Recordings and model", [_curves(results)]),
             web.Chapter(
-                "The leg, pressed", [*_in_3d(results, chosen), pressed or still_section(subject)]
+                "The leg, pressed",
+                [
+                    *_in_3d(results, chosen),
+                    pressed or still_section(subject),
+                    *([web.Prose(note)] if note else []),
+                ],
             ),
             web.Chapter(
                 "What was tested",
@@ -75,18 +96,12 @@ def identification_page(
                     )
                 ],
             ),
-            web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
-            web.Chapter("What to do next", [web.Bullets(_next(chosen, subject))]),
             web.Chapter(
-                "How it was done",
-                [
-                    web.Prose(" ".join(procedure(results[0], subject).split())),
-                    *(
-                        web.Verbatim(f"All numbers: {LAW_NAMES[r.law]} law", fit_report(r))
-                        for r in results
-                    ),
-                ],
+                "What could not be tested",
+                [web.Bullets([*estimates.rests_on(chosen.parameters, _LIKEWISE), *_NOT_TESTED])],
             ),
+            web.Chapter("What to do next", [web.Bullets(_next(chosen, subject))]),
+            web.Chapter("How it was done", how_done(results, subject)),
         ],
         repeat=web.Repeat(command, chosen.versions, {"seed": f"{chosen.seed}"}),
     )
@@ -116,7 +131,8 @@ def _headline(chosen: IdentificationResult, subject: Subject) -> web.Headline:
                 "left out."
                 if tone == "wrong"
                 else f"Nothing found here changes {c10}. What was assumed of fat and fascia would, "
-                "if it is wrong: the table of numbers says by how much.",
+                "if it is wrong, and what was stated of units and sizes: the table of numbers and "
+                "“What could not be tested” say by how much.",
             ),
             ("What to do", _next(chosen, subject)[0]),
             *_high_or_low(chosen, tone),

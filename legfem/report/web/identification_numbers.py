@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import isfinite, nan
 
 import numpy as np
 
 from legfem.experiments.plane_strain import tissues_of
 from legfem.geometry.section import girth
+from legfem.identify.applied_correction import SpatialEvidence
 from legfem.identify.catalogue import symbol_of
 from legfem.identify.forward import values_of
-from legfem.identify.result import IdentificationResult, SpatialEvidence
+from legfem.identify.result import IdentificationResult
 from legfem.inference.constants import NUMERICAL_ERROR
 from legfem.report.style import LAW_NAMES
 from legfem.report.web.estimates import estimated, held_text, words_of
@@ -58,7 +60,8 @@ def known_of(results: Sequence[IdentificationResult], subject: Subject) -> list[
         Known("error of the numerical model", f"{100 * NUMERICAL_ERROR:g} % of the force (sd)",
               "prior", "study convergence"),
         Known("noise of a force reading", f"{curve.noise.force_sd:.3g} N (sd)", data,
-              curve.noise.source),
+              curve.noise.source,
+              remark=f"correlated over {curve.noise.correlation_length:.2g} mm"),
         Known("greatest displacement used", f"{curve.displacement[-1]:.4g} mm", data,
               "recordings, from first contact"),
         Known("girth of the section", f"{girth(subject.section):.0f} mm", data,
@@ -88,11 +91,11 @@ def _of_leg_in_3d(found: SpatialEvidence, depth: float) -> list[Known]:
 
 
 def _moved(name: str, results: Sequence[IdentificationResult]) -> str:
-    """Return what 10 % more of an assumed number would do to what was found."""
+    """Return what 10 % more of an assumed number would do to what was found off its bounds."""
     moved = [
         f"{symbol_of(found)} {100 * estimate.moves[name]:+.1f} % ({LAW_NAMES[result.law]})"
         for result in reversed(results)
         for found, estimate in result.parameters.items()
-        if name in estimate.moves
+        if isfinite(estimate.moves.get(name, nan))
     ]
     return f"10 % higher: {', '.join(moved)}" if moved else ""

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from legfem.common.versions import legfem_version
+from legfem.common.versions import versions_of
 from legfem.recording import Channels, Recording
 from legfem.recording.columns import QUANTITIES, Proposal
 from legfem.recording.phases import HOLD
@@ -109,9 +108,7 @@ def look_web_page(seen: Sequence[Looked], toml: str, text: str, command: str = "
                 Verbatim("recordings.toml", toml), Verbatim("report.txt", text),
             ]),
         ],
-        repeat=Repeat(
-            command, {"legfem": legfem_version(), "python": platform.python_version()}
-        ),
+        repeat=Repeat(command, versions_of("legfem", "python")),
         data="files as an instrument wrote them; whether measured or simulated they don't say",
     )  # fmt: skip
 

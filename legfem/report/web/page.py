@@ -10,18 +10,17 @@ from datetime import date
 from pathlib import Path
 from typing import ClassVar, Literal
 
-import click
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from legfem.common.versions import legfem_version
 from legfem.report.in_place import REPORT
-from legfem.report.page import ReportFile
-from legfem.report.text import ORIGINS
+from legfem.report.listing import ReportFile
 from legfem.report.web.bars import Bars
 from legfem.report.web.curves import Curves, embedded
 from legfem.report.web.response import ResponseSurface
 from legfem.report.web.section import PressedSection, StillSection
 from legfem.report.web.turned import TurnedLeg
+from legfem.report.words import ORIGINS
 
 PAGE = "report.html"
 TESTED = "What was tested"
@@ -42,8 +41,8 @@ _MONTHS = (
 )  # fmt: skip
 PROVENANCE: Mapping[Provenance, str] = {
     "measured": "read off measurements of this leg",
-    "reconstructed": "read off reconstructed data; no leg was measured",
-    "simulated": "read off simulated data; no leg was measured",
+    "reconstructed": "read off reconstructed data; nothing was measured",
+    "simulated": "read off simulated data; nothing was measured",
     "estimated": "found here, by fitting the model to what was measured",
     "computed": "computed here, by the model with the numbers above and below",
     "assumed": "taken as exact; not checked here",
@@ -205,8 +204,11 @@ def rendered(page: WebPage) -> str:
 
 def command_line() -> str:
     """Return the command that is running, as it can be given again; empty outside of one."""
-    context = click.get_current_context(silent=True)
-    if context is None:
+    spec = sys.modules["__main__"].__spec__
+    if spec is not None and spec.name.startswith(("legfem", "studies")):
+        program = f"python -m {spec.parent}"
+    elif Path(sys.argv[0]).name == "legfem":
+        program = "legfem"
+    else:
         return ""
-    program = context.find_root().info_name or ""
     return f"{program} {shlex.join(sys.argv[1:])}".strip()

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
 from legfem.experiments.plane_strain import PlaneStrainIndentation
+from legfem.experiments.replay import is_due
 from legfem.fem.fields import FieldReader
 from legfem.geometry.section import BONES, PARTS, LegSection
 from legfem.meshing.section import REGIONS, first_touch
@@ -20,8 +21,6 @@ from legfem.report.style import BONE_COLOUR, REGION_COLOURS, REGION_NAMES
 from legfem.report.web.packed import packed
 from legfem.subjects.subject import Subject
 
-_STATES = 16
-"""About how many states are kept between which the page interpolates."""
 _MOVE, _SHARE = 1 / 200, 1 / 50_000
 """mm, and share of a measure's range, a count: what whole numbers of 16 bits hold of them."""
 _MARGIN = 12.0
@@ -59,7 +58,7 @@ class Film:
         if self.states and at < self.states[-1].displacement:
             self.states.clear()  # the solution began anew
         last = self.states[-1].displacement if self.states else 0.0
-        if at - last < self.depth / _STATES and not np.isclose(at, self.depth):
+        if not is_due(at, last, self.depth):
             return
         fields = self.reader.read()
         centre = np.array(fields.indenter_centre)
@@ -153,12 +152,13 @@ def pressed_section(
 
 
 def _measure(
-    name: str, unit: str, digits: int, values: FloatArray, tissue: NDArray[np.bool_]
+    name: str, unit: str, least_digits: int, values: FloatArray, tissue: NDArray[np.bool_]
 ) -> dict[str, Any]:
     """Return a measure's values (states, cells), and between which of a leg's it is coloured."""
     first = float(values[0, 0])
     low, high = np.percentile(values[-1][tissue], [0.5, 99.5])
     low, high = min(float(low), first), max(float(high), first + 1e-9)
+    digits = int(np.clip(1 - np.floor(np.log10(high - low)), least_digits, 3))
     shares = np.clip((values - low) / (high - low), 0.0, 1.0)
     return {
         "name": name, "unit": unit, "digits": digits, "range": [low, high],

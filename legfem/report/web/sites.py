@@ -5,23 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from legfem.common.doubts import doubt_lines
-from legfem.identify.catalogue import DEEP_C10, symbol_of
+from legfem.common.units import readable_unit
+from legfem.identify.catalogue import DEEP_C10, symbol_of, unit_of
 from legfem.identify.warnings import LEAST_CHANCE
-from legfem.report.sites_text import (
-    agreement,
-    by_site,
-    of,
-    own_value,
-    procedure,
-)
 from legfem.report.style import LAW_NAMES
-from legfem.report.text import probability
 from legfem.report.web import estimates
 from legfem.report.web import page as web
 from legfem.report.web.identification import fit_curves, options_of
 from legfem.report.web.usual import high_or_low
-from legfem.sites.result import SitesResult
+from legfem.report.words import fit_probability
+from legfem.sites.result import Chance, SitesResult
 
+_LIKEWISE = "cylinders that are 10 % shorter act as such forces do"
 _NOT_TESTED = (
     "What the tissues do in time: unloading, holds and other speeds were not used.",
     "Which physics was left out, where a law does not fit: the diagnosis takes one site at a time.",
@@ -50,21 +45,35 @@ def sites_web_page(results: Sequence[SitesResult], command: str = "") -> web.Web
         warnings=list(
             dict.fromkeys([
                 *(line for r in (best, *results) for line in doubt_lines(r.doubts)),
-                *(f"{LAW_NAMES[r.law]} law: {line}" for r in results for line in r.warnings),
+                *_warnings(results),
             ])
         ),
         known=_known(results),
         chapters=[
-            web.Chapter("Sites and model", [_alone(best), *_curves(results, best)]),
+            web.Chapter("Sites and model", [_alone(best)]),
+            *_curves(results, best),
             web.Chapter(web.TESTED, [web.Bullets(_tested(results))]),
-            web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
+            web.Chapter(
+                "What could not be tested",
+                [web.Bullets([*estimates.rests_on(best.parameters, _LIKEWISE), *_NOT_TESTED])],
+            ),
             web.Chapter("What to do next", [web.Bullets(_next(best))]),
             web.Chapter(
-                "How it was done", [web.Prose(procedure(best)), *estimates.how_found(results)]
+                "How it was done", [web.Prose(_procedure(best)), *estimates.how_found(results)]
             ),
         ],
         repeat=web.Repeat(command, best.versions, {"seed": f"{best.seed}"}),
     )  # fmt: skip
+
+
+def _warnings(results: Sequence[SitesResult]) -> list[str]:
+    """Return the laws' warnings; one that all laws have is no law's own."""
+    shared = set.intersection(*(set(r.warnings) for r in results))
+    return [
+        line if line in shared else f"{LAW_NAMES[r.law]} law: {line}"
+        for r in results
+        for line in r.warnings
+    ]
 
 
 def _best(results: Sequence[SitesResult]) -> SitesResult:
@@ -95,12 +104,11 @@ def _headline(best: SitesResult) -> web.Headline:
         wrong = "Nothing that the loading of these recordings could show."
     elif _agree(best):
         sentence = "The model does not describe these sites: its stiffness is a wrong model's."
-        wrong = (
-            f"Something that the {law} law leaves out shows ({probability(best.misfit.p_value)})."
-        )
+        chance = fit_probability(best.misfit.p_value)
+        wrong = f"Something that the {law} law leaves out shows ({chance})."
     else:
         sentence = "The sites do not ask for the same stiffness."
-        wrong = agreement(best)
+        wrong = _agreement(best)
     return web.Headline(
         tone,
         sentence,
@@ -158,9 +166,9 @@ def _alone(best: SitesResult) -> web.WebTable:
         ["site", "rms (N)", "misfit", *map(symbol_of, names)],
         [
             [
-                one.name, f"{one.rms:.3g}", of(one.misfit),
+                one.name, f"{one.rms:.3g}", _told(one.misfit),
                 *(
-                    f"{own_value(best, one.name, name)} ({one.by_itself[name].departure:+.1f})"
+                    f"{_own_value(best, one.name, name)} ({one.by_itself[name].departure:+.1f})"
                     for name in names
                 ),
             ]
@@ -169,13 +177,13 @@ def _alone(best: SitesResult) -> web.WebTable:
     )  # fmt: skip
 
 
-def _curves(results: Sequence[SitesResult], best: SitesResult) -> list[web.Block]:
-    blocks: list[web.Block] = []
+def _curves(results: Sequence[SitesResult], best: SitesResult) -> list[web.Chapter]:
+    chapters = []
     for number, site in enumerate(best.sites):
         predicted = {r.law: r.sites[number].predicted for r in results}
-        caption = f"{site.name}. "
-        blocks.append(fit_curves(f"site{number}", caption, site.measured, predicted, best.law))
-    return blocks
+        curves = fit_curves(f"site{number}", "", site.measured, predicted, best.law)
+        chapters.append(web.Chapter(f"Site: {site.name}", [curves]))
+    return chapters
 
 
 def _tested(results: Sequence[SitesResult]) -> list[str]:
@@ -183,9 +191,9 @@ def _tested(results: Sequence[SitesResult]) -> list[str]:
         line
         for result in results
         for line in (
-            f"All sites together, {LAW_NAMES[result.law]} law: chi-square {of(result.misfit)}.",
-            agreement(result),
-            *(f"{text}." for text in by_site(result)),
+            f"All sites together, {LAW_NAMES[result.law]} law: chi-square {_told(result.misfit)}.",
+            _agreement(result),
+            *(f"{text}." for text in _by_site(result)),
             *estimates.why_identifiable(result.parameters, result.law),
         )
     ]
@@ -207,3 +215,64 @@ def _next(best: SitesResult) -> list[str]:
     ]
     lines.append(f"Have unloading, holds and speeds looked at, site by site: {diagnose}")
     return lines
+
+
+def _by_site(result: SitesResult) -> list[str]:
+    """Return a line a site: how far the joint fit is from it, and what it says by itself."""
+    return [
+        f"{one.name}: rms {one.rms:.3g} N, {_told(one.misfit)}; by itself "
+        + ", ".join(_own_value(result, one.name, name) for name in one.by_itself)
+        for one in result.sites
+    ]
+
+
+def _own_value(result: SitesResult, site: str, name: str) -> str:
+    """Return a parameter as one site says it."""
+    unit, factor = readable_unit(unit_of(name))
+    found = next(one for one in result.sites if one.name == site).by_itself[name]
+    return (
+        f"{symbol_of(name)} {factor * found.value:.3g} ± {factor * found.standard_error:.2g} {unit}"
+    )
+
+
+def _agreement(result: SitesResult) -> str:
+    """Return whether the sites agree, as a sentence."""
+    far = {name: result.farthest(name) for name in result.parameters}
+    most = max(far, key=lambda name: abs(far[name].by_itself[name].departure))
+    departure = far[most].by_itself[most].departure
+    return (
+        f"The sites' own values differ by chi-square {_told(result.agreement)}; {far[most].name} "
+        f"departs most, in {symbol_of(most)} by {departure:+.1f} standard errors."
+    )
+
+
+def _told(chance: Chance) -> str:
+    """Return a sum of squares beside its degrees of freedom."""
+    return (
+        f"{chance.chi_square:.3g} for {chance.degrees_of_freedom} degrees of freedom "
+        f"({fit_probability(chance.p_value)})"
+    )
+
+
+def _procedure(result: SitesResult) -> str:
+    """Return what was done with the recordings, as a paragraph."""
+    ends = (
+        "The correction for the cylinder's ends is each site's own, its errors are taken to be "
+        "alike at all sites, so that they don't average out. "
+        if any(one.correction is not None for one in result.sites)
+        else ""
+    )
+    own = (
+        " Each site's instrument errs of its own: "
+        + ", ".join(f"{symbol_of(name)} {sd:.3g} (sd)" for name, sd in result.own_errors.items())
+        + "."
+        if result.own_errors
+        else ""
+    )
+    return (
+        f"Mean loading curves of {len(result.sites)} sites were fitted together by one set of "
+        "tissues, each site with its own section, indenter, zero, gain and first contact, and "
+        f"weighed by the inverse covariance of its curve.{own} {ends}A genetic algorithm (pygad) "
+        "searched on an emulator of all sites, which full solves refined and confirmed. What a "
+        "site says by itself is read off the same solves, without further ones."
+    )

@@ -7,13 +7,19 @@ from collections.abc import Sequence
 from legfem.common.units import FloatArray
 from legfem.identify.catalogue import symbol_of
 from legfem.identify.warnings import LEAST_CHANCE
-from legfem.report.specimen_text import differing, origin_text, predictions, procedure
+from legfem.report.specimen_text import (
+    differing,
+    followed,
+    origin_text,
+    predictions,
+    procedure,
+)
 from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES
-from legfem.report.text import probability
 from legfem.report.web import estimates
 from legfem.report.web import page as web
 from legfem.report.web.bars import Bar, Bars
 from legfem.report.web.curves import Curves, Dash, Line
+from legfem.report.words import fit_probability
 from legfem.specimens.result import ComparedRecording, SpecimenResult
 from legfem.specimens.sizes import sizes_text
 
@@ -55,7 +61,15 @@ def specimen_web_page(results: Sequence[SpecimenResult], command: str = "") -> w
             web.Chapter(web.TESTED, [web.Bullets(_tested(results))]),
             web.Chapter(
                 "What could not be tested",
-                [web.Bullets([*_NOT_TESTED, *(() if best.folder.returns else (_RETURNS,))])],
+                [
+                    web.Bullets(
+                        [
+                            *estimates.rests_on(best.parameters, followed(best)),
+                            *_NOT_TESTED,
+                            *(() if best.folder.returns else (_RETURNS,)),
+                        ]
+                    )
+                ],
             ),
             web.Chapter("What to do next", [web.Bullets(_next(best))]),
             web.Chapter(
@@ -97,7 +111,7 @@ def _headline(best: SpecimenResult) -> web.Headline:
                 "What is wrong",
                 "Nothing that these recordings could show."
                 if _fits(best)
-                else f"Something that the law leaves out shows ({probability(best.p_value)}).",
+                else f"Something that the law leaves out shows ({fit_probability(best.p_value)}).",
             ),
             ("How stiff", f"{values}."),
             ("How sure", estimates.how_sure(best.parameters)),
@@ -251,7 +265,7 @@ def _tested(results: Sequence[SpecimenResult]) -> list[str]:
         for line in (
             f"The {LAW_NAMES[result.law]} law leaves {result.rms_percent:.2g} % (rms), chi-square "
             f"{result.chi_square:.4g} on {result.degrees_of_freedom} degrees of freedom "
-            f"({probability(result.p_value)}).",
+            f"({fit_probability(result.p_value)}).",
             *estimates.why_identifiable(result.parameters, result.law),
             *(f"{text}." for text in (*differing(result), *predictions(result))),
         )

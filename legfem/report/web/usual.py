@@ -8,6 +8,7 @@ from legfem.report.style import REGION_NAMES
 from legfem.subjects.ranges import PUBLISHED_C10, Published
 
 QUESTION = "Is that high or low"
+_BEYOND = ("Softer than", "Stiffer than")
 _END = 0.25
 """Share of a published range, on a logarithmic scale, that is called its end."""
 
@@ -26,20 +27,22 @@ def high_or_low(tissue: str, low: float, high: float | None = None) -> list[tupl
     if known is None:
         return []
     name = REGION_NAMES[tissue].partition("(")[2].rstrip(")") or REGION_NAMES[tissue]
+    place = _place(known, low, low if high is None else high)
+    check = " Check the units of force and displacement first." if place in _BEYOND else ""
     return [
         (
             QUESTION,
-            f"{_place(known, low, low if high is None else high)} what was published for {name}: "
-            f"{known.low:g} to {known.high:g} {known.unit} ({known.source}).",
+            f"{place} what was published for {name}: {known.low:g} to {known.high:g} {known.unit} "
+            f"({known.source}).{check}",
         )
     ]
 
 
 def _place(known: Published, low: float, high: float) -> str:
     if high < known.low:
-        return "Softer than"
+        return _BEYOND[0]
     if low > known.high:
-        return "Stiffer than"
+        return _BEYOND[1]
     if low < known.low or high > known.high:
         return "Partly outside of"
     ends = [math.log(v / known.low) / math.log(known.high / known.low) for v in (low, high)]

@@ -11,7 +11,9 @@
   const canvas = document.getElementById("press"), slider = document.getElementById("press-at");
   const reading = document.getElementById("press-reading");
   const mesh = document.getElementById("press-mesh");
-  const told = (measure, value) => `${value.toFixed(measure.digits)} ${measure.unit}`.trim();
+  // Plus zero, so that what rounds to zero has no sign.
+  const told = (measure, value) =>
+    `${(Number(value.toFixed(measure.digits)) + 0).toFixed(measure.digits)} ${measure.unit}`.trim();
 
   const draw = () => {
     const d = Number(slider.value), known = given.displacement;

@@ -7,8 +7,6 @@ from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
-from rich.console import Console
-from rich.table import Table
 
 from legfem.common.documents import write_atomically, write_document
 from legfem.common.progress import Progress, progress_on
@@ -17,6 +15,7 @@ from legfem.correction.tabulated import smooth_ratio
 from legfem.experiments.indentation_3d import IdealisedLegIndentation
 from legfem.fem.fields import fields_of
 from legfem.report.paraview import write_fields
+from legfem.report.plain import table
 from legfem.report.web.page import PAGE, command_line, rendered
 from legfem.study.correction.calibration import (
     Calibration,
@@ -25,10 +24,9 @@ from legfem.study.correction.calibration import (
     run_cases,
 )
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase
-from legfem.study.correction.checks import check
 from legfem.study.correction.figure import draw_correction, draw_trends
 from legfem.study.correction.leg_table import LegTable, tabulate_legs
-from legfem.study.correction.tables import Cells, correction_cells, meshes_cells, trend_cells
+from legfem.study.correction.tables import correction_cells, meshes_cells, trend_cells
 from legfem.study.correction.web_page import correction_web_page
 
 DOCUMENT = "correction.json"
@@ -42,8 +40,6 @@ class Asked:
     """What P depends on."""
     legs: bool = False
     """The table of P over legs of several sizes."""
-    checks: bool = False
-    """How far the default mesh goes, and what first-order tetrahedra make of P."""
     fields: bool = False
     """Fields of the reference leg in 3D for ParaView, which solves it once more."""
 
@@ -77,8 +73,8 @@ def _run(
     if comm.rank == 0:
         path = found.correction.write(out / DOCUMENT)
         title = f"P(d) = 1 - (RF3D / L) / RF2D, {found.correction.name}"
-        Console(width=110).print(as_table(title, correction_cells(found)))
-        Console(width=110).print(as_table("P on three meshes", meshes_cells(found)))
+        print(f"{title}\n{table(*correction_cells(found))}\n")
+        print(f"P on three meshes\n{table(*meshes_cells(found))}\n")
         print(f"correction: {path}", flush=True)
     progress.stage("cylinders of other lengths", len(LENGTHS))
     coarse = coarsened(given.reference, given.coarse)
@@ -93,11 +89,9 @@ def _run(
         if comm.rank == 0:
             print(f"fields: {', '.join(map(str, written))}", flush=True)
     if asked.legs:
-        table = tabulate_legs(LegTable(given), kept, jobs, progress, comm)
+        tabulated = tabulate_legs(LegTable(given), kept, jobs, progress, comm)
         if comm.rank == 0:
-            print(f"legs: {table.write(out / 'correction-legs.json')}", flush=True)
-    if asked.checks:
-        check(given.reference, out, kept, jobs, progress, comm)
+            print(f"legs: {tabulated.write(out / 'correction-legs.json')}", flush=True)
     studied = {"cylinder's length (mm)": lengths}
     for name, cases in _trend_cases(coarse).items() if asked.trends else ():
         progress.stage(f"P against the {name}", len(cases))
@@ -109,7 +103,7 @@ def _run(
     print(f"page: {out / PAGE}")
     if asked.trends:
         for name, curves in studied.items():
-            Console(width=110).print(as_table(f"P against the {name}", trend_cells(name, curves)))
+            print(f"P against the {name}\n{table(*trend_cells(name, curves))}\n")
         displacement = _grid(coarse.depth)
         write_document(
             out / "trends.json",
@@ -195,14 +189,3 @@ def _grid(depth: float) -> FloatArray:
 
 def _listed(values: FloatArray) -> list[float | None]:
     return [None if np.isnan(value) else round(float(value), 5) for value in values]
-
-
-def as_table(title: str, cells: Cells) -> Table:
-    """Return cells as a table for a terminal."""
-    header, rows = cells
-    table = Table(title=title)
-    for name in header:
-        table.add_column(name, justify="right")
-    for row in rows:
-        table.add_row(*row)
-    return table

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
-from rich.console import Console
 
 from legfem.common.documents import write_atomically, write_document
 from legfem.common.errors import InputError
@@ -20,6 +19,7 @@ from legfem.identify.forward import PlaneStrainForward
 from legfem.identify.leg_solver import LegSolver, SolvedLeg
 from legfem.identify.search import SearchError
 from legfem.identify.spatial import SOLVES, LegModels
+from legfem.report.plain import table
 from legfem.report.style import FAINT, new_figure, save, styled
 from legfem.report.web.curves import Curves, Line
 from legfem.report.web.page import (
@@ -37,7 +37,6 @@ from legfem.report.web.page import (
 )
 from legfem.solve.force_curve import ForceCurve
 from legfem.study.correction.calibration import versions
-from legfem.study.correction.command import as_table
 from legfem.study.correction.tables import SHOWN, Cells
 from legfem.subjects.loading import load_subject
 from legfem.subjects.subject import Subject
@@ -108,7 +107,7 @@ def run(
         found = _solved(subject, models, stiffness, progress)
     cells = _cells(found)
     title = f"P(d) of {subject.title}, C10 {found.c10:g}, C20 {found.c20:g} kPa"
-    Console(width=110).print(as_table(title, cells))
+    print(f"{title}\n{table(*cells)}\n")
     figure = _draw(found, out)
     write_document(out / DOCUMENT, _document(found))
     write_atomically(out / PAGE, rendered(_page(found, cells)))

@@ -16,18 +16,21 @@ from legfem.common.progress import progress_on
 from legfem.jobs.pool import Workers
 from legfem.jobs.ranks import lead
 from legfem.jobs.store import Store
-from legfem.report.web.page import PAGE, write_page
+from legfem.report.in_place import REPORT
+from legfem.report.listing import RESULT, ReportFile
+from legfem.report.plain import plain_page, table
+from legfem.report.web.page import PAGE, listed, write_page
 from legfem.study.doe.anova import Counting
 from legfem.study.doe.definition import Definition, read_definition
 from legfem.study.doe.document import study_document, verdict_documents
 from legfem.study.doe.figures import draw_half_normal, draw_normality, draw_response
 from legfem.study.doe.figures_beyond import draw_information, draw_sobol
 from legfem.study.doe.page import claims_page, gather_figures
-from legfem.study.doe.report import fascia_note, report_page
+from legfem.study.doe.remarks import fascia_note, stopped_short
 from legfem.study.doe.runs import Workshop, as_csv, simulate
 from legfem.study.doe.simulator import PlaneStrainSimulator, Record, Request, Simulator
 from legfem.study.doe.study import StudyResult, study
-from legfem.study.doe.tables import anova_table, beside_table_3
+from legfem.study.doe.tables import anova_cells, table_3_cells
 from legfem.study.doe.verdict import verdicts
 from legfem.study.doe.web_page import study_web_page
 from legfem.subjects.catalogue import RESOURCES
@@ -96,9 +99,9 @@ def _write_all(
             results.append(_study(options, definition, subject, workshop, out))
             folders.append(out)
     for result in results:
-        print(f"{result.definition.title}\n{anova_table(result)}")
-        if beside := beside_table_3(result):
-            print(f"beside the paper's Table 3\n{beside}")
+        print(f"{result.definition.title}\n{table(*anova_cells(result))}")
+        if beside := table_3_cells(result):
+            print(f"beside the paper's Table 3\n{table(*beside)}")
     titles = [result.definition.title for result in results]
     found = verdicts(results)
     print("\n".join(f"{verdict.claim}: {verdict.verdict}" for verdict in found))
@@ -144,29 +147,25 @@ def _study(
     result = study(
         definition, subject, workshop, options.counting, options.seed, options.beyond, keep
     )
-    for line in (fascia_note(result), _failures(result)):
-        if line:
-            print(line, file=sys.stderr)
+    if note := fascia_note(result):
+        print(note, file=sys.stderr)
+    if short := stopped_short(result):
+        print(f"warning: {short}", file=sys.stderr)
     files = [
         path
         for draw in (draw_response, draw_half_normal, draw_normality, draw_sobol, draw_information)
         for path in draw(result, out)
     ]
-    text = report_page(result, [Path(PAGE), *files])
-    write_page(study_web_page(result, text, options.seed, _command(options)), out)
-    write_atomically(out / "report.md", text)
+    page = study_web_page(result, options.seed, _command(options))
+    entries = [
+        listed("curves and the response surface"),
+        *(ReportFile([path], "a figure") for path in files),
+        ReportFile([Path("runs.csv"), Path("runs")], "every simulation: a table, and a file each"),
+        RESULT,
+    ]
+    write_page(page, out, plain_page(page, entries))
     wall = time.perf_counter() - began
     write_document(out / "result.json", study_document(result, options.seed, wall))
     print(f"{definition.title}: {len(result.records)} runs, {result.seconds:.0f} s; "
-          f"report: {out / 'report.md'}\npage:   {out / PAGE}")  # fmt: skip
+          f"report: {out / REPORT}\npage:   {out / PAGE}")  # fmt: skip
     return result
-
-
-def _failures(result: StudyResult) -> str:
-    if not result.failed:
-        return ""
-    runs = ", ".join(map(str, result.failed))
-    return (
-        f"warning: {len(result.failed)} of {len(result.records)} runs stopped short (run {runs}): "
-        "the analysis is of what there is"
-    )

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import difflib
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
 from legfem.common.errors import InputError
+from legfem.common.toml_file import read_toml
 from legfem.study.doe.factors import PARAMETERS, UNITS, Coding, Factor
 from legfem.subjects.catalogue import RESOURCES
 
@@ -50,7 +50,7 @@ def read_definition(path: Path) -> Definition:
     InputError
         For a missing file, bad TOML, unknown factors, reversed or empty ranges.
     """
-    given = _load(path)
+    given = read_toml(path, "a design of experiments")
     _check_keys(path, "", given, _KEYS)
     depth = _number(path, "depth_mm", given.get("depth_mm", 30.0))
     coding = _coding(path, "coding", given.get("coding", "linear"))
@@ -78,17 +78,6 @@ def read_definition(path: Path) -> Definition:
         _count(path, "emulator.training", emulator.get("training", 80)),
         _count(path, "emulator.testing", emulator.get("testing", 20)),
     )
-
-
-def _load(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except FileNotFoundError:
-        raise InputError(path, "file", "not found", "check the path") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(path, "file", f"can't be read ({error})", "save it as UTF-8") from None
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(path, "TOML", str(error), "correct the syntax") from None
 
 
 def _factor(path: Path, name: str, entry: Any, coding: Coding) -> Factor:

@@ -8,7 +8,7 @@ from typing import Any
 
 from legfem.common.documents import json_types
 from legfem.common.units import FloatArray
-from legfem.common.versions import legfem_version, package_version
+from legfem.common.versions import versions_of
 from legfem.study.doe.anova import LEVEL
 from legfem.study.doe.effects import omitted_terms
 from legfem.study.doe.study import MetricAnalysis, StudyResult
@@ -54,8 +54,7 @@ def study_document(result: StudyResult, seed: int, wall_s: float) -> dict[str, A
 
 def versions() -> dict[str, str]:
     """Return those of the programs that make a study."""
-    others = ("fenics-dolfinx", "statsmodels", "SALib", "pyDOE3")
-    return {"legfem": legfem_version(), **{name: package_version(name) for name in others}}
+    return versions_of("legfem", "fenics-dolfinx", "statsmodels", "SALib", "pyDOE3")
 
 
 def verdict_documents(found: Sequence[Verdict], titles: Sequence[str]) -> list[dict[str, Any]]:

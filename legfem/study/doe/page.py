@@ -3,25 +3,19 @@
 from __future__ import annotations
 
 import shutil
-import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
-from legfem.report.text import ORIGINS, WIDTH
+from legfem.common.markdown import markdown_table
+from legfem.report.lines import bullets, fill
+from legfem.report.words import ORIGINS
 from legfem.study.doe import tables
 from legfem.study.doe.study import StudyResult
 from legfem.study.doe.verdict import Verdict
+from legfem.study.doe.web_numbers import TABLE_3_NOTE, UNITS_NOTE
 
 FIGURES = ("response.svg",)
 """Those of every study that the page shows."""
-
-UNITS_NOTE = "Sums of squares in (N/mm2)^2 for slopes, (N/mm3)^2 for curvatures."
-TABLE_3_NOTE = (
-    f"{UNITS_NOTE} Paper / legfem. 'Half of it': legfem's "
-    "curvature is the mean second derivative; the coefficient of d^2 in the least-squares parabola "
-    "is half of that, and its sums of squares a quarter. The paper prints no F: its own is "
-    "(SSR/15)/(SSE/17)."
-)
 
 
 def claims_page(results: Sequence[StudyResult], found: Sequence[Verdict], command: str) -> str:
@@ -39,22 +33,22 @@ def claims_page(results: Sequence[StudyResult], found: Sequence[Verdict], comman
     blocks = [
         "# The paper's design of experiments: its claims",
         f"Written by `{command}`.",
-        _fill(
+        fill(
             f"Subject {subject.id}, {ORIGINS[subject.origin]}. Forces are simulated in plane "
             "strain, in N per mm of the cylinder's length. Each claim is put to the studies "
             f"below: {'; '.join(titles)}. Their own reports have all figures."
         ),
-        tables.markdown(["claim", "verdict"], [[v.claim, v.verdict] for v in found]),
+        _markdown(["claim", "verdict"], [[v.claim, v.verdict] for v in found]),
     ]
     for result in results:
         blocks += [
             f"![Response surface: {result.definition.title}]({path})" for path in shown(result)
         ]
-    blocks.append(f"## What shows it\n\n{tables.verdict_page(found, titles)}")
+    blocks.append(f"## What shows it\n\n{_evidence(found, titles)}")
     for result in results:
-        beside = tables.beside_table_3(result)
-        if beside:
-            blocks.append(f"## Beside the paper's Table 3\n\n{beside}\n{_fill(TABLE_3_NOTE)}")
+        if beside := tables.table_3_cells(result):
+            table = _markdown(*beside)
+            blocks.append(f"## Beside the paper's Table 3\n\n{table}\n{fill(TABLE_3_NOTE)}")
     for result in results:
         blocks += _numbers(result)
     return "\n\n".join(block.rstrip() for block in blocks) + "\n"
@@ -80,23 +74,37 @@ def _numbers(result: StudyResult) -> list[str]:
     blocks = [
         f"## In numbers: {title}\n\n{total - len(result.failed)} of {total} runs reach "
         f"{result.definition.depth:g} mm. {UNITS_NOTE}",
-        tables.anova_table(result),
+        _markdown(*tables.anova_cells(result)),
     ]
-    if result.numerics is not None:
-        blocks.append(
+    for caption, cells in (
+        (
             "Numerical error of the metrics at two corners and the centre, from a finer mesh and "
-            "smaller steps, and what it can make of a coefficient:\n\n"
-            + tables.numerics_table(result)
-        )
-    if result.sobol:
-        blocks.append(f"Sobol indices, first order and total:\n\n{tables.sobol_table(result)}")
-    if result.information is not None:
-        blocks.append(
-            "95 % half-widths of the parameters by the curve's depth:\n\n"
-            + tables.information_table(result)
-        )
+            "smaller steps, and what it can make of a coefficient",
+            tables.numerics_cells(result),
+        ),
+        ("Sobol indices, first order and total", tables.sobol_cells(result)),
+        (
+            "95 % half-widths of the parameters by the curve's depth",
+            tables.information_cells(result),
+        ),
+    ):
+        if cells is not None:
+            blocks.append(f"{caption}:\n\n{_markdown(*cells)}")
     return blocks
 
 
-def _fill(text: str) -> str:
-    return textwrap.fill(text, WIDTH)
+def _evidence(found: Sequence[Verdict], titles: Sequence[str]) -> str:
+    """Return the claims, what became of each, and what shows it."""
+    blocks = []
+    for verdict in found:
+        lines = [f"**{verdict.claim}**: {verdict.verdict}.", ""]
+        for title, finding in zip(titles, verdict.findings, strict=True):
+            where = f" ({finding.shown_in})" if finding.shown_in else ""
+            text = f"{title + ': ' if len(titles) > 1 else ''}{finding.evidence}{where}"
+            lines.append(bullets([text]))
+        blocks.append("\n".join(lines))
+    return "\n\n".join(blocks) + "\n"
+
+
+def _markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    return markdown_table(header, rows, aligned=True)

@@ -1,38 +1,21 @@
-"""The study's tables in Markdown, which also reads as plain text."""
+"""The study's tables as cells, for its page and for the one on all claims."""
 
 from __future__ import annotations
 
-import textwrap
-from collections.abc import Sequence
-
 import numpy as np
 
-from legfem.common.markdown import markdown_table
 from legfem.study.doe.anova import Anova
 from legfem.study.doe.factors import label_of
 from legfem.study.doe.information import IDENTIFIED
 from legfem.study.doe.paper import ERROR_DOF, MODEL_DOF, TABLE_2, TABLE_3, PrintedRow
 from legfem.study.doe.study import MetricAnalysis, StudyResult
-from legfem.study.doe.surface import term_label
-from legfem.study.doe.verdict import Verdict
-
-
-def markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table that reads well on a terminal, too."""
-    return markdown_table(header, rows, aligned=True)
-
 
 type Cells = tuple[list[str], list[list[str]]]
 """A table's header and rows."""
 
 
-def anova_table(result: StudyResult) -> str:
-    """Return the analysis of variance, as in the paper's Table 3 and with more columns."""
-    return markdown(*anova_cells(result))
-
-
 def anova_cells(result: StudyResult) -> Cells:
-    """Return the same as cells."""
+    """Return the analysis of variance, as in the paper's Table 3 and with more columns."""
     rows = []
     for a in result.analyses:
         found = a.anova
@@ -44,11 +27,11 @@ def anova_cells(result: StudyResult) -> Cells:
     return ["metric", "SSR", "MSR", "SSE", "MSE", "R2", "R2 predicted", "F", "p", "df"], rows
 
 
-def beside_table_3(result: StudyResult) -> str:
-    """Return the analysis beside the paper's Table 3; nothing where the ranges aren't Table 2's."""
+def table_3_cells(result: StudyResult) -> Cells | None:
+    """Return the analysis beside the paper's Table 3; None where the ranges aren't Table 2's."""
     printed = {row.metric: row for row in TABLE_3}
     if set(result.definition.factors) != set(TABLE_2):
-        return ""
+        return None
     rows = []
     for a in result.analyses:
         if a.metric.name not in printed:
@@ -61,7 +44,7 @@ def beside_table_3(result: StudyResult) -> str:
         if a.metric.kind == "curvature":
             rows.append(["half of it", *_sums(row, a.anova, 0.25), r_squared, ratio])
     header = ["metric: paper / legfem", "SSR", "MSR", "SSE", "MSE", "R2", "F"]
-    return markdown(header, rows)
+    return header, rows
 
 
 def _sums(row: PrintedRow, found: Anova, scale: float) -> list[str]:
@@ -75,28 +58,8 @@ def _powers(value: float) -> str:
     return f"{mantissa}e{int(exponent)}"
 
 
-def coefficient_table(result: StudyResult) -> str:
-    """Return all coefficients with their t; a star marks those significant at 5 %."""
-    if not result.analyses:
-        return ""
-    header = ["coefficient (t)", *(a.metric.label for a in result.analyses)]
-    rows = []
-    for k, test in enumerate(result.analyses[0].tests):
-        cells = [a.tests[k] for a in result.analyses]
-        rows.append([
-            term_label(test.term, result.definition.factors),
-            *(f"{t.value:+.2e} ({t.t:+.1f}){'*' if t.significant else ''}" for t in cells),
-        ])  # fmt: skip
-    return markdown(header, rows)
-
-
-def effects_table(result: StudyResult) -> str:
-    """Return what a statistician looks at beside the t tests."""
-    return markdown(*effects_cells(result))
-
-
 def effects_cells(result: StudyResult) -> Cells:
-    """Return the same as cells."""
+    """Return what a statistician looks at beside the t tests."""
     rows = [_effects_row(a) for a in result.analyses]
     header = ["metric", "largest", "Lenth's PSE", "margin", "simultaneous", "beyond it",
               "corners - centre", "its p", "its share of SSE", "normal: outputs",
@@ -122,11 +85,11 @@ def _effects_row(a: MetricAnalysis) -> list[str]:
     ]  # fmt: skip
 
 
-def numerics_table(result: StudyResult) -> str:
-    """Return the metrics' numerical errors beside the effects."""
+def numerics_cells(result: StudyResult) -> Cells | None:
+    """Return the metrics' numerical errors beside the effects; None where none was computed."""
     found = result.numerics
     if found is None:
-        return ""
+        return None
     rows = []
     for k, metric in enumerate(found.metrics):
         cells = [f"{value:+.2%}" for value in found.relative[:, k]]
@@ -140,13 +103,13 @@ def numerics_table(result: StudyResult) -> str:
         rows.append([metric.label, *cells, f"{bound:.1e}", *beside])
     header = ["metric", *(f"run {number}" for number in found.runs), "bound on a coefficient",
               "of the largest", "significant ones below it"]  # fmt: skip
-    return markdown(header, rows)
+    return header, rows
 
 
-def sobol_table(result: StudyResult) -> str:
-    """Return first-order and total indices, and the emulator's error."""
+def sobol_cells(result: StudyResult) -> Cells | None:
+    """Return first-order and total indices, and the emulator's error; None without them."""
     if not result.sobol:
-        return ""
+        return None
     header = ["metric", *(f.label for f in result.definition.factors), "sum of first",
               "emulator's rms error / sd"]  # fmt: skip
     rows = [
@@ -158,17 +121,14 @@ def sobol_table(result: StudyResult) -> str:
         ]
         for s in result.sobol
     ]
-    return markdown(header, rows)
-
-
-def information_table(result: StudyResult) -> str:
-    """Return 95 % half-widths by depth, and the least depth from which each is told."""
-    cells = information_cells(result)
-    return "" if cells is None else markdown(*cells)
+    return header, rows
 
 
 def information_cells(result: StudyResult) -> Cells | None:
-    """Return the same as cells; None where no information was computed."""
+    """Return 95 % half-widths by depth, and the least depth from which each is told.
+
+    None where no information was computed.
+    """
     found = result.information
     if found is None:
         return None
@@ -191,19 +151,6 @@ def information_cells(result: StudyResult) -> Cells | None:
               "others within their ranges", "all unknown",
               "others within ranges: told from"]  # fmt: skip
     return header, rows
-
-
-def verdict_page(found: Sequence[Verdict], titles: Sequence[str]) -> str:
-    """Return the claims, what became of each, and what shows it."""
-    blocks = []
-    for verdict in found:
-        lines = [f"**{verdict.claim}**: {verdict.verdict}.", ""]
-        for title, finding in zip(titles, verdict.findings, strict=True):
-            where = f" ({finding.shown_in})" if finding.shown_in else ""
-            text = f"{title + ': ' if len(titles) > 1 else ''}{finding.evidence}{where}"
-            lines.append(textwrap.fill(text, 100, initial_indent="- ", subsequent_indent="  "))
-        blocks.append("\n".join(lines))
-    return "\n\n".join(blocks) + "\n"
 
 
 def _half(sd: float) -> str:

@@ -12,13 +12,13 @@ from legfem.report.web import page as web
 from legfem.report.web.bars import Bar, Bars
 from legfem.report.web.curves import Curves, Line
 from legfem.report.web.response import ResponseSurface, SurfaceFactor, SurfaceMetric
-from legfem.study.doe import tables
 from legfem.study.doe.advice import in_words, largest_share, not_seen, shares, to_know, to_measure
 from legfem.study.doe.document import versions
-from legfem.study.doe.report import fascia_note
+from legfem.study.doe.remarks import fascia_note, stopped_short
 from legfem.study.doe.study import MetricAnalysis, StudyResult
 from legfem.study.doe.surface import term_label
 from legfem.study.doe.verdict import verdicts
+from legfem.study.doe.web_numbers import information_blocks, number_chapters
 
 _NOT_TESTED = (
     "Whether a real leg follows the model: every force here is simulated, in plane strain.",
@@ -30,15 +30,13 @@ _NO_METRIC = "No metric could be analysed."
 _POINTS = 121
 
 
-def study_web_page(result: StudyResult, text: str, seed: int, command: str) -> web.WebPage:
+def study_web_page(result: StudyResult, seed: int, command: str) -> web.WebPage:
     """Return the page of one study.
 
     Parameters
     ----------
     result
         Of the study.
-    text
-        Of ``report.md``.
     seed
         Of the emulator's points.
     command
@@ -48,11 +46,12 @@ def study_web_page(result: StudyResult, text: str, seed: int, command: str) -> w
         web.Chapter("What each factor makes", _effects(result)),
         web.Chapter("The forces behind it", [_curves(result)]),
         web.Chapter("The response surface", _surface(result)),
-        web.Chapter("Analysis of variance", _variance(result)),
-        web.Chapter("What to measure", [web.Bullets(to_measure(result)), *_information(result)]),
+        *number_chapters(result),
+        web.Chapter(
+            "What to measure", [web.Bullets(to_measure(result)), *information_blocks(result)]
+        ),
         web.Chapter("What was tested", _claims(result)),
         web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
-        web.Chapter("The full report", [web.Verbatim("report.md", text)]),
     ]
     return web.WebPage(
         title="What does a compression test of this leg show?",
@@ -108,14 +107,8 @@ def _percents(shares: Sequence[float]) -> str:
 
 
 def _warnings(result: StudyResult) -> list[str]:
-    total, failed = len(result.records), result.failed
-    lines = []
-    if failed:
-        runs = ", ".join(map(str, failed))
-        lines.append(
-            f"{len(failed)} of {total} simulations stopped short (run {runs}): the analysis is of "
-            "what there is."
-        )
+    short = stopped_short(result)
+    lines = [f"{short}."] if short else []
     lines += [f"{metric.label} isn't analysed: {why}." for metric, why in result.not_analysed]
     note = fascia_note(result)
     return [*lines, note] if note else lines
@@ -125,7 +118,7 @@ def _known(result: StudyResult) -> list[web.Known]:
     source = result.definition.source.name
     rows = [
         web.Known(f.label, f"{f.low:g} to {f.high:g} {f.unit_text}", "assumed", source,
-              remark=f"range of the design, {f.coding}")
+              remark=f"range of the design, {f.coding}; its centre {f.value(0.0):.4g}")
         for f in result.definition.factors
     ]  # fmt: skip
     rows.append(
@@ -251,33 +244,6 @@ def _surface(result: StudyResult) -> list[web.Block]:
 def _coefficient(analysis: MetricAnalysis, number: int) -> str:
     test = analysis.tests[number]
     return f"{test.value:+.2e} (t {test.t:+.1f}){'*' if test.significant else ''}"
-
-
-def _variance(result: StudyResult) -> list[web.Block]:
-    return [
-        web.Prose(
-            "Sums of squares in (N/mm²)² for slopes and (N/mm³)² for curvatures. R² predicted is "
-            "that of runs which the surface hasn't seen. The runs have no noise: what is taken for "
-            "error is the surface's lack of fit."
-        ),
-        web.WebTable(
-            "Sums of squares and what they say, a row a metric", *tables.anova_cells(result)
-        ),
-        web.WebTable(
-            "Effects without an error estimate (Lenth), curvature at the centre, normality",
-            *tables.effects_cells(result), folded=True,
-        ),
-    ]  # fmt: skip
-
-
-def _information(result: StudyResult) -> list[web.Block]:
-    cells = tables.information_cells(result)
-    if cells is None:
-        return []
-    return [
-        web.WebTable("95 % half-widths of the parameters by depth, the least that a test can have",
-                 *cells)
-    ]  # fmt: skip
 
 
 def _claims(result: StudyResult) -> list[web.Block]:

@@ -1,4 +1,7 @@
-"""How far the 3D model goes on the default mesh, and what first-order tetrahedra make of it."""
+"""``python -m studies.correction_checks``: how far the 3D model goes, what tetrahedra make of it.
+
+On the default mesh, for soft, stiff and stiffening tissue; and with first-order tetrahedra.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +11,18 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
+import typer
 from mpi4py import MPI
 from rich.console import Console
 from rich.table import Table
 
+from legfem.common.command_edge import study_edge
 from legfem.common.documents import write_document
-from legfem.common.progress import Progress
+from legfem.common.progress import Progress, progress_on
 from legfem.correction.tabulated import smooth_ratio
 from legfem.study.correction.calibration import run_cases, stiffened
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase
+from legfem.study.options import Jobs, Out
 
 REACH = 30.0
 """mm."""
@@ -25,6 +31,24 @@ STIFFENING = (0.0, 0.8)
 """C20 / (C10 + C20): neo-Hookean tissue, and the table's stiffest reduced polynomial."""
 FINER = 2.0
 """Of the finer grid of tetrahedra."""
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+
+
+@app.command()
+def command(out: Out = None, jobs: Jobs = None) -> None:
+    """Press the 3D correction's reference leg to 30 mm, and once with first-order tetrahedra.
+
+    Example: python -m studies.correction_checks, or mpirun -n 4 python -m studies.correction_checks
+    """
+    resume = "run the same command again to go on; solved models are kept"
+    comm = MPI.COMM_WORLD
+    with (
+        study_edge("correction-checks", out, jobs, resume) as (folder, processes),
+        progress_on(quiet=comm.rank > 0) as progress,
+    ):
+        processes = processes if comm.size == 1 else 1
+        check(CorrectionCase(), folder, folder / "cases", processes, progress, comm)
 
 
 def check(
@@ -116,3 +140,7 @@ def elements_table(outcomes: Mapping[str, CaseOutcome], depth: float) -> Table:
         values = [f"{f:.2f}, {p:+.3f}" for f, p in zip(outcome.spatial(depths), P, strict=True)]
         table.add_row(name, f"{outcome.unknowns}", *values)
     return table
+
+
+if __name__ == "__main__":
+    app(prog_name="python -m studies.correction_checks")

@@ -1,0 +1,74 @@
+"""What corrected an identified leg's force for 3D, and what the leg's own solves say of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from legfem.common.units import FloatArray
+
+if TYPE_CHECKING:
+    from legfem.identify.leg_film import PressedLeg
+
+
+@dataclass(frozen=True, eq=False)
+class AppliedCorrection:
+    """The 3D correction that the force was multiplied with, at the identified stiffness."""
+
+    name: str
+    P: FloatArray
+    """On the curve's grid, (n,); the factor is ``1 - P``."""
+    sd: FloatArray
+    """Of P's error, (n,), which the intervals carry."""
+
+
+@dataclass(frozen=True)
+class Confirmation:
+    """One full solve of the leg in 3D, at the optimum of a search on the corrected section."""
+
+    c10: float
+    """kPa, as ``c20``."""
+    c20: float
+    seconds: float
+    """Of the solve."""
+    factorisations: int
+    error: float
+    """Greatest difference of the force from what the correction predicted, over the greatest."""
+    moved: float = math.nan
+    """Relative change of C10 by the search that came after."""
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialEvidence:
+    """What the leg's own solves in 3D say of its correction."""
+
+    shape: str
+    """Where the leg's shape was taken from."""
+    extruded: bool
+    """Whether one section stands for the whole leg, which is an assumption."""
+    length: float
+    """Of the leg modelled (mm)."""
+    confirmations: tuple[Confirmation, ...]
+    """Of this law, in their order; none where another law's solves used the budget up."""
+    full_solves: int
+    """So far, of all laws."""
+    rough_solves: int
+    """By larger elements, which measured errors."""
+    errors: Mapping[str, float]
+    """Greatest error of P from `legfem.correction.tabulated.FIRST_RATIO` on, by its cause."""
+    table_P: FloatArray | None
+    """What the table of idealised legs says here, (n,); None without one."""
+    pressed: PressedLeg | None = None
+    """The last full solve, to be looked at; None where its states were not kept."""
+
+    @property
+    def converged(self) -> bool:
+        """Whether the last solve met what was predicted, and moved nothing."""
+        last = self.confirmations[-1] if self.confirmations else None
+        return last is not None and max(last.error, last.moved) < CLOSE
+
+
+CLOSE = 0.01
+"""Of the force that was predicted in 3D, and of C10 from search to search: where they have met."""
