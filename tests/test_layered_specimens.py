@@ -25,8 +25,9 @@ from legfem.specimens.laws import asked_in_writing, identified_law
 from legfem.specimens.mechanisms import Scale, mechanisms_of
 from legfem.specimens.schema import SpecimenFile
 from legfem.specimens.sizes import LayeredTest, lengths_of, resized, sizes_text
+from legfem.specimens.slipping import slipping
 from legfem.specimens.tissues import SpecimenTissue, tissues_of
-from legfem.specimens.variants import SpecimenVariants, slipping
+from legfem.specimens.variants import SpecimenVariants
 
 FAT, MUSCLE, BULK = 2e-3, 8e-3, 10.0
 POISSON = (3 * BULK - 2) / (2 * (3 * BULK + 1))

@@ -203,13 +203,17 @@ def test_files_that_are_shown_are_read(page: str, parse: Any, tmp_path: Path) ->
         parse(path)
 
 
-def test_layers_and_a_cup_that_are_shown_are_read(tmp_path: Path) -> None:
+def test_layers_fibres_and_a_cup_that_are_shown_are_read(tmp_path: Path) -> None:
     """As parts of the file that is shown whole."""
-    whole, layers, cup = blocks("docs/tutorials/own-specimen.md", "toml")
+    whole, layers, fibres, cup = blocks("docs/tutorials/own-specimen.md", "toml")
     named, ball = whole[: whole.index("[ball]")], whole[: whole.index("[[specimen]]")]
     path = tmp_path / "shown.toml"
     path.write_text(ball + layers, encoding="utf-8")
     assert [one.name for one in parse_specimen_file(path).layers] == ["fat", "muscle"]
+    path.write_text(ball + layers + fibres.replace("ratio", 'layer = "muscle"\nratio'))
+    read = parse_specimen_file(path)
+    assert read.fibres is not None and read.fibres.direction == "load"
+    assert read.specimen[0].fibres == "across"
     path.write_text(named + cup, encoding="utf-8")
     given = parse_specimen_file(path).suction
     assert given is not None and given.opening_mm == 10.0

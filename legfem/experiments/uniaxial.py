@@ -1,13 +1,25 @@
 r"""A bar or cylinder in homogeneous uniaxial tension or compression: no mesh, a closed form.
 
-With the stretches :math:`\lambda` along the bar and :math:`\lambda_t` across, J =
-:math:`\lambda \lambda_t^2` and the energy's derivatives :math:`w = \partial U / \partial \bar I_1`
-and :math:`p = \partial U / \partial J`, the nominal stress is
+With the principal stretches :math:`\lambda_1` along the bar and :math:`\lambda_2, \lambda_3`
+across, J = :math:`\lambda_1 \lambda_2 \lambda_3` and the energy's derivatives
+:math:`w = \partial U / \partial \bar I_1` and :math:`p = \partial U / \partial J`, the Kirchhoff
+stresses are
 
-.. math:: P = w \frac{\partial \bar I_1}{\partial \lambda} + p \lambda_t^2, \quad
-          0 = w \frac{\partial \bar I_1}{\partial \lambda_t} + 2 p \lambda \lambda_t
+.. math:: \tau_i = w \frac{\partial \bar I_1}{\partial \ln \lambda_i} + p J + \tau^f_i, \quad
+          \frac{\partial \bar I_1}{\partial \ln \lambda_i}
+          = 2 J^{-2/3} \Bigl(\lambda_i^2 - \frac13 \sum_k \lambda_k^2\Bigr),
 
-(R. W. Ogden, Non-linear Elastic Deformations (1984), section 7.3).
+and :math:`\tau_2 = \tau_3 = 0`; the nominal stress is :math:`P = \tau_1 / \lambda_1` (R. W. Ogden,
+Non-linear Elastic Deformations (1984), section 7.3). Fibres (`legfem.mechanics.terms.Fibres`) along
+the principal direction f don't shear, since :math:`I_5 = I_4^2` there, and add
+
+.. math:: \tau^f_f = \tfrac12 (E_L - 3 \mu_T) (\lambda_f^2 - 1) \lambda_f^2.
+
+An incompressible neo-Hookean bar, pulled along its fibres, has
+
+.. math:: P = \mu_T (\lambda - \lambda^{-2}) + \tfrac12 (E_L - 3 \mu_T) (\lambda^2 - 1) \lambda,
+
+and across them, at small strain, Young's modulus :math:`4 \mu_T E_L / (E_L + \mu_T)`.
 """
 
 from __future__ import annotations
@@ -19,20 +31,24 @@ from typing import Any, Literal
 import numpy as np
 
 from legfem.common.checks import check_positive
+from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments.base import Solved
 from legfem.experiments.driven import DrivenTest, sampled
 from legfem.mechanics.materials import Hyperelastic
+from legfem.mechanics.terms import Fibres
 from legfem.solve.path import Path
 from legfem.solve.protocol import Protocol
 from legfem.solve.report import SolveReport
 
-_POINTS = 80
 # Of every stretch of a protocol.
+_POINTS = 80
 # Of the length: a bar can't be pressed to nothing.
 _SHORTEST = 0.05
 _NEWTON_STEPS = 40
 _IMAGINARY = 1e-30
+# Of the stretches' logarithms.
+_MOVE, _SMALL, _FARTHEST = 1e-7, 1e-15, 0.3
 
 
 @dataclass(frozen=True)
@@ -68,15 +84,26 @@ class UniaxialTest(DrivenTest):
         Sizes.
     law
         Of the tissue, whose parameters are named ``deep.C10`` and so on.
+    fibres
+        Of the tissue, along an axis: the second is the bar's, the others are across.
     """
 
     test: Bar
     law: Hyperelastic
+    fibres: Fibres | None = None
+
+    def __post_init__(self) -> None:
+        """Check that the bar isn't sheared."""
+        if self.fibres is not None and sorted(map(abs, self.fibres.axis)) != [0.0, 0.0, 1.0]:
+            raise InputError(
+                "bar", "fibres", "are oblique: the bar would shear", "turn them along or across"
+            )
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Every number of the law by full name."""
-        return {f"deep.{name}": value for name, value in self.law.parameters.items()}
+        """Every number of the law and the fibres by full name."""
+        own = {f"deep.{name}": value for name, value in self.law.parameters.items()}
+        return own | ({} if self.fibres is None else self.fibres.parameters)
 
     def _driven(
         self, values: Mapping[str, float] | None, protocol: Protocol, sensitivities: Sequence[str]
@@ -107,28 +134,37 @@ class UniaxialTest(DrivenTest):
         own = {name.removeprefix("deep."): value for name, value in parameters.items()}
         law = replace(self.law, **{name: own[name] for name in self.law.parameters})
         along = 1 + sign * at / self.test.length
-        across = along**-0.5 + 0j
+        first = np.log(along) + 0j
+
+        def stresses(across: Any) -> Any:
+            return self._stresses(law, own, np.stack([first, *across]))
+
+        across = np.stack([-0.5 * first, -0.5 * first])
         for _ in range(_NEWTON_STEPS):
-            value = _across(law, along, across)
-            step = 1e-7
-            slope = (_across(law, along, across + step) - _across(law, along, across - step)).real
-            change = value * (2 * step / slope)
-            across = across - change
-            if np.abs(change).max() < 1e-15:
+            value = stresses(across)[1:]
+            columns = []
+            for k in range(2):
+                move = _MOVE * np.eye(2)[k][:, None]
+                rise = stresses(across + move)[1:] - stresses(across - move)[1:]
+                columns.append(rise.real / (2 * _MOVE))
+            slope = np.moveaxis(np.array(columns), (0, 1, 2), (2, 1, 0))
+            change = -np.linalg.solve(slope, value.T[..., None])[..., 0].T
+            longest = np.abs(change).max(axis=0)
+            across = across + change * np.minimum(1.0, _FARTHEST / np.maximum(longest, _SMALL))
+            if longest.max() < _SMALL:
                 break
-        volume = along * across**2
-        first = volume ** (-2 / 3) * (along**2 + 2 * across**2)
-        by_along = 2 * along * volume ** (-2 / 3) - 2 / 3 * first / along
-        stress = law.distortion_slope(first - 3) * by_along
-        stress = stress + law.volumetric_slope(volume) * across**2
-        return sign * self.test.area * stress
+        return sign * self.test.area * stresses(across)[0] / along
 
-
-def _across(law: Hyperelastic, along: Any, across: Any) -> Any:
-    """Return the energy's derivative by the stretch across (MPa)."""
-    volume = along * across**2
-    first = volume ** (-2 / 3) * (along**2 + 2 * across**2)
-    by_across = 4 * across * volume ** (-2 / 3) - 4 / 3 * first / across
-    return law.distortion_slope(first - 3) * by_across + law.volumetric_slope(volume) * (
-        2 * along * across
-    )
+    def _stresses(self, law: Hyperelastic, own: Mapping[str, Any], logs: Any) -> Any:
+        """Return the Kirchhoff stresses (3, n), MPa, of the stretches' logarithms (3, n)."""
+        square, volume = np.exp(2 * logs), np.exp(logs.sum(axis=0))
+        total, shrunk = square.sum(axis=0), volume ** (-2 / 3)
+        by_logs = 2 * shrunk * (square - total / 3)
+        found = law.distortion_slope(shrunk * total - 3) * by_logs
+        found = found + law.volumetric_slope(volume) * volume
+        if self.fibres is not None:
+            # The bar's own axis is the second of a section's.
+            index = (1, 0, 2)[int(np.argmax(np.abs(self.fibres.axis)))]
+            stretch = square[index]
+            found[index] = found[index] + own["fibres.extension"] / 2 * (stretch - 1) * stretch
+        return found

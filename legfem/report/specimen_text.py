@@ -10,9 +10,11 @@ from legfem.experiments.lateral_cylinder import CylinderOnBlock
 from legfem.experiments.suction import CupOnLayer
 from legfem.experiments.uniaxial import Bar
 from legfem.report.words import ORIGINS
+from legfem.specimens.comparing import untold
+from legfem.specimens.fibres import is_ratio
 from legfem.specimens.misfit import SHAPE_SD_OF_LAYERS
 from legfem.specimens.result import ComparedRecording, SpecimenResult
-from legfem.specimens.sizes import LayeredTest, Sizes, opening_of
+from legfem.specimens.sizes import Sizes, bare, opening_of
 
 _SIMULATED = "simulated data (forces computed by a model; no specimen was measured)"
 
@@ -46,9 +48,10 @@ def procedure(result: SpecimenResult) -> str:
     return (
         f"{len(result.fitted)} recordings were fitted together by one law, each counting alike "
         f"and relative to its greatest force, from first contact {until}{relaxing}"
-        f"{own}{_of_layers(result)}{_of_a_cup(tests)}A genetic algorithm (pygad) searched on an "
-        "emulator of the tests, which full solves refined and confirmed. Intervals carry the "
-        "instrument's errors, the model's, and how recordings differ by a factor "
+        f"{own}{_of_layers(result)}{_of_fibres(result)}{_of_a_cup(tests)}"
+        "A genetic algorithm (pygad) searched on an emulator of the tests, which full solves "
+        "refined and confirmed. Intervals carry the instrument's errors, the model's, and how "
+        "recordings differ by a factor "
         f"({100 * result.gain_sd:.2g} %)."
     )
 
@@ -63,6 +66,25 @@ def _of_layers(result: SpecimenResult) -> str:
         f"The layers are bonded to each other; {held}the shape of a curve counts as known to "
         f"{100 * SHAPE_SD_OF_LAYERS:.0f} %, since what the law leaves out bends it as layers of "
         "unlike stiffness do. "
+    )
+
+
+def _of_fibres(result: SpecimenResult) -> str:
+    (ratio,) = [name for name in result.values if is_ratio(name)] or [""]
+    if not ratio:
+        return ""
+    sought, names = ratio in result.parameters, {one.name for one in result.fitted}
+    fitted = [one for one in result.folder.recordings if one.name in names]
+    shape = (
+        "the bend of a curve counts for nothing, since fibres that are slack at first bend it by "
+        "tens of percent otherwise"
+        if sought and untold(result.folder, fitted)
+        else f"the shape of a curve counts as known to {100 * SHAPE_SD_OF_LAYERS:.0f} %"
+    )
+    return (
+        "The tissue is stiffer along its fibres: the ratio of its shear moduli is "
+        f"{'looked for' if sought else f'taken to be {result.values[ratio]:.3g}'}, Young's modulus "
+        f"along them four times the one along less the one across; {shape}. "
     )
 
 
@@ -89,8 +111,7 @@ _FOLLOWED: dict[type, str] = {
 
 def followed(result: SpecimenResult) -> str:
     """Return how stiffness follows the size of what presses or is pressed, as a clause."""
-    sizes = result.folder.recordings[0].sizes
-    return _FOLLOWED[type(sizes.whole if isinstance(sizes, LayeredTest) else sizes)]
+    return _FOLLOWED[type(bare(result.folder.recordings[0].sizes))]
 
 
 def differing(result: SpecimenResult) -> list[str]:

@@ -22,6 +22,7 @@ from legfem.diagnose.solved import PLAIN, SolvedResponses
 from legfem.jobs.fingerprint import code_fingerprint
 from legfem.recording import Instrument
 from legfem.specimens.course import calmed
+from legfem.specimens.fibres import RATIO
 from legfem.specimens.folder import FILE, SpecimenFolder, stiffness_doubts
 from legfem.specimens.mechanisms import Scale, mechanisms_of
 from legfem.specimens.recorded import LeftOut, SpecimenRecording
@@ -118,6 +119,7 @@ def _diagnosed(
     seed: int,
 ) -> tuple[Diagnosis, tuple[LeftOut, ...]]:
     asked = tissue_asked_for(folder)
+    _check_ratio(folder)
     used, left = list[SpecimenRecording](), list[LeftOut]()
     for one in recordings:
         try:
@@ -202,6 +204,14 @@ def tissue_asked_for(folder: SpecimenFolder) -> SpecimenTissue:
         folder.directory / FILE, "layers", f"stiffness is open of {names}",
         "state C10_kPa of all layers but one, such as legfem.identify found, for a diagnosis",
     )  # fmt: skip
+
+
+def _check_ratio(folder: SpecimenFolder) -> None:
+    if any(one.fibrous and RATIO not in one.stated for one in folder.tissues):
+        raise InputError(
+            folder.directory / FILE, "fibres.ratio", "is open",
+            "state it, such as legfem.identify found, for a diagnosis",
+        )  # fmt: skip
 
 
 def _instrument(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Instrument:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -25,22 +25,33 @@ from legfem.identify.catalogue import Values
 from legfem.identify.forward import ForwardOutcome
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import Hyperelastic
+from legfem.mechanics.terms import Fibres
 from legfem.meshing.meridian import MeridianMeshSettings
 from legfem.solve.force_curve import ForceCurve
 from legfem.solve.step_settings import StepSettings
+from legfem.specimens.fibres import AXES, at_ratios, is_ratio, moduli, moduli_needed, ratio_of
 from legfem.specimens.schema import Faces
-from legfem.specimens.sizes import LayeredTest, OneTissue, Sizes, Test
+from legfem.specimens.sizes import FibrousTest, LayeredTest, OneTissue, Sizes, Test
 from legfem.specimens.tissues import ONE, SpecimenTissue
 
 _STEPS, _ELEMENTS = 20, 5
 """Of a shallow test: steps to its depth, and elements across half of its contact."""
 
 
-def experiment_of(sizes: Sizes, laws: Mapping[str, Hyperelastic], depth: float) -> Test:
+def experiment_of(
+    sizes: Sizes, laws: Mapping[str, Hyperelastic], depth: float, fibrous: str = ONE
+) -> Test:
     """Return the experiment with a test's sizes, its mesh and steps fit for a depth (mm).
 
     Laws are by the tissue's name; that of a specimen of one is `legfem.specimens.tissues.ONE`.
+    Fibres, if there are, are the named tissue's, and do nothing until their numbers are given.
     """
+    if isinstance(sizes, FibrousTest):
+        test = experiment_of(sizes.whole, laws, depth)
+        fibres = Fibres(fibrous, axis=AXES[sizes.direction])
+        if isinstance(test, UniaxialTest):
+            return replace(test, fibres=fibres)
+        return replace(test, mechanisms=(fibres,))
     if not isinstance(sizes, LayeredTest):
         return _experiment(sizes, laws[ONE], depth)
     layers = tuple(Layer(name, thickness, laws[name]) for name, thickness in sizes.layers)
@@ -108,6 +119,8 @@ class SpecimenForward(Homebound):
     least_bulk : Mapping[str, float]
         Stiffness C10 (MPa) below which the bulk modulus doesn't fall with it, by name: what is
         called incompressible is to stay so where a law stiffens far beyond its C10.
+    fibre_ratios : Mapping[str, float]
+        Shear modulus along over that across the fibres, of the tissue that has them.
     """
 
     tests: tuple[Sizes, ...]
@@ -115,6 +128,7 @@ class SpecimenForward(Homebound):
     laws: Mapping[str, Hyperelastic]
     bulk_ratios: Mapping[str, float]
     least_bulk: Mapping[str, float]
+    fibre_ratios: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of_tissues(
@@ -127,24 +141,26 @@ class SpecimenForward(Homebound):
         """Return the model of tissues whose stiffness is ``c10`` (MPa) if it isn't stated."""
         laws = {one.name: one.at(c10) for one in tissues}
         least = {one.name: 0.0 if one.poisson_ratio is not None else c10 for one in tissues}
-        return cls(tests, depths, laws, {one.name: one.bulk_ratio for one in tissues}, least)
+        ratios = {one.name: one.fibre_ratio for one in tissues if one.fibrous}
+        bulk = {one.name: one.bulk_ratio for one in tissues}
+        return cls(tests, depths, laws, bulk, least, ratios)
 
     @made_when_needed
     def experiments(self) -> list[Test]:
         """Meshed when first solved, in whichever process."""
         return [
-            experiment_of(sizes, self.laws, depth)
+            experiment_of(sizes, self.laws, depth, next(iter(self.fibre_ratios), ONE))
             for sizes, depth in zip(self.tests, self.depths, strict=True)
         ]
 
     @property
     def nominal(self) -> Values:
-        """The law's numbers by full name (MPa, 1/MPa)."""
+        """The law's numbers (MPa, 1/MPa) and the fibres' ratio by full name."""
         return {
             f"{tissue}.{name}": value
             for tissue, law in self.laws.items()
             for name, value in law.parameters.items()
-        }
+        } | {ratio_of(tissue): ratio for tissue, ratio in self.fibre_ratios.items()}
 
     def with_compressibility(self, values: Values) -> dict[str, float]:
         """Return values with each D1 that isn't among them, as Poisson's ratio has it."""
@@ -166,19 +182,26 @@ class SpecimenForward(Homebound):
     ) -> ForwardOutcome:
         """Solve one of the tests.
 
-        A derivative by a stiffness is that at the same Poisson's ratio where the values have no D1.
+        A derivative by a stiffness is that at the same Poisson's ratio where the values have no D1,
+        and at the same ratio of the fibres.
         """
+        own, fibrous = {**self.nominal, **values}, self.fibre_ratios
         tied = [
             tissue
             for tissue in self.bulk_ratios
             if f"{tissue}.D1" not in values
             and f"{tissue}.C10" in sensitivities
-            and {**self.nominal, **values}[f"{tissue}.C10"] >= self.least_bulk[tissue]
+            and own[f"{tissue}.C10"] >= self.least_bulk[tissue]
         ]
         every = self.with_compressibility(values)
-        asked = (*sensitivities, *(f"{tissue}.D1" for tissue in tied))
+        given = {n: value for n, value in every.items() if not is_ratio(n)} | moduli(own, fibrous)
+        asked = (
+            *(name for name in sensitivities if not is_ratio(name)),
+            *(f"{tissue}.D1" for tissue in tied),
+            *moduli_needed(fibrous, sensitivities),
+        )
         try:
-            solved: Solved = self.experiments[number].solve(every, self.depths[number], asked)
+            solved: Solved = self.experiments[number].solve(given, self.depths[number], asked)
         except (ArithmeticError, ValueError, RuntimeError, np.linalg.LinAlgError) as error:
             nothing = ForceCurve(
                 np.zeros(1), np.zeros(1), dict.fromkeys(sensitivities, np.zeros(1))
@@ -187,8 +210,9 @@ class SpecimenForward(Homebound):
             return ForwardOutcome(values, (nothing,), False, reason, 0, 0.0)
         report = solved.report
         seconds = report.seconds + sum(before.seconds for before in report.earlier_attempts)
+        curve = _at_poissons_ratio(solved.curve, every, tied)
         return ForwardOutcome(
-            values, (_at_poissons_ratio(solved.curve, every, tied),), bool(report.complete),
+            values, (at_ratios(curve, own, fibrous, sensitivities),), bool(report.complete),
             report.reason, report.factorisations, float(seconds), report.compromise,
         )  # fmt: skip
 

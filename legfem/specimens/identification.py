@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,11 +24,11 @@ from legfem.identify.solver import FullSolver
 from legfem.identify.warnings import LEAST_CHANCE, of_compromise
 from legfem.inference.constants import quantile
 from legfem.jobs.store import Store
+from legfem.specimens.comparing import check_strained, misfit_of, seeks_ratio, untold
 from legfem.specimens.folder import SpecimenFolder, stiffness_doubts
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import Asked, identified_law
-from legfem.specimens.misfit import SHAPE_SD_OF_LAYERS, Part, SpecimenMisfit
-from legfem.specimens.own_stiffness import OwnStiffness
+from legfem.specimens.misfit import SpecimenMisfit
 from legfem.specimens.prepared import Prepared, prepare
 from legfem.specimens.recorded import SpecimenRecording
 from legfem.specimens.result import ComparedRecording, SpecimenResult
@@ -80,7 +79,9 @@ def identify_specimen(
     asked, progress = asked or Asked(), progress or Silent()
     relaxes = folder.relaxes
     for name in laws:
-        identified_law(name, folder.tissues, REFERENCE_MPA, relaxes, asked)
+        free = identified_law(name, folder.tissues, REFERENCE_MPA, relaxes, asked)
+        if seeks_ratio(free.names):
+            check_strained(folder, [one for one in folder.recordings if one not in held])
     prepared = prepare(folder, held, out, jobs, progress)
     return [
         _identify(
@@ -113,7 +114,8 @@ def _identify(
     model = SpecimenForward.of_tissues(
         tests, tuple(depth_of[sizes] for sizes in tests), tissues, prepared.c10
     )
-    misfit = _misfit(fitted, model, folder)
+    seeks = seeks_ratio(free.names)
+    misfit = misfit_of(fitted, model, folder, seeks)
     store = None if out is None else Store(out / "solves", ForwardOutcome, model.fingerprint())
     sensitivities = tuple(free.names[k] for k in free.of_model)
     progress.stage(f"identifying the {name} law")
@@ -125,19 +127,21 @@ def _identify(
     force = linear.prediction.force
     readings = free.readings(best.point)
     stiffness = misfit.stiffness(linear.prediction, readings)
-    spread = float(np.std(np.log(list(stiffness.values())), ddof=1)) if stiffness else 0.0
+    apart = 0 if misfit.own is None else misfit.own.degrees
+    logs = np.log(list(stiffness.values()))
+    spread = float(np.sqrt(np.sum(logs**2) / apart)) if apart else 0.0
     covariance = total_of(misfit.covariances_at(force))
     left = force - misfit.measured_force
     departures = free.priors.residual(best.point)
     chi_square = float(left @ np.linalg.solve(covariance, left) + departures @ departures)
-    degrees = len(left) + len(departures) - len(free.parameters) - max(0, len(stiffness) - 1)
+    degrees = len(left) + len(departures) - len(free.parameters) - apart
     p_value = float(chi2.sf(chi_square, degrees))
     residual = search.emulated_residual(search.emulator())
     optimum = Optimum(
         linear,
         residual,
         misfit.covariances_at(force, spread),
-        quantile(len(stiffness or fitted) - 1),
+        quantile(apart or len(fitted) - 1),
         p_value >= LEAST_CHANCE,
         {},
         plane=False,
@@ -153,7 +157,7 @@ def _identify(
         beside = SpecimenForward.of_tissues(
             others, tuple(depth_of[sizes] for sizes in others), tissues, prepared.c10
         )
-        own = _misfit(predicted, beside, folder, stiffness)
+        own = misfit_of(predicted, beside, folder, seeks, stiffness)
         outcome = beside.solve(model_values(best.values), ())
         if outcome.complete:
             seen = own.predict(outcome, readings).force
@@ -198,28 +202,6 @@ def _identify(
     )
 
 
-def _misfit(
-    recordings: Sequence[SpecimenRecording],
-    model: SpecimenForward,
-    folder: SpecimenFolder,
-    known: Mapping[str, float] | None = None,
-) -> SpecimenMisfit:
-    """Return recordings beside a model; known factors of specimens aren't looked for."""
-    parts = tuple(
-        Part(one.course, model.tests.index(one.sizes), one.specimen) for one in recordings
-    )
-    shape_sd = SHAPE_SD_OF_LAYERS if len(folder.tissues) > 1 else 0.0
-    misfit = SpecimenMisfit(parts, model.depths, folder.relaxes, shape_sd=shape_sd)
-    names = tuple(dict.fromkeys(part.specimen for part in parts))
-    if folder.equally_stiff or (known is None and len(names) < 2):
-        return misfit
-    stations = [len(part.course.time) for part in parts]
-    specimen = np.repeat([names.index(part.specimen) for part in parts], stations)
-    weight = misfit.weighted(np.ones(len(misfit)))
-    own = OwnStiffness(names, specimen, misfit.measured_force, weight, known)
-    return replace(misfit, own=own)
-
-
 def _warnings(
     folder: SpecimenFolder,
     prepared: Prepared,
@@ -244,6 +226,8 @@ def _warnings(
         for name, one in found.items()
         if one.at_bound
     ]
+    if seeks_ratio(found) and (why := untold(folder, fitted)):
+        texts.append(why)
     if p_value < LEAST_CHANCE:
         texts.append(
             "The law does not describe these recordings within their errors: the intervals hold "

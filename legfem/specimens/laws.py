@@ -20,6 +20,7 @@ from legfem.identify.laws import LAWS, IdentifiedLaw, LawName
 from legfem.identify.reading import INSTRUMENT, RELAXATION
 from legfem.identify.written import Written, read_prior
 from legfem.inference.parameter import Parameter, Prior
+from legfem.specimens.fibres import RATIO, RATIO_BOUNDS, is_ratio, ratio_of
 from legfem.specimens.relaxation import relaxation_parameters
 from legfem.specimens.tissues import KINDS, ONE, SpecimenTissue
 
@@ -37,6 +38,7 @@ _STATEMENTS = {
     "exponent": "exponent of the stiffening",
     "D1": "compressibility",
     "D2": "compressibility at large changes of volume",
+    RATIO: "shear modulus along the fibres over that across",
 }
 # About the stiffness that the recordings ask for at small strain: bounds, and where to look first.
 _FAR, _FAR_OF_LAYERS, _RELATIVE = 100.0, 300.0, 8.0
@@ -90,11 +92,17 @@ def asked_in_writing(written: Written, tissues: Sequence[SpecimenTissue]) -> Ask
             )  # fmt: skip
         checked = {one.name: one.bounds for one in replace(written, identify=()).parameters(known)}
         bounds = {name: checked[name] for name, limits in given.items() if limits is not None}
+    held = written.held(known)
+    for name, value in held.items():
+        if is_ratio(name) and value < RATIO_BOUNDS[0]:
+            raise InputError(
+                "--fix", name, f"{value:g} is less along the fibres than across", "give at least 1"
+            )
     return Asked(
         tuple(written.identify),
         dict(read_prior(text, known) for text in written.priors),
         bounds,
-        written.held(known),
+        held,
     )
 
 
@@ -104,7 +112,7 @@ def known_values(tissues: Sequence[SpecimenTissue], c10: float) -> dict[str, flo
         f"{one.name}.{key}": value
         for one in tissues
         for key, value in one.at(c10).parameters.items()
-    }
+    } | {ratio_of(one.name): one.fibre_ratio for one in tissues if one.fibrous}
     return own | {name: number.null for name, number in RELAXATION.items()}
 
 
@@ -113,7 +121,7 @@ def free_names(tissues: Sequence[SpecimenTissue], relaxes: bool) -> tuple[str, .
     own = (
         f"{one.name}.{key}"
         for one in tissues
-        for key in _FREE[one.law or "neo-hookean"]
+        for key in (*_FREE[one.law or "neo-hookean"], *([RATIO] if one.fibrous else []))
         if key not in one.stated
     )
     return (*own, *(RELAXATION if relaxes else ()))
@@ -173,10 +181,11 @@ def identified_law(
     held = {key: value for key, value in held.items() if key not in wanted or key in asked.fixed}
     if not relaxes:
         held = {key: value for key, value in held.items() if key not in RELAXATION}
+    beside = len(tissues) > 1 or any(is_ratio(one.name) for one in free)
     usual = {
         key: within
         for one in tissues
-        for key, within in _usual(one.name, known, relaxes, len(tissues)).items()
+        for key, within in _usual(one.name, known, relaxes, beside).items()
         if key not in asked.priors
     }
     return IdentifiedLaw(name, tuple(free), held, known, usual)
@@ -198,6 +207,8 @@ def _parameter(name: str, known: Values, far: float) -> Parameter:
         return Parameter(name, unit, (0.0, c10 * far), scale="log", statement=statement)
     if key in ("C30", "stiffening"):
         return Parameter(name, unit, (0.0, c10 * _RELATIVE), statement=statement)
+    if key == RATIO:
+        return Parameter(name, unit, RATIO_BOUNDS, scale="log", statement=statement)
     if key == "exponent":
         return Parameter(name, unit, (0.1, 20.0), scale="log", statement=statement)
     centre = known[name] if math.isfinite(known[name]) else known[f"{tissue}.D1"]
@@ -205,16 +216,20 @@ def _parameter(name: str, known: Values, far: float) -> Parameter:
 
 
 def _usual(
-    tissue: str, known: Values, relaxes: bool, layers: int
+    tissue: str, known: Values, relaxes: bool, beside: bool
 ) -> dict[str, tuple[float, float]]:
-    """Return where to look first: of a force that relaxes, the lasting part is less."""
+    """Return where to look first: of a force that relaxes, the lasting part is less.
+
+    Where other layers or fibres bear a part that isn't known, it is less or more.
+    """
     c10 = known[f"{tissue}.C10"]
     stiffness = (c10 / 8, 1.5 * c10) if relaxes else (c10 / 3, 2 * c10)
     found = {
-        "C10": stiffness if layers == 1 else (c10 / 6, 6 * c10),
+        "C10": (c10 / 6, 6 * c10) if beside else stiffness,
         "C20": (0.0, 2 * c10),
         "C30": (0.0, 2 * c10),
         "stiffening": (0.0, 2 * c10),
         "exponent": (0.5, 4.0),
+        RATIO: (1.0, 4.0),
     }
     return {f"{tissue}.{key}": within for key, within in found.items()}

@@ -14,8 +14,8 @@ from legfem.diagnose.mechanisms import Mechanism, TissueMechanism, mechanisms
 from legfem.diagnose.mechanisms.base import factor, prior_of
 from legfem.experiments.uniaxial import Bar
 from legfem.inference.parameter import Parameter
-from legfem.specimens.sizes import LayeredTest, Sizes
-from legfem.specimens.variants import slipping
+from legfem.specimens.sizes import Sizes, bare, layered
+from legfem.specimens.slipping import slipping
 
 _LEG_MM, _LEG_N, _LEG_S = 20.0, 20.0, 100.0
 _FACES = (
@@ -133,12 +133,12 @@ def mechanisms_of(sizes: Sizes, scale: Scale) -> tuple[list[Mechanism], dict[str
     unable: dict[str, str] = {}
     for mechanism in mechanisms():
         why = _NONE.get(mechanism.name)
-        if isinstance(sizes, LayeredTest):
+        if layered(sizes) is not None:
             why = _OF_LAYERS.get(mechanism.name, why)
         if mechanism.name == _FACES[0] and slipping(sizes) is None:
             why = (
                 "a bar's ends are free as stated"
-                if isinstance(sizes, Bar)
+                if isinstance(bare(sizes), Bar)
                 else "the faces are said to be free of friction"
             )
         if isinstance(mechanism, TissueMechanism) and mechanism.name not in (*_TOLD, *_NONE):

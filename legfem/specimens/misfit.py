@@ -29,6 +29,9 @@ LEAST_GAIN_SD = 0.01
 SHAPE_SD_OF_LAYERS = 0.05
 """Layers of unlike stiffness bend a curve by a few percent: so do what the law leaves out of how
 tissue stiffens, and the rounding of edges."""
+SHAPE_SD_OF_FIBRES = 1.0
+"""Where nothing but a curve's bend tells fibres from a stiffer tissue: real fibres, slack at first,
+bend it by tens of percent otherwise than the term has it."""
 _STEP = 1e-5
 
 
@@ -53,6 +56,8 @@ class Part:
     course: Course
     test: int
     specimen: str = ""
+    kind: str = ""
+    """Of the test: the model's shape errs alike in all of a kind."""
 
     @cached_property
     def memory(self) -> FloatArray:
@@ -76,7 +81,7 @@ class SpecimenMisfit(Compared):
         Of every specimen; all are alike without it.
     shape_sd : float
         By which the model's force may rise otherwise over the depth, relative, one standard
-        deviation, alike in all recordings.
+        deviation, alike in all recordings of a kind.
     """
 
     parts: tuple[Part, ...]
@@ -227,7 +232,8 @@ class SpecimenMisfit(Compared):
         if self.shape_sd:
             share = [part.course.displacement / part.course.depth for part in self.parts]
             otherwise = self.shape_sd * force * np.concatenate(share)
-            model += np.outer(otherwise, otherwise)
+            kinds = np.repeat([p.kind for p in self.parts], [len(d) for d in share])
+            model += np.outer(otherwise, otherwise) * (kinds[:, None] == kinds)
         gain = self.gain_sd(force)
         for part, span in zip(self.parts, self.spans, strict=True):
             course, own = part.course, force[span]

@@ -7,7 +7,8 @@ its stations,
 .. math:: s_g = \frac{\sum w^2 m f}{\sum w^2 f^2}
 
 is the least squares' for its recordings m and the model's forces f. Factors count relative to their
-geometric mean, which the law's own stiffness carries: that of a typical specimen (variable
+geometric mean, which the law's own stiffness carries: that of a typical specimen; where specimens
+are cut along fibres and across, to that of each kind, which the fibres' ratio carries (variable
 projection: G. H. Golub, V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432).
 """
 
@@ -42,6 +43,8 @@ class OwnStiffness:
     known : Mapping[str, float], optional
         Factors found elsewhere, by name; a specimen that isn't among them is typical. Without them
         factors are those that fit.
+    kinds : tuple of str, optional
+        Of specimens (g), each with a typical one of its own; all are of one kind without them.
     """
 
     names: tuple[str, ...]
@@ -49,6 +52,19 @@ class OwnStiffness:
     measured: FloatArray
     weight: FloatArray
     known: Mapping[str, float] | None = None
+    kinds: tuple[str, ...] = ()
+
+    @property
+    def degrees(self) -> int:
+        """By how many numbers the specimens' factors differ."""
+        return len(self.names) - len(set(self.kinds or ("",)))
+
+    @cached_property
+    def _of_a_kind(self) -> FloatArray:
+        """What takes the mean over specimens of a kind, (g, g)."""
+        kinds = np.array(self.kinds or ("",) * len(self.names))
+        same = np.asarray(kinds[:, None] == kinds, float)
+        return np.asarray(same / same.sum(axis=1))
 
     @cached_property
     def _members(self) -> FloatArray:
@@ -68,7 +84,7 @@ class OwnStiffness:
         best = (square * self.measured * felt) @ self._members.T
         best = best / np.maximum((square * felt**2) @ self._members.T, 1e-300)
         logs = np.log(np.maximum(best, _LEAST))
-        return np.asarray(np.exp(logs - logs.mean(axis=-1, keepdims=True)))
+        return np.asarray(np.exp(logs - logs @ self._of_a_kind))
 
     def __call__(self, felt: FloatArray) -> FloatArray:
         """Return the factors (..., n) on forces (..., n) of typical specimens."""
@@ -88,4 +104,4 @@ class OwnStiffness:
         of_bottom = 2 * (square * felt * by) @ self._members.T
         logs = of_top / ((square * self.measured * felt) @ self._members.T)
         logs = logs - of_bottom / ((square * felt**2) @ self._members.T)
-        return np.asarray(factor * (by + felt * (logs - logs.mean())[self.specimen]))
+        return np.asarray(factor * (by + felt * (logs - logs @ self._of_a_kind)[self.specimen]))

@@ -17,7 +17,7 @@ from legfem.specimens import ranges
 from legfem.specimens.course import Course
 from legfem.specimens.recorded import SpecimenRecording
 from legfem.specimens.schema import SpecimenEntry, TestEntry
-from legfem.specimens.sizes import LayeredTest, Sizes, opening_of
+from legfem.specimens.sizes import Sizes, bare, opening_of
 
 _APART = 5.0
 """Of recordings of one specimen: rates a thousand times apart change tissues by less."""
@@ -48,11 +48,11 @@ def doubts_about_sizes(toml: Path, table: str, entry: TestEntry | SpecimenEntry)
 
 def doubts_about_shape(toml: Path, sizes: Sizes) -> Iterator[Doubt]:
     """Yield a doubt about a specimen so slender that it would buckle."""
-    match sizes:
+    match whole := bare(sizes):
         case Bar(pulled="compression"):
-            slender, key = sizes.length / math.sqrt(sizes.area), "area_mm2"
+            slender, key = whole.length / math.sqrt(whole.area), "area_mm2"
         case CylinderBetweenPlates():
-            slender, key = sizes.height / (2 * sizes.radius), "diameter_mm"
+            slender, key = whole.height / (2 * whole.radius), "diameter_mm"
         case _:
             return
     yield from ranges.SLENDER.doubts(toml, key, slender, "check that sizes are in mm and mm²")
@@ -66,7 +66,7 @@ def doubts_about_course(source: str, course: Course, sizes: Sizes) -> Iterator[D
     InputError
         For a depth beyond the specimen, and a speed that no machine has.
     """
-    whole = sizes.whole if isinstance(sizes, LayeredTest) else sizes
+    whole = bare(sizes)
     if opening_of(sizes) is None:
         pressed = not isinstance(whole, Bar) or whole.pulled == "compression"
         share = course.depth / _along(whole)

@@ -105,7 +105,11 @@ def prepare(
 def _solved_once(
     model: SpecimenForward, out: Path | None, jobs: int, progress: Progress
 ) -> dict[Sizes, ForwardOutcome]:
-    store = None if out is None else Store(out / "solves", ForwardOutcome, model.laws)
+    store = (
+        None
+        if out is None
+        else Store(out / "solves", ForwardOutcome, (model.laws, model.fibre_ratios))
+    )
     found: dict[Sizes, ForwardOutcome] = {}
     asked = {
         sizes: ("once", sizes, depth)

@@ -79,7 +79,7 @@ class SpecimenResult(IdentifiedParameters):
     """Every fitted specimen's, over the typical one that the parameters are of; nothing where all
     are alike."""
     stiffness_spread: float = 0.0
-    """Standard deviation of its logarithm."""
+    """Standard deviation of its logarithm, among specimens of a kind."""
 
     @property
     def fitted(self) -> tuple[ComparedRecording, ...]:

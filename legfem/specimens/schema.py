@@ -18,6 +18,7 @@ from legfem.common.toml_file import (
     trouble,
 )
 from legfem.identify.laws import LawName
+from legfem.specimens.fibres import Direction
 from legfem.subjects.schema import InstrumentEntry, RecordingsEntry
 
 PoissonRatio = Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False)]
@@ -27,6 +28,7 @@ BaseLaw = Literal["neo-hookean", "reduced-polynomial"]
 SIZES = ("thickness_mm", "diameter_mm", "height_mm", "width_mm", "length_mm", "area_mm2")
 """Of the body, which specimens of one folder may have their own of."""
 _TAKEN = ("instrument", "viscoelasticity", "friction", "contact")
+FibreRatio = Annotated[float, Field(ge=1, le=20, allow_inf_nan=False)]
 
 
 class BallEntry(FileTable):
@@ -111,6 +113,8 @@ class SpecimenEntry(FileTable):
     area_mm2: Positive | None = None
     layers_mm: Annotated[list[Positive], Field(min_length=2)] | None = None
     """Thicknesses of the layers, in their order."""
+    fibres: Direction | None = None
+    """Its own direction of the fibres, in place of that of ``[fibres]``."""
 
 
 class LayerEntry(FileTable):
@@ -134,6 +138,17 @@ class LayerEntry(FileTable):
         if self.C20_kPa is not None and self.law not in (None, "reduced-polynomial"):
             raise trouble("C20_kPa", f"the {self.law} law isn't held by it", "remove one of them")
         return self
+
+
+class FibresEntry(FileTable):
+    """``[fibres]``: the tissue is stiffer along its fibres than across, as muscle is."""
+
+    direction: Direction | None = None
+    """Specimens may have their own."""
+    ratio: FibreRatio | None = None
+    """Of the shear moduli along the fibres and across; looked for without it."""
+    layer: Text | None = None
+    """Which of the layers has them."""
 
 
 class TissueEntry(FileTable):
@@ -166,6 +181,7 @@ class SpecimenFile(FileTable):
     uniaxial: BarEntry | None = None
     suction: SuctionEntry | None = None
     layers: list[LayerEntry] = Field(default_factory=list)
+    fibres: FibresEntry | None = None
     specimen: list[SpecimenEntry] = Field(default_factory=list)
     tissue: TissueEntry = TissueEntry()
     instrument: InstrumentEntry | None = None
@@ -196,6 +212,22 @@ class SpecimenFile(FileTable):
                 "layers", "are for a ball, a punch, a suction cup or a cylinder across a block",
                 "remove them, or the test",
             )  # fmt: skip
+        return self
+
+    @model_validator(mode="after")
+    def _fibres_of_a_layer(self) -> SpecimenFile:
+        names = [layer.name for layer in self.layers]
+        given = self.fibres
+        if given is None:
+            if any(one.fibres is not None for one in self.specimen):
+                raise trouble(
+                    "specimen.fibres", "are given without [fibres]", "add that table, or remove it"
+                )
+        elif names and given.layer not in names:
+            what = "is missing" if given.layer is None else f"{given.layer!r} is no layer"
+            raise trouble("fibres.layer", what, f"give one of {', '.join(names)}")
+        elif given.layer is not None and not names:
+            raise trouble("fibres.layer", "there are no layers", "remove it")
         return self
 
     @property

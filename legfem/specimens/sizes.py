@@ -16,6 +16,7 @@ from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
 from legfem.experiments.lateral_cylinder import CylinderOnBlock, LateralCylinder
 from legfem.experiments.suction import CupOnLayer, SuctionTest
 from legfem.experiments.uniaxial import Bar, UniaxialTest
+from legfem.specimens.fibres import WORDS, Direction
 from legfem.specimens.schema import (
     SIZES,
     BallEntry,
@@ -49,7 +50,35 @@ class LayeredTest:
 
 
 OneTissue = OnLayers | CylinderBetweenPlates | Bar
-Sizes = OneTissue | LayeredTest
+
+
+@dataclass(frozen=True)
+class FibrousTest:
+    """A test of a tissue that has fibres, or of layers of which one has.
+
+    Parameters
+    ----------
+    whole
+        The test.
+    direction
+        Of the fibres.
+    """
+
+    whole: OneTissue | LayeredTest
+    direction: Direction
+
+    @property
+    def level(self) -> str:
+        """What tells tests apart in which stiffness and the fibres' ratio trade off otherwise.
+
+        In plane strain fibres along the travel and across resist small strain alike.
+        """
+        if isinstance(bare(self), CylinderOnBlock):
+            return WORDS["cylinder"] if self.direction == "cylinder" else "in the cylinder's plane"
+        return WORDS[self.direction]
+
+
+Sizes = OneTissue | LayeredTest | FibrousTest
 Pressed = BallIndentation | FlatPunchIndentation | CylinderCompression | LateralCylinder
 Test = Pressed | UniaxialTest | SuctionTest
 
@@ -64,8 +93,34 @@ _WORDS: dict[type, str] = {
 }
 
 
+_SYMMETRIC: dict[type, tuple[Direction, ...]] = {
+    Bar: ("load", "across"),
+    CylinderOnBlock: ("load", "across", "cylinder"),
+}
+"""Directions of fibres that leave a test as symmetric as it is; else along the load alone."""
+
+
+def bare(sizes: Sizes) -> OneTissue:
+    """Return a test without what is in it."""
+    return bare(sizes.whole) if isinstance(sizes, LayeredTest | FibrousTest) else sizes
+
+
+def layered(sizes: Sizes) -> LayeredTest | None:
+    """Return a test's layers; None of one tissue."""
+    if isinstance(sizes, FibrousTest):
+        return layered(sizes.whole)
+    return sizes if isinstance(sizes, LayeredTest) else None
+
+
+def level_of(sizes: Sizes) -> str:
+    """Return a test's `FibrousTest.level`; "" without fibres."""
+    return sizes.level if isinstance(sizes, FibrousTest) else ""
+
+
 def lengths_of(sizes: Sizes) -> dict[str, float]:
     """Return a test's sizes by name: mm, and mm² of an area."""
+    if isinstance(sizes, FibrousTest):
+        return lengths_of(sizes.whole)
     if isinstance(sizes, LayeredTest):
         whole = lengths_of(sizes.whole)
         del whole["thickness"]
@@ -75,6 +130,10 @@ def lengths_of(sizes: Sizes) -> dict[str, float]:
 
 def resized(sizes: Sizes, name: str, value: float) -> Sizes:
     """Return a test with another of the sizes of `lengths_of`."""
+    if isinstance(sizes, FibrousTest):
+        whole = resized(sizes.whole, name, value)
+        assert not isinstance(whole, FibrousTest)
+        return replace(sizes, whole=whole)
     if isinstance(sizes, LayeredTest):
         layers = tuple(
             (layer, value if layer + _OF_LAYER == name else thickness)
@@ -93,7 +152,7 @@ _OF_LAYER = "_thickness"
 
 def opening_of(sizes: Sizes) -> float | None:
     """Return the area of a suction cup's opening (mm2): a suction on it is its force."""
-    whole = sizes.whole if isinstance(sizes, LayeredTest) else sizes
+    whole = bare(sizes)
     return whole.opening if isinstance(whole, CupOnLayer) else None
 
 
@@ -107,8 +166,28 @@ def sizes_of(given: SpecimenFile, specimen: SpecimenEntry | None) -> Sizes:
     Raises
     ------
     SizeError
-        For a size that the test hasn't, or that isn't given.
+        For a size that the test hasn't, or that isn't given; for fibres of no direction, or of one
+        that breaks the test's symmetry.
     """
+    whole = _without_fibres(given, specimen)
+    if given.fibres is None:
+        return whole
+    own = None if specimen is None else specimen.fibres
+    direction, kind = own or given.fibres.direction, type(bare(whole))
+    known = _SYMMETRIC.get(kind, ("load",))
+    key = "fibres.direction" if own is None else "fibres"
+    if direction is None:
+        raise SizeError(key, "missing", "give it in [fibres], or as fibres with every [[specimen]]")
+    if direction not in known:
+        names = " or ".join(f'"{one}"' for one in known)
+        raise SizeError(
+            key, f'"{direction}" breaks the symmetry of {_WORDS[kind]}',
+            f"give {names}; other directions take a cylinder across a block, or bars",
+        )  # fmt: skip
+    return FibrousTest(whole, direction)
+
+
+def _without_fibres(given: SpecimenFile, specimen: SpecimenEntry | None) -> OneTissue | LayeredTest:
     own = {key: getattr(specimen, key) for key in SIZES if getattr(specimen, key, None)}
     for key in own:
         if key not in type(given.test).model_fields:
@@ -143,6 +222,8 @@ def _layers(given: SpecimenFile, specimen: SpecimenEntry | None) -> tuple[tuple[
 
 def sizes_text(sizes: Sizes) -> str:
     """Return a specimen's test with its sizes, as people read them."""
+    if isinstance(sizes, FibrousTest):
+        return f"{sizes_text(sizes.whole)}; fibres {WORDS[sizes.direction]}"
     if isinstance(sizes, LayeredTest):
         layers = " on ".join(f"{name} {thickness:g} mm" for name, thickness in sizes.layers[::-1])
         return f"{sizes_text(sizes.whole)}; {layers}"

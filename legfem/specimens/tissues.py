@@ -15,7 +15,8 @@ from legfem.mechanics.materials import (
     ReducedPolynomial,
     Yeoh,
 )
-from legfem.specimens.schema import LayerEntry, SpecimenFile
+from legfem.specimens.fibres import RATIO, USUAL_RATIO
+from legfem.specimens.schema import FibresEntry, LayerEntry, SpecimenFile
 
 ONE = "deep"
 """What the tissue of a specimen of one is called, as the leg's that is identified."""
@@ -60,13 +61,21 @@ class SpecimenTissue:
     poisson_ratio : float, optional
         At small strain; a bulk modulus of 1000 shear moduli without it.
     stated : Mapping[str, float]
-        Numbers of its law that aren't looked for, MPa.
+        Numbers of its law that aren't looked for, MPa, and the ratio of its fibres.
+    fibrous : bool
+        Whether it is stiffer along its fibres.
     """
 
     name: str = ONE
     law: LawName | None = None
     poisson_ratio: float | None = None
     stated: Mapping[str, float] = field(default_factory=dict)
+    fibrous: bool = False
+
+    @property
+    def fibre_ratio(self) -> float:
+        """Shear modulus along the fibres over that across: as stated, or a usual one."""
+        return self.stated.get(RATIO, USUAL_RATIO)
 
     @property
     def bulk_ratio(self) -> float:
@@ -90,8 +99,19 @@ def tissues_of(given: SpecimenFile) -> tuple[SpecimenTissue, ...]:
     """Return a file's tissues, from the base up."""
     poisson_ratio = given.tissue.poisson_ratio
     if not given.layers:
-        return (SpecimenTissue(poisson_ratio=poisson_ratio),)
-    return tuple(_layer(entry, poisson_ratio) for entry in reversed(given.layers))
+        one = SpecimenTissue(poisson_ratio=poisson_ratio)
+        return (one if given.fibres is None else _with_fibres(one, given.fibres),)
+    every = (_layer(entry, poisson_ratio) for entry in reversed(given.layers))
+    fibres = given.fibres
+    return tuple(
+        _with_fibres(one, fibres) if fibres is not None and fibres.layer == one.name else one
+        for one in every
+    )
+
+
+def _with_fibres(tissue: SpecimenTissue, fibres: FibresEntry) -> SpecimenTissue:
+    known = {} if fibres.ratio is None else {RATIO: fibres.ratio}
+    return replace(tissue, stated={**tissue.stated, **known}, fibrous=True)
 
 
 def _layer(entry: LayerEntry, poisson_ratio: float | None) -> SpecimenTissue:

@@ -19,18 +19,25 @@ from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S
 from legfem.diagnose.nuisances import SIZE, Displaced
 from legfem.diagnose.solved import PLAIN
 from legfem.diagnose.variants import Stopped
-from legfem.experiments.axisymmetric import BallOnLayer, CylinderBetweenPlates
-from legfem.experiments.flat_punch import PunchOnLayer
 from legfem.experiments.lateral_cylinder import CylinderOnBlock
-from legfem.experiments.suction import CupOnLayer, SuctionTest
+from legfem.experiments.suction import SuctionTest
 from legfem.experiments.uniaxial import Bar, UniaxialTest
 from legfem.mechanics.materials import Hyperelastic
-from legfem.mechanics.terms import Tissue
+from legfem.mechanics.terms import Fibres, Tissue
 from legfem.solve.path import Path
 from legfem.solve.protocol import Protocol
 from legfem.specimens.forward import experiment_of
 from legfem.specimens.relaxation import memory
-from legfem.specimens.sizes import LayeredTest, OnLayers, Sizes, Test, lengths_of, resized
+from legfem.specimens.sizes import (
+    FibrousTest,
+    LayeredTest,
+    Sizes,
+    Test,
+    bare,
+    lengths_of,
+    resized,
+)
+from legfem.specimens.slipping import slipping
 from legfem.specimens.tissues import ONE, REFERENCE_MPA, SpecimenTissue, specimen_law
 
 if TYPE_CHECKING:
@@ -45,28 +52,6 @@ _RESIZED = 0.03
 """Relative step by which the force's change with a size is found."""
 _AS_FORCE = {CylinderOnBlock: ("length",), Bar: ("area",)}
 """Sizes that the force is in proportion to, as to a stiffness."""
-
-
-def slipping(sizes: Sizes) -> Sizes | None:
-    """Return a test whose faces don't hold what they touch; None where they don't as stated."""
-    free: Sizes
-    match sizes:
-        case LayeredTest():
-            whole = slipping(sizes.whole)
-            return replace(sizes, whole=whole) if isinstance(whole, OnLayers) else None
-        case BallOnLayer():
-            free = replace(sizes, ball="frictionless")
-        case PunchOnLayer():
-            free = replace(sizes, punch="frictionless")
-        case CylinderBetweenPlates():
-            free = replace(sizes, ends="sliding")
-        case CupOnLayer():
-            free = replace(sizes, rim="sliding")
-        case CylinderOnBlock():
-            free = replace(sizes, cylinder="frictionless")
-        case _:
-            return None
-    return None if free == sizes else free
 
 
 type _Numbers = tuple[tuple[str, float], ...]
@@ -101,8 +86,7 @@ class SpecimenVariants:
     @property
     def measured(self) -> dict[str, float]:
         """Sizes by full name (mm) that change the shape of the force's course."""
-        sizes = self.sizes.whole if isinstance(self.sizes, LayeredTest) else self.sizes
-        alike = _AS_FORCE.get(type(sizes), ())
+        alike = _AS_FORCE.get(type(bare(self.sizes)), ())
         lengths = lengths_of(self.sizes)
         return {SIZE + name: value for name, value in lengths.items() if name not in alike}
 
@@ -120,7 +104,17 @@ class SpecimenVariants:
             if one.name != ONE
             for key, value in one.at(REFERENCE_MPA).parameters.items()
             if math.isfinite(value)
-        }
+        } | {name: value for name, value in self._fibres.items() if not name.startswith(ONE)}
+
+    @property
+    def _fibres(self) -> dict[str, float]:
+        """Numbers of the fibres, by full name, at the stiffness `REFERENCE_MPA` or as stated."""
+        found = dict[str, float]()
+        for one in self._named:
+            if one.fibrous:
+                c10 = one.stated.get("C10", REFERENCE_MPA)
+                found |= Fibres.of_ratio(one.name, c10, one.fibre_ratio).parameters
+        return found
 
     @property
     def _named(self) -> list[SpecimenTissue]:
@@ -167,14 +161,16 @@ class SpecimenVariants:
         if variant not in self._models:
             terms = self._terms(variant)
             laws = {one.name: one.at(REFERENCE_MPA) for one in self._named} | {ONE: self._law}
-            model = experiment_of(self._of_model(self._sizes(variant)), laws, self.depth)
+            fibrous = next((one.name for one in self._named if one.fibrous), ONE)
+            sizes = self._of_model(self._sizes(variant))
+            model = experiment_of(sizes, laws, self.depth, fibrous)
             swapped = [term for term in terms if isinstance(term, Tissue)]
             if isinstance(model, UniaxialTest):
                 model = replace(model, law=swapped[0].law) if swapped else model
             elif isinstance(model, SuctionTest):
-                model = replace(model, mechanisms=swapped)
+                model = replace(model, mechanisms=[*model.mechanisms, *swapped])
             else:
-                model = replace(model, mechanisms=terms)
+                model = replace(model, mechanisms=[*model.mechanisms, *terms])
             self._models[variant] = model
         return self._models[variant]
 
@@ -184,6 +180,10 @@ class SpecimenVariants:
 
     def _of_model(self, sizes: Sizes) -> Sizes:
         """Return a test whose layers are called as the model's terms know them."""
+        if isinstance(sizes, FibrousTest):
+            whole = self._of_model(sizes.whole)
+            assert not isinstance(whole, FibrousTest)
+            return replace(sizes, whole=whole)
         if not isinstance(sizes, LayeredTest):
             return sizes
         names = (one.name for one in self._named)
@@ -207,7 +207,7 @@ class SpecimenVariants:
         are as much softer in the solution as the force is scaled up.
         """
         scale = deep[_C10] / REFERENCE_MPA
-        own = {_C10: REFERENCE_MPA, _C20: deep.get(_C20, 0.0) / scale}
+        own = {_C10: REFERENCE_MPA, _C20: deep.get(_C20, 0.0) / scale, **self._fibres}
         nominal = self.parameters(solution.variant)
         factors = dict(solution.scaled)
         beside = factors.pop(_BESIDE, 1.0) / scale

@@ -20,6 +20,7 @@ from legfem.report.web import page as web
 from legfem.report.web.bars import Bar, Bars
 from legfem.report.web.curves import Curves, Dash, Line
 from legfem.report.words import fit_probability
+from legfem.specimens.fibres import RATIO
 from legfem.specimens.result import ComparedRecording, SpecimenResult
 from legfem.specimens.sizes import sizes_text
 
@@ -126,9 +127,10 @@ def _together(count: int) -> str:
 
 def _words(name: str) -> str:
     """Return a parameter's full name in words: the specimen is one tissue."""
-    return (
-        f"{symbol_of(name)} of the tissue" if name.startswith("deep.") else estimates.words_of(name)
-    )
+    words = f"{symbol_of(name)} of the tissue"
+    if not name.startswith("deep."):
+        words = estimates.words_of(name)
+    return words.replace(RATIO, "fibre ratio")
 
 
 _REMEDIES = estimates.Remedies("strain it further, add rates or holds")

@@ -1,0 +1,118 @@
+"""A folder's recordings beside a model: which specimens are alike, and what tells their fibres."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from legfem.common.errors import InputError
+from legfem.specimens.fibres import WORDS, is_ratio
+from legfem.specimens.folder import FILE, SpecimenFolder
+from legfem.specimens.forward import SpecimenForward
+from legfem.specimens.misfit import SHAPE_SD_OF_FIBRES, SHAPE_SD_OF_LAYERS, Part, SpecimenMisfit
+from legfem.specimens.own_stiffness import OwnStiffness
+from legfem.specimens.recorded import SpecimenRecording
+from legfem.specimens.sizes import level_of
+
+
+def seeks_ratio(names: Collection[str]) -> bool:
+    """Return whether the fibres' ratio is among free parameters' full names."""
+    return any(is_ratio(name) for name in names)
+
+
+def kinds_of(recordings: Sequence[SpecimenRecording]) -> dict[str, str]:
+    """Return how the fibres of each specimen lie, by its name; "" without fibres."""
+    return {one.specimen: level_of(one.sizes) for one in recordings}
+
+
+def tells_ratio(folder: SpecimenFolder, recordings: Sequence[SpecimenRecording]) -> bool:
+    """Return whether forces along the fibres and across tell their ratio.
+
+    Specimens that have a stiffness of their own do so if one direction has several: their spread
+    then is that by which typical ones of the directions may differ by chance.
+    """
+    kinds = kinds_of(recordings)
+    directions = len(set(kinds.values()))
+    return directions > 1 and (folder.equally_stiff or len(kinds) > directions)
+
+
+def check_strained(folder: SpecimenFolder, recordings: Sequence[SpecimenRecording]) -> None:
+    """Check that fibres whose ratio is looked for are stretched or sheared by a test.
+
+    Raises
+    ------
+    InputError
+        If none is.
+    """
+    if set(kinds_of(recordings).values()) == {WORDS["cylinder"]}:
+        raise InputError(
+            folder.directory / FILE, "fibres.ratio",
+            f"no fitted test strains fibres {WORDS['cylinder']}",
+            "state it (it changes nothing here), or test another direction too",
+        )  # fmt: skip
+
+
+def misfit_of(
+    recordings: Sequence[SpecimenRecording],
+    model: SpecimenForward,
+    folder: SpecimenFolder,
+    seeks: bool,
+    known: Mapping[str, float] | None = None,
+) -> SpecimenMisfit:
+    """Return recordings beside a model; known factors of specimens aren't looked for.
+
+    Parameters
+    ----------
+    recordings
+        That count.
+    model
+        Of their tests.
+    folder
+        Theirs.
+    seeks
+        Whether the fibres' ratio is free.
+    known
+        Stiffness of specimens over a typical one, by name.
+    """
+    kinds = kinds_of(recordings)
+    parts = tuple(
+        Part(one.course, model.tests.index(one.sizes), one.specimen, kinds[one.specimen])
+        for one in recordings
+    )
+    told = tells_ratio(folder, recordings)
+    bent = len(folder.tissues) > 1 or any(kinds.values())
+    shape_sd = SHAPE_SD_OF_LAYERS if bent else 0.0
+    if seeks and not told:
+        shape_sd = SHAPE_SD_OF_FIBRES
+    misfit = SpecimenMisfit(parts, model.depths, folder.relaxes, shape_sd=shape_sd)
+    names = tuple(kinds)
+    if folder.equally_stiff or (known is None and len(names) < 2):
+        return misfit
+    stations = [len(part.course.time) for part in parts]
+    specimen = np.repeat([names.index(part.specimen) for part in parts], stations)
+    weight = misfit.weighted(np.ones(len(misfit)))
+    own = OwnStiffness(
+        names, specimen, misfit.measured_force, weight, known,
+        tuple(kinds.values()) if seeks and told else (),
+    )  # fmt: skip
+    return replace(misfit, own=own)
+
+
+def untold(folder: SpecimenFolder, recordings: Sequence[SpecimenRecording]) -> str:
+    """Return why the ratio of the fibres' stiffness can't be told, as a sentence; "" if it can."""
+    if tells_ratio(folder, recordings):
+        return ""
+    directions = sorted(set(kinds_of(recordings).values()))
+    if len(directions) == 1:
+        return (
+            f"The fibres' ratio can't be told from C10: all fitted tests have fibres "
+            f"{directions[0]}, where more of one looks like more of the other. Test another "
+            "direction too, or state [fibres] ratio."
+        )
+    return (
+        "The fibres' ratio can't be told from how specimens differ: each direction has one "
+        "specimen of a stiffness of its own. Say [tissue] one_stiffness = true if they are of one "
+        "piece, test several in a direction, or state [fibres] ratio."
+    )

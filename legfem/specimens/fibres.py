@@ -1,0 +1,105 @@
+r"""Fibres of a specimen's tissue: their directions, and their ratio as a parameter.
+
+The ratio of the shear moduli along and across, :math:`r = \mu_L / \mu_T`, stands for both numbers
+of `legfem.mechanics.terms.Fibres`: :math:`\mu_L - \mu_T = 2 C_{10} (r - 1)`, and the extension's is
+four times that (`Fibres.of_ratio`). So the force F stays in proportion to the stiffnesses at a
+given ratio, and with S the sum of its derivatives by shear and, four times, by extension,
+
+.. math:: \frac{\partial F}{\partial r} = 2 C_{10} S, \qquad
+          \left.\frac{\partial F}{\partial C_{10}}\right|_r
+          = \left.\frac{\partial F}{\partial C_{10}}\right|_{\mu_L - \mu_T} + 2 (r - 1) S.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from legfem.common.units import FloatArray
+from legfem.mechanics.terms import Fibres
+from legfem.solve.force_curve import ForceCurve
+
+Direction = Literal["load", "across", "cylinder"]
+AXES: Mapping[Direction, tuple[float, float, float]] = {
+    "load": (0.0, 1.0, 0.0),
+    "across": (1.0, 0.0, 0.0),
+    "cylinder": (0.0, 0.0, 1.0),
+}
+"""In the half plane that is meshed; of a bar, whose own axis is the second."""
+WORDS: Mapping[Direction, str] = {
+    "load": "along the load",
+    "across": "across the load",
+    "cylinder": "along the cylinder",
+}
+RATIO = "fibre_ratio"
+"""What the parameter is called after its tissue: ``deep.fibre_ratio``."""
+USUAL_RATIO = 2.0
+"""At which a test is solved before anything is known."""
+RATIO_BOUNDS = (1.0, 10.0)
+
+
+def ratio_of(tissue: str) -> str:
+    """Return the full name of a tissue's ratio."""
+    return f"{tissue}.{RATIO}"
+
+
+def is_ratio(name: str) -> bool:
+    """Return whether a full name is that of a ratio."""
+    return name.endswith(f".{RATIO}")
+
+
+def moduli(values: Mapping[str, float], tissues: Collection[str]) -> dict[str, float]:
+    """Return shear and extension (MPa) of tissues whose C10 and ratio are among values."""
+    found = dict[str, float]()
+    for tissue in tissues:
+        c10, ratio = values[f"{tissue}.C10"], values[ratio_of(tissue)]
+        found |= Fibres.of_ratio(tissue, c10, ratio).parameters
+    return found
+
+
+def moduli_needed(tissues: Collection[str], sensitivities: Collection[str]) -> list[str]:
+    """Return by what to differentiate besides, for derivatives by C10 and ratios of tissues."""
+    return [
+        name
+        for tissue in tissues
+        if {f"{tissue}.C10", ratio_of(tissue)} & set(sensitivities)
+        for name in Fibres(tissue).parameters
+    ]
+
+
+def at_ratios(
+    curve: ForceCurve,
+    values: Mapping[str, float],
+    tissues: Collection[str],
+    sensitivities: Sequence[str],
+) -> ForceCurve:
+    """Return a curve with derivatives by ratios, and by C10 along which the ratio stays.
+
+    Parameters
+    ----------
+    curve
+        With the derivatives of `moduli_needed`.
+    values
+        C10 and ratio of every tissue, by full name.
+    tissues
+        Those that have fibres.
+    sensitivities
+        Full names that were asked for.
+    """
+    by: dict[str, FloatArray] = dict(curve.sensitivities)
+    for tissue in tissues:
+        c10, ratio = f"{tissue}.C10", ratio_of(tissue)
+        names = Fibres(tissue).parameters
+        if not set(names) <= set(by):
+            continue
+        # What a change of the shear's number by 1 changes, the extension's with it.
+        one = Fibres.of_ratio(tissue, 0.5, 2.0).parameters
+        through = np.sum([one[name] * by.pop(name) for name in names], axis=0)
+        if c10 in sensitivities:
+            by[c10] = by[c10] + 2 * (values[ratio] - 1) * through
+        if ratio in sensitivities:
+            by[ratio] = 2 * values[c10] * through
+    return replace(curve, sensitivities=by)

@@ -1,0 +1,288 @@
+"""Specimens with fibres: closed forms, exact derivatives, and what tells the ratio."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from making_fibres import C10, PULLED, pulled, write_fibrous
+from making_specimens import AREA, LENGTH
+
+import legfem as lf
+from legfem.common.errors import InputError
+from legfem.diagnose.mechanisms import Solution
+from legfem.diagnose.variants import Stopped
+from legfem.experiments.axisymmetric import BallOnLayer, CylinderBetweenPlates
+from legfem.experiments.flat_punch import PunchOnLayer
+from legfem.experiments.lateral_cylinder import CylinderOnBlock
+from legfem.experiments.uniaxial import Bar, UniaxialTest
+from legfem.identify.written import Written
+from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
+from legfem.mechanics.terms import Fibres
+from legfem.report.specimen import write_specimen_report
+from legfem.solve.protocol import Protocol
+from legfem.specimens.fibres import AXES, ratio_of
+from legfem.specimens.forward import SpecimenForward
+from legfem.specimens.laws import asked_in_writing
+from legfem.specimens.own_stiffness import OwnStiffness
+from legfem.specimens.sizes import FibrousTest, LayeredTest, lengths_of, resized, sizes_text
+from legfem.specimens.slipping import slipping
+from legfem.specimens.tissues import SpecimenTissue
+from legfem.specimens.variants import SpecimenVariants
+
+BLOCK = CylinderOnBlock(20.0, 60.0, 40.0, 8.0)
+BALL = BallOnLayer(12.0, 5.0, 40.0)
+PLATES = CylinderBetweenPlates(10.0, 10.0)
+TISSUE = SpecimenTissue(law="neo-hookean", fibrous=True)
+SOFT = 4e-3
+"""MPa: above it a bulk modulus follows C10."""
+RATIO = ratio_of("deep")
+
+
+def forward(sizes, depth: float, tissue: SpecimenTissue = TISSUE) -> SpecimenForward:
+    return SpecimenForward.of_tissues((sizes,), (depth,), [tissue], SOFT)
+
+
+@pytest.mark.parametrize("direction", ["load", "across"])
+@pytest.mark.parametrize("ratio", [1.0, 3.0, 8.0])
+def test_a_bar_pulled_along_its_fibres_or_across_has_its_closed_form(direction, ratio) -> None:
+    fibres = Fibres.of_ratio("deep", C10, ratio, AXES[direction])
+    test = UniaxialTest(Bar(LENGTH, AREA, "tension"), NeoHookean(C10, 1e-4), fibres)
+    curve = test.solve(depth=6.0).curve
+    closed = pulled(ratio, direction, curve.displacement)
+    np.testing.assert_allclose(curve.force, closed, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize(("direction", "modulus"), [("load", 11.0), ("across", 11 / 3)])
+def test_a_bar_s_young_s_modulus_at_small_strain_is_linear_elasticity_s(direction, modulus) -> None:
+    """Of a ratio 3: E_L = 4 mu_L - mu_T, and 4 mu_T E_L / (E_L + mu_T)."""
+    fibres = Fibres.of_ratio("deep", C10, 3.0, AXES[direction])
+    for pull in ("tension", "compression"):
+        test = UniaxialTest(Bar(LENGTH, AREA, pull), NeoHookean(C10, 1e-4), fibres)
+        curve = test.solve(depth=1e-4 * LENGTH).curve
+        found = curve.force[-1] / AREA / 1e-4
+        assert found == pytest.approx(2 * C10 * modulus, rel=1e-3)
+
+
+def test_a_bar_of_a_stiffening_law_keeps_equilibrium_across() -> None:
+    law, fibres = ReducedPolynomial(C10, 1e-4, C20=2e-3), Fibres.of_ratio("deep", C10, 2.0)
+    fibres = replace(fibres, axis=AXES["across"])
+    curve = UniaxialTest(Bar(LENGTH, AREA, "tension"), law, fibres).solve(depth=4.0).curve
+    closed = pulled(2.0, "across", curve.displacement, c20=2e-3)
+    np.testing.assert_allclose(curve.force, closed, rtol=1e-6, atol=1e-9)
+    with pytest.raises(InputError, match="oblique"):
+        UniaxialTest(Bar(LENGTH, AREA), law, Fibres("deep", axis=(0.6, 0.8, 0.0)))
+
+
+@pytest.mark.parametrize(
+    ("sizes", "depth"),
+    [
+        pytest.param(FibrousTest(Bar(10.0, 100.0), "load"), 3.0, id="bar-along"),
+        pytest.param(FibrousTest(Bar(10.0, 100.0), "across"), 3.0, id="bar-across"),
+        pytest.param(FibrousTest(PLATES, "load"), 2.0, id="plates"),
+        pytest.param(FibrousTest(BALL, "load"), 1.0, id="ball"),
+        pytest.param(FibrousTest(BLOCK, "across"), 2.0, id="block", marks=pytest.mark.slow),
+    ],
+)  # fmt: skip
+def test_derivatives_by_stiffness_and_ratio_are_exact(sizes, depth: float) -> None:
+    """Taylor: what a linear prediction misses falls with the square of the step."""
+    model, at = forward(sizes, depth), np.linspace(0.3, 1.0, 4) * depth
+    values = {"deep.C10": 5e-3, RATIO: 2.0}
+    curve = model.solve(values, list(values)).curves[0]
+    for name, value in values.items():
+        left = []
+        for step in (4e-2, 2e-2):
+            moved = model.solve({**values, name: (1 + step) * value}, ()).curves[0]
+            left.append(moved(at) - curve(at) - step * value * curve.sensitivity(name, at))
+        order = np.log2(np.linalg.norm(left[0]) / np.linalg.norm(left[1]))
+        # The force is in proportion to the stiffness, and along a bar linear in the ratio.
+        scale = np.linalg.norm(curve(at))
+        assert order > 1.9 or np.linalg.norm(left[0]) < 1e-5 * scale, (name, order)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "depth"),
+    [
+        (FibrousTest(Bar(10.0, 100.0), "across"), 3.0),
+        (FibrousTest(PLATES, "load"), 2.0),
+        (FibrousTest(BALL, "load"), 1.0),
+        (FibrousTest(BLOCK, "across"), 2.0),
+    ],
+)
+def test_a_ratio_of_one_is_the_isotropic_model(sizes, depth: float) -> None:
+    at = np.linspace(0.3, 1.0, 4) * depth
+    one = forward(sizes, depth).solve({"deep.C10": 5e-3, RATIO: 1.0}, ()).curves[0]
+    plain = forward(sizes.whole, depth, SpecimenTissue(law="neo-hookean"))
+    isotropic = plain.solve({"deep.C10": 5e-3}, ()).curves[0]
+    np.testing.assert_allclose(one(at), isotropic(at), rtol=1e-10)
+
+
+def test_fibres_along_the_cylinder_change_nothing_in_plane_strain_and_across_they_do() -> None:
+    at, values = np.array([1.0, 2.0]), {"deep.C10": 5e-3, RATIO: 3.0}
+    along = forward(FibrousTest(BLOCK, "cylinder"), 2.0).solve(values, [RATIO]).curves[0]
+    plain = forward(BLOCK, 2.0, SpecimenTissue(law="neo-hookean"))
+    isotropic = plain.solve({"deep.C10": 5e-3}, ()).curves[0]
+    np.testing.assert_allclose(along(at), isotropic(at), rtol=1e-12)
+    np.testing.assert_array_equal(along.sensitivity(RATIO, at), 0.0)
+    for direction in ("across", "load"):
+        in_plane = forward(FibrousTest(BLOCK, direction), 2.0).solve(values, ()).curves[0]
+        assert (in_plane(at) > 1.8 * isotropic(at)).all()
+
+
+def test_in_plane_strain_along_the_travel_and_across_are_one_level() -> None:
+    shallow, values = 0.05, {"deep.C10": 5e-3, RATIO: 3.0}
+    punched = [
+        forward(FibrousTest(BLOCK, direction), shallow).solve(values, ()).curves[0].force[-1]
+        for direction in ("load", "across")
+    ]
+    assert punched[0] == pytest.approx(punched[1], rel=0.03)
+    assert FibrousTest(BLOCK, "load").level == FibrousTest(BLOCK, "across").level
+    assert FibrousTest(BLOCK, "load").level != FibrousTest(BLOCK, "cylinder").level
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('[fibres]\ndirection = "cylinder"\n', 'fibres.direction: "cylinder" breaks the symmetry'),
+        ("[fibres]\n", "give it in [fibres], or as fibres with every [[specimen]]"),
+        ('[fibres]\ndirection = "lod"\n', "did you mean 'load'?"),
+        ('[fibres]\ndirection = "load"\nratio = 0.5\n', "fibres.ratio: 0.5 is out of range"),
+        ('[fibres]\ndirection = "load"\nlayer = "fat"\n', "there are no layers"),
+        ('[[specimen]]\nname = "a"\nfibres = "load"\nrecordings = ["recordings/*"]\n',
+         "specimen.fibres: are given without [fibres]"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_fibres_is_one_line(tmp_path: Path, text: str, words: str) -> None:
+    write_fibrous(tmp_path, 2.0, [("load", 1.0)])
+    (tmp_path / "specimen.toml").write_text(PULLED + text)
+    with pytest.raises(InputError) as error:
+        lf.load_specimen(tmp_path)
+    assert words in str(error.value) and "\n" not in str(error.value)
+
+
+def test_round_tests_take_fibres_along_the_load_alone_and_layers_one_of_theirs(tmp_path) -> None:
+    write_fibrous(tmp_path, 2.0, [("load", 1.0)])
+    ball = PULLED.replace('[uniaxial]\ndirection = "tension"', "[ball]\nball_diameter_mm = 10.0")
+    ball = ball.replace("length_mm = 10.0\narea_mm2 = 100.0", "diameter_mm = 80.0")
+    layers = "".join(f'[[layers]]\nname = "{n}"\nthickness_mm = 9.0\n' for n in ("fat", "muscle"))
+    text = '[fibres]\ndirection = "load"\nlayer = "muscle"\nratio = 2.5\n'
+    (tmp_path / "specimen.toml").write_text(ball + layers + text)
+    folder = lf.load_specimen(tmp_path)
+    muscle, fat = folder.tissues
+    assert muscle.fibrous and muscle.fibre_ratio == 2.5 and not fat.fibrous
+    assert "fibres along the load" in sizes_text(folder.recordings[0].sizes)
+    for change, words in (
+        (('"load"', '"across"'), '"across" breaks the symmetry of a ball on a layer; give "load"'),
+        (('layer = "muscle"\n', ""), "fibres.layer: is missing; give one of fat, muscle"),
+        (('"muscle"\nratio', '"bone"\nratio'), "'bone' is no layer"),
+    ):
+        (tmp_path / "specimen.toml").write_text(ball + layers + text.replace(*change))
+        with pytest.raises(InputError) as error:
+            lf.load_specimen(tmp_path)
+        assert words.partition(";")[0] in str(error.value)
+
+
+def test_sizes_and_slip_are_those_of_the_test_within() -> None:
+    punch = PunchOnLayer(17.0, 6.0, 0.3, 40.0)
+    test = FibrousTest(LayeredTest(punch, (("muscle", 12.0), ("fat", 5.0))), "load")
+    assert lengths_of(test)["fat_thickness"] == 5.0
+    thicker = resized(test, "fat_thickness", 6.0)
+    assert isinstance(thicker, FibrousTest) and lengths_of(thicker)["fat_thickness"] == 6.0
+    free = slipping(test)
+    assert isinstance(free, FibrousTest) and isinstance(free.whole, LayeredTest)
+    assert slipping(FibrousTest(Bar(10.0, 100.0), "load")) is None
+
+
+def test_typical_specimens_of_each_direction_have_a_mean_of_their_own() -> None:
+    names, felt = ("a", "b", "c", "d"), np.array([1.0, 1.0, 2.0, 2.0])
+    measured = felt * np.array([1.2, 0.8, 3.0, 3.3])
+    own = OwnStiffness(
+        names, np.arange(4), measured, np.ones(4), kinds=("load", "load", "across", "across")
+    )
+    found = own.named(felt)
+    assert own.degrees == 2
+    assert found["a"] * found["b"] == pytest.approx(1.0) == found["c"] * found["d"]
+    by = np.array([0.3, -0.1, 0.5, 0.2])
+    slope = (own(felt + 1e-6 * by) * (felt + 1e-6 * by) - own(felt) * felt) / 1e-6
+    np.testing.assert_allclose(own.slope(felt, by), slope, rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize("ratio", [1.0, 2.0, 3.0])
+def test_two_directions_tell_the_ratio_and_one_says_that_it_cannot(tmp_path, ratio: float) -> None:
+    both = write_fibrous(tmp_path / "both", ratio, [("load", 1.0), ("across", 1.0)])
+    found = lf.identify(lf.load_specimen(both), "neo-hookean")["neo-hookean"]
+    for name, truth in (("deep.C10", C10), (RATIO, ratio)):
+        estimate = found.parameters[name]
+        assert estimate.value == pytest.approx(truth, rel=0.03)
+        assert estimate.ci95[0] <= truth <= estimate.ci95[1]
+        assert estimate.ci95[1] - estimate.ci95[0] < 0.4 * truth
+    assert not any("can't be told" in text for text in found.warnings)
+    for direction in ("load", "across"):
+        one = write_fibrous(tmp_path / direction, ratio, [(direction, 1.0)])
+        found = lf.identify(lf.load_specimen(one), "neo-hookean")["neo-hookean"]
+        estimate = found.parameters[RATIO]
+        assert estimate.identifiability == "not identifiable"
+        assert estimate.ci95 == pytest.approx((1.0, 10.0))
+        assert found.parameters["deep.C10"].identifiability != "identifiable"
+        assert found.parameters["deep.C10"].ci95[0] < C10 < found.parameters["deep.C10"].ci95[1]
+        assert any("can't be told from C10" in text for text in found.warnings)
+
+
+def test_specimens_of_their_own_stiffness_tell_it_by_their_number(tmp_path: Path) -> None:
+    apart = [("load", 1.2), ("across", 0.9)]
+    two = write_fibrous(tmp_path / "two", 2.0, apart, tissue="")
+    found = lf.identify(lf.load_specimen(two), "neo-hookean")["neo-hookean"]
+    assert found.parameters[RATIO].identifiability == "not identifiable"
+    assert any("one_stiffness = true" in text for text in found.warnings)
+    apart = [("load", 1.2), ("across", 0.9), ("load", 1 / 1.2), ("across", 1 / 0.9)]
+    four = write_fibrous(tmp_path / "four", 2.0, apart, tissue="")
+    found = lf.identify(lf.load_specimen(four), "neo-hookean")["neo-hookean"]
+    estimate = found.parameters[RATIO]
+    assert estimate.value == pytest.approx(2.0, rel=0.05)
+    assert estimate.ci95[0] < 2.0 < estimate.ci95[1]
+    # They differ by 21 %, so that two of each leave the ratio open by about that.
+    assert 0.15 < found.stiffness_spread < 0.25
+    assert estimate.standard_error > 0.1 * estimate.value
+    assert found.stiffness["bar0"] == pytest.approx(1.2, rel=0.02)
+    write_specimen_report([found], tmp_path / "report")
+    text = " ".join((tmp_path / "report" / "report.txt").read_text().split())
+    assert "The tissue is stiffer along its fibres" in text and "fibre ratio" in text
+
+
+def test_a_stated_ratio_is_held_and_one_that_nothing_strains_is_refused(tmp_path: Path) -> None:
+    stated = write_fibrous(tmp_path, 3.0, [("load", 1.0)], "[fibres]\nratio = 3.0\n")
+    folder = lf.load_specimen(stated)
+    found = lf.identify(folder, "neo-hookean")["neo-hookean"]
+    assert list(found.parameters) == ["deep.C10"] and found.values[RATIO] == 3.0
+    assert found.parameters["deep.C10"].value == pytest.approx(C10, rel=0.02)
+    with pytest.raises(InputError, match="less along the fibres than across"):
+        asked_in_writing(Written(fixed=[f"{RATIO}=0.5"]), folder.tissues)
+    block = PULLED.replace(
+        '[uniaxial]\ndirection = "tension"\nlength_mm = 10.0\narea_mm2 = 100.0',
+        "[cylinder]\ncylinder_diameter_mm = 16.0\nthickness_mm = 20.0\nwidth_mm = 60.0\n"
+        "length_mm = 40.0",
+    )
+    (tmp_path / "specimen.toml").write_text(block + '[fibres]\ndirection = "cylinder"\n')
+    with pytest.raises(InputError, match="no fitted test strains fibres along the cylinder"):
+        lf.identify(lf.load_specimen(tmp_path), "neo-hookean")
+
+
+def test_a_diagnosis_has_the_stated_fibres_and_asks_for_an_open_ratio(tmp_path: Path) -> None:
+    at, depth, c10 = np.linspace(0.4, 1.0, 4), 1.0, 8e-3
+    stated = replace(TISSUE, stated={"fibre_ratio": 3.0})
+    for sizes in (FibrousTest(Bar(10.0, 100.0), "across"), FibrousTest(BALL, "load")):
+        models = SpecimenVariants(sizes, depth, (replace(stated, law=None),))
+        found = models.follow(
+            Protocol.ramp(depth, 1.0), {"deep.C10": c10, "deep.C20": 0.0}, Solution("plain"),
+            ("deep.C10",),
+        )  # fmt: skip
+        assert not isinstance(found, Stopped)
+        same = forward(sizes, depth, stated).solve({"deep.C10": c10}, ["deep.C10"]).curves[0]
+        np.testing.assert_allclose(found.force_at(at), same(at), rtol=1e-4)
+        slopes = found.sensitivity_at("deep.C10", at)
+        np.testing.assert_allclose(slopes, same.sensitivity("deep.C10", at), rtol=1e-3)
+    folder = lf.load_specimen(write_fibrous(tmp_path, 3.0, [("load", 1.0)]))
+    found = lf.diagnose(folder, library=tmp_path / "responses")
+    assert "fibres.ratio: is open" in str(found["bar0"].problem)
