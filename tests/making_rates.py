@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from making_specimens import BAR, compressed
+from scipy.integrate import solve_ivp
 
 from legfem.mechanics.materials import ExponentialStiffening
 from legfem.recording import Recording, write_recording
@@ -49,8 +50,24 @@ def strain_dependent(time: np.ndarray, elastic: np.ndarray, displacement: np.nda
     return force
 
 
+def stress_activated(time: np.ndarray, elastic: np.ndarray, displacement: np.ndarray) -> np.ndarray:
+    """Two branches whose dashpots yield: they relax as the hyperbolic sine of what they bear."""
+    ratios, slow = np.array([2.0, 1.0]), np.array([8.0, 120.0])
+    bears = 0.25 * ratios * float(elastic.max())
+    slope = np.diff(elastic) / np.diff(time)
+
+    def rate(now: float, held: np.ndarray) -> np.ndarray:
+        rise = slope[min(int(np.searchsorted(time, now, side="right")) - 1, len(slope) - 1)]
+        return ratios * rise - bears / slow * np.sinh(held / bears)
+
+    span = (float(time[0]), float(time[-1]))
+    made = solve_ivp(rate, span, [0.0, 0.0], "LSODA", time, rtol=1e-6, atol=1e-9)
+    return np.asarray(elastic + made.y.sum(axis=0))
+
+
 MEMORIES: dict[str, Memory] = {
     "power law": power_law, "fractional": fractional, "strain-dependent": strain_dependent,
+    "stress-activated": stress_activated,
 }  # fmt: skip
 
 

@@ -12,7 +12,7 @@ import legfem as lf
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.recording import Recording
 from legfem.specimens.course import course_of
-from legfem.specimens.relaxation import branch_ratios, memory
+from legfem.specimens.relaxation import borne, branch_ratios, clock
 
 
 def test_the_memory_is_that_of_branches_walked_step_by_step() -> None:
@@ -22,8 +22,18 @@ def test_the_memory_is_that_of_branches_walked_step_by_step() -> None:
 
     elastic = d**1.5
     walked = relaxing(elastic, time, list(zip(branch, TIMES_S, strict=True)))
-    kept = np.tensordot(branch, memory(time[1:]), axes=1) @ np.diff(elastic)
+    kept = branch @ borne(time[1:], elastic[1:])
     np.testing.assert_allclose(elastic[1:] + kept, walked[1:], rtol=1e-10)
+
+
+def test_a_clock_runs_by_the_displacement() -> None:
+    time, d = ramp(3.0, 6.0, hold=20.0)
+    each = clock(time[1:], d[1:] / 3.0, np.array([0.0, 1.5]))
+    np.testing.assert_allclose(each[0], time[1:], rtol=1e-12)
+    full = np.flatnonzero(d[1:] == 3.0)
+    assert each[1, full[0]] == pytest.approx(6.0 * (np.exp(1.5) - 1) / 1.5, rel=1e-6)
+    held = each[1, full[-1]] - each[1, full[0]]
+    assert held == pytest.approx(np.exp(1.5) * (time[1:][full[-1]] - time[1:][full[0]]))
 
 
 SHORT = ((1.2, 0.3), (0.8, 3.0), (0.4, 20.0))

@@ -37,6 +37,7 @@ RELAXATION = {
     "viscoelasticity.ratio": InstrumentNumber("-", 0.0),
     "viscoelasticity.relaxation_time": InstrumentNumber("s", 8.0),
     "viscoelasticity.spread": InstrumentNumber("-", 1.5),
+    "viscoelasticity.quickening": InstrumentNumber("-", 0.0),
 }
 """Of specimens: what a spectrum makes of the elastic force, see `legfem.specimens.relaxation`."""
 READINGS = INSTRUMENT | RELAXATION

@@ -29,8 +29,9 @@ def procedure(result: SpecimenResult) -> str:
     """Return what was done with the recordings, as a paragraph."""
     tests = list(dict.fromkeys(one.sizes for one in result.folder.recordings))
     relaxing = (
-        "Its stress relaxes by one log-normal spectrum of times, quasi-linear: exact where all of "
-        "the specimen is strained alike, and at small strain elsewhere. "
+        "Its stress relaxes by one log-normal spectrum of times, the faster the more it is "
+        "strained where two rates say so, and else quasi-linear: exact where all of the specimen "
+        "is strained alike, and at small strain elsewhere. "
         if result.folder.relaxes
         else ""
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from legfem.identify.error_sources import total_of
 from legfem.identify.estimates import Optimum, correlations_of, estimates
 from legfem.identify.forward import ForwardOutcome
 from legfem.identify.laws import LawName, model_values
+from legfem.identify.reading import READINGS
 from legfem.identify.result import Estimate
 from legfem.identify.search import Search
 from legfem.identify.settings import IdentificationSettings
@@ -31,6 +33,7 @@ from legfem.specimens.laws import Asked, identified_law
 from legfem.specimens.misfit import SpecimenMisfit
 from legfem.specimens.prepared import Prepared, prepare
 from legfem.specimens.recorded import SpecimenRecording
+from legfem.specimens.relaxation import QUICKENING, shows_quickening
 from legfem.specimens.result import ComparedRecording, SpecimenResult
 from legfem.specimens.tissues import REFERENCE_MPA
 
@@ -108,6 +111,8 @@ def _identify(
     fitted = [one for one in prepared.recordings if one.name not in away]
     predicted = [one for one in prepared.recordings if one.name in away]
     tissues = [one.of_law(name) for one in folder.tissues]
+    if not shows_quickening([one.course.rate for one in fitted]):
+        asked = _without(QUICKENING, asked)
     free = identified_law(name, tissues, prepared.c10, folder.relaxes, asked)
     depth_of = dict(zip(prepared.tests, prepared.depths, strict=True))
     tests = tuple(dict.fromkeys(one.sizes for one in fitted))
@@ -200,6 +205,13 @@ def _identify(
         stiffness=stiffness,
         stiffness_spread=spread,
     )
+
+
+def _without(name: str, asked: Asked) -> Asked:
+    """Return the same with a parameter at its null, unless that is asked for."""
+    if name in asked.names or name in asked.priors or name in asked.fixed:
+        return asked
+    return replace(asked, fixed={**asked.fixed, name: READINGS[name].null})
 
 
 def _warnings(

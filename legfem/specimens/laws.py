@@ -169,7 +169,7 @@ def identified_law(
         parameter = replace(
             parameter,
             bounds=asked.bounds.get(one, parameter.bounds),
-            prior=asked.priors.get(one),
+            prior=asked.priors.get(one, parameter.prior if one in RELAXATION else None),
             role="nuisance" if one in nuisances else "identified",
         )
         free.append(within_prior(parameter))

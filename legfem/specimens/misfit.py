@@ -16,7 +16,7 @@ from legfem.identify.reading import INSTRUMENT, READINGS, Reading
 from legfem.inference.errors import COMMON_GAIN_SD, numerical_covariance
 from legfem.specimens.course import SLOW_SHARE, STATIONS, Course
 from legfem.specimens.own_stiffness import OwnStiffness
-from legfem.specimens.relaxation import branch_ratios, memory
+from legfem.specimens.relaxation import borne, branch_ratios, clock
 
 GRID = 50
 """Displacements at which a test's force is known to the search."""
@@ -58,11 +58,6 @@ class Part:
     specimen: str = ""
     kind: str = ""
     """Of the test: the model's shape errs alike in all of a kind."""
-
-    @cached_property
-    def memory(self) -> FloatArray:
-        """Of the branches; see `legfem.specimens.relaxation.memory`."""
-        return memory(self.course.time)
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,16 +149,16 @@ class SpecimenMisfit(Compared):
         """Return the same but for the zero, if all specimens were alike."""
         gain, _, offset = np.moveaxis(readings, -1, 0)[: len(INSTRUMENT)]
         shape = np.broadcast_shapes(force.shape[:-1], readings.shape[:-1])
-        ratios = branch_ratios(readings[..., len(INSTRUMENT) :]) if self.relaxes else None
-        ratios = None if ratios is None else np.broadcast_to(ratios, (*shape, ratios.shape[-1]))
+        *_, quickening = np.moveaxis(readings, -1, 0)
+        ratios = branch_ratios(readings[..., len(INSTRUMENT) : -1]) if self.relaxes else None
         found = []
         for part, reading in zip(self.parts, self._readings, strict=True):
             own = force[..., part.test * GRID : (part.test + 1) * GRID]
             elastic = reading.at(own, offset)
             if ratios is not None:
-                rise = np.diff(elastic, axis=-1, prepend=0.0)
-                kept = np.tensordot(ratios, part.memory, axes=(-1, 0))
-                elastic = elastic + np.einsum("...ij,...j->...i", kept, rise)
+                share = part.course.displacement / self.depths[part.test]
+                held = borne(clock(part.course.time, share, quickening), elastic)
+                elastic = elastic + np.einsum("...b,...bn->...n", ratios, held)
             found.append(elastic)
         together = np.concatenate([np.broadcast_to(f, (*shape, f.shape[-1])) for f in found], -1)
         return np.asarray(gain[..., None] * together)

@@ -27,7 +27,7 @@ from legfem.mechanics.terms import Fibres, Tissue
 from legfem.solve.path import Path
 from legfem.solve.protocol import Protocol
 from legfem.specimens.forward import experiment_of
-from legfem.specimens.relaxation import memory
+from legfem.specimens.relaxation import borne
 from legfem.specimens.sizes import (
     FibrousTest,
     LayeredTest,
@@ -297,10 +297,9 @@ def _relaxing(path: Path, values: Mapping[str, float], sensitivities: Sequence[s
     names = [f"deep.viscoelasticity{k + 1}.ratio" for k in range(len(TIMES_S))]
     if not any(name in values or name in sensitivities for name in names):
         return path
-    rise = np.diff(path.force)
-    borne = [np.concatenate([[0.0], branch @ rise]) for branch in memory(path.time[1:])]
+    held = [np.concatenate([[0.0], each]) for each in borne(path.time[1:], path.force[1:])]
     total: FloatArray = path.force + sum(
-        values.get(name, 0.0) * each for name, each in zip(names, borne, strict=True)
+        values.get(name, 0.0) * each for name, each in zip(names, held, strict=True)
     )
-    by = {n: each for n, each in zip(names, borne, strict=True) if n in sensitivities}
+    by = {n: each for n, each in zip(names, held, strict=True) if n in sensitivities}
     return replace(path, force=total, sensitivities={**path.sensitivities, **by})
