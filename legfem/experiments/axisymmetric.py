@@ -14,7 +14,7 @@ from mpi4py import MPI
 from legfem.common.checks import check_positive
 from legfem.common.errors import InputError
 from legfem.experiments.base import Solved
-from legfem.experiments.pressing import Pressed, Pressing, PressingTest, leg_model
+from legfem.experiments.pressing import Attempt, Pressed, Pressing, PressingTest, leg_model
 from legfem.fem.spaces import LegSpaces, Symmetry, build_spaces
 from legfem.fem.system import System
 from legfem.mechanics.contact import RigidBall, RigidIndenter, RigidPlate
@@ -303,11 +303,11 @@ class CylinderCompression(AxisymmetricTest[CylinderBetweenPlates]):
             "skin",
         )
 
-    def attempts(self) -> Iterator[tuple[Pressing, float]]:
+    def attempts(self) -> Iterator[Attempt]:
         """Yield the model; a softer contact wouldn't help flat faces."""
-        yield self.pressing, 1.0
+        yield Attempt(self.pressing)
 
-    def _farthest(self, attempts: Iterator[tuple[Pressing, float]], asked: Pressed) -> Solved:
+    def _farthest(self, attempts: Iterator[Attempt], asked: Pressed) -> Solved:
         whole = asked.protocol
         half = Protocol(whole.time, tuple(d / 2 for d in whole.displacement))
 

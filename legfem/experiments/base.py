@@ -13,7 +13,7 @@ from legfem.solve.force_curve import ForceCurve
 from legfem.solve.path import Path
 from legfem.solve.report import SolveReport
 
-ELSEWHERE = ("comm",)
+ELSEWHERE = ("comm", "meshed")
 """Fields of an experiment that change no result."""
 
 

@@ -16,7 +16,15 @@ from shapely import Point
 from legfem.experiments.base import Solved, made_when_needed
 from legfem.experiments.driven import motion
 from legfem.experiments.placement import Placement
-from legfem.experiments.pressing import SOFTER, OnStep, Pressed, Pressing, PressingTest, leg_model
+from legfem.experiments.pressing import (
+    SOFTER,
+    Attempt,
+    OnStep,
+    Pressed,
+    Pressing,
+    PressingTest,
+    leg_model,
+)
 from legfem.experiments.replay import Replays
 from legfem.fem.distortion import most_drawn_out
 from legfem.fem.spaces import build_spaces
@@ -98,6 +106,8 @@ class PlaneStrainIndentation(PressingTest):
         Terms added to those of tissues and contact, each in place of one of its name if there is.
     moved
         Where the mesh is moved to once it is made; it stays without it.
+    meshed
+        If it is there already; made from the section without it.
     """
 
     section: LegSection
@@ -107,6 +117,7 @@ class PlaneStrainIndentation(PressingTest):
     comm: MPI.Intracomm = field(default_factory=lambda: MPI.COMM_SELF, repr=False)
     mechanisms: Sequence[Term] = ()
     moved: MeshMotion | None = None
+    meshed: SectionMesh | None = field(default=None, repr=False)
 
     @classmethod
     def of_subject(
@@ -131,6 +142,8 @@ class PlaneStrainIndentation(PressingTest):
     @made_when_needed
     def section_mesh(self) -> SectionMesh:
         """The mesh of the section, fine under the cylinder."""
+        if self.meshed is not None:
+            return self.meshed
         indenter = self.indenter
         meshed = mesh_section(
             self.section, indenter.radius, indenter.aim, indenter.direction,
@@ -162,21 +175,24 @@ class PlaneStrainIndentation(PressingTest):
         return self._on_this_mesh(formulation="displacement")
 
     def _on_this_mesh(self, **changed: Any) -> PlaneStrainIndentation:
-        made = replace(self, settings=replace(self.settings, defences=False, **changed))
-        vars(made)["section_mesh"] = self.section_mesh
-        return made
+        settings = replace(self.settings, defences=False, **changed)
+        return replace(self, settings=settings, meshed=self.section_mesh)
 
-    def attempts(self, placement: Placement | None = None) -> Iterator[tuple[Pressing, float]]:
+    def attempts(self, placement: Placement | None = None) -> Iterator[Attempt]:
         """Yield the model, better integrated, without pressures, softer, and on a finer mesh."""
         placement = placement or Placement()
         placed = self._placed(placement)
-        yield placed.relaxing if self.settings.defences else placed, 1.0
-        if self.settings.defences:
-            if self.settings.formulation == "mixed":
-                yield self._well_integrated._placed(placement).relaxing, 1.0
-                yield self._of_displacements._placed(placement).relaxing, 1.0
-            yield self.pressing, SOFTER
-            yield self._finer._placed(placement), SOFTER
+        if not self.settings.defences:
+            yield Attempt(placed)
+            return
+        yield Attempt(placed.relaxing)
+        if self.settings.formulation == "mixed":
+            yield Attempt(self._well_integrated._placed(placement).relaxing, more_points=True)
+            # An incompressible body is too stiff without pressures: `_trusted` asks.
+            other = self._of_displacements._placed(placement).relaxing
+            yield Attempt(other, without_pressures=True)
+        yield Attempt(placed, SOFTER)
+        yield Attempt(self._finer._placed(placement), SOFTER)
 
     def solve(
         self,
@@ -207,31 +223,22 @@ class PlaneStrainIndentation(PressingTest):
         return self._farthest(attempts, Pressed(values, given, sensitivities, on_step, keep_in))
 
     def _trusted(self, made: Iterator[Solved]) -> Iterator[Solved]:
-        """Yield attempts; without pressures an incompressible body is too stiff, and so refused."""
+        """Yield attempts; one without pressures only if its force is like the first's."""
         first = next(made)
         if first.report.complete:
             yield first
             return
         where = self._squeezed()
         yield _told(first, where)
-        for number, solved in enumerate(made, 1):
+        for solved in made:
             report = solved.report
-            if report.contact_stiffness_factor < 1:
-                yield solved if report.complete else _told(solved, where)
-                continue
-            if number == 1:
-                # More exact than the first: where films are drawn out far, they part.
-                finer = replace(solved, report=replace(report, more_points=True))
-                yield finer if report.complete else _told(finer, where)
-                continue
-            report = replace(report, without_pressures=True)
-            apart = _apart(first.curve, solved.curve)
+            apart = _apart(first.curve, solved.curve) if report.without_pressures else 0.0
             if apart > _LIKE:
                 reason = f"without pressures the force is off by {100 * apart:.2g} %"
-                report = replace(report, complete=False, reached=0.0, reason=reason)
-            elif not report.complete:
-                report = _told(replace(solved, report=report), where).report
-            yield replace(solved, report=report)
+                refused = replace(report, complete=False, reached=0.0, reason=reason)
+                yield replace(solved, report=refused)
+            else:
+                yield solved if report.complete else _told(solved, where)
 
     def _squeezed(self) -> str:
         """Return where the body that didn't go on is drawn out most, and what to do about it."""

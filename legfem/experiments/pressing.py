@@ -167,6 +167,19 @@ class Pressing(Meshed):
         return names, chain
 
 
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """A way to solve what is asked."""
+
+    pressing: Pressing
+    softness: float = 1.0
+    """Factor on the contact's stiffness."""
+    more_points: bool = False
+    """Whether it integrates better than the test's settings say."""
+    without_pressures: bool = False
+    """Whether it has no pressures of their own where the settings have them."""
+
+
 class PressingTest(Homebound, ABC):
     """A test in which a rigid indenter is pressed into a body, an `Experiment`.
 
@@ -203,10 +216,10 @@ class PressingTest(Homebound, ABC):
         """Every number of the model by full name."""
         return self.model.parameters
 
-    def attempts(self) -> Iterator[tuple[Pressing, float]]:
-        """Yield models and factors on the contact's stiffness, until a solution is complete."""
-        yield self.pressing, 1.0
-        yield self.pressing, SOFTER
+    def attempts(self) -> Iterator[Attempt]:
+        """Yield ways to solve, until a solution is complete."""
+        yield Attempt(self.pressing)
+        yield Attempt(self.pressing, SOFTER)
 
     def solve(
         self,
@@ -248,11 +261,20 @@ class PressingTest(Homebound, ABC):
             self.attempts(), Pressed(values, given, sensitivities, on_step, keep_in)
         )
 
-    def _farthest(self, attempts: Iterator[tuple[Pressing, float]], asked: Pressed) -> Solved:
-        folder = asked.keep_in
-        kept = None if folder is None else (folder, key_of(self.fingerprint()))
-        made = (pressing.run(asked, softness, kept) for pressing, softness in attempts)
+    def _farthest(self, attempts: Iterator[Attempt], asked: Pressed) -> Solved:
+        made = (self._tried(one, number, asked) for number, one in enumerate(attempts))
         return farthest(self._trusted(made))
+
+    def _tried(self, attempt: Attempt, number: int, asked: Pressed) -> Solved:
+        folder = asked.keep_in
+        kept = None if folder is None else (folder, key_of((self.fingerprint(), number)))
+        solved = attempt.pressing.run(asked, attempt.softness, kept)
+        report = replace(
+            solved.report,
+            more_points=attempt.more_points,
+            without_pressures=attempt.without_pressures,
+        )
+        return replace(solved, report=report)
 
     def _trusted(self, made: Iterator[Solved]) -> Iterator[Solved]:
         """Yield attempts as they are made, those that can't be trusted as incomplete."""
