@@ -96,6 +96,31 @@ def outward_normals(contours: FloatArray) -> FloatArray:
     return unit
 
 
+def at_own_places(splines: CubicSpline, at: FloatArray) -> FloatArray:
+    """Return the values of many splines on the same knots, each at places of its own.
+
+    Parameters
+    ----------
+    splines : CubicSpline
+        Of values (n_knots, k, d).
+    at : (m, k) array
+        Of each of the k splines.
+
+    Returns
+    -------
+    ndarray
+        (m, k, d).
+    """
+    last = len(splines.x) - 2
+    piece = np.clip(np.searchsorted(splines.x, at, side="right") - 1, 0, last)
+    coefficients = splines.c[:, piece, np.arange(at.shape[1])]
+    offset = (at - splines.x[piece])[..., None]
+    values = coefficients[0]
+    for coefficient in coefficients[1:]:
+        values = values * offset + coefficient
+    return np.asarray(values)
+
+
 def area_and_centroid(ring: FloatArray) -> tuple[float, FloatArray]:
     """Return the signed area of a closed polygon, positive counter-clockwise, and its centroid.
 

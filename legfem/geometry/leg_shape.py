@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import CubicSpline, make_interp_spline
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
-from legfem.geometry.curve import area_and_centroid, smooth_closed_curve
+from legfem.geometry.curve import area_and_centroid, at_own_places, smooth_closed_curve
 
 SKIN, HULL = "skin", "hull"
 
@@ -161,8 +161,32 @@ def corresponding(contour: ArrayLike, n_points: int) -> FloatArray:
         If it is no closed curve (see `legfem.geometry.curve.smooth_closed_curve`).
     """
     curve = smooth_closed_curve(contour)
-    turns = np.linspace(0.0, 1.0, max(8 * n_points, 1024) + 1)
-    fine = curve(turns)
+    turns = _fine(n_points)
+    return curve(_even_turns(turns, curve(turns), n_points))
+
+
+def corresponding_loops(contours: FloatArray) -> FloatArray:
+    """Return closed contours (n_levels, n_points, 2) as `corresponding` does, all at once.
+
+    Their points lie about evenly already.
+    """
+    count = contours.shape[1]
+    rings = np.concatenate([contours, contours[:, :1]], axis=1).swapaxes(0, 1)
+    curves = CubicSpline(np.linspace(0.0, 1.0, count + 1), rings, bc_type="periodic")
+    turns = _fine(count)
+    even = [_even_turns(turns, fine, count) for fine in curves(turns).swapaxes(0, 1)]
+    return at_own_places(curves, np.stack(even, axis=1)).swapaxes(0, 1)
+
+
+def _fine(n_points: int) -> FloatArray:
+    return np.linspace(0.0, 1.0, max(8 * n_points, 1024) + 1)
+
+
+def _even_turns(turns: FloatArray, fine: FloatArray, n_points: int) -> FloatArray:
+    """Return where on a closed curve, (n,) turns, points lie evenly as `LegShape` wants them.
+
+    ``fine`` (m, 2) are its points at ``turns`` (m,).
+    """
     area, centre = area_and_centroid(fine[:-1])
     if area < 0:
         turns, fine = turns[::-1], fine[::-1]
@@ -177,7 +201,7 @@ def corresponding(contour: ArrayLike, n_points: int) -> FloatArray:
     first = int(upwards[outermost])
     start = arc[first] + share[outermost] * (arc[first + 1] - arc[first])
     wanted = np.mod(start + np.arange(n_points) / n_points * arc[-1], arc[-1])
-    return curve(np.interp(wanted, arc, turns))
+    return np.interp(wanted, arc, turns)
 
 
 def shape_of_contours(

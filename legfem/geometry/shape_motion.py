@@ -6,11 +6,15 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import CubicSpline
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.geometry.leg_shape import LegShape, corresponding
+from legfem.geometry.curve import at_own_places
+from legfem.geometry.leg_shape import LegShape, corresponding_loops
+
+_STEPS, _CLOSE = 12, 1e-12
+"""Of Newton's method for where a line crosses a level; its end, over the segment's length."""
 
 
 def resliced(points: Mapping[str, FloatArray], levels: ArrayLike | None = None) -> LegShape:
@@ -31,34 +35,8 @@ def resliced(points: Mapping[str, FloatArray], levels: ArrayLike | None = None) 
     InputError
         If the points of a line do not ascend, or a level is not reached by all of them.
     """
-    for part, xyz in points.items():
-        if not (np.diff(xyz[..., 2], axis=0) > 0).all():
-            raise InputError(
-                "shape", part, "its lines along the leg fold back", "check the motion given"
-            )
-    lowest = max(float(xyz[0, :, 2].max()) for xyz in points.values())
-    highest = min(float(xyz[-1, :, 2].min()) for xyz in points.values())
-    if levels is None:
-        count = next(iter(points.values())).shape[0]
-        levels = np.linspace(lowest, highest, count)
-    z = np.asarray(levels, dtype=np.float64)
-    slack = 1e-9 * (abs(highest) + abs(lowest))
-    if z.min() < lowest - slack or z.max() > highest + slack:
-        raise InputError(
-            "shape", "level",
-            f"{z.min():g} to {z.max():g} mm is not within what moved, {lowest:.4g} to "
-            f"{highest:.4g} mm",
-            "choose levels farther from the ends",
-        )  # fmt: skip
-    contours = {}
-    for part, xyz in points.items():
-        degree = min(3, len(xyz) - 1)
-        cut = [
-            make_interp_spline(line[:, 2], line[:, :2], k=degree)(z) for line in xyz.swapaxes(0, 1)
-        ]
-        loops = np.stack(cut, axis=1)
-        contours[part] = np.stack([corresponding(loop, loops.shape[1]) for loop in loops])
-    return LegShape(z, contours)
+    z = _levels_to_cut(points, levels)
+    return LegShape(z, {part: _cut(xyz, z, part) for part, xyz in points.items()})
 
 
 def displaced(
@@ -75,8 +53,12 @@ def displaced(
     levels : (m,) array, optional
         Of the result; see `resliced`.
     """
-    moved = {part: shape.points(part) + displacement.get(part, 0.0) for part in shape.contours}
-    return resliced(moved, levels)
+    points = {part: shape.points(part) + displacement.get(part, 0.0) for part in shape.contours}
+    z = _levels_to_cut(points, levels)
+    return LegShape(z, {
+        part: _cut(xyz, z, part) if part in displacement else shape.at(part, z)
+        for part, xyz in points.items()
+    })  # fmt: skip
 
 
 def rigidly_moved(
@@ -85,3 +67,45 @@ def rigidly_moved(
     """Return the shape after x -> R x + t, R (3, 3) and t (3,) in mm; levels as for `resliced`."""
     turn, shift = np.asarray(rotation, dtype=np.float64), np.asarray(translation, dtype=np.float64)
     return resliced({part: shape.points(part) @ turn.T + shift for part in shape.contours}, levels)
+
+
+def _levels_to_cut(points: Mapping[str, FloatArray], levels: ArrayLike | None) -> FloatArray:
+    """Return the levels given, or those of `resliced`; all parts reach them."""
+    for part, xyz in points.items():
+        if not (np.diff(xyz[..., 2], axis=0) > 0).all():
+            raise _folds_back(part)
+    lowest = max(float(xyz[0, :, 2].max()) for xyz in points.values())
+    highest = min(float(xyz[-1, :, 2].min()) for xyz in points.values())
+    if levels is None:
+        count = next(iter(points.values())).shape[0]
+        return np.linspace(lowest, highest, count)
+    z = np.asarray(levels, dtype=np.float64)
+    slack = 1e-9 * (abs(highest) + abs(lowest))
+    if z.min() < lowest - slack or z.max() > highest + slack:
+        raise InputError(
+            "shape", "level",
+            f"{z.min():g} to {z.max():g} mm is not within what moved, {lowest:.4g} to "
+            f"{highest:.4g} mm",
+            "choose levels farther from the ends",
+        )  # fmt: skip
+    return z
+
+
+def _cut(points: FloatArray, levels: FloatArray, part: str) -> FloatArray:
+    """Return the contours (m, n_points, 2) of a part's points (n_levels, n_points, 3) at levels."""
+    middles = points[..., 2].mean(axis=1)
+    lines = CubicSpline(middles, points)
+    slopes = lines.derivative()
+    at = np.repeat(levels[:, None], points.shape[1], axis=1)
+    for _ in range(_STEPS):
+        above = at_own_places(lines, at)[..., 2] - levels[:, None]
+        if np.abs(above).max() < _CLOSE * (middles[-1] - middles[0]):
+            break
+        at = at - above / at_own_places(slopes, at)[..., 2]
+    else:
+        raise _folds_back(part)
+    return corresponding_loops(at_own_places(lines, at)[..., :2])
+
+
+def _folds_back(part: str) -> InputError:
+    return InputError("shape", part, "its lines along the leg fold back", "check the motion given")

@@ -15,7 +15,7 @@ from scipy.linalg import solveh_banded
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.curve import closed_lengths
-from legfem.geometry.leg_shape import LegShape, corresponding
+from legfem.geometry.leg_shape import LegShape, corresponding_loops
 
 
 def smoothed(
@@ -52,7 +52,7 @@ def smoothed(
             smooth = _around(smooth, around)
         if along > 0:
             smooth = _along(smooth, shape.levels, along)
-        contours[part] = np.stack([corresponding(loop, xy.shape[1]) for loop in smooth])
+        contours[part] = corresponding_loops(smooth)
     return LegShape(shape.levels, contours)
 
 

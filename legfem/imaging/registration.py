@@ -29,6 +29,7 @@ from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.rigid import RigidTransform
 
 LEAST_PATCH, LEAST_SURFACE = 6, 50  # points a patch, patches a surface
+_AT_A_TIME = 2000  # patches
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,21 +230,33 @@ def _patches(
     cells = np.floor(points / settings.spacing).astype(np.int64)
     points = points[np.sort(np.unique(cells, axis=0, return_index=True)[1])]
     most = min(len(points), int(4 * (settings.radius / settings.spacing) ** 2) + 8)
-    distance, index = cKDTree(points).query(points, k=most, distance_upper_bound=settings.radius)
-    near = np.isfinite(distance)
-    kept = near.sum(axis=1) >= LEAST_PATCH
+    tree = cKDTree(points)
+    # Some at a time: all patches of a leg's bones would take half a gigabyte.
+    parts = np.array_split(points, 1 + len(points) // _AT_A_TIME)
+    found = [_patches_round(part, points, tree, most, settings.radius) for part in parts]
+    centres, normals, counts = (np.concatenate(each) for each in zip(*found, strict=True))
+    kept = counts >= LEAST_PATCH
     if kept.sum() < LEAST_SURFACE:
         raise InputError(
             "registration", "points", f"{len(points)} are too few or too far apart",
             f"give the bones' surfaces, a point every {settings.spacing:g} mm or so",
         )  # fmt: skip
-    near, index = near[kept], np.where(near, index, 0)[kept]
-    weight = near / near.sum(axis=1, keepdims=True)
-    patch = points[index]
+    return centres[kept], normals[kept], float(counts[kept].mean())
+
+
+def _patches_round(
+    some: FloatArray, points: FloatArray, tree: cKDTree, most: int, radius: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return centres, unit normals and numbers of points of the patches round some points."""
+    distance, index = tree.query(some, k=most, distance_upper_bound=radius)
+    near = np.isfinite(distance)
+    counts = near.sum(axis=1)
+    weight = near / counts[:, None]
+    patch = points[np.where(near, index, 0)]
     centres = np.einsum("nk,nki->ni", weight, patch)
     apart = patch - centres[:, None, :]
-    _, vectors = np.linalg.eigh(np.einsum("nk,nki,nkj->nij", weight, apart, apart))
-    return centres, vectors[:, :, 0], float(near.sum(axis=1).mean())
+    _, vectors = np.linalg.eigh(np.einsum("nk,nki,nkj->nij", weight, apart, apart, optimize=True))
+    return centres, vectors[:, :, 0], counts
 
 
 def _rows(arms: FloatArray, normals: FloatArray) -> FloatArray:

@@ -31,6 +31,10 @@ class LaggedFactors:
         linear.getPC().setPythonContext(self)
         linear.setMonitor(self._watch)
 
+    def renew(self) -> None:
+        """Factorise the next tangent, however well these factors serve."""
+        self._worn_out = True
+
     def setUp(self, preconditioner: PETSc.PC) -> None:
         """Factorise the tangent, if the factors at hand took too many iterations."""
         if not self._worn_out:

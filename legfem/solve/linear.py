@@ -80,6 +80,13 @@ def configure(linear: PETSc.KSP, spaces: LegSpaces, settings: LinearSettings) ->
         preconditioner.setFactorSolverType("mumps")
 
 
+def renew_factors(linear: PETSc.KSP) -> None:
+    """Have the next tangent factorised: several solutions with it are to come."""
+    preconditioner = linear.getPC()
+    if preconditioner.getType() == "python":
+        preconditioner.getPythonContext().renew()
+
+
 def prepare(matrix: PETSc.Mat, spaces: LegSpaces, settings: LinearSettings) -> None:
     """Give a tangent what multigrid needs to know of it."""
     if settings.iterates(spaces) and spaces.formulation == "displacement":

@@ -19,7 +19,7 @@ from petsc4py import PETSc
 from legfem.common.units import FloatArray
 from legfem.fem.compat import RESIDUAL_NOT_FINITE
 from legfem.fem.system import System
-from legfem.solve.linear import LinearSettings, configure, prepare
+from legfem.solve.linear import LinearSettings, configure, prepare, renew_factors
 from legfem.solve.mixing import AndersonMixing
 from legfem.solve.saddle import SaddlePreconditioner
 
@@ -175,6 +175,7 @@ class NewtonSolver:
     def refactor(self) -> None:
         """Factorise the tangent at the present state."""
         self._assemble_tangent()
+        renew_factors(self.linear_solver)
         self.linear_solver.setUp()
 
     def _assemble_tangent(self) -> None:

@@ -18,11 +18,12 @@ sums to :math:`2 \pi T`.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-import shapely
-from shapely.geometry.polygon import orient
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from legfem.common.checks import check_positive
 from legfem.common.errors import InputError
@@ -128,10 +129,7 @@ def stocking_load(shape: LegShape, stocking: Stocking) -> StockingLoad:
     InputError
         If the stocking is slack at every level of the leg.
     """
-    perimeter = np.empty(len(shape.levels))
-    curvature = np.empty(shape.contours[SKIN].shape[:2])
-    for number, contour in enumerate(shape.contours[SKIN]):
-        perimeter[number], curvature[number] = _spanned(contour, stocking.bending_length)
+    perimeter, curvature = _spanned(shape.contours[SKIN], stocking.bending_length)
     strain = stocking.strain(perimeter, shape.levels)
     tension = stocking.tension(strain)
     if (tension == 0).all():
@@ -144,33 +142,75 @@ def stocking_load(shape: LegShape, stocking: Stocking) -> StockingLoad:
     return StockingLoad(perimeter, strain, tension, curvature, tension[:, None] * curvature)
 
 
-def _spanned(contour: FloatArray, span: float) -> tuple[float, FloatArray]:
-    """Return the hull's perimeter and its curvature at a contour's points, (n,)."""
-    hull = shapely.convex_hull(shapely.MultiPoint(contour))
-    ring = shapely.get_coordinates(orient(hull).exterior)[:-1]
-    sides = np.roll(ring, -1, axis=0) - ring
-    length = np.linalg.norm(sides, axis=1)
-    perimeter = float(length.sum())
-    heading = np.arctan2(sides[:, 1], sides[:, 0])
-    turn = np.mod(heading - np.roll(heading, 1), 2 * np.pi)
-    corner = np.concatenate([[0.0], np.cumsum(length)[:-1]])
-    at, distance = _along(ring, contour)
-    # Each corner's turn is spread over the span by a raised cosine, where the fabric bears.
-    offset = np.abs(at[:, None] - corner)
-    offset = np.minimum(offset, perimeter - offset)
-    cosine = np.where(offset < span, 1 + np.cos(np.pi * offset / span), 0.0)
+def _spanned(contours: FloatArray, span: float) -> tuple[FloatArray, FloatArray]:
+    """Return the hulls' perimeters (n_levels,), and their curvature at the contours' points.
+
+    Parameters
+    ----------
+    contours : (n_levels, n_points, 2) array
+        Counter-clockwise (mm).
+    span : float
+        Over which a corner's turn is spread to either side (mm).
+    """
+    corners = np.zeros(contours.shape[:2], dtype=bool)
+    for on_hull, contour in zip(corners, contours, strict=True):
+        on_hull[ConvexHull(contour).vertices] = True
+    behind, ahead = _neighbours(corners)
+    first = np.take_along_axis(contours, behind[..., None], axis=1)
+    side = np.take_along_axis(contours, ahead[..., None], axis=1) - first
+    length = np.linalg.norm(side, axis=2)
+    own = np.where(corners, length, 0.0)
+    perimeter = own.sum(axis=1)
+    place = np.cumsum(own, axis=1) - own
+    # A point off the hull projects on the side that spans the furrow.
+    share = np.clip(np.sum((contours - first) * side, axis=2) / length**2, 0.0, 1.0)
+    distance = np.linalg.norm(contours - first - share[..., None] * side, axis=2)
+    at = np.take_along_axis(place, behind, axis=1) + share * length
+    heading = np.arctan2(side[..., 1], side[..., 0])
+    before = np.take_along_axis(heading, np.roll(behind, 1, axis=1), axis=1)
+    turn = np.where(corners, np.mod(heading - before + np.pi, 2 * np.pi) - np.pi, 0.0)
     bearing = np.where(distance < OFF, 0.5 * (1 + np.cos(np.pi * distance / OFF)), 0.0)
-    spread = bearing[:, None] * cosine
-    around = np.linalg.norm(np.roll(contour, -1, axis=0) - np.roll(contour, 1, axis=0), axis=1) / 2
-    return perimeter, (spread / (around @ spread)) @ turn
+    around = np.roll(contours, -1, axis=1) - np.roll(contours, 1, axis=1)
+    around = 0.5 * np.linalg.norm(around, axis=2)
+    # Each corner's turn is spread over the span by a raised cosine, where the fabric bears: on the
+    # points so and so many places further on.
+    spread = {}
+    for shift, offset in _offsets(at, place, perimeter[:, None], span):
+        cosine = np.where(offset < span, 1 + np.cos(np.pi * offset / span), 0.0)
+        spread[shift] = np.roll(bearing, -shift, axis=1) * cosine
+    total = sum(np.roll(around, -shift, axis=1) * share for shift, share in spread.items())
+    weight = np.divide(turn, total, out=np.zeros_like(turn), where=corners)
+    curvature = sum(np.roll(share * weight, shift, axis=1) for shift, share in spread.items())
+    return perimeter, np.asarray(curvature)
+
+
+def _offsets(
+    at: FloatArray, place: FloatArray, perimeter: FloatArray, span: float
+) -> Iterator[tuple[int, FloatArray]]:
+    """Yield how far points lie from the corners so many places before them, up to the span."""
+    count = at.shape[1]
+    for shifts in (range(count // 2 + 1), range(-1, -((count + 1) // 2), -1)):
+        for shift in shifts:
+            offset = np.abs(np.roll(at, -shift, axis=1) - place)
+            offset = np.minimum(offset, perimeter - offset)
+            if (offset >= span).all():
+                break
+            yield shift, offset
 
 
 OFF = 0.4
 """Distance (mm) off the hull over which the fabric ceases to bear on the skin."""
 
 
-def _along(ring: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return where points project on a closed ring (mm along it), and their distance."""
-    line = shapely.LinearRing(ring)
-    given = shapely.points(points)
-    return shapely.line_locate_point(line, given), shapely.distance(line, given)
+def _neighbours(corners: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return for every point the corner at or before it, and the next; (n_levels, n_points).
+
+    Points go round, so that the first ones' corner may be the last.
+    """
+    count = corners.shape[1]
+    number = np.arange(count)
+    behind = np.maximum.accumulate(np.where(corners, number, -1), axis=1)
+    behind = np.where(behind < 0, behind[:, -1:], behind)
+    at_or_after = np.minimum.accumulate(np.where(corners, number, count)[:, ::-1], axis=1)[:, ::-1]
+    at_or_after = np.where(at_or_after == count, at_or_after[:, :1], at_or_after)
+    return behind, np.roll(at_or_after, -1, axis=1)
