@@ -20,7 +20,7 @@ from legfem.mechanics.model import Formulation, LegModel, Term
 from legfem.mechanics.terms import PressureStabilisation, SkinPressure, Tissue
 from legfem.meshing.idealised_leg import END, LegMesh
 from legfem.meshing.support import Support
-from legfem.solve.linear import LinearSettings
+from legfem.solve.linear import LinearSettings, renew_factors
 from legfem.solve.newton import NewtonSettings, NewtonSolver
 from legfem.solve.protocol import Protocol
 from legfem.solve.report import SolveReport
@@ -133,6 +133,7 @@ class LegCompression:
         self.solver = NewtonSolver(self.system, self.settings.newton, self.settings.linear)
         self._trackers = Trackers(self.system)
         self._tangent_of: Compressed | None = None
+        self._numbers: dict[str, float] = {}
 
     @property
     def comm(self) -> MPI.Intracomm:
@@ -171,7 +172,12 @@ class LegCompression:
             A state near the one sought, from which a single step is tried first.
         """
         system = self.system
-        system.set_parameters(system.model.values(values))
+        numbers = system.model.values(values)
+        if numbers != self._numbers:
+            # Factors of another stiffness serve badly.
+            renew_factors(self.solver.linear_solver)
+            self._numbers = numbers
+        system.set_parameters(numbers)
         system.applied_pressure.x.array[:] = pressure
         steps = StepSettings(hold_first=self.settings.first, hold_first_time=self.settings.first)
         tracker = self._trackers.fresh(sensitivities)
@@ -203,7 +209,7 @@ class LegCompression:
         system, linear = self.system, self.solver.linear_solver
         if self._tangent_of is not state:
             system.unknown.x.array[:] = state.unknown
-            self.solver.refactor()
+            self.solver.refactor(renew=len(changes) > 1)
             self._tangent_of = state
         linear.setTolerances(rtol=tolerance or self.settings.linear.tolerance)
         given, rates = system.applied_pressure.x.array.copy(), []

@@ -172,10 +172,14 @@ class NewtonSolver:
             self._norms[-1] if self._norms else np.inf,
         )
 
-    def refactor(self) -> None:
-        """Factorise the tangent at the present state."""
+    def refactor(self, renew: bool = True) -> None:
+        """Factorise the tangent at the present state.
+
+        Without ``renew`` factors that are kept may do, as in solving.
+        """
         self._assemble_tangent()
-        renew_factors(self.linear_solver)
+        if renew:
+            renew_factors(self.linear_solver)
         self.linear_solver.setUp()
 
     def _assemble_tangent(self) -> None:

@@ -21,7 +21,7 @@ from legfem.stocking.leg_model import PARAMETERS
 from legfem.stocking.misfit import ContourMisfit
 from legfem.stocking.nuisance import RIGID
 from legfem.stocking.nuisance_slopes import NuisanceSlopes
-from legfem.stocking.profiled import Profiled, Tension, profiled
+from legfem.stocking.profiled import Compared, Profiled, Tension, compared, profiled
 from legfem.stocking.sensors import Sensing
 from legfem.stocking.worn import Worn, WornLeg
 
@@ -30,6 +30,8 @@ START = kpa_to_mpa(np.array([3.0, 3.0]))
 BOUNDS = (kpa_to_mpa(0.1), kpa_to_mpa(100.0))
 LEARNT_AT = kpa_to_mpa(np.array([[3.0, 3.0], [1.5, 12.0], [6.0, 1.5]]))
 """C10 of muscle and fat (MPa) at which the nuisances' slopes are taken."""
+NO_GAIN = 0.1
+"""Of the least gain: a step that promises less isn't taken."""
 type OnSolve = Callable[[str], None]
 type Method = Literal["nelder-mead", "weighted"]
 
@@ -137,6 +139,7 @@ class StiffnessSearch:
         self._last: Worn | None = None
         self._learnt: dict[tuple[float, ...], Worn] = {}
         self.nuisances = NuisanceSlopes(leg, misfit, sensing)
+        self.compared: list[Compared] = []
 
     def nelder_mead(self) -> Identified:
         """Search as the paper does, from 3 kPa in both tissues."""
@@ -205,6 +208,10 @@ class StiffnessSearch:
             normal = here.jacobian.T @ here.jacobian
             damped = normal + damping * np.diag(np.diag(normal))
             step = -np.linalg.solve(damped, here.jacobian.T @ here.residual)
+            expected = here.objective - np.sum((here.residual + here.jacobian @ step) ** 2)
+            if expected < NO_GAIN * settings.least_gain:
+                converged = True
+                break
             proposed = np.clip(parameters * np.exp(np.clip(step, -1.0, 1.0)), *BOUNDS)
             worn = self._solve(proposed, differentiate=True)
             if not worn.state.report.complete:
@@ -228,7 +235,9 @@ class StiffnessSearch:
         )  # fmt: skip
 
     def _profiled(self, parameters: FloatArray, worn: Worn) -> Profiled:
-        return profiled(self._leg, self._misfit, self.nuisances, parameters, worn, self._sensing)
+        found = compared(self._leg, self._misfit, parameters, worn, self._sensing)
+        self.compared.append(found)
+        return profiled(found, self._misfit, self.nuisances, self._sensing)
 
     def _unsolved(self, method: Method, start: FloatArray, before: int, worn: Worn) -> Identified:
         return Identified(

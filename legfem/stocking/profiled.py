@@ -50,6 +50,65 @@ class Tension:
 
 
 @dataclass(frozen=True, eq=False)
+class Compared:
+    """What contours and sensors say of a worn leg at one stiffness.
+
+    Parameters
+    ----------
+    parameters : (2,) array
+        C10 of muscle and fat (MPa).
+    worn : Worn
+        The equilibrium there.
+    distances : (n,) array
+        mm.
+    slopes : (n, 2) array
+        Of the distances, by the logarithms of the stiffnesses.
+    felt : (s,) array
+        What sensors feel over what they showed, over their errors.
+    felt_slopes : (s, 2) array
+        By the logarithms of the stiffnesses.
+    """
+
+    parameters: FloatArray
+    worn: Worn
+    distances: FloatArray
+    slopes: FloatArray
+    felt: FloatArray
+    felt_slopes: FloatArray
+
+
+def compared(
+    leg: WornLeg,
+    misfit: ContourMisfit,
+    parameters: FloatArray,
+    worn: Worn,
+    sensing: Sensing | None = None,
+) -> Compared:
+    """Compare a worn leg with its scan and its sensors.
+
+    Parameters
+    ----------
+    leg, misfit
+        Of the leg.
+    parameters : (2,) array
+        C10 of muscle and fat (MPa).
+    worn
+        The equilibrium there, differentiated by `PARAMETERS`; the last that was found.
+    sensing : Sensing, optional
+        Sensors under the stocking.
+    """
+    contours = LinearisedContours(leg, misfit, worn)
+    felt: FloatArray = np.zeros(0)
+    felt_slopes: FloatArray = np.zeros((0, len(PARAMETERS)))
+    if sensing is not None:
+        felt = (sensing.felt(worn.load.pressure) - sensing.measured) / sensing.sd
+        slopes_felt = [sensing.felt(contours.pressure_by_parameter(name)) for name in PARAMETERS]
+        felt_slopes = np.stack(slopes_felt, axis=1) * parameters / sensing.sd[:, None]
+    slopes = np.stack([contours.by_parameter(name) for name in PARAMETERS], axis=1) * parameters
+    return Compared(parameters, worn, contours.distances, slopes, felt, felt_slopes)
+
+
+@dataclass(frozen=True, eq=False)
 class Profiled:
     """One stiffness.
 
@@ -86,52 +145,41 @@ class Profiled:
 
 
 def profiled(
-    leg: WornLeg,
+    found: Compared,
     misfit: ContourMisfit,
     nuisances: NuisanceSlopes,
-    parameters: FloatArray,
-    worn: Worn,
     sensing: Sensing | None = None,
 ) -> Profiled:
     """Fit the nuisances at a stiffness.
 
     Parameters
     ----------
-    leg, misfit, nuisances
+    found
+        There.
+    misfit, nuisances
         Of the leg.
-    parameters : (2,) array
-        C10 of muscle and fat (MPa).
-    worn
-        The equilibrium there, differentiated by `PARAMETERS`; the last that was found.
     sensing : Sensing, optional
         Sensors under the stocking.
     """
-    contours = LinearisedContours(leg, misfit, worn)
+    parameters = found.parameters
     slopes, sd = nuisances.at(parameters), nuisances.sd
-    felt: FloatArray = np.zeros(0)
-    felt_by: FloatArray = np.zeros((0, len(PARAMETERS)))
     felt_slopes: FloatArray = np.zeros((0, len(sd)))
     if sensing is not None:
-        own = sensing.sd
-        felt = (sensing.felt(worn.load.pressure) - sensing.measured) / own
-        felt_slopes = nuisances.felt(parameters) / own[:, None]
-        slopes_felt = [sensing.felt(contours.pressure_by_parameter(name)) for name in PARAMETERS]
-        felt_by = np.stack(slopes_felt, axis=1) * parameters / own[:, None]
+        felt_slopes = nuisances.felt(parameters) / sensing.sd[:, None]
     basis = np.vstack([misfit.whitened(slopes), felt_slopes, np.diag(1 / sd)])
     orthonormal, triangle = np.linalg.qr(basis)
-    white = misfit.whitened(contours.distances)
-    right = np.concatenate([white, felt, np.zeros(len(sd))])
+    white = misfit.whitened(found.distances)
+    right = np.concatenate([white, found.felt, np.zeros(len(sd))])
     nuisance = -solve_triangular(triangle, orthonormal.T @ right)
-    by_stiffness = []
-    for number, name in enumerate(PARAMETERS):
+    by_stiffness = found.slopes.copy()
+    for number in range(len(PARAMETERS)):
         ahead, behind = (
             nuisances.at(parameters * np.exp(sign * STEP * np.eye(2)[number])) for sign in (1, -1)
         )
-        change = (ahead - behind) @ nuisance / (2 * STEP)
-        by_stiffness.append(parameters[number] * contours.by_parameter(name) + change)
+        by_stiffness[:, number] += (ahead - behind) @ nuisance / (2 * STEP)
     rows = np.zeros((len(right), 2))
-    rows[: len(white)] = misfit.whitened(np.stack(by_stiffness, axis=1))
-    rows[len(white) : len(white) + len(felt)] = felt_by
+    rows[: len(white)] = misfit.whitened(by_stiffness)
+    rows[len(white) : len(white) + len(found.felt)] = found.felt_slopes
     tension = None
     if nuisances.of_tension:
         every = np.hstack([rows, basis])
@@ -140,8 +188,8 @@ def profiled(
         tension = Tension(float(nuisance[-1]), covariance)
     shown = [*range(RIGID + SECTORS), *([len(sd) - 1] if nuisances.of_tension else [])]
     return Profiled(
-        worn, contours.distances, nuisance,
-        contours.distances + slopes[:, shown] @ nuisance[shown],
+        found.worn, found.distances, nuisance,
+        found.distances + slopes[:, shown] @ nuisance[shown],
         right + basis @ nuisance,
         rows - orthonormal @ (orthonormal.T @ rows), tension,
     )  # fmt: skip

@@ -131,7 +131,9 @@ def run_leg(
     progress.stage("the leg in equilibrium with its stocking")
     tension = searches[0].tension if searches and not leg.known else None
     error = 0.0 if tension is None else tension.value
-    worn = worn_leg.find(parameters, error=error)
+    best = searches[0].worn if searches else None
+    start = best if best is not None and best.state.report.complete else None
+    worn = worn_leg.find(parameters, start=start, error=error)
     progress.advance(f"{len(worn.changes)} states")
     borne, pressures = worn.load.times(1 + error), None
     if worn.state.report.complete:

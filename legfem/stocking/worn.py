@@ -9,7 +9,7 @@ with the simulated shape it gives way by :math:`K/(1 + K)` only.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,15 +17,17 @@ import numpy as np
 from legfem.common.units import FloatArray
 from legfem.experiments.compression import Compressed
 from legfem.geometry.leg_shape import SKIN, LegShape
-from legfem.solve.fixed_point import AndersonMixing
 from legfem.stocking.kept_equilibria import AskedEquilibrium, KeptEquilibria, KeptEquilibrium
 from legfem.stocking.laplace import Stocking, StockingLoad, stocking_load
 from legfem.stocking.leg_model import LegModel3D
 
 SLOPE_STEP = 1e-2
 """Greatest displacement (mm) of a difference of pressures or distances."""
-RATE_TOLERANCE, FEEDBACK_TOLERANCE = 1e-3, 3e-2
-"""Of the linear solutions of a pressure's changes, and of the stocking's answer to them."""
+RATE_TOLERANCE, FEEDBACK_TOLERANCE, STEP_TOLERANCE = 1e-3, 3e-2, 0.1
+"""Of the linear solutions of a pressure's changes, and of the stocking's answer to them: in
+derivatives, and on the way to an equilibrium."""
+NEARLY = 40.0
+"""Times the tolerance: within it the next state is likely to be the equilibrium."""
 MAX_DIRECTIONS = 40
 
 
@@ -36,12 +38,12 @@ class FixedPointSettings:
     Parameters
     ----------
     tolerance : float
-        Change of the pressure from one state to the next, over its greatest value.
+        Difference of the pressure and that of the shape it makes, over its greatest value.
     max_states : int
         Compressed states to solve for.
     """
 
-    tolerance: float = 2e-3
+    tolerance: float = 5e-4
     max_states: int = 12
 
 
@@ -141,12 +143,11 @@ class WornLeg:
         parameters, sensitivities, error = asked.parameters, asked.sensitivities, asked.error
         load = self.load(self.model.shape) if start is None else start.load
         pressure, state = load.pressure * (1 + error), None if start is None else start.state
-        shape, mixing = self.model.shape, AndersonMixing()
+        shape, near = self.model.shape, False
         changes: list[float] = []
-        converged = False
-        last = self._settings.max_states
         while True:
-            names = sensitivities if converged or len(changes) + 1 == last else ()
+            last = len(changes) + 1 == self._settings.max_states
+            names = sensitivities if near or last else ()
             state = self.model.solve(parameters, pressure, names, state)
             self.states += 1
             if not state.report.complete:
@@ -155,16 +156,30 @@ class WornLeg:
             load = self.load(shape)
             aimed = load.pressure * (1 + error)
             changes.append(float(np.abs(aimed - pressure).max() / aimed.max()))
-            ended = converged or len(changes) == last
-            converged = converged or changes[-1] < self._settings.tolerance
-            # One state more, nearer still, bears the derivatives.
-            if ended or (converged and not sensitivities):
-                return Worn(state, pressure, shape, load, tuple(changes), converged)
-            pressure = np.maximum(mixing.next(pressure, aimed), 0.0)
+            converged = changes[-1] < self._settings.tolerance
+            here = Worn(state, pressure, shape, load, tuple(changes), converged)
+            if last or (converged and names == sensitivities):
+                return here
+            near = changes[-1] < NEARLY * self._settings.tolerance
+            moved, added = Feedback(self, here).answered(aimed - pressure, STEP_TOLERANCE)
+            pressure = np.maximum(pressure + added, 0.0)
+            state = replace(state, unknown=state.unknown + moved)
 
     def load(self, shape: LegShape) -> StockingLoad:
         """Return the load of the stocking on a shape of the leg."""
         return stocking_load(shape, self.stocking)
+
+
+@dataclass(frozen=True, eq=False)
+class _Direction:
+    r"""A change of the pressure :math:`\delta p`, with what it does."""
+
+    change: FloatArray
+    """At the skin's points."""
+    answer: FloatArray
+    r"""Of the unknown, :math:`S\,\delta p`."""
+    image: FloatArray
+    r""":math:`\delta p - L' S\,\delta p`, of norm 1."""
 
 
 class Feedback:
@@ -186,35 +201,52 @@ class Feedback:
 
     def __init__(self, leg: WornLeg, worn: Worn) -> None:
         self._leg, self._worn = leg, worn
-        self._images: list[FloatArray] = []
-        self._answers: list[FloatArray] = []
+        self._directions: list[_Direction] = []
 
     def to_rate(self, rate: FloatArray) -> FloatArray:
         """Return the unknown's derivative in equilibrium, of that at a fixed pressure."""
-        left = self.pressure_slope(rate)
-        enough = FEEDBACK_TOLERANCE * np.linalg.norm(left)
-        total = rate.copy()
-        for image, answer in zip(self._images, self._answers, strict=True):
-            share = np.vdot(image, left)
-            left, total = left - share * image, total + share * answer
-        while np.linalg.norm(left) > enough and len(self._images) < MAX_DIRECTIONS:
-            self._extend(left)
-            share = np.vdot(self._images[-1], left)
-            left = left - share * self._images[-1]
-            total = total + share * self._answers[-1]
-        return total
+        return rate + self.answered(self.pressure_slope(rate), FEEDBACK_TOLERANCE)[0]
 
-    def _extend(self, direction: FloatArray) -> None:
-        """Add a change of pressure, and keep what remains of it without the answer's own."""
+    def answered(self, change: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray]:
+        r"""Return how the unknown moves by a change of the pressure, and what that change becomes.
+
+        With the stocking's answer: of :math:`c` they are :math:`S\,\delta p` and
+        :math:`\delta p = c + L' S\,\delta p`. Newton's step to an equilibrium, where the change is
+        the pressure that is missing.
+
+        Parameters
+        ----------
+        change
+            At the skin's points (MPa).
+        tolerance
+            Of what is left, over the change.
+        """
+        left, enough = change, tolerance * np.linalg.norm(change)
+        moved, added = np.zeros_like(self._worn.state.unknown), np.zeros_like(change)
+        number = 0
+        while number < len(self._directions) or (
+            np.linalg.norm(left) > enough and number < MAX_DIRECTIONS
+        ):
+            if number == len(self._directions):
+                self._directions.append(self._new(left))
+            known = self._directions[number]
+            share = np.vdot(known.image, left)
+            left = left - share * known.image
+            moved, added = moved + share * known.answer, added + share * known.change
+            number += 1
+        return moved, added
+
+    def _new(self, change: FloatArray) -> _Direction:
+        """Return a change of the pressure, less what the known ones have of its image."""
         model, state = self._leg.model, self._worn.state
-        (answer,) = model.pressure_rates(state, [direction], RATE_TOLERANCE)
-        image = direction - self.pressure_slope(answer)
-        for known, known_answer in zip(self._images, self._answers, strict=True):
-            share = np.vdot(known, image)
-            image, answer = image - share * known, answer - share * known_answer
+        (answer,) = model.pressure_rates(state, [change], RATE_TOLERANCE)
+        image = change - self.pressure_slope(answer)
+        for known in self._directions:
+            share = np.vdot(known.image, image)
+            change, answer = change - share * known.change, answer - share * known.answer
+            image = image - share * known.image
         size = float(np.linalg.norm(image))
-        self._images.append(image / size)
-        self._answers.append(answer / size)
+        return _Direction(change / size, answer / size, image / size)
 
     def pressure_slope(self, rate: FloatArray) -> FloatArray:
         """Return the change of the stocking's pressure along a derivative of the unknown."""
