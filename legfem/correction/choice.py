@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from legfem.common.units import FloatArray
+from legfem.correction.fibres import read_fibres, with_fibres
 from legfem.correction.leg_sizes import read_leg_corrections
 from legfem.correction.tabulated import TabulatedCorrection, read_correction
 from legfem.geometry.section import depth_to_bone, girth
@@ -49,7 +50,7 @@ class Correction(Protocol):
 
 
 def choose_correction(name: str, subject: Subject) -> TabulatedCorrection | None:
-    """Return the correction that ``--correction`` names.
+    """Return the correction that ``--correction`` names, with the leg's fibres if they are known.
 
     Parameters
     ----------
@@ -66,7 +67,8 @@ def choose_correction(name: str, subject: Subject) -> TabulatedCorrection | None
     """
     if name == OWN or (name == AUTO and not why_uncorrected(subject)):
         return correction_of(subject)
-    return None if name == AUTO else find_correction(name)
+    found = None if name == AUTO else find_correction(name)
+    return None if found is None else _of_muscle(subject, found)
 
 
 def find_correction(name: str) -> TabulatedCorrection | None:
@@ -81,14 +83,23 @@ def find_correction(name: str) -> TabulatedCorrection | None:
 
 
 def correction_of(subject: Subject) -> TabulatedCorrection:
-    """Return legfem's correction at a subject's girth and depth to the bone.
+    """Return legfem's correction at a subject's girth and depth to the bone, with known fibres.
 
     Without a table of legs that of the reference leg, which its name says.
     """
     base = read_correction(REFERENCE)
     if not LEGS.exists():
-        return replace(base, name=f"{base.name}, of the reference leg's girth and bone")
-    return read_leg_corrections(LEGS).of_leg(base, *size_of(subject))
+        own = replace(base, name=f"{base.name}, of the reference leg's girth and bone")
+    else:
+        own = read_leg_corrections(LEGS).of_leg(base, *size_of(subject))
+    return _of_muscle(subject, own)
+
+
+def _of_muscle(subject: Subject, correction: TabulatedCorrection) -> TabulatedCorrection:
+    """Return a correction with what the subject's fibres do to the force, if that can be told."""
+    if subject.fibres is None or why_without_fibres(subject):
+        return correction
+    return with_fibres(correction, read_fibres(), subject.fibres)
 
 
 def size_of(subject: Subject) -> tuple[float, float]:
@@ -104,15 +115,28 @@ def why_uncorrected(subject: Subject) -> str | None:
     """Return why there is no correction by default; None where there is one."""
     if subject.plane_strain:
         return "the recordings are simulated in plane strain, which has no ends"
-    calibrated = read_correction(REFERENCE).given["cylinder"]
-    size = (2 * subject.indenter.radius, subject.indenter.length)
-    if not np.allclose(size, (2 * calibrated["radius"], calibrated["length"]), rtol=0.01):
+    if other := _another_cylinder(subject, read_correction(REFERENCE).given["cylinder"]):
         return (
-            f"legfem's own is for a cylinder of {2 * calibrated['radius']:g} x "
-            f"{calibrated['length']:g} mm, not {size[0]:g} x {size[1]:g} mm; calibrate one with "
+            f"legfem's own is for {other}; calibrate one with "
             "python -m legfem.study correction --cylinder-length, and give it with --correction"
         )
     return None
+
+
+def why_without_fibres(subject: Subject) -> str | None:
+    """Return why legfem can't tell what fibres do to a force; None where it can."""
+    if other := _another_cylinder(subject, read_fibres().given["cylinder"]):
+        return f"legfem's table of fibres is for {other}"
+    return None
+
+
+def _another_cylinder(subject: Subject, tabulated: Mapping[str, float]) -> str:
+    """Return of which cylinder a table is, and of which it isn't; empty if it is the subject's."""
+    size = (2 * subject.indenter.radius, subject.indenter.length)
+    own = (2 * tabulated["radius"], tabulated["length"])
+    if np.allclose(size, own, rtol=0.01):
+        return ""
+    return f"a cylinder of {own[0]:g} x {own[1]:g} mm, not {size[0]:g} x {size[1]:g} mm"
 
 
 def correction_factor(

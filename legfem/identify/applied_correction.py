@@ -22,6 +22,8 @@ class AppliedCorrection:
     """On the curve's grid, (n,); the factor is ``1 - P``."""
     sd: FloatArray
     """Of P's error, (n,), which the intervals carry."""
+    with_fibres: bool = False
+    """Whether it holds what the muscle's fibres do."""
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from legfem.identify.catalogue import (
     unit_suffix,
     with_units,
 )
-from legfem.identify.error_sources import total_of
+from legfem.identify.error_sources import source_of_mode, total_of
 from legfem.identify.estimates import Optimum, correlations_of, estimates
 from legfem.identify.laws import IdentifiedLaw
 from legfem.identify.misfit import Misfit
@@ -88,9 +88,10 @@ def assess(given: Assessment) -> IdentificationResult:
     found = estimates(optimum)
     solves = tuple(_full_solve(trial, search) for trial in given.found.trials)
     outcomes = given.found.outcomes
+    applied = applied_correction(given.correction, given.measured.displacement, best.values)
     finding = Finding(
         given.subject, law.name, found, cost, limit, search.converged, solves,
-        given.correction, given.measured, best.outcome.compromise,
+        applied, given.measured, best.outcome.compromise,
     )  # fmt: skip
     return IdentificationResult(
         subject_id=given.subject.id,
@@ -115,7 +116,7 @@ def assess(given: Assessment) -> IdentificationResult:
         wall_s=given.found.wall_s,
         seed=settings.seed,
         emulator_error=search.emulator_error,
-        correction=_applied(given),
+        correction=applied,
         weighting=search.misfit.weighting,
         converged=search.converged,
         neo_hookean_limit=limit,
@@ -123,6 +124,7 @@ def assess(given: Assessment) -> IdentificationResult:
         settings=_settings(given),
         versions=versions(),
         doubts=doubts_of(finding),
+        fibres=given.subject.fibres,
     )
 
 
@@ -130,10 +132,6 @@ def assumed_stiffness(law: IdentifiedLaw) -> dict[str, float]:
     """Return the stiffnesses of fat and fascia that were held, MPa."""
     every = {**law.nominal, **law.fixed}
     return {name: every[name] for name in _ASSUMED if name in every and name not in law.names}
-
-
-def _applied(given: Assessment) -> AppliedCorrection | None:
-    return applied_correction(given.correction, given.measured.displacement, given.best.values)
 
 
 def applied_correction(
@@ -144,8 +142,10 @@ def applied_correction(
         return None
     c10, c20 = mpa_to_kpa(values[DEEP_C10]), mpa_to_kpa(values.get(DEEP_C20, 0.0))
     factor = correction.factor(displacement, np.asarray(c10), np.asarray(c20))
-    sd = factor * np.sqrt(np.diag(correction.covariance(displacement, c10, c20)))
-    return AppliedCorrection(correction.name, 1 - factor, sd)
+    modes = correction.relative_errors(displacement, c10, c20)
+    sd = factor * np.sqrt(sum(mode**2 for mode in modes.values()))
+    fibrous = any(source_of_mode(name) == "fibres" for name in modes)
+    return AppliedCorrection(correction.name, 1 - factor, sd, fibrous)
 
 
 def _cost(given: Assessment, covariance: FloatArray) -> Cost:

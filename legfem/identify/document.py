@@ -8,7 +8,7 @@ from typing import Any
 from legfem.common.documents import json_types
 from legfem.common.doubts import doubt_documents
 from legfem.common.units import readable_unit
-from legfem.identify.applied_correction import SpatialEvidence
+from legfem.identify.applied_correction import AppliedCorrection, SpatialEvidence
 from legfem.identify.catalogue import (
     DEEP_C10,
     DEEP_C20,
@@ -28,6 +28,7 @@ from legfem.identify.result import (
     PredictedCurve,
     SearchPath,
 )
+from legfem.subjects.elastography import FibreRatio
 
 SCHEMA = "legfem.identify/1"
 
@@ -52,6 +53,7 @@ def result_document(result: IdentificationResult) -> dict[str, Any]:
         "model": "2d" if result.spatial is None else "3d",
         "spatial": None if result.spatial is None else _spatial(result.spatial),
         "correction": None if result.correction is None else result.correction.name,
+        "fibres": None if result.fibres is None else _fibres(result.fibres, result.correction),
         "weighting": result.weighting,
         "curve": {
             "displacement_mm": result.predicted.displacement,
@@ -145,6 +147,16 @@ def _cost(cost: Cost) -> dict[str, Any]:
         "minimised": cost.minimised,
         "minimised_value": cost.minimised_value,
         "minimised_unit": cost.minimised_unit,
+    }
+
+
+def _fibres(fibres: FibreRatio, correction: AppliedCorrection | None) -> dict[str, Any]:
+    return {
+        "ratio": fibres.value,
+        "sd": fibres.sd,
+        "provenance": fibres.provenance,
+        "source": fibres.source,
+        "in_correction": correction is not None and correction.with_fibres,
     }
 
 

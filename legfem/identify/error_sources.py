@@ -8,13 +8,19 @@ from typing import Literal
 import numpy as np
 
 from legfem.common.units import FloatArray
+from legfem.correction.fibres import FIBRES
 from legfem.inference.least_squares import sandwich
 
-ErrorSource = Literal["recordings", "differences", "model", "ends", "priors"]
+ErrorSource = Literal["recordings", "differences", "model", "ends", "fibres", "priors"]
 """Readings; a factor by which recordings or specimens differ; the model's numerical error; the
-correction for the cylinder's ends; what was known beforehand."""
+correction for the cylinder's ends; muscle fibres' part in it; what was known beforehand."""
 Covariances = Mapping[ErrorSource, FloatArray]
 """Of forces (n, n), N2, by source; they add up."""
+
+
+def source_of_mode(name: str) -> ErrorSource:
+    """Return the source that a mode of the correction's error counts to, by the mode's name."""
+    return "fibres" if name.startswith(FIBRES) else "ends"
 
 
 def total_of(covariances: Covariances) -> FloatArray:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
 from legfem.correction.choice import Correction
 from legfem.identify.assess import Assessment, assess
 from legfem.identify.catalogue import Values
@@ -79,16 +81,31 @@ class Identification:
 
     def identify(self, names: Sequence[LawName]) -> list[IdentificationResult]:
         """Return the results of laws, in their order."""
-        searches = Searches(self.laws, self.solver, self.settings, self._misfit)
+        about = self._near(names) if self._weighs_correction else None
+        searches = self._searches(partial(self._misfit, about=about))
         return [
             assess(Assessment(self.subject, found, self.measured, self.correction))
             for found in searches.find(names)
         ]
 
-    def _misfit(self, law: IdentifiedLaw) -> Misfit:
+    @property
+    def _weighs_correction(self) -> bool:
+        """Whether the correction's error is to be weighed against what was known beforehand."""
+        return self.correction is not None and any(len(law.priors) for law in self.laws.values())
+
+    def _near(self, names: Sequence[LawName]) -> tuple[Values, FloatArray]:
+        """Return the best solve of the law with the most parameters, by the recordings' errors."""
+        most = max(names, key=lambda name: len(self.laws[name].parameters))
+        (found,) = self._searches(self._misfit).find([most])
+        return found.best.values, found.linear.prediction.force
+
+    def _searches(self, misfit_of: Callable[[IdentifiedLaw], Misfit]) -> Searches[Misfit]:
+        return Searches(self.laws, self.solver, self.settings, misfit_of)
+
+    def _misfit(self, law: IdentifiedLaw, about: tuple[Values, FloatArray] | None = None) -> Misfit:
         return Misfit(
             self.measured, weighting_of(law, self.settings.weighting), self.correction,
-            beyond_of(law.parameters, law.fixed), law.reads,
+            beyond_of(law.parameters, law.fixed), law.reads, about,
         )  # fmt: skip
 
 

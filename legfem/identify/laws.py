@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -22,6 +22,7 @@ from legfem.identify.catalogue import (
     within_prior,
 )
 from legfem.identify.reading import INSTRUMENT, READINGS
+from legfem.inference.elastography import elastography_priors
 from legfem.inference.least_squares import Priors
 from legfem.inference.parameter import Parameter
 from legfem.subjects.subject import Subject
@@ -131,7 +132,8 @@ def law_of(
         The model's values as assumed.
     parameters : sequence of Parameter, optional
         Free ones, of which the law takes those that it has, and those of role "fixed" not; C10 and
-        C20 of the deep tissue without them.
+        C20 of the deep tissue without them. What elastography of the subject says of a stiffness
+        is its prior unless it has one.
     fixed : Mapping[str, float], optional
         Held in place of the assumed values.
 
@@ -142,6 +144,7 @@ def law_of(
     """
     given = default_parameters(nominal) if parameters is None else parameters
     held = dict(fixed or {})
+    given = _with_elastography(given, subject, nominal)
     check_known([one.name for one in given], nominal, "--identify")
     check_known(list(held), nominal, "--fix")
     without = _OF_POLYNOMIAL_ONLY if name == "neo-hookean" else ()
@@ -169,3 +172,14 @@ def law_of(
             )  # fmt: skip
         held[key] = value
     return IdentifiedLaw(name, free, held, nominal)
+
+
+def _with_elastography(
+    given: Sequence[Parameter], subject: Subject, nominal: Values
+) -> list[Parameter]:
+    """Return parameters with what was measured of them, and what was measured of others."""
+    known = {one.name: one for one in given}
+    for name, prior in elastography_priors(subject).items():
+        own = known.get(name) or replace(parameter_of(name, nominal), role="nuisance")
+        known[name] = replace(own, prior=own.prior or prior)
+    return list(known.values())

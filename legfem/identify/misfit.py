@@ -13,7 +13,12 @@ from scipy.linalg import solve_triangular
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.correction.choice import Correction, correction_factor
 from legfem.identify.catalogue import DEEP_C10, DEEP_C20
-from legfem.identify.error_sources import Covariances, ErrorSource, total_of
+from legfem.identify.error_sources import (
+    Covariances,
+    ErrorSource,
+    source_of_mode,
+    total_of,
+)
 from legfem.identify.forward import ForwardOutcome
 from legfem.identify.reading import INSTRUMENT, Reading
 from legfem.identify.settings import Weighting
@@ -129,6 +134,11 @@ class Misfit(Compared):
         the recording's zero.
     reads : bool
         Whether the instrument's gain, zero or offset of contact count.
+    about : tuple, optional
+        Values and force (n,), N, of a solve near the recordings, about which the correction's error
+        counts in the weights too, as it must where what was known beforehand is weighed against the
+        recordings. As a share of recorded forces it would draw the model to one side (Peelle's
+        puzzle).
     """
 
     measured: LoadingCurve
@@ -136,6 +146,7 @@ class Misfit(Compared):
     correction: Correction | None = None
     beyond: float = 0.0
     reads: bool = False
+    about: tuple[Mapping[str, float], FloatArray] | None = None
 
     @property
     def displacement(self) -> FloatArray:
@@ -183,17 +194,23 @@ class Misfit(Compared):
 
     def covariances_at(self, values: Mapping[str, float]) -> Covariances:
         """Return the parts of `covariance`, and the correction's at the model's values."""
-        measured = self.measured
-        own = measured.covariance
+        return self._covariances(values, self.measured.force)
+
+    def _covariances(self, values: Mapping[str, float], force: FloatArray) -> Covariances:
+        own = self.measured.covariance
         parts: dict[ErrorSource, FloatArray] = {"recordings": own, "model": self.covariance - own}
         if self.correction is not None:
-            relative = self.correction.covariance(self.displacement, *_stiffness(values))
-            parts["ends"] = np.outer(measured.force, measured.force) * relative
+            modes = self.correction.relative_errors(self.displacement, *_stiffness(values))
+            for name, relative in modes.items():
+                source, mode = source_of_mode(name), relative * force
+                parts[source] = parts.get(source, 0.0) + np.outer(mode, mode)
         return parts
 
     @cached_property
     def _lower(self) -> FloatArray:
-        return np.linalg.cholesky(self.covariance)
+        if self.about is None:
+            return np.linalg.cholesky(self.covariance)
+        return np.linalg.cholesky(total_of(self._covariances(*self.about)))
 
     def weighted(self, values: FloatArray) -> FloatArray:
         """Return values (n, ...) scaled so that `objective` is their sum of squares."""

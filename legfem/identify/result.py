@@ -18,6 +18,7 @@ from legfem.inference.constants import VERDICTS, Identifiability
 from legfem.inference.identifiability import Bound, Estimated, bound_of
 from legfem.inference.parameter import Parameter
 from legfem.recording import LoadingCurve
+from legfem.subjects.elastography import FibreRatio
 
 
 @dataclass(frozen=True)
@@ -222,6 +223,8 @@ class IdentificationResult(IdentifiedParameters):
     """Numbers that the result depends on, their units in the names."""
     doubts: tuple[Doubt, ...] = ()
     """What is unlikely in the input, or in what came out of it."""
+    fibres: FibreRatio | None = None
+    """Of the muscle, where it is known; `AppliedCorrection.with_fibres` says whether it counts."""
     spatial: SpatialEvidence | None = None
     """Of the leg solved in 3D; None of the model in plane strain with a tabulated correction."""
 

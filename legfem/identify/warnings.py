@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from legfem.common.doubts import Doubt
 from legfem.common.units import mpa_to_kpa
-from legfem.correction.choice import Correction, why_uncorrected
+from legfem.correction.choice import why_uncorrected, why_without_fibres
+from legfem.identify.applied_correction import AppliedCorrection
 from legfem.identify.catalogue import DEEP_C10, DEEP_C20, key_of
 from legfem.identify.laws import LawName
 from legfem.identify.result import Cost, Estimate, FullSolve
+from legfem.inference.elastography import elastography_priors
 from legfem.recording import LoadingCurve
 from legfem.subjects import ranges
 from legfem.subjects.plausibility import doubts_about, poisson_ratio
@@ -19,8 +22,9 @@ from legfem.subjects.subject import Subject
 LEAST_CHANCE = 1e-3
 """Chance of so large a misfit, were the law right, below which the law is doubted."""
 
-# Standard deviations from a prior's centre that chance doesn't explain.
-_FAR = 3.0
+# Standard deviations from a prior's centre that chance doesn't explain, and that two ways of
+# measuring shouldn't lie apart.
+_FAR, _DISAGREES = 3.0, 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +38,7 @@ class Finding:
     neo_hookean_limit: bool
     converged: bool
     solves: tuple[FullSolve, ...]
-    correction: Correction | None
+    correction: AppliedCorrection | None
     measured: LoadingCurve
     compromise: str
     """Of the best solve; see `legfem.identify.forward.ForwardOutcome`."""
@@ -66,7 +70,8 @@ def warnings_about(found: Finding) -> tuple[str, ...]:
         )
     texts += [
         *far_from_priors(found.parameters),
-        *of_ends(found.subject, found.correction is not None),
+        *of_ends(found.subject, found.correction),
+        *of_elastography(found.subject, found.parameters),
     ]
     for name, tissue in found.subject.tissues.items():
         if name != "deep" and (ratio := poisson_ratio(tissue)) is not None and ratio < 0:
@@ -131,12 +136,34 @@ def far_from_priors(parameters: Mapping[str, Estimate]) -> Iterator[str]:
             )
 
 
-def of_ends(subject: Subject, corrected: bool) -> Iterator[str]:
-    """Yield what is to be known of the cylinder's ends."""
-    if not corrected:
+def of_ends(subject: Subject, correction: AppliedCorrection | None) -> Iterator[str]:
+    """Yield what is to be known of the cylinder's ends, and of fibres under them."""
+    if correction is None:
         yield f"No 3D correction is applied: {_without_correction(subject)}"
     elif not subject.plane_strain:
-        yield _FIBRES
+        yield from _of_fibres(subject, correction.with_fibres)
+
+
+def of_elastography(subject: Subject, parameters: Mapping[str, Estimate]) -> Iterator[str]:
+    r"""Yield where elastography and indentation disagree.
+
+    Where both are right, an optimum departs from a prior of standard deviation :math:`s_0` by one
+    of :math:`\sqrt{s_0^2 - s^2}`, with its own error s.
+    """
+    for name, prior in elastography_priors(subject).items():
+        one = parameters.get(name)
+        if one is None or one.parameter.prior != prior or not one.standard_error < prior.sd:
+            continue
+        apart = (one.value - prior.centre) / math.sqrt(prior.sd**2 - one.standard_error**2)
+        if abs(apart) > _DISAGREES:
+            stiffer = "Indentation" if apart > 0 else "Elastography"
+            yield (
+                f"{stiffer} finds {key_of(name)} stiffer than the other, by {abs(apart):.1f} "
+                f"standard deviations ({prior.source}: C10 {mpa_to_kpa(prior.centre):.3g} ± "
+                f"{mpa_to_kpa(prior.sd):.2g} kPa). Shear waves of 100 Hz and more meet a stiffer "
+                "tissue than a slow test does: a wider sd_kPa should hold that, or one of the two "
+                "is wrong."
+            )
 
 
 def doubts_of(found: Finding) -> tuple[Doubt, ...]:
@@ -162,10 +189,29 @@ def doubts_about_stiffness(
     )  # fmt: skip
 
 
-_FIBRES = (
+def _of_fibres(subject: Subject, in_correction: bool) -> Iterator[str]:
+    if subject.fibres is None:
+        yield _NO_FIBRES
+        return
+    known = (
+        f"Muscle is taken to be {subject.fibres} times as stiff in shear along the leg as across "
+        f"({subject.fibres.provenance}: {subject.fibres.source})"
+    )
+    if not in_correction:
+        why = why_without_fibres(subject) or "it was given by itself"
+        yield f"{known}, but the 3D correction has no fibres: {why}. --model 3d has them."
+        return
+    error = "and C10's interval has the error of that"
+    if not subject.fibres.sd:
+        error += ", but none of the ratio, which is stated without (fibre_ratio_sd)"
+    yield f"{known}: the 3D correction has what fibres do, {error}."
+
+
+_NO_FIBRES = (
     "The 3D correction takes muscle to be alike in all directions. Where its shear modulus along "
-    "the leg is three times that across, a cylinder of 50 mm meets 21 to 31 % more force "
-    "(studies/fibres), and C10 is about as much too high."
+    "the leg is three times that across, a cylinder of 50 mm meets 13 to 27 % more force "
+    "(studies/fibres), and C10 is about as much too high. State fibre_ratio under [tissues.deep], "
+    "or [[elastography]] along and across."
 )
 
 

@@ -12,7 +12,12 @@ from scipy.linalg import block_diag
 
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.identify.catalogue import DEEP_C10, DEEP_C20
-from legfem.identify.error_sources import Covariances, total_of
+from legfem.identify.error_sources import (
+    Covariances,
+    ErrorSource,
+    source_of_mode,
+    total_of,
+)
 from legfem.identify.forward import ForwardOutcome
 from legfem.identify.misfit import Compared, Misfit, Prediction
 from legfem.identify.reading import GAIN, OFFSET, ZERO
@@ -125,11 +130,12 @@ class SitesMisfit(Compared):
             for name, relative in errors.items():
                 mode = modes.setdefault(name, np.zeros(len(self)))
                 mode[span] = relative * part.measured_force
-        ends = np.zeros((len(self),) * 2)
-        for mode in modes.values():
-            ends += np.outer(mode, mode)
         own = block_diag(*(part.measured.covariance for part in self.parts))
-        return {"recordings": own, "model": self.covariance - own, "ends": ends}
+        parts: dict[ErrorSource, FloatArray] = {"recordings": own, "model": self.covariance - own}
+        for name, mode in modes.items():
+            source = source_of_mode(name)
+            parts[source] = parts.get(source, 0.0) + np.outer(mode, mode)
+        return parts
 
 
 def _of_site(outcome: ForwardOutcome, number: int) -> ForwardOutcome:

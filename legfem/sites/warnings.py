@@ -14,6 +14,7 @@ from legfem.identify.warnings import (
     doubts_about_stiffness,
     far_from_priors,
     of_compromise,
+    of_elastography,
     of_ends,
 )
 from legfem.sites.result import SiteFit, SitesResult
@@ -44,6 +45,7 @@ def warnings_about(result: SitesResult) -> tuple[str, ...]:
         *of_compromise(result.compromise),
         *at_limits(result.law, result.parameters, result.neo_hookean_limit),
         *far_from_priors(result.parameters),
+        *of_elastography(result.sites[0].subject, result.parameters),
     ]
     if result.failed_solves:
         texts.append(
@@ -52,7 +54,7 @@ def warnings_about(result: SitesResult) -> tuple[str, ...]:
         )
     applied = [one for one in result.sites if one.correction is not None]
     texts += dict.fromkeys(
-        text for one in result.sites for text in of_ends(one.subject, one.correction is not None)
+        text for one in result.sites for text in of_ends(one.subject, one.correction)
     )
     if len(applied) > 1:
         texts.append(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -20,6 +21,7 @@ from legfem.recording import (
 )
 from legfem.recording.formats import READERS
 from legfem.subjects.catalogue import RESOURCES, Catalogue
+from legfem.subjects.elastography import ShearModulus, fibre_ratio
 from legfem.subjects.placement import placed
 from legfem.subjects.plausibility import doubts_about
 from legfem.subjects.schema import SubjectFile, TissueEntry
@@ -100,18 +102,15 @@ def load_subject(
     channels = given.recordings.channels()
     folder = directory / entry.recordings
     recordings = _recordings(folder, channels) if need_recordings else ()
+    moduli = tuple(map(ShearModulus.of, given.elastography))
+    deep = given.tissues.deep
     subject = Subject(
         id=given.id,
         title=given.title,
         origin=given.origin,
         section=section,
         indenter=indenter,
-        tissues=MappingProxyType(
-            {
-                name: _tissue(getattr(given.tissues, name))
-                for name in ("deep", "superficial", "fascia")
-            }
-        ),
+        tissues=MappingProxyType(_tissues(given, moduli)),
         instrument=_instrument(toml, given, recordings, need_instrument),
         recordings=recordings,
         directory=directory,
@@ -132,6 +131,8 @@ def load_subject(
         cut_from=place.cut_from,
         landmark_residual=place.landmark_residual,
         site=entry.site,
+        elastography=moduli,
+        fibres=fibre_ratio(moduli, deep.fibre_ratio, deep.fibre_ratio_sd),
     )
     doubts_about(subject)
     return subject
@@ -139,6 +140,17 @@ def load_subject(
 
 def _relative(percent: float | None) -> float | None:
     return None if percent is None else percent / 100
+
+
+def _tissues(given: SubjectFile, moduli: Sequence[ShearModulus]) -> dict[str, TissueParameters]:
+    """Return the tissues' laws; what was measured of fat takes the place of what was assumed."""
+    tissues = {
+        name: _tissue(getattr(given.tissues, name)) for name in ("deep", "superficial", "fascia")
+    }
+    for one in moduli:
+        if one.tissue == "superficial":
+            tissues[one.tissue] = replace(tissues[one.tissue], C10=one.C10)
+    return tissues
 
 
 def _tissue(entry: TissueEntry) -> TissueParameters:

@@ -17,6 +17,7 @@ from legfem.common.doubts import Doubt
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.geometry.section import BONES, PARTS, first_crossing, girth
 from legfem.subjects import ranges
+from legfem.subjects.elastography import doubts_about_elastography
 from legfem.subjects.plausible_recordings import doubts_about_recordings
 
 if TYPE_CHECKING:
@@ -54,6 +55,7 @@ def doubts_about(subject: Subject) -> tuple[Doubt, ...]:
         *_landmarks(toml, subject),
         *_indenter(toml, subject),
         *(d for name, t in subject.tissues.items() for d in _tissue(toml, f"tissues.{name}", t)),
+        *doubts_about_elastography(toml, subject.elastography),
         *doubts_about_recordings(subject, toml, room_before(subject)),
     ]  # fmt: skip
     return tuple(doubt for doubt in found if doubt.field not in subject.confirmed)

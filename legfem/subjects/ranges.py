@@ -66,6 +66,10 @@ C10 = {
         "a fascia's C10", "kPa", (5.0, 5e4), (0.5, 1e6), f"100 kPa: {PAPER}, Table 1", _STRESS
     ),
 }  # fmt: skip
+SHEAR_MODULUS = PhysicalRange(
+    "a shear modulus", "kPa", (0.5, 60.0), (0.3, 100.0),
+    "1 to 30 kPa: shear waves in resting muscle and fat", {"Pa": 1e-3, "MPa": 1e3},
+)  # fmt: skip
 STIFFENING = PhysicalRange(
     "a ratio C20 / C10", "", (0.0, 20.0), (0.0, 1e4), f"up to 4: {PAPER}, Table 5"
 )

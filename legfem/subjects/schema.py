@@ -19,6 +19,7 @@ from legfem.common.toml_file import (
 )
 from legfem.imaging.shape_entry import LabelsEntry, ShapeEntry
 from legfem.recording import Channel, Channels
+from legfem.subjects.elastography import ElastographyEntry, StatedRatio, check_once
 
 HOLDER = "a subject folder"
 """That holds the file."""
@@ -80,7 +81,7 @@ class IndenterEntry(FileTable):
 
 
 class TissueEntry(FileTable):
-    """``[tissues.deep]``, ``[tissues.superficial]`` or ``[tissues.fascia]``."""
+    """What ``[tissues.deep]``, ``[tissues.superficial]`` and ``[tissues.fascia]`` share."""
 
     law: Literal["neo-hookean", "reduced-polynomial"]
     C10_kPa: Positive | None = None
@@ -113,10 +114,24 @@ class GivenTissueEntry(TissueEntry):
         return self
 
 
+class DeepTissueEntry(TissueEntry):
+    """``[tissues.deep]``."""
+
+    fibre_ratio: StatedRatio | None = None
+    """Shear modulus along the leg over that across; alike in all directions without it."""
+    fibre_ratio_sd: Positive | None = None
+
+    @model_validator(mode="after")
+    def _error_of_something(self) -> DeepTissueEntry:
+        if self.fibre_ratio_sd is not None and self.fibre_ratio is None:
+            raise trouble("fibre_ratio_sd", "is given without fibre_ratio", "give the ratio too")
+        return self
+
+
 class TissuesEntry(FileTable):
     """``[tissues]``."""
 
-    deep: TissueEntry
+    deep: DeepTissueEntry
     superficial: GivenTissueEntry
     fascia: GivenTissueEntry
 
@@ -241,6 +256,7 @@ class SubjectFile(FileTable):
     instrument: InstrumentEntry | None = None
     recordings: RecordingsEntry = RecordingsEntry()
     accuracy: AccuracyEntry = AccuracyEntry()
+    elastography: list[ElastographyEntry] = Field(default_factory=list)
     confirmed: list[Text] = Field(default_factory=list)
     """Fields whose unusual values are right: they aren't doubted."""
 
@@ -248,6 +264,11 @@ class SubjectFile(FileTable):
     def is_cut(self) -> bool:
         """Whether the section is cut from something, and not given as contours of its own."""
         return self.section.level_mm is not None or self.indenter.position_mm is not None
+
+    @model_validator(mode="after")
+    def _said_once(self) -> SubjectFile:
+        check_once(self.elastography, self.tissues.deep.fibre_ratio is not None)
+        return self
 
     @model_validator(mode="after")
     def _one_plane(self) -> SubjectFile:

@@ -15,6 +15,7 @@ from legfem.recording import (
     Instrument,
     Recording,
 )
+from legfem.subjects.elastography import FibreRatio, ShearModulus
 
 Law = Literal["neo-hookean", "reduced-polynomial"]
 Origin = Literal["measured", "reconstructed", "simulated"]
@@ -108,6 +109,9 @@ class Subject:
     """Root mean square of what registered landmarks are apart, mm; None without any."""
     site: str = ""
     """Of the leg's sites which; empty where there is but one."""
+    elastography: tuple[ShearModulus, ...] = ()
+    fibres: FibreRatio | None = None
+    """Of the deep tissue, along the leg; None where nothing is known of them."""
 
 
 @dataclass(frozen=True, eq=False)

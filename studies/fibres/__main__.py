@@ -14,8 +14,9 @@ from legfem.common.command_edge import study_edge
 from legfem.common.documents import write_atomically, write_document
 from legfem.common.errors import UnsolvedError
 from legfem.common.markdown import markdown_table
-from legfem.common.progress import progress_on
+from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray
+from legfem.correction.fibres import TABLE
 from legfem.correction.tabulated import smooth_ratio
 from legfem.experiments.indentation_3d import IdealisedLegSettings
 from legfem.jobs.pool import Workers
@@ -23,6 +24,7 @@ from legfem.meshing.idealised_leg import LegMeshSettings
 from legfem.report.style import save
 from legfem.study.correction.cases import CorrectionCase, Material, remembered_case
 from legfem.study.options import Jobs, Out
+from studies.fibres.table import tabulate
 
 C10_KPA = 1.0
 DEPTH_MM = 15.0
@@ -69,10 +71,30 @@ def figure_of(found: dict[float, tuple[FloatArray, FloatArray]]) -> Figure:
     return figure
 
 
+def write_table(folder: Path, jobs: int, progress: Progress) -> None:
+    """Write the table of fibres, and print it with its errors."""
+    found = tabulate(folder / "solved", jobs, progress)
+    logs = [found.log_at(ratio, AT_MM) for ratio in found.ratio]
+    cells = [*(np.exp(log) for log in logs), *found.errors_at(AT_MM).values()]
+    names = [*(f"factor at a ratio of {ratio:g}" for ratio in found.ratio),
+             *(f"error by the {name}" for name in found.errors)]  # fmt: skip
+    rows = [
+        [name, *(f"{value:.3f}" for value in row)] for name, row in zip(names, cells, strict=True)
+    ]
+    typer.echo(markdown_table(["", *(f"{d:g} mm" for d in AT_MM)], rows))
+    typer.echo(f"table: {found.write(folder / TABLE.name)}")
+
+
 @app.command()
 def fibres(
     coarse: Annotated[
         bool, typer.Option("--coarse", help="A quick look on a coarse mesh.")
+    ] = False,
+    table: Annotated[
+        bool,
+        typer.Option(
+            "--table", help="The table that legfem ships, of a leg with fat and fascia, instead."
+        ),
     ] = False,
     out: Out = None,
     jobs: Jobs = None,
@@ -85,6 +107,9 @@ def fibres(
     """
     resume = "run the same command again to go on; solutions that are done are kept"
     with study_edge("fibres", out, jobs, resume) as (folder, processes), progress_on() as progress:
+        if table:
+            write_table(folder, processes, progress)
+            return
         progress.stage("pressing legs with fibres", len(RATIOS))
         cases = [case_of(ratio, coarse) for ratio in RATIOS]
         by_ratio = {}
@@ -93,7 +118,7 @@ def fibres(
                 by_ratio[case.material.fibre_ratio] = one
                 progress.advance(f"ratio {case.material.fibre_ratio:g}")
         found = {ratio: by_ratio[ratio] for ratio in RATIOS}
-        table = markdown_table(
+        rows = markdown_table(
             ["shear moduli along / across", *(f"P at {d:g} mm" for d in AT_MM), "force over none"],
             [
                 [f"{ratio:g}", *(f"{value:.3f}" for value in P),
@@ -111,8 +136,8 @@ def fibres(
             ],
         })  # fmt: skip
         save(figure_of(found), folder, "fibres")
-        typer.echo(table)
-        write_atomically(folder / "report.md", table)
+        typer.echo(rows)
+        write_atomically(folder / "report.md", rows)
         typer.echo(f"report: {folder / 'report.md'}")
 
 

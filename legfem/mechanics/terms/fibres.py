@@ -15,6 +15,9 @@ from legfem.mechanics.kinematics import Expr
 from legfem.mechanics.terms.energy_term import EnergyTerm
 
 ALONG_THE_LEG = (0.0, 0.0, 1.0)
+USUAL_EXTENSION = 4.0
+r"""Of :math:`E_L - 3 \mu_T` over :math:`\mu_L - \mu_T`: there the energy has no further term in
+:math:`I_4^2`."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +66,7 @@ class Fibres(EnergyTerm):
     ) -> Fibres:
         r"""Return fibres of a ratio of shear moduli, with :math:`E_L = 4 \mu_L - \mu_T`.
 
-        That is the Young's modulus at which the energy has no further term in :math:`I_4^2`.
+        See `USUAL_EXTENSION`.
 
         Parameters
         ----------
@@ -77,7 +80,7 @@ class Fibres(EnergyTerm):
             Direction of the fibres.
         """
         shear = 2 * C10 * (ratio - 1)
-        return cls(region, shear, 4 * shear, axis)
+        return cls(region, shear, USUAL_EXTENSION * shear, axis)
 
     @property
     def name(self) -> str:

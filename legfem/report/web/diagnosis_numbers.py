@@ -9,6 +9,7 @@ from legfem.diagnose.predict import onset_name
 from legfem.geometry.section import girth
 from legfem.report import diagnosis_tables as tables
 from legfem.report.diagnosis_style import BASE_NAME, model_name, plain, shown_models
+from legfem.report.web.elastography import wave_rows
 from legfem.report.web.page import Known, Provenance
 from legfem.subjects.subject import Subject
 
@@ -66,6 +67,7 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
         accuracy += ", or subject.toml"
     rows += [Known(name, moved, "prior", accuracy) for name, moved in _assumed(found)]
     if isinstance(subject, Subject):
+        rows += wave_rows(subject)
         rows.append(
             Known("girth of the section", f"{girth(subject.section):.0f} mm", data, "contours")
         )

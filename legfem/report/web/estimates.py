@@ -172,6 +172,8 @@ class Remedies:
             "model": "most of its error is the numerical model's own, which no recording narrows: "
             "state what is known beforehand (--prior)",
             "ends": self.ends,
+            "fibres": "most of its error is that of the muscle's fibres: measure them by shear "
+            "waves along the leg and across ([[elastography]]), or use --model 3d",
             "priors": "most of its error is that of what was known beforehand: measure that by "
             "itself, and state it (--prior)",
         }[source]

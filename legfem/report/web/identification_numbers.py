@@ -15,6 +15,7 @@ from legfem.identify.forward import values_of
 from legfem.identify.result import IdentificationResult
 from legfem.inference.constants import NUMERICAL_ERROR
 from legfem.report.style import LAW_NAMES
+from legfem.report.web.elastography import wave_rows
 from legfem.report.web.estimates import estimated, held_text, words_of
 from legfem.report.web.page import Known, Provenance
 from legfem.subjects.subject import Subject
@@ -44,6 +45,7 @@ def known_of(results: Sequence[IdentificationResult], subject: Subject) -> list[
         Known("thickness of the fascia", f"{subject.section.fascia_thickness:g} mm", "assumed",
               "subject.toml")
     )  # fmt: skip
+    rows += wave_rows(subject)
     if first.correction is not None:
         applied = first.correction
         rows.append(

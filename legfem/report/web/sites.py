@@ -11,6 +11,7 @@ from legfem.identify.warnings import LEAST_CHANCE
 from legfem.report.style import LAW_NAMES
 from legfem.report.web import estimates
 from legfem.report.web import page as web
+from legfem.report.web.elastography import wave_rows
 from legfem.report.web.identification import fit_curves, options_of
 from legfem.report.web.usual import high_or_low
 from legfem.report.words import fit_probability
@@ -141,6 +142,7 @@ def _known(results: Sequence[SitesResult]) -> list[web.Known]:
         web.Known(f"{symbol_of(name)} of each site", f"± {sd:.3g} (sd)", "prior", "--prior")
         for name, sd in first.own_errors.items()
     ]
+    rows += wave_rows(first.sites[0].subject)
     for site in first.sites:
         curve = site.measured
         rows.append(

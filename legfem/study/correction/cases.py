@@ -22,6 +22,7 @@ from legfem.jobs.store import Store
 from legfem.mechanics.integration_domain import Skin
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
 from legfem.mechanics.terms import Fibres, NormalContact
+from legfem.mechanics.terms.fibres import USUAL_EXTENSION
 from legfem.meshing.idealised_leg import IdealisedLeg
 from legfem.solve.force_curve import ForceCurve
 
@@ -30,7 +31,8 @@ from legfem.solve.force_curve import ForceCurve
 class Material:
     """The paper's tissues; the deep one is neo-Hookean where ``C20_kPa`` is zero.
 
-    ``fibre_ratio`` is that of the deep tissue's shear moduli along the leg and across.
+    ``fibre_ratio`` is that of the deep tissue's shear moduli along the leg and across, and
+    ``fibre_extension`` what `legfem.mechanics.terms.Fibres` takes as extension over its shear.
     """
 
     C10_kPa: float = 2.0
@@ -40,6 +42,7 @@ class Material:
     fascia_C10_kPa: float = 100.0
     outer_D_per_MPa: float = 22.5
     fibre_ratio: float = 1.0
+    fibre_extension: float = USUAL_EXTENSION
 
     @property
     def laws(self) -> dict[str, Hyperelastic]:
@@ -61,7 +64,8 @@ class Material:
         """What is added to the laws."""
         if self.fibre_ratio == 1.0:
             return ()
-        return (Fibres.of_ratio("deep", kpa_to_mpa(self.C10_kPa), self.fibre_ratio),)
+        fibres = Fibres.of_ratio("deep", kpa_to_mpa(self.C10_kPa), self.fibre_ratio)
+        return (replace(fibres, extension=self.fibre_extension * fibres.shear),)
 
 
 @dataclass(frozen=True)

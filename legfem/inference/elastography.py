@@ -1,0 +1,19 @@
+"""What shear-wave elastography of a person says of C10 beforehand."""
+
+from __future__ import annotations
+
+from legfem.inference.parameter import Prior
+from legfem.subjects.subject import Subject
+
+
+def elastography_priors(subject: Subject) -> dict[str, Prior]:
+    r"""Return priors of stiffnesses (MPa), by full name.
+
+    At small strain the shear modulus of every law here is :math:`2 C_{10}`, of muscle with fibres
+    that across them.
+    """
+    return {
+        f"{one.tissue}.C10": Prior(one.C10, one.sd / 2, "linear", one.source)
+        for one in subject.elastography
+        if one.tissue == "superficial" or one.plane == "across"
+    }

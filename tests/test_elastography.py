@@ -1,0 +1,147 @@
+"""Shear-wave elastography and stated fibres: read, refused, and weighed against indentation."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from making import TOML, write_subject
+from making_identification import AnalyticLeg, identify, pressed_leg
+
+from legfem.common.errors import InputError
+from legfem.correction.tabulated import TabulatedCorrection
+from legfem.identify.catalogue import parameter_of
+from legfem.inference.elastography import elastography_priors
+from legfem.inference.parameter import Prior
+from legfem.subjects.elastography import FibreRatio, ShearModulus
+from legfem.subjects.loading import load_subject
+from legfem.subjects.plausibility import doubts_about
+
+ACROSS = (
+    '[[elastography]]\ntissue = "deep"\nplane = "across"\nshear_modulus_kPa = {}\nsd_kPa = {}\n'
+)
+ALONG = ACROSS.replace('"across"', '"along"')
+FAT = ACROSS.replace('"deep"', '"superficial"')
+
+
+def loaded(folder: Path, more: str, deep: str = ""):
+    return load_subject(
+        write_subject(folder, TOML.replace("[tissues.deep]\n", f"[tissues.deep]\n{deep}") + more)
+    )
+
+
+def test_muscle_across_is_a_prior_of_c10_and_fat_one_that_takes_its_place(tmp_path):
+    more = ACROSS.format(1.9, 0.4) + 'source = "SSI, five frames"\n' + FAT.format(6.0, 1.0)
+    subject = loaded(tmp_path / "leg", more)
+    priors = elastography_priors(subject)
+    assert set(priors) == {"deep.C10", "superficial.C10"}
+    deep, fat = priors["deep.C10"], priors["superficial.C10"]
+    assert (deep.centre, deep.sd) == pytest.approx((0.95e-3, 0.2e-3))
+    assert (fat.centre, fat.sd) == pytest.approx((3e-3, 0.5e-3))
+    assert deep.source == "SSI, five frames" and subject.fibres is None
+    assert subject.tissues["superficial"].C10 == pytest.approx(3e-3)
+
+
+def test_both_planes_make_the_ratio_with_its_error(tmp_path):
+    subject = loaded(tmp_path / "leg", ACROSS.format(2.0, 0.2) + ALONG.format(5.0, 1.0))
+    relative = math.hypot(0.1, 0.2)
+    assert subject.fibres == FibreRatio(
+        2.5, pytest.approx(2.5 * relative), "measured", "shear-wave elastography"
+    )
+    assert set(elastography_priors(subject)) == {"deep.C10"}
+
+
+def test_a_stated_ratio_is_a_prior_or_assumed(tmp_path):
+    found = loaded(tmp_path / "leg", "", "fibre_ratio = 2.0\nfibre_ratio_sd = 0.5\n").fibres
+    assert found == FibreRatio(2.0, 0.5, "prior", "subject.toml")
+    assert str(found) == "2 ± 0.5"
+    exact = loaded(tmp_path / "exact", "", "fibre_ratio = 2.0\n").fibres
+    assert exact == FibreRatio(2.0, 0.0, "assumed", "subject.toml") and str(exact) == "2"
+
+
+@pytest.mark.parametrize(
+    ("more", "deep", "said"),
+    [
+        (ACROSS.format(1900, 400), "", "elastography.0.shear_modulus_kPa.*in Pa"),
+        (ACROSS.format(0.1, 0.05), "", "elastography.0.shear_modulus_kPa"),
+        (ACROSS.format(2, 0), "", "elastography.0.sd_kPa: 0.* above 0"),
+        (ACROSS.format(2, 1).replace("sd_kPa", "sd_Pa"), "", "did you mean 'sd_kPa'"),
+        (ACROSS.format(2, 1).replace('"across"', '"cross"'), "", "did you mean 'across'"),
+        (ACROSS.format(2, 1).replace('"deep"', '"fascia"'), "", "elastography.0.tissue"),
+        (ACROSS.format(2, 1) * 2, "", "elastography.1.*given twice"),
+        (FAT.format(2, 1) + FAT.format(2, 1).replace("across", "along"), "", "given twice"),
+        (ALONG.format(5, 1), "", "elastography.0.plane.*across"),
+        (ACROSS.format(2, 1) + ALONG.format(5, 1), "fibre_ratio = 2.0\n", "fibre_ratio"),
+        (ACROSS.format(5, 0.3) + ALONG.format(2, 0.3), "", "which plane is which"),
+        ("", "fibre_ratio = 0.5\n", "tissues.deep.fibre_ratio: 0.5 is out of range"),
+        ("", "fibre_ratio_sd = 0.5\n", "fibre_ratio_sd: is given without"),
+        ("", "fibre_ratios = 2.0\n", "did you mean 'fibre_ratio'"),
+    ],
+)
+def test_what_can_t_be_is_one_line(tmp_path, more, deep, said):
+    with pytest.raises(InputError, match=said) as caught:
+        loaded(tmp_path / "leg", more, deep)
+    assert "\n" not in str(caught.value) and "subject.toml" in str(caught.value)
+
+
+def test_a_ratio_a_little_under_one_is_taken_as_one_and_doubted(tmp_path):
+    subject = loaded(tmp_path / "leg", ACROSS.format(2.1, 0.3) + ALONG.format(2.0, 0.3))
+    assert subject.fibres.value == 1.0
+    assert any("which plane is which" in str(doubt) for doubt in doubts_about(subject))
+
+
+def corrected(relative: float) -> TabulatedCorrection:
+    """Return a correction that does nothing, but errs."""
+    grid = np.linspace(0.0, 25.0, 26)
+    return TabulatedCorrection(
+        "none but errors", grid, np.array([1.0]), np.array([0.0]), np.zeros((1, 1, 26)),
+        {"leg length": np.full(26, relative)},
+    )  # fmt: skip
+
+
+def waved(subject, c10: float, sd: float):
+    """Return a subject with elastography of its muscle: C10 and its error in kPa."""
+    modulus = ShearModulus("deep", "across", 2e-3 * c10, 2e-3 * sd, "shear waves")
+    return replace(subject, elastography=(modulus,), plane_strain=False)
+
+
+def test_elastography_narrows_what_the_ends_leave_open(tmp_path):
+    """Recordings are exact but for a factor of 20 %: the two make the mean by their precisions."""
+    subject = pressed_leg(tmp_path, 1.0, 0.0, seed=3)
+    given = {"correction": corrected(0.2), "laws": ("neo-hookean",)}
+    alone = identify(subject, **given)[0].parameters["deep.C10"]
+    (found,) = identify(waved(subject, 1.3, 0.15), **given)
+    both = found.parameters["deep.C10"]
+    assert both.standard_error < 0.8 * alone.standard_error
+    first, second = alone.standard_error**-2, 0.15e-3**-2
+    expected = (first * alone.value + second * 1.3e-3) / (first + second)
+    assert both.value == pytest.approx(expected, rel=0.02)
+    assert both.standard_error == pytest.approx((first + second) ** -0.5, rel=0.06)
+    assert found.weighting == "covariance"
+    assert not any("Elastography finds" in text for text in found.warnings)
+    assert both.error_shares["priors"] > 0.4
+
+
+def test_what_is_asked_on_the_command_line_rules_over_the_folder(tmp_path):
+    subject = waved(pressed_leg(tmp_path, 1.0, 0.0, seed=3), 1.3, 0.15)
+    (held,) = identify(subject, laws=("reduced-polynomial",), fixed={"deep.C10": 1e-3})
+    assert set(held.parameters) == {"deep.C20"}
+    own = replace(
+        parameter_of("deep.C10", AnalyticLeg().nominal), prior=Prior(1e-3, 1e-5, "linear", "mine")
+    )
+    (found,) = identify(subject, laws=("neo-hookean",), parameters=[own])
+    assert found.parameters["deep.C10"].parameter.prior.source == "mine"
+
+
+@pytest.mark.parametrize(("c10", "said"), [(1.6, "Elastography finds"), (0.5, "Indentation finds")])
+def test_a_disagreement_is_told(tmp_path, c10, said):
+    subject = waved(pressed_leg(tmp_path, 1.0, 0.0, seed=3), c10, 0.12)
+    (found,) = identify(subject, correction=corrected(0.1), laws=("neo-hookean",))
+    (told,) = [text for text in found.warnings if said in text]
+    # The fat in series makes the force rise by 0.86 of C10's rise.
+    apart = abs(c10 - 1.0) / math.hypot(0.12, 0.1 / 0.86)
+    assert float(told.partition(" by ")[2].split()[0]) == pytest.approx(apart, rel=0.15)
+    assert "shear waves" in told.lower()
