@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from making_identification import DEPTH, AnalyticLeg, Killed, pressed_leg
 from making_legs_3d import cone_folder
+from mpi4py import MPI
 
 from legfem.common.errors import InputError
 from legfem.common.progress import Silent
@@ -25,11 +26,12 @@ from legfem.identify.run import laws_of
 from legfem.identify.search import SearchError
 from legfem.identify.settings import IdentificationSettings
 from legfem.identify.solver import FullSolver
-from legfem.identify.spatial import LegModels, check_has_ends
+from legfem.identify.spatial import LegModels, SpatialForward, check_has_ends
 from legfem.identify.two_fidelity import MOST_SOLVES, TwoFidelities
 from legfem.recording import Instrument, Recording
 from legfem.report.plain import plain_page
 from legfem.report.web.identification import identification_page
+from legfem.subjects.elastography import FibreRatio
 from legfem.subjects.loading import load_subject
 from legfem.subjects.spatial import spatial_leg
 from legfem.subjects.subject import Subject
@@ -88,9 +90,10 @@ def identified(
     kept: Path | None = None,
     solid: AnalyticSolid | None = None,
     laws: tuple[Any, ...] = ("neo-hookean",),
+    models: LegModels | None = None,
 ):
     section = AnalyticLeg()
-    models = LegModels(
+    models = models or LegModels(
         solid or AnalyticSolid(), AnalyticSolid(level=0.01), AnalyticSolid(level=0.014),
         spatial_leg(subject), DEPTH, kept,
     )  # fmt: skip
@@ -123,6 +126,58 @@ def test_what_is_left_of_the_correction_s_error_is_in_the_interval_and_the_table
     assert 0.01 < result.correction.sd[-1] < 0.04
     width = result.parameters["deep.C10"].relative_half_width
     assert 2 * 0.01 / 1.3 < width < 0.1
+
+
+@dataclass
+class FibrousSolid(AnalyticSolid):
+    """The solid leg with derivatives by its fibres: each MPa adds a share of the force."""
+
+    BY_SHEAR, BY_EXTENSION = 30.0, 5.0
+
+    def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> ForwardOutcome:
+        found = super().solve(values, ())
+        force = found.curve.force
+        shares = {"deep.fibres.shear": self.BY_SHEAR, "deep.fibres.extension": self.BY_EXTENSION}
+        by = {name: shares[name] * force for name in sensitivities}
+        return replace(found, curves=(replace(found.curve, sensitivities=by),))
+
+
+def test_the_error_of_the_fibres_ratio_is_that_of_the_leg_s_own_derivatives(tmp_path):
+    subject = replace(recorded(tmp_path, 1.3), fibres=FibreRatio(2.0, 0.25, "measured", "waves"))
+    models = LegModels(
+        AnalyticSolid(), FibrousSolid(level=0.01), AnalyticSolid(level=0.014),
+        spatial_leg(subject), DEPTH, fibres=subject.fibres,
+    )  # fmt: skip
+    (result,) = identified(subject, table(0.0), models=models)
+    expected = 0.25 * 2 * 1.3e-3 * (FibrousSolid.BY_SHEAR + 4 * FibrousSolid.BY_EXTENSION)
+    assert result.spatial.errors["fibres: ratio"] == pytest.approx(1.27 * expected, rel=0.1)
+    assert result.parameters["deep.C10"].error_shares["fibres"] > 0.8
+    assert result.correction.with_fibres
+    (said,) = [text for text in result.warnings if "times as stiff in shear" in text]
+    assert "C10's interval has the error" in said
+
+
+class Values:
+    """Passes for an experiment, and keeps the values that it is asked to solve."""
+
+    comm = MPI.COMM_SELF
+
+    def solve(self, values, depth, sensitivities, on_step, keep_in):
+        self.values = values
+        raise Killed
+
+    def fingerprint(self):
+        return {}
+
+
+def test_fibres_of_the_leg_in_3d_stiffen_with_c10():
+    given = Values()
+    forward = SpatialForward(given, {"fascia.C10": 0.1, "deep.C10": 1e-3}, 0.6, 20.0, 2.5)
+    with pytest.raises(Killed):
+        forward.solve({"deep.C10": 3e-3})
+    assert given.values["deep.fibres.shear"] == pytest.approx(2 * 3e-3 * 1.5)
+    assert given.values["deep.fibres.extension"] == pytest.approx(8 * 3e-3 * 1.5)
+    assert forward.fingerprint()["fibre_ratio"] == 2.5
 
 
 def test_both_laws_share_the_budget(tmp_path):

@@ -22,7 +22,7 @@ from legfem.geometry.shape_surface import PartSurface
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import LegModel, Term
-from legfem.mechanics.terms import Fascia
+from legfem.mechanics.terms import Fascia, Fibres
 from legfem.meshing.idealised_leg import END, LegMesh
 from legfem.meshing.section import first_touch
 from legfem.meshing.solid_leg import FineStrip, SolidMeshSettings, mesh_solid_leg
@@ -88,6 +88,15 @@ def membrane_stiffness(c10: float, thickness: float) -> float:
     return 2 * c10 * thickness
 
 
+FIBRE_PARAMETERS = tuple(Fibres("deep").parameters)
+"""By which the force is differentiated for the error of what is known of fibres."""
+
+
+def fibres_of(c10: float, ratio: float) -> Fibres:
+    """Return the muscle's fibres along the leg, of a C10 (MPa) across them and a ratio."""
+    return Fibres.of_ratio("deep", c10, ratio)
+
+
 @dataclass(frozen=True, eq=False)
 class LegIndentation3D(PressingTest):
     """The test on a leg's own shape; its end faces stay in their planes, its bones are held.
@@ -133,7 +142,7 @@ class LegIndentation3D(PressingTest):
         comm: MPI.Intracomm = MPI.COMM_SELF,
     ) -> LegIndentation3D:
         """Return the test of a subject; see `legfem.subjects.spatial.spatial_leg`."""
-        given, tissues = subject.indenter, tissues_of(subject)
+        given, tissues, fibres = subject.indenter, tissues_of(subject), subject.fibres
         pose = Pose((float(given.aim[0]), float(given.aim[1])), 0.0, given.direction_deg)
         return cls(
             leg.shape,
@@ -143,6 +152,7 @@ class LegIndentation3D(PressingTest):
             membrane_stiffness(tissues.fascia.C10, subject.section.fascia_thickness),
             settings or SolidLegSettings(),
             comm,
+            () if fibres is None else (fibres_of(tissues.deep.C10, fibres.value),),
         )
 
     def __post_init__(self) -> None:

@@ -8,14 +8,22 @@ import numpy as np
 
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
-from legfem.correction.tabulated import first_contact_error, mesh_error, smooth_ratio
-from legfem.identify.catalogue import Values
+from legfem.correction.fibres import FIBRES
+from legfem.correction.tabulated import (
+    FIRST_RATIO,
+    first_contact_error,
+    mesh_error,
+    smooth_ratio,
+)
+from legfem.experiments.leg_3d import FIBRE_PARAMETERS, fibres_of
+from legfem.identify.catalogue import DEEP_C10, Values
 from legfem.identify.forward import ForwardModel, ForwardOutcome
 from legfem.identify.search import SearchError
 from legfem.identify.solver import FullSolver
 from legfem.identify.spatial import ROUGHER, LegModels
 from legfem.jobs.store import Store
 from legfem.solve.force_curve import ForceCurve
+from legfem.subjects.elastography import FibreRatio
 
 ROUGH_SOLVES = 2
 """That measure errors."""
@@ -50,9 +58,10 @@ class LegSolver:
     def __post_init__(self) -> None:
         """Lay out the solvers."""
         models = self.models
-        self._full, *self._roughs = (
-            self._solver(model) for model in (models.full, models.rough, models.shorter)
-        )
+        self._full, self._shorter = self._solver(models.full), self._solver(models.shorter)
+        # A solve with derivatives keeps no states to go on from: the quicker one has them.
+        fibres = () if models.fibres is None else FIBRE_PARAMETERS
+        self._rough = self._solver(models.rough, fibres)
         self.grid = np.linspace(0.0, models.depth, 1 + max(2, round(models.depth / _GRID)))
 
     @property
@@ -73,14 +82,15 @@ class LegSolver:
         P = smooth_ratio(outcome.curve, flat, self.grid)
         if not self._lasting:
             self.progress.stage("the same by larger elements, and shorter: P's errors")
-            rough, shorter = (
-                smooth_ratio(self._solve(solver, values).curve, flat, self.grid)
-                for solver in self._roughs
-            )
+            curves = [self._solve(one, values).curve for one in (self._rough, self._shorter)]
+            rough, shorter = (smooth_ratio(curve, flat, self.grid) for curve in curves)
             self.rough_solves = ROUGH_SOLVES
             self._lasting = {
                 "mesh": mesh_error(P, rough, 1 / ROUGHER), "leg's length": shorter - rough,
             }  # fmt: skip
+            if self.models.fibres is not None:
+                errors = fibre_errors(curves[0], self.models.fibres, values[DEEP_C10], self.grid)
+                self._lasting |= {name: (P - 1) * share for name, share in errors.items()}
         contact = first_contact_error(outcome.curve, flat, self.grid, P)
         return SolvedLeg(outcome, P, {"first contact": contact, **self._lasting})
 
@@ -94,8 +104,42 @@ class LegSolver:
             )
         return outcome
 
-    def _solver(self, model: ForwardModel) -> FullSolver:
+    def _solver(self, model: ForwardModel, sensitivities: tuple[str, ...] = ()) -> FullSolver:
         kept, store = self.models.kept, None
         if kept is not None:
             store = Store(kept, ForwardOutcome, model.fingerprint())
-        return FullSolver(model, store, 1, self.progress, ())
+        return FullSolver(model, store, 1, self.progress, sensitivities)
+
+
+def fibre_errors(
+    curve: ForceCurve, fibres: FibreRatio, c10: float, displacement: FloatArray
+) -> dict[str, FloatArray]:
+    r"""Return errors (n,) as shares of a leg's force: of the ratio, and of fibres in tension.
+
+    .. math:: \frac{\partial F}{\partial r} = 2 C_{10} \left(\frac{\partial F}{\partial s}
+              + 4 \frac{\partial F}{\partial e}\right)
+
+    with the shear s and the extension e of `legfem.mechanics.terms.Fibres`. The extension isn't
+    known: a standard deviation is a factor of 2.
+
+    Parameters
+    ----------
+    curve
+        With the derivatives by `FIBRE_PARAMETERS`.
+    fibres
+        The ratio and its error.
+    c10
+        Across the fibres, MPa.
+    displacement
+        (n,), mm. Before `legfem.correction.tabulated.FIRST_RATIO` it is level.
+    """
+    at = np.maximum(displacement, min(FIRST_RATIO, curve.depth))
+    by_shear, by_extension = (curve.sensitivity(name, at) for name in FIBRE_PARAMETERS)
+    rise = fibres_of(c10, 2.0).parameters
+    shear, extension = (rise[name] for name in FIBRE_PARAMETERS)
+    by_ratio = by_shear * shear + by_extension * extension
+    in_tension = by_extension * extension * (fibres.value - 1) * np.log(2.0)
+    return {
+        f"{FIBRES}ratio": by_ratio * fibres.sd / curve(at),
+        f"{FIBRES}stiffness in tension": in_tension / curve(at),
+    }

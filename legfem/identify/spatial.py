@@ -12,7 +12,12 @@ from mpi4py import MPI
 
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, Silent
-from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membrane_stiffness
+from legfem.experiments.leg_3d import (
+    LegIndentation3D,
+    SolidLegSettings,
+    fibres_of,
+    membrane_stiffness,
+)
 from legfem.experiments.plane_strain import tissues_of
 from legfem.experiments.pressing import OnStep
 from legfem.identify.catalogue import Values
@@ -20,6 +25,7 @@ from legfem.identify.forward import ForwardModel, ForwardOutcome, values_of
 from legfem.identify.leg_film import LegCamera, LegFilm, PressedLeg
 from legfem.jobs.key import key_of
 from legfem.jobs.ranks import Together
+from legfem.subjects.elastography import FibreRatio
 from legfem.subjects.spatial import SpatialLeg, spatial_leg
 from legfem.subjects.subject import Subject
 
@@ -51,6 +57,9 @@ class SpatialForward:
         mm.
     depth
         mm.
+    fibre_ratio
+        Of the muscle's shear moduli along the leg and across, with whose C10 its fibres stiffen;
+        alike in all directions without it.
     states
         Folder for the states of the solve in hand, from which one that was killed goes on.
     progress
@@ -63,6 +72,7 @@ class SpatialForward:
     nominal: Values
     fascia_thickness: float
     depth: float
+    fibre_ratio: float | None = None
     states: Path | None = None
     progress: Progress = field(default_factory=Silent)
     film: LegFilm | None = None
@@ -87,6 +97,8 @@ class SpatialForward:
         own["fascia.membrane.stiffness"] = membrane_stiffness(
             every["fascia.C10"], self.fascia_thickness
         )
+        if self.fibre_ratio is not None:
+            own |= fibres_of(every["deep.C10"], self.fibre_ratio).parameters
         solved = self.experiment.solve(
             own, self.depth, sensitivities, on_step=self._on_step(values), keep_in=self.states
         )
@@ -129,7 +141,10 @@ class SpatialForward:
 
     def fingerprint(self) -> Mapping[str, Any]:
         """Return leg, cylinder, tissues, settings, depth and code."""
-        return {"model": "3D", "depth_mm": self.depth, **self.experiment.fingerprint()}
+        return {
+            "model": "3D", "depth_mm": self.depth, "fibre_ratio": self.fibre_ratio,
+            **self.experiment.fingerprint(),
+        }  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,6 +163,8 @@ class LegModels:
         mm.
     kept
         Folder of the solves.
+    fibres
+        Of the muscle, where they are known.
     """
 
     full: ForwardModel
@@ -156,6 +173,7 @@ class LegModels:
     leg: SpatialLeg
     depth: float
     kept: Path | None = None
+    fibres: FibreRatio | None = None
 
     @classmethod
     def of_subject(
@@ -187,17 +205,18 @@ class LegModels:
         # Of a leg that is spread over ranks no process sees the whole.
         film = LegFilm(None if kept is None else kept / "film") if comm.size == 1 else None
         nominal, thickness = values_of(tissues_of(subject)), subject.section.fascia_thickness
-        told = progress or Silent()
+        told, fibres = progress or Silent(), subject.fibres
+        ratio = None if fibres is None else fibres.value
 
         def pressed(
             shape: SpatialLeg, numbers: SolidLegSettings, film: LegFilm | None = None
         ) -> SpatialForward:
             test = LegIndentation3D.of_subject(subject, shape, numbers, comm)
-            return SpatialForward(test, nominal, thickness, depth, states, told, film)
+            return SpatialForward(test, nominal, thickness, depth, ratio, states, told, film)
 
         full, rough = pressed(leg, settings, film), pressed(leg, larger)
         shorter = pressed(trimmed, larger)
-        return cls(full, rough, shorter, leg, depth, kept)
+        return cls(full, rough, shorter, leg, depth, kept, fibres)
 
     def pressed(self, outcome: ForwardOutcome) -> PressedLeg | None:
         """Return a full solve to be looked at; None where its states were not kept."""
