@@ -18,11 +18,12 @@ from legfem.diagnose.mechanisms.end_effects import EndEffects
 from legfem.diagnose.nuisances import displaced_geometries
 from legfem.diagnose.observations import observe
 from legfem.diagnose.predict import Predictor
-from legfem.diagnose.run import no_ends_because
+from legfem.diagnose.run import ruled_out_of
 from legfem.diagnose.solved import SolvedResponses, end_effect
 from legfem.diagnose.variants import Stopped, Variants
 from legfem.recording import Recording
 from legfem.solve.protocol import Protocol
+from legfem.subjects.elastography import FibreRatio
 from legfem.subjects.loading import SUBJECTS, load_subject
 
 DEPTH = 6.0
@@ -55,12 +56,17 @@ def test_ends_are_looked_for_where_there_may_be_some(observed):
     drawn = load_subject(SUBJECTS.find("3"), need_recordings=False)
     silent = replace(drawn, plane_strain_stated=False)
     real = replace(drawn, origin="measured", plane_strain=False, plane_strain_stated=False)
+    fibrous = replace(real, fibres=FibreRatio(2.0, 0.2, "measured", "shear waves"))
+    longer = replace(real, indenter=replace(real.indenter, length=80.0))
+    both = {"end-effects", "muscle-fibres"}
     for subject, ends, looked_for in (
-        (drawn, None, False), (silent, None, True), (real, correction, False), (real, None, True),
+        (drawn, None, set()), (silent, None, {"end-effects"}), (real, None, {"end-effects"}),
+        (real, correction, {"muscle-fibres"}), (fibrous, correction, set()),
+        (longer, correction, set()),
     ):  # fmt: skip
-        able, unable = shown_mechanisms(observed, correction, no_ends_because(subject, ends))
-        assert ("end-effects" in {m.name for m in able}) == looked_for
-        assert ("end-effects" in unable) != looked_for
+        able, unable = shown_mechanisms(observed, correction, ruled_out_of(subject, ends))
+        assert {m.name for m in able} & both == looked_for
+        assert set(unable) & both == both - looked_for
 
 
 def responses_in(folder, variants, correction=None):

@@ -109,7 +109,7 @@ def diagnose(
     accuracy: Accuracy | None = None,
     ends: TabulatedCorrection | None = None,
     seed: int = 0,
-    no_ends: str | None = None,
+    ruled_out: Mapping[str, str] | None = None,
     every: Sequence[Mechanism] | None = None,
 ) -> Diagnosis:
     """Diagnose recordings: noise, base fit, location, explanations, verdict.
@@ -132,14 +132,14 @@ def diagnose(
         How well the leg's geometry is known.
     ends
         The correction for the cylinder's ends, where the recordings have them.
-    no_ends
-        Why the cylinder's ends can't be what was left out, if so.
     seed
         Of the draws that windows are judged by.
+    ruled_out
+        See `legfem.diagnose.library_build.shown_mechanisms`.
     every
         Mechanisms that the body may have; all that legfem knows without it.
     """
-    able, untested = shown_mechanisms(observed, library.correction, no_ends, every)
+    able, untested = shown_mechanisms(observed, library.correction, ruled_out, every)
     able = [m for m in able if m.name not in library.missing]
     progress.stage("fitting the base model")
     made = solved.solutions if solved is not None else 0

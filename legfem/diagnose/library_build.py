@@ -15,6 +15,7 @@ from legfem.diagnose.library import Library, Table, coordinates
 from legfem.diagnose.mechanisms import Mechanism, Stiffness, TissueMechanism, mechanisms
 from legfem.diagnose.mechanisms.base import null_of
 from legfem.diagnose.mechanisms.end_effects import EndEffects
+from legfem.diagnose.mechanisms.muscle_fibres import MuscleFibres
 from legfem.diagnose.models import Models
 from legfem.diagnose.nuisances import Displaced, Nuisances
 from legfem.diagnose.observations import Observations
@@ -33,6 +34,10 @@ CHANGES_AT = (-0.35, 0.35)
 _ROUND = 0.25
 """Of the middle's ln C10; and of where its stiffening is looked up."""
 _FIRST_C10_KPA = 0.8
+WITHOUT_ENDS: Mapping[str, str] = {
+    MuscleFibres.name: "the base model has no ends of the cylinder, at which fibres would bend"
+}
+"""What can't be left out of a base model without the cylinder's ends, and why."""
 
 
 def middle_of(observed: Observations, coarse: SolvedResponses, stiffening: float) -> float:
@@ -127,7 +132,7 @@ def _solved(
 def shown_mechanisms(
     observed: Observations,
     correction: TabulatedCorrection | None,
-    no_ends: str | None = None,
+    ruled_out: Mapping[str, str] | None = None,
     every: Sequence[Mechanism] | None = None,
 ) -> tuple[list[Mechanism], dict[str, str]]:
     """Return the mechanisms that recordings can show, and why the others can't be.
@@ -138,19 +143,19 @@ def shown_mechanisms(
         The recordings.
     correction
         For the cylinder's ends.
-    no_ends
-        Why they needn't be looked for, if so.
+    ruled_out
+        Mechanisms by name that can't be what was left out, and why; those of a base model without
+        the cylinder's ends by default.
     every
         Mechanisms that the body may have; all that legfem knows without it.
     """
     able: list[Mechanism] = []
     unable: dict[str, str] = {}
+    ruled_out = WITHOUT_ENDS if ruled_out is None else ruled_out
     for mechanism in mechanisms() if every is None else every:
-        why = mechanism.untestable(observed)
-        if why is None and isinstance(mechanism, EndEffects):
-            why = no_ends
-            if why is None and correction is None:
-                why = "there is no 3D correction for this leg"
+        why = mechanism.untestable(observed) or ruled_out.get(mechanism.name)
+        if why is None and isinstance(mechanism, EndEffects) and correction is None:
+            why = "there is no 3D correction for this leg"
         if why is None:
             able.append(mechanism)
         else:

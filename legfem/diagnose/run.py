@@ -7,12 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from legfem.common.progress import Progress
-from legfem.correction.choice import choose_correction
+from legfem.correction.choice import choose_correction, why_without_fibres
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.diagnosis import Diagnosis, diagnose
 from legfem.diagnose.leg import solved_responses
 from legfem.diagnose.library import Library
-from legfem.diagnose.library_build import build_library, shown_mechanisms
+from legfem.diagnose.library_build import WITHOUT_ENDS, build_library, shown_mechanisms
+from legfem.diagnose.mechanisms.end_effects import EndEffects
+from legfem.diagnose.mechanisms.muscle_fibres import MuscleFibres
 from legfem.diagnose.nuisances import DRAWN, Accuracy
 from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.solved import SolvedResponses
@@ -93,17 +95,27 @@ class Diagnoser:
         law, ends = subject.tissues["deep"].law, choose_correction("auto", subject)
         return diagnose(
             observed, subject.instrument, law, library, solved, progress, accuracy_of(subject),
-            ends, seed, no_ends_because(subject, ends),
+            ends, seed, ruled_out_of(subject, ends),
         )  # fmt: skip
 
 
-def no_ends_because(subject: Subject, ends: TabulatedCorrection | None) -> str | None:
-    """Return why the cylinder's ends can't be what was left out; None if they can."""
-    if ends is not None:
-        return "the base model has the cylinder's ends, with the errors of that correction"
-    if subject.plane_strain and subject.plane_strain_stated:
-        return "the folder says that the recordings are of plane strain, which has no ends"
-    return None
+def ruled_out_of(subject: Subject, ends: TabulatedCorrection | None) -> dict[str, str]:
+    """Return the mechanisms that can't be what was left out of a subject's model, and why."""
+    if ends is None:
+        if not (subject.plane_strain and subject.plane_strain_stated):
+            return dict(WITHOUT_ENDS)
+        why = "the folder says that the recordings are of plane strain, which has no ends"
+        return dict.fromkeys((EndEffects.name, MuscleFibres.name), why)
+    found = {
+        EndEffects.name: "the base model has the cylinder's ends, with the errors of that "
+        "correction"
+    }
+    why_not = why_without_fibres(subject)
+    if why_not is None and subject.fibres is not None:
+        why_not = f"the base model has fibres of a ratio of {subject.fibres}, with its errors"
+    if why_not is not None:
+        found[MuscleFibres.name] = why_not
+    return found
 
 
 def accuracy_of(subject: Subject) -> Accuracy:

@@ -24,6 +24,7 @@ from legfem.diagnose.fit import Fit, Problem
 from legfem.diagnose.mechanisms import Mechanism
 from legfem.diagnose.mechanisms.base import prior_of
 from legfem.diagnose.mechanisms.end_effects import EndEffects
+from legfem.diagnose.mechanisms.muscle_fibres import MuscleFibres
 from legfem.diagnose.nuisances import Accuracy, Nuisances
 from legfem.diagnose.observations import Observations, blank_observations
 from legfem.diagnose.predict import Predictor
@@ -138,9 +139,11 @@ def _force(
         given.setdefault(f"trial{k + 1}.onset", 0.0)
     # New trials are touched where they are touched: what was fitted before was the old ones'.
     given = {name: 0.0 if name.endswith(".onset") else value for name, value in given.items()}
-    ends = f"{EndEffects.name}.scale"
+    ends, fibres = f"{EndEffects.name}.scale", f"{MuscleFibres.name}.ratio"
     if ends in given:
         given[ends] /= design.length_factor
+    if fibres in given:
+        given[fibres] **= 1 / design.length_factor
     return design.length_factor * new(given, mechanisms)
 
 

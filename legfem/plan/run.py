@@ -17,7 +17,7 @@ from legfem.diagnose.mechanisms import Mechanism
 from legfem.diagnose.mechanisms.base import prior_of
 from legfem.diagnose.observations import Observations, blank_observations
 from legfem.diagnose.predict import Predictor
-from legfem.diagnose.run import STIFFENING, Diagnoser, accuracy_of, no_ends_because
+from legfem.diagnose.run import STIFFENING, Diagnoser, accuracy_of, ruled_out_of
 from legfem.inference.errors import error_model
 from legfem.inference.trial_noise import Noise
 from legfem.plan.designs import Design, designs
@@ -102,7 +102,7 @@ def plan_before(
     tests = designs(expected.depth, expected.rate, expected.depth)
     ends = choose_correction("auto", subject)
     every = blank_observations(list(dict.fromkeys(p for t in tests for p in t.protocols)))
-    able, _ = shown_mechanisms(every, diagnoser.correction, no_ends_because(subject, ends))
+    able, _ = shown_mechanisms(every, diagnoser.correction, ruled_out_of(subject, ends))
     library = _library(diagnoser, subject, tests, able, rounded(expected.c10), progress)
     able = [m for m in able if m.name not in library.missing]
     law = subject.tissues["deep"].law

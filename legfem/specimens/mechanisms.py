@@ -64,6 +64,7 @@ _NONE: Mapping[str, str] = {
     "fascia-stiffness": "a specimen of one tissue has no fascia",
     "indenter-tilt": "the specimen's model is symmetric about the travel, so that it can't tilt",
     "muscle-contraction": "a specimen doesn't tense",
+    "muscle-fibres": "fibres of a specimen are stated or identified: [fibres] in specimen.toml",
     "poroelastic-drainage": "specimen.toml doesn't say through which faces fluid leaves",
     "prestress": "a specimen of one tissue has no fascia",
     "superficial-stiffening": "a specimen of one tissue has no fat over it",

@@ -22,7 +22,7 @@ from legfem.diagnose.diagnosis import Diagnosis, diagnose
 from legfem.diagnose.leg import solved_responses
 from legfem.diagnose.library_build import build_library
 from legfem.diagnose.mechanisms import Mechanism
-from legfem.diagnose.run import STIFFENING, Diagnoser, accuracy_of, no_ends_because
+from legfem.diagnose.run import STIFFENING, Diagnoser, accuracy_of, ruled_out_of
 from legfem.plan.designs import Design
 from legfem.plan.reckon import Reckoned
 from legfem.plan.run import plan_after
@@ -208,7 +208,7 @@ def weigh_again(diagnoser: Diagnoser, subject: Subject, left: Sequence[Mechanism
     ends = choose_correction("auto", subject)
     return diagnose(
         observed, subject.instrument, law, library, fine, Silent(), accuracy_of(subject), ends,
-        no_ends=no_ends_because(subject, ends), every=left,
+        ruled_out=ruled_out_of(subject, ends), every=left,
     )  # fmt: skip
 
 
