@@ -209,7 +209,7 @@ def _cost_map(search: Search) -> CostMap | None:
         axes.append(domain.values(genes)[:, k])
     across, up = axes if len(axes) == 2 else (axes[0], np.zeros(1))
     points = np.stack(np.meshgrid(across, up), axis=-1)[..., : len(law.names)]
-    cost = search.misfit.cost(search.emulated(search.emulator(), points))
+    cost = search.emulated().cost(points)
     return CostMap(law.names, across, up, cost)
 
 

@@ -1,20 +1,27 @@
-"""What is solved first."""
+"""What is solved, but for a search's proposals."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.identify.catalogue import usual_range
+from legfem.identify.catalogue import DEEP_C20, usual_range
 from legfem.identify.coordinates import Coordinates
 from legfem.identify.laws import IdentifiedLaw
 from legfem.identify.reading import READINGS
+from legfem.identify.trial import Linearised, Trial
 from legfem.inference.domain import Domain
 from legfem.inference.parameter import Parameter
 
 # In shares of the usual ranges.
 _LINE = np.array([[0.5]])
 _SQUARE = np.array([[0.5, 0.15]])
+# How far from all solves, in the coordinates, the emulator may draw an interval's end; beyond it is
+# solved there too, up to the greatest distance from the optimum.
+_FAR, _FARTHEST = 0.6, 1.2
+_HALF_INTERVAL = 2.0
 
 
 def design(law: IdentifiedLaw, seed: int) -> FloatArray:
@@ -49,6 +56,57 @@ def half_way(coordinates: Coordinates, points: FloatArray, known: FloatArray) ->
     middle = 0.5 * (at + solved[nearest])
     domain = Domain(coordinates.law.parameters)
     return domain.inside(coordinates.points(middle, known[nearest]))
+
+
+def stiffer(law: IdentifiedLaw, points: FloatArray) -> FloatArray | None:
+    """Return a tissue (p,) stiffer than all points (n, p): it deforms less; none at the bound."""
+    first = next((k for k, name in enumerate(law.names) if name.endswith(".C10")), None)
+    if first is None:
+        return None
+    stiffest, limit = int(np.argmax(points[:, first])), law.parameters[first].bounds[1]
+    point = points[stiffest].copy()
+    if point[first] >= limit:
+        return None
+    point[first] = min(2 * point[first], limit)
+    if (stiffening := law.index(DEEP_C20)) is not None:
+        point[stiffening] = law.parameters[stiffening].bounds[0]
+    return np.asarray(point)
+
+
+def far_ends(best: Linearised, trials: Sequence[Trial]) -> FloatArray:
+    """Return the intervals' ends (n, p) that are far from all solves of one or two parameters.
+
+    Intervals and maps of the cost are drawn by the emulator, and none of them is drawn far from
+    what was solved.
+
+    Parameters
+    ----------
+    best : Linearised
+        The best full solve.
+    trials : sequence of Trial
+        All of them.
+    """
+    law = best.law
+    coordinates, model = Coordinates(law), np.array(law.of_model, dtype=int)
+    if not 0 < len(model) <= 2:
+        return np.zeros((0, len(law.parameters)))
+    by_point = np.linalg.inv(coordinates.derivatives(best.point[None])[0])
+    errors = best.errors(best.misfit.covariance_at(law.values(best.point)))
+    spread = by_point @ errors[np.ix_(model, model)] @ by_point.T
+    ways = _HALF_INTERVAL * spread / np.sqrt(np.maximum(np.diag(spread), 1e-300))
+    lengths = np.linalg.norm(ways, axis=0)
+    ways = (ways * np.minimum(1.0, _FARTHEST / np.maximum(lengths, 1e-300))).T
+    at = coordinates.of(best.point) + np.concatenate([ways, -ways])
+    tiled = np.tile(best.point, (len(at), 1))
+    ends = Domain(law.parameters).inside(coordinates.points(at, tiled))
+    solved = [coordinates.of(trial.point) for trial in trials]
+    far: list[FloatArray] = []
+    for end in ends:
+        place = coordinates.of(end)
+        if min(np.linalg.norm(place - other) for other in solved) > _FAR:
+            solved.append(place)
+            far.append(end)
+    return np.array(far).reshape(-1, len(best.point))
 
 
 def _within(law: IdentifiedLaw, k: int, share: FloatArray) -> FloatArray:

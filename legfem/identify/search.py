@@ -12,18 +12,18 @@ from legfem.common.errors import UnsolvedError
 from legfem.common.units import FloatArray
 from legfem.identify.catalogue import DEEP_C20, Values
 from legfem.identify.coordinates import Coordinates
-from legfem.identify.design import design, half_way
+from legfem.identify.design import design, far_ends, half_way, stiffer
+from legfem.identify.emulated import Emulated
 from legfem.identify.forward import ForwardOutcome
 from legfem.identify.laws import IdentifiedLaw, model_values
 from legfem.identify.misfit import Compared
 from legfem.identify.result import Generation
 from legfem.identify.settings import IdentificationSettings
 from legfem.identify.solver import FullSolver, key_of_values
-from legfem.identify.trial import Asking, Linearised, Stage, Trial, sizes_of
+from legfem.identify.trial import Asking, Linearised, Stage, Trial, objective_of, sizes_of
 from legfem.identify.trust import Trust
 from legfem.inference.domain import Domain
-from legfem.inference.emulator import Emulator, Samples
-from legfem.inference.least_squares import Residual, gauss_newton_step
+from legfem.inference.least_squares import gauss_newton_step
 from legfem.inference.polish import polished, polished_with
 
 # Converged: the emulator's optimum lies this near the best full solve, over the standard error or
@@ -38,10 +38,6 @@ _FLAT = 0.1
 _WORTH = 1e-4
 # Optima of the emulator, one after another, that full solves showed to be none.
 _REFUTED = 3
-# How far from all solves, in the coordinates, the emulator may draw an interval's end; beyond it is
-# solved there too, up to the greatest distance from the optimum.
-_FAR, _FARTHEST = 0.6, 1.2
-_HALF_INTERVAL = 2.0
 # Complete solves, the best first, from which an optimum among many parameters is polished.
 _MORE_STARTS = 4
 
@@ -115,40 +111,12 @@ class Search[Comparison: Compared]:
         if not (outcome.complete and self.misfit.reached_by(outcome)):
             return Trial(point, values, outcome, stage, None, math.inf)
         prediction = self.misfit.predict(outcome, self.law.readings(point))
-        objective = float(self._total(prediction.force, point))
+        objective = float(objective_of(self.law, self.misfit, prediction.force, point))
         return Trial(point, values, outcome, stage, prediction, objective)
 
-    def _total(self, force: FloatArray, points: FloatArray) -> FloatArray:
-        """Return what is minimised, for forces (..., n) at points (..., p)."""
-        departures = self.law.priors.residual(points)
-        return np.asarray(self.misfit.objective(force) + np.sum(departures**2, axis=-1))
-
-    def emulator(self) -> Emulator:
-        """Return the emulator of the model's corrected force, from all complete solves."""
-        predictions = [trial.prediction for trial in self.complete if trial.prediction is not None]
-        points = np.array([trial.point for trial in self.complete])
-        names = [self.law.names[k] for k in self.law.of_model]
-        force = np.array([one.model_force for one in predictions])
-        by = np.array([[one.model_sensitivities[name] for name in names] for one in predictions])
-        chain = self.coordinates.derivatives(points)
-        slopes = np.einsum(
-            "nkm,nkj->njm", by.reshape(len(force), len(names), force.shape[1]), chain
-        )
-        return Emulator(Samples(self.coordinates.of(points), force, slopes))
-
-    def emulated(self, emulator: Emulator, points: FloatArray) -> FloatArray:
-        """Return what the instrument shows (..., n) at points (..., p)."""
-        force = emulator(self.coordinates.of(points))
-        return self.misfit.read(force, self.law.readings(points))
-
-    def emulated_residual(self, emulator: Emulator) -> Residual:
-        """Return weighted differences and departures (..., n + k) of points (..., p)."""
-
-        def residual(points: FloatArray) -> FloatArray:
-            own = self.misfit.residual(self.emulated(emulator, points))
-            return np.concatenate([own, self.law.priors.residual(points)], axis=-1)
-
-        return residual
+    def emulated(self) -> Emulated:
+        """Return the model between all complete solves."""
+        return Emulated.between(self.law, self.misfit, self.complete)
 
     def linearised(self, trial: Trial) -> Linearised:
         """Return the misfit about a complete full solve."""
@@ -173,12 +141,12 @@ class Search[Comparison: Compared]:
             yield half_way(self.coordinates, np.array(failed), known), "design"
         gained, refuted = math.inf, 0
         for attempt in range(self.settings.most_solves):
-            emulator = self.emulator()
-            proposal = self.propose(emulator, attempt)
+            emulated = self.emulated()
+            proposal = self.propose(emulated, attempt)
             # Near the optimum the full model's own derivatives are exact where the emulator isn't.
             near = self._is_short(proposal - self.best.point, _AGREE_OF_ERROR, _AGREE_OF_VALUE)
             if near and (self.is_stationary() or (self._reads and is_settled(gained))):
-                ends = self._far_ends()
+                ends = far_ends(self.linearised(self.best), self.trials)
                 if len(ends) and len(self.trials) + len(ends) <= self.settings.most_solves:
                     yield ends, "design"
                     continue
@@ -202,7 +170,7 @@ class Search[Comparison: Compared]:
                 return
             if len(self.trials) >= self.settings.most_solves:
                 return
-            expected, before = self.emulated(emulator, proposal), self.best.objective
+            expected, before = emulated.force(proposal), self.best.objective
             (trial,) = yield proposal[None], "proposal"
             gained = 1 - trial.objective / before if before > 0 else 0.0
             if not by_newton:
@@ -210,7 +178,7 @@ class Search[Comparison: Compared]:
             if trial.prediction is not None and trial is self.best:
                 self.emulator_error = float(np.max(np.abs(trial.prediction.force - expected)))
 
-    def propose(self, emulator: Emulator, attempt: int) -> FloatArray:
+    def propose(self, emulated: Emulated, attempt: int) -> FloatArray:
         """Return the optimum (p,) on the emulator, where that is to be trusted."""
         domain = self.domain
         trust = self._trust()
@@ -223,18 +191,15 @@ class Search[Comparison: Compared]:
             return domain.inside(np.where(share[:, None] < 1.0, moved, points))
 
         def cost(genes: FloatArray) -> FloatArray:
-            points = trusted(genes)
-            return self._total(self.emulated(emulator, points), points)
-
-        on_points = self.emulated_residual(emulator)
+            return emulated.objective(trusted(genes))
 
         def residual(genes: FloatArray) -> FloatArray:
-            return on_points(domain.values(genes))
+            return emulated.residual(domain.values(genes))
 
         start = domain.genes(self.best.point)
         found = self.settings.minimiser(cost, start[None], self.settings.seed + attempt)
         path = np.array([trusted(genes)[0] for genes, _ in found.path])
-        self._remember(emulator, path.reshape(-1, len(start)), attempt)
+        self._remember(emulated, path.reshape(-1, len(start)), attempt)
         candidates = [start]
         starts = [found.best, start]
         if self._wide:
@@ -257,32 +222,6 @@ class Search[Comparison: Compared]:
         """Return the standard errors (p,) at the best full solve."""
         spread = self.linearised(self.best).errors(self.misfit.covariance)
         return np.asarray(np.sqrt(np.diag(spread)))
-
-    def _far_ends(self) -> FloatArray:
-        """Return the intervals' ends (n, p) that are far from all solves of one or two parameters.
-
-        Intervals and maps of the cost are drawn by the emulator, and none of them is drawn far from
-        what was solved.
-        """
-        best, model = self.best, np.array(self.law.of_model, dtype=int)
-        if self._wide or not len(model):
-            return np.zeros((0, len(self.law.parameters)))
-        by_point = np.linalg.inv(self.coordinates.derivatives(best.point[None])[0])
-        errors = self.linearised(best).errors(self.misfit.covariance_at(best.values))
-        spread = by_point @ errors[np.ix_(model, model)] @ by_point.T
-        ways = _HALF_INTERVAL * spread / np.sqrt(np.maximum(np.diag(spread), 1e-300))
-        lengths = np.linalg.norm(ways, axis=0)
-        ways = (ways * np.minimum(1.0, _FARTHEST / np.maximum(lengths, 1e-300))).T
-        at = self.coordinates.of(best.point) + np.concatenate([ways, -ways])
-        ends = self.domain.inside(self.coordinates.points(at, np.tile(best.point, (len(at), 1))))
-        solved = [self.coordinates.of(trial.point) for trial in self.trials]
-        far: list[FloatArray] = []
-        for end in ends:
-            place = self.coordinates.of(end)
-            if min(np.linalg.norm(place - other) for other in solved) > _FAR:
-                solved.append(place)
-                far.append(end)
-        return np.array(far).reshape(-1, len(best.point))
 
     def is_stationary(self) -> bool:
         """Whether Gauss-Newton hardly leaves the best full solve."""
@@ -327,29 +266,17 @@ class Search[Comparison: Compared]:
         return len(self.law.of_model) < len(self.law.parameters)
 
     def _stiffer(self) -> FloatArray:
-        """Return a stiffer tissue (1, p): that deforms less and reaches its depth."""
-        points = np.array([trial.point for trial in self.trials])
-        first = next((k for k, name in enumerate(self.law.names) if name.endswith(".C10")), None)
-        bounds = self.domain.bounds
-        stiffest = math.inf if first is None else float(points[:, first].max())
-        if (
-            first is None
-            or stiffest >= bounds[first, 1]
-            or len(self.trials) >= self.settings.most_solves
-        ):
+        point = stiffer(self.law, np.array([trial.point for trial in self.trials]))
+        if point is None or len(self.trials) >= self.settings.most_solves:
             raise SearchError(
                 f"too few full solves reach {self.misfit.reach} "
                 f"(the last stopped: {self.trials[-1].outcome.reason}); "
                 "use less of the recordings with --depth"
             )
-        point = points[int(np.argmax(points[:, first]))].copy()
-        point[first] = min(2 * stiffest, bounds[first, 1])
-        if (limit := self.law.index(DEEP_C20)) is not None:
-            point[limit] = bounds[limit, 0]
         return point[None]
 
-    def _remember(self, emulator: Emulator, path: FloatArray, attempt: int) -> None:
-        costs = self.misfit.cost(self.emulated(emulator, path))
+    def _remember(self, emulated: Emulated, path: FloatArray, attempt: int) -> None:
+        costs = emulated.cost(path)
         self.generations += [
             Generation(attempt, number, self.law.values(point), float(cost))
             for number, (point, cost) in enumerate(zip(path, costs, strict=True))

@@ -45,7 +45,7 @@ class Found[Comparison: Compared]:
         """The weighted residual of points (p,), without further full solves."""
         search = self.search
         if search.settings.emulator:
-            return search.emulated_residual(search.emulator())
+            return search.emulated().residual
         return self.linear.at
 
     @property

@@ -39,6 +39,14 @@ type Asking = Generator[tuple[FloatArray, Stage], list[Trial]]
 """Asks for full solves of points (n, p) as often as it needs, and is sent their trials."""
 
 
+def objective_of(
+    law: IdentifiedLaw, misfit: Compared, force: FloatArray, points: FloatArray
+) -> FloatArray:
+    """Return what is minimised (...) for forces (..., n), N, at points (..., p)."""
+    departures = law.priors.residual(points)
+    return np.asarray(misfit.objective(force) + np.sum(departures**2, axis=-1))
+
+
 def sizes_of(trial: Trial, parameters: Sequence[Parameter]) -> FloatArray:
     """Return what steps (p,) are small against: C10 + C20 of a tissue, values, widths."""
     sizes = []

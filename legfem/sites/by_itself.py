@@ -96,14 +96,14 @@ class Apart:
         """Return every site's own values, on the emulator of the joint fit's solves."""
         linear, search = self.found.linear, self.found.search
         law, misfit = linear.law, self._misfit
-        emulator, domain = search.emulator(), Domain(law.parameters)
+        emulated, domain = search.emulated(), Domain(law.parameters)
         joint = linear.gain
         sites = []
         for part, span, gain in zip(misfit.parts, misfit.spans, self._gains, strict=True):
 
             def residual(genes: FloatArray, part=part, span=span) -> FloatArray:  # type: ignore[no-untyped-def]
                 points = domain.values(genes)
-                force = search.emulated(emulator, points)[..., span]
+                force = emulated.force(points)[..., span]
                 return np.concatenate([part.residual(force), law.priors.residual(points)], axis=-1)
 
             at = domain.values(polished(residual, domain.genes(linear.point)))

@@ -141,7 +141,7 @@ def _identify(
     chi_square = float(left @ np.linalg.solve(covariance, left) + departures @ departures)
     degrees = len(left) + len(departures) - len(free.parameters) - apart
     p_value = float(chi2.sf(chi_square, degrees))
-    residual = search.emulated_residual(search.emulator())
+    residual = search.emulated().residual
     optimum = Optimum(
         linear,
         residual,
