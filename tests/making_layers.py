@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import felupe as fem
 import numpy as np
 from scipy.sparse.linalg import splu
+
+from studies.fibrous_specimens.other_muscle import OtherMuscle
 
 _STEP = 0.25
 """mm: an element at the punch's edge must not turn over."""
@@ -22,6 +24,17 @@ class OtherLayer:
     C10: float
     bulk: float
     """Over the shear modulus."""
+    fibre_ratio: float = 1.0
+    """Of the shear moduli along the axis and across."""
+
+    @property
+    def law(self) -> object:
+        """As felupe asks for it."""
+        plain = fem.NeoHooke(mu=2 * self.C10, bulk=self.bulk * 2 * self.C10)
+        if self.fibre_ratio == 1.0:
+            return plain
+        muscle = OtherMuscle.of_ratio(self.C10, 0.0, self.fibre_ratio, (1.0, 0.0, 0.0))
+        return replace(muscle, second=self.bulk * self.C10)
 
 
 class OtherLayers:
@@ -46,9 +59,8 @@ class OtherLayers:
             part = mesh.cells[(middle > below) & (middle < above)]
             region = fem.RegionBiQuadraticQuad(fem.Mesh(mesh.points, part, "quad9"))
             field = fem.FieldContainer([fem.FieldAxisymmetric(region, dim=2)])
-            law = fem.NeoHooke(mu=2 * layer.C10, bulk=layer.bulk * 2 * layer.C10)
             self.fields.append(field)
-            self.items.append(fem.SolidBody(law, field))
+            self.items.append(fem.SolidBody(layer.law, field))
         self.moved = np.zeros(mesh.points.shape)
 
     @property
@@ -92,14 +104,14 @@ class OtherLayers:
         held[r < 1e-9, 1] = True
         return held
 
-    def punched(self, radius: float, depths: Sequence[float]) -> np.ndarray:
+    def punched(self, radius: float, depths: Sequence[float], step: float = _STEP) -> np.ndarray:
         """Return forces (N) of a flat punch that sticks, without a rounding, at depths (mm)."""
         face = self.between(0.0, radius)
         held, forces = self.axis_and_walls(), []
         held[face] = True
         for depth in depths:
             came = -float(self.moved[face, 0].min())
-            for at in np.linspace(came, depth, 1 + int(np.ceil((depth - came) / _STEP)))[1:]:
+            for at in np.linspace(came, depth, 1 + int(np.ceil((depth - came) / step)))[1:]:
                 residual = self.balance(held, np.where(face[:, None], (-at, 0.0), 0.0))
             forces.append(-float(residual.reshape(-1, 2)[face, 0].sum()))
         return np.array(forces)

@@ -23,7 +23,7 @@ COMMANDS = (
     "studies.correction_checks",
     "studies.meshes", "studies.bench", "studies.expected_force", "studies.fibres",
     "studies.leg3d", "studies.leg3d.meshes", "studies.people", "studies.reach",
-    "studies.next_test", "studies.sites",
+    "studies.next_test", "studies.sites", "studies.fibrous_specimens",
 )  # fmt: skip
 
 

@@ -8,19 +8,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 from making_fibres import C10, PULLED, pulled, write_fibrous
-from making_specimens import AREA, LENGTH
+from making_layers import OtherLayer, OtherLayers
+from making_specimens import AREA, LENGTH, record
 
 import legfem as lf
 from legfem.common.errors import InputError
 from legfem.diagnose.mechanisms import Solution
 from legfem.diagnose.variants import Stopped
-from legfem.experiments.axisymmetric import BallOnLayer, CylinderBetweenPlates
+from legfem.experiments.axisymmetric import (
+    AxisymmetricSettings,
+    BallOnLayer,
+    CylinderBetweenPlates,
+)
 from legfem.experiments.flat_punch import PunchOnLayer
-from legfem.experiments.lateral_cylinder import CylinderOnBlock
+from legfem.experiments.lateral_cylinder import CylinderOnBlock, LateralCylinder
 from legfem.experiments.uniaxial import Bar, UniaxialTest
 from legfem.identify.written import Written
+from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.mechanics.terms import Fibres
+from legfem.meshing.meridian import MeridianMeshSettings
 from legfem.report.specimen import write_specimen_report
 from legfem.solve.protocol import Protocol
 from legfem.specimens.fibres import AXES, ratio_of
@@ -31,8 +38,17 @@ from legfem.specimens.sizes import FibrousTest, LayeredTest, lengths_of, resized
 from legfem.specimens.slipping import slipping
 from legfem.specimens.tissues import SpecimenTissue
 from legfem.specimens.variants import SpecimenVariants
+from studies.fibrous_specimens.__main__ import page
+from studies.fibrous_specimens.other_muscle import BULK, OtherMuscle, pulled_bar
+from studies.fibrous_specimens.planting import SETUPS, Found, Outcome, plants
+from studies.sites.identifying import Interval
 
 BLOCK = CylinderOnBlock(20.0, 60.0, 40.0, 8.0)
+ON_BLOCK = PULLED.replace(
+    '[uniaxial]\ndirection = "tension"\nlength_mm = 10.0\narea_mm2 = 100.0',
+    "[cylinder]\ncylinder_diameter_mm = 16.0\nthickness_mm = 20.0\nwidth_mm = 60.0\n"
+    "length_mm = 40.0",
+)
 BALL = BallOnLayer(12.0, 5.0, 40.0)
 PLATES = CylinderBetweenPlates(10.0, 10.0)
 TISSUE = SpecimenTissue(law="neo-hookean", fibrous=True)
@@ -140,6 +156,67 @@ def test_in_plane_strain_along_the_travel_and_across_are_one_level() -> None:
     assert punched[0] == pytest.approx(punched[1], rel=0.03)
     assert FibrousTest(BLOCK, "load").level == FibrousTest(BLOCK, "across").level
     assert FibrousTest(BLOCK, "load").level != FibrousTest(BLOCK, "cylinder").level
+
+
+@pytest.mark.parametrize("direction", ["load", "across"])
+def test_another_code_pulls_a_bar_by_the_same_force(direction) -> None:
+    law = ReducedPolynomial(C10, 1 / (BULK * C10), C20=2e-3)
+    fibres = Fibres.of_ratio("deep", C10, 2.5, AXES[direction])
+    curve = UniaxialTest(Bar(1.0, 1.0, "tension"), law, fibres).solve(depth=0.3).curve
+    at = np.array([0.1, 0.3])
+    axis = (1.0, 0.0, 0.0) if direction == "load" else (0.0, 1.0, 0.0)
+    other = pulled_bar(OtherMuscle.of_ratio(C10, 2e-3, 2.5, axis), 1 + at)
+    np.testing.assert_allclose(curve(at), other, rtol=1e-5)
+
+
+@pytest.mark.slow
+def test_another_code_s_fibres_raise_a_punch_s_force_by_as_much() -> None:
+    """By felupe, with a tangent of its own, and no rounding of the edge, which a quotient omits."""
+    bulk, at = 10.0, np.array([0.5, 1.0])
+    poisson = (3 * bulk - 2) / (2 * (3 * bulk + 1))
+    tissue = replace(TISSUE, poisson_ratio=poisson)
+    punch = FibrousTest(PunchOnLayer(12.0, 6.0, 0.15, 30.0), "load")
+    own, other = [], []
+    for ratio in (1.0, 3.0):
+        layer = OtherLayer(12.0, C10, bulk, ratio)
+        other.append(OtherLayers([layer], 30.0, [6.0], 0.3).punched(6.0, at.tolist(), 0.1))
+        solved = forward(punch, 1.05, tissue).solve({"deep.C10": C10, RATIO: ratio}, ())
+        own.append(solved.curves[0](at))
+    print(own[1] / own[0], other[1] / other[0])
+    np.testing.assert_allclose(own[1] / own[0], other[1] / other[0], rtol=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("directions", "told"), [(("cylinder", "across"), True), (("load", "across"), False)]
+)
+def test_cylinders_along_and_across_the_fibres_tell_the_ratio(tmp_path, directions, told) -> None:
+    """Recorded with other elements, a finer mesh and a harder contact than are identified with."""
+    entries = ""
+    settings = AxisymmetricSettings(
+        mesh=MeridianMeshSettings(8.0 / 24), formulation="continuous",
+        contact=ContactSettings(tangential="rough", stiffness=1e4),
+    )  # fmt: skip
+    for direction in directions:
+        fibres = Fibres.of_ratio("deep", C10, 2.0, AXES[direction])
+        law = NeoHookean(C10, 1 / (1000 * C10))
+        test = LateralCylinder(BLOCK, law, settings, mechanisms=(fibres,))
+        solved = test.solve(depth=3.0)
+        assert solved.report.complete
+        time = np.linspace(0.0, 6.0, 121)
+        record(tmp_path, direction, time, time / 2, solved.curve(time / 2))
+        entries += f'[[specimen]]\nname = "{direction}"\nfibres = "{direction}"\n'
+        entries += f'recordings = ["recordings/{direction}.csv"]\n'
+    tissue = "[fibres]\n[tissue]\none_stiffness = true\n"
+    (tmp_path / "specimen.toml").write_text(ON_BLOCK + tissue + entries)
+    found = lf.identify(lf.load_specimen(tmp_path), "neo-hookean")["neo-hookean"]
+    for name, truth in (("deep.C10", C10), (RATIO, 2.0)):
+        estimate = found.parameters[name]
+        print(name, estimate.value / truth, estimate.ci95, estimate.identifiability)
+        assert estimate.ci95[0] < truth < estimate.ci95[1]
+        assert (estimate.identifiability != "not identifiable") == told
+        if told:
+            assert estimate.value == pytest.approx(truth, rel=0.02)
 
 
 @pytest.mark.parametrize(
@@ -259,12 +336,7 @@ def test_a_stated_ratio_is_held_and_one_that_nothing_strains_is_refused(tmp_path
     assert found.parameters["deep.C10"].value == pytest.approx(C10, rel=0.02)
     with pytest.raises(InputError, match="less along the fibres than across"):
         asked_in_writing(Written(fixed=[f"{RATIO}=0.5"]), folder.tissues)
-    block = PULLED.replace(
-        '[uniaxial]\ndirection = "tension"\nlength_mm = 10.0\narea_mm2 = 100.0',
-        "[cylinder]\ncylinder_diameter_mm = 16.0\nthickness_mm = 20.0\nwidth_mm = 60.0\n"
-        "length_mm = 40.0",
-    )
-    (tmp_path / "specimen.toml").write_text(block + '[fibres]\ndirection = "cylinder"\n')
+    (tmp_path / "specimen.toml").write_text(ON_BLOCK + '[fibres]\ndirection = "cylinder"\n')
     with pytest.raises(InputError, match="no fitted test strains fibres along the cylinder"):
         lf.identify(lf.load_specimen(tmp_path), "neo-hookean")
 
@@ -283,6 +355,31 @@ def test_a_diagnosis_has_the_stated_fibres_and_asks_for_an_open_ratio(tmp_path: 
         np.testing.assert_allclose(found.force_at(at), same(at), rtol=1e-4)
         slopes = found.sensitivity_at("deep.C10", at)
         np.testing.assert_allclose(slopes, same.sensitivity("deep.C10", at), rtol=1e-3)
+    layers = LayeredTest(replace(BALL, thickness=17.0), (("muscle", 12.0), ("fat", 5.0)))
+    muscle = SpecimenTissue(
+        "muscle", "neo-hookean", stated={"C10": 6e-3, "fibre_ratio": 3.0}, fibrous=True
+    )
+    tissues, sizes = (muscle, SpecimenTissue("fat")), FibrousTest(layers, "load")
+    found = SpecimenVariants(sizes, depth, tissues).follow(
+        Protocol.ramp(depth, 1.0), {"deep.C10": c10, "deep.C20": 0.0}, Solution("plain"),
+        ("deep.C10",),
+    )  # fmt: skip
+    assert not isinstance(found, Stopped)
+    laws = [one.of_law("neo-hookean") for one in tissues]
+    both = SpecimenForward.of_tissues((sizes,), (depth,), laws, SOFT)
+    same = both.solve({"fat.C10": c10}, ["fat.C10"]).curves[0]
+    np.testing.assert_allclose(found.force_at(at), same(at), rtol=1e-4)
+    slopes = found.sensitivity_at("deep.C10", at)
+    np.testing.assert_allclose(slopes, same.sensitivity("fat.C10", at), rtol=1e-3)
     folder = lf.load_specimen(write_fibrous(tmp_path, 3.0, [("load", 1.0)]))
     found = lf.diagnose(folder, library=tmp_path / "responses")
     assert "fibres.ratio: is open" in str(found["bar0"].problem)
+
+
+def test_the_study_counts_what_is_covered_and_what_is_told() -> None:
+    c10 = {one.title: Found(Interval(4.0, 3.0, 5.0), "identifiable") for one in SETUPS}
+    ratio = {one.title: Found(Interval(3.0, 2.5, 3.5), "not identifiable") for one in SETUPS}
+    flags = dict.fromkeys(c10, True)
+    drawn = [replace(one, c10_kpa=4.0) for one in plants(3, 1)]
+    text = page([Outcome(one, c10, ratio, flags, flags) for one in drawn])
+    assert "3/3 = 100%" in text and "1/3 = 33%" in text and "0/0/3" in text

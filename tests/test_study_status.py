@@ -73,6 +73,7 @@ def test_planted_truths_whose_solver_never_converges_end_in_one_line(tmp_path, m
         ("fibres", "correction_of", ["--coarse", "--jobs", "1"]),
         ("leg3d", "identified", []),
         ("sites", "identified", ["--n", "1", "--jobs", "1"]),
+        ("fibrous_specimens", "identified", ["--n", "1", "--jobs", "1"]),
     ],
 )
 def test_a_study_that_cannot_be_solved_ends_in_one_line(

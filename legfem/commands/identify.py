@@ -81,7 +81,8 @@ def run(
         list[str] | None,
         _option(
             "Full name of a parameter to identify, in place of the law's own: deep.C10, deep.C20, "
-            "deep.D1, superficial.C10, fascia.C10, instrument.gain, ..., of specimens LAYER.C10;"
+            "deep.D1, superficial.C10, fascia.C10, instrument.gain, ..., of specimens LAYER.C10 "
+            "and deep.fibre_ratio;"
             " may be given again."
         ),
     ] = None,

@@ -34,7 +34,7 @@ _TOLD = {
 }
 _RULED_BY: Mapping[ErrorSource, str] = {
     "differences": "that recordings differ by a factor",
-    "model": "the numerical model's",
+    "model": "the model's own",
     "ends": "that of the correction for the cylinder's ends",
     "fibres": "that of the muscle fibres' ratio and effect",
     "priors": "that of what was known beforehand",

@@ -10,7 +10,6 @@ from legfem.experiments.lateral_cylinder import CylinderOnBlock
 from legfem.experiments.suction import CupOnLayer
 from legfem.experiments.uniaxial import Bar
 from legfem.report.words import ORIGINS
-from legfem.specimens.comparing import untold
 from legfem.specimens.fibres import is_ratio
 from legfem.specimens.misfit import SHAPE_SD_OF_LAYERS
 from legfem.specimens.result import ComparedRecording, SpecimenResult
@@ -74,18 +73,22 @@ def _of_fibres(result: SpecimenResult) -> str:
     (ratio,) = [name for name in result.values if is_ratio(name)] or [""]
     if not ratio:
         return ""
-    sought, names = ratio in result.parameters, {one.name for one in result.fitted}
-    fitted = [one for one in result.folder.recordings if one.name in names]
+    sought = ratio in result.parameters
     shape = (
         "the bend of a curve counts for nothing, since fibres that are slack at first bend it by "
         "tens of percent otherwise"
-        if sought and untold(result.folder, fitted)
+        if result.untold
         else f"the shape of a curve counts as known to {100 * SHAPE_SD_OF_LAYERS:.0f} %"
+    )
+    typical = (
+        "Typical specimens of each direction count as of one stiffness and ratio. "
+        if sought and result.stiffness and not result.untold
+        else ""
     )
     return (
         "The tissue is stiffer along its fibres: the ratio of its shear moduli is "
         f"{'looked for' if sought else f'taken to be {result.values[ratio]:.3g}'}, Young's modulus "
-        f"along them four times the one along less the one across; {shape}. "
+        f"along them four times the one along less the one across; {shape}. {typical}"
     )
 
 

@@ -14,7 +14,7 @@ from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.misfit import SHAPE_SD_OF_FIBRES, SHAPE_SD_OF_LAYERS, Part, SpecimenMisfit
 from legfem.specimens.own_stiffness import OwnStiffness
 from legfem.specimens.recorded import SpecimenRecording
-from legfem.specimens.sizes import level_of
+from legfem.specimens.sizes import fibres_text, level_of
 
 
 def seeks_ratio(names: Collection[str]) -> bool:
@@ -76,17 +76,17 @@ def misfit_of(
     known
         Stiffness of specimens over a typical one, by name.
     """
-    kinds = kinds_of(recordings)
     parts = tuple(
-        Part(one.course, model.tests.index(one.sizes), one.specimen, kinds[one.specimen])
+        Part(one.course, model.tests.index(one.sizes), one.specimen, fibres_text(one.sizes))
         for one in recordings
     )
     told = tells_ratio(folder, recordings)
-    bent = len(folder.tissues) > 1 or any(kinds.values())
+    bent = len(folder.tissues) > 1 or any(part.kind for part in parts)
     shape_sd = SHAPE_SD_OF_LAYERS if bent else 0.0
     if seeks and not told:
         shape_sd = SHAPE_SD_OF_FIBRES
     misfit = SpecimenMisfit(parts, model.depths, folder.relaxes, shape_sd=shape_sd)
+    kinds = kinds_of(recordings)
     names = tuple(kinds)
     if folder.equally_stiff or (known is None and len(names) < 2):
         return misfit

@@ -120,6 +120,7 @@ def _identify(
         tests, tuple(depth_of[sizes] for sizes in tests), tissues, prepared.c10
     )
     seeks = seeks_ratio(free.names)
+    why = untold(folder, fitted) if seeks else ""
     misfit = misfit_of(fitted, model, folder, seeks)
     store = None if out is None else Store(out / "solves", ForwardOutcome, model.fingerprint())
     sensitivities = tuple(free.names[k] for k in free.of_model)
@@ -192,7 +193,7 @@ def _identify(
         seed=settings.seed,
         emulator_error=search.emulator_error,
         converged=search.converged,
-        warnings=_warnings(folder, prepared, fitted, found, search, p_value, notes),
+        warnings=_warnings(folder, prepared, fitted, found, search, p_value, (why, *notes)),
         versions=versions(),
         folder=folder,
         recordings=tuple(compared),
@@ -204,6 +205,7 @@ def _identify(
         failed_solves=sum(not one.complete for one in outcomes.values()),
         stiffness=stiffness,
         stiffness_spread=spread,
+        untold=why,
     )
 
 
@@ -238,8 +240,6 @@ def _warnings(
         for name, one in found.items()
         if one.at_bound
     ]
-    if seeks_ratio(found) and (why := untold(folder, fitted)):
-        texts.append(why)
     if p_value < LEAST_CHANCE:
         texts.append(
             "The law does not describe these recordings within their errors: the intervals hold "
@@ -258,4 +258,4 @@ def _warnings(
             f"{len(failed)} of {len(search.trials)} full solves stopped short; the search kept "
             f"away from them ({failed[0].outcome.reason})."
         )
-    return (*texts, *prepared.notes, *notes)
+    return (*texts, *prepared.notes, *filter(None, notes))

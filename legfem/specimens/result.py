@@ -80,6 +80,8 @@ class SpecimenResult(IdentifiedParameters):
     are alike."""
     stiffness_spread: float = 0.0
     """Standard deviation of its logarithm, among specimens of a kind."""
+    untold: str = ""
+    """Why the fibres' ratio can't be told, as a sentence, where it was looked for in vain."""
 
     @property
     def fitted(self) -> tuple[ComparedRecording, ...]:

@@ -117,6 +117,11 @@ def level_of(sizes: Sizes) -> str:
     return sizes.level if isinstance(sizes, FibrousTest) else ""
 
 
+def fibres_text(sizes: Sizes) -> str:
+    """Return how a test's fibres lie; "" without."""
+    return f"fibres {WORDS[sizes.direction]}" if isinstance(sizes, FibrousTest) else ""
+
+
 def lengths_of(sizes: Sizes) -> dict[str, float]:
     """Return a test's sizes by name: mm, and mm² of an area."""
     if isinstance(sizes, FibrousTest):
@@ -223,7 +228,7 @@ def _layers(given: SpecimenFile, specimen: SpecimenEntry | None) -> tuple[tuple[
 def sizes_text(sizes: Sizes) -> str:
     """Return a specimen's test with its sizes, as people read them."""
     if isinstance(sizes, FibrousTest):
-        return f"{sizes_text(sizes.whole)}; fibres {WORDS[sizes.direction]}"
+        return f"{sizes_text(sizes.whole)}; {fibres_text(sizes)}"
     if isinstance(sizes, LayeredTest):
         layers = " on ".join(f"{name} {thickness:g} mm" for name, thickness in sizes.layers[::-1])
         return f"{sizes_text(sizes.whole)}; {layers}"

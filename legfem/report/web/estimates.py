@@ -23,13 +23,14 @@ from legfem.specimens.result import SpecimenResult
 
 def value_text(found: Estimate) -> str:
     """Return an estimate with the digits that its error leaves, and its unit."""
-    return f"{number(found.shown.value, found.shown.standard_error)} {found.shown.unit}"
+    shown = found.shown
+    return f"{number(shown.value, shown.standard_error)} {shown.unit}".removesuffix(" -")
 
 
 def held_text(name: str, value: float) -> str:
     """Return a value in the model's unit as people read it."""
     unit, factor = readable_unit(unit_of(name))
-    return f"{factor * value:.4g} {unit}"
+    return f"{factor * value:.4g} {unit}".removesuffix(" -")
 
 
 def interval_text(found: Estimate) -> str:
@@ -169,7 +170,7 @@ class Remedies:
         return {
             "recordings": f"{self.recordings}, or state what is known beforehand (--prior)",
             "differences": "recordings differ from one another by a factor: test more specimens",
-            "model": "most of its error is the numerical model's own, which no recording narrows: "
+            "model": "most of its error is the model's own, which no recording narrows: "
             "state what is known beforehand (--prior)",
             "ends": self.ends,
             "fibres": "most of its error is that of the muscle's fibres: measure them by shear "

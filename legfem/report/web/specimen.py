@@ -30,7 +30,8 @@ _RETURNS = "Unloading and everything after the first return: it was not used."
 _NOT_TESTED = (
     "A constant factor on the force (the load cell's gain, the specimen's size) looks like a "
     "change of stiffness, and would sit in it unseen.",
-    "Whether the tissue is alike in all directions, and whether it is the same in the body.",
+    "Whether the tissue is alike in all directions, or across its fibres where they are stated, "
+    "and whether it is the same in the body.",
 )
 
 
@@ -139,6 +140,8 @@ _REMEDIES = estimates.Remedies("strain it further, add rates or holds")
 def _next(best: SpecimenResult) -> list[str]:
     lines = []
     narrower = estimates.how_to_narrow(best.parameters, _REMEDIES)
+    if best.untold:
+        narrower = [best.untold]
     if not _fits(best):
         lines.append(
             "Try the other laws (--law yeoh, --law exponential); if none fits, use the numbers "

@@ -1,0 +1,161 @@
+"""Bars of planted fibrous tissue, recorded by a lab, and identified from one direction or two."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
+from legfem.inference.constants import Identifiability
+from legfem.recording import write_recording
+from legfem.specimens.fibres import Direction, ratio_of
+from legfem.specimens.folder import load_specimen
+from legfem.specimens.identification import identify_specimen
+from legfem.specimens.tissues import ONE
+from studies.fibrous_specimens.other_muscle import OtherMuscle, pulled_bar
+from studies.lab.conditions import GAINS
+from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
+from studies.sites.identifying import Interval
+
+RATIOS = (1.0, 2.0, 3.0)
+C10_KPA, STIFFENING = (2.0, 8.0), 0.4
+"""C10 is drawn between, evenly in its logarithm; C20 is a share of it."""
+LENGTH, WIDTH, STRAIN, TRIALS = 60.0, 30.0, 0.25, 3
+"""Of the bars (mm), to which they are pulled, and recordings of each."""
+APART = 0.15
+"""Of pieces of one tissue: standard deviation of the logarithm of their stiffness."""
+_RATE, _POINTS = 1.0, 41
+_AXES: dict[Direction, tuple[float, float, float]] = {
+    "load": (1.0, 0.0, 0.0),
+    "across": (0.0, 1.0, 0.0),
+}
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What a lab does with a tissue.
+
+    Parameters
+    ----------
+    title
+        In words.
+    directions
+        Of the fibres in the bars.
+    each
+        Bars of each direction; more than one are of pieces that differ in stiffness.
+    """
+
+    title: str
+    directions: tuple[Direction, ...]
+    each: int = 1
+
+
+SETUPS = (
+    Setup("one bar along", ("load",)),
+    Setup("one bar across", ("across",)),
+    Setup("one of each, of one piece", ("load", "across")),
+    Setup("three of each, of pieces that differ", ("load", "across"), 3),
+)
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A tissue."""
+
+    number: int
+    ratio: float
+    c10_kpa: float
+    seed: int
+
+
+@dataclass(frozen=True)
+class Found:
+    """What was found of a parameter, and the word for it."""
+
+    interval: Interval
+    word: Identifiability
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What was found of a tissue, by the setup's title."""
+
+    plant: Plant
+    c10: dict[str, Found]
+    """kPa."""
+    ratio: dict[str, Found]
+    warned: dict[str, bool]
+    """Whether the report warns that the ratio can't be told."""
+    converged: dict[str, bool]
+
+
+def plants(number: int, seed: int) -> list[Plant]:
+    """Return tissues, the ratios in turn."""
+    low, high = np.log(C10_KPA)
+    drawn = np.random.default_rng(seed).uniform(low, high, number)
+    return [
+        Plant(k, RATIOS[k % len(RATIOS)], float(np.exp(one)), 1000 * seed + k)
+        for k, one in enumerate(drawn)
+    ]
+
+
+def identified(folder: Path, plant: Plant) -> Outcome:
+    """Record and identify a tissue in every setup."""
+    c10, ratio = dict[str, Found](), dict[str, Found]()
+    warned, converged = dict[str, bool](), dict[str, bool]()
+    for number, setup in enumerate(SETUPS):
+        where = folder / f"tissue{plant.number}" / f"setup{number}"
+        write_folder(where, plant, setup, np.random.default_rng([plant.seed, number]))
+        (result,) = identify_specimen(load_specimen(where), ["reduced-polynomial"])
+        estimates = [result.parameters[name] for name in (f"{ONE}.C10", ratio_of(ONE))]
+        for known, one, factor in zip((c10, ratio), estimates, (mpa_to_kpa(1.0), 1.0), strict=True):
+            interval = Interval(*(factor * number for number in (one.value, *one.ci95)))
+            known[setup.title] = Found(interval, one.identifiability)
+        warned[setup.title] = any("ratio can't be told" in text for text in result.warnings)
+        converged[setup.title] = result.converged
+    return Outcome(plant, c10, ratio, warned, converged)
+
+
+def write_folder(folder: Path, plant: Plant, setup: Setup, generator: np.random.Generator) -> None:
+    """Write a specimen folder of a setup, with a lab's errors."""
+    errors = LabErrors(
+        gain_sd=float(np.exp(generator.uniform(*np.log(GAINS)))),
+        heavy=bool(generator.random() < 0.5),
+    )  # fmt: skip
+    text = (
+        f'id = "tissue{plant.number}"\ntitle = "Bars of planted fibrous tissue"\n'
+        f'origin = "simulated"\n[uniaxial]\ndirection = "tension"\nlength_mm = {LENGTH}\n'
+        f"area_mm2 = {WIDTH**2}\n[fibres]\n[instrument]\nforce_sd_N = {INSTRUMENT.force_sd}\n"
+        f"displacement_sd_mm = {INSTRUMENT.displacement_sd}\n"
+        f"[tissue]\none_stiffness = {str(setup.each == 1).lower()}\n"
+        "[recordings]\nstarts_at_contact = true\n"
+    )
+    for direction in setup.directions:
+        for piece in range(setup.each):
+            factor = np.exp(APART * generator.normal()) if setup.each > 1 else 1.0
+            name = f"{direction}{piece}"
+            force = factor * plant.c10_kpa * _unit_force(plant.ratio, direction)
+            course = Course(_way() / _RATE, _way(), force)
+            (folder / name).mkdir(parents=True, exist_ok=True)
+            for one in record([course] * TRIALS, errors, generator):
+                write_recording(one, folder / name / f"{one.trial}.csv")
+            text += (
+                f'[[specimen]]\nname = "{name}"\nfibres = "{direction}"\n'
+                f'recordings = ["{name}/*.csv"]\n'
+            )
+    (folder / "specimen.toml").write_text(text)
+
+
+def _way() -> FloatArray:
+    return np.linspace(0.0, STRAIN * LENGTH, _POINTS)
+
+
+@cache
+def _unit_force(ratio: float, direction: Direction) -> FloatArray:
+    """Return the force (N) on a bar of C10 1 kPa, to which it is in proportion."""
+    c10 = kpa_to_mpa(1.0)
+    muscle = OtherMuscle.of_ratio(c10, STIFFENING * c10, ratio, _AXES[direction])
+    return WIDTH**2 * pulled_bar(muscle, 1 + _way() / LENGTH)
