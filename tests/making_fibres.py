@@ -44,13 +44,15 @@ def write_fibrous(
     specimens: Sequence[tuple[str, float]],
     table: str = "[fibres]\n",
     tissue: str = "[tissue]\none_stiffness = true\n",
+    names: Sequence[str] = (),
 ) -> Path:
     """Write a folder of bars of directions, each with its factor on the stiffness."""
     entries = ""
     for k, (direction, factor) in enumerate(specimens):
         time, d = ramp(2.5, 10.0)
         record(folder, f"bar{k}", time, d, factor * pulled(ratio, direction, d))
-        entries += f'[[specimen]]\nname = "bar{k}"\nfibres = "{direction}"\n'
+        own = names[k] if names else f"bar{k}"
+        entries += f'[[specimen]]\nname = "{own}"\nfibres = "{direction}"\n'
         entries += f'recordings = ["recordings/bar{k}.csv"]\n'
     (folder / "specimen.toml").write_text(PULLED + table + tissue + entries)
     return folder

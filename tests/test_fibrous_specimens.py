@@ -328,6 +328,24 @@ def test_specimens_of_their_own_stiffness_tell_it_by_their_number(tmp_path: Path
     assert "The tissue is stiffer along its fibres" in text and "fibre ratio" in text
 
 
+def test_pieces_that_were_turned_tell_it_however_they_differ(tmp_path: Path) -> None:
+    turned = [(way, factor) for factor in (1.4, 0.7) for way in ("load", "across")]
+    path = write_fibrous(tmp_path, 2.0, turned, tissue="", names=["a", "a", "b", "b"])
+    folder = lf.load_specimen(path)
+    found = lf.identify(folder, "neo-hookean")["neo-hookean"]
+    estimate = found.parameters[RATIO]
+    assert estimate.value == pytest.approx(2.0, rel=0.03)
+    assert estimate.ci95[1] - estimate.ci95[0] < 0.6
+    assert found.stiffness["a"] / found.stiffness["b"] == pytest.approx(2.0, rel=0.02)
+    assert not any("can't be told" in text for text in found.warnings)
+    twice = path / "specimen.toml"
+    twice.write_text(twice.read_text().replace('fibres = "across"', 'fibres = "load"'))
+    with pytest.raises(InputError, match="2 specimens are called 'a'"):
+        lf.load_specimen(path)
+    refused = lf.diagnose(folder, library=tmp_path / "responses")
+    assert "tested in several directions" in str(refused["a"].problem)
+
+
 def test_a_stated_ratio_is_held_and_one_that_nothing_strains_is_refused(tmp_path: Path) -> None:
     stated = write_fibrous(tmp_path, 3.0, [("load", 1.0)], "[fibres]\nratio = 3.0\n")
     folder = lf.load_specimen(stated)

@@ -81,7 +81,8 @@ def _of_fibres(result: SpecimenResult) -> str:
         else f"the shape of a curve counts as known to {100 * SHAPE_SD_OF_LAYERS:.0f} %"
     )
     typical = (
-        "Typical specimens of each direction count as of one stiffness and ratio. "
+        "Typical specimens of each direction count as of one stiffness, one that was turned as "
+        "the same. "
         if sought and result.stiffness and not result.untold
         else ""
     )

@@ -22,20 +22,34 @@ def seeks_ratio(names: Collection[str]) -> bool:
     return any(is_ratio(name) for name in names)
 
 
-def kinds_of(recordings: Sequence[SpecimenRecording]) -> dict[str, str]:
-    """Return how the fibres of each specimen lie, by its name; "" without fibres."""
-    return {one.specimen: level_of(one.sizes) for one in recordings}
+def kinds_of(recordings: Sequence[SpecimenRecording]) -> dict[str, tuple[str, ...]]:
+    """Return how the fibres of each specimen lay in its tests, by its name; "" without fibres."""
+    names = dict.fromkeys(one.specimen for one in recordings)
+    return {
+        name: tuple(sorted({level_of(one.sizes) for one in recordings if one.specimen == name}))
+        for name in names
+    }
+
+
+def _directions(recordings: Sequence[SpecimenRecording]) -> list[str]:
+    return sorted({level_of(one.sizes) for one in recordings})
+
+
+def _turned(recordings: Sequence[SpecimenRecording]) -> bool:
+    """Return whether one specimen was tested in several directions."""
+    return any(len(kinds) > 1 for kinds in kinds_of(recordings).values())
 
 
 def tells_ratio(folder: SpecimenFolder, recordings: Sequence[SpecimenRecording]) -> bool:
     """Return whether forces along the fibres and across tell their ratio.
 
-    Specimens that have a stiffness of their own do so if one direction has several: their spread
-    then is that by which typical ones of the directions may differ by chance.
+    Specimens that have a stiffness of their own do so if one was tested in several directions, or
+    if one direction has several: their spread then is that by which typical ones of the directions
+    may differ by chance.
     """
-    kinds = kinds_of(recordings)
-    directions = len(set(kinds.values()))
-    return directions > 1 and (folder.equally_stiff or len(kinds) > directions)
+    directions = len(_directions(recordings))
+    several = len(kinds_of(recordings)) > directions
+    return directions > 1 and (folder.equally_stiff or _turned(recordings) or several)
 
 
 def check_strained(folder: SpecimenFolder, recordings: Sequence[SpecimenRecording]) -> None:
@@ -46,7 +60,7 @@ def check_strained(folder: SpecimenFolder, recordings: Sequence[SpecimenRecordin
     InputError
         If none is.
     """
-    if set(kinds_of(recordings).values()) == {WORDS["cylinder"]}:
+    if _directions(recordings) == [WORDS["cylinder"]]:
         raise InputError(
             folder.directory / FILE, "fibres.ratio",
             f"no fitted test strains fibres {WORDS['cylinder']}",
@@ -93,9 +107,10 @@ def misfit_of(
     stations = [len(part.course.time) for part in parts]
     specimen = np.repeat([names.index(part.specimen) for part in parts], stations)
     weight = misfit.weighted(np.ones(len(misfit)))
+    apart = seeks and told and not _turned(recordings)
     own = OwnStiffness(
         names, specimen, misfit.measured_force, weight, known,
-        tuple(kinds.values()) if seeks and told else (),
+        tuple(kind for (kind,) in kinds.values()) if apart else (),
     )  # fmt: skip
     return replace(misfit, own=own)
 
@@ -104,7 +119,7 @@ def untold(folder: SpecimenFolder, recordings: Sequence[SpecimenRecording]) -> s
     """Return why the ratio of the fibres' stiffness can't be told, as a sentence; "" if it can."""
     if tells_ratio(folder, recordings):
         return ""
-    directions = sorted(set(kinds_of(recordings).values()))
+    directions = _directions(recordings)
     if len(directions) == 1:
         return (
             f"The fibres' ratio can't be told from C10: all fitted tests have fibres "
@@ -113,6 +128,7 @@ def untold(folder: SpecimenFolder, recordings: Sequence[SpecimenRecording]) -> s
         )
     return (
         "The fibres' ratio can't be told from how specimens differ: each direction has one "
-        "specimen of a stiffness of its own. Say [tissue] one_stiffness = true if they are of one "
-        "piece, test several in a direction, or state [fibres] ratio."
+        "specimen of a stiffness of its own. Give them one name if they are one piece, turned; say "
+        "[tissue] one_stiffness = true if they are equally stiff; test several in a direction; or "
+        "state [fibres] ratio."
     )

@@ -26,7 +26,7 @@ from legfem.specimens.fibres import RATIO
 from legfem.specimens.folder import FILE, SpecimenFolder, stiffness_doubts
 from legfem.specimens.mechanisms import Scale, mechanisms_of
 from legfem.specimens.recorded import LeftOut, SpecimenRecording
-from legfem.specimens.sizes import Sizes
+from legfem.specimens.sizes import Sizes, fibres_text
 from legfem.specimens.tissues import SpecimenTissue
 from legfem.specimens.variants import SpecimenVariants
 from legfem.subjects.subject import Origin
@@ -119,7 +119,7 @@ def _diagnosed(
     seed: int,
 ) -> tuple[Diagnosis, tuple[LeftOut, ...]]:
     asked = tissue_asked_for(folder)
-    _check_ratio(folder)
+    _check_fibres(folder, recordings)
     used, left = list[SpecimenRecording](), list[LeftOut]()
     for one in recordings:
         try:
@@ -206,7 +206,13 @@ def tissue_asked_for(folder: SpecimenFolder) -> SpecimenTissue:
     )  # fmt: skip
 
 
-def _check_ratio(folder: SpecimenFolder) -> None:
+def _check_fibres(folder: SpecimenFolder, recordings: Sequence[SpecimenRecording]) -> None:
+    if len({fibres_text(one.sizes) for one in recordings}) > 1:
+        raise InputError(
+            folder.directory / FILE, f"specimen {recordings[0].specimen}",
+            "was tested in several directions of its fibres",
+            "give each a name of its own, for a diagnosis",
+        )  # fmt: skip
     if any(one.fibrous and RATIO not in one.stated for one in folder.tissues):
         raise InputError(
             folder.directory / FILE, "fibres.ratio", "is open",

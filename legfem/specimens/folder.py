@@ -242,7 +242,8 @@ def _named(directory: Path, toml: Path, given: SpecimenFile) -> list[tuple[str, 
 
 
 def _check_distinct(toml: Path, specimens: list[SpecimenEntry]) -> None:
-    for name, times in Counter(entry.name for entry in specimens).items():
+    # A piece may be tested with its fibres one way and another.
+    for (name, _), times in Counter((entry.name, entry.fibres) for entry in specimens).items():
         if times > 1:
             raise InputError(
                 toml, "specimen.name", f"{times} specimens are called {name!r}",
