@@ -111,7 +111,7 @@ def widened(result, half_width: float):
     best = result.best
     sd = math.asinh(half_width) / quantile(0)
     covariance = np.diag([sd**2, sd**2])
-    other = replace(best, log_covariance=covariance, converged=True)
+    other = replace(best, log_covariance=covariance, converged=True, profile95=None)
     return replace(result, searches=(other, *result.searches[1:]))
 
 

@@ -87,6 +87,21 @@ def profile_interval(
     return end(-1), end(1)
 
 
+def profile_point(
+    residual: Residual,
+    at: FloatArray,
+    k: int,
+    value: float,
+    bounds: FloatArray,
+    half_width: float,
+) -> FloatArray:
+    """Return all values (p,) where one of them is held and the others are refitted.
+
+    Parameters as for `profile_interval`; ``value`` is that of the k-th parameter.
+    """
+    return _Profile(residual, at, k, bounds, half_width).refitted(value)
+
+
 class _Profile:
     """The least sum of squares with one parameter held, the others refitted."""
 
@@ -99,17 +114,23 @@ class _Profile:
         self.slope = self._slope(step)
 
     def __call__(self, value: float) -> float:
+        return float(np.sum(self.residual(self.refitted(value)) ** 2))
+
+    def refitted(self, value: float) -> FloatArray:
         if not self.others:
-            return float(np.sum(self.residual(np.array([value])) ** 2))
+            return np.array([value])
         others, units = self.others, self.units[self.others]
         box = self.bounds[others] / units[:, None]
         near = self.at[others] + self.slope * (value - self.at[self.k])
         start = np.clip(near / units, *box.T)
 
-        def left(free: FloatArray) -> FloatArray:
+        def whole(free: FloatArray) -> FloatArray:
             values = np.empty((*free.shape[:-1], len(self.at)))
             values[..., self.k], values[..., others] = value, free * units
-            return self.residual(np.clip(values, *self.bounds.T))
+            return np.asarray(np.clip(values, *self.bounds.T))
+
+        def left(free: FloatArray) -> FloatArray:
+            return self.residual(whole(free))
 
         def slopes(free: FloatArray) -> FloatArray:
             moves = _MOVE * np.eye(len(free))
@@ -118,7 +139,7 @@ class _Profile:
             apart = np.diag(up - down)
             return np.asarray((ends[: len(free)] - ends[len(free) :]).T / apart)
 
-        return float(np.sum(left(least_residual(left, start, box, jacobian=slopes)) ** 2))
+        return whole(least_residual(left, start, box, jacobian=slopes))
 
     def _slope(self, step: float) -> FloatArray:
         """Return how the others follow the held one where the residual is linear; (p - 1,)."""

@@ -41,6 +41,16 @@ def stiffness_values(parameters: dict[str, float]) -> str:
     )
 
 
+def stiffness_interval(interval: tuple[float, float]) -> str:
+    """Return a 95 % interval (MPa) in kPa, in words where it is open."""
+    low, high = (mpa_to_kpa(end) for end in interval)
+    if low > 0 and np.isfinite(high):
+        return f"{low:.3g} to {high:.3g}"
+    if low > 0:
+        return f"at least {low:.3g}"
+    return f"at most {high:.3g}" if np.isfinite(high) else "any"
+
+
 def vein_interval(result: StockingResult, vein: int) -> tuple[float, float]:
     """Return the 95 % interval of a vein's pressure (mmHg), NaN where it isn't known."""
     assert result.pressures is not None

@@ -9,7 +9,7 @@ stocking: it takes a fraction of the solutions and says how sure the values are.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -21,7 +21,8 @@ from legfem.stocking.leg_model import PARAMETERS
 from legfem.stocking.misfit import ContourMisfit
 from legfem.stocking.nuisance import RIGID
 from legfem.stocking.nuisance_slopes import NuisanceSlopes
-from legfem.stocking.profiled import Compared, Profiled, Tension, compared, profiled
+from legfem.stocking.profile_intervals import MisfitEmulator, profile_intervals
+from legfem.stocking.profiled import BesideScan, Profiled, Tension, beside_scan, profiled
 from legfem.stocking.sensors import Sensing
 from legfem.stocking.worn import Worn, WornLeg
 
@@ -93,6 +94,8 @@ class Identified:
     tension: Tension | None = None
     """Of the fabric; None where it is taken as it was given."""
     log_covariance: FloatArray | None = None
+    profile95: FloatArray | None = None
+    """95 % intervals (2, 2) by profile likelihood, MPa: of the best search."""
 
     @property
     def rigid(self) -> FloatArray | None:
@@ -101,7 +104,12 @@ class Identified:
 
     @property
     def interval95(self) -> FloatArray | None:
-        """95 % intervals of the parameters, (2, 2), MPa."""
+        """95 % intervals of the parameters, (2, 2), MPa; 0 and infinity where they are open.
+
+        By profile likelihood, or else by the curvature at the best values.
+        """
+        if self.profile95 is not None:
+            return self.profile95
         if self.log_covariance is None:
             return None
         half = quantile(0) * np.sqrt(np.diag(self.log_covariance))
@@ -139,7 +147,7 @@ class StiffnessSearch:
         self._last: Worn | None = None
         self._learnt: dict[tuple[float, ...], Worn] = {}
         self.nuisances = NuisanceSlopes(leg, misfit, sensing)
-        self.compared: list[Compared] = []
+        self._beside: list[BesideScan] = []
 
     def nelder_mead(self) -> Identified:
         """Search as the paper does, from 3 kPa in both tissues."""
@@ -183,7 +191,26 @@ class StiffnessSearch:
         if not self.nuisances.learnt:
             self._learn()
         found = [self._from(kpa_to_mpa(np.array(start))) for start in self._settings.starts_kPa]
-        return tuple(sorted(found, key=lambda result: result.chi_square))
+        best, *others = sorted(found, key=lambda result: result.chi_square)
+        return (self._with_profile(best), *others)
+
+    def _with_profile(self, best: Identified) -> Identified:
+        """Return the best search with intervals by profile likelihood, where it settled."""
+        if not best.converged or best.log_covariance is None:
+            return best
+        sensor_sd = np.zeros(0) if self._sensing is None else self._sensing.sd
+
+        def emulate() -> MisfitEmulator:
+            return MisfitEmulator(self._beside, self._misfit, self.nuisances, sensor_sd)
+
+        def compare(parameters: FloatArray) -> BesideScan | None:
+            worn = self._solve(parameters, differentiate=True)
+            return self._compared(parameters, worn) if worn.state.report.complete else None
+
+        intervals = profile_intervals(
+            best.parameters, best.log_covariance, BOUNDS, emulate, compare
+        )
+        return replace(best, profile95=intervals)
 
     def _learn(self) -> None:
         for parameters in LEARNT_AT:
@@ -235,9 +262,13 @@ class StiffnessSearch:
         )  # fmt: skip
 
     def _profiled(self, parameters: FloatArray, worn: Worn) -> Profiled:
-        found = compared(self._leg, self._misfit, parameters, worn, self._sensing)
-        self.compared.append(found)
+        found = self._compared(parameters, worn)
         return profiled(found, self._misfit, self.nuisances, self._sensing)
+
+    def _compared(self, parameters: FloatArray, worn: Worn) -> BesideScan:
+        found = beside_scan(self._leg, self._misfit, parameters, worn, self._sensing)
+        self._beside.append(found)
+        return found
 
     def _unsolved(self, method: Method, start: FloatArray, before: int, worn: Worn) -> Identified:
         return Identified(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from legfem.inference.constants import Identifiability
+from legfem.inference.constants import Identifiability, quantile
 from legfem.inference.identifiability import Bound, bound_of, verdict_on
 from legfem.stocking.accuracy import ContourAccuracy
 from legfem.stocking.identification import BOUNDS, Identified
@@ -30,6 +30,7 @@ class KnownStiffness:
     """Of `PARAMETERS`."""
     value: float
     interval95: tuple[float, float]
+    """0 and infinity where it is open."""
     half_width: float
     """Of the interval, over the value."""
     at_bound: Bound
@@ -69,7 +70,7 @@ def starts_agree(searches: Sequence[Identified]) -> bool:
     """Tell whether searches, the best first, led to the same stiffness."""
     values = np.log([search.parameters for search in searches])
     allowed = np.full(len(PARAMETERS), SAME_WITHIN)
-    if (intervals := searches[0].interval95) is not None:
-        half = 0.5 * np.diff(np.log(intervals), axis=1)[:, 0]
+    if (covariance := searches[0].log_covariance) is not None:
+        half = quantile(0) * np.sqrt(np.diag(covariance))
         allowed = np.maximum(allowed, SAME_WITHIN_INTERVAL * half)
     return bool((np.ptp(values, axis=0) <= allowed).all())

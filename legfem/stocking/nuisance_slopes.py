@@ -18,7 +18,9 @@ between them: half the pressure on a leg half as stiff does the same.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from copy import copy
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -143,6 +145,15 @@ class NuisanceSlopes:
         outlines[:, :count] += feedback
         pressure = distances[:, count:] + feedback @ skin[:, count:]
         return self._with_tension(np.hstack([self._rigid, pressure, outlines]))
+
+    def of(self, reading: Callable[[FloatArray], FloatArray]) -> NuisanceSlopes:
+        """Return the slopes of what is read off the distances (n, k), linearly, (m, k)."""
+        other = copy(self)
+        other._rigid, other._direct = reading(self._rigid), reading(self._direct)
+        other._known = [
+            replace(answer, distances=reading(answer.distances)) for answer in self._known
+        ]
+        return other
 
     def felt(self, parameters: FloatArray) -> FloatArray:
         """Return the slopes of what sensors feel, MPa, (s, ...) as of `at`.

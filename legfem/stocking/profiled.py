@@ -50,7 +50,7 @@ class Tension:
 
 
 @dataclass(frozen=True, eq=False)
-class Compared:
+class BesideScan:
     """What contours and sensors say of a worn leg at one stiffness.
 
     Parameters
@@ -77,13 +77,13 @@ class Compared:
     felt_slopes: FloatArray
 
 
-def compared(
+def beside_scan(
     leg: WornLeg,
     misfit: ContourMisfit,
     parameters: FloatArray,
     worn: Worn,
     sensing: Sensing | None = None,
-) -> Compared:
+) -> BesideScan:
     """Compare a worn leg with its scan and its sensors.
 
     Parameters
@@ -105,7 +105,7 @@ def compared(
         slopes_felt = [sensing.felt(contours.pressure_by_parameter(name)) for name in PARAMETERS]
         felt_slopes = np.stack(slopes_felt, axis=1) * parameters / sensing.sd[:, None]
     slopes = np.stack([contours.by_parameter(name) for name in PARAMETERS], axis=1) * parameters
-    return Compared(parameters, worn, contours.distances, slopes, felt, felt_slopes)
+    return BesideScan(parameters, worn, contours.distances, slopes, felt, felt_slopes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +145,7 @@ class Profiled:
 
 
 def profiled(
-    found: Compared,
+    found: BesideScan,
     misfit: ContourMisfit,
     nuisances: NuisanceSlopes,
     sensing: Sensing | None = None,

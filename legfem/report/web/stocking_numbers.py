@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
-from legfem.report.stocking_words import both_units, vein_interval
+from legfem.report.stocking_words import both_units, stiffness_interval, vein_interval
 from legfem.report.web.page import Known, Provenance
 from legfem.report.web.stocking_pressures import sensor_rows, tension_text
 from legfem.stocking.judgement import judge
@@ -19,12 +19,12 @@ def known_of(result: StockingResult) -> list[Known]:
     data: Provenance = leg.origin
     rows = []
     for known in () if best is None else judge(best, leg.accuracy):
-        low, high = (mpa_to_kpa(end) for end in known.interval95)
         bound = f"; at the {known.at_bound} bound of the search" if known.at_bound else ""
         rows.append(
             Known(
                 f"C10 of the {TISSUES[known.name]}", f"{mpa_to_kpa(known.value):.3g} kPa",
-                "estimated", "both scans", f"{low:.3g} to {high:.3g}", f"{known.verdict}{bound}",
+                "estimated", "both scans", stiffness_interval(known.interval95),
+                f"{known.verdict}{bound}",
             )
         )  # fmt: skip
     if leg.known:

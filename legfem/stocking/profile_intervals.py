@@ -1,0 +1,150 @@
+r"""Intervals of muscle's and fat's stiffness by profile likelihood.
+
+A stiffness' profile is the least sum of squares with it held, the other one and the nuisances at
+their best. With :math:`w` the whitened distances, :math:`N` their slopes by the nuisances and
+:math:`\Sigma` the priors' covariance, that sum is
+:math:`w^T (1 + N \Sigma N^T)^{-1} w`, where :math:`w(\theta)` is interpolated between the
+equilibria that were solved (`legfem.inference.kriging`). Where an end lies far from all of them,
+one is solved there. An interval that goes on at a bound of the search, or where the leg can't be
+computed, is open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.inference.constants import quantile
+from legfem.inference.intervals import profile_interval, profile_point
+from legfem.inference.kriging import Kriging
+from legfem.inference.least_squares import least_residual
+from legfem.stocking.misfit import ContourMisfit
+from legfem.stocking.nuisance_slopes import NuisanceSlopes
+from legfem.stocking.profiled import BesideScan
+
+FAR, FARTHEST = 0.35, 1.0
+"""Distance from all equilibria that were solved, in `_coordinates`, beyond which an end is solved
+for, and how far from them that may be."""
+MOST = 8
+"""Equilibria solved for the ends."""
+_NUGGET = 1e-6
+"""An equilibrium is found to some 1e-4 of its pressure."""
+_MIDDLE = kpa_to_mpa(3.0)
+
+type Compare = Callable[[FloatArray], BesideScan | None]
+"""Solves at stiffnesses (MPa); None where that can't be."""
+
+
+class MisfitEmulator:
+    """The misfit at any stiffness, nuisances at their best, from worn legs that were solved.
+
+    Parameters
+    ----------
+    found
+        Beside the scan.
+    misfit, nuisances
+        Of the leg.
+    sensor_sd
+        Of its sensors' readings, (s,), MPa.
+    """
+
+    def __init__(
+        self,
+        found: Sequence[BesideScan],
+        misfit: ContourMisfit,
+        nuisances: NuisanceSlopes,
+        sensor_sd: FloatArray,
+    ) -> None:
+        self._white, self._sensor_sd = nuisances.of(misfit.whitened), sensor_sd
+        self.at = _coordinates(np.log([one.parameters for one in found]))
+        values = [np.concatenate([misfit.whitened(one.distances), one.felt]) for one in found]
+        slopes = np.stack(
+            [np.vstack([misfit.whitened(one.slopes), one.felt_slopes]).T for one in found]
+        )
+        # Of q = exp(-x / 2) the derivative by x is -q / 2.
+        slopes /= -0.5 * self.at[:, :, None]
+        self._values = Kriging(self.at, np.array(values), slopes, _NUGGET)
+
+    def residual(self, logs: FloatArray) -> FloatArray:
+        """Return what adds up to the sum of squares (..., m), at logarithms of C10 (..., 2)."""
+        flat = logs.reshape(-1, logs.shape[-1])
+        every = [
+            self._uncorrelated(np.exp(one), values)
+            for one, values in zip(flat, self._values(_coordinates(flat)), strict=True)
+        ]
+        return np.array(every).reshape(*logs.shape[:-1], -1)
+
+    def _uncorrelated(self, parameters: FloatArray, values: FloatArray) -> FloatArray:
+        felt = self._white.felt(parameters) / self._sensor_sd[:, None]
+        slopes = np.vstack([self._white.at(parameters), felt]) * self._white.sd
+        factor = np.linalg.cholesky(np.eye(len(slopes)) + slopes @ slopes.T)
+        return np.asarray(solve_triangular(factor, values, lower=True))
+
+
+def profile_intervals(
+    best: FloatArray,
+    log_covariance: FloatArray,
+    bounds: tuple[float, float],
+    emulate: Callable[[], MisfitEmulator],
+    compare: Compare,
+) -> FloatArray:
+    """Return 95 % intervals of the stiffnesses, (2, 2), MPa; 0 and infinity where they are open.
+
+    Parameters
+    ----------
+    best : (2,) array
+        Best stiffnesses found (MPa).
+    log_covariance : (2, 2) array
+        Of their logarithms, for a first guess.
+    bounds : (float, float)
+        Of the search (MPa).
+    emulate
+        Returns the emulator of all that was compared by now.
+    compare
+        Solves for one more equilibrium.
+    """
+    box = np.tile(np.log(bounds), (len(best), 1))
+    half = np.clip(quantile(0) * np.sqrt(np.diag(log_covariance)), 0.02, 1.0)
+    lost = np.zeros(box.shape, dtype=bool)
+    for solved in range(MOST + 1):
+        emulator = emulate()
+        least = least_residual(emulator.residual, np.clip(np.log(best), *box.T), box)
+        ends = np.array([
+            profile_interval(emulator.residual, least, k, quantile(0) ** 2, box, half[k])
+            for k in range(len(best))
+        ])  # fmt: skip
+        wanted = {
+            (k, side): profile_point(emulator.residual, least, k, ends[k, side], box, half[k])
+            for k, side in np.ndindex(ends.shape) if not lost[k, side]
+        }  # fmt: skip
+        away = {end: _distance(point, emulator.at) for end, point in wanted.items()}
+        end = max(away, key=lambda end: away[end], default=None)
+        if end is None or away[end] < FAR or solved == MOST:
+            break
+        if compare(np.exp(_nearer(wanted[end], emulator.at))) is None:
+            lost[end] = True
+    found = np.exp(ends)
+    found[(ends[:, 0] <= box[:, 0] + 1e-9) | lost[:, 0], 0] = 0.0
+    found[(ends[:, 1] >= box[:, 1] - 1e-9) | lost[:, 1], 1] = np.inf
+    return found
+
+
+def _coordinates(logs: FloatArray) -> FloatArray:
+    r"""Return :math:`\sqrt{3\,\mathrm{kPa} / C_{10}}`: a leg hardly changes where it is stiff."""
+    return np.asarray(np.exp(-0.5 * (logs - np.log(_MIDDLE))))
+
+
+def _distance(logs: FloatArray, at: FloatArray) -> float:
+    return float(np.linalg.norm(at - _coordinates(logs), axis=1).min())
+
+
+def _nearer(logs: FloatArray, at: FloatArray) -> FloatArray:
+    """Return logarithms of C10 that are no farther from the solved ones than `FARTHEST`."""
+    wanted = _coordinates(logs)
+    nearest = at[np.argmin(np.linalg.norm(at - wanted, axis=1))]
+    share = min(1.0, FARTHEST / float(np.linalg.norm(wanted - nearest)))
+    reached = nearest + share * (wanted - nearest)
+    return np.asarray(np.log(_MIDDLE) - 2 * np.log(reached))
