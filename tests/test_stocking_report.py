@@ -26,7 +26,7 @@ from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.report.leg_directions import Directions, angle_round, unwrapped
 from legfem.report.plain import plain_page
 from legfem.report.stocking import write_stocking_report
-from legfem.report.stocking_words import vein_interval
+from legfem.report.stocking_words import stiffness_interval, vein_interval
 from legfem.report.web.page import rendered
 from legfem.report.web.stocking import stocking_web_page
 from legfem.report.web.stocking_stiffness import verdict_sentence
@@ -210,6 +210,30 @@ def test_verdict_follows_the_interval(result, half_width, verdict):
         assert known.verdict == verdict
         assert verdict in verdict_sentence(known)
     assert f"both scans; {verdict}" in words_on(other)
+
+
+def test_an_open_interval_is_said_in_words_and_null(result):
+    best = replace(result.best, profile95=np.array([[2e-3, 4e-3], [1.5e-3, np.inf]]))
+    other = replace(result, searches=(best, *result.searches[1:]))
+    assert "(95 % at least 1.5); estimated, both scans; not identifiable" in words_on(other)
+    found = stocking_document(other)["stiffness"]["c10_superficial"]["identified"]
+    assert found["ci95"] == [pytest.approx(1.5), None] and found["relative_half_width"] is None
+    assert stiffness_interval((0.0, 3e-3)) == "at most 3"
+    assert stiffness_interval((0.0, np.inf)) == "any"
+    assert starts_agree([best, replace(best, parameters=best.parameters * [1.0, 1.001])])
+
+
+def test_intervals_are_the_profile_s(result):
+    """A scan by the model itself: the profile is nearly as its curvature at the least."""
+    best = result.best
+    assert best.profile95 is not None
+    wald = replace(best, profile95=None).interval95
+    np.testing.assert_array_equal(best.interval95, best.profile95)
+    for value, (low, high) in zip(best.parameters, best.profile95, strict=True):
+        assert low < value < high
+    low, high = best.profile95[0]
+    left, right = wald[0]
+    assert np.log(high / low) == pytest.approx(np.log(right / left), rel=0.2)
 
 
 def test_a_fit_that_misses_the_scan_is_weak_at_best_and_warned_of(result):

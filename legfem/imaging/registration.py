@@ -28,8 +28,7 @@ from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.rigid import RigidTransform
 
-LEAST_PATCH, LEAST_SURFACE = 6, 50  # points a patch, patches a surface
-_AT_A_TIME = 2000  # patches
+LEAST_PATCH, LEAST_SURFACE, _AT_A_TIME = 6, 50, 2000  # points a patch, patches a surface, and made
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,7 +253,7 @@ def _patches_round(
     weight = near / counts[:, None]
     patch = points[np.where(near, index, 0)]
     centres = np.einsum("nk,nki->ni", weight, patch)
-    apart = patch - centres[:, None, :]
+    apart = patch - centres[:, None]
     _, vectors = np.linalg.eigh(np.einsum("nk,nki,nkj->nij", weight, apart, apart, optimize=True))
     return centres, vectors[:, :, 0], counts
 
