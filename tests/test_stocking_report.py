@@ -33,7 +33,7 @@ from legfem.report.web.stocking_stiffness import verdict_sentence
 from legfem.stocking.accuracy import ContourAccuracy
 from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
 from legfem.stocking.document import stocking_document
-from legfem.stocking.fat_pressures import fat_pressures
+from legfem.stocking.fat_pressures import fat_pressures, too_low_by
 from legfem.stocking.identification import SearchSettings
 from legfem.stocking.judgement import expected_rms, judge, starts_agree
 from legfem.stocking.laplace import Stocking, stocking_load
@@ -358,6 +358,16 @@ def test_pressure_in_columns_of_fat_is_the_probe_s(result, fat):
     # The extreme over the nodes isn't below that over the columns, which lie between them.
     assert fat.greatest.max() <= 1.05 * result.pressures.greatest_in_fat
     assert 2.0 < fat.thickness.min() < fat.thickness.max() < 14.0
+
+
+def test_the_greatest_pressure_in_fat_is_given_with_what_the_mesh_takes_off_it(result):
+    least, most = too_low_by(16_679)
+    assert least == pytest.approx(4.223 / 3.661 - 1) and 0.2 < most < 0.3
+    assert too_low_by(100) == (least, most), "coarser than was measured"
+    assert too_low_by(496_489)[0] == 0.0 and too_low_by(5_000_000)[1] < 0.05
+    said = stocking_document(result)["pressures"]["greatest_in_fat_too_low_by"]
+    assert said == list(too_low_by(result.tetrahedra))
+    assert "15 to 26 % too low on this mesh" in words_on(result)
 
 
 def test_directions_round_the_leg():

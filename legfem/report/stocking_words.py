@@ -11,6 +11,7 @@ from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.geometry.shape_measures import fat_thickness_around
 from legfem.inference.constants import quantile
 from legfem.report.leg_directions import Directions, angle_round
+from legfem.stocking.fat_pressures import too_low_by
 from legfem.stocking.run import StockingResult
 from legfem.stocking.warnings import TISSUES
 
@@ -57,6 +58,12 @@ def vein_interval(result: StockingResult, vein: int) -> tuple[float, float]:
     half = quantile(0) * result.pressures.at_veins_sd[vein]
     middle = result.pressures.at_veins[vein]
     return mpa_to_mmhg(middle - half), mpa_to_mmhg(middle + half)
+
+
+def low_in_fat(result: StockingResult) -> str:
+    """Return by how much the greatest pressure in the fat is too low on the mesh."""
+    least, most = (f"{100 * share:.0f}" for share in too_low_by(result.tetrahedra))
+    return f"{least} to {most} % too low on this mesh, measured on leg 1"
 
 
 def place_in_fat(bare: LegShape, point: FloatArray) -> str:

@@ -12,7 +12,7 @@ from legfem.common.doubts import doubt_documents
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.common.versions import versions_of
 from legfem.geometry.shape_measures import fat_thickness_around
-from legfem.stocking.fat_pressures import FatPressures
+from legfem.stocking.fat_pressures import FatPressures, too_low_by
 from legfem.stocking.identification import Identified
 from legfem.stocking.judgement import KnownStiffness, expected_rms, judge, starts_agree
 from legfem.stocking.leg_model import PARAMETERS
@@ -218,6 +218,7 @@ def _pressures(result: StockingResult) -> dict[str, Any] | None:
         "mean_interface_of_scanned_shape_kPa": scanned,
         "mean_in_muscle_kPa": mpa_to_kpa(found.mean_in_muscle),
         "greatest_in_fat_kPa": mpa_to_kpa(found.greatest_in_fat),
+        "greatest_in_fat_too_low_by": list(too_low_by(result.tetrahedra)),
         "greatest_in_fat_at_mm": found.greatest_in_fat_at.tolist(),
         "veins": [
             {
@@ -275,7 +276,7 @@ def _fat(result: StockingResult, fat: FatPressures | None) -> dict[str, Any]:
 def _model(result: StockingResult) -> dict[str, Any]:
     spaces, settings = result.model.compression.spaces, result.model.compression.settings
     return {
-        "tetrahedra": int(spaces.mesh.topology.index_map(3).size_global),
+        "tetrahedra": result.tetrahedra,
         "unknowns": spaces.unknowns,
         "formulation": settings.formulation,
         "degree": settings.degree,

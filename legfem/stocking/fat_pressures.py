@@ -16,6 +16,24 @@ from legfem.stocking.worn import Worn
 AROUND, DEPTHS = 60, np.linspace(0.06, 0.94, 9)
 """Columns of fat at a level, and where in them the pressure is taken: shares of the thickness."""
 
+_BY_MESH = ((16_679, 3.661), (61_606, 3.825), (191_506, 4.078), (496_489, 4.223))
+"""Tetrahedra, and the greatest pressure in the fat (kPa) of one state of leg 1
+(`python -m studies.stockings sizes`)."""
+
+
+def too_low_by(tetrahedra: int) -> tuple[float, float]:
+    """Return by which shares the greatest pressure in the fat is too low on a mesh, (least, most).
+
+    It sits in a few elements. Measured on leg 1: against its finest mesh, and against what the last
+    two extrapolate to with the edges' length. Shares of the pressure.
+    """
+    edges, pressures = np.array([(count ** (-1 / 3), pressure) for count, pressure in _BY_MESH]).T
+    slope = (pressures[-2] - pressures[-1]) / (edges[-2] - edges[-1])
+    limit = pressures[-1] - slope * edges[-1]
+    # Coarser than all of them counts as the coarsest.
+    here = np.interp(tetrahedra ** (-1 / 3), [0.0, *edges[::-1]], [limit, *pressures[::-1]])
+    return max(0.0, float(pressures[-1] / here - 1)), float(limit / here - 1)
+
 
 @dataclass(frozen=True, eq=False)
 class FatPressures:

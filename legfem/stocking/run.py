@@ -79,6 +79,12 @@ class StockingResult:
         return weighted[0] if weighted else None
 
     @property
+    def tetrahedra(self) -> int:
+        """Of the mesh, on all ranks."""
+        mesh = self.model.compression.spaces.mesh
+        return int(mesh.topology.index_map(mesh.topology.dim).size_global)
+
+    @property
     def simulated_scan(self) -> LegShape | None:
         """Shape in the state that fits the scan best."""
         best = self.best

@@ -11,6 +11,7 @@ from legfem.common.units import FloatArray, mpa_to_mmhg
 from legfem.report.stocking_words import (
     ORIGINS,
     both_units,
+    low_in_fat,
     place_in_fat,
     share_of,
     vein_interval,
@@ -173,7 +174,7 @@ def _comfort(result: StockingResult) -> str:
     where = place_in_fat(result.leg.bare, found.greatest_in_fat_at)
     return (
         "The greatest pressure in the fat, where the receptors of pain are, is "
-        f"{both_units(found.greatest_in_fat)}, {where}."
+        f"{both_units(found.greatest_in_fat)} ({low_in_fat(result)}), {where}."
     )
 
 
@@ -239,10 +240,9 @@ def _scanned(result: StockingResult) -> list[web.Block]:
 
 def _computed(result: StockingResult) -> web.WebTable:
     spaces, solves = result.model.compression.spaces, sum(s.solves for s in result.searches)
-    cells = spaces.mesh.topology.index_map(spaces.mesh.topology.dim).size_global
     settings = result.model.compression.settings
     rows = [
-        ("mesh", f"{cells} tetrahedra, {spaces.unknowns} unknowns"),
+        ("mesh", f"{result.tetrahedra} tetrahedra, {spaces.unknowns} unknowns"),
         ("elements", f"displacements of degree {settings.degree}, "
          + ("pressures of their own" if settings.formulation == "continuous" else "no pressures")),
         ("load", "follows the deformed skin" if settings.follower else "dead load"),

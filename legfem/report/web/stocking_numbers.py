@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
-from legfem.report.stocking_words import both_units, stiffness_interval, vein_interval
+from legfem.report.stocking_words import both_units, low_in_fat, stiffness_interval, vein_interval
 from legfem.report.web.page import Known, Provenance
 from legfem.report.web.stocking_pressures import sensor_rows, tension_text
 from legfem.stocking.judgement import judge
@@ -92,7 +92,7 @@ def _pressures(result: StockingResult) -> list[Known]:
               "Laplace's law on the dressed leg"),
         *rows,
         Known("pressure in the fat, greatest", both_units(found.greatest_in_fat), "computed",
-              source),
+              source, remark=low_in_fat(result)),
         Known("pressure in the muscle, mean", both_units(found.mean_in_muscle), "computed",
               source),
     ]  # fmt: skip
