@@ -9,10 +9,12 @@ import pytest
 from making_specimens import BAR, BRANCHES, PLANTED, compressed, crept, ramp, record, relaxing
 
 import legfem as lf
+from legfem.identify.result import Estimate
 from legfem.mechanics.materials import ReducedPolynomial
-from legfem.recording import Recording
+from legfem.recording import Recording, write_recording
 from legfem.specimens.course import course_of
 from legfem.specimens.relaxation import borne, branch_ratios, clock
+from studies.lab import recording as lab
 
 
 def test_the_memory_is_that_of_branches_walked_step_by_step() -> None:
@@ -69,6 +71,36 @@ def test_a_law_is_found_from_creep_under_held_forces(tmp_path: Path) -> None:
     assert found.rms_percent < 1.0
     assert found.parameters["deep.C10"].value == pytest.approx(5e-3, rel=0.1)
     assert found.parameters["viscoelasticity.ratio"].value == pytest.approx(2.4, rel=0.2)
+
+
+def _with_air(folder: Path, seed: int) -> Estimate:
+    """Return C10 of bars recorded with up to 2 mm of air, gains of 1 % and a lab's errors."""
+    d = np.linspace(0.0, 3.0, 201)
+    true = lab.Course(d / 0.2, d, compressed(PLANTED, d))
+    errors = lab.LabErrors(gain_sd=0.01, air=2.0)
+    made = lab.record([true] * (1 if seed % 2 else 3), errors, np.random.default_rng(seed))
+    (folder / "recordings").mkdir(parents=True)
+    for number, one in enumerate(made):
+        write_recording(one, folder / "recordings" / f"trial{number}.csv")
+    toml = BAR.replace("[recordings]\nstarts_at_contact = true\n", "")
+    stated = "[instrument]\nforce_sd_N = 0.03\ndisplacement_sd_mm = 0.02\n"
+    (folder / "specimen.toml").write_text(toml + stated)
+    law = "reduced-polynomial"
+    return lf.identify(lf.load_specimen(folder), law)[law].parameters["deep.C10"]
+
+
+def test_the_error_of_first_contact_is_in_the_interval(tmp_path: Path) -> None:
+    """Here contact is found too late, and C10 is some 30 % too high."""
+    low, high = _with_air(tmp_path, 19).ci95
+    assert low < 5e-3 < high
+
+
+@pytest.mark.slow
+def test_intervals_hold_where_recordings_begin_in_air(tmp_path: Path) -> None:
+    found = [_with_air(tmp_path / str(seed), seed).ci95 for seed in range(24)]
+    held = sum(low < 5e-3 < high for low, high in found)
+    print(f"C10 within its interval in {held} of {len(found)}")
+    assert held >= 22
 
 
 def test_one_sample_that_overshoots_changes_nothing() -> None:

@@ -11,7 +11,7 @@ from scipy.signal import medfilt
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.recording import Instrument, Recording, find_first_contact
-from legfem.recording.contact import contact_at_start
+from legfem.recording.contact import Contact, contact_at_start
 from legfem.recording.smoothing import sample_noise
 
 STATIONS = 40
@@ -58,7 +58,13 @@ class Course:
     """s: when the greatest displacement was reached."""
     samples: Recording
     """As recorded, on the stations' scales."""
-    in_air: bool
+    contact: Contact
+    """Where it began, by the recording's own displacement."""
+
+    @property
+    def in_air(self) -> bool:
+        """Whether the recording begins in air."""
+        return self.contact.in_air
 
     @property
     def depth(self) -> float:
@@ -185,7 +191,7 @@ def course_of(
 
     found = Course(
         mean(kept.time), mean(kept.displacement), mean(kept.force), count, errors, arrival, kept,
-        contact.in_air,
+        contact,
     )  # fmt: skip
     if len(found.time) < _LEAST_SEEN:
         raise InputError(

@@ -238,7 +238,7 @@ def _warnings(
     texts += [
         f"{name} stands at the {one.at_bound} bound of the search."
         for name, one in found.items()
-        if one.at_bound
+        if one.at_bound and not (name == QUICKENING and one.at_bound == "lower")
     ]
     if p_value < LEAST_CHANCE:
         texts.append(

@@ -241,6 +241,8 @@ class SpecimenMisfit(Compared):
             white = (errors.force_sd**2 + (slope * errors.displacement_sd) ** 2) / course.count
             readings[span, span] += np.diag((1 - SLOW_SHARE) * white)
             readings[span, span] += SLOW_SHARE * errors.force_sd**2
+            later = _power(course) * own / d * course.contact.displacement_error
+            readings[span, span] += np.outer(later, later)
             differences[span, span] += gain**2 * np.outer(own, own)
             model[span, span] += numerical_covariance(d, own, length=course.depth / 3, power=1.0)
         return {"recordings": readings, "differences": differences, "model": model}

@@ -7,7 +7,8 @@ with the elastic force :math:`F_e` of the same motion (Y. C. Fung, Biomechanics 
 contact grows (E. H. Lee, J. R. M. Radok, J. Appl. Mech. 27 (1960) 438-444). The branches are those
 of `legfem.diagnose.mechanisms.viscoelasticity`.
 
-Tissue may relax the faster the more it is strained, which two rates of loading show. Its clock then
+Tissue may relax the faster the more it is strained, which two rates of loading show (a slower one
+would take up that no spectrum is quite log-normal). Its clock then
 runs ahead of time, by
 
 .. math:: \xi(t) = \int_0^t e^{q\, d(s) / D}\, ds,
@@ -42,7 +43,7 @@ def relaxation_parameters() -> tuple[Parameter, ...]:
         for one in Viscoelasticity.parameters
     )
     quickening = Parameter(
-        QUICKENING, "-", (-_MOST, _MOST),
+        QUICKENING, "-", (0.0, _MOST),
         Prior(0.0, 1.0, "linear", "quasi-linear, unless two rates say otherwise"),
         statement="logarithm of how much faster what is pressed deepest relaxes",
     )  # fmt: skip
