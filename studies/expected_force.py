@@ -19,7 +19,8 @@ from scipy.optimize import linprog
 from legfem.common.command_edge import command_edge
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings, Tissues
+from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.experiments.tissues import Tissues
 from legfem.geometry.section import LegSection, depth_to_bone
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings

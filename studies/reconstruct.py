@@ -28,9 +28,9 @@ from legfem.experiments.base import Solved
 from legfem.experiments.plane_strain import (
     PlaneStrainIndentation,
     PlaneStrainSettings,
-    Tissues,
 )
 from legfem.experiments.pressing import solved_once
+from legfem.experiments.tissues import Tissues
 from legfem.jobs.pool import Workers
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial

@@ -22,7 +22,8 @@ from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.predict import Predictor
 from legfem.diagnose.stations import Stations
 from legfem.diagnose.variants import Variants
-from legfem.experiments.plane_strain import PlaneStrainSettings, tissues_of
+from legfem.experiments.plane_strain import PlaneStrainSettings
+from legfem.experiments.tissues import tissues_of
 from legfem.inference.errors import error_model
 from legfem.inference.trial_noise import Noise
 from legfem.recording import Instrument, Recording

@@ -15,7 +15,7 @@ from dolfinx import fem, mesh
 from making import SHARED
 from mpi4py import MPI
 
-from legfem.experiments.plane_strain import Tissues
+from legfem.experiments.tissues import Tissues
 from legfem.fem.spaces import LegSpaces, build_spaces
 from legfem.fem.system import System
 from legfem.geometry.section import LegSection

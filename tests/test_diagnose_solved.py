@@ -32,7 +32,8 @@ SOFT = (0.8, 0.9)
 
 @pytest.fixture(scope="module")
 def variants():
-    from legfem.experiments.plane_strain import PlaneStrainSettings, tissues_of
+    from legfem.experiments.plane_strain import PlaneStrainSettings
+    from legfem.experiments.tissues import tissues_of
 
     subject = load_subject(SUBJECTS.find("3"), need_recordings=False)
     settings = PlaneStrainSettings()

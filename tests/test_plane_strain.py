@@ -12,8 +12,8 @@ from making_mechanics import COARSE, fixed_steps, subject_3
 from legfem.experiments.plane_strain import (
     PlaneStrainIndentation,
     PlaneStrainSettings,
-    tissues_of,
 )
+from legfem.experiments.tissues import tissues_of
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.solve.protocol import Protocol
 from legfem.subjects.loading import load_subject

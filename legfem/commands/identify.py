@@ -177,7 +177,7 @@ def run(
 
         from legfem.commands.outcome import print_outcome
         from legfem.correction.choice import choose_correction
-        from legfem.experiments.plane_strain import tissues_of
+        from legfem.experiments.tissues import tissues_of
         from legfem.identify.forward import values_of
         from legfem.identify.request import SearchRequest
         from legfem.identify.run import forward_model, identify_subject, laws_of, write_results

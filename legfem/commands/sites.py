@@ -48,7 +48,7 @@ def identify_leg(
     """Identify what all sites share, write and print it."""
     from legfem.commands.outcome import print_outcome
     from legfem.correction.choice import choose_correction
-    from legfem.experiments.plane_strain import tissues_of
+    from legfem.experiments.tissues import tissues_of
     from legfem.identify.forward import values_of
     from legfem.identify.request import SearchRequest
     from legfem.identify.search import SearchError

@@ -36,8 +36,8 @@ def solved_responses(
     from legfem.experiments.plane_strain import (
         PlaneStrainIndentation,
         PlaneStrainSettings,
-        tissues_of,
     )
+    from legfem.experiments.tissues import tissues_of
 
     depth = _DEPTH_STEP_MM * -(-(observed.depth + 0.3) // _DEPTH_STEP_MM)
     settings = PlaneStrainSettings()

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from legfem.experiments.plane_strain import (
         PlaneStrainIndentation,
         PlaneStrainSettings,
-        Tissues,
     )
+    from legfem.experiments.tissues import Tissues
     from legfem.geometry.section import LegSection
     from legfem.meshing.motion import MeshMotion
     from legfem.solve.path import Path

@@ -13,8 +13,8 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments.base import made_when_needed
 from legfem.experiments.indentation_3d import Cylinder
-from legfem.experiments.plane_strain import tissues_of
 from legfem.experiments.pressing import Pressing, PressingTest, leg_model
+from legfem.experiments.tissues import tissues_of
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
 from legfem.geometry.leg_shape import SKIN, LegShape

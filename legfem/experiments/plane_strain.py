@@ -26,13 +26,13 @@ from legfem.experiments.pressing import (
     leg_model,
 )
 from legfem.experiments.replay import Replays
+from legfem.experiments.tissues import Tissues, tissues_of
 from legfem.fem.distortion import most_drawn_out
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
 from legfem.geometry.section import BONES, LegSection
 from legfem.mechanics.contact import RigidCylinder
 from legfem.mechanics.contact_settings import ContactSettings
-from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
 from legfem.mechanics.model import Formulation, LegModel, Term
 from legfem.meshing.motion import MeshMotion
 from legfem.meshing.section import (
@@ -48,22 +48,13 @@ from legfem.solve.force_curve import ForceCurve
 from legfem.solve.newton import NewtonSettings, NewtonSolver
 from legfem.solve.protocol import Protocol
 from legfem.solve.step_settings import StepSettings
-from legfem.subjects.subject import Indenter, Subject, TissueParameters
+from legfem.subjects.subject import Indenter, Subject
 
 _LIKE = 0.03
 """Of the force: what a solution without pressures may be off, where both go."""
 _MANY = 6
 """Degree of integration where the usual one stops."""
 _NEAR_MM = 15.0
-
-
-@dataclass(frozen=True)
-class Tissues:
-    """The laws of the three tissues (MPa, 1/MPa)."""
-
-    deep: Hyperelastic
-    superficial: Hyperelastic
-    fascia: Hyperelastic
 
 
 @dataclass(frozen=True)
@@ -296,31 +287,3 @@ def _apart(first: ForceCurve, other: ForceCurve) -> float:
         return math.inf
     at = np.linspace(0.5, 1.0, 11) * depth
     return float(np.abs(other(at) / first(at) - 1).max())
-
-
-def tissues_of(subject: Subject) -> Tissues:
-    """Return the laws of a subject's tissues; what is to be identified stands at 1 kPa.
-
-    The deep tissue is a reduced polynomial: with ``C20 = 0`` and ``D2 = inf`` it is neo-Hookean.
-    """
-    given = subject.tissues
-    deep = given["deep"]
-    return Tissues(
-        deep=ReducedPolynomial(
-            C10=1e-3 if deep.C10 is None else deep.C10,
-            D1=deep.D1,
-            C20=deep.C20 or 0.0,
-            D2=math.inf if deep.D2 is None else deep.D2,
-        ),
-        superficial=_law(given["superficial"]),
-        fascia=_law(given["fascia"]),
-    )
-
-
-def _law(given: TissueParameters) -> Hyperelastic:
-    if given.C10 is None:
-        raise ValueError("only the deep tissue's stiffness is identified")
-    if given.law == "neo-hookean":
-        return NeoHookean(given.C10, given.D1)
-    second = math.inf if given.D2 is None else given.D2
-    return ReducedPolynomial(given.C10, given.D1, given.C20 or 0.0, second)

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from legfem.experiments.plane_strain import (
         PlaneStrainIndentation,
         PlaneStrainSettings,
-        Tissues,
     )
+    from legfem.experiments.tissues import Tissues
     from legfem.mechanics.model import Term
 
 _TISSUES = ("deep", "superficial", "fascia")
@@ -107,7 +107,8 @@ class PlaneStrainForward:
         cls, subject: Subject, depth: float, settings: PlaneStrainSettings | None = None
     ) -> PlaneStrainForward:
         """Return the test of a subject pressed to a depth (mm)."""
-        from legfem.experiments.plane_strain import PlaneStrainSettings, tissues_of
+        from legfem.experiments.plane_strain import PlaneStrainSettings
+        from legfem.experiments.tissues import tissues_of
 
         return cls(
             subject.section,

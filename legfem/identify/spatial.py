@@ -18,8 +18,8 @@ from legfem.experiments.leg_3d import (
     fibres_of,
     membrane_stiffness,
 )
-from legfem.experiments.plane_strain import tissues_of
 from legfem.experiments.pressing import OnStep
+from legfem.experiments.tissues import tissues_of
 from legfem.identify.catalogue import Values
 from legfem.identify.forward import ForwardModel, ForwardOutcome, values_of
 from legfem.identify.leg_film import LegCamera, LegFilm, PressedLeg

@@ -199,7 +199,7 @@ class Truths:
         return ForceCourse.of(time, path.force_at(time))
 
     def _made(self, settings: Any) -> Variants:
-        from legfem.experiments.plane_strain import tissues_of
+        from legfem.experiments.tissues import tissues_of
 
         return Variants(self.leg.section, self.leg.indenter, tissues_of(self.leg), settings)
 

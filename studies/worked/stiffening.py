@@ -14,7 +14,7 @@ from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.mechanisms import Solution
 from legfem.diagnose.run import Diagnoser
 from legfem.diagnose.variants import Stopped, Variants
-from legfem.experiments.plane_strain import tissues_of
+from legfem.experiments.tissues import tissues_of
 from legfem.solve.protocol import Protocol
 from legfem.subjects.folder import write_subject_folder
 from legfem.subjects.loading import SUBJECTS, load_subject

@@ -19,7 +19,7 @@ from legfem.diagnose.observations import Observations
 from legfem.inference.parameter import Parameter, Prior
 
 if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import Tissues
+    from legfem.experiments.tissues import Tissues
     from legfem.geometry.section import LegSection
     from legfem.mechanics.contact_settings import TangentialName
     from legfem.mechanics.materials import Hyperelastic

@@ -7,7 +7,7 @@ from math import isfinite, nan
 
 import numpy as np
 
-from legfem.experiments.plane_strain import tissues_of
+from legfem.experiments.tissues import tissues_of
 from legfem.geometry.section import girth
 from legfem.identify.applied_correction import SpatialEvidence
 from legfem.identify.catalogue import symbol_of

@@ -9,7 +9,7 @@ import numpy as np
 from legfem.common.documents import write_document
 from legfem.common.progress import progress_on
 from legfem.common.units import kpa_to_mpa
-from legfem.experiments.plane_strain import Tissues, tissues_of
+from legfem.experiments.tissues import Tissues, tissues_of
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.report.plain import table
 from legfem.study.convergence.figure import draw_convergence

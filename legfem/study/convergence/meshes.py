@@ -12,9 +12,9 @@ from legfem.common.units import FloatArray
 from legfem.experiments.plane_strain import (
     PlaneStrainIndentation,
     PlaneStrainSettings,
-    Tissues,
 )
 from legfem.experiments.pressing import solved_once
+from legfem.experiments.tissues import Tissues
 from legfem.geometry.section import LegSection
 from legfem.jobs.pool import Workers
 from legfem.solve.force_curve import ForceCurve

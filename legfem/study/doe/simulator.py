@@ -13,8 +13,8 @@ from legfem.common.units import FloatArray
 from legfem.experiments.plane_strain import (
     PlaneStrainIndentation,
     PlaneStrainSettings,
-    tissues_of,
 )
+from legfem.experiments.tissues import tissues_of
 from legfem.jobs.fingerprint import code_fingerprint
 from legfem.solve.force_curve import ForceCurve
 from legfem.solve.newton import NewtonSettings
@@ -22,7 +22,7 @@ from legfem.solve.step_settings import StepSettings
 from legfem.subjects.subject import Subject
 
 if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import Tissues
+    from legfem.experiments.tissues import Tissues
     from legfem.geometry.section import LegSection
     from legfem.subjects.subject import Indenter
 
