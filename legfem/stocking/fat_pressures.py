@@ -25,14 +25,14 @@ def too_low_by(tetrahedra: int) -> tuple[float, float]:
     """Return by which shares the greatest pressure in the fat is too low on a mesh, (least, most).
 
     It sits in a few elements. Measured on leg 1: against its finest mesh, and against what the last
-    two extrapolate to with the edges' length. Shares of the pressure.
+    two extrapolate to with the edges' length.
     """
     edges, pressures = np.array([(count ** (-1 / 3), pressure) for count, pressure in _BY_MESH]).T
     slope = (pressures[-2] - pressures[-1]) / (edges[-2] - edges[-1])
     limit = pressures[-1] - slope * edges[-1]
     # Coarser than all of them counts as the coarsest.
     here = np.interp(tetrahedra ** (-1 / 3), [0.0, *edges[::-1]], [limit, *pressures[::-1]])
-    return max(0.0, float(pressures[-1] / here - 1)), float(limit / here - 1)
+    return max(0.0, float(1 - here / pressures[-1])), float(1 - here / limit)
 
 
 @dataclass(frozen=True, eq=False)
