@@ -120,7 +120,7 @@ def test_elastography_narrows_what_the_ends_leave_open(tmp_path):
     expected = (first * alone.value + second * 1.3e-3) / (first + second)
     assert both.value == pytest.approx(expected, rel=0.02)
     assert both.standard_error == pytest.approx((first + second) ** -0.5, rel=0.06)
-    assert found.weighting == "covariance"
+    assert found.weighting == "covariance" and found.converged
     assert not any("Elastography finds" in text for text in found.warnings)
     assert both.error_shares["priors"] > 0.4
 

@@ -182,23 +182,30 @@ class Misfit(Compared):
 
     @cached_property
     def covariance(self) -> FloatArray:
-        """Of measured less predicted force at the truth, without the correction's; (n, n), N2."""
-        measured = self.measured
-        return measured.covariance + numerical_covariance(
-            self.displacement, measured.force, power=1.0
-        )
+        """Of measured less predicted force at the truth; (n, n), N2.
+
+        Without the correction's, unless it counts in the weights.
+        """
+        if self.about is None:
+            return self.measured.covariance + self._numerical
+        return total_of(self._covariances(*self.about))
+
+    @cached_property
+    def _numerical(self) -> FloatArray:
+        return numerical_covariance(self.displacement, self.measured.force, power=1.0)
 
     def covariance_at(self, values: Mapping[str, float]) -> FloatArray:
-        """Return `covariance` with the correction's; (n, n), N2."""
+        """Return the covariance with the correction's at values; (n, n), N2."""
         return total_of(self.covariances_at(values))
 
     def covariances_at(self, values: Mapping[str, float]) -> Covariances:
-        """Return the parts of `covariance`, and the correction's at the model's values."""
+        """Return the parts of the covariance, with the correction's at the model's values."""
         return self._covariances(values, self.measured.force)
 
     def _covariances(self, values: Mapping[str, float], force: FloatArray) -> Covariances:
-        own = self.measured.covariance
-        parts: dict[ErrorSource, FloatArray] = {"recordings": own, "model": self.covariance - own}
+        parts: dict[ErrorSource, FloatArray] = {
+            "recordings": self.measured.covariance, "model": self._numerical
+        }  # fmt: skip
         if self.correction is not None:
             modes = self.correction.relative_errors(self.displacement, *_stiffness(values))
             for name, relative in modes.items():
@@ -208,9 +215,7 @@ class Misfit(Compared):
 
     @cached_property
     def _lower(self) -> FloatArray:
-        if self.about is None:
-            return np.linalg.cholesky(self.covariance)
-        return np.linalg.cholesky(total_of(self._covariances(*self.about)))
+        return np.linalg.cholesky(self.covariance)
 
     def weighted(self, values: FloatArray) -> FloatArray:
         """Return values (n, ...) scaled so that `objective` is their sum of squares."""

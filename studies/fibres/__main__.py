@@ -24,6 +24,7 @@ from legfem.meshing.idealised_leg import LegMeshSettings
 from legfem.report.style import save
 from legfem.study.correction.cases import CorrectionCase, Material, remembered_case
 from legfem.study.options import Jobs, Out
+from studies.fibres import concealed
 from studies.fibres.table import tabulate
 
 C10_KPA = 1.0
@@ -85,6 +86,17 @@ def write_table(folder: Path, jobs: int, progress: Progress) -> None:
     typer.echo(f"table: {found.write(folder / TABLE.name)}")
 
 
+def diagnose_concealed(folder: Path, jobs: int, progress: Progress) -> None:
+    """Diagnose legs whose fibres are concealed, and print what is found."""
+    progress.stage("legs with concealed fibres", len(concealed.CASES))
+    found = []
+    for number, case in enumerate(concealed.CASES):
+        found.append((case, concealed.diagnosed(case, number, folder, jobs, progress)))
+        rows = markdown_table(concealed.HEADER, [concealed.cells(*one) for one in found])
+        write_atomically(folder / "concealed.md", f"{rows}\n\n{concealed.score(found)}\n")
+    typer.echo(f"{rows}\n\n{concealed.score(found)}")
+
+
 @app.command()
 def fibres(
     coarse: Annotated[
@@ -95,6 +107,10 @@ def fibres(
         typer.Option(
             "--table", help="The table that legfem ships, of a leg with fat and fascia, instead."
         ),
+    ] = False,
+    conceal: Annotated[
+        bool,
+        typer.Option("--concealed", help="Diagnoses of legs whose fibres are concealed, instead."),
     ] = False,
     out: Out = None,
     jobs: Jobs = None,
@@ -109,6 +125,9 @@ def fibres(
     with study_edge("fibres", out, jobs, resume) as (folder, processes), progress_on() as progress:
         if table:
             write_table(folder, processes, progress)
+            return
+        if conceal:
+            diagnose_concealed(folder, processes, progress)
             return
         progress.stage("pressing legs with fibres", len(RATIOS))
         cases = [case_of(ratio, coarse) for ratio in RATIOS]

@@ -1,0 +1,158 @@
+"""Fibres concealed in recordings of a leg in 3D, and what a diagnosis without them calls it.
+
+The truth is solved on another mesh than the table of fibres and the correction, on legs of other
+sizes and stiffnesses, without fat and fascia (where fibres count a quarter more than the table
+says); a lab's errors are of other shapes than the diagnosis assumes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from legfem.common.errors import UnsolvedError
+from legfem.common.progress import Progress, Silent
+from legfem.correction.choice import REFERENCE
+from legfem.correction.tabulated import read_correction
+from legfem.diagnose.diagnosis import Diagnosis, diagnose
+from legfem.diagnose.mechanisms.end_effects import EndEffects
+from legfem.diagnose.mechanisms.muscle_fibres import MuscleFibres
+from legfem.diagnose.observations import observe
+from legfem.experiments.indentation_3d import IdealisedLegIndentation
+from legfem.jobs.store import Store
+from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
+from legfem.solve.force_curve import ForceCurve
+from legfem.study.correction.cases import CorrectionCase, Material
+from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
+from studies.worked.ends import DEPTH_MM, PLANE, RATE_MM_PER_S, TRIALS
+from studies.worked.plane_leg import plane_library, plane_responses
+
+MESH = LegMeshSettings(contact_size=4.5, depth_size=9, edge_size=5, growth=0.45, far_size=24)
+SEED, GAIN_SD, AIR_MM = 2026, 0.01, 2.0
+_TRUTHS = (
+    (3.0, 1.4, 59.0), (2.2, 0.9, 55.0), (4.5, 1.0, 60.0), (2.0, 1.6, 57.0), (3.5, 0.7, 56.0),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Concealed:
+    """One leg with fibres, and how it was recorded."""
+
+    ratio: float
+    c10_kPa: float
+    radius_mm: float
+    in_air: bool
+    """Whether recordings begin before first touch, which is then looked for."""
+
+    @property
+    def case(self) -> CorrectionCase:
+        """What is solved in 3D."""
+        return replace(
+            PLANE,
+            leg=IdealisedLeg(radius=self.radius_mm),
+            material=Material(C10_kPa=self.c10_kPa, fibre_ratio=self.ratio),
+            settings=replace(PLANE.settings, mesh=MESH),
+        )
+
+
+CASES = tuple(Concealed(*truth, in_air) for in_air in (False, True) for truth in _TRUTHS)
+
+
+def diagnosed(
+    given: Concealed, number: int, folder: Path, jobs: int, progress: Progress
+) -> dict[bool, Diagnosis]:
+    """Return the diagnoses by base models with the cylinder's ends, and without.
+
+    Parameters
+    ----------
+    given
+        What was concealed.
+    number
+        Of the case, for the noise.
+    folder
+        Keeps solutions.
+    jobs
+        Processes.
+    progress
+        Told of the truth's solution.
+    """
+    curve = Store(folder / "truths", ForceCurve, modules=(__name__,)).get_or_make(
+        given.case.asked, lambda: _solved(given.case)
+    )
+    progress.advance(f"ratio {given.ratio:g}, {curve.force[-1]:.1f} N at {curve.depth:g} mm")
+    time = np.linspace(0.0, DEPTH_MM / RATE_MM_PER_S, 476)
+    course = Course(time, RATE_MM_PER_S * time, curve(RATE_MM_PER_S * time))
+    errors = LabErrors(gain_sd=GAIN_SD, air=AIR_MM if given.in_air else 0.0)
+    recordings = record([course] * TRIALS, errors, np.random.default_rng(SEED + number))
+    observed = observe(recordings, INSTRUMENT, not given.in_air)
+    correction = read_correction(REFERENCE)
+    solved = plane_responses(PLANE, folder / "responses", correction)
+    tables = plane_library(solved, observed, correction, jobs, Silent())
+    with_ends = {EndEffects.name: "the base model has the cylinder's ends"}
+    return {
+        ends: diagnose(
+            observed, INSTRUMENT, "neo-hookean", tables, solved, Silent(),
+            ends=correction if ends else None, ruled_out=with_ends if ends else None,
+        )
+        for ends in (True, False)
+    }  # fmt: skip
+
+
+def cells(given: Concealed, found: dict[bool, Diagnosis]) -> list[str]:
+    """Return a row of the table: the truth, and what both base models' diagnoses list."""
+    ends = found[True]
+    ratio = next(
+        (f"{m.fit.values[f'{MuscleFibres.name}.ratio']:.2g}" for m in ends.models
+         if m.names == (MuscleFibres.name,)), "-",
+    )  # fmt: skip
+    low, high = ends.intervals["C10"]
+    return [
+        f"{given.ratio:g}", f"{given.c10_kPa:g}", "in air" if given.in_air else "at touch",
+        _told(ends), ratio, f"{low:.2f} to {high:.2f}", _told(found[False]),
+    ]  # fmt: skip
+
+
+HEADER = (
+    "ratio", "C10 (kPa)", "recorded", "with the ends: verdict, listed", "ratio found",
+    "C10's interval (kPa)", "without the ends: verdict, listed",
+)  # fmt: skip
+
+
+def score(every: Sequence[tuple[Concealed, dict[bool, Diagnosis]]]) -> str:
+    """Return in how many cases fibres, or the ends, are listed, and C10's interval holds it."""
+    with_ends = sum(_lists(found[True], MuscleFibres.name) for _, found in every)
+    without = sum(_lists(found[False], EndEffects.name) for _, found in every)
+    held = sum(
+        low < given.c10_kPa < high
+        for given, found in every
+        for low, high in (found[True].intervals["C10"],)
+    )
+    return (
+        f"of {len(every)}: fibres listed by the base model with ends in {with_ends}, end effects "
+        f"by that without in {without}; C10's interval with ends holds the truth in {held}"
+    )
+
+
+def _lists(found: Diagnosis, name: str) -> bool:
+    return any(name in model.names for model in found.models)
+
+
+def _told(found: Diagnosis) -> str:
+    listed = ", ".join(
+        f"{' + '.join(model.names)} {model.probability:.2f}" for model in found.models
+    )
+    return f"{found.verdict}: {listed}" if listed else str(found.verdict)
+
+
+def _solved(case: CorrectionCase) -> ForceCurve:
+    given = case.material
+    model = IdealisedLegIndentation(
+        case.leg, case.cylinder, given.laws, 3, case.settings, mechanisms=given.mechanisms
+    )
+    solved = model.solve(depth=case.depth)
+    if not solved.report.complete:
+        raise UnsolvedError(f"fibres of ratio {given.fibre_ratio:g}: {solved.report.reason}")
+    return solved.curve

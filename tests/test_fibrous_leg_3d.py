@@ -1,0 +1,55 @@
+"""A leg's own 3D model with fibres: their force, and its derivative by their ratio."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from making_legs_3d import cone_folder
+from test_leg_film import COARSE
+
+from legfem.correction.fibres import FIBRES
+from legfem.experiments.leg_3d import FIBRE_PARAMETERS
+from legfem.identify.leg_solver import fibre_errors
+from legfem.identify.spatial import LegModels
+from legfem.subjects.elastography import FibreRatio
+from legfem.subjects.loading import load_subject
+
+pytestmark = pytest.mark.slow
+DEPTH, C10, RATIO = 5.0, {"deep.C10": 1.2e-3}, 2.5
+
+
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory):
+    """Solve the same leg without fibres, and at three ratios about one."""
+    folder = tmp_path_factory.mktemp("cone")
+    cone_folder(folder, level=100.0, more="length_mm = 110.0", slope=0.0)
+    subject = load_subject(folder, need_recordings=False)
+
+    def curve(ratio: float | None, by: tuple[str, ...] = ()):
+        fibres = None if ratio is None else FibreRatio(ratio, 0.3, "measured", "shear waves")
+        fibrous = replace(subject, fibres=fibres)
+        outcome = LegModels.of_subject(fibrous, DEPTH, None, COARSE).full.solve(C10, by)
+        assert outcome.complete
+        return outcome.curve
+
+    ratios = {ratio: curve(ratio) for ratio in (None, 1.0, RATIO - 0.02, RATIO + 0.02)}
+    return ratios, curve(RATIO, FIBRE_PARAMETERS)
+
+
+def test_fibres_of_a_ratio_of_one_do_nothing_and_stiffer_ones_press_back(solved):
+    ratios, fibrous = solved
+    at = np.array([2.5, 5.0])
+    np.testing.assert_allclose(ratios[1.0](at), ratios[None](at), rtol=1e-9)
+    rise = fibrous(at) / ratios[None](at)
+    assert np.all((rise > 1.04) & (rise < 1.25)), "as on the table's leg, 1.11 and 1.14"
+
+
+def test_the_error_by_the_ratio_is_that_of_solves_beside_it(solved):
+    ratios, fibrous = solved
+    known = FibreRatio(RATIO, 0.3, "measured", "shear waves")
+    at = np.array([3.0, 5.0])
+    found = fibre_errors(fibrous, known, C10["deep.C10"], at)[f"{FIBRES}ratio"]
+    slope = (ratios[RATIO + 0.02](at) - ratios[RATIO - 0.02](at)) / 0.04 / fibrous(at)
+    np.testing.assert_allclose(found, 0.3 * slope, rtol=0.01)
