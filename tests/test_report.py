@@ -13,8 +13,6 @@ from making_results import measured_curve, result
 from matplotlib.image import imread
 from scipy.stats import chi2
 
-from legfem.correction.choice import REFERENCE
-from legfem.correction.tabulated import read_correction
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.identify.applied_correction import AppliedCorrection
 from legfem.identify.warnings import Finding, warnings_about
@@ -27,6 +25,7 @@ from legfem.report.plain import brief, plain_page
 from legfem.report.style import save
 from legfem.report.web.identification import identification_page
 from legfem.report.words import number
+from legfem.subjects.elastography import FibreRatio
 from legfem.subjects.loading import load_subject
 
 
@@ -81,13 +80,19 @@ def test_the_correction_is_named_with_its_size_and_error(both, subject):
 
 def test_who_reads_a_corrected_c10_is_told_what_fibres_would_do_to_it(both, tmp_path):
     leg = replace(load_subject(write_subject(tmp_path)), plane_strain=False)
-    one, own = both[0], read_correction(REFERENCE)
+    one, own = both[0], AppliedCorrection("own", np.zeros(3), np.full(3, 0.1))
     finding = Finding(
         leg, one.law, one.parameters, one.cost, False, True, (), own, one.measured, ""
     )  # fmt: skip
     for correction, told in ((own, True), (None, False)):
         texts = warnings_about(replace(finding, correction=correction))
         assert any("alike in all directions" in text for text in texts) == told
+    fibrous = replace(leg, fibres=FibreRatio(2.0, 0.3, "measured", "shear waves"))
+    for with_fibres, said in ((True, "has what fibres do"), (False, "has no fibres")):
+        known = replace(finding, subject=fibrous, correction=replace(own, with_fibres=with_fibres))
+        texts = warnings_about(known)
+        assert any(said in text for text in texts)
+        assert not any("alike in all directions" in text for text in texts)
 
 
 @pytest.mark.parametrize("origin", ["reconstructed", "simulated", "measured"])
