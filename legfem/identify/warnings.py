@@ -156,9 +156,9 @@ def of_elastography(subject: Subject, parameters: Mapping[str, Estimate]) -> Ite
             continue
         apart = (one.value - prior.centre) / math.sqrt(prior.sd**2 - one.standard_error**2)
         if abs(apart) > _DISAGREES:
-            stiffer = "Indentation" if apart > 0 else "Elastography"
+            both = ("Indentation", "elastography") if apart > 0 else ("Elastography", "indentation")
             yield (
-                f"{stiffer} finds {key_of(name)} stiffer than the other, by {abs(apart):.1f} "
+                f"{both[0]} finds a higher {key_of(name)} than {both[1]} does, by {abs(apart):.1f} "
                 f"standard deviations ({prior.source}: C10 {mpa_to_kpa(prior.centre):.3g} ± "
                 f"{mpa_to_kpa(prior.sd):.2g} kPa). Shear waves of 100 Hz and more meet a stiffer "
                 "tissue than a slow test does: a wider sd_kPa should hold that, or one of the two "
