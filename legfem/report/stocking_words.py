@@ -63,7 +63,7 @@ def vein_interval(result: StockingResult, vein: int) -> tuple[float, float]:
 def low_in_fat(result: StockingResult) -> str:
     """Return by how much the greatest pressure in the fat is too low on the mesh."""
     least, most = (f"{100 * share:.0f}" for share in too_low_by(result.tetrahedra))
-    return f"{least} to {most} % too low on this mesh, measured on leg 1"
+    return f"{least} to {most} % too low on this mesh, as measured on leg 1"
 
 
 def place_in_fat(bare: LegShape, point: FloatArray) -> str:

@@ -174,7 +174,7 @@ def _comfort(result: StockingResult) -> str:
     where = place_in_fat(result.leg.bare, found.greatest_in_fat_at)
     return (
         "The greatest pressure in the fat, where the receptors of pain are, is "
-        f"{both_units(found.greatest_in_fat)} ({low_in_fat(result)}), {where}."
+        f"{both_units(found.greatest_in_fat)}, {where}. It is {low_in_fat(result)}."
     )
 
 
