@@ -22,6 +22,7 @@ from pathlib import Path
 
 import legfem
 from legfem.correction.choice import LEGS as SIZES, REFERENCE
+from legfem.correction.fibres import read_fibres
 from legfem.correction.leg_sizes import read_leg_corrections
 from legfem.correction.tabulated import read_correction
 from legfem.imaging.volume_file import read_volume
@@ -35,7 +36,7 @@ assert installed.is_relative_to(Path(sys.prefix).resolve()), installed
 assert not any(Path(path).resolve() == Path(sys.argv[1]) for path in sys.path)
 assert SUBJECTS.names == ("1", "2", "3", "4"), SUBJECTS.names
 assert all(load_subject(SUBJECTS.find(name)).recordings for name in SUBJECTS.names)
-assert read_correction(REFERENCE) and read_leg_corrections(SIZES)
+assert read_correction(REFERENCE) and read_leg_corrections(SIZES) and read_fibres()
 assert all(read_definition(path).factors for path in (PAPER, IDENTIFIED))
 assert LEGS.names == ("1", "2", "3", "4", "5", "6"), LEGS.names
 for name in LEGS.names:
