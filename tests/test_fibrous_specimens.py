@@ -30,7 +30,8 @@ from legfem.mechanics.terms import Fibres
 from legfem.meshing.meridian import MeridianMeshSettings
 from legfem.report.specimen import write_specimen_report
 from legfem.solve.protocol import Protocol
-from legfem.specimens.fibres import AXES, ratio_of
+from legfem.specimens.fibre_directions import AXES
+from legfem.specimens.fibres import ratio_of
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import asked_in_writing
 from legfem.specimens.own_stiffness import OwnStiffness

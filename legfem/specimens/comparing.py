@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from legfem.common.errors import InputError
-from legfem.specimens.fibres import WORDS, is_ratio
+from legfem.specimens.fibre_directions import WORDS
+from legfem.specimens.fibres import is_ratio
 from legfem.specimens.folder import FILE, SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.misfit import SHAPE_SD_OF_FIBRES, SHAPE_SD_OF_LAYERS, Part, SpecimenMisfit

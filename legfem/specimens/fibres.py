@@ -1,4 +1,4 @@
-r"""Fibres of a specimen's tissue: their directions, and their ratio as a parameter.
+r"""Fibres of a specimen's tissue: their ratio as a parameter.
 
 The ratio of the shear moduli along and across, :math:`r = \mu_L / \mu_T`, stands for both numbers
 of `legfem.mechanics.terms.Fibres`: :math:`\mu_L - \mu_T = 2 C_{10} (r - 1)`, and the extension's is
@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 
@@ -22,18 +21,6 @@ from legfem.common.units import FloatArray
 from legfem.mechanics.terms import Fibres
 from legfem.solve.force_curve import ForceCurve
 
-Direction = Literal["load", "across", "cylinder"]
-AXES: Mapping[Direction, tuple[float, float, float]] = {
-    "load": (0.0, 1.0, 0.0),
-    "across": (1.0, 0.0, 0.0),
-    "cylinder": (0.0, 0.0, 1.0),
-}
-"""In the half plane that is meshed; of a bar, whose own axis is the second."""
-WORDS: Mapping[Direction, str] = {
-    "load": "along the load",
-    "across": "across the load",
-    "cylinder": "along the cylinder",
-}
 RATIO = "fibre_ratio"
 """What the parameter is called after its tissue: ``deep.fibre_ratio``."""
 USUAL_RATIO = 2.0

@@ -29,7 +29,8 @@ from legfem.mechanics.terms import Fibres
 from legfem.meshing.meridian import MeridianMeshSettings
 from legfem.solve.force_curve import ForceCurve
 from legfem.solve.step_settings import StepSettings
-from legfem.specimens.fibres import AXES, at_ratios, is_ratio, moduli, moduli_needed, ratio_of
+from legfem.specimens.fibre_directions import AXES
+from legfem.specimens.fibres import at_ratios, is_ratio, moduli, moduli_needed, ratio_of
 from legfem.specimens.schema import Faces
 from legfem.specimens.sizes import FibrousTest, LayeredTest, OneTissue, Sizes, Test
 from legfem.specimens.tissues import ONE, SpecimenTissue

@@ -18,7 +18,7 @@ from legfem.common.toml_file import (
     trouble,
 )
 from legfem.identify.laws import LawName
-from legfem.specimens.fibres import Direction
+from legfem.specimens.fibre_directions import Direction
 from legfem.subjects.schema import InstrumentEntry, RecordingsEntry
 
 PoissonRatio = Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False)]

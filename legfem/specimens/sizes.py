@@ -16,7 +16,7 @@ from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
 from legfem.experiments.lateral_cylinder import CylinderOnBlock, LateralCylinder
 from legfem.experiments.suction import CupOnLayer, SuctionTest
 from legfem.experiments.uniaxial import Bar, UniaxialTest
-from legfem.specimens.fibres import WORDS, Direction
+from legfem.specimens.fibre_directions import WORDS, Direction
 from legfem.specimens.schema import (
     SIZES,
     BallEntry,
