@@ -154,7 +154,6 @@ def test_a_port_that_is_taken_is_said_in_a_line(tmp_path, capsys):
     assert not (tmp_path / "new").exists()
 
 
-@pytest.mark.slow
 def test_the_server_starts_neither_mpi_nor_a_mesher():
     # What MPI leaves in the environment of its process would be every run's.
     script = (
