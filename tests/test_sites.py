@@ -86,6 +86,29 @@ def test_the_corrections_error_does_not_average_out(tmp_path):
     assert found.agreement.p_value == pytest.approx(without.agreement.p_value, abs=0.1)
 
 
+def test_a_prior_is_weighed_against_the_corrections_error(tmp_path):
+    leg = sited_leg(tmp_path, 1.0)
+    d = np.linspace(0.0, DEPTH, 5)
+    table = TabulatedCorrection(
+        "made", d, np.array([1.0]), np.array([0.0]), np.zeros((1, 1, 5)),
+        {"length": np.full(5, 0.2)},
+    )  # fmt: skip
+    known = replace(
+        parameter_of(C10, sites_model().nominal), prior=Prior(0.8e-3, 0.04e-3, "linear")
+    )
+    (without,) = joint(leg, corrections=[table] * 3)
+    (found,) = joint(leg, corrections=[table] * 3, parameters=(known,))
+    # Of what the recordings say with the correction's error, and of the prior, by their weights.
+    from_force = without.parameters[C10]
+    weights = np.array([from_force.standard_error, 0.04e-3]) ** -2.0
+    expected = weights @ [from_force.value, 0.8e-3] / weights.sum()
+    assert found.parameters[C10].value == pytest.approx(expected, rel=0.02)
+    assert found.parameters[C10].standard_error == pytest.approx(weights.sum() ** -0.5, rel=0.15)
+    # Each site by itself, too.
+    for site in found.sites:
+        assert site.by_itself[C10].value == pytest.approx(expected, rel=0.03)
+
+
 def test_instruments_of_sites_err_each_of_their_own(tmp_path):
     leg = sited_leg(tmp_path, 1.0)
     nominal = sites_model().nominal

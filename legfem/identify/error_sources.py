@@ -23,6 +23,15 @@ def source_of_mode(name: str) -> ErrorSource:
     return "fibres" if name.startswith(FIBRES) else "ends"
 
 
+def covariances_of_modes(modes: Mapping[str, FloatArray]) -> dict[ErrorSource, FloatArray]:
+    """Return covariances (n, n), N2, of the correction's errors, each (n,), N, by its name."""
+    parts: dict[ErrorSource, FloatArray] = {}
+    for name, mode in modes.items():
+        source = source_of_mode(name)
+        parts[source] = parts.get(source, 0.0) + np.outer(mode, mode)
+    return parts
+
+
 def total_of(covariances: Covariances) -> FloatArray:
     """Return the sum (n, n), N2."""
     return np.asarray(sum(covariances.values()))

@@ -81,7 +81,9 @@ class Identification:
 
     def identify(self, names: Sequence[LawName]) -> list[IdentificationResult]:
         """Return the results of laws, in their order."""
-        about = self._near(names) if self._weighs_correction else None
+        about = None
+        if self._weighs_correction:
+            about = self._searches(self._misfit).nearest(names)
         searches = self._searches(partial(self._misfit, about=about))
         return [
             assess(Assessment(self.subject, found, self.measured, self.correction))
@@ -92,12 +94,6 @@ class Identification:
     def _weighs_correction(self) -> bool:
         """Whether the correction's error is to be weighed against what was known beforehand."""
         return self.correction is not None and any(len(law.priors) for law in self.laws.values())
-
-    def _near(self, names: Sequence[LawName]) -> tuple[Values, FloatArray]:
-        """Return the best solve of the law with the most parameters, by the recordings' errors."""
-        most = max(names, key=lambda name: len(self.laws[name].parameters))
-        (found,) = self._searches(self._misfit).find([most])
-        return found.best.values, found.linear.prediction.force
 
     def _searches(self, misfit_of: Callable[[IdentifiedLaw], Misfit]) -> Searches[Misfit]:
         return Searches(self.laws, self.solver, self.settings, misfit_of)

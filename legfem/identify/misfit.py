@@ -13,12 +13,7 @@ from scipy.linalg import solve_triangular
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.correction.choice import Correction, correction_factor
 from legfem.identify.catalogue import DEEP_C10, DEEP_C20
-from legfem.identify.error_sources import (
-    Covariances,
-    ErrorSource,
-    source_of_mode,
-    total_of,
-)
+from legfem.identify.error_sources import Covariances, covariances_of_modes, total_of
 from legfem.identify.forward import ForwardOutcome
 from legfem.identify.reading import INSTRUMENT, Reading
 from legfem.identify.settings import Weighting
@@ -44,6 +39,12 @@ class Prediction:
     def jacobian(self, names: Sequence[str]) -> FloatArray:
         """Return the derivatives by parameters; (n, p), N per unit."""
         return np.column_stack([self.sensitivities[name] for name in names])
+
+    def of(self, span: slice) -> Prediction:
+        """Return a part of it, where the model's grid is the measured one."""
+        force = self.force[span]
+        by = {name: values[span] for name, values in self.sensitivities.items()}
+        return Prediction(force, by, force, by)
 
 
 class Compared(ABC):
@@ -187,11 +188,12 @@ class Misfit(Compared):
         Without the correction's, unless it counts in the weights.
         """
         if self.about is None:
-            return self.measured.covariance + self._numerical
+            return self.measured.covariance + self.numerical_covariance
         return total_of(self._covariances(*self.about))
 
     @cached_property
-    def _numerical(self) -> FloatArray:
+    def numerical_covariance(self) -> FloatArray:
+        """Of the numerical model's errors; (n, n), N2."""
         return numerical_covariance(self.displacement, self.measured.force, power=1.0)
 
     def covariance_at(self, values: Mapping[str, float]) -> FloatArray:
@@ -203,15 +205,20 @@ class Misfit(Compared):
         return self._covariances(values, self.measured.force)
 
     def _covariances(self, values: Mapping[str, float], force: FloatArray) -> Covariances:
-        parts: dict[ErrorSource, FloatArray] = {
-            "recordings": self.measured.covariance, "model": self._numerical
-        }  # fmt: skip
-        if self.correction is not None:
-            modes = self.correction.relative_errors(self.displacement, *_stiffness(values))
-            for name, relative in modes.items():
-                source, mode = source_of_mode(name), relative * force
-                parts[source] = parts.get(source, 0.0) + np.outer(mode, mode)
-        return parts
+        return {
+            "recordings": self.measured.covariance,
+            "model": self.numerical_covariance,
+            **covariances_of_modes(self.modes_of_correction(values, force)),
+        }
+
+    def modes_of_correction(
+        self, values: Mapping[str, float], force: FloatArray
+    ) -> dict[str, FloatArray]:
+        """Return the correction's errors (n,), N, of a force (n,) at the model's values."""
+        if self.correction is None:
+            return {}
+        relative = self.correction.relative_errors(self.displacement, *_stiffness(values))
+        return {name: error * force for name, error in relative.items()}
 
     @cached_property
     def _lower(self) -> FloatArray:

@@ -6,7 +6,8 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from legfem.identify.catalogue import DEEP_C20
+from legfem.common.units import FloatArray
+from legfem.identify.catalogue import DEEP_C20, Values
 from legfem.identify.forward import ForwardOutcome
 from legfem.identify.laws import IdentifiedLaw, LawName
 from legfem.identify.misfit import Compared
@@ -96,6 +97,12 @@ class Searches[Comparison: Compared]:
         """Return what was found of laws, in their order."""
         self._run(names)
         return [self._find(name) for name in names]
+
+    def nearest(self, names: Sequence[LawName]) -> tuple[Values, FloatArray]:
+        """Return values and forces (n,), N, of the best solve for the law of most parameters."""
+        most = max(names, key=lambda name: len(self.laws[name].parameters))
+        (found,) = self.find([most])
+        return found.best.values, found.linear.prediction.force
 
     def _find(self, name: LawName) -> Found[Comparison]:
         search = self._search(name)

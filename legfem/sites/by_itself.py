@@ -16,8 +16,9 @@ from scipy.stats import chi2
 
 from legfem.common.units import FloatArray
 from legfem.identify.searches import Found
+from legfem.identify.trial import Linearised
 from legfem.inference.domain import Domain
-from legfem.inference.least_squares import gain_matrix, with_unit_errors
+from legfem.inference.least_squares import with_unit_errors
 from legfem.inference.polish import polished
 from legfem.sites.misfit import SitesMisfit
 from legfem.sites.result import ByItself, Chance
@@ -44,16 +45,24 @@ class Apart:
         return with_unit_errors(self.covariance, len(self.found.linear.law.priors))
 
     @cached_property
+    def _sites(self) -> list[Linearised]:
+        """Every site's misfit and the priors about the joint optimum."""
+        linear = self.found.linear
+        return [
+            Linearised(linear.law, part, linear.prediction.of(span), linear.point)
+            for part, span in zip(self._misfit.parts, self._misfit.spans, strict=True)
+        ]
+
+    @cached_property
     def _gains(self) -> list[FloatArray]:
         """How each site's parameters follow forces and priors; (p, n + k) each."""
-        linear = self.found.linear
-        whole = with_unit_errors(linear.misfit.weighting_matrix, len(linear.law.priors))
-        gains = []
-        for span in self._misfit.spans:
-            kept = np.ones(len(whole), dtype=bool)
-            kept[: len(linear.misfit)] = False
-            kept[span] = True
-            gains.append(gain_matrix(linear.jacobian[kept], whole[kept]))
+        n = len(self._misfit)
+        gains: list[FloatArray] = []
+        for site, span in zip(self._sites, self._misfit.spans, strict=True):
+            own = site.gain
+            gain = np.zeros((len(own), n + len(site.law.priors)))
+            gain[:, span], gain[:, n:] = np.split(own, [len(site.misfit)], axis=1)
+            gains.append(gain)
         return gains
 
     @property
@@ -65,13 +74,8 @@ class Apart:
         """Whether the sites ask for the same parameters, to first order."""
         if len(self._misfit.parts) < 2:
             return Chance(0.0, 0, 1.0)
-        linear = self.found.linear
-        weighted = linear.residual
-        asked = []
-        for span in self._misfit.spans:
-            kept = [*range(span.start, span.stop), *range(len(linear.misfit), len(weighted))]
-            asked.append(-np.linalg.pinv(linear.jacobian[kept]) @ weighted[kept])
-        p = linear.jacobian.shape[1]
+        asked = [-np.linalg.pinv(site.jacobian) @ site.residual for site in self._sites]
+        p = len(asked[0])
         differences = np.kron(np.diff(np.eye(len(asked)), axis=0), np.eye(p))
         gain = differences @ np.vstack(self._gains)
         spread = gain @ self._errors @ gain.T

@@ -135,8 +135,13 @@ def identify_sites(
         for curve, correction in zip(curves, corrections or [None] * len(curves), strict=True)
     )
     misfit = SitesMisfit(parts)
+    known = any(len(law.priors) for law in chosen.values())
     with request.solver(model, chosen) as solver:
         searches = Searches(chosen, solver, request.settings, lambda law: misfit)
+        # The correction's error is weighed against what was known beforehand.
+        if known and any(part.correction for part in parts):
+            weighed = misfit.near(*searches.nearest(laws))
+            searches = Searches(chosen, solver, request.settings, lambda law: weighed)
         return [_assessed(leg, asked, found) for found in searches.find(laws)]
 
 

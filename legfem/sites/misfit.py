@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import block_diag
+from scipy.linalg import block_diag, solve_triangular
 
-from legfem.common.units import FloatArray, mpa_to_kpa
-from legfem.identify.catalogue import DEEP_C10, DEEP_C20
-from legfem.identify.error_sources import (
-    Covariances,
-    ErrorSource,
-    source_of_mode,
-    total_of,
-)
+from legfem.common.units import FloatArray
+from legfem.identify.error_sources import Covariances, covariances_of_modes, total_of
 from legfem.identify.forward import ForwardOutcome
 from legfem.identify.misfit import Compared, Misfit, Prediction
 from legfem.identify.reading import GAIN, OFFSET, ZERO
@@ -50,7 +44,7 @@ class SitesMisfit(Compared):
 
     A site's errors are its own, but for the correction for the cylinder's ends: what is wrong with
     that is taken to be wrong alike at all sites of a leg, mode by mode, so that it doesn't average
-    out.
+    out. It counts in the weights where it does in the parts' (`Misfit.about`).
 
     Parameters
     ----------
@@ -59,6 +53,19 @@ class SitesMisfit(Compared):
     """
 
     parts: tuple[Misfit, ...]
+
+    def near(self, values: Mapping[str, float], force: FloatArray) -> SitesMisfit:
+        """Return the same with the correction's error in the weights.
+
+        Parameters
+        ----------
+        values, force
+            Of a solve near the recordings, (n,), N.
+        """
+        every = zip(self.parts, self.spans, strict=True)
+        return SitesMisfit(
+            tuple(replace(part, about=(values, force[span])) for part, span in every)
+        )
 
     @cached_property
     def spans(self) -> list[slice]:
@@ -106,14 +113,23 @@ class SitesMisfit(Compared):
 
     def weighted(self, values: FloatArray) -> FloatArray:
         """Return values (n, ...) over the sites' errors."""
-        return np.concatenate([
-            part.weighted(values[span]) for part, span in zip(self.parts, self.spans, strict=True)
-        ])  # fmt: skip
+        return np.asarray(solve_triangular(self._lower, values, lower=True))
+
+    @cached_property
+    def _lower(self) -> FloatArray:
+        return np.linalg.cholesky(self.covariance)
 
     @cached_property
     def covariance(self) -> FloatArray:
-        """Of measured less predicted forces at the truth, without the correction's; (n, n), N2."""
-        return np.asarray(block_diag(*(part.covariance for part in self.parts)))
+        """Of measured less predicted forces at the truth; (n, n), N2.
+
+        Without the correction's, unless it counts in the weights.
+        """
+        near = [part.about for part in self.parts if part.about is not None]
+        if not near:
+            return np.asarray(block_diag(*(part.covariance for part in self.parts)))
+        values, _ = near[0]
+        return total_of(self._covariances(values, [force for _, force in near]))
 
     def covariance_at(self, values: Mapping[str, float]) -> FloatArray:
         """Return `covariance` with the correction's; (n, n), N2."""
@@ -121,21 +137,20 @@ class SitesMisfit(Compared):
 
     def covariances_at(self, values: Mapping[str, float]) -> Covariances:
         """Return covariances (n, n), N2, at values, by source; the correction's is alike at all."""
-        stiffness = mpa_to_kpa(values[DEEP_C10]), mpa_to_kpa(values.get(DEEP_C20, 0.0))
+        return self._covariances(values, [part.measured_force for part in self.parts])
+
+    def _covariances(
+        self, values: Mapping[str, float], forces: Sequence[FloatArray]
+    ) -> Covariances:
         modes: dict[str, FloatArray] = {}
-        for part, span in zip(self.parts, self.spans, strict=True):
-            if part.correction is None:
-                continue
-            errors = part.correction.relative_errors(part.displacement, *stiffness)
-            for name, relative in errors.items():
-                mode = modes.setdefault(name, np.zeros(len(self)))
-                mode[span] = relative * part.measured_force
-        own = block_diag(*(part.measured.covariance for part in self.parts))
-        parts: dict[ErrorSource, FloatArray] = {"recordings": own, "model": self.covariance - own}
-        for name, mode in modes.items():
-            source = source_of_mode(name)
-            parts[source] = parts.get(source, 0.0) + np.outer(mode, mode)
-        return parts
+        for part, span, force in zip(self.parts, self.spans, forces, strict=True):
+            for name, error in part.modes_of_correction(values, force).items():
+                modes.setdefault(name, np.zeros(len(self)))[span] = error
+        return {
+            "recordings": block_diag(*(part.measured.covariance for part in self.parts)),
+            "model": block_diag(*(part.numerical_covariance for part in self.parts)),
+            **covariances_of_modes(modes),
+        }
 
 
 def _of_site(outcome: ForwardOutcome, number: int) -> ForwardOutcome:
