@@ -11,6 +11,7 @@ from making_diagnosis import INSTRUMENT, ClosedForm, mechanisms_in, noisy, obser
 from legfem.common.progress import Silent
 from legfem.diagnose.diagnosis import Diagnosis, diagnose
 from legfem.diagnose.library_build import shown_mechanisms
+from legfem.diagnose.nuisances import Accuracy
 from legfem.diagnose.observations import Observations
 from legfem.identify.laws import LawName
 from legfem.recording import Recording
@@ -65,6 +66,7 @@ def diagnosed_of(
     observed: Observations,
     asked: Sequence[str] | None = None,
     law: LawName = "reduced-polynomial",
+    accuracy: Accuracy | None = None,
 ) -> Diagnosis:
     """Return the diagnosis of observations, by closed-form responses.
 
@@ -76,6 +78,8 @@ def diagnosed_of(
         Names of the mechanisms that are tested; all that have a response by default.
     law
         Of the base model.
+    accuracy
+        How well the leg is known.
     """
     able, _ = shown_mechanisms(observed, None)
     left = [
@@ -84,4 +88,4 @@ def diagnosed_of(
     library = ClosedForm(
         missing=dict.fromkeys(left, "its solutions did not follow the protocol to the end")
     )
-    return diagnose(observed, INSTRUMENT, law, library, None, Silent())  # type: ignore[arg-type]
+    return diagnose(observed, INSTRUMENT, law, library, None, Silent(), accuracy)  # type: ignore[arg-type]

@@ -9,13 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from making import TOML, write_subject
+from making_diagnosed import diagnosed_of
+from making_diagnosis import noisy, observations, ramps
 from making_identification import AnalyticLeg, identify, pressed_leg
 
 from legfem.common.errors import InputError
 from legfem.correction.tabulated import TabulatedCorrection
+from legfem.diagnose.nuisances import DRAWN
+from legfem.diagnose.run import accuracy_of
 from legfem.identify.catalogue import parameter_of
 from legfem.inference.elastography import elastography_priors
 from legfem.inference.parameter import Prior
+from legfem.report.web.diagnosis import waves_say
 from legfem.subjects.elastography import FibreRatio, ShearModulus
 from legfem.subjects.loading import load_subject
 from legfem.subjects.plausibility import doubts_about
@@ -145,3 +150,33 @@ def test_a_disagreement_is_told(tmp_path, c10, said):
     apart = abs(c10 - 1.0) / math.hypot(0.12, 0.1 / 0.86)
     assert float(told.partition(" by ")[2].split()[0]) == pytest.approx(apart, rel=0.15)
     assert "shear waves" in told.lower()
+
+
+def test_a_diagnosis_weighs_elastography_as_an_identification_does(tmp_path):
+    subject = loaded(tmp_path / "leg", ACROSS.format(2.0, 0.2) + FAT.format(6.0, 0.6))
+    accuracy = accuracy_of(subject)
+    assert accuracy.log_sd("superficial.C10") == pytest.approx(0.1)
+    assert accuracy.log_sd("fascia.C10") == DRAWN.assumed_sd
+    observed, predictor = observations(ramps())
+    observed = noisy(observed, predictor({"C10": 1.0, "C20": 0.6}), 1)
+    without, right = (
+        diagnosed_of(observed, ["force-drift"], accuracy=known)
+        for known in (None, replace(accuracy, measured={"deep.C10": Prior(1e-3, 2e-5)}))
+    )
+    assert without.verdict == right.verdict == "consistent"
+    both = [one.intervals["C10"] for one in (without, right)]
+    assert all(low < 1.0 < high for low, high in both)
+    # The gain of the trials is what C10 isn't known better by, without the waves.
+    widths = [high - low for low, high in both]
+    combined = 1 / math.hypot(3.92 / widths[0], 1 / 0.02)
+    assert widths[1] == pytest.approx(3.92 * combined, rel=0.1)
+    assert not list(waves_say(right, replace(subject, elastography=())))
+
+
+def test_a_diagnosis_says_that_shear_waves_disagree(tmp_path):
+    subject = loaded(tmp_path / "leg", ACROSS.format(2.8, 0.14))
+    observed, predictor = observations(ramps())
+    observed = noisy(observed, predictor({"C10": 1.0, "C20": 0.6}), 1)
+    found = diagnosed_of(observed, ["force-drift"], accuracy=accuracy_of(subject))
+    (said,) = waves_say(found, subject)
+    assert said.startswith("Elastography finds a higher c10_deep") and "1.4 ± 0.07 kPa" in said

@@ -143,8 +143,9 @@ def diagnose(
     able = [m for m in able if m.name not in library.missing]
     progress.stage("fitting the base model")
     made = solved.solutions if solved is not None else 0
-    predictor = Predictor(observed, library, law, ends)
-    problem, ordinary = _fitted(predictor, instrument, library, accuracy or Accuracy())
+    accuracy = accuracy or Accuracy()
+    predictor = Predictor(observed, library, law, ends, accuracy.deep_C10)
+    problem, ordinary = _fitted(predictor, instrument, library, accuracy)
     problem, ordinary, error = _about_solution(problem, ordinary, solved)
     base = fit(problem, (), ordinary.values)
     progress.stage(f"weighing {len(able)} mechanisms")

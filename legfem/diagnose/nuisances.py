@@ -10,16 +10,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from legfem.common.units import FloatArray
+from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.diagnose.observations import Observations
 from legfem.inference.errors import ErrorModel
 from legfem.inference.intervals import effective_degrees
+from legfem.inference.parameter import Prior
 
 if TYPE_CHECKING:
     from legfem.correction.tabulated import TabulatedCorrection
@@ -78,6 +79,9 @@ class Accuracy:
         it.
     size_sd
         Relative, of a specimen's sizes.
+    measured
+        Stiffnesses (MPa) of the person by other means, by full name: ``deep.C10``,
+        ``superficial.C10``.
     """
 
     contour_sd: float = CONTOUR_SD_MM
@@ -85,11 +89,21 @@ class Accuracy:
     direction_sd: float = DIRECTION_SD_DEG
     assumed_sd: float | None = None
     size_sd: float = SIZE_LOG_SD
+    measured: Mapping[str, Prior] = field(default_factory=dict)
+
+    @property
+    def deep_C10(self) -> Prior | None:
+        """What was measured of C10 of the deep tissue by other means, kPa."""
+        if (known := self.measured.get("deep.C10")) is None:
+            return None
+        return replace(known, centre=mpa_to_kpa(known.centre), sd=mpa_to_kpa(known.sd))
 
     def log_sd(self, material: str) -> float:
         """Return the standard deviation of an assumed number's logarithm."""
         if material.startswith(SIZE):
             return self.size_sd
+        if (known := self.measured.get(material)) is not None:
+            return known.sd / known.centre
         return MATERIAL_LOG_SD[material] if self.assumed_sd is None else self.assumed_sd
 
 

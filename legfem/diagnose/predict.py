@@ -87,6 +87,8 @@ class Predictor:
         Of the deep tissue.
     ends
         Of the cylinder, where the recordings have them.
+    measured
+        C10 (kPa) by other means, where it was.
     offset
         (n,), N: what a full solution was above the emulated one, where one was made.
     """
@@ -95,6 +97,7 @@ class Predictor:
     responses: Responses
     law: LawName
     ends: Ends | None = None
+    measured: Prior | None = None
     offset: FloatArray | float = 0.0
     _splines: dict[tuple[int, float, float], CubicSpline | None] = field(
         default_factory=dict, repr=False
@@ -109,12 +112,10 @@ class Predictor:
         """Of the base model: stiffness, and first contact of every trial."""
         low, high = self.responses.c10_bounds
         middle = float(np.sqrt(low * high))
+        known = self.measured or Prior(middle, 1.5, "log", "nothing is known")
         found = [
-            Parameter(
-                "C10", "kPa", (low, high), Prior(middle, 1.5, "log", "nothing is known"),
-                scale="log", statement="of the deep tissue",
-            )
-        ]  # fmt: skip
+            Parameter("C10", "kPa", (low, high), known, scale="log", statement="of the deep tissue")
+        ]
         if self.law == "reduced-polynomial":
             prior = Prior(0.0, 4.0 * middle, "linear", "nothing is known")
             found.append(

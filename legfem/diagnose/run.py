@@ -18,6 +18,7 @@ from legfem.diagnose.mechanisms.muscle_fibres import MuscleFibres
 from legfem.diagnose.nuisances import DRAWN, Accuracy
 from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.solved import SolvedResponses
+from legfem.inference.elastography import elastography_priors
 from legfem.subjects.subject import Subject
 
 STIFFENING = {"neo-hookean": 0.0, "reduced-polynomial": 0.8}
@@ -121,7 +122,8 @@ def ruled_out_of(subject: Subject, ends: TabulatedCorrection | None) -> dict[str
 def accuracy_of(subject: Subject) -> Accuracy:
     """Return how well a subject's leg is known: what its folder states, else what is usual.
 
-    A leg that was drawn is known but for rounding, unless its folder says otherwise.
+    A leg that was drawn is known but for rounding, unless its folder says otherwise; what shear
+    waves measured of its tissues counts as in an identification.
     """
     given = subject.accuracy
     usual = Accuracy() if subject.origin == "measured" or given.stated else DRAWN
@@ -130,4 +132,5 @@ def accuracy_of(subject: Subject) -> Accuracy:
         usual.aim_sd if given.aim_sd is None else given.aim_sd,
         usual.direction_sd if given.direction_sd is None else given.direction_sd,
         usual.assumed_sd if given.assumed_sd is None else given.assumed_sd,
+        measured=elastography_priors(subject),
     )

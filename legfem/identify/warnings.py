@@ -14,6 +14,7 @@ from legfem.identify.catalogue import DEEP_C10, DEEP_C20, key_of
 from legfem.identify.laws import LawName
 from legfem.identify.result import Cost, Estimate, FullSolve
 from legfem.inference.elastography import elastography_priors
+from legfem.inference.parameter import Prior
 from legfem.recording import LoadingCurve
 from legfem.subjects import ranges
 from legfem.subjects.plausibility import doubts_about, poisson_ratio
@@ -145,25 +146,36 @@ def of_ends(subject: Subject, correction: AppliedCorrection | None) -> Iterator[
 
 
 def of_elastography(subject: Subject, parameters: Mapping[str, Estimate]) -> Iterator[str]:
-    r"""Yield where elastography and indentation disagree.
+    """Yield where elastography and indentation disagree."""
+    for name, prior in elastography_priors(subject).items():
+        one = parameters.get(name)
+        if one is not None and one.parameter.prior == prior:
+            yield from disagreement(name, prior, one.value, one.standard_error)
+
+
+def disagreement(name: str, prior: Prior, value: float, standard_error: float) -> Iterator[str]:
+    r"""Yield that a stiffness found with a prior from elastography is far from that.
 
     Where both are right, an optimum departs from a prior of standard deviation :math:`s_0` by one
     of :math:`\sqrt{s_0^2 - s^2}`, with its own error s.
+
+    Parameters
+    ----------
+    name
+        Full name, of a stiffness in MPa as all numbers here.
     """
-    for name, prior in elastography_priors(subject).items():
-        one = parameters.get(name)
-        if one is None or one.parameter.prior != prior or not one.standard_error < prior.sd:
-            continue
-        apart = (one.value - prior.centre) / math.sqrt(prior.sd**2 - one.standard_error**2)
-        if abs(apart) > _DISAGREES:
-            both = ("Indentation", "elastography") if apart > 0 else ("Elastography", "indentation")
-            yield (
-                f"{both[0]} finds a higher {key_of(name)} than {both[1]} does, by {abs(apart):.1f} "
-                f"standard deviations ({prior.source}: C10 {mpa_to_kpa(prior.centre):.3g} ± "
-                f"{mpa_to_kpa(prior.sd):.2g} kPa). Shear waves of 100 Hz and more meet a stiffer "
-                "tissue than a slow test does: a wider sd_kPa should hold that, or one of the two "
-                "is wrong."
-            )
+    if not standard_error < prior.sd:
+        return
+    apart = (value - prior.centre) / math.sqrt(prior.sd**2 - standard_error**2)
+    if abs(apart) > _DISAGREES:
+        both = ("Indentation", "elastography") if apart > 0 else ("Elastography", "indentation")
+        yield (
+            f"{both[0]} finds a higher {key_of(name)} than {both[1]} does, by {abs(apart):.1f} "
+            f"standard deviations ({prior.source}: C10 {mpa_to_kpa(prior.centre):.3g} ± "
+            f"{mpa_to_kpa(prior.sd):.2g} kPa). Shear waves of 100 Hz and more meet a stiffer "
+            "tissue than a slow test does: a wider sd_kPa should hold that, or one of the two "
+            "is wrong."
+        )
 
 
 def doubts_of(found: Finding) -> tuple[Doubt, ...]:

@@ -107,7 +107,7 @@ def plan_before(
     able = [m for m in able if m.name not in library.missing]
     law = subject.tissues["deep"].law
     observed = blank_observations([Protocol.ramp(expected.depth, expected.rate)] * 3)
-    predictor = Predictor(observed, library, law, ends)
+    predictor = Predictor(observed, library, law, ends, accuracy_of(subject).deep_C10)
     noise = _stated(subject, observed)
     values = {"C10": expected.c10, "C20": expected.c20}
     force = predictor(values)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from legfem.common.doubts import doubt_lines
+from legfem.common.units import kpa_to_mpa
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.document import Recorded, doubts_of, kind_of, r_squared, versions
 from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.sentences import next_experiments, percent, verdict_sentence
+from legfem.identify.catalogue import DEEP_C10
+from legfem.identify.warnings import disagreement
+from legfem.inference.elastography import elastography_priors
 from legfem.report import diagnosis_tables as tables
 from legfem.report.diagnosis_style import BASE_NAME, model_name, plain
 from legfem.report.style import LAW_NAMES
@@ -62,13 +66,29 @@ def diagnosis_web_page(
         subject=subject.title,
         origin=subject.origin,
         headline=headline(found, plan, "deep" if isinstance(subject, Subject) else ""),
-        warnings=[*doubt_lines(doubts_of(found, subject)), *_warnings(found)],
+        warnings=[
+            *doubt_lines(doubts_of(found, subject)),
+            *waves_say(found, subject),
+            *_warnings(found),
+        ],
         warned=" for whoever made and described the recordings",
         known=known_of(found, subject),
         chapters=chapters,
         repeat=web.Repeat(command, versions()),
         data="" if isinstance(subject, Subject) else ORIGINS[subject.origin].partition(" (")[0],
     )
+
+
+def waves_say(found: Diagnosis, subject: Recorded) -> Iterator[str]:
+    """Yield where the base model and shear waves ask for another stiffness."""
+    if not isinstance(subject, Subject):
+        return
+    known = elastography_priors(subject).get(DEEP_C10)
+    if known is not None:
+        alone = found.alone
+        yield from disagreement(
+            DEEP_C10, known, kpa_to_mpa(alone.value("C10")), kpa_to_mpa(alone.fit.sd("C10"))
+        )
 
 
 def _warnings(found: Diagnosis) -> list[str]:
