@@ -41,7 +41,7 @@ def loaded(folder: Path, more: str, deep: str = ""):
 def test_muscle_across_is_a_prior_of_c10_and_fat_one_that_takes_its_place(tmp_path):
     more = ACROSS.format(1.9, 0.4) + 'source = "SSI, five frames"\n' + FAT.format(6.0, 1.0)
     subject = loaded(tmp_path / "leg", more)
-    priors = elastography_priors(subject)
+    priors = elastography_priors(subject.elastography)
     assert set(priors) == {"deep.C10", "superficial.C10"}
     deep, fat = priors["deep.C10"], priors["superficial.C10"]
     assert (deep.centre, deep.sd) == pytest.approx((0.95e-3, 0.2e-3))
@@ -56,7 +56,7 @@ def test_both_planes_make_the_ratio_with_its_error(tmp_path):
     assert subject.fibres == FibreRatio(
         2.5, pytest.approx(2.5 * relative), "measured", "shear-wave elastography"
     )
-    assert set(elastography_priors(subject)) == {"deep.C10"}
+    assert set(elastography_priors(subject.elastography)) == {"deep.C10"}
 
 
 def test_a_stated_ratio_is_a_prior_or_assumed(tmp_path):

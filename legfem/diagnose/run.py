@@ -132,5 +132,5 @@ def accuracy_of(subject: Subject) -> Accuracy:
         usual.aim_sd if given.aim_sd is None else given.aim_sd,
         usual.direction_sd if given.direction_sd is None else given.direction_sd,
         usual.assumed_sd if given.assumed_sd is None else given.assumed_sd,
-        measured=elastography_priors(subject),
+        measured=elastography_priors(subject.elastography),
     )

@@ -179,7 +179,7 @@ def _with_elastography(
 ) -> list[Parameter]:
     """Return parameters with what was measured of them, and what was measured of others."""
     known = {one.name: one for one in given}
-    for name, prior in elastography_priors(subject).items():
+    for name, prior in elastography_priors(subject.elastography).items():
         own = known.get(name) or replace(parameter_of(name, nominal), role="nuisance")
         known[name] = replace(own, prior=own.prior or prior)
     return list(known.values())

@@ -147,13 +147,15 @@ def of_ends(subject: Subject, correction: AppliedCorrection | None) -> Iterator[
 
 def of_elastography(subject: Subject, parameters: Mapping[str, Estimate]) -> Iterator[str]:
     """Yield where elastography and indentation disagree."""
-    for name, prior in elastography_priors(subject).items():
+    for name, prior in elastography_priors(subject.elastography).items():
         one = parameters.get(name)
         if one is not None and one.parameter.prior == prior:
             yield from disagreement(name, prior, one.value, one.standard_error)
 
 
-def disagreement(name: str, prior: Prior, value: float, standard_error: float) -> Iterator[str]:
+def disagreement(
+    name: str, prior: Prior, value: float, standard_error: float, found_by: str = "indentation"
+) -> Iterator[str]:
     r"""Yield that a stiffness found with a prior from elastography is far from that.
 
     Where both are right, an optimum departs from a prior of standard deviation :math:`s_0` by one
@@ -163,18 +165,20 @@ def disagreement(name: str, prior: Prior, value: float, standard_error: float) -
     ----------
     name
         Full name, of a stiffness in MPa as all numbers here.
+    found_by
+        What the stiffness was found from, with the prior.
     """
     if not standard_error < prior.sd:
         return
     apart = (value - prior.centre) / math.sqrt(prior.sd**2 - standard_error**2)
     if abs(apart) > _DISAGREES:
-        both = ("Indentation", "elastography") if apart > 0 else ("Elastography", "indentation")
+        higher, lower = (found_by, "elastography") if apart > 0 else ("elastography", found_by)
         yield (
-            f"{both[0]} finds a higher {key_of(name)} than {both[1]} does, by {abs(apart):.1f} "
-            f"standard deviations ({prior.source}: C10 {mpa_to_kpa(prior.centre):.3g} ± "
-            f"{mpa_to_kpa(prior.sd):.2g} kPa). Shear waves of 100 Hz and more meet a stiffer "
-            "tissue than a slow test does: a wider sd_kPa should hold that, or one of the two "
-            "is wrong."
+            f"{higher[0].upper()}{higher[1:]} finds a higher {key_of(name)} than {lower} does, by "
+            f"{abs(apart):.1f} standard deviations ({prior.source}: C10 "
+            f"{mpa_to_kpa(prior.centre):.3g} ± {mpa_to_kpa(prior.sd):.2g} kPa). Shear waves of "
+            "100 Hz and more meet a stiffer tissue than a slow test does: a wider sd_kPa should "
+            "hold that, or one of the two is wrong."
         )
 
 

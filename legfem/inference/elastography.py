@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from legfem.inference.parameter import Prior
-from legfem.subjects.subject import Subject
+from legfem.subjects.elastography import ShearModulus
 
 
-def elastography_priors(subject: Subject) -> dict[str, Prior]:
+def elastography_priors(moduli: Iterable[ShearModulus]) -> dict[str, Prior]:
     r"""Return priors of stiffnesses (MPa), by full name.
 
     At small strain the shear modulus of every law here is :math:`2 C_{10}`, of muscle with fibres
@@ -14,6 +16,6 @@ def elastography_priors(subject: Subject) -> dict[str, Prior]:
     """
     return {
         f"{one.tissue}.C10": Prior(one.C10, one.sd / 2, "linear", one.source)
-        for one in subject.elastography
+        for one in moduli
         if one.tissue == "superficial" or one.plane == "across"
     }

@@ -12,6 +12,8 @@ from legfem.common.doubts import doubt_documents
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.common.versions import versions_of
 from legfem.geometry.shape_measures import fat_thickness_around
+from legfem.inference.elastography import elastography_priors
+from legfem.inference.parameter import Prior
 from legfem.stocking.fat_pressures import FatPressures, too_low_by
 from legfem.stocking.identification import Identified
 from legfem.stocking.judgement import KnownStiffness, expected_rms, judge, starts_agree
@@ -77,14 +79,25 @@ def versions() -> dict[str, str]:
 def _stiffness(result: StockingResult) -> dict[str, Any]:
     best = best_complete(result)
     judged = {} if best is None else {k.name: k for k in judge(best, result.leg.accuracy)}
+    priors = elastography_priors(result.leg.elastography)
     return {
         _key(name): {
             "used_for_pressures": {"value": mpa_to_kpa(value), "unit": "kPa"},
+            "prior": _prior(priors.get(name)),
             "given": result.leg.known,
             "identified": _known(judged[name]) if name in judged else None,
         }
         for name, value in result.parameters.items()
     }
+
+
+def _prior(prior: Prior | None) -> dict[str, Any] | None:
+    if prior is None:
+        return None
+    return {
+        "value": mpa_to_kpa(prior.centre), "sd": mpa_to_kpa(prior.sd), "unit": "kPa",
+        "source": prior.source,
+    }  # fmt: skip
 
 
 def _known(known: KnownStiffness) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from scipy.optimize import minimize
 
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.inference.constants import quantile
+from legfem.inference.least_squares import Priors
 from legfem.stocking.leg_model import PARAMETERS
 from legfem.stocking.misfit import ContourMisfit
 from legfem.stocking.nuisance import RIGID
@@ -24,11 +25,11 @@ from legfem.stocking.nuisance_slopes import NuisanceSlopes
 from legfem.stocking.profile_intervals import MisfitEmulator, profile_intervals
 from legfem.stocking.profiled import BesideScan, Profiled, Tension, beside_scan, profiled
 from legfem.stocking.sensors import Sensing
+from legfem.stocking.stiffnesses import BOUNDS, stiffness_priors
 from legfem.stocking.worn import Worn, WornLeg
 
 START = kpa_to_mpa(np.array([3.0, 3.0]))
 """The paper's start (MPa)."""
-BOUNDS = (kpa_to_mpa(0.1), kpa_to_mpa(100.0))
 LEARNT_AT = kpa_to_mpa(np.array([[3.0, 3.0], [1.5, 12.0], [6.0, 1.5]]))
 """C10 of muscle and fat (MPa) at which the nuisances' slopes are taken."""
 NO_GAIN = 0.1
@@ -131,6 +132,8 @@ class StiffnessSearch:
         Called with a line after every equilibrium.
     sensing
         Sensors under the stocking, whose pressures are data of the weighted search.
+    priors
+        Of the stiffnesses (MPa), for the weighted search.
     """
 
     def __init__(
@@ -140,7 +143,9 @@ class StiffnessSearch:
         settings: SearchSettings | None = None,
         on_solve: OnSolve | None = None,
         sensing: Sensing | None = None,
+        priors: Priors | None = None,
     ) -> None:
+        self._priors = priors or stiffness_priors()
         self._leg, self._misfit, self._sensing = leg, misfit, sensing
         self._settings = settings or SearchSettings()
         self._on_solve = on_solve
@@ -201,7 +206,9 @@ class StiffnessSearch:
         sensor_sd = np.zeros(0) if self._sensing is None else self._sensing.sd
 
         def emulate() -> MisfitEmulator:
-            return MisfitEmulator(self._beside, self._misfit, self.nuisances, sensor_sd)
+            return MisfitEmulator(
+                self._beside, self._misfit, self.nuisances, sensor_sd, self._priors
+            )
 
         def compare(parameters: FloatArray) -> BesideScan | None:
             worn = self._solve(parameters, differentiate=True)
@@ -263,7 +270,7 @@ class StiffnessSearch:
 
     def _profiled(self, parameters: FloatArray, worn: Worn) -> Profiled:
         found = self._compared(parameters, worn)
-        return profiled(found, self._misfit, self.nuisances, self._sensing)
+        return profiled(found, self._misfit, self.nuisances, self._sensing, self._priors)
 
     def _compared(self, parameters: FloatArray, worn: Worn) -> BesideScan:
         found = beside_scan(self._leg, self._misfit, parameters, worn, self._sensing)

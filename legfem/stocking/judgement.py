@@ -11,8 +11,9 @@ import numpy as np
 from legfem.inference.constants import Identifiability, quantile
 from legfem.inference.identifiability import Bound, bound_of, verdict_on
 from legfem.stocking.accuracy import ContourAccuracy
-from legfem.stocking.identification import BOUNDS, Identified
+from legfem.stocking.identification import Identified
 from legfem.stocking.leg_model import PARAMETERS
+from legfem.stocking.stiffnesses import BOUNDS
 
 SAME_WITHIN, SAME_WITHIN_INTERVAL = 0.02, 0.2
 """Relative difference up to which two searches found the same stiffness: either of a share of it,

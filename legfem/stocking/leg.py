@@ -15,6 +15,7 @@ from legfem.stocking.laplace import Stocking
 from legfem.stocking.posture import Posture
 from legfem.stocking.sensors import Sensor
 from legfem.stocking.veins import Vein
+from legfem.subjects.elastography import ShearModulus
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,5 +44,6 @@ class StockingLeg:
     sensors: tuple[Sensor, ...] = ()
     """Between stocking and skin."""
     posture: Posture | None = None
+    elastography: tuple[ShearModulus, ...] = ()
     doubts: tuple[Doubt, ...] = ()
     """What is unlikely in what was given."""

@@ -20,6 +20,7 @@ from legfem.common.toml_file import (
 )
 from legfem.imaging.shape_entry import LabelsEntry, ShapeEntry
 from legfem.stocking.sensors import KINDS
+from legfem.subjects.elastography import ElastographyEntry, check_once
 
 
 class StockingEntry(FileTable):
@@ -130,6 +131,7 @@ class LegFile(FileTable):
     veins: list[VeinEntry] = Field(default_factory=list)
     posture: PostureEntry | None = None
     sensor: list[SensorEntry] = Field(default_factory=list)
+    elastography: list[ElastographyEntry] = Field(default_factory=list)
 
     @model_validator(mode="after")
     def _stiffness_is_known_or_shown(self) -> LegFile:
@@ -140,6 +142,24 @@ class LegFile(FileTable):
                 "missing, and the tissues' C10_kPa aren't given either",
                 "give the leg scanned in its stocking, or C10_kPa of both tissues",
             )
+        if self.elastography and None not in known:
+            raise trouble(
+                "elastography",
+                "is given beside C10_kPa of both tissues, which are taken as they are",
+                "leave C10_kPa out, so that it is a prior of what is identified",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _waves_across(self) -> LegFile:
+        for number, entry in enumerate(self.elastography):
+            if entry.tissue == "deep" and entry.plane == "along":
+                raise trouble(
+                    f"elastography.{number}.plane",
+                    "along the leg isn't used: muscle in a stocking is squeezed across it",
+                    "leave it out, and give the modulus across the leg",
+                )
+        check_once(self.elastography, ratio_stated=False)
         return self
 
 

@@ -36,6 +36,7 @@ from legfem.stocking.posture import Posture
 from legfem.stocking.sensors import KINDS, USUAL_DIAMETER, Sensor, off_skin
 from legfem.stocking.veins import Vein, default_veins
 from legfem.subjects.catalogue import RESOURCES, Catalogue
+from legfem.subjects.elastography import ShearModulus
 
 LEVEL_SPACING = 5.0
 """Of the contours between which the leg's surfaces are smooth (mm)."""
@@ -87,6 +88,7 @@ def load_leg(directory: Path) -> StockingLeg:
         None not in (given.tissues.deep.C10_kPa, given.tissues.superficial.C10_kPa),
         given.segment.ends, slices, _veins(given, bare, float(np.median(slices))),
         _sensors(toml, given, bare), _posture(given),
+        tuple(map(ShearModulus.of, given.elastography)),
     )  # fmt: skip
     return replace(leg, doubts=doubts_about_leg(leg, toml))
 

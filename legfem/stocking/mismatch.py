@@ -24,12 +24,13 @@ from statsmodels.stats.multitest import multipletests
 
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.geometry.slices import CONTOURS
-from legfem.stocking.identification import BOUNDS, Identified
+from legfem.stocking.identification import Identified
 from legfem.stocking.leg_model import PARAMETERS
 from legfem.stocking.linearised import LinearisedContours
 from legfem.stocking.misfit import ContourMisfit
 from legfem.stocking.nuisance import RIGID, SECTORS, from_sector, sectors
 from legfem.stocking.nuisance_slopes import NuisanceSlopes
+from legfem.stocking.stiffnesses import BOUNDS
 from legfem.stocking.worn import Worn, WornLeg
 
 SIGNIFICANT = 0.025

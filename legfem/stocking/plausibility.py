@@ -15,6 +15,7 @@ from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.shape_measures import perimeter
 from legfem.stocking.laplace import Stocking, stocking_load
 from legfem.subjects import ranges
+from legfem.subjects.elastography import doubts_about_elastography
 from legfem.subjects.plausibility import doubts_about_size
 
 if TYPE_CHECKING:
@@ -44,7 +45,8 @@ def doubts_about_leg(leg: StockingLeg, toml: Path) -> tuple[Doubt, ...]:
     """
     return tuple(
         [*_girth(leg, toml), *_tissues(leg, toml), *_compressed(leg, toml),
-         *_stocking(leg.bare, leg.stocking, toml)]
+         *_stocking(leg.bare, leg.stocking, toml),
+         *doubts_about_elastography(toml, leg.elastography)]
     )  # fmt: skip
 
 

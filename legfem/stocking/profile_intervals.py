@@ -20,7 +20,7 @@ from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.inference.constants import quantile
 from legfem.inference.intervals import profile_interval, profile_point
 from legfem.inference.kriging import Kriging
-from legfem.inference.least_squares import least_residual
+from legfem.inference.least_squares import Priors, least_residual
 from legfem.stocking.misfit import ContourMisfit
 from legfem.stocking.nuisance_slopes import NuisanceSlopes
 from legfem.stocking.profiled import BesideScan
@@ -49,6 +49,8 @@ class MisfitEmulator:
         Of the leg.
     sensor_sd
         Of its sensors' readings, (s,), MPa.
+    priors
+        Of the stiffnesses (MPa).
     """
 
     def __init__(
@@ -57,7 +59,9 @@ class MisfitEmulator:
         misfit: ContourMisfit,
         nuisances: NuisanceSlopes,
         sensor_sd: FloatArray,
+        priors: Priors,
     ) -> None:
+        self._priors = priors
         self._white, self._sensor_sd = nuisances.of(misfit.whitened), sensor_sd
         self.at = _coordinates(np.log([one.parameters for one in found]))
         values = [np.concatenate([misfit.whitened(one.distances), one.felt]) for one in found]
@@ -81,7 +85,8 @@ class MisfitEmulator:
         felt = self._white.felt(parameters) / self._sensor_sd[:, None]
         slopes = np.vstack([self._white.at(parameters), felt]) * self._white.sd
         factor = np.linalg.cholesky(np.eye(len(slopes)) + slopes @ slopes.T)
-        return np.asarray(solve_triangular(factor, values, lower=True))
+        unexplained = solve_triangular(factor, values, lower=True)
+        return np.concatenate([unexplained, self._priors.residual(parameters)])
 
 
 def profile_intervals(

@@ -16,12 +16,14 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from legfem.common.units import FloatArray
+from legfem.inference.least_squares import Priors
 from legfem.stocking.leg_model import PARAMETERS
 from legfem.stocking.linearised import LinearisedContours
 from legfem.stocking.misfit import ContourMisfit
 from legfem.stocking.nuisance import RIGID, SECTORS
 from legfem.stocking.nuisance_slopes import NuisanceSlopes
 from legfem.stocking.sensors import Sensing
+from legfem.stocking.stiffnesses import stiffness_priors
 from legfem.stocking.worn import Worn, WornLeg
 
 STEP = 0.01
@@ -122,9 +124,10 @@ class Profiled:
         See `legfem.stocking.nuisance`.
     moved : (n,) array
         Distances after motions and pressure are allowed for (mm).
-    residual : (m + s + k,) array
-        Whitened distances, what sensors feel over their errors, and nuisances.
-    jacobian : (m + s + k, 2) array
+    residual : (m + s + p + k,) array
+        Whitened distances, what sensors feel over their errors, departures from p priors, and
+        nuisances.
+    jacobian : (m + s + p + k, 2) array
         Derivatives by the logarithms of the stiffnesses, nuisances following.
     tension : Tension, optional
         Of the fabric, where that isn't taken as it was given.
@@ -149,6 +152,7 @@ def profiled(
     misfit: ContourMisfit,
     nuisances: NuisanceSlopes,
     sensing: Sensing | None = None,
+    priors: Priors | None = None,
 ) -> Profiled:
     """Fit the nuisances at a stiffness.
 
@@ -160,16 +164,20 @@ def profiled(
         Of the leg.
     sensing : Sensing, optional
         Sensors under the stocking.
+    priors : Priors, optional
+        Of the stiffnesses (MPa).
     """
-    parameters = found.parameters
+    parameters, priors = found.parameters, priors or stiffness_priors()
     slopes, sd = nuisances.at(parameters), nuisances.sd
     felt_slopes: FloatArray = np.zeros((0, len(sd)))
     if sensing is not None:
         felt_slopes = nuisances.felt(parameters) / sensing.sd[:, None]
-    basis = np.vstack([misfit.whitened(slopes), felt_slopes, np.diag(1 / sd)])
+    unmoved = np.zeros((len(priors), len(sd)))
+    basis = np.vstack([misfit.whitened(slopes), felt_slopes, unmoved, np.diag(1 / sd)])
     orthonormal, triangle = np.linalg.qr(basis)
     white = misfit.whitened(found.distances)
-    right = np.concatenate([white, found.felt, np.zeros(len(sd))])
+    beside = np.concatenate([found.felt, priors.residual(parameters)])
+    right = np.concatenate([white, beside, np.zeros(len(sd))])
     nuisance = -solve_triangular(triangle, orthonormal.T @ right)
     by_stiffness = found.slopes.copy()
     for number in range(len(PARAMETERS)):
@@ -179,7 +187,8 @@ def profiled(
         by_stiffness[:, number] += (ahead - behind) @ nuisance / (2 * STEP)
     rows = np.zeros((len(right), 2))
     rows[: len(white)] = misfit.whitened(by_stiffness)
-    rows[len(white) : len(white) + len(found.felt)] = found.felt_slopes
+    by_prior = priors.jacobian(parameters) * parameters
+    rows[len(white) : len(white) + len(beside)] = np.vstack([found.felt_slopes, by_prior])
     tension = None
     if nuisances.of_tension:
         every = np.hstack([rows, basis])

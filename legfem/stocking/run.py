@@ -21,6 +21,7 @@ from legfem.stocking.misfit import ContourMisfit
 from legfem.stocking.mismatch import Mismatch, mismatch_of
 from legfem.stocking.pressures import PressureProbe, TissuePressures, tissue_pressures
 from legfem.stocking.sensors import ComparedSensor, Sensing
+from legfem.stocking.stiffnesses import stiffness_priors
 from legfem.stocking.vein_intervals import vein_pressure_sd
 from legfem.stocking.worn import Worn, WornLeg
 
@@ -121,8 +122,9 @@ def run_leg(
             SliceSet.of(leg.compressed, leg.slices), leg.accuracy, leg.scanned_bare, leg.bare
         )
         search = StiffnessSearch(
-            worn_leg, misfit, settings.search, progress.advance, sensing if leg.sensors else None
-        )
+            worn_leg, misfit, settings.search, progress.advance,
+            sensing if leg.sensors else None, stiffness_priors(leg.elastography),
+        )  # fmt: skip
         progress.stage("identification, weighted")
         searches = search.weighted()
         if settings.nelder_mead:

@@ -8,6 +8,8 @@ import numpy as np
 
 from legfem.common.units import FloatArray, mpa_to_kpa, mpa_to_mmhg
 from legfem.geometry.leg_shape import SKIN, LegShape
+from legfem.identify.warnings import disagreement
+from legfem.inference.elastography import elastography_priors
 from legfem.stocking.identification import Identified
 from legfem.stocking.judgement import (
     MISSED_BEYOND,
@@ -17,6 +19,7 @@ from legfem.stocking.judgement import (
     starts_agree,
 )
 from legfem.stocking.laplace import StockingLoad
+from legfem.stocking.leg import StockingLeg
 from legfem.stocking.leg_model import PARAMETERS
 from legfem.stocking.run import StockingResult
 from legfem.stocking.sensors import ComparedSensor
@@ -112,11 +115,23 @@ def _of_the_searches(result: StockingResult) -> Iterator[str]:
             "errors of the contours make. Intervals of the stiffness don't hold then; look at the "
             "contours."
         )
+    yield from _of_waves(best, result.leg)
     for known in judge(best, accuracy):
         if known.at_bound:
             yield (
                 f"The stiffness of the {TISSUES[known.name]} stands at the search's "
                 f"{known.at_bound} bound: it is not known."
+            )
+
+
+def _of_waves(best: Identified, leg: StockingLeg) -> Iterator[str]:
+    if best.log_covariance is None:
+        return
+    priors, log_sds = elastography_priors(leg.elastography), np.sqrt(np.diag(best.log_covariance))
+    for name, value, log_sd in zip(PARAMETERS, best.parameters, log_sds, strict=True):
+        if (prior := priors.get(name)) is not None:
+            yield from disagreement(
+                name, prior, float(value), float(value * log_sd), "the fit of both scans"
             )
 
 

@@ -83,7 +83,7 @@ def waves_say(found: Diagnosis, subject: Recorded) -> Iterator[str]:
     """Yield where the base model and shear waves ask for another stiffness."""
     if not isinstance(subject, Subject):
         return
-    known = elastography_priors(subject).get(DEEP_C10)
+    known = elastography_priors(subject.elastography).get(DEEP_C10)
     if known is not None:
         alone = found.alone
         yield from disagreement(

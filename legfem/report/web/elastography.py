@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from legfem.common.units import mpa_to_kpa
 from legfem.report.web.page import Known
-from legfem.subjects.subject import Subject
+from legfem.subjects.elastography import ShearModulus
+from legfem.subjects.subject import Origin, Subject
 
 
 def wave_rows(subject: Subject) -> list[Known]:
     """Return moduli and the fibres' ratio, each with where it comes from."""
-    rows = [
-        Known(
-            f"shear modulus of the {one.tissue} tissue, {one.plane} the leg",
-            f"{mpa_to_kpa(one.value):.3g} ± {mpa_to_kpa(one.sd):.2g} kPa (sd)",
-            subject.origin,
-            one.source,
-        )
-        for one in subject.elastography
-    ]
+    rows = modulus_rows(subject.elastography, subject.origin)
     if (fibres := subject.fibres) is not None:
         measured = fibres.provenance == "measured"
         rows.append(
@@ -27,3 +22,16 @@ def wave_rows(subject: Subject) -> list[Known]:
             )
         )  # fmt: skip
     return rows
+
+
+def modulus_rows(moduli: Iterable[ShearModulus], origin: Origin) -> list[Known]:
+    """Return shear moduli, each with where it comes from."""
+    return [
+        Known(
+            f"shear modulus of the {one.tissue} tissue, {one.plane} the leg",
+            f"{mpa_to_kpa(one.value):.3g} ± {mpa_to_kpa(one.sd):.2g} kPa (sd)",
+            origin,
+            one.source,
+        )
+        for one in moduli
+    ]

@@ -6,6 +6,7 @@ import numpy as np
 
 from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
 from legfem.report.stocking_words import both_units, low_in_fat, stiffness_interval, vein_interval
+from legfem.report.web.elastography import modulus_rows
 from legfem.report.web.page import Known, Provenance
 from legfem.report.web.stocking_pressures import sensor_rows, tension_text
 from legfem.stocking.judgement import judge
@@ -61,6 +62,7 @@ def known_of(result: StockingResult) -> list[Known]:
         Known(f"pressure on the skin, sensor {name}", text, data, "leg.toml")
         for name, text in sensor_rows(result)
     ]
+    rows += modulus_rows(leg.elastography, leg.origin)
     if leg.registration is not None:
         rows.append(
             Known("bones of both scans, apart after registration",

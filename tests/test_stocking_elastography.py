@@ -1,0 +1,101 @@
+"""Shear waves' moduli of a leg in a stocking: what contours hardly tell, the fat's stiffness."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from making_stocking import LEG_TOML, PLANTED_KPA, laws, short_leg
+
+from legfem.common.errors import InputError
+from legfem.common.progress import Silent
+from legfem.experiments.compression import CompressionSettings
+from legfem.geometry.slices import calf_levels
+from legfem.meshing.solid_leg import SolidMeshSettings
+from legfem.report.plain import plain_page
+from legfem.report.web.stocking import stocking_web_page
+from legfem.stocking.accuracy import ContourAccuracy
+from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
+from legfem.stocking.document import stocking_document
+from legfem.stocking.identification import SearchSettings
+from legfem.stocking.leg import StockingLeg
+from legfem.stocking.leg_file import parse_leg_file
+from legfem.stocking.leg_model import PARAMETERS, LegModel3D
+from legfem.stocking.run import StockingSettings, run_leg
+from legfem.stocking.stiffnesses import stiffness_priors
+from legfem.stocking.worn import WornLeg
+from legfem.subjects.elastography import ShearModulus
+
+FINE = SolidMeshSettings(skin_size=8, inside_size=10, bone_size=8)
+COARSE = SolidMeshSettings(skin_size=11, inside_size=14, bone_size=9)
+ACCURACY = ContourAccuracy(sd=0.1, correlation=16.0, around=30.0, along=40.0, pressure_sd=0.003)
+WAVES = '[[elastography]]\ntissue = "{}"\nplane = "{}"\nshear_modulus_kPa = 12.0\nsd_kPa = 1.8\n'
+STATED = "[tissues.deep]\nC10_kPa = 3\n[tissues.superficial]\nC10_kPa = 8\n"
+FAT = ShearModulus("superficial", "across", 12e-3, 1.8e-3, "five frames")
+
+
+def test_a_modulus_is_a_prior_of_half_of_it(tmp_path):
+    toml = tmp_path / "leg.toml"
+    toml.write_text(LEG_TOML + WAVES.format("superficial", "across"))
+    (entry,) = parse_leg_file(toml).elastography
+    priors = stiffness_priors([ShearModulus.of(entry)])
+    assert [one.name for one in priors.parameters] == list(PARAMETERS)
+    at = np.array([3e-3, 6.9e-3])
+    np.testing.assert_allclose(priors.residual(at), [1.0])
+    np.testing.assert_allclose(priors.jacobian(at), [[0.0, 1 / 0.9e-3]])
+    assert len(stiffness_priors()) == 0
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (WAVES.format("deep", "along"), r"elastography\.0\.plane: along the leg isn't used"),
+        (2 * WAVES.format("deep", "across"), r"elastography\.1: .* given twice"),
+        (STATED + WAVES.format("deep", "across"), "elastography: .*C10_kPa of both"),
+        (WAVES.format("deep", "across").replace("kPa", "Pa"), r"elastography\.0\.s"),
+    ],
+)
+def test_what_is_wrong_with_it_is_named(tmp_path, more, said):
+    toml = tmp_path / "leg.toml"
+    toml.write_text(LEG_TOML + more)
+    with pytest.raises(InputError, match=said):
+        parse_leg_file(toml)
+
+
+@pytest.mark.slow
+def test_known_fat_narrows_both_intervals_and_a_wrong_modulus_is_told(tmp_path):
+    """The scan is another mesh's; the fat's modulus reads half a standard deviation too much."""
+    shape = short_leg()
+    stocking = fitted_stocking(shape, ClassFit(CompressionClass.STRONG))
+    model = LegModel3D(shape, laws(*PLANTED_KPA), FINE, CompressionSettings(stabilisation=0.3))
+    worn = WornLeg(model, stocking).find()
+    leg = StockingLeg(
+        "t", "Test", "simulated", shape, shape, worn.shape, None, stocking, ACCURACY,
+        laws(3.0, 3.0), False, "held", calf_levels(shape), (),
+    )  # fmt: skip
+    muscle = ShearModulus("deep", "across", 15e-3, 0.75e-3, "five frames")
+    every = {"neither": (), "fat": (replace(FAT, value=12.9e-3),), "wrong": (muscle,)}
+    settings = StockingSettings(search=SearchSettings(starts_kPa=((3.0, 3.0),)))
+    found = {
+        name: run_leg(replace(leg, elastography=moduli), settings, Silent(), mesh=COARSE,
+                      folder=tmp_path / "kept")
+        for name, moduli in every.items()
+    }  # fmt: skip
+    width = {}
+    for name in ("neither", "fat"):
+        interval = 1e3 * found[name].best.interval95
+        print(name, 1e3 * found[name].best.parameters, interval)
+        assert all(low < c10 < high for (low, high), c10 in zip(interval, PLANTED_KPA, strict=True))
+        width[name] = np.diff(np.log(interval), axis=1)[:, 0]
+    narrower = width["fat"] / width["neither"]
+    print(f"muscle's and fat's intervals over their widths without: {narrower}")
+    assert narrower[1] < 0.5 and narrower[0] < 0.95
+    # Six standard deviations of the prior's off the truth.
+    said = plain_page(stocking_web_page(found["wrong"]), [])
+    assert "Elastography finds a higher c10_deep than the fit of both scans does" in " ".join(
+        said.split()
+    )
+    stiffness = stocking_document(found["fat"])["stiffness"]
+    assert stiffness["c10_superficial"]["prior"]["sd"] == pytest.approx(0.9)
+    assert stiffness["c10_deep"]["prior"] is None
