@@ -73,6 +73,13 @@ def test_an_end_where_the_leg_can_t_be_computed_is_open():
     assert (low, high) == (0.0, np.inf)
 
 
+def test_where_an_end_can_t_be_computed_one_nearer_to_it_does():
+    measured = Measured(1.2, softest=1.7e-3)
+    low, high = measured.intervals()[1]
+    assert low == pytest.approx(BEST[1] / (1 + 1.2 * TIMES), rel=1e-4) and high == np.inf
+    assert low < measured.softest < min(one[1] for one in measured.solved)
+
+
 def test_what_is_linear_is_met_everywhere_whatever_its_sign():
     rng = np.random.default_rng(5)
     at, slope, start = rng.normal(size=(4, 2)), rng.normal(size=(2, 3)), rng.normal(size=3)

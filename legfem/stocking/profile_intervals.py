@@ -113,7 +113,7 @@ def profile_intervals(
     """
     box = np.tile(np.log(bounds), (len(best), 1))
     half = np.clip(quantile(0) * np.sqrt(np.diag(log_covariance)), 0.02, 1.0)
-    lost = np.zeros(box.shape, dtype=bool)
+    reach = np.full(box.shape, FARTHEST)
     for solved in range(MOST + 1):
         emulator = emulate()
         least = least_residual(emulator.residual, np.clip(np.log(best), *box.T), box)
@@ -121,16 +121,20 @@ def profile_intervals(
             profile_interval(emulator.residual, least, k, quantile(0) ** 2, box, half[k])
             for k in range(len(best))
         ])  # fmt: skip
-        wanted = {
-            (k, side): profile_point(emulator.residual, least, k, ends[k, side], box, half[k])
-            for k, side in np.ndindex(ends.shape) if not lost[k, side]
-        }  # fmt: skip
-        away = {end: _distance(point, emulator.at) for end, point in wanted.items()}
-        end = max(away, key=lambda end: away[end], default=None)
-        if end is None or away[end] < FAR or solved == MOST:
+        points = np.array([
+            [profile_point(emulator.residual, least, k, end, box, half[k]) for end in ends[k]]
+            for k in range(len(best))
+        ])  # fmt: skip
+        away = _distances(points, emulator.at)
+        unknown = away >= FAR
+        tried = np.where(reach >= FAR, away, 0.0)
+        if solved == MOST or tried.max() < FAR:
             break
-        if compare(np.exp(_nearer(wanted[end], emulator.at))) is None:
-            lost[end] = True
+        end = np.unravel_index(np.argmax(tried), tried.shape)
+        if compare(np.exp(_nearer(points[end], emulator.at, reach[end]))) is None:
+            # Where a leg can't be computed, a point nearer to the others may do.
+            reach[end] /= 2
+    lost = unknown & (reach < FAR)
     found = np.exp(ends)
     found[(ends[:, 0] <= box[:, 0] + 1e-9) | lost[:, 0], 0] = 0.0
     found[(ends[:, 1] >= box[:, 1] - 1e-9) | lost[:, 1], 1] = np.inf
@@ -142,14 +146,16 @@ def _coordinates(logs: FloatArray) -> FloatArray:
     return np.asarray(np.exp(-0.5 * (logs - np.log(_MIDDLE))))
 
 
-def _distance(logs: FloatArray, at: FloatArray) -> float:
-    return float(np.linalg.norm(at - _coordinates(logs), axis=1).min())
+def _distances(logs: FloatArray, at: FloatArray) -> FloatArray:
+    """Return how far logarithms of C10 (..., 2) are from the nearest solved ones (n, 2); (...)."""
+    apart = at - _coordinates(logs)[..., None, :]
+    return np.asarray(np.linalg.norm(apart, axis=-1).min(axis=-1))
 
 
-def _nearer(logs: FloatArray, at: FloatArray) -> FloatArray:
-    """Return logarithms of C10 that are no farther from the solved ones than `FARTHEST`."""
+def _nearer(logs: FloatArray, at: FloatArray, reach: float) -> FloatArray:
+    """Return logarithms of C10 that are no farther from the solved ones than a reach."""
     wanted = _coordinates(logs)
     nearest = at[np.argmin(np.linalg.norm(at - wanted, axis=1))]
-    share = min(1.0, FARTHEST / float(np.linalg.norm(wanted - nearest)))
+    share = min(1.0, reach / float(np.linalg.norm(wanted - nearest)))
     reached = nearest + share * (wanted - nearest)
     return np.asarray(np.log(_MIDDLE) - 2 * np.log(reached))
