@@ -277,7 +277,7 @@ def test_typical_specimens_of_each_direction_have_a_mean_of_their_own() -> None:
     names, felt = ("a", "b", "c", "d"), np.array([1.0, 1.0, 2.0, 2.0])
     measured = felt * np.array([1.2, 0.8, 3.0, 3.3])
     own = OwnStiffness(
-        names, np.arange(4), measured, np.ones(4), kinds=("load", "load", "across", "across")
+        names, np.arange(4), measured, np.asarray, kinds=("load", "load", "across", "across")
     )
     found = own.named(felt)
     assert own.degrees == 2

@@ -64,13 +64,14 @@ def test_derivatives_with_factors_are_those_of_the_factors_too() -> None:
     generator = np.random.default_rng(0)
     specimen = np.repeat([0, 1, 2], 6)
     felt, by, by_too = (generator.uniform(0.5, 2.0, 18) for _ in range(3))
-    own = OwnStiffness(("a", "b", "c"), specimen, felt * generator.uniform(0.8, 1.2, 18), 1 / felt)
+    measured = felt * generator.uniform(0.8, 1.2, 18)
+    own = OwnStiffness(("a", "b", "c"), specimen, measured, lambda values: values / felt[:, None])
     step = 1e-6
     ends = [x * own(x) for x in (felt + step * by, felt - step * by)]
     np.testing.assert_allclose(own.slope(felt, by), (ends[0] - ends[1]) / (2 * step), rtol=1e-6)
     assert np.prod(list(own.named(felt).values())) == pytest.approx(1.0)
     # A factor that all share is the law's: it moves no specimen against another.
     np.testing.assert_allclose(own(3.0 * felt), own(felt))
-    known = OwnStiffness(("a", "b", "c"), specimen, felt, 1 / felt, {"b": 2.0})
+    known = OwnStiffness(("a", "b", "c"), specimen, felt, np.asarray, {"b": 2.0})
     np.testing.assert_allclose(known.slope(felt, by_too), by_too * known(felt))
     assert set(known(felt)) == {1.0, 2.0}

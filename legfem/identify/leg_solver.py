@@ -22,6 +22,7 @@ from legfem.identify.search import SearchError
 from legfem.identify.solver import FullSolver
 from legfem.identify.spatial import ROUGHER, LegModels
 from legfem.jobs.store import Store
+from legfem.mechanics.terms import Fibres
 from legfem.solve.force_curve import ForceCurve
 from legfem.subjects.elastography import FibreRatio
 
@@ -114,13 +115,9 @@ class LegSolver:
 def fibre_errors(
     curve: ForceCurve, fibres: FibreRatio, c10: float, displacement: FloatArray
 ) -> dict[str, FloatArray]:
-    r"""Return errors (n,) as shares of a leg's force: of the ratio, and of fibres in tension.
+    """Return errors (n,) as shares of a leg's force: of the ratio, and of fibres in tension.
 
-    .. math:: \frac{\partial F}{\partial r} = 2 C_{10} \left(\frac{\partial F}{\partial s}
-              + 4 \frac{\partial F}{\partial e}\right)
-
-    with the shear s and the extension e of `legfem.mechanics.terms.Fibres`. The extension isn't
-    known: a standard deviation is a factor of 2.
+    How stiff fibres are in tension isn't known: a standard deviation is a factor of 2.
 
     Parameters
     ----------
@@ -134,11 +131,11 @@ def fibre_errors(
         (n,), mm. Before `legfem.correction.tabulated.FIRST_RATIO` it is level.
     """
     at = np.maximum(displacement, min(FIRST_RATIO, curve.depth))
-    by_shear, by_extension = (curve.sensitivity(name, at) for name in FIBRE_PARAMETERS)
-    rise = fibres_of(c10, 2.0).parameters
-    shear, extension = (rise[name] for name in FIBRE_PARAMETERS)
-    by_ratio = by_shear * shear + by_extension * extension
-    in_tension = by_extension * extension * (fibres.value - 1) * np.log(2.0)
+    by = {name: curve.sensitivity(name, at) for name in FIBRE_PARAMETERS}
+    at_two = fibres_of(c10, 2.0)
+    by_ratio = Fibres.slope_by_ratio(at_two.region, c10, by)
+    by_extension = at_two.extension * by[f"{at_two.name}.extension"]
+    in_tension = by_extension * (fibres.value - 1) * np.log(2.0)
     return {
         f"{FIBRES}ratio": by_ratio * fibres.sd / curve(at),
         f"{FIBRES}stiffness in tension": in_tension / curve(at),

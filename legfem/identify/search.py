@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -114,6 +114,16 @@ class Search[Comparison: Compared]:
         objective = float(objective_of(self.law, self.misfit, prediction.force, point))
         return Trial(point, values, outcome, stage, prediction, objective)
 
+    def beside(self, misfit: Comparison) -> Search[Comparison]:
+        """Return a search beside another reading of the recordings, with what was solved so far."""
+        other = replace(
+            self, misfit=misfit, trials=[], generations=list(self.generations), converged=False
+        )
+        other.trials += [
+            other._trial(one.point, one.values, one.outcome, one.stage) for one in self.trials
+        ]
+        return other
+
     def emulated(self) -> Emulated:
         """Return the model between all complete solves."""
         return Emulated.between(self.law, self.misfit, self.complete)
@@ -133,7 +143,8 @@ class Search[Comparison: Compared]:
         SearchError
             If too few full solves reach the measured depth.
         """
-        yield self.design(), "design"
+        if not self.trials:
+            yield self.design(), "design"
         while not self.complete:
             yield self._stiffer(), "design"
         if self._wide and (failed := [one.point for one in self.trials if one.prediction is None]):

@@ -16,7 +16,10 @@ def run_together[Comparison: Compared](searches: Sequence[Search[Comparison]]) -
     What each finds doesn't depend on the others.
     """
     going = {k: search.asking() for k, search in enumerate(searches)}
-    asked = {k: next(asking) for k, asking in going.items()}
+    asked = {}
+    for k, asking in going.items():
+        with suppress(StopIteration):
+            asked[k] = next(asking)
     while asked:
         points = [
             model_values(searches[k].law.values(point))

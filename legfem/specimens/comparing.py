@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
+from legfem.specimens.contacts import Onset
 from legfem.specimens.fibre_directions import WORDS
 from legfem.specimens.fibres import is_ratio
 from legfem.specimens.folder import FILE, SpecimenFolder
@@ -75,6 +77,7 @@ def misfit_of(
     folder: SpecimenFolder,
     seeks: bool,
     known: Mapping[str, float] | None = None,
+    slopes: Sequence[FloatArray | None] = (),
 ) -> SpecimenMisfit:
     """Return recordings beside a model; known factors of specimens aren't looked for.
 
@@ -90,11 +93,16 @@ def misfit_of(
         Whether the fibres' ratio is free.
     known
         Stiffness of specimens over a typical one, by name.
+    slopes
+        Of the recordings' forces at their stations, N/mm; their own without them.
     """
     parts = tuple(
-        Part(one.course, model.tests.index(one.sizes), one.specimen, fibres_text(one.sizes))
-        for one in recordings
-    )
+        Part(
+            one.course, Onset.of(one.course, one.detected, slope), model.tests.index(one.sizes),
+            one.specimen, fibres_text(one.sizes),
+        )
+        for one, slope in zip(recordings, slopes or [None] * len(recordings), strict=True)
+    )  # fmt: skip
     told = tells_ratio(folder, recordings)
     bent = len(folder.tissues) > 1 or any(part.kind for part in parts)
     shape_sd = SHAPE_SD_OF_LAYERS if bent else 0.0
@@ -107,10 +115,9 @@ def misfit_of(
         return misfit
     stations = [len(part.course.time) for part in parts]
     specimen = np.repeat([names.index(part.specimen) for part in parts], stations)
-    weight = misfit.weighted(np.ones(len(misfit)))
     apart = seeks and told and not _turned(recordings)
     own = OwnStiffness(
-        names, specimen, misfit.measured_force, weight, known,
+        names, specimen, misfit.expected_force, misfit.weighted, known,
         tuple(kind for (kind,) in kinds.values()) if apart else (),
     )  # fmt: skip
     return replace(misfit, own=own)

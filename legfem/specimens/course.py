@@ -128,6 +128,7 @@ def course_of(
     instrument: Instrument | None = None,
     starts_at_contact: bool = False,
     returns: bool = False,
+    contact: Contact | None = None,
 ) -> Course:
     """Return the course of a recording.
 
@@ -141,6 +142,8 @@ def course_of(
         Whether displacement counts from first contact; else that is looked for.
     returns : bool
         Whether what follows the first return counts, until hardly any force is left.
+    contact : Contact, optional
+        Where it begins, if that is known; it is looked for without it.
 
     Raises
     ------
@@ -165,11 +168,12 @@ def course_of(
         max(noise, _READING * float(np.ptp(calm))),
         stated=False,
     )
-    contact = (
-        contact_at_start()
-        if starts_at_contact
-        else find_first_contact(loading, errors.force_sd, errors.displacement_sd)
-    )
+    if contact is None:
+        contact = (
+            contact_at_start()
+            if starts_at_contact
+            else find_first_contact(loading, errors.force_sd, errors.displacement_sd)
+        )
     whole = _part(recording, slice(start, _parted(recording, end) if returns else end))
     after = whole.displacement > contact.displacement
     first = int(np.argmax(after))

@@ -15,8 +15,6 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from legfem.common.units import FloatArray
 from legfem.mechanics.terms import Fibres
 from legfem.solve.force_curve import ForceCurve
@@ -82,9 +80,8 @@ def at_ratios(
         names = Fibres(tissue).parameters
         if not set(names) <= set(by):
             continue
-        # What a change of the shear's number by 1 changes, the extension's with it.
-        one = Fibres.of_ratio(tissue, 0.5, 2.0).parameters
-        through = np.sum([one[name] * by.pop(name) for name in names], axis=0)
+        # Of a C10 of a half: by the shear, and the extension with it.
+        through = Fibres.slope_by_ratio(tissue, 0.5, {name: by.pop(name) for name in names})
         if c10 in sensitivities:
             by[c10] = by[c10] + 2 * (values[ratio] - 1) * through
         if ratio in sensitivities:

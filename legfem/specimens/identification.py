@@ -21,12 +21,12 @@ from legfem.identify.reading import READINGS
 from legfem.identify.result import Estimate
 from legfem.identify.search import Search
 from legfem.identify.settings import IdentificationSettings
-from legfem.identify.side_by_side import run_together
 from legfem.identify.solver import FullSolver
 from legfem.identify.warnings import LEAST_CHANCE, of_compromise
 from legfem.inference.constants import quantile
 from legfem.jobs.store import Store
 from legfem.specimens.comparing import check_strained, misfit_of, seeks_ratio, untold
+from legfem.specimens.contact_search import where_it_seems, with_contacts
 from legfem.specimens.folder import SpecimenFolder, stiffness_doubts
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import Asked, identified_law
@@ -108,7 +108,9 @@ def _identify(
 ) -> SpecimenResult:
     started = time.perf_counter()
     away = {one.name for one in held}
-    fitted = [one for one in prepared.recordings if one.name not in away]
+    fitted = [
+        where_it_seems(one, folder.returns) for one in prepared.recordings if one.name not in away
+    ]
     predicted = [one for one in prepared.recordings if one.name in away]
     tissues = [one.of_law(name) for one in folder.tissues]
     if not shows_quickening([one.course.rate for one in fitted]):
@@ -127,8 +129,8 @@ def _identify(
     progress.stage(f"identifying the {name} law")
     with FullSolver(model, store, jobs, progress, sensitivities) as solver:
         search = Search(free, misfit, settings, solver)
-        run_together([search])
-    best = search.best
+        search, fitted = with_contacts(search, fitted, model, folder, seeks)
+    misfit, best = search.misfit, search.best
     linear = search.linearised(best)
     force = linear.prediction.force
     readings = free.readings(best.point)
@@ -137,7 +139,7 @@ def _identify(
     logs = np.log(list(stiffness.values()))
     spread = float(np.sqrt(np.sum(logs**2) / apart)) if apart else 0.0
     covariance = total_of(misfit.covariances_at(force))
-    left = force - misfit.measured_force
+    left = force - misfit.expected_force
     departures = free.priors.residual(best.point)
     chi_square = float(left @ np.linalg.solve(covariance, left) + departures @ departures)
     degrees = len(left) + len(departures) - len(free.parameters) - apart

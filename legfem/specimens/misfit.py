@@ -14,6 +14,7 @@ from legfem.identify.forward import ForwardOutcome
 from legfem.identify.misfit import Compared, Prediction
 from legfem.identify.reading import INSTRUMENT, READINGS, Reading
 from legfem.inference.errors import COMMON_GAIN_SD, numerical_covariance
+from legfem.specimens.contacts import Onset, power_of
 from legfem.specimens.course import SLOW_SHARE, STATIONS, Course
 from legfem.specimens.own_stiffness import OwnStiffness
 from legfem.specimens.relaxation import borne, branch_ratios, clock
@@ -40,20 +41,12 @@ def grid_to(depth: float) -> FloatArray:
     return np.asarray(depth * (np.arange(1, GRID + 1) / GRID) ** 1.3)
 
 
-def _power(course: Course) -> float:
-    """Return the power of the displacement that the loading's force is nearest to."""
-    rising = (course.time <= course.arrival) & (course.displacement > 0) & (course.force > 0)
-    d, force = course.displacement[rising], course.force[rising]
-    if len(d) < 3 or np.ptp(d) == 0:
-        return 1.0
-    return float(np.polyfit(np.log(d), np.log(force), 1, w=force)[0])
-
-
 @dataclass(frozen=True, eq=False)
 class Part:
     """One recording, and which of the tests that are solved it is of."""
 
     course: Course
+    onset: Onset
     test: int
     specimen: str = ""
     kind: str = ""
@@ -96,7 +89,7 @@ class SpecimenMisfit(Compared):
 
         As of a force in proportion to a power of the depth, which holds and returns keep to.
         """
-        return np.concatenate([_power(part.course) * -part.course.force for part in self.parts])
+        return np.concatenate([power_of(part.course) * -part.course.force for part in self.parts])
 
     @property
     def reach(self) -> str:
@@ -122,16 +115,47 @@ class SpecimenMisfit(Compared):
         return [slice(*pair) for pair in pairwise(ends)]
 
     @cached_property
-    def _sd(self) -> FloatArray:
-        """What stations count as erring by, (n,), N."""
-        return np.concatenate([
-            np.full(n := len(part.course.time), WEIGHT * part.course.peak * np.sqrt(n / COUNTED))
+    def _sd(self) -> list[float]:
+        """What the stations of every recording count as erring by, N."""
+        return [
+            WEIGHT * part.course.peak * float(np.sqrt(len(part.course.time) / COUNTED))
             for part in self.parts
-        ])  # fmt: skip
+        ]
 
     def weighted(self, values: FloatArray) -> FloatArray:
         """Return values (n, ...) over what they count as erring by."""
-        return values / self._sd.reshape(-1, *(1,) * (values.ndim - 1))
+        flat = values.reshape(len(values), -1)
+        each = zip(self.parts, self.spans, self._sd, strict=True)
+        found = [part.onset.whitened(flat[span], sd) for part, span, sd in each]
+        return np.concatenate(found).reshape(values.shape)
+
+    @cached_property
+    def expected_force(self) -> FloatArray:
+        """Measured forces (n,), N, as they are expected of contacts where they are taken to be."""
+        moved = np.concatenate([part.onset.expected for part in self.parts])
+        return np.asarray(self.measured_force - moved)
+
+    def residual(self, force: FloatArray) -> FloatArray:
+        """Return the weighted residual (..., n) of forces as read (..., n)."""
+        flat = (force - self.expected_force).reshape(-1, force.shape[-1])
+        return self.weighted(flat.T).T.reshape(force.shape)
+
+    def aheads(self, force: FloatArray) -> list[float]:
+        """Return how far (mm) each recording's contact is from where it is expected."""
+        left = self.measured_force - force
+        each = zip(self.parts, self.spans, self._sd, strict=True)
+        return [part.onset.moved(left[span], sd) for part, span, sd in each]
+
+    def slopes(self, force: FloatArray, readings: FloatArray) -> list[FloatArray]:
+        """Return what every recording's stations (N) lose per mm of contact, of models' forces."""
+        ends = np.repeat(readings[None], 2, axis=0)
+        offset = list(INSTRUMENT).index("instrument.contact_offset")
+        ends[:, offset] += (-_STEP, _STEP)
+        early, late = self._felt(force, ends)
+        lost = (early - late) / (2 * _STEP)
+        if self.own is not None:
+            lost = self.own(self._felt(force, readings)) * lost
+        return [lost[span] for span in self.spans]
 
     @cached_property
     def _readings(self) -> list[Reading]:
@@ -156,8 +180,11 @@ class SpecimenMisfit(Compared):
             own = force[..., part.test * GRID : (part.test + 1) * GRID]
             elastic = reading.at(own, offset)
             if ratios is not None:
-                share = part.course.displacement / self.depths[part.test]
-                held = borne(clock(part.course.time, share, quickening), elastic)
+                time = part.course.time
+                if quickening.any():
+                    share = part.course.displacement / self.depths[part.test]
+                    time = clock(time, share, quickening)
+                held = borne(time, elastic)
                 elastic = elastic + np.einsum("...b,...bn->...n", ratios, held)
             found.append(elastic)
         together = np.concatenate([np.broadcast_to(f, (*shape, f.shape[-1])) for f in found], -1)
@@ -240,8 +267,10 @@ class SpecimenMisfit(Compared):
             errors = course.instrument
             white = (errors.force_sd**2 + (slope * errors.displacement_sd) ** 2) / course.count
             readings[span, span] += np.diag((1 - SLOW_SHARE) * white)
-            readings[span, span] += SLOW_SHARE * errors.force_sd**2
-            later = _power(course) * own / d * course.contact.displacement_error
+            apart = np.abs(d[:, None] - d) / (course.depth / 3)
+            slow = SLOW_SHARE * errors.force_sd**2 * np.exp(-apart)
+            readings[span, span] += slow + part.onset.zero_sd**2
+            later = part.onset.modes[:, 0]
             readings[span, span] += np.outer(later, later)
             differences[span, span] += gain**2 * np.outer(own, own)
             model[span, span] += numerical_covariance(d, own, length=course.depth / 3, power=1.0)

@@ -1,10 +1,10 @@
 r"""Specimens of one tissue, each of a stiffness of its own.
 
 Pieces of one tissue differ in stiffness far more than in how they stiffen and relax. The force is
-in proportion to the stiffness, so that each specimen's factor needs no search: with weights w over
-its stations,
+in proportion to the stiffness, so that each specimen's factor needs no search: with the weights W
+of its stations,
 
-.. math:: s_g = \frac{\sum w^2 m f}{\sum w^2 f^2}
+.. math:: s_g = \frac{\sum (W m) (W f)}{\sum (W f)^2}
 
 is the least squares' for its recordings m and the model's forces f. Factors count relative to their
 geometric mean, which the law's own stiffness carries: that of a typical specimen; where specimens
@@ -14,7 +14,7 @@ projection: G. H. Golub, V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -38,8 +38,8 @@ class OwnStiffness:
         (n,): number of every station's.
     measured : ndarray
         (n,), N.
-    weight : ndarray
-        (n,), 1/N.
+    weighted : callable
+        Weights values (n, ...), each recording's for itself.
     known : Mapping[str, float], optional
         Factors found elsewhere, by name; a specimen that isn't among them is typical. Without them
         factors are those that fit.
@@ -50,7 +50,7 @@ class OwnStiffness:
     names: tuple[str, ...]
     specimen: NDArray[np.intp]
     measured: FloatArray
-    weight: FloatArray
+    weighted: Callable[[FloatArray], FloatArray]
     known: Mapping[str, float] | None = None
     kinds: tuple[str, ...] = ()
 
@@ -76,13 +76,21 @@ class OwnStiffness:
         """Which pairs of stations are of one specimen, (n, n)."""
         return np.asarray(self.specimen[:, None] == self.specimen, float)
 
+    @cached_property
+    def _seen(self) -> FloatArray:
+        return self._weighed(self.measured)
+
+    def _weighed(self, values: FloatArray) -> FloatArray:
+        flat = values.reshape(-1, values.shape[-1])
+        return self.weighted(flat.T).T.reshape(values.shape)
+
     def _relative(self, felt: FloatArray) -> FloatArray:
         """Return the factors (..., g) at forces (..., n) of typical specimens."""
         if self.known is not None:
             return np.array([self.known.get(name, 1.0) for name in self.names])
-        square = self.weight**2
-        best = (square * self.measured * felt) @ self._members.T
-        best = best / np.maximum((square * felt**2) @ self._members.T, 1e-300)
+        seen = self._weighed(felt)
+        best = (self._seen * seen) @ self._members.T
+        best = best / np.maximum(seen**2 @ self._members.T, 1e-300)
         logs = np.log(np.maximum(best, _LEAST))
         return np.asarray(np.exp(logs - logs @ self._of_a_kind))
 
@@ -99,9 +107,7 @@ class OwnStiffness:
         factor = self(felt)
         if self.known is not None:
             return factor * by
-        square = self.weight**2
-        of_top = (square * self.measured * by) @ self._members.T
-        of_bottom = 2 * (square * felt * by) @ self._members.T
-        logs = of_top / ((square * self.measured * felt) @ self._members.T)
-        logs = logs - of_bottom / ((square * felt**2) @ self._members.T)
+        seen, change = self._weighed(felt), self._weighed(by)
+        logs = ((self._seen * change) @ self._members.T) / ((self._seen * seen) @ self._members.T)
+        logs = logs - 2 * ((seen * change) @ self._members.T) / (seen**2 @ self._members.T)
         return np.asarray(factor * (by + felt * (logs - logs @ self._of_a_kind)[self.specimen]))

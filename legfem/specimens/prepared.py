@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from legfem.common.progress import Progress
 from legfem.identify.forward import ForwardOutcome
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
+from legfem.specimens.contacts import deepest_of
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.plausibility import doubts_about_differing
@@ -57,7 +58,7 @@ def prepare(
     """
     deepest: dict[Sizes, float] = {}
     for one in folder.recordings:
-        deepest[one.sizes] = max(deepest.get(one.sizes, 0.0), _BEYOND * one.course.depth)
+        deepest[one.sizes] = max(deepest.get(one.sizes, 0.0), _BEYOND * deepest_of(one.course))
     usual = begin_at(folder.tissues, REFERENCE_MPA)
     model = SpecimenForward.of_tissues(
         tuple(deepest), tuple(deepest.values()),
@@ -66,16 +67,18 @@ def prepare(
     progress.stage("solving every test once; on a machine's first run, compiling", len(deepest))
     outcomes = _solved_once(model, out, jobs, progress)
     used, left, notes = list[SpecimenRecording](), list(folder.left_out), list[str]()
+    within = dict[Sizes, float]()
     for one in folder.recordings:
         outcome = outcomes[one.sizes]
         reached = outcome.curve.depth * (1.0 if outcome.complete else _SHORT_OF)
+        within[one.sizes] = reached
         if one.course.depth <= reached:
             used.append(one)
         elif reached < _LEAST_SHARE * one.course.depth:
             reason = f"its test can't be solved beyond {reached:.3g} mm: {outcome.reason}"
             left.append(LeftOut(one.name, reason))
         else:
-            used.append(_shortened(one, reached))
+            used.append(one.to(reached))
             notes.append(
                 f"{one.name} is used to {reached:.3g} of its {one.course.depth:.3g} mm: its test "
                 f"stopped there ({outcome.reason})."
@@ -86,10 +89,10 @@ def prepare(
             folder.directory, "recordings", f"none can be modelled: {left[0].reason}",
             "check the sizes, or record less deep",
         )  # fmt: skip
-    depths = {
-        sizes: max(one.course.depth for one in used if one.sizes == sizes)
-        for sizes in dict.fromkeys(one.sizes for one in used)
-    }
+    depths = dict[Sizes, float]()
+    for one in used:
+        needed = min(deepest_of(one.course), within[one.sizes])
+        depths[one.sizes] = max(depths.get(one.sizes, 0.0), needed, one.course.depth)
     stiffness = dict[SpecimenRecording, float]()
     for one in fitted:
         course = one.course
@@ -132,7 +135,3 @@ def _solved_once(
 
 def _solve_one(model: SpecimenForward, number: int) -> ForwardOutcome:
     return model.solve_one(number, model.nominal)
-
-
-def _shortened(one: SpecimenRecording, depth: float) -> SpecimenRecording:
-    return replace(one, course=one.course.down_to(depth))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 from legfem.recording import Recording
-from legfem.specimens.course import Course
+from legfem.recording.contact import Contact
+from legfem.specimens.course import Course, course_of
 from legfem.specimens.sizes import Sizes
 
 
@@ -21,6 +23,32 @@ class SpecimenRecording:
     course: Course
     recording: Recording
     """All of it, returns too."""
+    found: Contact | None = None
+    """First contact as detected, where the course begins at another."""
+    reach: float = math.inf
+    """Displacement (mm) beyond which its test can't be modelled."""
+
+    @property
+    def detected(self) -> Contact:
+        """First contact, by the recording alone."""
+        return self.found or self.course.contact
+
+    def begun(self, place: float, returns: bool) -> SpecimenRecording:
+        """Return the same with first contact at another displacement (mm) of the recording.
+
+        Raises
+        ------
+        InputError
+            If too little is left after it.
+        """
+        contact = replace(self.detected, displacement=place)
+        instrument = self.course.instrument
+        course = course_of(self.recording, instrument, returns=returns, contact=contact)
+        return replace(self, course=course.down_to(self.reach), found=self.detected)
+
+    def to(self, reach: float) -> SpecimenRecording:
+        """Return what of it lies within a displacement (mm)."""
+        return replace(self, course=self.course.down_to(reach), reach=reach)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,6 +11,7 @@ import ufl
 
 from legfem.common.checks import check_positive
 from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
 from legfem.mechanics.integration_domain import Body
 from legfem.mechanics.kinematics import Expr
 from legfem.mechanics.terms.energy_term import EnergyTerm
@@ -81,6 +83,27 @@ class Fibres(EnergyTerm):
         """
         shear = 2 * C10 * (ratio - 1)
         return cls(region, shear, USUAL_EXTENSION * shear, axis)
+
+    @classmethod
+    def slope_by_ratio(cls, region: str, C10: float, by: Mapping[str, FloatArray]) -> FloatArray:
+        r"""Return the derivative by the ratio, C10 held, of what has derivatives by the moduli.
+
+        .. math:: \frac{\partial F}{\partial r} = 2 C_{10} \left(\frac{\partial F}{\partial s}
+                  + 4 \frac{\partial F}{\partial e}\right)
+
+        with the shear s and the extension e.
+
+        Parameters
+        ----------
+        region : str
+            Of the body.
+        C10 : float
+            Of the region's law, MPa.
+        by : mapping
+            Derivatives (n,) by shear and extension, 1/MPa, by the parameters' names.
+        """
+        one = cls.of_ratio(region, C10, 2.0).parameters
+        return np.asarray(sum(value * by[name] for name, value in one.items()))
 
     @property
     def name(self) -> str:

@@ -1,0 +1,132 @@
+r"""First contact of every recording, found with the law.
+
+A recording's own onset is blurred by noise and by the shape that detection takes tissue to have.
+Where contact was looked for, its place is one more unknown of the fit, with what detection says as
+its prior. With :math:`F'` the slope of the force, :math:`a` how far contact was moved already, and
+:math:`\sigma` detection's error,
+
+.. math:: m = F(d) + F' (a - \eta) + z + e, \qquad \eta \sim N(0, \sigma^2)
+
+with a zero z of its own. Both are marginalised in the weights: they have those of the covariance
+:math:`s^2 I + \sigma^2 F' F'^T + \sigma_z^2 1 1^T`, with s what stations count as erring by. What
+the fit then says of :math:`\eta` moves the contact, and all is linearised again about it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from legfem.common.units import FloatArray
+from legfem.recording.contact import Contact
+from legfem.specimens.course import SLOW_SHARE, Course
+
+SETTLED = 0.05
+"""Of detection's error: a shorter move of contact changes nothing."""
+FARTHEST = 3.0
+"""Errors of detection that contact is moved by at most."""
+_EARLIER = 0.2
+"""Of the depth: contact isn't farther before where it was detected."""
+
+
+def expected_place(contact: Contact) -> tuple[float, float]:
+    """Return where contact is expected, and the standard deviation of that (mm); 0 where known.
+
+    Where a recording shows no air for certain, contact may be at its start as well as where it
+    seems to be: it is expected half way.
+    """
+    apart = 0.0 if contact.in_air or known(contact) else contact.estimate - contact.displacement
+    sd = float(np.hypot(contact.displacement_error, apart / 2))
+    return contact.displacement + apart / 2, sd
+
+
+def known(contact: Contact) -> bool:
+    """Return whether contact is said to be at the start."""
+    return contact.displacement_error == 0.0
+
+
+def earliest(course: Course) -> float:
+    """Return how far (mm) contact may be before where it was detected."""
+    return min(FARTHEST * course.contact.displacement_error, _EARLIER * course.depth)
+
+
+def deepest_of(course: Course) -> float:
+    """Return the displacement (mm) that a course goes to, wherever its contact is."""
+    return course.depth + earliest(course)
+
+
+def power_of(course: Course) -> float:
+    """Return the power of the displacement that the loading's force is nearest to."""
+    rising = (course.time <= course.arrival) & (course.displacement > 0) & (course.force > 0)
+    d, force = course.displacement[rising], course.force[rising]
+    if len(d) < 3 or np.ptp(d) == 0:
+        return 1.0
+    return float(np.polyfit(np.log(d), np.log(force), 1, w=force)[0])
+
+
+def slope_of(course: Course, force: FloatArray) -> FloatArray:
+    """Return the slope (n,), N/mm, of a force in proportion to a power of the displacement."""
+    return np.asarray(power_of(course) * force / course.displacement)
+
+
+@dataclass(frozen=True, eq=False)
+class Onset:
+    """What a recording's force owes to where its contact is.
+
+    Parameters
+    ----------
+    slope : (n,) array
+        What stations lose (N) for every mm that contact is later.
+    sd : float
+        Of where contact is expected, mm.
+    zero_sd : float
+        Of what the load cell reads without load, N.
+    ahead : float
+        How far (mm) contact is taken to be later than expected.
+    """
+
+    slope: FloatArray
+    sd: float
+    zero_sd: float
+    ahead: float = 0.0
+
+    @classmethod
+    def of(cls, course: Course, detected: Contact, slope: FloatArray | None = None) -> Onset:
+        """Return that of a course, by its own force where the slope isn't given."""
+        expected, sd = expected_place(detected)
+        # A tared cell is known as well as one that was read in air.
+        tared = detected.in_air or known(detected)
+        zero = float(np.sqrt(SLOW_SHARE if tared else 1.0)) * course.instrument.force_sd
+        ahead = course.contact.displacement - expected
+        return cls(slope_of(course, course.force) if slope is None else slope, sd, zero, ahead)
+
+    @property
+    def expected(self) -> FloatArray:
+        """What the reading is expected to be above the model (n,), N, before it is compared."""
+        return self.ahead * self.slope
+
+    @cached_property
+    def modes(self) -> FloatArray:
+        """Changes by one standard deviation (n, 2), N, of contact and zero."""
+        return np.column_stack([self.sd * self.slope, np.full_like(self.slope, self.zero_sd)])
+
+    def whitened(self, values: FloatArray, sd: float) -> FloatArray:
+        """Return values (n, k) over the errors' covariance's root, stations' own being ``sd``."""
+        if not self.sd:
+            return values / sd
+        basis, size, _ = np.linalg.svd(self.modes / sd, full_matrices=False)
+        shrink = 1 / np.sqrt(1 + size**2) - 1
+        return np.asarray((values + basis @ (shrink[:, None] * (basis.T @ values))) / sd)
+
+    def moved(self, left: FloatArray, sd: float) -> float:
+        """Return how far (mm) contact is ahead of what is expected.
+
+        ``left`` (n,), N, is what is measured above the model.
+        """
+        if not self.sd:
+            return 0.0
+        mode = self.whitened(self.modes[:, :1], sd)[:, 0]
+        departure = mode @ self.whitened((left - self.expected)[:, None], sd)[:, 0]
+        return float(-self.sd * np.clip(departure, -FARTHEST, FARTHEST))
