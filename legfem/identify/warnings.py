@@ -13,6 +13,7 @@ from legfem.identify.applied_correction import AppliedCorrection
 from legfem.identify.catalogue import DEEP_C10, DEEP_C20, key_of
 from legfem.identify.laws import LawName
 from legfem.identify.result import Cost, Estimate, FullSolve
+from legfem.identify.usual_stiffness import doubts_beside_people
 from legfem.inference.elastography import elastography_priors
 from legfem.inference.parameter import Prior
 from legfem.recording import LoadingCurve
@@ -192,9 +193,9 @@ def doubts_of(found: Finding) -> tuple[Doubt, ...]:
 def doubts_about_stiffness(
     subject: Subject, parameters: Mapping[str, Estimate]
 ) -> tuple[Doubt, ...]:
-    """Return stiffnesses that nobody has found so."""
+    """Return stiffnesses that nobody has found so, and those that few people have."""
     toml = subject.directory / "subject.toml"
-    return tuple(
+    published = [
         doubt
         for name, one in parameters.items()
         if name.endswith(".C10")
@@ -202,7 +203,10 @@ def doubts_about_stiffness(
             toml, key_of(name), mpa_to_kpa(one.value),
             "doubt the units of force_N, displacement_mm, length_mm and the other tissues' C10_kPa",
         )
-    )  # fmt: skip
+    ]  # fmt: skip
+    said = {doubt.field for doubt in published}
+    of_people = doubts_beside_people(subject, parameters)
+    return (*published, *(doubt for doubt in of_people if doubt.field not in said))
 
 
 def _of_fibres(subject: Subject, in_correction: bool) -> Iterator[str]:

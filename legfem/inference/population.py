@@ -19,6 +19,8 @@ from legfem.subjects.catalogue import RESOURCES
 TABLE = RESOURCES / "people" / "population.json"
 CALF = "LL_P"
 """The site of a leg's indentation."""
+SHIN = "LL_A"
+"""The front of a lower leg."""
 TISSUES: dict[str, Literal["superficial", "deep"]] = {
     "superficial.C10": "superficial", "deep.C10": "deep",
 }  # fmt: skip
