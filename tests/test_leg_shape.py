@@ -19,7 +19,7 @@ from legfem.geometry.shape_measures import (
     largest_girth,
     perimeter,
 )
-from legfem.geometry.shape_motion import displaced, rigidly_moved
+from legfem.geometry.shape_motion import displaced, rigidly_moved, without_layer
 from legfem.geometry.shape_smoothing import smoothed
 from legfem.geometry.shape_surface import PartSurface
 from studies.legs.parametric_leg import round_leg
@@ -219,3 +219,16 @@ def test_points_near_a_surface_are_put_onto_it():
     found = PartSurface(cone(), "skin").beside(near)
     # The contour itself is a spline through points 0.8 mm apart.
     assert found == pytest.approx(np.column_stack([(3, 2) + radius[:, None] * away, z]), abs=2e-4)
+
+
+def test_a_layer_taken_out_leaves_fat_and_bones_as_thick_as_they_were():
+    leg = cone()
+    thin = without_layer(leg, 0.6)
+    for part, radius in (("skin", 50.0), ("hull", 42.0)):
+        across = thin.contours[part] - leg.contours[part].mean(axis=1, keepdims=True)
+        wanted = radius + 0.1 * leg.levels[:, None] - 0.6
+        np.testing.assert_allclose(
+            np.linalg.norm(across, axis=-1), wanted + 0 * across[..., 0], rtol=1e-4
+        )
+    np.testing.assert_array_equal(thin.contours["tibia"], leg.contours["tibia"])
+    np.testing.assert_allclose(fat_thickness_around(thin), fat_thickness_around(leg), atol=0.01)

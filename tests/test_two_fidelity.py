@@ -172,7 +172,9 @@ class Values:
 
 def test_fibres_of_the_leg_in_3d_stiffen_with_c10():
     given = Values()
-    forward = SpatialForward(given, {"fascia.C10": 0.1, "deep.C10": 1e-3}, 0.6, 20.0, 2.5)
+    forward = SpatialForward(
+        given, {"fascia.C10": 0.1, "fascia.D1": 22.5, "deep.C10": 1e-3}, 0.6, 20.0, 2.5
+    )
     with pytest.raises(Killed):
         forward.solve({"deep.C10": 3e-3})
     assert given.values["deep.fibres.shear"] == pytest.approx(2 * 3e-3 * 1.5)

@@ -18,6 +18,7 @@ from legfem.experiments.tissues import tissues_of
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
 from legfem.geometry.leg_shape import SKIN, LegShape
+from legfem.geometry.shape_motion import without_layer
 from legfem.geometry.shape_surface import PartSurface
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import Hyperelastic
@@ -83,9 +84,9 @@ class SolidLegSettings:
     quadrature_degree: int = 4
 
 
-def membrane_stiffness(c10: float, thickness: float) -> float:
-    """Return what `legfem.mechanics.terms.Fascia` takes (N/mm) of a layer of C10 (MPa)."""
-    return 2 * c10 * thickness
+def membrane_of(fascia: Hyperelastic, thickness: float) -> Fascia:
+    """Return the membrane of a layer's law and thickness (mm)."""
+    return Fascia(2 * fascia.C10 * thickness, fascia.D1 * fascia.C10)
 
 
 FIBRE_PARAMETERS = tuple(Fibres("deep").parameters)
@@ -109,8 +110,8 @@ class LegIndentation3D(PressingTest):
         What presses, and where.
     tissues
         Laws of the deep and the superficial tissue.
-    fascia_stiffness
-        Of the fascia as a membrane: its shear modulus times its thickness, 2 C10 h (N/mm).
+    fascia
+        As a membrane, see `membrane_of`; none by default.
     settings
         Numerical.
     comm
@@ -128,7 +129,7 @@ class LegIndentation3D(PressingTest):
     cylinder: Cylinder
     pose: Pose
     tissues: Mapping[str, Hyperelastic]
-    fascia_stiffness: float = 0.12
+    fascia: Fascia = field(default_factory=Fascia)
     settings: SolidLegSettings = field(default_factory=SolidLegSettings)
     comm: MPI.Intracomm = field(default_factory=lambda: MPI.COMM_SELF, repr=False)
     mechanisms: tuple[Term, ...] = ()
@@ -141,15 +142,20 @@ class LegIndentation3D(PressingTest):
         settings: SolidLegSettings | None = None,
         comm: MPI.Intracomm = MPI.COMM_SELF,
     ) -> LegIndentation3D:
-        """Return the test of a subject; see `legfem.subjects.spatial.spatial_leg`."""
+        """Return the test of a subject; see `legfem.subjects.spatial.spatial_leg`.
+
+        The fascia's layer has no thickness here, and between soft tissues it doesn't yield across
+        it: it is taken out of the leg, so that fat and muscle are as thick as they are.
+        """
         given, tissues, fibres = subject.indenter, tissues_of(subject), subject.fibres
+        thickness = subject.section.fascia_thickness
         pose = Pose((float(given.aim[0]), float(given.aim[1])), 0.0, given.direction_deg)
         return cls(
-            leg.shape,
+            without_layer(leg.shape, thickness),
             Cylinder(given.radius, given.length),
             pose,
             {"deep": tissues.deep, "superficial": tissues.superficial},
-            membrane_stiffness(tissues.fascia.C10, subject.section.fascia_thickness),
+            membrane_of(tissues.fascia, thickness),
             settings or SolidLegSettings(),
             comm,
             () if fibres is None else (fibres_of(tissues.deep.C10, fibres.value),),
@@ -180,7 +186,7 @@ class LegIndentation3D(PressingTest):
         """The sum of terms."""
         laws = {region: self.tissues[region] for region in ("superficial", "deep")}
         base = leg_model(laws, self.cylinder.shape(3), self.settings.contact, "continuous")
-        return base.with_terms((Fascia(self.fascia_stiffness), *self.mechanisms))
+        return base.with_terms((self.fascia, *self.mechanisms))
 
     @cached_property
     def touch(self) -> FloatArray:

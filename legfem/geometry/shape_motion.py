@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.curve import at_own_places
-from legfem.geometry.leg_shape import LegShape, corresponding_loops
+from legfem.geometry.leg_shape import HULL, SKIN, LegShape, corresponding_loops
 
 _STEPS, _CLOSE = 12, 1e-12
 """Of Newton's method for where a line crosses a level; its end, over the segment's length."""
@@ -67,6 +67,32 @@ def rigidly_moved(
     """Return the shape after x -> R x + t, R (3, 3) and t (3,) in mm; levels as for `resliced`."""
     turn, shift = np.asarray(rotation, dtype=np.float64), np.asarray(translation, dtype=np.float64)
     return resliced({part: shape.points(part) @ turn.T + shift for part in shape.contours}, levels)
+
+
+def without_layer(shape: LegShape, thickness: float) -> LegShape:
+    """Return a shape without the outermost layer of its deep tissue.
+
+    Skin and hull move inwards in their planes; the fat keeps its thickness.
+
+    Parameters
+    ----------
+    shape : LegShape
+        Its hull is the layer's outer face.
+    thickness : float
+        mm.
+    """
+    moved = {
+        part: shape.contours[part] - thickness * _outwards(shape, part) for part in (SKIN, HULL)
+    }
+    return LegShape(shape.levels, {**shape.contours, **moved})
+
+
+def _outwards(shape: LegShape, part: str) -> FloatArray:
+    """Return the contours' unit normals, (n_levels, n_points, 2)."""
+    xy = shape.contours[part]
+    along = np.roll(xy, -1, axis=1) - np.roll(xy, 1, axis=1)
+    along /= np.linalg.norm(along, axis=-1, keepdims=True)
+    return np.stack([along[..., 1], -along[..., 0]], axis=-1)
 
 
 def _levels_to_cut(points: Mapping[str, FloatArray], levels: ArrayLike | None) -> FloatArray:

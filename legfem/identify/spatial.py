@@ -16,7 +16,7 @@ from legfem.experiments.leg_3d import (
     LegIndentation3D,
     SolidLegSettings,
     fibres_of,
-    membrane_stiffness,
+    membrane_of,
 )
 from legfem.experiments.pressing import OnStep
 from legfem.experiments.tissues import tissues_of
@@ -25,6 +25,7 @@ from legfem.identify.forward import ForwardModel, ForwardOutcome, values_of
 from legfem.identify.leg_film import LegCamera, LegFilm, PressedLeg
 from legfem.jobs.key import key_of
 from legfem.jobs.ranks import Together
+from legfem.mechanics.materials import NeoHookean
 from legfem.subjects.elastography import FibreRatio
 from legfem.subjects.spatial import SpatialLeg, spatial_leg
 from legfem.subjects.subject import Subject
@@ -94,9 +95,8 @@ class SpatialForward:
         """As `solve`; collective over the ranks."""
         every = {**self.nominal, **values}
         own = {name: value for name, value in every.items() if not name.startswith(_FASCIA)}
-        own["fascia.membrane.stiffness"] = membrane_stiffness(
-            every["fascia.C10"], self.fascia_thickness
-        )
+        fascia = NeoHookean(every["fascia.C10"], every["fascia.D1"])
+        own |= membrane_of(fascia, self.fascia_thickness).parameters
         if self.fibre_ratio is not None:
             own |= fibres_of(every["deep.C10"], self.fibre_ratio).parameters
         solved = self.experiment.solve(

@@ -15,11 +15,11 @@ from legfem.common.errors import InputError
 from legfem.common.markdown import markdown_table
 from legfem.common.units import kpa_to_mpa
 from legfem.experiments.indentation_3d import IdealisedLegIndentation, IdealisedLegSettings
-from legfem.experiments.leg_3d import LegIndentation3D, Pose, SolidLegSettings
+from legfem.experiments.leg_3d import LegIndentation3D, Pose, SolidLegSettings, fibres_of
 from legfem.experiments.pressing import PressingTest
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
-from legfem.identify.catalogue import DEEP_C10
-from legfem.mechanics.materials import Hyperelastic
+from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
+from legfem.mechanics.terms import Fascia
 from legfem.meshing.idealised_leg import LegMeshSettings
 from legfem.subjects.loading import load_subject
 from legfem.subjects.spatial import spatial_leg
@@ -37,15 +37,15 @@ def round_leg() -> LegIndentation3D:
     levels = np.linspace(-LEG.length / 2, LEG.length / 2, 9)
     radii = {SKIN: LEG.radius, HULL: LEG.radius - LEG.fat, "tibia": LEG.bone_radius}
     shape = LegShape(levels, {p: np.tile(r * ring, (len(levels), 1, 1)) for p, r in radii.items()})
-    return LegIndentation3D(shape, CYLINDER, Pose((0.0, 0.0), 0.0, 90.0), _tissues(), 0.0)
+    return LegIndentation3D(shape, CYLINDER, Pose((0.0, 0.0), 0.0, 90.0), _tissues(), Fascia())
 
 
-def hexahedra() -> IdealisedLegIndentation:
+def hexahedra(deep: Hyperelastic) -> IdealisedLegIndentation:
     """Return the same leg by hexahedra, so fine around the leg that flat facets don't matter."""
     leg = replace(LEG, fascia=0.0)
     mesh = LegMeshSettings(contact_size=1, depth_size=5, edge_size=2, growth=0.4, far_size=15)
     settings = replace(IdealisedLegSettings(), mesh=mesh)
-    return IdealisedLegIndentation(leg, CYLINDER, _tissues(), 3, settings)
+    return IdealisedLegIndentation(leg, CYLINDER, {**_tissues(), "deep": deep}, 3, settings)
 
 
 def _tissues() -> dict[str, Hyperelastic]:
@@ -59,11 +59,21 @@ def refined(test: LegIndentation3D, finer: float, contact: float) -> LegIndentat
     return replace(test, settings=replace(test.settings, mesh=mesh, contact_size=contact))
 
 
-def row(name: str, test: PressingTest, c10: float, depth: float) -> list[str]:
+def stiffened(test: LegIndentation3D, c10: float, c20: float, fibres: float) -> LegIndentation3D:
+    """Return a test with muscle of C10 and C20 (kPa), its fibres' ratio given."""
+    c10, deep = kpa_to_mpa(c10), test.tissues["deep"]
+    law: Hyperelastic = NeoHookean(c10, deep.D1)
+    if c20:
+        law = ReducedPolynomial(c10, deep.D1, kpa_to_mpa(c20))
+    own = () if fibres == 1 else (fibres_of(c10, fibres),)
+    return replace(test, tissues={**test.tissues, "deep": law}, mechanisms=own)
+
+
+def row(name: str, test: PressingTest, depth: float) -> list[str]:
     """Return what a solution of a test took, how it balances, and its forces."""
     _ = test.pressing
     started = time.process_time()
-    solved = test.solve({DEEP_C10: kpa_to_mpa(c10)}, depth)
+    solved = test.solve(depth=depth)
     seconds = time.process_time() - started
     report, balance = solved.report, test.system.balance()
     # The planes that the ends stay in, and mirror planes, take forces too.
@@ -94,6 +104,10 @@ def meshes(
         typer.Option(help="Of elements under the cylinder (mm); may be given again."),
     ] = None,
     c10: Annotated[float, typer.Option(min=0.01, help="Of the deep tissue, kPa.")] = 1.0,
+    c20: Annotated[float, typer.Option(min=0.0, help="Likewise.")] = 0.0,
+    fibres: Annotated[
+        float, typer.Option(min=1.0, help="Ratio of its shear moduli along the leg and across.")
+    ] = 1.0,
     depth: Annotated[float, typer.Option(min=1.0, help="mm.")] = 6.0,
 ) -> None:
     """Press a leg in 3D by meshes of several sizes; the round one by hexahedra, too. Simulated.
@@ -108,13 +122,14 @@ def meshes(
         if subject is not None:
             given = load_subject(subject, need_recordings=False, need_instrument=False)
             test = LegIndentation3D.of_subject(given, spatial_leg(given))
+        test = stiffened(test, c10, c20, fibres)
         rows = [
-            row(f"{size:g} mm, finer by {factor:g}", refined(test, factor, size), c10, depth)
+            row(f"{size:g} mm, finer by {factor:g}", refined(test, factor, size), depth)
             for factor in factors
             for size in sizes
         ]
-        if subject is None:
-            rows.append(row("hexahedra", hexahedra(), c10, depth))
+        if subject is None and fibres == 1:
+            rows.append(row("hexahedra", hexahedra(test.tissues["deep"]), depth))
         header = ["elements", "unknowns", "mm reached", "steps", "factorisations", "processor s"]
         header += ["imbalance", *(f"N at {d:g} mm" for d in _shown(depth))]
         typer.echo(markdown_table(header, rows))

@@ -33,8 +33,9 @@ DEPTH = 7.0
 RATE = 0.5
 """mm/s."""
 TRIALS = 3
-_MESH = LegMeshSettings(contact_size=4, depth_size=6, edge_size=3, growth=0.4, far_size=15)
-_FIBULA, _BEHIND = 3.0, 17.0
+MESH = LegMeshSettings(contact_size=4, depth_size=6, edge_size=3, growth=0.4, far_size=15)
+FIBULA = 3.0, 17.0
+"""Radius of the one that folders have, and how far behind the tibia's middle (mm)."""
 _POINTS = 120
 
 
@@ -55,7 +56,7 @@ class Planted:
     c10: float = 1.2
     c20: float = 0.0
     depth: float = DEPTH
-    mesh: LegMeshSettings = field(default_factory=lambda: _MESH)
+    mesh: LegMeshSettings = field(default_factory=lambda: MESH)
 
     @property
     def tissues(self) -> dict[str, Hyperelastic]:
@@ -118,5 +119,5 @@ def _section() -> LegSection:
 
     return LegSection(
         circle(LEG.radius), circle(LEG.radius - LEG.fat), circle(LEG.bone_radius),
-        circle(_FIBULA, _BEHIND), LEG.fascia,
+        circle(*FIBULA), LEG.fascia,
     )  # fmt: skip

@@ -1,0 +1,106 @@
+"""``python -m studies.leg3d.fascia``: a fascia as a layer of hexahedra and as a membrane.
+
+Both press the study's leg; what the membrane leaves out is put back step by step. Simulated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from legfem.common.command_edge import command_edge
+from legfem.common.errors import InputError
+from legfem.common.markdown import markdown_table
+from legfem.experiments.indentation_3d import IdealisedLegIndentation, IdealisedLegSettings
+from legfem.experiments.leg_3d import LegIndentation3D, Pose, SolidLegSettings, membrane_of
+from legfem.experiments.pressing import PressingTest
+from legfem.geometry.leg_shape import HULL, SKIN, LegShape
+from legfem.geometry.shape_motion import without_layer
+from legfem.mechanics.materials import Hyperelastic, NeoHookean
+from legfem.mechanics.terms import Fascia
+from studies.leg3d.planted import CYLINDER, FIBULA, LEG, MESH, Planted
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+SHOWN = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
+"""mm."""
+CONTACT = 4.5
+"""Of the tetrahedra under the cylinder, mm."""
+
+
+def layer(thinner: float = 1.0, finer: float = 1.0, c10: float = 1.2) -> IdealisedLegIndentation:
+    """Return the leg by hexahedra; a thinner fascia is as much stiffer, about the same middle."""
+    own = Planted(c10).tissues
+    fascia = own["fascia"]
+    tissues = {**own, "fascia": NeoHookean(fascia.C10 * thinner, fascia.D1 / thinner)}
+    less = LEG.fascia * (1 - 1 / thinner)
+    leg = replace(LEG, fascia=LEG.fascia - less, fat=LEG.fat + less / 2)
+    settings = replace(IdealisedLegSettings(), mesh=MESH.refined(finer))
+    return IdealisedLegIndentation(leg, CYLINDER, tissues, 3, settings)
+
+
+def membrane(
+    own_law: bool = True, taken_out: bool = True, finer: float = 1.0, fibula: bool = False
+) -> LegIndentation3D:
+    """Return the leg by tetrahedra: by its fascia's own law, or incompressible, and so on."""
+    angle = np.linspace(0, 2 * np.pi, 120, endpoint=False)
+    ring = np.column_stack([np.cos(angle), np.sin(angle)])
+    parts = {SKIN: LEG.radius * ring, HULL: (LEG.radius - LEG.fat) * ring}
+    parts["tibia"] = LEG.bone_radius * ring
+    if fibula:
+        radius, behind = FIBULA
+        parts["fibula"] = radius * ring + [0.0, behind]
+    levels = np.linspace(-LEG.length / 2, LEG.length / 2, 5)
+    shape = LegShape(levels, {part: np.tile(xy, (5, 1, 1)) for part, xy in parts.items()})
+    tissues = Planted().tissues
+    sheet = membrane_of(tissues["fascia"], LEG.fascia)
+    default = SolidLegSettings()
+    settings = replace(default, mesh=default.mesh.refined(finer), contact_size=CONTACT)
+    laws: dict[str, Hyperelastic] = {part: tissues[part] for part in ("deep", "superficial")}
+    return LegIndentation3D(
+        without_layer(shape, LEG.fascia) if taken_out else shape, CYLINDER,
+        Pose((0.0, 0.0), 0.0, 90.0), laws, sheet if own_law else Fascia(sheet.stiffness), settings,
+    )  # fmt: skip
+
+
+ROWS: dict[str, Callable[[], PressingTest]] = {
+    "layer of 0.6 mm": layer,
+    "the same, finer by 1.5": lambda: layer(finer=1.5),
+    "0.3 mm, twice as stiff": lambda: layer(2.0),
+    "0.15 mm, four times": lambda: layer(4.0),
+    "0.6 mm, muscle's C10 1.32": lambda: layer(c10=1.32),
+    "membrane, incompressible": lambda: membrane(own_law=False, taken_out=False),
+    "membrane, its own law": lambda: membrane(taken_out=False),
+    "its own law, layer taken out": membrane,
+    "the same, finer by 1.5 elsewhere": lambda: membrane(finer=1.5),
+    "with a fibula": lambda: membrane(fibula=True),
+}
+
+
+@app.command()
+def fascia(
+    number: Annotated[
+        list[int] | None, typer.Option(help="Of a row, from 1; may be given again. All by default.")
+    ] = None,
+) -> None:
+    """Press a small round leg by a layer and by membranes. Simulated.
+
+    Example: python -m studies.leg3d.fascia --number 1 --number 8
+    """
+    with command_edge():
+        chosen = number or range(1, len(ROWS) + 1)
+        if min(chosen) < 1 or max(chosen) > len(ROWS):
+            raise InputError("fascia", "--number", "no such row", f"give 1 to {len(ROWS)}")
+        rows = []
+        for k in chosen:
+            name, made = list(ROWS.items())[k - 1]
+            solved = made().solve(depth=SHOWN[-1])
+            rows.append([name, *(f"{solved.curve(d):.4f}" for d in SHOWN)])
+        typer.echo(markdown_table(["fascia", *(f"N at {d:g} mm" for d in SHOWN)], rows))
+
+
+if __name__ == "__main__":
+    app(prog_name="python -m studies.leg3d.fascia")
