@@ -76,7 +76,7 @@ class SolidLegSettings:
             skin_size=18.0, inside_size=26.0, bone_size=14.0, layer_elements=0.3, turn_elements=7.0
         )
     )
-    contact_size: float = 6.0
+    contact_size: float = 4.5
     contact: ContactSettings = field(default_factory=ContactSettings)
     newton: NewtonSettings = field(default_factory=lambda: NewtonSettings(reuse=0.7))
     linear: LinearSettings = field(default_factory=LinearSettings)
