@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 from typing import Annotated
 
@@ -13,48 +12,20 @@ from legfem.common.documents import write_atomically, write_document
 from legfem.common.markdown import markdown_table
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import mpa_to_kpa
-from legfem.correction.choice import correction_of
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.identify.catalogue import DEEP_C10
-from legfem.identify.laws import LawName
-from legfem.identify.request import SearchRequest
-from legfem.identify.result import IdentificationResult
-from legfem.identify.run import forward_model, identify_subject
-from legfem.identify.spatial import SOLVES, LegModels
-from legfem.subjects.loading import load_subject
-from studies.leg3d.planted import Planted, folder_of, true_curve
+from studies.leg3d.identified import identified
+from studies.leg3d.planted import Planted
+from studies.leg3d.plants import HEADER, counted, drawn, plant_result, plant_row
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 Out = Annotated[Path | None, typer.Option(help="Folder for results; results/leg3d by default.")]
 
 
-def identified(
-    planted: Planted, seed: int, folder: Path, progress: Progress
-) -> dict[str, IdentificationResult]:
-    """Return what both models find of a planted leg, and the section without a correction.
-
-    Everything solved is kept: the same call goes on where it was stopped.
-    """
-    curve = true_curve(planted, folder / "planted")
-    place = folder / f"leg-{planted.c10:g}-{planted.c20:g}-{seed}"
-    shutil.rmtree(place, ignore_errors=True)
-    subject = load_subject(folder_of(planted, curve, place, seed))
-    law: LawName = "reduced-polynomial" if planted.c20 else "neo-hookean"
-    solves = folder / "solves" / place.name
-    request = SearchRequest(out=solves, progress=progress)
-    section = forward_model(subject, request)
-    leg = LegModels.of_subject(subject, section.depth, solves / SOLVES, progress=progress)
-
-    def found(table: TabulatedCorrection | None, leg: LegModels | None) -> IdentificationResult:
-        (result,) = identify_subject(subject, [law], request, table, section, leg)
-        return result
-
-    table = correction_of(subject)
-    return {
-        "3d": found(None, leg),
-        "2d, the table's nearest leg": found(table, None),
-        "2d, no correction": found(None, None),
-    }
+def _many(count: int, seed: int, folder: Path, progress: Progress) -> list[str]:
+    legs = [drawn(number, seed) for number in range(count)]
+    found = [plant_result(leg, seed + k, folder, progress) for k, leg in enumerate(legs)]
+    rows = [plant_row(k, leg, one) for k, (leg, one) in enumerate(zip(legs, found, strict=True), 1)]
+    return [markdown_table(HEADER, rows), counted(legs, found)]
 
 
 @app.command()
@@ -62,6 +33,9 @@ def leg3d(
     c10: Annotated[float, typer.Option(min=0.1, help="Planted, kPa.")] = 1.2,
     c20: Annotated[float, typer.Option(min=0.0, help="Planted, kPa.")] = 0.0,
     seed: Annotated[int, typer.Option(min=0, help="Of the lab's errors.")] = 1,
+    plants: Annotated[
+        int, typer.Option(min=0, help="So many legs of random C10 and C20 in its place.")
+    ] = 0,
     out: Out = None,
 ) -> None:
     """Identify a small leg, pressed in 3D by other elements, with `--model 3d` and `--model 2d`.
@@ -71,6 +45,11 @@ def leg3d(
     Example: python -m studies.leg3d --c10 1.2
     """
     with study_edge("leg3d", out) as (folder, _), progress_on() as progress:
+        if plants:
+            lines = _many(plants, seed, folder, progress)
+            write_atomically(folder / "plants.md", "\n".join(lines) + "\n")
+            typer.echo("\n".join(lines))
+            return
         results = identified(Planted(c10, c20), seed, folder, progress)
         rows = []
         for name, result in results.items():

@@ -1,0 +1,46 @@
+"""A planted leg, identified by both models."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+from legfem.common.progress import Progress
+from legfem.correction.choice import correction_of
+from legfem.correction.tabulated import TabulatedCorrection
+from legfem.identify.laws import LawName
+from legfem.identify.request import SearchRequest
+from legfem.identify.result import IdentificationResult
+from legfem.identify.run import forward_model, identify_subject
+from legfem.identify.spatial import SOLVES, LegModels
+from legfem.subjects.loading import load_subject
+from studies.leg3d.planted import Planted, folder_of, true_curve
+
+
+def identified(
+    planted: Planted, seed: int, folder: Path, progress: Progress
+) -> dict[str, IdentificationResult]:
+    """Return what both models find of a planted leg, and the section without a correction.
+
+    Everything solved is kept: the same call goes on where it was stopped.
+    """
+    curve = true_curve(planted, folder / "planted")
+    place = folder / f"leg-{planted.c10:g}-{planted.c20:g}-{seed}"
+    shutil.rmtree(place, ignore_errors=True)
+    subject = load_subject(folder_of(planted, curve, place, seed))
+    law: LawName = "reduced-polynomial" if planted.c20 else "neo-hookean"
+    solves = folder / "solves" / place.name
+    request = SearchRequest(out=solves, progress=progress)
+    section = forward_model(subject, request)
+    leg = LegModels.of_subject(subject, section.depth, solves / SOLVES, progress=progress)
+
+    def found(table: TabulatedCorrection | None, leg: LegModels | None) -> IdentificationResult:
+        (result,) = identify_subject(subject, [law], request, table, section, leg)
+        return result
+
+    table = correction_of(subject)
+    return {
+        "3d": found(None, leg),
+        "2d, the table's nearest leg": found(table, None),
+        "2d, no correction": found(None, None),
+    }

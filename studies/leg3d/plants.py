@@ -1,0 +1,111 @@
+"""Planted legs drawn at random: what both models find of many."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from legfem.common.progress import Progress
+from legfem.common.units import mpa_to_kpa
+from legfem.identify.catalogue import DEEP_C10, DEEP_C20
+from legfem.identify.result import IdentificationResult
+from legfem.jobs.store import Store
+from studies.leg3d.identified import identified
+from studies.leg3d.planted import Planted
+
+SOFTEST, STIFFEST = 0.5, 3.0
+"""C10, kPa."""
+GREATEST_RATIO = 1.0
+"""C20 over C10, in every other plant."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """A stiffness that a model found, kPa."""
+
+    value: float
+    low: float
+    high: float
+
+    def covers(self, truth: float) -> bool:
+        """Tell whether the interval holds a value."""
+        return self.low <= truth <= self.high
+
+
+@dataclass(frozen=True)
+class PlantResult:
+    """What both models found of one plant."""
+
+    c10: dict[str, Found]
+    """By model."""
+    c20: dict[str, Found]
+    """Likewise; none of a neo-Hookean plant."""
+    full_solves: int
+    """In 3D."""
+    processor_s: float
+    """Of this process, the truth and both models together."""
+
+
+def drawn(number: int, seed: int) -> Planted:
+    """Return a plant by its number, from 0: C10 even in its logarithm, C20 in every other one."""
+    generator = np.random.default_rng([seed, number])
+    c10 = float(np.exp(generator.uniform(np.log(SOFTEST), np.log(STIFFEST))))
+    ratio = float(generator.uniform(0.1, GREATEST_RATIO))
+    return Planted(round(c10, 3), round(c10 * ratio, 3) if number % 2 else 0.0)
+
+
+def plant_result(planted: Planted, seed: int, folder: Path, progress: Progress) -> PlantResult:
+    """Return what is found of a plant; it is kept in a folder."""
+
+    def made() -> PlantResult:
+        started = time.process_time()
+        results = identified(planted, seed, folder, progress)
+        evidence = results["3d"].spatial
+        assert evidence is not None
+        c20 = results if planted.c20 else {}
+        return PlantResult(
+            {name: _found(one, DEEP_C10) for name, one in results.items()},
+            {name: _found(one, DEEP_C20) for name, one in c20.items()},
+            evidence.full_solves, time.process_time() - started,
+        )  # fmt: skip
+
+    store = Store(folder / "plants", PlantResult, modules=(__name__,))
+    return store.get_or_make((planted, seed), made)
+
+
+def plant_row(number: int, planted: Planted, result: PlantResult) -> list[str]:
+    """Return a row of a table."""
+    c10, c20 = result.c10, result.c20
+    told = [f"{number}", f"{planted.c10:g}", f"{planted.c20:g}", _told(c10["3d"], planted.c10)]
+    told.append(_told(c20["3d"], planted.c20) if c20 else "")
+    flat = [one for name, one in c10.items() if name != "3d"]
+    told += [f"{100 * (one.value / planted.c10 - 1):+.0f} %" for one in flat]
+    return [*told, f"{result.full_solves}", f"{result.processor_s:.0f}"]
+
+
+HEADER = [
+    "plant", "C10 (kPa)", "C20", "C10 by `3d`", "C20 by `3d`", "C10 by `2d`, the table",
+    "by `2d`, none", "full 3D solves", "processor s",
+]  # fmt: skip
+
+
+def counted(plants: list[Planted], results: list[PlantResult]) -> str:
+    """Return how many truths the intervals of `--model 3d` hold, in words."""
+    c10 = sum(r.c10["3d"].covers(p.c10) for p, r in zip(plants, results, strict=True))
+    both = [(p, r) for p, r in zip(plants, results, strict=True) if r.c20]
+    c20 = sum(r.c20["3d"].covers(p.c20) for p, r in both)
+    return f"C10 in its interval in {c10} of {len(plants)}, C20 in {c20} of {len(both)}."
+
+
+def _found(result: IdentificationResult, name: str) -> Found:
+    one = result.parameters[name]
+    low, high = map(mpa_to_kpa, one.ci95)
+    return Found(mpa_to_kpa(one.value), low, high)
+
+
+def _told(one: Found, truth: float) -> str:
+    mark = "" if one.covers(truth) else ", missed"
+    return f"{one.value:.3f} ({one.low:.3f} to {one.high:.3f}){mark}"

@@ -1,0 +1,47 @@
+"""Legs drawn at random for the study of legs in 3D."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from legfem.common.progress import Silent
+from legfem.identify.catalogue import DEEP_C10, DEEP_C20
+from studies.leg3d import plants
+from studies.leg3d.plants import SOFTEST, STIFFEST, counted, drawn, plant_result, plant_row
+
+MODELS = ("3d", "2d, the table's nearest leg", "2d, no correction")
+
+
+def test_plants_are_drawn_alike_from_a_seed_over_the_range_by_both_laws():
+    legs = [drawn(number, 1) for number in range(40)]
+    assert legs == [drawn(number, 1) for number in range(40)]
+    c10 = np.array([leg.c10 for leg in legs])
+    assert SOFTEST <= c10.min() < 0.7 and 2.3 < c10.max() <= STIFFEST
+    assert all((leg.c20 > 0) == bool(number % 2) for number, leg in enumerate(legs))
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.5])
+def test_a_plant_is_identified_once_and_told_by_whether_it_is_held(tmp_path, monkeypatch, factor):
+    planted, calls = drawn(1, 1), []
+
+    def one(value: float) -> SimpleNamespace:
+        at = 1e-3 * factor * value
+        return SimpleNamespace(value=at, ci95=(0.9 * at, 1.1 * at))
+
+    def identified(*asked):
+        calls.append(asked)
+        parameters = {DEEP_C10: one(planted.c10), DEEP_C20: one(planted.c20)}
+        evidence = SimpleNamespace(full_solves=3)
+        return {name: SimpleNamespace(parameters=parameters, spatial=evidence) for name in MODELS}
+
+    monkeypatch.setattr(plants, "identified", identified)
+    results = [plant_result(planted, 1, tmp_path, Silent()) for _ in range(2)]
+    assert len(calls) == 1 and results[0] == results[1]
+    missed = factor != 1.0
+    assert ("missed" in " ".join(plant_row(1, planted, results[0]))) == missed
+    held = 0 if missed else 1
+    words = f"C10 in its interval in {held} of 1, C20 in {held} of 1."
+    assert counted([planted], results[:1]) == words
