@@ -12,6 +12,7 @@ import dolfinx.mesh
 import numpy as np
 import pytest
 import ufl
+from cffi import VerificationError
 from dolfinx import fem
 from mpi4py import MPI
 
@@ -53,6 +54,19 @@ def test_a_second_run_compiles_nothing(folder, caplog):
         assert area() == pytest.approx(2.0)
     assert len(caplog.messages) == 1
     assert {file: file.stat().st_mtime_ns for file in folder.rglob("*.so")} == written
+
+
+def test_a_compiler_that_fails_is_said_with_its_folder(folder, monkeypatch):
+    def fails(*_: object, **__: object) -> None:
+        raise VerificationError("CompileError: command gcc failed")
+
+    monkeypatch.setattr(module.jit, "ffcx_jit", fails)
+    with pytest.raises(OSError, match="the C compiler failed") as raised:
+        area()
+    assert raised.value.filename.startswith(str(folder))
+    monkeypatch.setattr(module, "_LEAST_FREE", float("inf"))
+    with pytest.raises(OSError, match="No space left"):
+        area()
 
 
 def test_forms_are_compiled_in_the_folders_that_are_locked(folder):

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from legfem.common.markdown import markdown_table
+from legfem.jobs.arrays import write_arrays
 from legfem.report.in_place import REPORT, made_in_place
 
 
@@ -52,3 +55,22 @@ def test_tables_in_markdown() -> None:
     assert markdown_table(["name", "n"], rows, aligned=True) == (
         "| name | n  |\n|------|----|\n| a    | 1  |\n| borc | 22 |\n"
     )
+
+
+def test_a_full_disk_names_the_folder(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="No space") as raised, made_in_place(tmp_path / "out"):
+        raise OSError(errno.ENOSPC, "No space left on device")
+    assert raised.value.filename == str(tmp_path / "out")
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_arrays_that_find_no_room_leave_nothing(tmp_path: Path, monkeypatch) -> None:
+    def half(self: Path, content: bytes) -> None:
+        with self.open("wb") as file:
+            file.write(content[:10])
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", half)
+    with pytest.raises(OSError, match="No space") as raised:
+        write_arrays(tmp_path / "a.npz", {"x": np.zeros(3)})
+    assert raised.value.filename == str(tmp_path / "a.npz") and list(tmp_path.iterdir()) == []

@@ -8,10 +8,13 @@ under the lock is a dead process', and is removed.
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import hashlib
 import logging
+import os
 import platform
+import shutil
 import sysconfig
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,6 +24,7 @@ from typing import Any
 
 import ffcx.naming
 import numpy as np
+from cffi import VerificationError  # type: ignore[import-untyped]
 from dolfinx import default_scalar_type, fem, jit
 from mpi4py import MPI
 from ufl.algorithms import expand_derivatives
@@ -33,6 +37,8 @@ from legfem.common.units import FloatArray
 FLAGS = ("-O1", "-march=native", "-ffast-math", "-fno-finite-math-only")
 """For gcc. ``-O3`` takes it several times as long, and shortens solves by about a twentieth."""
 _LOCK = "lock"
+_LEAST_FREE = 2_000_000
+"""Bytes that a form takes at most, sources and all."""
 _log = logging.getLogger("legfem")
 
 
@@ -89,13 +95,28 @@ def _compile_here(what: Any, options: dict[str, Any]) -> None:
             for file in folder.iterdir():
                 if file.name != _LOCK:
                     file.unlink()
-        jit.ffcx_jit(
-            MPI.COMM_SELF,
-            what,
-            form_compiler_options={"scalar_type": default_scalar_type},
-            # FFCx itself waits for another process only where nothing can be locked.
-            jit_options={**options, "timeout": 10 if locked else 300},
-        )
+        try:
+            jit.ffcx_jit(
+                MPI.COMM_SELF,
+                what,
+                form_compiler_options={"scalar_type": default_scalar_type},
+                # FFCx itself waits for another process only where nothing can be locked.
+                jit_options={**options, "timeout": 10 if locked else 300},
+            )
+        except VerificationError as error:
+            raise _failure(folder) from error
+        except OSError as error:
+            # A full disk's error names no file.
+            error.filename = error.filename or str(folder)
+            raise
+
+
+def _failure(folder: Path) -> OSError:
+    """Return why the C compiler failed, as the system would say it."""
+    full = shutil.disk_usage(folder).free < _LEAST_FREE
+    number = errno.ENOSPC if full else errno.ENOEXEC
+    what = os.strerror(number) if full else "the C compiler failed on a form (is gcc there?)"
+    return OSError(number, what, str(folder))
 
 
 @contextmanager

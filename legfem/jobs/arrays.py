@@ -20,8 +20,15 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], compressed: boo
     content = io.BytesIO()
     save = np.savez_compressed if compressed else np.savez
     save(content, **arrays)  # type: ignore[arg-type]
-    path.with_suffix(".new").write_bytes(content.getvalue())
-    path.with_suffix(".new").replace(path)
+    new = path.with_suffix(".new")
+    try:
+        new.write_bytes(content.getvalue())
+        new.replace(path)
+    except OSError as error:
+        new.unlink(missing_ok=True)
+        # A full disk's error names no file.
+        error.filename = error.filename or str(path)
+        raise
 
 
 def read_arrays(path: Path) -> Arrays:

@@ -39,6 +39,10 @@ def made_in_place(out: Path, comm: MPI.Intracomm = MPI.COMM_SELF) -> Iterator[Pa
                 if target.is_dir():
                     shutil.rmtree(target)
                 path.replace(target)
+    except OSError as error:
+        # A full disk's error names no file.
+        error.filename = error.filename or str(out)
+        raise
     finally:
         if comm.rank == 0:
             shutil.rmtree(hidden, ignore_errors=True)
