@@ -21,6 +21,7 @@ from typer.testing import CliRunner
 
 from legfem.commands.data import app
 from legfem.recording import read_instrument_file
+from legfem.recording.formats.workbook import read_workbook
 from legfem.subjects.loading import load_subject
 from legfem.subjects.schema import RecordingsEntry
 
@@ -405,3 +406,23 @@ def test_a_subject_is_read_from_an_instruments_files(tmp_path):
     (recording,) = load_subject(folder).recordings
     assert recording.trial == "Probe 1"
     np.testing.assert_allclose(recording.force, F, atol=1e-4)
+
+
+def test_a_workbook_s_numbers_may_be_text_with_decimal_commas(tmp_path: Path) -> None:
+    """As Excel keeps what was pasted under another country's settings."""
+    book = Workbook()
+    assert book.active is not None
+    book.active.append(["Zeit [s]", "Kraft [N]"])
+    for k in range(12):
+        book.active.append([f"{0.25 * k:.2f}".replace(".", ","), f"{k:d},000"])
+    book.save(tmp_path / "a.xlsx")
+    (sheet,) = read_workbook(tmp_path / "a.xlsx")
+    np.testing.assert_allclose(sheet.columns[0].values, 0.25 * np.arange(12))
+    np.testing.assert_allclose(sheet.columns[1].values, np.arange(12.0))
+    assert "decimal commas" in sheet.remarks[0]
+    # Thousands, or three decimals: it can't be told.
+    for row in book.active.iter_rows(min_row=2):
+        for cell in row:
+            cell.value = "1,250"
+    book.save(tmp_path / "b.xlsx")
+    assert read_workbook(tmp_path / "b.xlsx") == []

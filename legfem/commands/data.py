@@ -49,8 +49,8 @@ def look(
     """Propose columns, units and directions of recordings, and grade them from A to D.
 
     Writes report.html, a picture a file, report.txt, look.json, and recordings.toml: the
-    [recordings] block for subject.toml. All that is inferred is said with its reason; what is
-    ambiguous is refused.
+    [recordings] block for subject.toml or specimen.toml. All that is inferred is said with its
+    reason; what is ambiguous is refused.
 
     Example: python -m legfem.data look trial1.tdms trial2.tdms
     """
@@ -110,7 +110,7 @@ def look(
         with told_briefly(quiet, as_json) as written:
             written.append(path)
             print(text)
-            print(f"for subject.toml:\n\n{tomls[first]}")
+            print(f"for {'specimen' if specimens else 'subject'}.toml:\n\n{tomls[first]}")
             print("\n".join(f"picture: {path}" for path in pictures))
             print(f"page: {folder / PAGE}\nreport: {folder / 'report.txt'}")
             print(f"toml: {folder / 'recordings.toml'}\nresult: {path}")
