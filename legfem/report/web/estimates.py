@@ -114,7 +114,8 @@ def how_found(
 def how_sure(parameters: Mapping[str, Estimate]) -> str:
     """Return how well parameters are known, for someone who knows no statistics."""
     each = "; ".join(
-        f"{symbol_of(name)} is known within {100 * found.relative_half_width:.0f} % "
+        f"{symbol_of(name)} is known within {100 * found.relative_half_width:.0f} %"
+        f"{' of what was open' if found.parameter.scale == 'linear' else ''} "
         f"({found.identifiability})"
         if np.isfinite(found.relative_half_width)
         else f"{symbol_of(name)} is {found.identifiability}"

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from legfem.common.units import FloatArray
 from legfem.identify.catalogue import symbol_of
+from legfem.identify.reading import RELAXATION
 from legfem.identify.warnings import LEAST_CHANCE
 from legfem.report.specimen_text import (
     differing,
@@ -128,8 +129,12 @@ def _together(count: int) -> str:
 
 def _words(name: str) -> str:
     """Return a parameter's full name in words: the specimen is one tissue."""
-    words = f"{symbol_of(name)} of the tissue"
-    if not name.startswith("deep."):
+    term, _, field = name.rpartition(".")
+    if term == "deep":
+        words = f"{symbol_of(name)} of the tissue"
+    elif name in RELAXATION:
+        words = f"{field.replace('_', ' ')} of the viscoelasticity"
+    else:
         words = estimates.words_of(name)
     return words.replace(RATIO, "fibre ratio")
 
