@@ -23,6 +23,9 @@ def concealed(
     legs: Annotated[
         int, typer.Option(min=1, help="True legs, each stated wrongly in its own way.")
     ] = 6,
+    people: Annotated[
+        int, typer.Option(min=1, help="Stiffnesses of the muscle behind each leg.")
+    ] = 3,
     seed: Annotated[int, typer.Option(min=0, help="Of the cases; opens the keys.")] = 1,
     library: Library = None,
     out: Out = None,
@@ -47,7 +50,7 @@ def concealed(
                 "give --make N, --run or --score",
             )  # fmt: skip
         options = command.ConcealedOptions(
-            folder, library or library_folder(), make, legs, run, score, seed, processes,
+            folder, library or library_folder(), make, legs, people, run, score, seed, processes,
         )  # fmt: skip
         with progress_on() as progress:
             lines = command.run(options, progress)

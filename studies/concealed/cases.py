@@ -19,7 +19,7 @@ SUBJECTS_OF_LEGS: tuple[tuple[str, LawName], ...] = (
 """Whose sections the true legs have, and the base model's law."""
 C10_KPA, RATIO = (0.45, 1.8), (0.4, 3.0)
 PEOPLE = 3
-"""Stiffnesses of the deep tissue that stand behind each leg."""
+"""Stiffnesses of the deep tissue that stand behind each leg, unless another number is asked for."""
 
 type ProtocolName = Literal["ramps", "holds"]
 type Kind = Literal["none", "single", "pair", "outside"]
@@ -109,7 +109,9 @@ class SealedCase:
         return cls(**{**document, "effects": effects, "outside": outside})
 
 
-def make_cases(number: int, seed: int, legs: int) -> list[SealedCase]:
+def make_cases(
+    number: int, seed: int, legs: int, each: int = PEOPLE
+) -> list[SealedCase]:
     """Return cases without effect, with one, two, or one outside the library; and twins.
 
     Parameters
@@ -120,11 +122,13 @@ def make_cases(number: int, seed: int, legs: int) -> list[SealedCase]:
         Of all draws.
     legs
         True legs, each stated in its own wrong way; every leg costs a library.
+    each
+        Stiffnesses of the deep tissue that stand behind each leg; a library holds near one.
     """
     generator = np.random.default_rng([seed, 20])
     people = [
         [_stiffness(SUBJECTS_OF_LEGS[leg % len(SUBJECTS_OF_LEGS)][1], generator)
-         for _ in range(PEOPLE)]
+         for _ in range(each)]
         for leg in range(legs)
     ]  # fmt: skip
     counts = {kind: round(share * number) for kind, share in SHARES.items()}
@@ -169,7 +173,7 @@ def _case(
     protocol: ProtocolName = "ramps"
     if timed or (not slides and generator.random() < 0.4):
         protocol = "holds"
-    c10, c20 = people[leg][int(generator.integers(PEOPLE))]
+    c10, c20 = people[leg][int(generator.integers(len(people[leg])))]
     return SealedCase(
         0, kind, leg, law, protocol, code, c10, c20,
         tuple((name, drawn_values(name, code, law, c10, generator)) for name in names),

@@ -26,6 +26,7 @@ class ConcealedOptions:
     library: Path
     make: int | None
     legs: int
+    people: int
     run: bool
     score: bool
     seed: int
@@ -39,7 +40,8 @@ def run(options: ConcealedOptions, progress: Progress) -> list[str]:
     if options.make is not None:
         (options.out / "cases").mkdir(parents=True, exist_ok=True)
         maker = Maker(options.out, options.library / "truth", options.seed, correction)
-        make(make_cases(options.make, options.seed, options.legs), maker, options.jobs, progress)
+        cases = make_cases(options.make, options.seed, options.legs, options.people)
+        make(cases, maker, options.jobs, progress)
         lines.append(f"cases: {options.out / 'cases'}; keys, sealed: {options.out / 'keys'}")
     diagnoser = Diagnoser(options.library, correction, options.jobs)
     if options.run:
