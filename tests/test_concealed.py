@@ -148,8 +148,9 @@ def scored(number, names, *models, kind="single", twin_of=None, size=9.0, sure=0
         Explained(model, False, sure if k == 0 else rest) for k, model in enumerate(models or ((),))
     )
     usual = Scored(
-        case, verdict, models, explanations, size, 0.05, (8, 1, 1), 0.2, 0.01, True, 12.0, 3, 0.05
-    )
+        case, verdict, models, explanations, size, 0.05, (8, 1, 1), 0.2, 0.01, True, 12.0, 3, 0.05,
+        explanations,
+    )  # fmt: skip
     return replace(usual, **changed)
 
 
@@ -185,8 +186,8 @@ def test_reliability_sets_probabilities_beside_what_is_right():
     one, other = reliability(everything()[:6])[2:]
     assert (one.right.count, one.right.total) == (0, 1)
     assert one.stated == pytest.approx(0.7)
-    # Two names are right, nothing is right of the null, and wrong of the effect too small to see.
-    assert (other.right.count, other.right.total) == (3, 5)
+    # Two names are right, and that nothing shows is of the null and the effect too small to see.
+    assert (other.right.count, other.right.total) == (4, 5)
 
 
 def test_priors_are_exchanged_for_the_studys_shares():

@@ -23,7 +23,7 @@ from legfem.subjects import ranges
 from legfem.subjects.plausibility import doubts_about
 from legfem.subjects.subject import Origin, Subject
 
-SCHEMA = 2
+SCHEMA = 3
 
 
 class Recorded(Protocol):
@@ -61,7 +61,16 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
             "law": found.law,
             "doubts": doubt_documents(doubts_of(found, subject)),
             "verdict": found.verdict,
-            "probability_of_no_effect": found.explained.soundness,
+            "probability_that_nothing_shows": found.explained.soundness,
+            "statements": [
+                {
+                    "mechanisms": list(one.names),
+                    "unknown": one.unknown,
+                    "probability": one.probability,
+                }
+                for one in found.explained.statements()
+                if one.nothing_shows or one.probability > 1e-4
+            ],
             "explanations": [
                 {
                     "mechanisms": list(e.names),

@@ -90,6 +90,25 @@ class Explanation:
         return min(ends), max(ends)
 
 
+@dataclass(frozen=True)
+class Statement:
+    """What is said of recordings, and how probable it is.
+
+    A statement without mechanisms that isn't of something unknown is that nothing was left out
+    that shows: the base model alone, or with what the data neither ask for nor exclude.
+    """
+
+    names: tuple[str, ...]
+    """Of mechanisms."""
+    unknown: bool
+    probability: float
+
+    @property
+    def nothing_shows(self) -> bool:
+        """Whether it is that nothing was left out that shows."""
+        return not self.names and not self.unknown
+
+
 @dataclass(frozen=True, eq=False)
 class Explained:
     """All explanations, the most probable first."""
@@ -103,21 +122,38 @@ class Explained:
         Probabilities are those among explanations that leave something out. A pair that explains no
         more than one of its mechanisms does alone counts for that one.
         """
-        rest = [e for e in self.every if self._adds(e)]
-        singles = singles_of(rest)
-        held: dict[tuple[str, ...], float] = {}
-        for one in rest:
-            names = counts_for(one, singles).names
-            held[names] = held.get(names, 0.0) + one.probability
+        held = self._held()
         total = sum(held.values())
         shares = {names: probability / total for names, probability in held.items()}
-        by_names = {one.names: one for one in rest}
+        by_names = {one.names: one for one in self._rest}
         kept: list[Explanation] = []
         for names, share in sorted(shares.items(), key=lambda pair: -pair[1]):
             kept.append(replace(by_names[names], probability=share))
             if sum(e.probability for e in kept) >= HELD:
                 break
         return tuple(kept)
+
+    def statements(self) -> tuple[Statement, ...]:
+        """Return what may be said, the most probable first; probabilities add up to one.
+
+        "Nothing at all" isn't among them: no data tell it from what is too small to show.
+        """
+        found = [Statement((), False, self.soundness)]
+        found += [Statement(names, not names, held) for names, held in self._held().items()]
+        return tuple(sorted(found, key=lambda one: -one.probability))
+
+    @cached_property
+    def _rest(self) -> tuple[Explanation, ...]:
+        return tuple(e for e in self.every if self._adds(e))
+
+    def _held(self) -> dict[tuple[str, ...], float]:
+        """Return the probabilities of what shows, pairs counted for what they add to one."""
+        singles = singles_of(self._rest)
+        held: dict[tuple[str, ...], float] = {}
+        for one in self._rest:
+            names = counts_for(one, singles).names
+            held[names] = held.get(names, 0.0) + one.probability
+        return held
 
     @property
     def soundness(self) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.explanation import Explanation
+from legfem.diagnose.explanation import Explanation, Statement
 
 BASE_COLOUR = "#D55E00"
 REPAIRED_COLOUR = "#0072B2"
@@ -13,6 +13,7 @@ SUITING_COLOUR = "#56B4E9"
 CONTRADICTED_COLOUR = "#BDBDBD"
 LOCATED_COLOUR = "#F0E442"
 BASE_NAME = "base model"
+UNKNOWN_NAME = "something unknown"
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +34,15 @@ def plain(name: str) -> str:
 def model_name(model: Explanation) -> str:
     """Return an explanation's name for people."""
     if model.unknown:
-        return "something unknown"
+        return UNKNOWN_NAME
     return " + ".join(plain(name) for name in model.names) or BASE_NAME
+
+
+def statement_name(one: Statement) -> str:
+    """Return what a statement says, in short."""
+    if one.unknown:
+        return UNKNOWN_NAME
+    return " + ".join(plain(name) for name in one.names) or "nothing that shows"
 
 
 def shown_models(found: Diagnosis) -> list[Shown]:

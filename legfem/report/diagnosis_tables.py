@@ -7,7 +7,13 @@ from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.held_out import HeldOut
 from legfem.diagnose.remains import explained_share
 from legfem.diagnose.sentences import percent
-from legfem.report.diagnosis_style import BASE_NAME, determined, model_name, plain
+from legfem.report.diagnosis_style import (
+    BASE_NAME,
+    determined,
+    model_name,
+    plain,
+    statement_name,
+)
 from legfem.report.located import Place, places_of
 from legfem.report.words import number, short_probability
 
@@ -64,7 +70,8 @@ def evidence_cells(found: Diagnosis) -> Cells:
     base = found.alone
     rows = [
         [
-            BASE_NAME, percent(base.probability), "-", "-", f"{found.base_held_out.rmse:.3f}", "-",
+            BASE_NAME, percent(found.explained.soundness), "-", "-",
+            f"{found.base_held_out.rmse:.3f}", "-",
         ],
         *(
             [
@@ -86,12 +93,12 @@ def evidence_cells(found: Diagnosis) -> Cells:
 
 
 def explanation_cells(found: Diagnosis, most: int = 8) -> Cells:
-    """Return the most probable explanations, nothing and something unknown among them."""
+    """Return what may have been left out, the most probable first; nothing that shows, too."""
     rows = [
-        [model_name(e) if not e.nothing else "nothing was left out", percent(e.probability)]
-        for e in found.explained.every[:most]
+        [statement_name(one), percent(one.probability)]
+        for one in found.explained.statements()[:most]
     ]
-    return ["explanation", "probability"], rows
+    return ["left out", "probability"], rows
 
 
 def limit_cells(found: Diagnosis) -> Cells:

@@ -109,9 +109,7 @@ class SealedCase:
         return cls(**{**document, "effects": effects, "outside": outside})
 
 
-def make_cases(
-    number: int, seed: int, legs: int, each: int = PEOPLE
-) -> list[SealedCase]:
+def make_cases(number: int, seed: int, legs: int, each: int = PEOPLE) -> list[SealedCase]:
     """Return cases without effect, with one, two, or one outside the library; and twins.
 
     Parameters

@@ -74,7 +74,7 @@ def _sizes(summary: Summary) -> str:
 
 def _reliability(summary: Summary) -> str:
     tables = (
-        ("probability of the first explanation", summary.reliability),
+        ("probability of what the report says first", summary.reliability),
         ("the same with the study's own shares for priors", summary.at_base_rates),
         ("probability that nothing shows; right below size 4", summary.nothing_shows),
     )
@@ -141,7 +141,7 @@ def figure(everything: Sequence[Scored], summary: Summary) -> Figure:
                           color="#0072B2", capsize=3)  # fmt: skip
             left.annotate(f"{one.right.total}", (one.stated, share), (5, -11),
                           textcoords="offset points", fontsize=8)  # fmt: skip
-    left.set(xlim=(0, 1), ylim=(0, 1.02), xlabel="probability of the first explanation",
+    left.set(xlim=(0, 1), ylim=(0, 1.02), xlabel="probability of what is said first",
              ylabel="share that is right")  # fmt: skip
     panel(left, "a", "are probabilities true?")
     inside = [s for s in everything if s.case.judged in ("single", "pair")]

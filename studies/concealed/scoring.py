@@ -60,6 +60,8 @@ class Scored:
     full_solutions: int
     nothing_shows: float
     """Probability that nothing was left out that shows."""
+    said: tuple[Explained, ...]
+    """What the report says, the most probable first; without names, that nothing shows."""
 
     @property
     def visible(self) -> bool:
@@ -82,6 +84,12 @@ class Scored:
         if self.case.judged == "outside":
             return one.unknown
         return not one.unknown and set(one.names) == set(self.case.names)
+
+    def says_true(self, one: Explained) -> bool:
+        """Tell whether a statement is true: that nothing shows, of effects too small to see."""
+        if not one.names and not one.unknown:
+            return not self.visible
+        return self.is_truth(one)
 
     @property
     def first(self) -> bool:
@@ -147,7 +155,11 @@ def _scored(found: dict[str, Any], key: dict[str, Any], metric: Metric) -> Score
         bool(low <= case.c10_kpa <= high),
         found["processor_s"],
         found["full_solutions"],
-        found["probability_of_no_effect"],
+        found["probability_that_nothing_shows"],
+        tuple(
+            Explained(tuple(s["mechanisms"]), bool(s["unknown"]), float(s["probability"]))
+            for s in found["statements"]
+        ),
     )
 
 
@@ -175,7 +187,7 @@ class Summary:
     same_answer: Rate
     """Of twins: the same first name, or each one's first among the other's."""
     reliability: tuple[Reliability, ...]
-    """Of the first explanations."""
+    """Of what the report says first, with the probability that it states."""
     at_base_rates: tuple[Reliability, ...]
     """Of those that are first with the study's own shares for priors: the evidence's part of it."""
     nothing_shows: tuple[Reliability, ...]
@@ -225,9 +237,8 @@ def summarise(everything: Sequence[Scored]) -> Summary:
 
 
 def reliability(scored: Sequence[Scored]) -> tuple[Reliability, ...]:
-    """Return how often the most probable explanation is right, by its probability."""
-    firsts = [(s.explanations[0].probability, s.is_truth(s.explanations[0])) for s in scored]
-    return reliability_of(firsts)
+    """Return how often what the report says first is right, by the probability it states."""
+    return reliability_of([(s.said[0].probability, s.says_true(s.said[0])) for s in scored])
 
 
 def _first_at_base_rates(s: Scored) -> tuple[float, bool]:

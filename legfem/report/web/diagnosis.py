@@ -141,7 +141,7 @@ def _physics(found: Diagnosis) -> list[web.Block]:
     blocks: list[web.Block] = [
         web.Prose(f"Verdict: {found.verdict.upper()}. {verdict_sentence(found)}"),
         web.Prose(_looks(found)),
-        web.WebTable("How probable each explanation is", *tables.explanation_cells(found)),
+        web.WebTable("What was left out, and how probably", *tables.explanation_cells(found)),
     ]
     if found.verdict == "consistent":
         return [
@@ -171,7 +171,8 @@ def _looks(found: Diagnosis) -> str:
         f"The base model ({LAW_NAMES[found.law]} deep tissue{ends}, nothing added) fits with "
         f"R2 = {r_squared(found.base.fit, found):.5f}. Probabilities weigh all explanations "
         "against each other: none, one mechanism, two, or something unknown; beforehand as many "
-        "tests are taken to be sound as to lack one mechanism, and half as many two."
+        "tests are taken to be sound as to lack one mechanism, and half as many two. Nothing that "
+        "shows: nothing at all, or what is too small for these recordings to tell from it."
     )
     if found.verdict == "consistent":
         looks += (
