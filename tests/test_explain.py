@@ -93,6 +93,10 @@ def test_nothing_is_named_where_nothing_is(seed):
     assert explained.every[0].nothing
     assert explained.base.probability > 0.7
     assert all(len(e.names) < 2 for e in explained.every), "no pairs where nothing asks for more"
+    said = explained.statements()
+    assert said[0].nothing_shows and said[0].probability == pytest.approx(explained.soundness)
+    assert said[0].probability > explained.base.probability, "what adds nothing counts, too"
+    assert sum(one.probability for one in said) == pytest.approx(1.0)
 
 
 def test_probabilities_sum_to_one_and_explanations_are_listed_to_nine_tenths():
@@ -106,6 +110,9 @@ def test_probabilities_sum_to_one_and_explanations_are_listed_to_nine_tenths():
     assert sum(held) >= HELD > sum(held[:-1])
     assert listed[0].names == ("contact-onset",)
     assert not any(e.nothing for e in listed)
+    said = explained.statements()
+    assert said[0].names == ("contact-onset",)
+    assert sum(one.probability for one in said) == pytest.approx(1.0)
     assert pytest.approx(1.0) == PRIOR_NONE + PRIOR_SINGLE + PRIOR_PAIR + PRIOR_UNKNOWN
 
 
@@ -152,6 +159,20 @@ def test_behind_one_effect_that_suffices_others_are_tried_and_widen_the_interval
     alone = best.interval("C10")
     assert high - low > 1.02 * (alone[1] - alone[0])
     assert low < TRUTH["C10"] < high
+
+
+def test_the_interval_of_consistent_recordings_has_room_for_what_they_may_hide():
+    problem, base = problem_of(ramps(), {"support-compliance.compliance": 0.006}, seed=1)
+    explained = explain(problem, base, SOUGHT)
+    assert explained.every[0].nothing and explained.soundness > 0.9
+    low, high = averaged_interval(explained, "C10")
+    alone = explained.base.interval("C10")
+    assert low < TRUTH["C10"] < high
+    assert high - low > 1.3 * (alone[1] - alone[0])
+    surer = [replace(e, probability=100 * e.probability) if e.nothing else e
+             for e in explained.every]  # fmt: skip
+    again = averaged_interval(replace(explained, every=tuple(surer)), "C10")
+    assert again == pytest.approx((low, high)), "nothing at all is no explanation of a leg"
 
 
 def test_a_pair_that_adds_nothing_takes_the_solution_of_its_one_mechanism():

@@ -1,4 +1,9 @@
-"""A parameter's interval over all explanations of the recordings."""
+"""A parameter's interval over all explanations of the recordings.
+
+"Nothing was left out" isn't among them. It says of every effect that it is exactly nought, which
+no leg and no rig is; where effects are too small to show, the explanations by each of them say so,
+and how far what is hidden may have moved the parameter.
+"""
 
 from __future__ import annotations
 
@@ -15,12 +20,13 @@ _FAR = 99.0
 def averaged_interval(
     explained: Explained, name: str, share: float = 0.95
 ) -> tuple[float, float] | None:
-    """Return a parameter's interval over all explanations, each with its probability.
+    """Return a parameter's interval over all that may be left out, each with its probability.
 
     The distribution is a mixture of Student's t about each one's value; None where no explanation
     that counts has the parameter.
     """
     every = [e for e in explained.every if e.probability > 1e-4 and name in e.fit.free]
+    every = [e for e in every if not e.nothing] or every
     if not every:
         return None
     weights = np.array([e.probability for e in every])
