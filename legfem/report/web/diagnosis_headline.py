@@ -127,7 +127,7 @@ def _sure(found: Diagnosis) -> str:
 
 # Counted where errors are wider than is assumed: docs/evidence.md.
 _NINETEEN_OF_20 = (
-    "is made to hold the true value in 19 of 20 tests; in hard simulated ones it did in about 16."
+    "is made to hold the true value in 19 of 20 tests; in hard simulated ones it did in about 18."
 )
 
 
