@@ -12,23 +12,22 @@ from typing import Any
 
 import numpy as np
 
+from legfem.common.errors import naming
+
 
 def write_atomically(path: Path, text: str) -> None:
     """Write a file so that no reader, and no kill, ever meets half of it."""
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
-        with os.fdopen(handle, "w") as file:
+        with naming(path), os.fdopen(handle, "w") as file:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
         # mkstemp's files are private; the results needn't be.
         Path(name).chmod(0o644)
         Path(name).replace(path)
-    except BaseException as error:
+    except BaseException:
         Path(name).unlink(missing_ok=True)
-        if isinstance(error, OSError):
-            # A full disk's error names no file.
-            error.filename = error.filename or str(path)
         raise
 
 

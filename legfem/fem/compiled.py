@@ -32,6 +32,7 @@ from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
 from ufl.domain import extract_unique_domain
 
+from legfem.common.errors import naming
 from legfem.common.units import FloatArray
 
 FLAGS = ("-O1", "-march=native", "-ffast-math", "-fno-finite-math-only")
@@ -96,19 +97,16 @@ def _compile_here(what: Any, options: dict[str, Any]) -> None:
                 if file.name != _LOCK:
                     file.unlink()
         try:
-            jit.ffcx_jit(
-                MPI.COMM_SELF,
-                what,
-                form_compiler_options={"scalar_type": default_scalar_type},
-                # FFCx itself waits for another process only where nothing can be locked.
-                jit_options={**options, "timeout": 10 if locked else 300},
-            )
+            with naming(folder):
+                jit.ffcx_jit(
+                    MPI.COMM_SELF,
+                    what,
+                    form_compiler_options={"scalar_type": default_scalar_type},
+                    # FFCx itself waits for another process only where nothing can be locked.
+                    jit_options={**options, "timeout": 10 if locked else 300},
+                )
         except VerificationError as error:
             raise _failure(folder) from error
-        except OSError as error:
-            # A full disk's error names no file.
-            error.filename = error.filename or str(folder)
-            raise
 
 
 def _failure(folder: Path) -> OSError:

@@ -12,6 +12,8 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from legfem.common.errors import naming
+
 type Arrays = dict[str, NDArray[Any]]
 
 
@@ -22,12 +24,11 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], compressed: boo
     save(content, **arrays)  # type: ignore[arg-type]
     new = path.with_suffix(".new")
     try:
-        new.write_bytes(content.getvalue())
-        new.replace(path)
-    except OSError as error:
+        with naming(path):
+            new.write_bytes(content.getvalue())
+            new.replace(path)
+    except OSError:
         new.unlink(missing_ok=True)
-        # A full disk's error names no file.
-        error.filename = error.filename or str(path)
         raise
 
 

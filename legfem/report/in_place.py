@@ -9,6 +9,8 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+from legfem.common.errors import naming
+
 REPORT = "report.txt"
 _UNFINISHED = ".report-unfinished"
 
@@ -32,17 +34,14 @@ def made_in_place(out: Path, comm: MPI.Intracomm = MPI.COMM_SELF) -> Iterator[Pa
         hidden.mkdir(parents=True)
     comm.barrier()
     try:
-        yield hidden
-        if comm.rank == 0:
-            for path in sorted(hidden.iterdir(), key=lambda path: path.name == REPORT):
-                target = out / path.name
-                if target.is_dir():
-                    shutil.rmtree(target)
-                path.replace(target)
-    except OSError as error:
-        # A full disk's error names no file.
-        error.filename = error.filename or str(out)
-        raise
+        with naming(out):
+            yield hidden
+            if comm.rank == 0:
+                for path in sorted(hidden.iterdir(), key=lambda path: path.name == REPORT):
+                    target = out / path.name
+                    if target.is_dir():
+                        shutil.rmtree(target)
+                    path.replace(target)
     finally:
         if comm.rank == 0:
             shutil.rmtree(hidden, ignore_errors=True)
