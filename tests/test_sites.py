@@ -67,13 +67,16 @@ def test_a_site_that_is_otherwise_is_told(tmp_path):
     assert any("do not ask for the same" in text and "low" in text for text in found.warnings)
 
 
-def test_the_corrections_error_does_not_average_out(tmp_path):
-    leg = sited_leg(tmp_path, 1.0)
+def correction_known_to(sd):
     d = np.linspace(0.0, DEPTH, 5)
-    table = TabulatedCorrection(
-        "made", d, np.array([1.0]), np.array([0.0]), np.zeros((1, 1, 5)),
-        {"length": np.full(5, 0.1)},
-    )  # fmt: skip
+    errors = {"length": np.full(5, sd)}
+    return TabulatedCorrection(
+        "made", d, np.array([1.0]), np.array([0.0]), np.zeros((1, 1, 5)), errors
+    )
+
+
+def test_the_corrections_error_does_not_average_out(tmp_path):
+    leg, table = sited_leg(tmp_path, 1.0), correction_known_to(0.1)
     (without,) = joint(leg)
     (found,) = joint(leg, corrections=[table] * 3)
     error = found.parameters[C10].standard_error
@@ -87,12 +90,7 @@ def test_the_corrections_error_does_not_average_out(tmp_path):
 
 
 def test_a_prior_is_weighed_against_the_corrections_error(tmp_path):
-    leg = sited_leg(tmp_path, 1.0)
-    d = np.linspace(0.0, DEPTH, 5)
-    table = TabulatedCorrection(
-        "made", d, np.array([1.0]), np.array([0.0]), np.zeros((1, 1, 5)),
-        {"length": np.full(5, 0.2)},
-    )  # fmt: skip
+    leg, table = sited_leg(tmp_path, 1.0), correction_known_to(0.2)
     known = replace(
         parameter_of(C10, sites_model().nominal), prior=Prior(0.8e-3, 0.04e-3, "linear")
     )

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.geometry.curve import at_own_places
+from legfem.geometry.curve import at_own_places, outward_normals
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape, corresponding_loops
 
 _STEPS, _CLOSE = 12, 1e-12
@@ -82,17 +82,10 @@ def without_layer(shape: LegShape, thickness: float) -> LegShape:
         mm.
     """
     moved = {
-        part: shape.contours[part] - thickness * _outwards(shape, part) for part in (SKIN, HULL)
+        part: shape.contours[part] - thickness * outward_normals(shape.contours[part])
+        for part in (SKIN, HULL)
     }
     return LegShape(shape.levels, {**shape.contours, **moved})
-
-
-def _outwards(shape: LegShape, part: str) -> FloatArray:
-    """Return the contours' unit normals, (n_levels, n_points, 2)."""
-    xy = shape.contours[part]
-    along = np.roll(xy, -1, axis=1) - np.roll(xy, 1, axis=1)
-    along /= np.linalg.norm(along, axis=-1, keepdims=True)
-    return np.stack([along[..., 1], -along[..., 0]], axis=-1)
 
 
 def _levels_to_cut(points: Mapping[str, FloatArray], levels: ArrayLike | None) -> FloatArray:

@@ -91,9 +91,16 @@ class Compared(ABC):
     def if_deeper(self) -> FloatArray:
         """Change of the measured forces (n,) per relative change of the displacements, N."""
 
-    @abstractmethod
     def weighted(self, values: FloatArray) -> FloatArray:
-        """Return values (n, ...) scaled so that `objective` is their sum of squares."""
+        """Return values (n, ...) scaled so that `objective` is their sum of squares.
+
+        By the errors, unless a comparison says otherwise.
+        """
+        return np.asarray(solve_triangular(self._lower, values, lower=True))
+
+    @cached_property
+    def _lower(self) -> FloatArray:
+        return np.linalg.cholesky(self.covariance)
 
     def __len__(self) -> int:
         """Return n."""
@@ -220,15 +227,9 @@ class Misfit(Compared):
         relative = self.correction.relative_errors(self.displacement, *_stiffness(values))
         return {name: error * force for name, error in relative.items()}
 
-    @cached_property
-    def _lower(self) -> FloatArray:
-        return np.linalg.cholesky(self.covariance)
-
     def weighted(self, values: FloatArray) -> FloatArray:
         """Return values (n, ...) scaled so that `objective` is their sum of squares."""
-        if self.weighting == "paper":
-            return values
-        return np.asarray(solve_triangular(self._lower, values, lower=True))
+        return values if self.weighting == "paper" else super().weighted(values)
 
     def read(self, force: FloatArray, readings: FloatArray) -> FloatArray:
         """Return what the instrument shows of the model's forces (..., m); (..., n)."""

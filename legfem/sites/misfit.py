@@ -8,7 +8,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import block_diag, solve_triangular
+from scipy.linalg import block_diag
 
 from legfem.common.units import FloatArray
 from legfem.identify.error_sources import Covariances, covariances_of_modes, total_of
@@ -110,14 +110,6 @@ class SitesMisfit(Compared):
     def read(self, force: FloatArray, readings: FloatArray) -> FloatArray:
         """Return the model's forces (..., n) as they are: instruments' errors are the curves'."""
         return force
-
-    def weighted(self, values: FloatArray) -> FloatArray:
-        """Return values (n, ...) over the sites' errors."""
-        return np.asarray(solve_triangular(self._lower, values, lower=True))
-
-    @cached_property
-    def _lower(self) -> FloatArray:
-        return np.linalg.cholesky(self.covariance)
 
     @cached_property
     def covariance(self) -> FloatArray:

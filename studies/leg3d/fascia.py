@@ -9,7 +9,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Annotated
 
-import numpy as np
 import typer
 
 from legfem.common.command_edge import command_edge
@@ -18,11 +17,10 @@ from legfem.common.markdown import markdown_table
 from legfem.experiments.indentation_3d import IdealisedLegIndentation, IdealisedLegSettings
 from legfem.experiments.leg_3d import LegIndentation3D, Pose, SolidLegSettings, membrane_of
 from legfem.experiments.pressing import PressingTest
-from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.shape_motion import without_layer
 from legfem.mechanics.materials import Hyperelastic, NeoHookean
 from legfem.mechanics.terms import Fascia
-from studies.leg3d.planted import CYLINDER, FIBULA, LEG, MESH, Planted
+from studies.leg3d.planted import CYLINDER, LEG, MESH, Planted, round_shape
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 SHOWN = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
@@ -46,15 +44,7 @@ def membrane(
     own_law: bool = True, taken_out: bool = True, finer: float = 1.0, fibula: bool = False
 ) -> LegIndentation3D:
     """Return the leg by tetrahedra: by its fascia's own law, or incompressible, and so on."""
-    angle = np.linspace(0, 2 * np.pi, 120, endpoint=False)
-    ring = np.column_stack([np.cos(angle), np.sin(angle)])
-    parts = {SKIN: LEG.radius * ring, HULL: (LEG.radius - LEG.fat) * ring}
-    parts["tibia"] = LEG.bone_radius * ring
-    if fibula:
-        radius, behind = FIBULA
-        parts["fibula"] = radius * ring + [0.0, behind]
-    levels = np.linspace(-LEG.length / 2, LEG.length / 2, 5)
-    shape = LegShape(levels, {part: np.tile(xy, (5, 1, 1)) for part, xy in parts.items()})
+    shape = round_shape(120, 5, fibula)
     tissues = Planted().tissues
     sheet = membrane_of(tissues["fascia"], LEG.fascia)
     default = SolidLegSettings()

@@ -17,13 +17,12 @@ from legfem.common.units import kpa_to_mpa
 from legfem.experiments.indentation_3d import IdealisedLegIndentation, IdealisedLegSettings
 from legfem.experiments.leg_3d import LegIndentation3D, Pose, SolidLegSettings, fibres_of
 from legfem.experiments.pressing import PressingTest
-from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
 from legfem.mechanics.terms import Fascia
 from legfem.meshing.idealised_leg import LegMeshSettings
 from legfem.subjects.loading import load_subject
 from legfem.subjects.spatial import spatial_leg
-from studies.leg3d.planted import CYLINDER, LEG, Planted
+from studies.leg3d.planted import CYLINDER, LEG, Planted, round_shape
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 SHOWN = np.array([1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 15.0, 20.0, 25.0, 30.0])
@@ -32,12 +31,8 @@ SHOWN = np.array([1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 15.0, 20.0, 25.0, 30.0])
 
 def round_leg() -> LegIndentation3D:
     """Return the study's small leg, round, without its fascia and fibula."""
-    angle = np.linspace(0, 2 * np.pi, 96, endpoint=False)
-    ring = np.column_stack([np.cos(angle), np.sin(angle)])
-    levels = np.linspace(-LEG.length / 2, LEG.length / 2, 9)
-    radii = {SKIN: LEG.radius, HULL: LEG.radius - LEG.fat, "tibia": LEG.bone_radius}
-    shape = LegShape(levels, {p: np.tile(r * ring, (len(levels), 1, 1)) for p, r in radii.items()})
-    return LegIndentation3D(shape, CYLINDER, Pose((0.0, 0.0), 0.0, 90.0), _tissues(), Fascia())
+    pose = Pose((0.0, 0.0), 0.0, 90.0)
+    return LegIndentation3D(round_shape(96, 9), CYLINDER, pose, _tissues(), Fascia())
 
 
 def hexahedra(deep: Hyperelastic) -> IdealisedLegIndentation:

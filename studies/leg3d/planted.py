@@ -18,6 +18,7 @@ from legfem.experiments.indentation_3d import (
     IdealisedLegIndentation,
     IdealisedLegSettings,
 )
+from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.section import LegSection
 from legfem.jobs.store import Store
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
@@ -67,6 +68,19 @@ class Planted:
         return {
             "deep": deep, "superficial": NeoHookean(2e-3, 22.5), "fascia": NeoHookean(0.1, 22.5),
         }  # fmt: skip
+
+
+def round_shape(points: int, levels: int, fibula: bool = False) -> LegShape:
+    """Return the leg's shape by contours of so many points at so many levels."""
+    angle = np.linspace(0, 2 * np.pi, points, endpoint=False)
+    ring = np.column_stack([np.cos(angle), np.sin(angle)])
+    parts = {SKIN: LEG.radius * ring, HULL: (LEG.radius - LEG.fat) * ring}
+    parts["tibia"] = LEG.bone_radius * ring
+    if fibula:
+        radius, behind = FIBULA
+        parts["fibula"] = radius * ring + [0.0, behind]
+    z = np.linspace(-LEG.length / 2, LEG.length / 2, levels)
+    return LegShape(z, {part: np.tile(xy, (levels, 1, 1)) for part, xy in parts.items()})
 
 
 def true_curve(planted: Planted, kept: Path) -> ForceCurve:
