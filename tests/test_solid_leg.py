@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import dolfinx.fem
 import numpy as np
 import pytest
@@ -53,6 +55,32 @@ def test_a_round_leg_has_its_volumes_and_faces(round_mesh):
     assert measure(round_mesh, SKIN) == pytest.approx(2 * np.pi * 50 * 40, rel=0.005)
     assert measure(round_mesh, BONE) == pytest.approx(2 * np.pi * 12 * 40, rel=0.01)
     assert measure(round_mesh, END) == pytest.approx(2 * np.pi * (50**2 - 12**2), rel=0.005)
+
+
+def enclosed(leg: LegMesh, tag: int) -> float:
+    """Volume (mm3) within tagged facets about the z axis, by the divergence theorem."""
+    x, n = ufl.SpatialCoordinate(leg.mesh), ufl.FacetNormal(leg.mesh)
+    facets = ufl.Measure("ds", domain=leg.mesh, subdomain_data=leg.facet_tags)(tag)
+    return abs(dolfinx.fem.assemble_scalar(
+        dolfinx.fem.form((x[0] * n[0] + x[1] * n[1]) / 2 * facets)))  # fmt: skip
+
+
+def test_flat_facets_may_enclose_what_the_surfaces_do():
+    shape = round_leg(radius=50, hull_radius=42, core_radius=12, length=40)
+    coarse = SolidMeshSettings(skin_size=16, inside_size=20, bone_size=12, turn_elements=7)
+    inscribed, enclosing, finer = (
+        mesh_solid_leg(shape, settings)
+        for settings in (
+            coarse,
+            replace(coarse, enclosing=True),
+            replace(coarse.refined(2), enclosing=True),
+        )
+    )
+    for tag, radius in ((SKIN, 50), (BONE, 12)):
+        off = [enclosed(leg, tag) / (np.pi * radius**2 * 40) - 1 for leg in (inscribed, enclosing)]
+        assert off[0] < -0.004
+        assert abs(off[1]) < 0.2 * abs(off[0])
+    assert abs(enclosed(finer, BONE) / (np.pi * 12**2 * 40) - 1) < 0.003
 
 
 def test_facets_and_cells_stand_where_their_tags_say(round_mesh):

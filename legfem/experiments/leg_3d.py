@@ -73,7 +73,12 @@ class SolidLegSettings:
 
     mesh: SolidMeshSettings = field(
         default_factory=lambda: SolidMeshSettings(
-            skin_size=18.0, inside_size=26.0, bone_size=14.0, layer_elements=0.3, turn_elements=7.0
+            skin_size=18.0,
+            inside_size=26.0,
+            bone_size=14.0,
+            layer_elements=0.3,
+            turn_elements=7.0,
+            enclosing=True,
         )
     )
     contact_size: float = 4.5

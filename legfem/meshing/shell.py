@@ -39,8 +39,12 @@ class Shell:
     """Both end faces between hull and bones."""
 
 
-def mesh_shell(shape: LegShape, sizes: SizeField) -> Shell:
-    """Triangulate the surfaces of a leg with elements of given sizes."""
+def mesh_shell(shape: LegShape, sizes: SizeField, enclosing: bool = False) -> Shell:
+    """Triangulate the surfaces of a leg with elements of given sizes.
+
+    The flat triangles' corners lie on the surfaces, or beside them where they are to enclose what
+    the surfaces do: `_enclosing`.
+    """
     pieces: list[tuple[FloatArray, Triangles]] = []
     rings: dict[str, tuple[FloatArray, FloatArray]] = {}
     for part in shape.parts:
@@ -55,12 +59,37 @@ def mesh_shell(shape: LegShape, sizes: SizeField) -> Shell:
     points, place = _welded(every)
     faces = [place[t + offset] for (_, t), offset in zip(pieces, offsets[:-1], strict=True)]
     n = len(shape.parts)
+    tubes = dict(zip(shape.parts, faces[:n], strict=True))
+    if enclosing:
+        for part, tube in tubes.items():
+            points += _enclosing(PartSurface(shape, part), points, tube)
     return Shell(
         points,
-        dict(zip(shape.parts, faces[:n], strict=True)),
+        tubes,
         np.vstack(faces[n : n + 2]),
         np.vstack(faces[n + 2 :]),
     )
+
+
+def _enclosing(surface: PartSurface, points: FloatArray, tube: Triangles) -> FloatArray:
+    """Return by how much to move points (n, 3), mm, across the leg to keep a tube's volume.
+
+    Chords of length h about a radius R lie h^2 / (12 R) inside the circle in the mean; a corner
+    moves by the mean of the triangles that meet there, and what is left is of fourth order.
+    """
+    corners = points[tube]
+    middles = (corners + np.roll(corners, 1, axis=1)) / 2
+    # Edge midpoints integrate what is quadratic exactly.
+    inside = (surface.beside(middles.reshape(-1, 3)) - middles.reshape(-1, 3)).reshape(-1, 3, 3)
+    inside[..., 2] = 0.0
+    area = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    moved, weight = np.zeros_like(points), np.zeros(len(points))
+    for k in range(3):
+        np.add.at(moved, tube[:, k], area[:, None] * inside.mean(axis=1))
+        np.add.at(weight, tube[:, k], area)
+    return moved / np.where(weight > 0, weight, 1.0)[:, None]
 
 
 def _tube(

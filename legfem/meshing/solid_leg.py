@@ -98,6 +98,9 @@ class SolidMeshSettings:
         Part of the leg to mesh; the whole by default.
     strip : FineStrip, optional
         Of the skin, with smaller elements.
+    enclosing : bool
+        Whether flat facets enclose the volume that the smooth surfaces do, instead of having their
+        corners on them.
     """
 
     skin_size: float = 5.0
@@ -109,6 +112,7 @@ class SolidMeshSettings:
     clearance: float = 0.5
     z_range: tuple[float, float] | None = None
     strip: FineStrip | None = None
+    enclosing: bool = False
 
     def __post_init__(self) -> None:
         """Check the sizes."""
@@ -190,7 +194,7 @@ def mesh_solid_leg(
     if comm.rank == 0:
         try:
             check_shape(shape, "shape", settings.clearance, leg_sized=False)
-            shell = mesh_shell(shape, _size_field(shape, settings, spacing=3.0))
+            shell = mesh_shell(shape, _size_field(shape, settings, spacing=3.0), settings.enclosing)
         except InputError as found:
             error = found
     raise_everywhere(comm, error)

@@ -25,7 +25,9 @@ from legfem.meshing.solid_leg import SolidMeshSettings
 TISSUES = {"deep": NeoHookean(1e-3, 28.0), "superficial": NeoHookean(2e-3, 22.5)}
 RADIUS, BONE, FAT = 40.0, 12.0, 9.0
 CYLINDER = Cylinder(length=30.0)
-COARSE = SolidMeshSettings(skin_size=12.0, inside_size=16.0, bone_size=8.0, layer_elements=0.7)
+COARSE = SolidMeshSettings(
+    skin_size=12.0, inside_size=16.0, bone_size=8.0, layer_elements=0.7, enclosing=True
+)
 
 
 def round_leg(length: float) -> LegShape:
