@@ -60,6 +60,18 @@ def test_a_tibia_under_the_skin_is_wrapped_and_cut_back():
     assert fat_thickness(section, *back) == pytest.approx(10.0, abs=0.3)
 
 
+@pytest.mark.parametrize("gap", [-2.0, 0.0, 0.5])
+def test_bones_that_meet_below_the_knee_are_set_apart(gap):
+    outlines = {part: Polygon(xy) for part, xy in _surfaces().items()}
+    outlines["tibia"] = Polygon(circle(0, -15, 14, 60))
+    outlines["fibula"] = Polygon(circle(20 + gap, -15, 6, 40))
+    section = section_from_outlines(outlines, 0.6, "made")
+    tibia, fibula = section.polygon("tibia"), section.polygon("fibula")
+    assert tibia.distance(fibula) > 1.0
+    assert tibia.area == pytest.approx(outlines["tibia"].area, rel=0.02)
+    assert 0.5 < fibula.area / outlines["fibula"].area < 1.0
+
+
 def test_outlines_of_a_hundred_thousand_points_are_thinned():
     few = {part: Polygon(xy) for part, xy in _surfaces().items()}
     many = dict(few, skin=Polygon(circle(0, 0, 60, 100_000)))

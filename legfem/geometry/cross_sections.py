@@ -40,6 +40,8 @@ class Clearances:
     """Between a bone and the fascia's inner face."""
     fascia_to_skin: float = 1.8
     """Least thickness of the fat; more where the fascia is thicker than this."""
+    between_bones: float = 1.2
+    """Between two bones; the second is cut back there."""
     fascia_bridge: float = 10.0
     """Radius over which the fascia spans furrows of the hull, as a taut sheet does."""
     corner: float = 4.0
@@ -200,6 +202,10 @@ def _nested(
     around = room.bone_to_fascia + fascia_thickness + slack
     for bone in (part for part in outlines if part not in ("skin", "muscle_hull")):
         inside = skin.buffer(-(fat + slack + around))
+        for other in bones.values():
+            # Near the knee and the ankle the fibula meets the tibia.
+            if other.distance(outlines[bone]) < room.between_bones + slack:
+                inside = inside - other.buffer(room.between_bones + slack)
         bones[bone] = _smooth(
             largest_polygon(_opened(outlines[bone] & inside, 1.0), source, bone), room
         )
