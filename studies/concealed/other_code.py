@@ -20,16 +20,15 @@ from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
-from scipy.sparse.linalg import splu
 
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.subjects.subject import Subject, TissueParameters
 from studies.concealed.other_mesh import GAUSS, mesh_leg
-from studies.concealed.other_tissue import DeepTissue
+from studies.concealed.other_pressing import OtherPressing, spread
+from studies.concealed.other_tissue import other_law
 
 _PENALTY, _ALONG = 400.0, 200.0
 """Normal and tangential, times the fat's shear modulus over the cylinder's radius."""
-_ITERATIONS, _LEAST_STEP_MM = 25, 0.02
 
 
 @dataclass(frozen=True)
@@ -63,17 +62,8 @@ class OtherCase:
     lump: tuple[float, float, float] | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class OtherCurve:
-    """The force (N) over the cylinder's length at displacements (mm); (n,)."""
-
-    displacement: FloatArray
-    force: FloatArray
-    reached: bool
-
-
-class OtherCode:
-    """A leg, pressed by a disk.
+class OtherCode(OtherPressing):
+    """A leg in plane strain, pressed by a disk.
 
     Parameters
     ----------
@@ -90,13 +80,14 @@ class OtherCode:
 
         indenter = subject.indenter
         self.subject, self.case = subject, case
-        self.radius, self.travel = indenter.radius, indenter.direction
+        self.radius, travel = indenter.radius, indenter.direction
         self.start = np.asarray(
-            first_touch(subject.section.skin, indenter.radius, indenter.aim, self.travel)
+            first_touch(subject.section.skin, indenter.radius, indenter.aim, travel)
         )
-        at_skin = self.start + self.radius * self.travel
+        at_skin = self.start + self.radius * travel
         self.mesh = mesh_leg(subject.section, at_skin, finer)
-        self._bodies = list(self._made(at_skin))
+        bodies = list(self._made(at_skin, travel))
+        super().__init__(bodies, self._kept(), travel, indenter.length)
         fat = subject.tissues["superficial"].C10
         assert fat is not None
         modulus = 2 * fat
@@ -104,9 +95,8 @@ class OtherCode:
         self.along = _ALONG * modulus / self.radius
         xi = GAUSS[0]
         self._shape = np.column_stack([xi * (xi - 1) / 2, xi * (xi + 1) / 2, 1 - xi**2])
-        self._reduction = self._kept()
 
-    def _made(self, touch: FloatArray) -> Any:
+    def _made(self, touch: FloatArray, travel: FloatArray) -> Any:
         import felupe as fem
 
         for name, cells in self.mesh.cells.items():
@@ -115,7 +105,7 @@ class OtherCode:
             if name == "deep" and self.case.lump is not None:
                 distance, radius, factor = self.case.lump
                 middle = self.mesh.points[cells[:, :3]].mean(axis=1)
-                inside = np.linalg.norm(middle - touch - distance * self.travel, axis=1) < radius
+                inside = np.linalg.norm(middle - touch - distance * travel, axis=1) < radius
                 parts = {1.0: cells[~inside], factor: cells[inside]}
             for factor, part in parts.items():
                 region = fem.RegionQuadraticTriangle(fem.Mesh(self.mesh.points, part, "triangle6"))
@@ -124,20 +114,14 @@ class OtherCode:
                 yield holder, fem.SolidBody(law, holder)
 
     def _law(self, name: str, own: TissueParameters, factor: float) -> Any:
-        import felupe as fem
-
         case = self.case
         if name != "deep":
             assert own.C10 is not None
-            stiffness = own.C10 * case.factors.get(name, 1.0)
-            return fem.NeoHooke(mu=2 * stiffness, bulk=2 / own.D1)
+            return other_law(own.C10 * case.factors.get(name, 1.0), own.D1)
         c10, c20 = (factor * kpa_to_mpa(c) for c in (case.c10, case.c20))
         alpha, beta = factor * kpa_to_mpa(case.exponential[0]), case.exponential[1]
         d1 = own.D1 * case.factors.get("deep", 1.0)
-        if c20 == 0 and alpha == 0:
-            return fem.NeoHooke(mu=2 * c10, bulk=2 / d1)
-        fourth = 0.0 if own.D2 is None else 1 / own.D2
-        return DeepTissue(c10, c20, alpha, beta, 1 / d1, fourth)
+        return other_law(c10, d1, c20, own.D2, (alpha, beta))
 
     def _kept(self) -> csr_matrix:
         """Return the matrix from what is free to all displacements."""
@@ -157,51 +141,10 @@ class OtherCode:
         r, c = np.concatenate(rows), np.concatenate(columns)
         return csr_matrix((np.ones(len(r)), (r, c)), shape=(2 * count, width))
 
-    def solve(self, depth: float, step: float = 0.5) -> OtherCurve:
-        """Press the disk in; the curve ends where Newton's iteration doesn't converge."""
-        free = np.zeros(self._reduction.shape[1])
-        before = free
-        stuck = np.full(self.mesh.skin_weights.shape, np.nan)
-        at, force = [0.0], [0.0]
-        size, last = min(step, 0.25), 1.0
-        while at[-1] < depth - 1e-9 and size > _LEAST_STEP_MM:
-            to = min(at[-1] + size, depth)
-            # A secant's guess: as far again as in the step before.
-            guess = free + (free - before) * (to - at[-1]) / last if len(at) > 2 else free
-            found = self._newton(guess, to, stuck)
-            if found is None:
-                size *= 0.5
-                continue
-            before, free = free, found
-            last = to - at[-1]
-            resultant, stuck = self._contact(self._reduction @ free, to, stuck)[2:]
-            at.append(to)
-            force.append(float(resultant @ self.travel) * self.subject.indenter.length)
-            size = min(step, 1.5 * size)
-        return OtherCurve(np.array(at), np.array(force), at[-1] >= depth - 1e-9)
+    def _untouched(self) -> FloatArray:
+        return np.full(self.mesh.skin_weights.shape, np.nan)
 
-    def _newton(self, free: FloatArray, to: float, stuck: FloatArray) -> FloatArray | None:
-        T = self._reduction
-        largest = 0.0
-        for _ in range(_ITERATIONS):
-            u = T @ free
-            inner, stiffness = self._tissue(u)
-            outer, tangent, _, _ = self._contact(u, to, stuck)
-            left = T.T @ (inner - outer)
-            matrix = (T.T @ (stiffness + tangent) @ T).tocsc()
-            left, matrix = self._sprung(free, left, matrix)
-            if not np.isfinite(left).all():
-                return None
-            largest = max(largest, float(np.abs(outer).max()), 1e-9)
-            change = splu(matrix).solve(-left)
-            free = free + change
-            if np.abs(change).max() < 1e-5 and np.abs(left).max() < 1e-3 * largest:
-                return free
-            if np.abs(change).max() > 50:
-                return None
-        return None
-
-    def _sprung(self, free: FloatArray, left: FloatArray, matrix: Any) -> tuple[FloatArray, Any]:
+    def _held(self, free: FloatArray, left: FloatArray, matrix: Any) -> tuple[FloatArray, Any]:
         if self.case.springs is None:
             return left, matrix
         each = self.case.springs / self.subject.indenter.length
@@ -211,25 +154,15 @@ class OtherCode:
             (own, (np.arange(len(own)),) * 2), shape=matrix.shape
         )).tocsc()  # fmt: skip
 
-    def _tissue(self, u: FloatArray) -> tuple[FloatArray, Any]:
-        """Return the tissue's force and its tangent."""
-        inner, total = np.zeros(len(u)), None
-        for holder, body in self._bodies:
-            holder[0].values[:] = u.reshape(-1, 2)
-            inner += np.asarray(body.assemble.vector(holder).todense()).ravel()
-            matrix = body.assemble.matrix(holder)
-            total = matrix if total is None else total + matrix
-        return inner, total
-
     def _contact(
-        self, u: FloatArray, to: float, stuck: FloatArray
+        self, u: FloatArray, to: float, before: FloatArray
     ) -> tuple[FloatArray, Any, FloatArray, FloatArray]:
         """Return the disk's force on the skin, its tangent, the resultant, and where points stick.
 
-        ``stuck`` (k, 3) is the way along the disk's surface at which each Gauss point holds; NaN
+        ``before`` (k, 3) is the way along the disk's surface at which each Gauss point holds; NaN
         where it hasn't touched.
         """
-        edges, weights = self.mesh.skin, self.mesh.skin_weights
+        edges, weights, stuck = self.mesh.skin, self.mesh.skin_weights, before
         centre = self.start + to * self.travel
         x = np.einsum("qn,knd->kqd", self._shape, (self.mesh.points + u.reshape(-1, 2))[edges])
         away = x - centre
@@ -255,15 +188,7 @@ class OtherCode:
         if np.isfinite(self.case.friction):
             slope = weights * self.case.friction * self.penalty * np.sign(pull) * sliding
             K = K - slope[:, :, None, None] * tau[:, :, :, None] * n[:, :, None, :]
-        nodes = np.einsum("qn,kqd->knd", self._shape, f)
-        outer = np.zeros(len(u))
-        dofs = 2 * edges[:, :, None] + np.array([0, 1])
-        np.add.at(outer, dofs.ravel(), nodes.ravel())
-        blocks = np.einsum("qn,qm,kqde->kndme", self._shape, self._shape, K)
-        flat = dofs.reshape(len(edges), 6)
-        rows = np.repeat(flat, 6, axis=1).ravel()
-        columns = np.tile(flat, (1, 6)).ravel()
-        tangent = coo_matrix((blocks.ravel(), (rows, columns)), shape=(len(u),) * 2).tocsr()
+        outer, tangent = spread(self._shape, edges, f, K, len(u))
         held = np.where(touching, np.where(np.isnan(stuck), s, stuck), np.nan)
         held = np.where(sliding, s - drag / self.along, held)
         return outer, tangent, f.sum(axis=(0, 1)), held

@@ -1,4 +1,4 @@
-"""The deep tissue's law as the second code asks for it."""
+"""The tissues' laws as the second code asks for them."""
 
 from __future__ import annotations
 
@@ -71,6 +71,19 @@ class DeepTissue:
         return 2 * self.second * e + 4 * self.fourth * e**3, (
             2 * self.second + 12 * self.fourth * e**2
         )
+
+
+def other_law(
+    c10: float, d1: float, c20: float = 0.0, d2: float | None = None,
+    exponential: tuple[float, float] = (0.0, 1.0),
+) -> Any:  # fmt: skip
+    """Return felupe's law of stiffnesses in MPa, of D1 and D2 in 1/MPa; D2 None is infinite."""
+    import felupe as fem
+
+    alpha, beta = exponential
+    if c20 == 0 and alpha == 0:
+        return fem.NeoHooke(mu=2 * c10, bulk=2 / d1)
+    return DeepTissue(c10, c20, alpha, beta, 1 / d1, 0.0 if d2 is None else 1 / d2)
 
 
 def _isochoric(F: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
