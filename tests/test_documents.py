@@ -22,8 +22,8 @@ COMMANDS = (
     "studies.worked", "studies.solvers", "studies.stockings", "studies.reconstruct",
     "studies.correction_checks",
     "studies.meshes", "studies.bench", "studies.expected_force", "studies.fibres",
-    "studies.leg3d", "studies.leg3d.fascia", "studies.leg3d.meshes", "studies.people",
-    "studies.reach",
+    "studies.leg3d", "studies.leg3d.codes", "studies.leg3d.fascia", "studies.leg3d.meshes",
+    "studies.people", "studies.reach",
     "studies.next_test", "studies.sites", "studies.fibrous_specimens",
 )  # fmt: skip
 

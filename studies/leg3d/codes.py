@@ -1,0 +1,65 @@
+"""``python -m studies.leg3d.codes``: the study's leg by felupe's hexahedra and by legfem's."""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated
+
+import typer
+
+from legfem.common.command_edge import command_edge
+from legfem.common.errors import InputError
+from legfem.common.markdown import markdown_table
+from legfem.solve.force_curve import ForceCurve
+from studies.leg3d.fascia import SHOWN, layer
+from studies.leg3d.other_code import OtherLeg
+from studies.leg3d.planted import Planted
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+
+
+@app.command()
+def codes(
+    finer: Annotated[
+        list[float] | None, typer.Option(help="Than felupe's default mesh; may be given again.")
+    ] = None,
+    step: Annotated[float, typer.Option(min=0.01, help="Greatest of felupe's, mm.")] = 0.5,
+    penalty: Annotated[
+        float, typer.Option(min=0.1, help="On the stiffness of felupe's contact, a factor.")
+    ] = 1.0,
+    hexahedra: Annotated[
+        list[float] | None,
+        typer.Option(help="Likewise of legfem's hexahedra, which are left out by default."),
+    ] = None,
+) -> None:
+    """Press a small round leg by two codes. Simulated.
+
+    Example: python -m studies.leg3d.codes --finer 0.6 --finer 1 --hexahedra 1
+    """
+    with command_edge():
+        factors, others = finer or [1.0], hexahedra or []
+        if min(*factors, *others, 1.0) <= 0:
+            raise InputError("codes", "sizes", "one is not positive", "give 1 or so")
+        rows = []
+        for factor in factors:
+            started = time.process_time()
+            test = OtherLeg(Planted(), factor, penalty)
+            found = test.solve(SHOWN[-1], step)
+            curve = ForceCurve(found.displacement, found.force, {})
+            rows.append(_row(f"felupe, {factor:g}", test.unknowns, started, curve))
+        for factor in others:
+            started = time.process_time()
+            solved = layer(finer=factor).solve(depth=SHOWN[-1])
+            unknowns = solved.report.unknowns
+            rows.append(_row(f"legfem, {factor:g}", unknowns, started, solved.curve))
+        header = ["code, finer by", "unknowns", "processor s", *(f"N at {d:g} mm" for d in SHOWN)]
+        typer.echo(markdown_table(header, rows))
+
+
+def _row(name: str, unknowns: int, started: float, curve: ForceCurve) -> list[str]:
+    shown = (f"{curve(d):.4f}" if d <= curve.depth + 1e-9 else "" for d in SHOWN)
+    return [name, f"{unknowns:,}", f"{time.process_time() - started:.0f}", *shown]
+
+
+if __name__ == "__main__":
+    app(prog_name="python -m studies.leg3d.codes")
