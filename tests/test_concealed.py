@@ -10,17 +10,22 @@ import numpy as np
 import pytest
 
 from legfem.common.errors import InputError
+from legfem.correction.choice import REFERENCE
+from legfem.correction.tabulated import read_correction
 from legfem.diagnose.explain import PRIOR_NONE, PRIOR_SINGLE
-from legfem.subjects.loading import load_subject
-from studies.concealed.cases import SealedCase, make_cases
+from legfem.subjects.loading import SUBJECTS, load_subject
+from studies.concealed.cases import DEPTH_MM, SealedCase, make_cases
 from studies.concealed.forms import FORMS, NAMED, ON_COURSE, OUTSIDE, OUTSIDE_ON_COURSE, Pressed
+from studies.concealed.making import change_at, key_of_case
 from studies.concealed.other_code import OtherCase, OtherCode
 from studies.concealed.other_tissue import DeepTissue
 from studies.concealed.page import cases_page, figure, page, scored_document
 from studies.concealed.reliability import Explained, at_base_rates
 from studies.concealed.running import Metric
-from studies.concealed.scoring import Scored, reliability, summarise
+from studies.concealed.scoring import Scored
 from studies.concealed.seal import read_sealed, write_sealed
+from studies.concealed.summary import reliability, summarise
+from studies.concealed.truth import ELASTIC_RATE, ForceCourse, Truths
 
 CROSSCHECK = Path(__file__).parent / "data" / "crosscheck"
 
@@ -138,10 +143,24 @@ def test_a_metric_measures_what_a_refit_leaves(tmp_path):
     np.testing.assert_array_equal(again.covariance, metric().covariance)
 
 
+def test_a_second_effect_is_measured_beside_the_first():
+    at = metric().jacobian[:, 0]
+    first, second = np.cos(9 * at), np.sin(9 * at)
+    alone, _ = metric().shown(0.02 * first)
+    assert metric().beside(0.02 * first, 0.5 * first) == pytest.approx(0, abs=1e-6)
+    # Twice what the base model and the other one leave of it, at errors of half its size.
+    basis = np.linalg.qr(np.column_stack([at, second]))[0]
+    beyond = first - basis @ (basis.T @ first)
+    assert metric().beside(0.02 * first, 0.3 * second) == pytest.approx(2 * np.linalg.norm(beyond))
+    assert metric().beside(0.02 * first, 0.3 * second) < alone
+
+
 def scored(number, names, *models, kind="single", twin_of=None, size=9.0, sure=0.95, **changed):
     """Return a scored case; its C10 was 20 % off before repair."""
     case = replace(make_cases(20, 1, 2)[0], number=number, kind=kind, twin_of=twin_of, outside=(),
                    effects=tuple((name, (("strength", 1.0),)) for name in names))  # fmt: skip
+    if kind == "pair":
+        changed = {"parts": tuple((name, 9.0) for name in names), **changed}
     verdict = ("consistent", "named", "ambiguous")[min(len(models), 2)]
     rest = (1 - sure) / max(len(models) - 1, 1)
     explanations = tuple(
@@ -169,9 +188,12 @@ def everything():
 
 def test_scores_count_what_they_say():
     summary = summarise(everything())
-    assert (summary.first.count, summary.first.total) == (2, 4)
-    assert (summary.in_set.count, summary.in_set.total) == (3, 4)
-    assert summary.median_set == 1
+    alone, _, pairs, _, both, _ = summary.named
+    assert (both.first.count, both.first.total) == (2, 4)
+    assert (both.in_set.count, both.in_set.total) == (3, 4)
+    assert (alone.first.count, alone.in_set.count, alone.first.total) == (1, 2, 3)
+    assert (pairs.first.count, pairs.in_said.count, pairs.first.total) == (1, 1, 1)
+    assert summary.median_set == 1 and summary.median_said == 1
     assert (summary.false_alarms.count, summary.false_alarms.total) == (0, 1)
     assert (summary.covered.count, summary.covered.total) == (5, 6)
     assert summary.same_answer.count == 2
@@ -180,6 +202,45 @@ def test_scores_count_what_they_say():
     assert summary.bias_after == pytest.approx(0.01)
     sizes = {(low, high): first.total for low, high, first, _ in summary.by_size}
     assert sizes[0.0, 2.0] == 1 and sizes[8.0, 16.0] == 4
+
+
+@pytest.mark.parametrize(
+    ("sizes", "right"),
+    [
+        ((9.0, 9.0), {"ab"}),
+        ((9.0, 1.0), {"ab", "a"}),
+        ((1.0, 9.0), {"ab", "b"}),
+        ((1.0, 1.0), {"ab", "a", "b"}),
+    ],
+)
+def test_of_two_effects_those_are_asked_for_that_show_beside_the_other(sizes, right):
+    for called in ("a", "b", "ab", "ac", "c"):
+        parts = tuple(zip("ab", sizes, strict=True))
+        one = scored(0, ["a", "b"], tuple(called), kind="pair", parts=parts)
+        found, right_now = summarise([one]), called in right
+        whole, shows = found.named[2:4]
+        assert shows.first.count == shows.in_set.count == shows.in_said.count == right_now
+        assert whole.first.count == whole.in_set.count == whole.in_said.count == (called == "ab")
+        assert one.first_shows == one.in_said == right_now
+        assert found.reliability_shows[-1].right.count == right_now
+        assert found.reliability[-1].right.count == (called == "ab")
+
+
+def test_two_effects_that_do_not_show_together_are_asked_for_whole():
+    parts = (("a", 1.0), ("b", 1.0))
+    one = scored(0, ["a", "b"], ("a",), kind="pair", size=2.0, parts=parts)
+    assert not one.first_shows and not one.in_said
+
+
+def test_the_reports_set_is_what_it_says_until_ninety_percent():
+    said = tuple(Explained(names, False, p) for names, p in (
+        (("b",), 0.6), (("a",), 0.31), ((), 0.09),
+    ))  # fmt: skip
+    every = tuple(Explained((*names, k), False, 0.12) for names in (("a",), ("b",)) for k in "cdef")
+    found = summarise([scored(0, ["a"], ("b",), ("a",), said=said, explanations=every)])
+    assert (found.median_set, found.median_said) == (8, 2)
+    alone = found.named[0]
+    assert (alone.in_set.count, alone.in_said.count, alone.first.count) == (0, 1, 0)
 
 
 def test_reliability_sets_probabilities_beside_what_is_right():
@@ -226,6 +287,31 @@ def test_outside_the_library_only_unexplained_is_right():
     summary = summarise([unexplained, ambiguous, scored(2, ["a"], ("a",))])
     assert (summary.outside.count, summary.outside.total) == (1, 2)
     assert unexplained.in_set and not ambiguous.in_set
+
+
+def test_a_key_holds_what_each_of_two_effects_adds(monkeypatch):
+    d = np.linspace(0.0, DEPTH_MM, 201)
+    monkeypatch.setattr(
+        Truths, "_elastic",
+        lambda self, case, effects: ForceCourse.of(d / ELASTIC_RATE, 0.02 * d**2),
+    )  # fmt: skip
+    leg = load_subject(SUBJECTS.find("3"), need_recordings=False)
+    truths = Truths(leg, SUBJECTS.find("3"), read_correction(REFERENCE))
+    effects = (
+        ("preconditioning", (("strength", 0.1), ("fading", 0.5), ("grading", 0.0))),
+        ("force-drift", (("strength", 0.4), ("time", 30.0))),
+    )
+    case = replace(make_cases(20, 1, 2)[0], code="legfem", protocol="ramps", effects=effects,
+                   outside=())  # fmt: skip
+    truth, parts = truths.of(case), truths.without_each(case)
+    key = json.loads(json.dumps(key_of_case(case, truth, parts)))
+    trial, time = np.array([0, 0, 1, 1]), np.array([20.0, 50.0, 20.0, 50.0])
+    stiffer = 0.02 * (0.4 * time) ** 2 * 0.1 * np.array([1, 1, 0.5, 0.5])
+    drift = 0.4 * (1 - np.exp(-time / 30))
+    for name, added in (("preconditioning", stiffer), ("force-drift", drift)):
+        np.testing.assert_allclose(change_at(key, trial, time, name), added, rtol=1e-3, atol=1e-4)
+    np.testing.assert_allclose(change_at(key, trial, time), stiffer + drift, rtol=1e-3)
+    assert truths.without_each(replace(case, effects=effects[:1])) == {}
 
 
 def test_pages_and_figure_show_every_case():

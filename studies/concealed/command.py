@@ -15,7 +15,8 @@ from studies.concealed.cases import make_cases
 from studies.concealed.making import Maker, make
 from studies.concealed.page import cases_page, figure, page, scored_document
 from studies.concealed.running import run_cases
-from studies.concealed.scoring import score_cases, summarise
+from studies.concealed.scoring import score_cases
+from studies.concealed.summary import summarise
 
 
 @dataclass(frozen=True)

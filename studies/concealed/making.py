@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from legfem.common.documents import write_atomically
 from legfem.common.progress import Progress
@@ -22,7 +23,7 @@ from studies.concealed.legs import sealed_leg
 from studies.concealed.seal import write_sealed
 from studies.concealed.truth import SealedTruth, Truths
 from studies.lab.conditions import drawn_errors
-from studies.lab.recording import INSTRUMENT, record
+from studies.lab.recording import INSTRUMENT, Course, record
 
 
 @dataclass(eq=False)
@@ -46,14 +47,15 @@ class Maker:
         if (self.out / "keys" / f"{case.name}.json").is_file() and folder.is_dir():
             return "made before"
         stated, truths = self._leg(case.leg)
-        truth = truths.of(case)
-        if truth is None:
+        truth, parts = truths.of(case), truths.without_each(case)
+        if truth is None or parts is None:
             return "LEFT OUT: a finite-element solution stopped"
         generator = np.random.default_rng(case.noise_seed)
         if not folder.is_dir():
             recordings = record(truth.trials, drawn_errors(generator), generator)
             write_case(folder, f"Sealed case {case.number} (simulated)", case, stated, recordings)
-        write_sealed(self.out / "keys" / f"{case.name}.json", key_of_case(case, truth), self.seed)
+        key = key_of_case(case, truth, parts)
+        write_sealed(self.out / "keys" / f"{case.name}.json", key, self.seed)
         return "made"
 
     def _leg(self, number: int) -> tuple[Subject, Truths]:
@@ -92,22 +94,56 @@ def _state_accuracy(path: Path, stated: Subject) -> None:
     )
 
 
-def key_of_case(case: SealedCase, truth: SealedTruth) -> dict[str, Any]:
-    """Return what is sealed: the case, and what its effects change of the force."""
-    changes = [
-        (a.force - b.force).tolist() for a, b in zip(truth.trials, truth.without, strict=True)
-    ]
+def key_of_case(
+    case: SealedCase, truth: SealedTruth, parts: Mapping[str, SealedTruth]
+) -> dict[str, Any]:
+    """Return what is sealed: the case, and what its effects change of the force.
+
+    Parameters
+    ----------
+    case
+        The case.
+    truth
+        What its leg did.
+    parts
+        What it did without one of two effects, by that one's name.
+    """
     return {
         "case": case.document(),
         "time_s": truth.trials[0].time.tolist(),
-        "change_N": changes,
+        "change_N": _changes(truth.trials, truth.without),
+        "part_change_N": {
+            name: _changes(truth.trials, less.trials) for name, less in parts.items()
+        },
         "greatest_force_N": max(float(course.force.max()) for course in truth.without),
     }
 
 
-def change_at(key: dict[str, Any], trial: int, time: FloatArray) -> FloatArray:
-    """Return what a key's effects change of a trial's force (N) at times since first touch (s)."""
-    return np.asarray(np.interp(time, key["time_s"], key["change_N"][trial]))
+def _changes(courses: Sequence[Course], others: Sequence[Course]) -> list[list[float]]:
+    pairs = zip(courses, others, strict=True)
+    return [[float(v) for v in one.force - other.force] for one, other in pairs]
+
+
+def change_at(
+    key: Mapping[str, Any], trial: NDArray[np.int_], time: FloatArray, part: str | None = None
+) -> FloatArray:
+    """Return what a key's effects, or one of them, change of the force (n,), N.
+
+    Parameters
+    ----------
+    key
+        Of a case.
+    trial, time
+        (n,): numbers, and s since first touch.
+    part
+        Name of one of two effects: what it adds to the other one.
+    """
+    courses = key["change_N"] if part is None else key["part_change_N"][part]
+    change = np.zeros(len(time))
+    for k in np.unique(trial):
+        here = trial == k
+        change[here] = np.interp(time[here], key["time_s"], courses[k])
+    return change
 
 
 def make(cases: Sequence[SealedCase], maker: Maker, jobs: int, progress: Progress) -> None:

@@ -15,9 +15,10 @@ from legfem.common.markdown import markdown_table
 from legfem.report.style import FAINT, new_figure, panel, styled
 from studies.concealed.forms import FORMS, OUTSIDE
 from studies.concealed.reliability import Reliability
-from studies.concealed.scoring import VISIBLE, Scored, Summary
+from studies.concealed.scoring import VISIBLE, Scored
+from studies.concealed.summary import Summary
 
-SCHEMA = 2
+SCHEMA = 3
 
 
 def scored_document(scored: Sequence[Scored], summary: Summary) -> dict[str, Any]:
@@ -35,6 +36,7 @@ def page(everything: Sequence[Scored], summary: Summary) -> str:
     scored = [s for s in everything if s.case.twin_of is None]
     parts = [
         _summary(scored, summary),
+        _named(summary),
         _sizes(summary),
         _reliability(summary),
         _legs(summary),
@@ -48,9 +50,8 @@ def _summary(scored: Sequence[Scored], summary: Summary) -> str:
     codes = Counter(s.case.code for s in scored)
     rows = [
         ("cases, all simulated", f"{len(scored)}, {codes['felupe']} of them solved by felupe"),
-        (f"effects of the library, size {VISIBLE:g} or more: named first", str(summary.first)),
-        ("the same: among the explanations that hold 90 %", str(summary.in_set)),
-        ("median number of these", f"{summary.median_set:g}"),
+        ("median number of explanations that hold 90 %; of the report's statements",
+         f"{summary.median_set:g}; {summary.median_said:g}"),
         ("false alarms without effect", str(summary.false_alarms)),
         ("effects outside the library: unexplained", str(summary.outside)),
         ("C10 within its 95 % interval, all cases", str(summary.covered)),
@@ -64,6 +65,18 @@ def _summary(scored: Sequence[Scored], summary: Summary) -> str:
     return markdown_table(["", ""], rows)
 
 
+def _named(summary: Summary) -> str:
+    rows = [
+        [one.effects, one.asked, *map(str, (one.first, one.in_set, one.in_said))]
+        for one in summary.named
+    ]
+    header = [
+        f"effects of the library, size {VISIBLE:g} or more", "asked", "named first",
+        "in the explanations' 90 %", "in the statements' 90 %",
+    ]  # fmt: skip
+    return markdown_table(header, rows)
+
+
 def _sizes(summary: Summary) -> str:
     rows = [
         [f"{low:g} to {high:g}", str(first), str(in_set)]
@@ -74,7 +87,8 @@ def _sizes(summary: Summary) -> str:
 
 def _reliability(summary: Summary) -> str:
     tables = (
-        ("probability of what the report says first", summary.reliability),
+        ("probability of what the report says first: all that is concealed", summary.reliability),
+        ("the same: what shows", summary.reliability_shows),
         ("the same with the study's own shares for priors", summary.at_base_rates),
         ("probability that nothing shows; right below size 4", summary.nothing_shows),
     )
@@ -101,10 +115,12 @@ def _confusion(scored: Sequence[Scored]) -> str:
         mine = [s for s in scored if truth_of(s) == truth]
         called = Counter(_called(s) for s in mine)
         counts = (len(mine), sum(s.visible for s in mine), sum(s.first for s in mine),
-                  sum(s.in_set for s in mine))  # fmt: skip
+                  sum(s.in_set for s in mine), sum(s.first_shows for s in mine),
+                  sum(s.in_said for s in mine))  # fmt: skip
         names = ", ".join(f"{name}: {count}" for name, count in called.most_common())
         rows.append([truth, _form(mine[0]), *map(str, counts), names])
-    header = ["concealed", "form", "cases", "visible", "named first", "in the 90 % set", "called"]
+    header = ["concealed", "form", "cases", "visible", "named first", "in the 90 % set",
+              "what shows: first", "said", "called"]  # fmt: skip
     return markdown_table(header, rows)
 
 
@@ -117,13 +133,13 @@ def cases_page(everything: Sequence[Scored]) -> str:
         case = s.case
         rows.append([
             f"{case.number}", f"{case.leg}, {case.protocol}, {case.code}", truth_of(s),
-            f"{s.share:.1%}, {s.size:.1f}", _verdict(s), _verdict(again.get(case.number)),
+            f"{s.share:.1%}, {_sizes_of(s)}", _verdict(s), _verdict(again.get(case.number)),
             f"{s.bias_before:+.1%}, {s.bias_after:+.1%}", "yes" if s.covered else "no",
             "yes" if s.first else "in the set" if s.in_set else "no",
         ])  # fmt: skip
-    header = ["case", "leg, protocol, code", "concealed", "share of the force, size", "verdict",
-              "with other noise", "C10 error before, after", "in its interval",
-              "right"]  # fmt: skip
+    header = ["case", "leg, protocol, code", "concealed",
+              "share of the force, size (each beside the other)", "verdict", "with other noise",
+              "C10 error before, after", "in its interval", "right"]  # fmt: skip
     return markdown_table(header, rows)
 
 
@@ -162,6 +178,11 @@ def figure(everything: Sequence[Scored], summary: Summary) -> Figure:
     panel(right, "b", "what is named")
     drawn.suptitle("Sealed cases: simulated data", x=0.01, ha="left", fontsize=12)
     return drawn
+
+
+def _sizes_of(s: Scored) -> str:
+    each = ", ".join(f"{size:.1f}" for _, size in s.parts)
+    return f"{s.size:.1f} ({each})" if each else f"{s.size:.1f}"
 
 
 def truth_of(s: Scored) -> str:

@@ -28,6 +28,11 @@ class Explained:
     probability: float
 
     @property
+    def nothing_shows(self) -> bool:
+        """Whether it is that nothing was left out, or nothing that shows."""
+        return not self.names and not self.unknown
+
+    @property
     def base_rate(self) -> float:
         """How often the study conceals such a thing, over how often the diagnosis expects it."""
         if self.unknown:

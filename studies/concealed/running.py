@@ -75,6 +75,14 @@ class Metric:
         _, rest = _beyond(self.shown_covariance, self.shown_jacobian, change)
         return float(np.linalg.norm(white)), rest
 
+    def beside(self, change: FloatArray, other: FloatArray) -> float:
+        """Return a change's size over all errors beyond the base model and another change (n,), N.
+
+        What a second effect adds to a first one of any strength.
+        """
+        white, _ = _beyond(self.covariance, np.column_stack([self.jacobian, other]), change)
+        return float(np.linalg.norm(white))
+
     def write(self, path: Path) -> None:
         """Write it, whole or not at all."""
         write_arrays(path, vars(self), compressed=True)

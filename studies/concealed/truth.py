@@ -138,6 +138,20 @@ class Truths:
             without.append(Course(time, d, elastic(d)))
         return SealedTruth(tuple(trials), tuple(without))
 
+    def without_each(self, case: SealedCase) -> dict[str, SealedTruth] | None:
+        """Return what the leg of a case with two effects did without one of them, by its name.
+
+        None where a solution stopped; nothing of cases with fewer effects.
+        """
+        found = {}
+        for name, _ in case.effects if len(case.effects) > 1 else ():
+            rest = tuple(effect for effect in case.effects if effect[0] != name)
+            truth = self.of(replace(case, effects=rest))
+            if truth is None:
+                return None
+            found[name] = truth
+        return found
+
     def _model_force(self, case: SealedCase, protocol: Protocol) -> ForceCourse | None:
         """Return the force along a protocol with the effects that are in the model."""
         inside = {name: dict(v) for name, v in case.effects if _in_model(case, name)}
