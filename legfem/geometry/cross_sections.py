@@ -197,7 +197,7 @@ def _nested(
     skin = _smooth(outlines["skin"], room)
     # Smoothing moves the contours by some tenths of a mm: keep that much in hand.
     slack = 3 * room.smoothing
-    bones = {}
+    bones: dict[str, Polygon] = {}
     sheath = outlines["muscle_hull"]
     around = room.bone_to_fascia + fascia_thickness + slack
     for bone in (part for part in outlines if part not in ("skin", "muscle_hull")):

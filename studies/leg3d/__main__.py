@@ -13,9 +13,11 @@ from legfem.common.markdown import markdown_table
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import mpa_to_kpa
 from legfem.identify.catalogue import DEEP_C10
+from legfem.subjects.elastography import HIGHEST_RATIO
 from studies.leg3d.identified import identified
 from studies.leg3d.planted import Planted
 from studies.leg3d.plants import HEADER, counted, drawn, plant_result, plant_row
+from studies.leg3d.real import PlantedInLeg
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 Out = Annotated[Path | None, typer.Option(help="Folder for results; results/leg3d by default.")]
@@ -32,13 +34,21 @@ def _many(count: int, seed: int, folder: Path, progress: Progress) -> list[str]:
 def leg3d(
     c10: Annotated[float, typer.Option(min=0.1, help="Planted, kPa.")] = 1.2,
     c20: Annotated[float, typer.Option(min=0.0, help="Planted, kPa.")] = 0.0,
+    fibres: Annotated[
+        float,
+        typer.Option(min=1.0, max=HIGHEST_RATIO, help="Muscle's shear modulus along over across."),
+    ] = 1.0,
+    subject: Annotated[
+        Path | None,
+        typer.Option(help="Folder of a leg without recordings, in place of the small round one."),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the lab's errors.")] = 1,
     plants: Annotated[
         int, typer.Option(min=0, help="So many legs of random C10 and C20 in its place.")
     ] = 0,
     out: Out = None,
 ) -> None:
-    """Identify a small leg, pressed in 3D by other elements, with `--model 3d` and `--model 2d`.
+    """Identify a leg, pressed in 3D by other elements, with `--model 3d` and `--model 2d`.
 
     Solutions are kept as they are done: the same command goes on where it was stopped.
 
@@ -50,7 +60,12 @@ def leg3d(
             write_atomically(folder / "plants.md", "\n".join(lines) + "\n")
             typer.echo("\n".join(lines))
             return
-        results = identified(Planted(c10, c20), seed, folder, progress)
+        planted = (
+            Planted(c10, c20, fibres)
+            if subject is None
+            else PlantedInLeg(subject, c10, c20, fibres)
+        )
+        results = identified(planted, seed, folder, progress)
         rows = []
         for name, result in results.items():
             one = result.parameters[DEEP_C10]
@@ -71,13 +86,17 @@ def leg3d(
         ]
         errors = [f"{name}: {value:.4f}" for name, value in evidence.errors.items()]
         lines = [
-            table, f"Planted: C10 {c10:g}, C20 {c20:g} kPa (simulated, hexahedra).", *steps,
+            table,
+            f"Planted: C10 {c10:g}, C20 {c20:g} kPa, fibres' ratio {fibres:g}; simulated by "
+            f"{'hexahedra' if subject is None else 'finer elements and another contact law'}.",
+            *steps,
             f"Full solves in 3D: {evidence.full_solves}, rougher ones: {evidence.rough_solves}.",
             "Greatest error of P by cause: " + ", ".join(errors) + ".",
         ]  # fmt: skip
         write_document(
             folder / "result.json",
-            {"schema": 1, "origin": "simulated", "c10_kPa": c10, "c20_kPa": c20, "seed": seed,
+            {"schema": 1, "origin": "simulated", "c10_kPa": c10, "c20_kPa": c20,
+             "fibre_ratio": fibres, "seed": seed,
              "rows": rows, "confirmations": steps, "errors": errors},
         )  # fmt: skip
         write_atomically(folder / "report.md", "\n".join(lines) + "\n")

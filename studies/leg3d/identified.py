@@ -14,20 +14,20 @@ from legfem.identify.result import IdentificationResult
 from legfem.identify.run import forward_model, identify_subject
 from legfem.identify.spatial import SOLVES, LegModels
 from legfem.subjects.loading import load_subject
-from studies.leg3d.planted import Planted, folder_of, true_curve
+from studies.leg3d.planted import Planted
+from studies.leg3d.real import PlantedInLeg
 
 
 def identified(
-    planted: Planted, seed: int, folder: Path, progress: Progress
+    planted: Planted | PlantedInLeg, seed: int, folder: Path, progress: Progress
 ) -> dict[str, IdentificationResult]:
     """Return what both models find of a planted leg, and the section without a correction.
 
     Everything solved is kept: the same call goes on where it was stopped.
     """
-    curve = true_curve(planted, folder / "planted")
-    place = folder / f"leg-{planted.c10:g}-{planted.c20:g}-{seed}"
+    place = folder / f"{planted.name}-{seed}"
     shutil.rmtree(place, ignore_errors=True)
-    subject = load_subject(folder_of(planted, curve, place, seed))
+    subject = load_subject(planted.written(place, seed, folder / "planted"))
     law: LawName = "reduced-polynomial" if planted.c20 else "neo-hookean"
     solves = folder / "solves" / place.name
     request = SearchRequest(out=solves, progress=progress)

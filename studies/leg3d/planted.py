@@ -18,11 +18,14 @@ from legfem.experiments.indentation_3d import (
     IdealisedLegIndentation,
     IdealisedLegSettings,
 )
+from legfem.experiments.leg_3d import fibres_of
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.section import LegSection
 from legfem.jobs.store import Store
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
+from legfem.mechanics.terms import Fibres
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
+from legfem.recording import Recording
 from legfem.solve.force_curve import ForceCurve
 from legfem.subjects.folder import write_subject_folder
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
@@ -37,6 +40,8 @@ TRIALS = 3
 MESH = LegMeshSettings(contact_size=4, depth_size=6, edge_size=3, growth=0.4, far_size=15)
 FIBULA = 3.0, 17.0
 """Radius of the one that folders have, and how far behind the tibia's middle (mm)."""
+FIBRES_SD = 0.1
+"""Of the ratio that a folder states, over the ratio."""
 _POINTS = 120
 
 
@@ -48,6 +53,9 @@ class Planted:
     ----------
     c10, c20
         Of the deep tissue (kPa).
+    fibres
+        Ratio of its shear moduli along the leg and across; the folder states it, give or take a
+        tenth.
     depth
         mm.
     mesh
@@ -56,6 +64,7 @@ class Planted:
 
     c10: float = 1.2
     c20: float = 0.0
+    fibres: float = 1.0
     depth: float = DEPTH
     mesh: LegMeshSettings = field(default_factory=lambda: MESH)
 
@@ -68,6 +77,20 @@ class Planted:
         return {
             "deep": deep, "superficial": NeoHookean(2e-3, 22.5), "fascia": NeoHookean(0.1, 22.5),
         }  # fmt: skip
+
+    @property
+    def mechanisms(self) -> tuple[Fibres, ...]:
+        """What the muscle's law is stiffened by."""
+        return () if self.fibres == 1 else (fibres_of(kpa_to_mpa(self.c10), self.fibres),)
+
+    @property
+    def name(self) -> str:
+        """What tells its folder from others."""
+        return f"leg-{self.c10:g}-{self.c20:g}-{self.fibres:g}"
+
+    def written(self, out: Path, seed: int, kept: Path) -> Path:
+        """Write the folder with recordings; solves are kept. See `true_curve`."""
+        return folder_of(self, true_curve(self, kept), out, seed)
 
 
 def round_shape(points: int, levels: int, fibula: bool = False) -> LegShape:
@@ -94,7 +117,9 @@ def true_curve(planted: Planted, kept: Path) -> ForceCurve:
 
     def solved() -> ForceCurve:
         settings = replace(IdealisedLegSettings(), mesh=planted.mesh)
-        test = IdealisedLegIndentation(LEG, CYLINDER, planted.tissues, 3, settings)
+        test = IdealisedLegIndentation(
+            LEG, CYLINDER, planted.tissues, 3, settings, mechanisms=planted.mechanisms
+        )
         found = test.solve(depth=planted.depth)
         if not found.report.complete:
             raise UnsolvedError(f"the leg in 3D: {found.report.reason}")
@@ -104,24 +129,37 @@ def true_curve(planted: Planted, kept: Path) -> ForceCurve:
     return store.get_or_make(planted, solved)
 
 
+def recorded(curve: ForceCurve, depth: float, seed: int) -> list[Recording]:
+    """Return trials of a curve to a depth (mm), with a lab's errors."""
+    time = np.arange(0.0, depth / RATE + 1e-9, 0.1)
+    course = Course(time, RATE * time, curve(RATE * time))
+    generator = np.random.default_rng(seed)
+    return record([course] * TRIALS, LabErrors(gain_sd=0.01), generator)
+
+
 def folder_of(planted: Planted, curve: ForceCurve, out: Path, seed: int) -> Path:
     """Write the subject's folder with recordings of a curve, simulated with a lab's errors."""
-    generator = np.random.default_rng(seed)
-    time = np.arange(0.0, planted.depth / RATE + 1e-9, 0.1)
-    course = Course(time, RATE * time, curve(RATE * time))
-    recordings = record([course] * TRIALS, LabErrors(gain_sd=0.01), generator)
     folder = write_subject_folder(
         _section(), out, "A round leg, simulated in 3D", np.array([0.0, -LEG.radius]), 90.0,
-        "simulated", recordings, starts_at_contact=True, plane_strain=False,
-        instrument=INSTRUMENT, deep_law="reduced-polynomial" if planted.c20 else "neo-hookean",
+        "simulated", recorded(curve, planted.depth, seed), starts_at_contact=True,
+        plane_strain=False, instrument=INSTRUMENT,
+        deep_law="reduced-polynomial" if planted.c20 else "neo-hookean",
     )  # fmt: skip
     toml = folder / "subject.toml"
     text = toml.read_text(encoding="utf-8")
     text = text.replace(
         "fascia_thickness_mm", f"length_mm = {LEG.length}\nfascia_thickness_mm", 1
     ).replace("length_mm = 50.0", f"length_mm = {CYLINDER.length}", 1)
-    toml.write_text(text, encoding="utf-8")
+    toml.write_text(with_fibres(text, planted.fibres), encoding="utf-8")
     return folder
+
+
+def with_fibres(text: str, ratio: float) -> str:
+    """Return the text of a ``subject.toml`` that states a ratio of its muscle's shear moduli."""
+    law, sd = "[tissues.deep]\n", FIBRES_SD * ratio
+    if ratio == 1:
+        return text
+    return text.replace(law, f"{law}fibre_ratio = {ratio:g}\nfibre_ratio_sd = {sd:g}\n", 1)
 
 
 def _section() -> LegSection:
