@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from legfem.experiments.indentation_3d import Cylinder
+from legfem.solve.force_curve import ForceCurve
+from legfem.subjects.loading import load_subject
+from studies.leg3d import other_code
 from studies.leg3d.fascia import SHOWN, layer
-from studies.leg3d.other_code import OtherLeg, nearness
-from studies.leg3d.planted import CYLINDER, LEG, Planted
+from studies.leg3d.other_code import OtherLeg, PlantedByFelupe, nearness
+from studies.leg3d.planted import CYLINDER, LEG, TRIALS, Planted
 
 
 @pytest.fixture(scope="module")
@@ -71,6 +74,24 @@ def test_the_bone_bears_what_the_cylinder_presses_with(coarse):
     on_bone = np.hypot(*leg.mesh.points[:, :2].T) < LEG.bone_radius + 1e-6
     pressed = curve.force[-1] / leg.whole
     assert inner[on_bone, 1].sum() == pytest.approx(-pressed, rel=1e-4)
+
+
+def test_fibres_along_the_leg_stiffen_it_under_the_second_codes_cylinder_too(coarse):
+    fibrous = OtherLeg(Planted(fibres=3.0), finer=0.3).solve(0.6, 0.3)
+    assert fibrous.reached
+    # At 2 mm, of a table's leg of ratio 2.5: 1.107.
+    assert 1.02 < fibrous.force[-1] / coarse[1].force[-1] < 1.107
+
+
+def test_what_felupe_records_is_kept_and_written_beside_what_legfem_does(tmp_path, monkeypatch):
+    curve = ForceCurve(np.linspace(0, 7, 8), np.linspace(0, 3, 8) ** 1.5)
+    monkeypatch.setattr(other_code, "other_curve", lambda planted, kept: curve)
+    planted = PlantedByFelupe(1.2)
+    assert planted.name != Planted(1.2).name
+    folder = planted.written(tmp_path / planted.name, 1, tmp_path / "planted")
+    subject = load_subject(folder)
+    assert subject.origin == "simulated" and len(subject.recordings) == TRIALS
+    assert subject.recordings[0].force.max() == pytest.approx(curve.force[-1], rel=0.1)
 
 
 @pytest.mark.slow

@@ -72,6 +72,7 @@ def test_planted_truths_whose_solver_never_converges_end_in_one_line(tmp_path, m
     [
         ("fibres", "correction_of", ["--coarse", "--jobs", "1"]),
         ("leg3d", "identified", []),
+        ("leg3d", "identified", ["--code", "felupe"]),
         ("sites", "identified", ["--n", "1", "--jobs", "1"]),
         ("fibrous_specimens", "identified", ["--n", "1", "--jobs", "1"]),
     ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -9,12 +10,14 @@ import typer
 
 from legfem.common.command_edge import study_edge
 from legfem.common.documents import write_atomically, write_document
+from legfem.common.errors import InputError
 from legfem.common.markdown import markdown_table
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import mpa_to_kpa
 from legfem.identify.catalogue import DEEP_C10
 from legfem.subjects.elastography import HIGHEST_RATIO
 from studies.leg3d.identified import identified
+from studies.leg3d.other_code import PlantedByFelupe
 from studies.leg3d.planted import Planted
 from studies.leg3d.plants import HEADER, counted, drawn, plant_result, plant_row
 from studies.leg3d.real import PlantedInLeg
@@ -23,8 +26,21 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 Out = Annotated[Path | None, typer.Option(help="Folder for results; results/leg3d by default.")]
 
 
-def _many(count: int, seed: int, folder: Path, progress: Progress) -> list[str]:
-    legs = [drawn(number, seed) for number in range(count)]
+class CodeChoice(StrEnum):
+    """Whose hexahedra record the small leg."""
+
+    legfem = "legfem"
+    felupe = "felupe"
+
+
+_BY = {CodeChoice.legfem: Planted, CodeChoice.felupe: PlantedByFelupe}
+
+
+def _many(
+    count: int, seed: int, folder: Path, progress: Progress, code: CodeChoice
+) -> list[str]:  # fmt: skip
+    of = _BY[code]
+    legs = [of(one.c10, one.c20) for one in (drawn(number, seed) for number in range(count))]
     found = [plant_result(leg, seed + k, folder, progress) for k, leg in enumerate(legs)]
     rows = [plant_row(k, leg, one) for k, (leg, one) in enumerate(zip(legs, found, strict=True), 1)]
     return [markdown_table(HEADER, rows), counted(legs, found)]
@@ -46,6 +62,9 @@ def leg3d(
     plants: Annotated[
         int, typer.Option(min=0, help="So many legs of random C10 and C20 in its place.")
     ] = 0,
+    code: Annotated[
+        CodeChoice, typer.Option(help="Whose hexahedra record the small leg.")
+    ] = CodeChoice.legfem,
     out: Out = None,
 ) -> None:
     """Identify a leg, pressed in 3D by other elements, with `--model 3d` and `--model 2d`.
@@ -56,12 +75,16 @@ def leg3d(
     """
     with study_edge("leg3d", out) as (folder, _), progress_on() as progress:
         if plants:
-            lines = _many(plants, seed, folder, progress)
+            lines = _many(plants, seed, folder, progress, code)
             write_atomically(folder / "plants.md", "\n".join(lines) + "\n")
             typer.echo("\n".join(lines))
             return
+        if subject is not None and code is CodeChoice.felupe:
+            raise InputError(
+                "leg3d", "--code", "felupe has the small leg alone", "leave --subject or it out"
+            )
         planted = (
-            Planted(c10, c20, fibres)
+            _BY[code](c10, c20, fibres)
             if subject is None
             else PlantedInLeg(subject, c10, c20, fibres)
         )
@@ -85,10 +108,12 @@ def leg3d(
             for one in evidence.confirmations
         ]
         errors = [f"{name}: {value:.4f}" for name, value in evidence.errors.items()]
+        other = "finer elements and another contact law"
+        by = f"{code}'s hexahedra" if subject is None else other
         lines = [
             table,
             f"Planted: C10 {c10:g}, C20 {c20:g} kPa, fibres' ratio {fibres:g}; simulated by "
-            f"{'hexahedra' if subject is None else 'finer elements and another contact law'}.",
+            f"{by}.",
             *steps,
             f"Full solves in 3D: {evidence.full_solves}, rougher ones: {evidence.rough_solves}.",
             "Greatest error of P by cause: " + ", ".join(errors) + ".",
@@ -96,7 +121,7 @@ def leg3d(
         write_document(
             folder / "result.json",
             {"schema": 1, "origin": "simulated", "c10_kPa": c10, "c20_kPa": c20,
-             "fibre_ratio": fibres, "seed": seed,
+             "fibre_ratio": fibres, "code": code.value, "seed": seed,
              "rows": rows, "confirmations": steps, "errors": errors},
         )  # fmt: skip
         write_atomically(folder / "report.md", "\n".join(lines) + "\n")

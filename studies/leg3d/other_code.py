@@ -22,8 +22,9 @@ from legfem.jobs.store import Store
 from legfem.solve.force_curve import ForceCurve
 from studies.concealed.other_pressing import OtherPressing, spread
 from studies.concealed.other_tissue import other_law
+from studies.fibrous_specimens.other_muscle import OtherMuscle
 from studies.leg3d.other_mesh import face_shapes, mesh_quarter
-from studies.leg3d.planted import CYLINDER, LEG, Planted
+from studies.leg3d.planted import CYLINDER, LEG, Planted, folder_of
 
 _PENALTY = 9000.0
 """Normal and along the surface, times the fat's shear modulus over the cylinder's radius."""
@@ -33,6 +34,20 @@ _IMAGES = 4.0
 """That make the whole leg."""
 _KRYLOV = 25
 """Iterations of a linear solution until its matrix is factored."""
+
+
+@dataclass(frozen=True)
+class PlantedByFelupe(Planted):
+    """What felupe's hexahedra record in place of legfem's."""
+
+    @property
+    def name(self) -> str:
+        """What tells its folder from others."""
+        return f"{super().name}-felupe"
+
+    def written(self, out: Path, seed: int, kept: Path) -> Path:
+        """Write the folder with recordings; solves are kept. See `other_curve`."""
+        return folder_of(self, other_curve(self, kept), out, seed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +113,7 @@ class OtherLeg(OtherPressing):
 
     def __init__(self, planted: Planted, finer: float = 1.0, penalty: float = 1.0) -> None:
         self.mesh = mesh_quarter(LEG, CYLINDER, finer)
-        self.tissues = planted.tissues
+        self.planted, self.tissues = planted, planted.tissues
         free = np.flatnonzero(~self.mesh.held.ravel())
         size = self.mesh.held.size
         kept = csr_matrix((np.ones(len(free)), (free, np.arange(len(free)))), (size, len(free)))
@@ -118,9 +133,18 @@ class OtherLeg(OtherPressing):
             mesh = fem.Mesh(self.mesh.points, cells, "hexahedron20")
             region = fem.RegionQuadraticHexahedron(mesh, quadrature=reduced)
             holder = fem.FieldContainer([fem.Field(region, dim=3)])
-            law = self.tissues[name]
-            c20, d2 = getattr(law, "C20", 0.0), getattr(law, "D2", None)
-            yield holder, fem.SolidBody(other_law(law.C10, law.D1, c20, d2), holder)
+            yield holder, fem.SolidBody(self._law(name), holder)
+
+    def _law(self, name: str) -> Any:
+        law = self.tissues[name]
+        c20, d2 = getattr(law, "C20", 0.0), getattr(law, "D2", np.inf)
+        if name != "deep" or not self.planted.mechanisms:
+            return other_law(law.C10, law.D1, c20, d2)
+        (fibres,) = self.planted.mechanisms
+        return OtherMuscle(
+            law.C10, c20, 0.0, 1.0, 1 / law.D1, 1 / d2,
+            shear=fibres.shear, extension=fibres.extension, axis=fibres.axis,
+        )  # fmt: skip
 
     def _places(self, u: FloatArray, to: float) -> FloatArray:
         """Return the skin's Gauss points relative to the cylinder's middle, (k, 9, 3)."""
