@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -66,11 +67,15 @@ def plant_result(planted: Planted, seed: int, folder: Path, progress: Progress) 
         evidence = results["3d"].spatial
         assert evidence is not None
         c20 = results if planted.c20 else {}
-        return PlantResult(
+        found = PlantResult(
             {name: _found(one, DEEP_C10) for name, one in results.items()},
             {name: _found(one, DEEP_C20) for name, one in c20.items()},
             evidence.full_solves, time.process_time() - started,
         )  # fmt: skip
+        del results, evidence, c20
+        # A gigabyte of factors a leg waits in cycles of references.
+        gc.collect()
+        return found
 
     store = Store(folder / "plants", PlantResult, modules=(__name__,))
     return store.get_or_make((planted, seed), made)
