@@ -321,6 +321,9 @@ def test_pages_and_figure_show_every_case():
     ))) for s in cases]  # fmt: skip
     summary = summarise(named)
     assert "| force-drift | a load cell that warms up" in page(named, summary)
+    pair = [s for s in named if s.parts]
+    pair = [replace(s, parts=(("contact-slip", 1.5), ("force-drift", 7.0))) for s in pair]
+    assert "| force-drift + contact-slip | 5.0%, 9.0 (7.0, 1.5) |" in cases_page(pair)
     assert "| ambiguous: b or a | ambiguous: a or b | +20.0%, +5.0% | yes |" in cases_page(named)
     assert len(figure(named, summary).axes) == 2
     assert json.loads(json.dumps(scored_document(named, summary)))["origin"] == "simulated"

@@ -181,7 +181,8 @@ def figure(everything: Sequence[Scored], summary: Summary) -> Figure:
 
 
 def _sizes_of(s: Scored) -> str:
-    each = ", ".join(f"{size:.1f}" for _, size in s.parts)
+    sizes = dict(s.parts)
+    each = ", ".join(f"{sizes[name]:.1f}" for name in s.case.names if name in sizes)
     return f"{s.size:.1f} ({each})" if each else f"{s.size:.1f}"
 
 
