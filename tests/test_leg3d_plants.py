@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import shutil
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from legfem.common.errors import InputError
 from legfem.common.progress import Silent
 from legfem.identify.catalogue import DEEP_C10, DEEP_C20
+from legfem.solve.force_curve import ForceCurve
+from legfem.subjects.catalogue import RESOURCES
+from legfem.subjects.loading import load_subject
 from studies.leg3d import plants
+from studies.leg3d.planted import TRIALS
 from studies.leg3d.plants import SOFTEST, STIFFEST, counted, drawn, plant_result, plant_row
+from studies.leg3d.real import PlantedInLeg
 
 MODELS = ("3d", "2d, the table's nearest leg", "2d, no correction")
 
@@ -45,3 +52,24 @@ def test_a_plant_is_identified_once_and_told_by_whether_it_is_held(tmp_path, mon
     held = 0 if missed else 1
     words = f"C10 in its interval in {held} of 1, C20 in {held} of 1."
     assert counted([planted], results[:1]) == words
+
+
+def test_a_folder_of_one_s_own_gets_a_lab_s_recordings_unless_it_has_some(tmp_path, monkeypatch):
+    folder = tmp_path / "leg"
+    shutil.copytree(
+        RESOURCES / "frauziols" / "subjects" / "3",
+        folder,
+        ignore=shutil.ignore_patterns("recordings"),
+    )
+    toml = folder / "subject.toml"
+    whole = toml.read_text(encoding="utf-8")
+    planted = PlantedInLeg(folder, 1.0, fibres=2.0, depth=8.0)
+    with pytest.raises(InputError, match="the study writes its own"):
+        planted.written(tmp_path / "out", 1, tmp_path / "kept")
+    toml.write_text(whole[: whole.index("# Give your instruments")], encoding="utf-8")
+    depth = np.linspace(0.0, 8.0, 9)
+    monkeypatch.setattr(PlantedInLeg, "_curve", lambda *_: ForceCurve(depth, 0.1 * depth**1.5))
+    subject = load_subject(planted.written(tmp_path / "out", 1, tmp_path / "kept"))
+    assert len(subject.recordings) == TRIALS and not subject.plane_strain
+    assert subject.recordings[0].displacement.max() == pytest.approx(8.0, abs=0.2)
+    assert subject.fibres is not None and (subject.fibres.value, subject.fibres.sd) == (2.0, 0.2)
