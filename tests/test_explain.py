@@ -207,6 +207,27 @@ def test_a_pair_that_is_more_than_either_takes_a_solution_of_its_own():
     assert asked.count(frozenset(best.names)) == 1
 
 
+def test_what_full_solutions_put_first_is_tried_in_pairs_with_all(monkeypatch):
+    """The emulator may be off by more than what tells two mechanisms apart."""
+    monkeypatch.setattr("legfem.diagnose.explain.PAIRS_OF", 1)
+    problem, base = problem_of(ramps(), {"support-compliance.compliance": 0.3}, seed=3)
+    wave = 0.3 * np.sin(2 * problem.predictor.observed.displacement)
+
+    def confirm(given: Problem, fitted: Fit) -> tuple[Problem, Fit, bool]:
+        shifted = given.corrected(wave if "support-compliance" in fitted.names else 0.0 * wave)
+        return shifted, fit(shifted, fitted.mechanisms, fitted.values), True
+
+    def first_and_tried(found: Explained) -> tuple[str, set[str]]:
+        (first,) = next(e.names for e in found.every if len(e.names) == 1)
+        pairs = [set(e.names) for e in found.every if len(e.names) == 2 and first in e.names]
+        return first, set.union(*pairs)
+
+    everything = {m.name for m in SOUGHT}
+    assert first_and_tried(explain(problem, base, SOUGHT)) == ("support-compliance", everything)
+    first, tried = first_and_tried(explain(problem, base, SOUGHT, confirm))
+    assert first != "support-compliance" and tried == everything
+
+
 def test_a_variance_that_a_bound_makes_small_keeps_its_degrees_of_freedom():
     """A bound takes variance away, not what the errors' sizes are known by."""
     problem, base = problem_of(ramps(), seed=1)

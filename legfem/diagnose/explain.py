@@ -35,7 +35,8 @@ INEXACT_SHARE = 0.4
 """... of this share at most of what shows of it."""
 CONFIRMED_FROM, CONFIRMED_MOST = 0.02, 5
 PAIRS_OF, PAIRS_WITH = 3, 7
-"""The best single mechanisms are tried in pairs with more of them, the first with all."""
+"""The best single mechanisms are tried in pairs with more of them, the first with all; so is the
+one that full solutions put first."""
 type Confirm = Callable[[Problem, Fit], tuple[Problem, Fit, bool]]
 """Refits about a full solution: the problem shifted to it, the refit, and whether it was made."""
 
@@ -75,20 +76,22 @@ def explain(
     ]
     singles.sort(key=lambda e: -e.log_weight)
     found += singles
-    if _open(found):
-        pairs = _pairs(singles)
-        count = len(mechanisms) * (len(mechanisms) - 1) / 2
+    count = len(mechanisms) * (len(mechanisms) - 1) / 2
+    pairs = _pairs(singles) if _open(found) else []
+    while True:
         found += [
             _explanation(
-                problem, _joint(problem, one, other), base, evidence, unknowns,
+                one.problem, _joint(one.problem, one, other), base, evidence, unknowns,
                 float(np.log(PRIOR_PAIR / count)),
             )
             for one, other in pairs
         ]  # fmt: skip
-    found = _weighed(found)
-    if confirm is not None:
-        found = _confirmed(found, base, evidence, unknowns, confirm)
-    return Explained(tuple(found), _nothing(found))
+        found = _weighed(found)
+        if confirm is not None:
+            found = _confirmed(found, base, evidence, unknowns, confirm)
+        pairs = _untried(found)
+        if not pairs:
+            return Explained(tuple(found), _nothing(found))
 
 
 def _nothing(found: Sequence[Explanation]) -> Explanation:
@@ -192,6 +195,18 @@ def _pairs(singles: Sequence[Explanation]) -> list[tuple[Explanation, Explanatio
             if len(key) == 2:
                 found.setdefault(key, (one, other))
     return list(found.values())
+
+
+def _untried(found: Sequence[Explanation]) -> list[tuple[Explanation, Explanation]]:
+    """Return the pairs of the best mechanism that weren't tried: full solutions may change it."""
+    singles = sorted(singles_of(found).values(), key=lambda e: -e.log_weight)
+    if not singles or not _open(found):
+        return []
+    best, *others = singles
+    tried = {frozenset(e.names) for e in found}
+    return [
+        (best, other) for other in others if frozenset([*best.names, *other.names]) not in tried
+    ]
 
 
 def _joint(problem: Problem, one: Explanation, other: Explanation) -> Fit:
