@@ -22,7 +22,14 @@ from scipy.stats import norm
 from scipy.stats import t as student_t
 
 from legfem.diagnose.averaged import averaged_interval
-from legfem.diagnose.explain import PRIOR_NONE, PRIOR_PAIR, PRIOR_SINGLE, PRIOR_UNKNOWN, explain
+from legfem.diagnose.explain import (
+    CONFIRMED_FROM,
+    PRIOR_NONE,
+    PRIOR_PAIR,
+    PRIOR_SINGLE,
+    PRIOR_UNKNOWN,
+    explain,
+)
 from legfem.diagnose.explanation import HELD, Explained, Explanation
 from legfem.diagnose.fit import Fit, Problem, fit
 from legfem.diagnose.limits import limits_of
@@ -226,6 +233,18 @@ def test_what_full_solutions_put_first_is_tried_in_pairs_with_all(monkeypatch):
     assert first_and_tried(explain(problem, base, SOUGHT)) == ("support-compliance", everything)
     first, tried = first_and_tried(explain(problem, base, SOUGHT, confirm))
     assert first != "support-compliance" and tried == everything
+
+
+def test_all_that_may_be_what_was_left_out_is_tried_in_pairs_with_all(monkeypatch):
+    """Pairs that explain no more count for their mechanism: fewer would be held against it."""
+    monkeypatch.setattr("legfem.diagnose.explain.PAIRS_OF", 1)
+    problem, base = problem_of(ramps(), {"support-compliance.compliance": 0.005}, seed=3)
+    found = explain(problem, base, SOUGHT).every
+    likely = [e.names[0] for e in found if len(e.names) == 1 and e.probability > CONFIRMED_FROM]
+    assert set(likely) == {"support-compliance", "force-drift"}
+    tried = {frozenset(e.names) for e in found}
+    for name in likely:
+        assert {frozenset([name, m.name]) for m in SOUGHT if m.name != name} <= tried
 
 
 def test_a_variance_that_a_bound_makes_small_keeps_its_degrees_of_freedom():

@@ -35,8 +35,8 @@ INEXACT_SHARE = 0.4
 """... of this share at most of what shows of it."""
 CONFIRMED_FROM, CONFIRMED_MOST = 0.02, 5
 PAIRS_OF, PAIRS_WITH = 3, 7
-"""The best single mechanisms are tried in pairs with more of them, the first with all; so is the
-one that full solutions put first."""
+"""The best single mechanisms are tried in pairs with more of them, the first with all; so are those
+that may be what was left out once full solutions stand behind them."""
 type Confirm = Callable[[Problem, Fit], tuple[Problem, Fit, bool]]
 """Refits about a full solution: the problem shifted to it, the refit, and whether it was made."""
 
@@ -198,15 +198,20 @@ def _pairs(singles: Sequence[Explanation]) -> list[tuple[Explanation, Explanatio
 
 
 def _untried(found: Sequence[Explanation]) -> list[tuple[Explanation, Explanation]]:
-    """Return the pairs of the best mechanism that weren't tried: full solutions may change it."""
+    """Return the pairs that weren't tried of mechanisms that may be what was left out.
+
+    Each of these is tried with all others: pairs that explain no more count for their mechanism, so
+    one with fewer of them would seem less probable. Full solutions may change which these are.
+    """
     singles = sorted(singles_of(found).values(), key=lambda e: -e.log_weight)
-    if not singles or not _open(found):
-        return []
-    best, *others = singles
     tried = {frozenset(e.names) for e in found}
-    return [
-        (best, other) for other in others if frozenset([*best.names, *other.names]) not in tried
-    ]
+    missing: dict[frozenset[str], tuple[Explanation, Explanation]] = {}
+    for place, one in enumerate(singles if _open(found) else ()):
+        for other in singles if place == 0 or one.probability >= CONFIRMED_FROM else ():
+            key = frozenset([*one.names, *other.names])
+            if len(key) == 2 and key not in tried:
+                missing.setdefault(key, (one, other))
+    return list(missing.values())
 
 
 def _joint(problem: Problem, one: Explanation, other: Explanation) -> Fit:
