@@ -133,7 +133,8 @@ def test_a_ratio_of_one_is_the_isotropic_model(sizes, depth: float) -> None:
     one = forward(sizes, depth).solve({"deep.C10": 5e-3, RATIO: 1.0}, ()).curves[0]
     plain = forward(sizes.whole, depth, SpecimenTissue(law="neo-hookean"))
     isotropic = plain.solve({"deep.C10": 5e-3}, ()).curves[0]
-    np.testing.assert_allclose(one(at), isotropic(at), rtol=1e-10)
+    # Newton's method ends at 1e-9 of the forces, by other forms at another rounding.
+    np.testing.assert_allclose(one(at), isotropic(at), rtol=1e-8)
 
 
 def test_fibres_along_the_cylinder_change_nothing_in_plane_strain_and_across_they_do() -> None:
