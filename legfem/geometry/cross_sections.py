@@ -200,12 +200,13 @@ def _nested(
     bones: dict[str, Polygon] = {}
     sheath = outlines["muscle_hull"]
     around = room.bone_to_fascia + fascia_thickness + slack
+    apart = room.between_bones + slack
     for bone in (part for part in outlines if part not in ("skin", "muscle_hull")):
         inside = skin.buffer(-(fat + slack + around))
         for other in bones.values():
             # Near the knee and the ankle the fibula meets the tibia.
-            if other.distance(outlines[bone]) < room.between_bones + slack:
-                inside = inside - other.buffer(room.between_bones + slack)
+            if other.distance(outlines[bone]) < apart:
+                inside = inside - other.buffer(apart)
         bones[bone] = _smooth(
             largest_polygon(_opened(outlines[bone] & inside, 1.0), source, bone), room
         )

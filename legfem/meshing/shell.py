@@ -47,8 +47,9 @@ def mesh_shell(shape: LegShape, sizes: SizeField, enclosing: bool = False) -> Sh
     """
     pieces: list[tuple[FloatArray, Triangles]] = []
     rings: dict[str, tuple[FloatArray, FloatArray]] = {}
-    for part in shape.parts:
-        points, triangles, bottom, top = _tube(PartSurface(shape, part), shape, sizes)
+    surfaces = {part: PartSurface(shape, part) for part in shape.parts}
+    for part, surface in surfaces.items():
+        points, triangles, bottom, top = _tube(surface, shape, sizes)
         pieces.append((points, triangles))
         rings[part] = points[bottom], points[top]
     for outer, inner in ((SKIN, (HULL,)), (HULL, shape.bones)):
@@ -62,7 +63,7 @@ def mesh_shell(shape: LegShape, sizes: SizeField, enclosing: bool = False) -> Sh
     tubes = dict(zip(shape.parts, faces[:n], strict=True))
     if enclosing:
         for part, tube in tubes.items():
-            points += _enclosing(PartSurface(shape, part), points, tube)
+            points += _enclosing(surfaces[part], points, tube)
     return Shell(
         points,
         tubes,

@@ -111,7 +111,7 @@ def true_curve(planted: Planted, kept: Path) -> ForceCurve:
 
     Raises
     ------
-    RuntimeError
+    UnsolvedError
         If the solution stops short.
     """
 

@@ -60,7 +60,7 @@ class PlantedInLeg:
         ------
         InputError
             For a folder without the muscle's law, or with instruments or recordings of its own.
-        RuntimeError
+        UnsolvedError
             If the solution stops short.
         """
         text = (self.subject / "subject.toml").read_text(encoding="utf-8")
