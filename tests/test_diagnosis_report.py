@@ -140,7 +140,8 @@ def test_parameters_that_are_at_a_bound_or_unseen_are_flagged(found):
     def with_sd(sd: float):
         covariance = model.posterior.covariance.copy()
         covariance[k, k] = sd**2
-        return replace(model, posterior=replace(model.posterior, covariance=covariance))
+        posterior = replace(model.posterior, covariance=covariance, strands=None)
+        return replace(model, posterior=posterior)
 
     values = {**model.fit.values, "C20": model.fit.parameters[k].bounds[1]}
     at_bound = replace(model, fit=replace(model.fit, values=values))

@@ -11,7 +11,8 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
 from legfem.inference.errors import GAIN_SDS, ZERO_FACTORS, ErrorModel
-from legfem.inference.evidence import Evidence, Linearised, Posterior, Unknown, probabilities
+from legfem.inference.evidence import Evidence, Linearised, Unknown, probabilities
+from legfem.inference.posterior import Posterior
 from legfem.inference.trial_noise import Noise
 
 N = 30

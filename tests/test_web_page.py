@@ -132,6 +132,27 @@ def test_a_test_that_asks_for_nothing_more_says_so(subject):
     assert answers["What to do"] == "Use the number above. No other test is needed."
 
 
+def test_a_sound_model_whose_stiffness_may_be_moved_unseen_is_a_range_and_says_by_what(subject):
+    found = diagnosed({}, recordings=two_rates())
+    wide = next(e for e in found.explained.every if e.names == ("fascia-stiffness",))
+    k = wide.fit.free.index("C10")
+    covariance = wide.posterior.covariance.copy()
+    covariance[k, k] = (0.5 / wide.fit.parameters[k].prior.sd) ** 2
+    moved = replace(
+        wide,
+        probability=0.3,
+        posterior=replace(wide.posterior, covariance=covariance, strands=None),
+    )
+    every = tuple(moved if e is wide else e for e in found.explained.every)
+    found = replace(found, explained=replace(found.explained, every=every))
+    headline = diagnosis_web_page(found, subject).headline
+    answers = dict(headline.answers)
+    assert headline.heading == "Yes, as a range."
+    assert headline.sentence.startswith("Write down a range: C10 between ")
+    assert moved.fit.mechanisms[0].statement in answers["What to do"]
+    assert moved.fit.mechanisms[0].next_experiment in answers["What to do"]
+
+
 def test_the_film_holds_the_solutions_last_state(film, pressed):
     _, solved, last = film
     data = json.loads(pressed.data)

@@ -7,14 +7,8 @@ and how far what is hidden may have moved the parameter.
 
 from __future__ import annotations
 
-import numpy as np
-from scipy.optimize import brentq
-from scipy.stats import t as student_t
-
-from legfem.diagnose.explanation import Explained
-
-_FAR = 99.0
-"""Standard deviations beyond which no interval ends."""
+from legfem.diagnose.explanation import Explained, Explanation
+from legfem.inference.mixture import Mixture
 
 
 def averaged_interval(
@@ -22,31 +16,39 @@ def averaged_interval(
 ) -> tuple[float, float] | None:
     """Return a parameter's interval over all that may be left out, each with its probability.
 
-    The distribution is a mixture of Student's t about each one's value; None where no explanation
-    that counts has the parameter.
+    None where no explanation that counts has the parameter.
     """
-    every = [e for e in explained.every if e.probability > 1e-4 and name in e.fit.free]
-    every = [e for e in every if not e.nothing] or every
+    every = _averaged(explained, name)
     if not every:
         return None
-    weights = np.array([e.probability for e in every])
-    weights /= weights.sum()
-    which = [e.fit.free.index(name) for e in every]
-    means, sds, degrees = np.array([
-        (e.posterior.mean[k], np.sqrt(e.posterior.covariance[k, k]), e.degrees_of_freedom[k])
-        for e, k in zip(every, which, strict=True)
-    ]).T  # fmt: skip
-
-    def quantile(probability: float) -> float:
-        def beyond(z: float) -> float:
-            return float(weights @ student_t.cdf((z - means) / sds, degrees)) - probability
-
-        return float(
-            brentq(beyond, float((means - 99 * sds).min()), float((means + 99 * sds).max()))
-        )
-
-    parameter = every[0].fit.parameters[which[0]]
+    mixture = Mixture.joined([e.probability for e in every], [e.distribution(name) for e in every])
+    parameter = next(p for p in every[0].fit.parameters if p.name == name)
     assert parameter.prior is not None
     tail = (1 - share) / 2
-    ends = [parameter.inside(parameter.prior.value_at(quantile(p))) for p in (tail, 1 - tail)]
+    ends = [
+        parameter.inside(parameter.prior.value_at(mixture.quantile(p))) for p in (tail, 1 - tail)
+    ]
     return min(ends), max(ends)
+
+
+def widened_by(explained: Explained, name: str) -> Explanation | None:
+    """Return what takes a parameter's interval furthest beyond the base model's, with mechanisms.
+
+    None where nothing does, or the base model hasn't the parameter.
+    """
+    if name not in explained.base.fit.free:
+        return None
+    own = explained.base.distribution(name)
+    low, high = own.quantile(0.025), own.quantile(0.975)
+
+    def beyond(one: Explanation) -> float:
+        mixture = one.distribution(name)
+        return one.probability * (mixture.below(low) + 1.0 - mixture.below(high))
+
+    every = [e for e in _averaged(explained, name) if e.names]
+    return max(every, key=beyond, default=None)
+
+
+def _averaged(explained: Explained, name: str) -> list[Explanation]:
+    every = [e for e in explained.every if e.probability > 1e-4 and name in e.fit.free]
+    return [e for e in every if not e.nothing] or every

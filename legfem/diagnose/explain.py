@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -21,9 +22,9 @@ from legfem.diagnose.explanation import (
 )
 from legfem.diagnose.fit import Fit, Problem, fit
 from legfem.diagnose.mechanisms import Mechanism
+from legfem.diagnose.strength import integrated
 from legfem.diagnose.touch import posterior_of
-from legfem.diagnose.unknown import unknown_errors
-from legfem.inference.errors import ErrorModel
+from legfem.diagnose.unknown import unknown_errors, with_unknown
 from legfem.inference.evidence import Evidence, Unknown, probabilities
 
 PRIOR_NONE, PRIOR_SINGLE, PRIOR_PAIR, PRIOR_UNKNOWN = 0.37, 0.37, 0.18, 0.08
@@ -91,6 +92,7 @@ def explain(
             found = _confirmed(found, base, evidence, unknowns, confirm)
         pairs = _untried(found)
         if not pairs:
+            found = _integrated(found, base, evidence, unknowns)
             return Explained(tuple(found), _nothing(found))
 
 
@@ -137,15 +139,7 @@ def _explanation(
     log_prior: float,
     confirmed: bool = False,
 ) -> Explanation:
-    shown = shown_effect(problem, fitted, base)
-    largest = float(np.abs(base.prediction).max())
-    most = INEXACT_SHARE * shown / largest
-    fits = [u.covariance is not None and u.size <= max(most, unknowns[1].size) for u in unknowns]
-    share = np.log(INEXACT / max(sum(fits), 1))
-    shares = [
-        float(np.log(1 - INEXACT)) if u.covariance is None else (float(share) if small else -np.inf)
-        for u, small in zip(unknowns, fits, strict=True)
-    ]
+    shares = _shares_beside(problem, fitted, base, unknowns)
     posterior = posterior_of(evidence, fitted, problem.predictor.observed, shares)
     if posterior.unknown > 0.5:
         # Beside something unknown the parameters are elsewhere than a fit without it finds them,
@@ -157,6 +151,44 @@ def _explanation(
     return Explanation(problem, fitted, posterior, log_prior, False, confirmed)
 
 
+def _shares_beside(
+    problem: Problem, fitted: Fit, base: Fit, unknowns: Sequence[Unknown]
+) -> list[float]:
+    """Return the logarithms of the shares of unknown errors beside a model with mechanisms."""
+    shown = shown_effect(problem, fitted, base)
+    largest = float(np.abs(base.prediction).max())
+    most = INEXACT_SHARE * shown / largest
+    fits = [u.covariance is not None and u.size <= max(most, unknowns[1].size) for u in unknowns]
+    share = np.log(INEXACT / max(sum(fits), 1))
+    return [
+        float(np.log(1 - INEXACT)) if u.covariance is None else (float(share) if small else -np.inf)
+        for u, small in zip(unknowns, fits, strict=True)
+    ]
+
+
+def _integrated(
+    found: list[Explanation], base: Fit, evidence: Evidence, unknowns: Sequence[Unknown]
+) -> list[Explanation]:
+    """Integrate out the strength of every explanation that may be what was left out."""
+    while waiting := [
+        e for e in found if e.names and not e.whole and e.probability >= CONFIRMED_FROM
+    ]:
+        for one in waiting:
+            problem, observed = one.problem, one.problem.predictor.observed
+            shares = _shares_beside(problem, one.fit, base, unknowns)
+            of_unknown = one.posterior.of_unknown
+            aware = problem.with_errors(
+                with_unknown(problem.errors, unknowns[int(np.argmax(of_unknown))])
+            )
+            posterior = integrated(
+                aware if one.in_part else problem, one.fit, one.posterior,
+                partial(posterior_of, evidence, observed=observed, shares=shares),
+            )  # fmt: skip
+            found[found.index(one)] = replace(one, posterior=posterior, whole=True)
+        found = _weighed(found)
+    return found
+
+
 def _beside(problem: Problem, fitted: Fit, unknown: Unknown) -> Fit:
     """Refit with something unknown among the errors; its misfit is told by the errors alone."""
     aware = problem.with_errors(with_unknown(problem.errors, unknown))
@@ -164,13 +196,6 @@ def _beside(problem: Problem, fitted: Fit, unknown: Unknown) -> Fit:
     return replace(
         refit, whitened=problem.whitened(refit.residual), jacobian=problem.whitened(refit.change)
     )
-
-
-def with_unknown(errors: ErrorModel, unknown: Unknown) -> ErrorModel:
-    """Return the errors with an error of unknown shape among them."""
-    if unknown.covariance is None:
-        return errors
-    return replace(errors, dense=errors.dense + unknown.covariance)
 
 
 def shown_effect(problem: Problem, fitted: Fit, base: Fit) -> float:

@@ -8,12 +8,13 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.stats import t as student_t
 
 from legfem.common.units import FloatArray
 from legfem.diagnose.fit import Fit, Problem
 from legfem.diagnose.nuisances import variance_degrees
-from legfem.inference.evidence import Posterior, Unknown
+from legfem.inference.evidence import Unknown
+from legfem.inference.mixture import Mixture
+from legfem.inference.posterior import Posterior, Strands
 
 HELD = 0.9
 """Explanations are listed until they hold this probability."""
@@ -38,6 +39,8 @@ class Explanation:
     confirmed: bool
     """Whether a full solution stands behind the fit."""
     probability: float = 0.0
+    whole: bool = False
+    """Whether its strength is integrated out; see `legfem.diagnose.strength`."""
     degrees: FloatArray | None = None
     """See `degrees_of_freedom`, where the fit isn't weighed by the errors."""
 
@@ -80,14 +83,22 @@ class Explanation:
 
     def interval(self, name: str, tail: float = 0.025) -> tuple[float, float]:
         """Return a parameter's 95 % interval, or that without other tails, in its unit."""
-        k = self.fit.free.index(name)
-        sd = float(np.sqrt(self.posterior.covariance[k, k]))
-        half_width = float(student_t.isf(tail, self.degrees_of_freedom[k])) * sd
-        low, high = self.posterior.mean.copy(), self.posterior.mean.copy()
-        low[k] -= half_width
-        high[k] += half_width
-        ends = self.fit.moved(low)[name], self.fit.moved(high)[name]
+        k, mixture = self.fit.free.index(name), self.distribution(name)
+        ends = []
+        for probability in (tail, 1 - tail):
+            at = self.posterior.mean.copy()
+            at[k] = mixture.quantile(probability)
+            ends.append(self.fit.moved(at)[name])
         return min(ends), max(ends)
+
+    def distribution(self, name: str) -> Mixture:
+        """Return a fitted parameter's distribution, as a departure from what was known."""
+        k, posterior = self.fit.free.index(name), self.posterior
+        strands = posterior.strands or Strands(
+            np.ones(1), posterior.mean[None], np.sqrt(np.diag(posterior.covariance))[None]
+        )
+        degrees = np.full(len(strands.weights), self.degrees_of_freedom[k])
+        return Mixture(strands.weights, strands.means[:, k], strands.sds[:, k], degrees)
 
 
 @dataclass(frozen=True)

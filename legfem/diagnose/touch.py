@@ -17,7 +17,8 @@ from legfem.diagnose.fit import Fit
 from legfem.diagnose.mechanisms.base import prior_of
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.predict import detected_onset
-from legfem.inference.evidence import Evidence, Linearised, Posterior
+from legfem.inference.evidence import Evidence, Linearised
+from legfem.inference.posterior import Posterior, mixed
 
 AT_TOUCH = 0.5
 """Prior probability that trials which show no air begin at first touch."""
@@ -53,7 +54,7 @@ def posterior_of(
         mean=scale * free.mean + shift,
         covariance=np.outer(scale, scale) * free.covariance,
     )
-    return _mixed(total, weights, (back, touching))
+    return mixed(total, weights, (back, touching))
 
 
 def _to_detected(fitted: Fit, observed: Observations) -> tuple[FloatArray, FloatArray]:
@@ -75,31 +76,3 @@ def _rescaled(about: Linearised, scale: FloatArray, shift: FloatArray) -> Linear
         (about.low - shift) / scale,
         (about.high - shift) / scale,
     )
-
-
-def _mixed(total: float, weights: FloatArray, parts: Sequence[Posterior]) -> Posterior:
-    """Return the moments of a mixture."""
-    mean = sum(w * p.mean for w, p in zip(weights, parts, strict=True))
-    spread = sum(
-        w * (p.covariance + np.outer(p.mean - mean, p.mean - mean))
-        for w, p in zip(weights, parts, strict=True)
-    )
-
-    def average(name: str) -> float:
-        return float(sum(w * getattr(p, name) for w, p in zip(weights, parts, strict=True)))
-
-    return Posterior(
-        log_evidence=total,
-        mean=np.asarray(mean),
-        covariance=np.asarray(spread),
-        unknown=average("unknown"),
-        unknown_size=average("unknown_size"),
-        of_unknown=_averaged(weights, [p.of_unknown for p in parts]),
-        gain_sd=average("gain_sd"),
-        zero_sd=average("zero_sd"),
-        effects=_averaged(weights, [p.effects for p in parts]),
-    )
-
-
-def _averaged(weights: FloatArray, values: Sequence[FloatArray]) -> FloatArray:
-    return np.asarray(weights @ np.array(values))

@@ -7,10 +7,13 @@ own.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.diagnose.observations import Observations
+from legfem.inference.errors import ErrorModel
 from legfem.inference.evidence import Unknown
 from legfem.recording.phases import HOLD
 
@@ -57,3 +60,10 @@ def _along(observed: Observations) -> FloatArray:
         start = np.array(stations.protocol.time)[observed.segment[held]]
         along[held] = np.log(np.maximum(observed.time[held] - start, 1e-3)) / 6.0
     return np.asarray(along)
+
+
+def with_unknown(errors: ErrorModel, unknown: Unknown) -> ErrorModel:
+    """Return the errors with an error of unknown shape among them."""
+    if unknown.covariance is None:
+        return errors
+    return replace(errors, dense=errors.dense + unknown.covariance)

@@ -25,6 +25,7 @@ from scipy.stats import norm
 from legfem.common.units import FloatArray
 from legfem.inference.bounded import within
 from legfem.inference.errors import GAIN_SDS, ErrorModel
+from legfem.inference.posterior import Posterior
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,28 +68,6 @@ class Linearised:
     departure: FloatArray
     low: FloatArray
     high: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class Posterior:
-    """What the data say of an explanation."""
-
-    log_evidence: float
-    mean: FloatArray
-    """(p,): departures, within their bounds."""
-    covariance: FloatArray
-    """(p, p)."""
-    unknown: float
-    """Probability that something unknown is left beside it."""
-    unknown_size: float
-    """Its expected standard deviation over the largest force, where there is something."""
-    gain_sd: float
-    zero_sd: float
-    """Expected sizes (N) of the trials' gains and zeros."""
-    effects: FloatArray
-    """(k,): expected effects of what the model doesn't know, in standard deviations."""
-    of_unknown: FloatArray
-    """(u,): probabilities of the unknown errors, none among them."""
 
 
 @dataclass(frozen=True, eq=False)

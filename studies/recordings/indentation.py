@@ -11,7 +11,7 @@ from scipy.interpolate import PchipInterpolator
 
 from legfem.common.units import FloatArray
 from legfem.diagnose.diagnosis import slowest_of
-from legfem.diagnose.explain import explain, with_unknown
+from legfem.diagnose.explain import explain
 from legfem.diagnose.explanation import Explained, Explanation
 from legfem.diagnose.fit import Fit, Problem, fit, fit_base
 from legfem.diagnose.mechanisms import Mechanism
@@ -22,7 +22,7 @@ from legfem.diagnose.mechanisms.support_compliance import SupportCompliance
 from legfem.diagnose.mechanisms.viscoelasticity import Viscoelasticity
 from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.predict import Predictor
-from legfem.diagnose.unknown import unknown_errors
+from legfem.diagnose.unknown import unknown_errors, with_unknown
 from legfem.inference.errors import error_model
 from legfem.inference.trial_noise import estimate_noise
 from legfem.recording import Instrument, Recording

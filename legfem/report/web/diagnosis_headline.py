@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from legfem.diagnose.averaged import widened_by
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.sentences import next_experiments, percent, statements
@@ -21,6 +22,8 @@ from legfem.report.words import number
 TITLE = "Can the stiffness of {kind} ‘{id}’ be trusted?"
 _MOST_CAUSES = 2
 """That find room on the first screen of a phone."""
+_WIDE = 0.2
+"""Half-width of an interval over the value, from which the interval is what counts."""
 
 
 def headline(found: Diagnosis, plan: Sequence[str], tissue: str = "") -> web.Headline:
@@ -53,7 +56,7 @@ def headline(found: Diagnosis, plan: Sequence[str], tissue: str = "") -> web.Hea
 def _answer(found: Diagnosis) -> tuple[web.Tone, str]:
     """Return how the verdict looks, and the answer to the page's title."""
     if found.verdict == "consistent":
-        return "sound", "Yes."
+        return "sound", "Yes, as a range." if _wide(found) else "Yes."
     if found.verdict == "unexplained":
         return "wrong", "No."
     if found.verdict == "named" or _alike(found):
@@ -72,6 +75,11 @@ def _write_down(found: Diagnosis) -> str:
     best = found.models[0] if found.models else found.base
     if not determined(best, "C10"):
         return "Write down no number: this test tells nothing of C10."
+    if _wide(found):
+        value = _value(found, best)
+        return (
+            f"Write down a range: C10 between {low} and {high} kPa ({value} if nothing is hidden)."
+        )
     return f"Write down: C10 {_value(found, best)} kPa (most likely between {low} and {high})."
 
 
@@ -112,7 +120,7 @@ def _sure(found: Diagnosis) -> str:
     soundness = found.explained.soundness
     if found.verdict == "consistent":
         fits = f"{percent(soundness)} sure that the computer model fits this test"
-        return f"{capital(fits)}. The range in brackets {_NINETEEN_OF_20}"
+        return f"{capital(fits)}. The range {_NINETEEN_OF_20}"
     wrong = f"{percent(1 - soundness)} sure that the computer model left something out"
     if found.verdict == "unexplained":
         return f"{capital(wrong)}; what it was can't be said."
@@ -187,8 +195,23 @@ def _within(found: Diagnosis) -> tuple[str, str]:
     return number(low, (high - low) / 4), number(high, (high - low) / 4)
 
 
+def _wide(found: Diagnosis) -> bool:
+    """Return whether a sound model's C10 is known as a range alone: what is hidden may move it."""
+    if found.verdict != "consistent" or "C10" not in found.base.fit.free:
+        return False
+    low, high = found.intervals.get("C10") or found.base.interval("C10")
+    return high - low > 2 * _WIDE * found.base.value("C10")
+
+
 def _to_do(found: Diagnosis, plan: Sequence[str]) -> str:
     lines = next_experiments(found)
+    widest = widened_by(found.explained, "C10") if _wide(found) else None
+    if widest is not None:
+        return (
+            "Use the range. It is so wide because this test can't tell whether "
+            f"{statements(widest)}. To narrow it, ask the lab to "
+            f"{widest.fit.mechanisms[0].next_experiment}."
+        )
     if found.verdict == "consistent":
         if not lines:
             return "Use the number above. No other test is needed."
