@@ -26,6 +26,7 @@ from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.document import versions
 from legfem.experiments.indentation_3d import Cylinder
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.experiments.posed import Pose, posed
 from legfem.geometry.leg_shape import HULL, SKIN
 from legfem.geometry.slices import calf_levels
 from legfem.identify.applied_correction import Confirmation, SpatialEvidence
@@ -98,7 +99,9 @@ def identified(folder: Path) -> WebPage:
 def pressed_in_3d() -> PressedLeg:
     """A round leg, invented: the skin goes with the cylinder within its length, in proportion."""
     shape = seen(round_leg(n_points=60))
-    touch, direction = np.array([0.0, -66.0, shape.levels.mean()]), np.array([0.0, 1.0, 0.0])
+    touch = np.array([0.0, -66.0, shape.levels.mean()])
+    pose = posed(Cylinder(), Pose((0.0, 0.0), float(touch[2]), 90.0))
+    direction = pose.pose.direction
     skin = shape.points(SKIN)
     away = np.linalg.norm((skin - touch) / (12.0, 30.0, 20.0), axis=-1)
     share = np.exp(-(away**2))
@@ -110,7 +113,7 @@ def pressed_in_3d() -> PressedLeg:
         for at in (2.0, 5.0, 8.0)
     )  # fmt: skip
     d = np.linspace(0.0, 8.0, 17)
-    return PressedLeg(shape, Cylinder(), touch, direction, ForceCurve(d, 0.1 * d**2), states)
+    return PressedLeg(shape, pose, touch, ForceCurve(d, 0.1 * d**2), states)
 
 
 def identified_in_3d(folder: Path) -> WebPage:

@@ -42,13 +42,14 @@ def test_a_solve_s_states_show_the_cylinder_s_imprint(filmed):
     at = [state.displacement for state in pressed.states]
     assert at == sorted(at) and at[-1] == pytest.approx(DEPTH) and len(at) >= 2
     last, skin = pressed.states[-1], pressed.shape.points(SKIN)
-    under = np.abs(skin - (pressed.touch + pressed.cylinder.radius * pressed.direction)).sum(axis=2)
+    cylinder, direction = pressed.posed.given, pressed.posed.pose.direction
+    under = np.abs(skin - (pressed.touch + cylinder.radius * direction)).sum(axis=2)
     level, point = np.unravel_index(np.argmin(under), under.shape)
-    inward = last.skin[level, point] @ pressed.direction
+    inward = last.skin[level, point] @ direction
     assert inward == pytest.approx(DEPTH, rel=0.15), "the skin goes with the cylinder"
     where = skin[np.unravel_index(np.argmax(last.pressure), last.pressure.shape)]
-    assert where @ pressed.direction < 0, "on the cylinder's side"
-    assert abs(where[2]) < 0.6 * pressed.cylinder.length
+    assert where @ direction < 0, "on the cylinder's side"
+    assert abs(where[2]) < 0.6 * cylinder.length
     assert np.abs(last.skin[[0, -1], :, 2]).max() < 1e-3, "end faces stay in their planes"
     # Over the skin it sums up to what it does on the mesh, which is in the last state.
     around = np.roll(skin, -1, axis=1) - skin

@@ -1,10 +1,11 @@
-"""A cylinder of finite length pressed into a leg as it is, in 3D."""
+"""A cylinder of finite length, a ball or a punch pressed into a leg as it is, in 3D."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -13,6 +14,7 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments.base import made_when_needed
 from legfem.experiments.indentation_3d import Cylinder
+from legfem.experiments.posed import Ball, Indenting, Pose, Posed, Punch, posed
 from legfem.experiments.pressing import Pressing, PressingTest, leg_model
 from legfem.experiments.tissues import tissues_of
 from legfem.fem.spaces import build_spaces
@@ -25,42 +27,16 @@ from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import LegModel, Term
 from legfem.mechanics.terms import Fascia, Fibres
 from legfem.meshing.idealised_leg import END, LegMesh
-from legfem.meshing.section import first_touch
 from legfem.meshing.solid_leg import FineStrip, SolidMeshSettings, mesh_solid_leg
 from legfem.meshing.support import Support
 from legfem.solve.linear import LinearSettings
 from legfem.solve.newton import NewtonSettings, NewtonSolver
 from legfem.solve.step_settings import StepSettings
 from legfem.subjects.spatial import SpatialLeg
-from legfem.subjects.subject import Subject
+from legfem.subjects.subject import Indenter, Subject
 
-_LEVELS, _TURNS = 41, 720
-"""Along the cylinder and round the leg, at which the skin is looked for."""
-
-
-@dataclass(frozen=True)
-class Pose:
-    """Where the cylinder, its axis along the leg, is pressed.
-
-    Parameters
-    ----------
-    aim : (float, float)
-        A point on its line of travel (mm).
-    level : float
-        Of its middle (mm).
-    direction_deg : float
-        Of its travel, from +x counter-clockwise.
-    """
-
-    aim: tuple[float, float]
-    level: float
-    direction_deg: float
-
-    @property
-    def direction(self) -> FloatArray:
-        """Of the travel: a unit vector (3,)."""
-        angle = np.radians(self.direction_deg)
-        return np.array([np.cos(angle), np.sin(angle), 0.0])
+_LEVELS, _TURNS, _LOOKS = 41, 720, 3
+"""Along the leg and round it, at which the skin is looked for, each time nearer to the touch."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +87,7 @@ class LegIndentation3D(PressingTest):
     ----------
     shape
         Of the leg, longer than the cylinder.
-    cylinder, pose
+    indenter, pose
         What presses, and where.
     tissues
         Laws of the deep and the superficial tissue.
@@ -127,11 +103,11 @@ class LegIndentation3D(PressingTest):
     Raises
     ------
     InputError
-        For a cylinder beyond the leg, or one that misses it.
+        For an indenter beyond the leg, or one that misses it.
     """
 
     shape: LegShape
-    cylinder: Cylinder
+    indenter: Indenting
     pose: Pose
     tissues: Mapping[str, Hyperelastic]
     fascia: Fascia = field(default_factory=Fascia)
@@ -154,11 +130,11 @@ class LegIndentation3D(PressingTest):
         """
         given, tissues, fibres = subject.indenter, tissues_of(subject), subject.fibres
         thickness = subject.section.fascia_thickness
-        pose = Pose((float(given.aim[0]), float(given.aim[1])), 0.0, given.direction_deg)
+        aim = float(given.aim[0]), float(given.aim[1])
         return cls(
             without_layer(leg.shape, thickness),
-            Cylinder(given.radius, given.length),
-            pose,
+            _indenting(given),
+            Pose(aim, 0.0, given.direction_deg, given.axis_deg),
             {"deep": tissues.deep, "superficial": tissues.superficial},
             membrane_of(tissues.fascia, thickness),
             settings or SolidLegSettings(),
@@ -167,15 +143,20 @@ class LegIndentation3D(PressingTest):
         )
 
     def __post_init__(self) -> None:
-        """Check that the cylinder lies over the leg."""
+        """Check that the indenter lies over the leg."""
         low, high = self._span
         if low < self.shape.levels[0] or high > self.shape.levels[-1]:
             raise InputError(
                 "indenter", "level",
-                f"the cylinder from {low:g} to {high:g} mm leaves the leg, "
+                f"it reaches from {low:g} to {high:g} mm and leaves the leg, "
                 f"{self.shape.levels[0]:g} to {self.shape.levels[-1]:g} mm",
                 "scan a longer part of the leg, or give another level",
             )  # fmt: skip
+
+    @cached_property
+    def posed(self) -> Posed[Any]:
+        """The indenter in its pose."""
+        return posed(self.indenter, self.pose)
 
     @cached_property
     def _skin(self) -> PartSurface:
@@ -183,34 +164,43 @@ class LegIndentation3D(PressingTest):
 
     @property
     def _span(self) -> tuple[float, float]:
-        half = self.cylinder.length / 2
-        return self.pose.level - half, self.pose.level + half
+        return self.pose.level - self.posed.reach, self.pose.level + self.posed.reach
 
     @cached_property
     def model(self) -> LegModel:
         """The sum of terms."""
         laws = {region: self.tissues[region] for region in ("superficial", "deep")}
-        base = leg_model(laws, self.cylinder.shape(3), self.settings.contact, "continuous")
+        base = leg_model(laws, self.posed.shape, self.settings.contact, "continuous")
         return base.with_terms((self.fascia, *self.mechanisms))
 
     @cached_property
     def touch(self) -> FloatArray:
-        """The cylinder's middle (3,), mm, where it first touches the leg."""
-        aim, travel = np.array(self.pose.aim), self.pose.direction[:2]
-        turns = np.linspace(0.0, 1.0, _TURNS, endpoint=False)[:, None]
-        points = self._skin(turns, np.linspace(*self._span, _LEVELS)[None, :])
-        middles = [
-            first_touch(points[:, k, :2], self.cylinder.radius, aim, travel) for k in range(_LEVELS)
-        ]
-        first = min(middles, key=lambda middle: float((middle - aim) @ travel))
-        return np.array([*first, self.pose.level])
+        """The indenter's middle (3,), mm, where it first touches the leg."""
+        aim, frame = np.array([*self.pose.aim, self.pose.level]), self.pose.frame
+        turns, levels = (0.0, 1.0), self._span
+        for _ in range(_LOOKS):
+            round_it, along = np.linspace(*turns, _TURNS), np.linspace(*levels, _LEVELS)
+            points = self._skin(round_it[:, None] % 1.0, along[None, :]) - aim
+            way = points @ frame[2] - self.posed.ahead(points @ frame[:2].T)
+            if np.all(np.isnan(way)):
+                raise InputError(
+                    "indenter", "aim", "the line of travel misses the leg",
+                    "give a point inside the leg, and check the direction",
+                )  # fmt: skip
+            turn, level = np.unravel_index(np.nanargmin(way), way.shape)
+            turns = _beside(round_it, int(turn))
+            low, high = _beside(along, int(level))
+            levels = max(low, self._span[0]), min(high, self._span[1])
+        return np.asarray(aim + np.nanmin(way) * frame[2])
 
     @made_when_needed
     def leg_mesh(self) -> LegMesh:
-        """The mesh, fine under the cylinder."""
-        (low, high), radius = self._span, self.cylinder.radius
-        x, y, _ = self.touch + radius * self.pose.direction
-        strip = FineStrip(((x, y, low), (x, y, high)), 1.2 * radius, self.settings.contact_size)
+        """The mesh, fine under the indenter."""
+        frame, (ahead, half) = self.pose.frame, self.posed.contact
+        middle = self.touch + ahead * frame[2]
+        low, high = (middle + side * half * frame[0] for side in (-1, 1))
+        reach, size = 1.2 * self.indenter.radius, self.settings.contact_size
+        strip = FineStrip((_triple(low), _triple(high)), reach, size)
         return mesh_solid_leg(self.shape, replace(self.settings.mesh, strip=strip), self.comm)
 
     def _made(self) -> Pressing:
@@ -229,5 +219,24 @@ class LegIndentation3D(PressingTest):
             self._skin.beside,
         )  # fmt: skip
         solver = NewtonSolver(system, settings.newton, settings.linear)
-        radius = self.cylinder.radius
+        radius = self.indenter.radius
         return Pressing(system, solver, settings.contact, radius, 1.0, settings.steps)
+
+
+def _indenting(given: Indenter) -> Indenting:
+    """Return what a subject's folder presses with."""
+    if given.shape == "ball":
+        return Ball(given.radius)
+    kind = Punch if given.shape == "punch" else Cylinder
+    return kind(given.radius, given.length)
+
+
+def _beside(values: FloatArray, k: int) -> tuple[float, float]:
+    """Return the values two places before and after one."""
+    step = float(values[1] - values[0])
+    return float(values[k]) - 2 * step, float(values[k]) + 2 * step
+
+
+def _triple(point: FloatArray) -> tuple[float, float, float]:
+    x, y, z = map(float, point)
+    return x, y, z

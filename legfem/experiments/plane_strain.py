@@ -99,6 +99,11 @@ class PlaneStrainIndentation(PressingTest):
         Where the mesh is moved to once it is made; it stays without it.
     meshed
         If it is there already; made from the section without it.
+
+    Raises
+    ------
+    InputError
+        For a ball, a punch or a cylinder that doesn't lie along the leg.
     """
 
     section: LegSection
@@ -109,6 +114,10 @@ class PlaneStrainIndentation(PressingTest):
     mechanisms: Sequence[Term] = ()
     moved: MeshMotion | None = None
     meshed: SectionMesh | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        """Check that the section can have the indenter."""
+        self.indenter.check_lies_along("subject.toml")
 
     @classmethod
     def of_subject(

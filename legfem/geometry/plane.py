@@ -63,16 +63,10 @@ class CuttingPlane:
         Raises
         ------
         InputError
-            If the axis isn't square to the travel, or the plane doesn't lie across the leg.
+            If the plane doesn't lie across the leg.
         """
         travel = direction / np.linalg.norm(direction)
         along = _UP if axis is None else axis / np.linalg.norm(axis)
-        if axis is not None and abs(along @ travel) > _SQUARE:
-            angle = np.degrees(np.arccos(np.clip(along @ travel, -1, 1)))
-            raise InputError(
-                source, "indenter.axis", f"stands at {angle:.0f} degrees to the direction",
-                "a cylinder travels square to its axis: correct axis or direction",
-            )  # fmt: skip
         normal = along - (along @ travel) * travel
         length = float(np.linalg.norm(normal))
         if length < 1e-6 or abs(normal[2]) / length < _ACROSS:
@@ -117,3 +111,37 @@ class CuttingPlane:
             return f"level {z:g} mm"
         tilt = float(np.degrees(np.arccos(self.normal[2])))
         return f"plane through ({x:.1f}, {y:.1f}, {z:.1f}) mm, tilted by {tilt:.1f} degrees"
+
+
+def turn_about_travel(direction: FloatArray, axis: FloatArray, source: str) -> float:
+    """Return by how much a cylinder is turned about its travel, from standing as upright as it can.
+
+    Parameters
+    ----------
+    direction : (3,) array
+        Of travel.
+    axis : (3,) array
+        Of the cylinder.
+    source : str
+        What errors name as the file.
+
+    Returns
+    -------
+    float
+        Degrees, right-handed, from -90 to 90.
+
+    Raises
+    ------
+    InputError
+        If the axis isn't square to the travel.
+    """
+    travel, along = direction / np.linalg.norm(direction), axis / np.linalg.norm(axis)
+    if abs(along @ travel) > _SQUARE:
+        angle = np.degrees(np.arccos(np.clip(along @ travel, -1, 1)))
+        raise InputError(
+            source, "indenter.axis", f"stands at {angle:.0f} degrees to the direction",
+            "a cylinder travels square to its axis: correct axis or direction",
+        )  # fmt: skip
+    upright = _UP - (_UP @ travel) * travel
+    turn = float(np.degrees(np.arctan2(along @ np.cross(travel, upright), along @ upright)))
+    return (turn + 90.0) % 180.0 - 90.0

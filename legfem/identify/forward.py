@@ -106,7 +106,14 @@ class PlaneStrainForward:
     def of_subject(
         cls, subject: Subject, depth: float, settings: PlaneStrainSettings | None = None
     ) -> PlaneStrainForward:
-        """Return the test of a subject pressed to a depth (mm)."""
+        """Return the test of a subject pressed to a depth (mm).
+
+        Raises
+        ------
+        InputError
+            For a ball, a punch or a cylinder that doesn't lie along the leg.
+        """
+        subject.indenter.check_lies_along(str(subject.directory / "subject.toml"))
         from legfem.experiments.plane_strain import PlaneStrainSettings
         from legfem.experiments.tissues import tissues_of
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_matrix
 
 from legfem.common.units import FloatArray
-from legfem.experiments.indentation_3d import Cylinder
 from legfem.experiments.leg_3d import LegIndentation3D
+from legfem.experiments.posed import Posed
 from legfem.fem.body_surfaces import BodySurface, hull_surface
 from legfem.fem.fields import FieldReader
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
@@ -48,11 +49,10 @@ class PressedLeg:
 
     shape: LegShape
     """At the levels and points of the states."""
-    cylinder: Cylinder
+    posed: Posed[Any]
+    """What presses it."""
     touch: FloatArray
     """Its middle (3,), mm, at first contact."""
-    direction: FloatArray
-    """Of its travel: a unit vector (3,)."""
     curve: ForceCurve
     states: tuple[LegState, ...]
 

@@ -114,10 +114,7 @@ class SpatialForward:
         if not states:
             return None
         test = self.experiment
-        return PressedLeg(
-            self._camera.shape, test.cylinder, test.touch, test.pose.direction, outcome.curve,
-            tuple(states),
-        )  # fmt: skip
+        return PressedLeg(self._camera.shape, test.posed, test.touch, outcome.curve, tuple(states))
 
     def _key(self, values: Values) -> str:
         return key_of((self.fingerprint(), dict(values)))
@@ -200,7 +197,7 @@ class LegModels:
             mesh=settings.mesh.refined(1 / ROUGHER),
             contact_size=ROUGHER * settings.contact_size,
         )
-        trimmed = leg.trimmed(subject.indenter.length, TRIMMED)
+        trimmed = leg.trimmed(subject.indenter.extent, TRIMMED)
         states = None if kept is None else kept / "states"
         # Of a leg that is spread over ranks no process sees the whole.
         film = LegFilm(None if kept is None else kept / "film") if comm.size == 1 else None

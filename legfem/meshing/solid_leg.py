@@ -53,7 +53,7 @@ class FineStrip:
     Parameters
     ----------
     ends : (3,) and (3,) tuple
-        Of the line on the skin that the strip lies about (mm).
+        Of the line on the skin that the strip lies about (mm); they may be one point.
     reach : float
         From the line, to where elements are this small (mm).
     size : float
@@ -68,7 +68,7 @@ class FineStrip:
         """Tell which points (n, 3) lie within reach."""
         start, end = np.array(self.ends)
         along = end - start
-        share = np.clip((points - start) @ along / (along @ along), 0.0, 1.0)
+        share = np.clip((points - start) @ along / max(along @ along, 1e-12), 0.0, 1.0)
         away = np.linalg.norm(points - start - share[:, None] * along, axis=1)
         return np.asarray(away < self.reach)
 

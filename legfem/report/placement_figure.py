@@ -6,9 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
+from matplotlib.patches import Circle, Patch
+from matplotlib.patches import Polygon as Outline
 from shapely import Polygon
 
+from legfem.common.units import FloatArray
 from legfem.geometry.section import fat_thickness, first_crossing, girth
 from legfem.report.style import (
     BONE_COLOUR,
@@ -21,7 +23,7 @@ from legfem.report.style import (
     title,
 )
 from legfem.subjects.plausibility import room_before
-from legfem.subjects.subject import Subject
+from legfem.subjects.subject import Indenter, Subject
 
 SECTION_SHOWS = "the section that was given or cut, with the cylinder at first touch and its travel"
 
@@ -60,7 +62,7 @@ def placement_figure(subject: Subject, scanned: Mapping[str, Polygon] | None = N
     way = first_crossing(section.polygon("skin").buffer(indenter.radius).exterior, aim, direction)
     room = room_before(subject)
     start, end = aim + way * direction, aim + (way + room) * direction
-    axes.add_patch(Circle(tuple(start), indenter.radius, facecolor=TOOL_COLOUR, edgecolor="black"))
+    axes.add_patch(_tool(indenter, start))
     axes.annotate("", tuple(end), tuple(start), arrowprops={"arrowstyle": "->", "linewidth": 1.5})
     axes.update_datalim(np.stack([start - indenter.radius, start + indenter.radius]))
     axes.autoscale_view()
@@ -75,3 +77,18 @@ def placement_figure(subject: Subject, scanned: Mapping[str, Polygon] | None = N
     )
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=2)
     return figure
+
+
+def _tool(indenter: Indenter, middle: FloatArray) -> Patch:
+    """Return what of an indenter is seen in the section, its face a radius ahead of its middle."""
+    colours = {"facecolor": TOOL_COLOUR, "edgecolor": "black"}
+    if indenter.lies_along or indenter.shape == "ball":
+        return Circle(tuple(middle), indenter.radius, **colours)
+    ahead, beside = indenter.direction, np.array([-1.0, 1.0]) * indenter.direction[::-1]
+    turn = np.radians(indenter.axis_deg)
+    half = indenter.radius
+    if indenter.shape == "cylinder":
+        half = max(half, 0.5 * indenter.length * abs(np.sin(turn)))
+    corners = [(-1, -half), (1, -half), (1, half), (-1, half)]
+    outline = [middle + along * indenter.radius * ahead + side * beside for along, side in corners]
+    return Outline(outline, closed=True, **colours)

@@ -174,7 +174,7 @@ def _leg_facts(subject: Subject) -> list[tuple[str, str]]:
         ("girth", f"{girth(section):.0f} mm"),
         ("fat under the indenter", f"{fat:.1f} mm"),
         ("room before a bone", f"{room_before(subject):.0f} mm"),
-        ("indenter", f"{2 * indenter.radius:g} mm across, {indenter.length:g} mm long"),
+        ("indenter", f"{indenter}"),
         *(given if trials else ()),
         ("how well the leg is known", accuracy or "not stated: what is usual is assumed"),
     ]  # fmt: skip

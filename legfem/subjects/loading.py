@@ -94,9 +94,11 @@ def load_subject(
     section = place.section
     indenter = Indenter(
         radius=given.indenter.diameter_mm / 2,
-        length=given.indenter.length_mm,
+        length=given.indenter.own_length,
         aim=place.aim,
         direction_deg=place.direction_deg,
+        shape=given.indenter.shape,
+        axis_deg=place.axis_deg,
     )
     _check_aim(toml, section, indenter)
     channels = given.recordings.channels()

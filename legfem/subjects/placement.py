@@ -13,12 +13,13 @@ from legfem.common.tables import read_table
 from legfem.common.units import FloatArray
 from legfem.geometry.contours import read_contours
 from legfem.geometry.cross_sections import section_from_outlines
-from legfem.geometry.plane import CuttingPlane
+from legfem.geometry.plane import CuttingPlane, turn_about_travel
 from legfem.geometry.rigid import RigidTransform
 from legfem.geometry.section import LegSection
 from legfem.imaging.registration import register_points
 from legfem.imaging.shape_entry import existing
-from legfem.subjects.schema import IndenterEntry, SubjectFile
+from legfem.subjects.indenter_entry import IndenterEntry
+from legfem.subjects.schema import SubjectFile
 
 if TYPE_CHECKING:
     from legfem.imaging.leg_source import LegSource
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 _LANDMARKS = ("name", "x_mm", "y_mm", "z_mm", "scan_x_mm", "scan_y_mm", "scan_z_mm")
 _MOST_APART = 6.0
 """Root mean square (mm) of registered landmarks' distances beyond which they aren't the same."""
+_RATHER_ACROSS_DEG = 45.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +46,8 @@ class Placement:
     """What the section was cut from; None where its contours alone are given."""
     plane: CuttingPlane | None = None
     """In which it was cut."""
+    axis_deg: float = 0.0
+    """By which a cylinder is turned about its travel, from lying square to the plane."""
 
 
 def placed(directory: Path, toml: Path, given: SubjectFile) -> Placement:
@@ -61,7 +65,8 @@ def placed(directory: Path, toml: Path, given: SubjectFile) -> Placement:
         assert indenter.direction_deg is not None
         path = existing(directory, entry.contours, toml, "section.contours")
         section = read_contours(path, thickness)
-        return Placement(section, np.array(indenter.aim_mm), indenter.direction_deg)
+        aim = np.array(indenter.aim_mm)
+        return Placement(section, aim, indenter.direction_deg, axis_deg=indenter.axis_deg or 0.0)
     # Readers of scans are slow to import, and most folders have none.
     from legfem.imaging.leg_source import LegSource
 
@@ -73,7 +78,10 @@ def placed(directory: Path, toml: Path, given: SubjectFile) -> Placement:
         section = section_from_outlines(source.outlines(plane), thickness, source.name)
         cut = f"{Path(source.name).name}, {plane}"
         aim = np.array(indenter.aim_mm)
-        return Placement(section, aim, indenter.direction_deg, cut, source=source, plane=plane)
+        return Placement(
+            section, aim, indenter.direction_deg, cut, source=source, plane=plane,
+            axis_deg=indenter.axis_deg or 0.0,
+        )  # fmt: skip
     if source.volume is not None and not source.volume.transform:
         raise InputError(
             source.name, "header", "says not where the volume lies, which a pose needs",
@@ -83,12 +91,17 @@ def placed(directory: Path, toml: Path, given: SubjectFile) -> Placement:
     position = motion(np.array(indenter.position_mm))
     direction = motion.rotation @ np.array(indenter.direction)
     axis = None if indenter.axis is None else motion.rotation @ np.array(indenter.axis)
+    turn = indenter.axis_deg or 0.0
+    if axis is not None:
+        found = turn_about_travel(direction, axis, str(toml))
+        # Of a cylinder that lies rather across the leg, the section still is one of the leg.
+        axis, turn = (None, found) if abs(found) > _RATHER_ACROSS_DEG else (axis, 0.0)
     plane = CuttingPlane.of_cylinder(position, direction, axis, str(toml))
     section = section_from_outlines(source.outlines(plane), thickness, source.name)
     along = plane.flat(direction)
     angle = float(np.degrees(np.arctan2(along[1], along[0]))) % 360.0
     cut = f"{Path(source.name).name}, {plane}"
-    return Placement(section, plane.flat(position), angle, cut, residual, source, plane)
+    return Placement(section, plane.flat(position), angle, cut, residual, source, plane, turn)
 
 
 def _to_scan(

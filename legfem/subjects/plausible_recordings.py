@@ -206,6 +206,8 @@ def _differing(loadings: Sequence[Loading]) -> Iterator[Doubt]:
 
 
 def _force(subject: Subject, loadings: Sequence[Loading]) -> Iterator[Doubt]:
+    if not subject.indenter.lies_along:  # the envelopes are of sections
+        return
     depth = min(loading.depth for loading in loadings)
     at = np.linspace(0.2, 0.9, 8) * depth
     force = np.array([np.median([one.force_near(d) for one in loadings]) for d in at])

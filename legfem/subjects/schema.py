@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Literal
 
 from pydantic import Field, model_validator
 
@@ -20,6 +20,7 @@ from legfem.common.toml_file import (
 from legfem.imaging.shape_entry import LabelsEntry, ShapeEntry
 from legfem.recording import Channel, Channels
 from legfem.subjects.elastography import ElastographyEntry, StatedRatio, check_once
+from legfem.subjects.indenter_entry import IndenterEntry
 
 HOLDER = "a subject folder"
 """That holds the file."""
@@ -35,49 +36,6 @@ class SectionEntry(ShapeEntry):
     """At which to cut, square to z; without it through the indenter's position."""
     length_mm: Positive | None = None
     """Of the leg that a model in 3D holds, the cylinder at its middle; 120 mm without it."""
-
-
-Vector = Annotated[list[Finite], Field(min_length=3, max_length=3)]
-
-
-class IndenterEntry(FileTable):
-    """``[indenter]``."""
-
-    # Below 1 mm it is most likely metres or centimetres.
-    diameter_mm: Annotated[float, Field(ge=1.0, le=300.0, allow_inf_nan=False)]
-    length_mm: Annotated[float, Field(ge=1.0, le=1000.0, allow_inf_nan=False)]
-    aim_mm: Annotated[list[Finite], Field(min_length=2, max_length=2)] | None = None
-    direction_deg: Finite | None = None
-
-    position_mm: Vector | None = None
-    """A point on the line of travel in the scan, in the place of ``aim_mm``."""
-    direction: Vector | None = None
-    """Of travel in the scan, in the place of ``direction_deg``."""
-    axis: Vector | None = None
-    """Of the cylinder in the scan; without it across the travel, as near to z as that is."""
-    landmarks: Text | None = None
-    """CSV of points in the coordinates of the pose and in the scan's, where they differ."""
-
-    @model_validator(mode="after")
-    def _one_place(self) -> IndenterEntry:
-        for flat, spatial in (("aim_mm", "position_mm"), ("direction_deg", "direction")):
-            if (getattr(self, flat) is None) == (getattr(self, spatial) is None):
-                what = "missing" if getattr(self, flat) is None else f"given beside {spatial}"
-                raise trouble(
-                    flat, what, f"give {flat} in the section's plane, or {spatial} in the scan"
-                )
-        if (self.position_mm is None) != (self.direction is None):
-            raise trouble(
-                "direction", "position_mm and direction belong together",
-                "give both in the scan, or aim_mm and direction_deg in the section's plane",
-            )  # fmt: skip
-        for key in ("axis", "landmarks"):
-            if getattr(self, key) is not None and self.position_mm is None:
-                raise trouble(key, "is of use with position_mm alone", "leave it out")
-        for key in ("direction", "axis"):
-            if getattr(self, key) is not None and not any(getattr(self, key)):
-                raise trouble(key, "has no length", "give a vector")
-        return self
 
 
 class TissueEntry(FileTable):

@@ -67,10 +67,11 @@ def spatial_leg(subject: Subject) -> SpatialLeg:
     toml = SUBJECTS.opened(subject.directory)
     given = subject_entry(toml, subject.site).given
     length = given.section.length_mm or LENGTH
-    if length <= subject.indenter.length:
+    held = subject.indenter.extent
+    if length <= held:
         raise InputError(
             toml, "section.length_mm", f"{length:g} mm is no longer than the cylinder",
-            f"give more than {subject.indenter.length:g} mm, twice that or more",
+            f"give more than {held:g} mm, twice that or more",
         )  # fmt: skip
     place = placed(subject.directory, toml, given)
     if place.source is None:
@@ -78,12 +79,12 @@ def spatial_leg(subject: Subject) -> SpatialLeg:
         return SpatialLeg(_extruded(subject.section, length), words, True)
     shape = _about(place, 0.5 * length)
     low, high = (float(shape.levels[k]) for k in (0, -1))
-    half = 0.5 * subject.indenter.length
+    half = 0.5 * held
     if low > -half or high < half:
         raise InputError(
             place.source.name, "levels",
-            f"reach from {low:.4g} to {high:.4g} mm about the cylinder's middle, which is "
-            f"{2 * half:g} mm long",
+            f"reach from {low:.4g} to {high:.4g} mm about the cylinder's middle, which "
+            f"takes {held:g} mm",
             "scan a longer part of the leg, or press elsewhere",
         )  # fmt: skip
     words = f"{Path(place.source.name).name}, {low:.4g} to {high:+.4g} mm about the cylinder"

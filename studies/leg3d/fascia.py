@@ -15,7 +15,8 @@ from legfem.common.command_edge import command_edge
 from legfem.common.errors import InputError
 from legfem.common.markdown import markdown_table
 from legfem.experiments.indentation_3d import IdealisedLegIndentation, IdealisedLegSettings
-from legfem.experiments.leg_3d import LegIndentation3D, Pose, SolidLegSettings, membrane_of
+from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membrane_of
+from legfem.experiments.posed import Pose
 from legfem.experiments.pressing import PressingTest
 from legfem.geometry.shape_motion import without_layer
 from legfem.mechanics.materials import Hyperelastic, NeoHookean

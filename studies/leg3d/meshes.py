@@ -15,7 +15,8 @@ from legfem.common.errors import InputError
 from legfem.common.markdown import markdown_table
 from legfem.common.units import kpa_to_mpa
 from legfem.experiments.indentation_3d import IdealisedLegIndentation, IdealisedLegSettings
-from legfem.experiments.leg_3d import LegIndentation3D, Pose, SolidLegSettings, fibres_of
+from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, fibres_of
+from legfem.experiments.posed import Pose
 from legfem.experiments.pressing import PressingTest
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
 from legfem.mechanics.terms import Fascia

@@ -14,7 +14,8 @@ from legfem.experiments.indentation_3d import (
     IdealisedLegIndentation,
     IdealisedLegSettings,
 )
-from legfem.experiments.leg_3d import LegIndentation3D, Pose, SolidLegSettings, membrane_of
+from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membrane_of
+from legfem.experiments.posed import Pose
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.shape_motion import without_layer
 from legfem.mechanics.materials import NeoHookean

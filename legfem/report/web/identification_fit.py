@@ -65,7 +65,7 @@ def _procedure(result: IdentificationResult, subject: Subject) -> str:
     )
     return (
         f"The recordings ({measured.n_trials} trial{'s' * (measured.n_trials > 1)}) are of a "
-        f"rigid cylinder, {2 * indenter.radius:g} mm in diameter and {indenter.length:g} mm long, "
+        f"rigid {indenter}, "
         "pressed into the calf. Their loading was brought to one mean curve with its errors, "
         f"{len(measured.displacement)} points to {measured.displacement[-1]:g} mm after first "
         "contact. A plane-strain finite-element model of the section gives the force per length, "

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.experiments.indentation_3d import Cylinder
+from legfem.experiments.posed import Posed
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.identify.leg_film import PressedLeg
 from legfem.report.web.turned import SkinField, Slider, Tool, TurnedLeg, View, turned_leg
@@ -15,12 +17,12 @@ _SIDES = (
     "behind, and the right", "behind", "behind, and the left", "the left",
     "the cylinder's side and the left",
 )  # fmt: skip
-_ALONG, _ROUND = 13, 36
-"""Rings of a cylinder's grid, and points of one."""
+_ROUND = 36
+"""Points of a ring of an indenter's grid."""
 
 
 def pressed_leg(pressed: PressedLeg, caption: str) -> TurnedLeg:
-    """Return a leg that is pressed, with the cylinder in front.
+    """Return a leg that is pressed, with what presses it in front.
 
     Parameters
     ----------
@@ -29,7 +31,8 @@ def pressed_leg(pressed: PressedLeg, caption: str) -> TurnedLeg:
     caption
         Begins what is said of it.
     """
-    turn = _to_the_front(pressed.direction)
+    direction = pressed.posed.pose.direction
+    turn = _to_the_front(direction)
     bare = pressed.shape
     shape = LegShape(bare.levels, {part: xy @ turn[:2, :2].T for part, xy in bare.contours.items()})
     stops = np.array([0.0, *(state.displacement for state in pressed.states)])
@@ -39,8 +42,8 @@ def pressed_leg(pressed: PressedLeg, caption: str) -> TurnedLeg:
     }
     pressure = _from_none([state.pressure for state in pressed.states])
     movement = np.linalg.norm(moved[SKIN], axis=-1)
-    along = turn @ pressed.direction
-    tool = Tool(_cylinder(pressed.cylinder, turn @ pressed.touch), stops[:, None] * along)
+    grid = (_outline(pressed.posed) + pressed.touch) @ turn.T
+    tool = Tool(grid, stops[:, None] * (turn @ direction))
     force = pressed.curve(stops)
     rows = [
         [
@@ -57,8 +60,8 @@ def pressed_leg(pressed: PressedLeg, caption: str) -> TurnedLeg:
         ("displacement (mm)", "force (N)", "highest pressure on the skin (kPa)",
          "greatest movement of the skin (mm)"),
         rows,
-        f"{caption} Its skin is coloured by the cylinder's pressure or by how far it moved; the "
-        f"cylinder is drawn see-through. {len(pressed.states)} states were computed; what lies "
+        f"{caption} Its skin is coloured by the pressure on it or by how far it moved; the "
+        f"indenter is drawn see-through. {len(pressed.states)} states were computed; what lies "
         "between is drawn in proportion.",
         tool=tool,
     )  # fmt: skip
@@ -75,15 +78,13 @@ def _to_the_front(direction: FloatArray) -> FloatArray:
     return np.array([[y, -x, 0.0], [x, y, 0.0], [0.0, 0.0, 1.0]])
 
 
-def _cylinder(cylinder: Cylinder, middle: FloatArray) -> FloatArray:
-    """Return a cylinder with its end faces as a grid (n, m, 3) along z."""
-    half = cylinder.length / 2
-    z = np.concatenate([[-half], np.linspace(-half, half, _ALONG), [half]])
-    radius = np.full(len(z), cylinder.radius)
-    radius[[0, -1]] = 0.0
-    angle = np.linspace(0.0, 2 * np.pi, _ROUND, endpoint=False)
-    ring = np.column_stack([np.cos(angle), np.sin(angle)])
-    points = np.empty((len(z), _ROUND, 3))
-    points[..., :2] = radius[:, None, None] * ring
-    points[..., 2] = z[:, None]
-    return points + middle
+def _outline(posed: Posed[Any]) -> FloatArray:
+    """Return an indenter's surface about its middle as a grid (n, m, 3) of rings."""
+    heights, radii = posed.profile().T
+    axis = posed.axis
+    start = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    first = start - (start @ axis) * axis
+    first /= np.linalg.norm(first)
+    angle = np.linspace(0.0, 2 * np.pi, _ROUND, endpoint=False)[:, None]
+    ring = np.cos(angle) * first + np.sin(angle) * np.cross(axis, first)
+    return np.asarray(heights[:, None, None] * axis + radii[:, None, None] * ring)
