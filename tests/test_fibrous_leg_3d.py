@@ -11,6 +11,7 @@ from test_leg_film import COARSE
 
 from legfem.correction.fibres import FIBRES
 from legfem.experiments.leg_3d import FIBRE_PARAMETERS
+from legfem.identify.catalogue import DEEP_RATIO
 from legfem.identify.leg_solver import fibre_errors
 from legfem.identify.spatial import LegModels
 from legfem.subjects.elastography import FibreRatio
@@ -53,3 +54,28 @@ def test_the_error_by_the_ratio_is_that_of_solves_beside_it(solved):
     found = fibre_errors(fibrous, known, C10["deep.C10"], at)[f"{FIBRES}ratio"]
     slope = (ratios[RATIO + 0.02](at) - ratios[RATIO - 0.02](at)) / 0.04 / fibrous(at)
     np.testing.assert_allclose(found, 0.3 * slope, rtol=0.01)
+
+
+@pytest.mark.parametrize("name", ["deep.C10", DEEP_RATIO, "fascia.C10"])
+def test_derivatives_under_a_cylinder_across_the_leg_are_those_of_solves_beside(across, name):
+    model, values, curve = across
+    at, step = np.array([2.0, 3.0]), 0.01 * values[name]
+    up, down = (model.solve({**values, name: values[name] + side * step}) for side in (1, -1))
+    assert up.complete and down.complete
+    slope = (up.curve(at) - down.curve(at)) / (2 * step)
+    np.testing.assert_allclose(curve.sensitivity(name, at), slope, rtol=0.01)
+
+
+@pytest.fixture(scope="module")
+def across(tmp_path_factory):
+    """Press a cylinder that lies across a leg whose fibres' ratio is open, with derivatives."""
+    folder = tmp_path_factory.mktemp("across")
+    cone_folder(folder, level=100.0, more="length_mm = 60.0", slope=0.0)
+    subject = load_subject(folder, need_recordings=False)
+    lying = replace(subject, indenter=replace(subject.indenter, axis_deg=90.0))
+    settings = replace(COARSE, contact_size=6.0)
+    model = LegModels.of_subject(lying, 3.0, None, settings, open_ratio=True).full
+    values = {"deep.C10": 1.2e-3, DEEP_RATIO: RATIO, "fascia.C10": 0.1}
+    solved = model.solve(values, tuple(values))
+    assert solved.complete
+    return model, values, solved.curve

@@ -23,6 +23,7 @@ from legfem.experiments.axisymmetric import (
 from legfem.experiments.flat_punch import PunchOnLayer
 from legfem.experiments.lateral_cylinder import CylinderOnBlock, LateralCylinder
 from legfem.experiments.uniaxial import Bar, UniaxialTest
+from legfem.identify.fibre_ratio import ratio_of
 from legfem.identify.written import Written
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
@@ -31,7 +32,6 @@ from legfem.meshing.meridian import MeridianMeshSettings
 from legfem.report.specimen import write_specimen_report
 from legfem.solve.protocol import Protocol
 from legfem.specimens.fibre_directions import AXES
-from legfem.specimens.fibres import ratio_of
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import asked_in_writing
 from legfem.specimens.own_stiffness import OwnStiffness

@@ -81,9 +81,8 @@ def run(
         list[str] | None,
         _option(
             "Full name of a parameter to identify, in place of the law's own: deep.C10, deep.C20, "
-            "deep.D1, superficial.C10, fascia.C10, instrument.gain, ..., of specimens LAYER.C10 "
-            "and deep.fibre_ratio;"
-            " may be given again."
+            "deep.D1, superficial.C10, fascia.C10, instrument.gain, ..., with --model 3d "
+            "deep.fibre_ratio, of specimens LAYER.C10 and deep.fibre_ratio; may be given again."
         ),
     ] = None,
     prior: Annotated[
@@ -119,7 +118,8 @@ def run(
         _option(
             "2d (the default): a section in plane strain, corrected from a table; 3d: some full "
             "solves of the leg itself confirm the correction and take the table's place (tens of "
-            "minutes)."
+            "minutes). With several [[site]], deep.fibre_ratio, or what doesn't lie along the leg, "
+            "the search goes on solves in 3D alone."
         ),
     ] = ModelChoice.SECTION,
     weighting: Annotated[
@@ -191,23 +191,29 @@ def run(
         from legfem.report.web.page import command_line
         from legfem.subjects.loading import SUBJECTS, load_sites, load_subject
         from legfem.subjects.plausibility import doubts_about
+        from legfem.subjects.subject import SitedLeg
 
         if seed < 0:
             raise InputError("--seed", f"{seed}", "is negative", "give 0 or more")
         given_folder = SUBJECTS.named(subject, subject_dir)
         written = Written(identify or (), prior or (), fix or (), c10_bounds, c20_bounds)
-        sites = load_sites(given_folder) if site is None else None
+        in_3d = model is ModelChoice.LEG
+        if not in_3d:
+            written.check_in_plane()
+        if (sites := load_sites(given_folder) if site is None else None) is None:
+            found = load_subject(given_folder, site=site or "")
+            if in_3d and (written.names_fibres or not found.indenter.lies_along):
+                sites = SitedLeg(found.id, found.title, (found,), found.directory)
         if sites is not None:
             from legfem.commands.sites import check_joint, identify_leg
 
-            check_joint(model is ModelChoice.LEG, emulator, weighting, sites)
+            check_joint(emulator, weighting, sites)
             identify_leg(
                 sites, None if law is None else law.value, written, correction,
                 out or Path("results") / f"identify-{sites.id}", processes, seed, depth, quiet,
-                as_json,
+                as_json, in_3d,
             )  # fmt: skip
             return
-        found = load_subject(given_folder, site=site or "")
         say(doubts_about(found))
         nominal = values_of(tissues_of(found))
         parameters, fixed = written.parameters(nominal), written.held(nominal)

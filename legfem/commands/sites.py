@@ -15,22 +15,23 @@ from legfem.identify.written import Written
 from legfem.subjects.subject import SitedLeg
 
 
-def check_joint(in_3d: bool, emulator: bool, weighting: str | None, leg: SitedLeg) -> None:
-    """Check that what is asked for can be had of all sites together.
+def check_joint(emulator: bool, weighting: str | None, leg: SitedLeg) -> None:
+    """Check that what is asked for can be had of all sites together, or of a leg in 3D.
 
     Raises
     ------
     InputError
         If it can't.
     """
-    one = f"leave it out, or identify one of the sites: --site {leg.sites[0].site}"
+    name = leg.sites[0].site
+    one = "leave it out" + (f", or identify one of the sites: --site {name}" if name else "")
+    what = f"{len(leg.sites)} sites" if name else "the leg in 3D"
     for option, given, why in (
-        ("--model", in_3d, "3d solves the leg about one site's cylinder"),
-        ("--no-emulator", not emulator, "is for one site"),
+        ("--no-emulator", not emulator, "is for one site in plane strain"),
         ("--weighting", weighting == "paper", "paper weighs no site's errors against another's"),
     ):
         if given:
-            raise InputError(option, f"{len(leg.sites)} sites", why, one)
+            raise InputError(option, what, why, one)
 
 
 def identify_leg(
@@ -44,36 +45,53 @@ def identify_leg(
     depth: float | None,
     quiet: bool,
     as_json: bool,
+    in_3d: bool = False,
 ) -> None:
-    """Identify what all sites share, write and print it."""
+    """Identify what all sites share, in plane strain or in 3D, write and print it."""
+    from mpi4py import MPI
+
     from legfem.commands.outcome import print_outcome
     from legfem.correction.choice import choose_correction
     from legfem.experiments.tissues import tissues_of
+    from legfem.identify.catalogue import DEEP_RATIO
     from legfem.identify.forward import values_of
     from legfem.identify.request import SearchRequest
     from legfem.identify.search import SearchError
     from legfem.identify.settings import IdentificationSettings
+    from legfem.identify.spatial import check_has_ends, start_of_ratio
     from legfem.report.plain import brief
     from legfem.report.sites import write_sites_report
     from legfem.report.web.page import command_line
     from legfem.report.web.sites import sites_web_page
     from legfem.sites.identification import asked_of, identify_sites
+    from legfem.sites.spatial import identify_in_3d
     from legfem.subjects.plausibility import doubts_about
 
     for site in leg.sites:
         say(doubts_about(site))
     first = leg.sites[0]
     nominal = values_of(tissues_of(first))
+    if in_3d:
+        if correction not in ("auto", "none"):
+            raise InputError(
+                "--correction", correction, "nothing is left to correct in 3D", "leave it out"
+            )  # fmt: skip
+        for site in leg.sites:
+            check_has_ends(site)
+        nominal[DEEP_RATIO] = start_of_ratio(first)
     parameters, fixed = written.parameters(nominal), written.held(nominal)
     asked = asked_of(parameters, fixed)
     chosen = written.laws(law, asked.parameters or (), first.tissues["deep"].C20, fixed)
-    corrections = [choose_correction(correction, site) for site in leg.sites]
     check_out_folder(folder)
     try:
         with progress_on(quiet=quiet) as progress:
             settings = IdentificationSettings(seed=seed)
             request = SearchRequest(parameters, fixed, depth, settings, folder, jobs, progress)
-            results = identify_sites(leg, chosen, request, corrections)
+            if in_3d:
+                results = identify_in_3d(leg, chosen, request, comm=MPI.COMM_WORLD)
+            else:
+                corrections = [choose_correction(correction, site) for site in leg.sites]
+                results = identify_sites(leg, chosen, request, corrections)
     except SearchError as failure:
         print(f"{leg.id}: {failure}", file=sys.stderr)
         raise typer.Exit(FAILED) from None

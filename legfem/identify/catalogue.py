@@ -15,6 +15,10 @@ type Values = Mapping[str, float]
 """Numbers of a model and its instrument by full name, in the model's units (mm, N, MPa, s)."""
 
 DEEP_C10, DEEP_C20, DEEP_D2 = "deep.C10", "deep.C20", "deep.D2"
+RATIO = "fibre_ratio"
+"""What the ratio of a tissue's shear moduli along its fibres and across is called after it."""
+DEEP_RATIO = f"deep.{RATIO}"
+RATIO_BOUNDS = (1.0, 10.0)
 UNITS = {
     "C10": "MPa",
     "C20": "MPa",
@@ -26,6 +30,7 @@ UNITS = {
 _BOUNDS_KPA = {"C10": (0.02, 30.0), "C20": (0.0, 50.0)}
 # The designs' greatest extent: legs lie within, and the extremes take longest to solve.
 _USUAL_KPA = {DEEP_C10: (0.15, 4.0), DEEP_C20: (0.0, 6.0)}
+_USUAL_RATIO = 1.0, 4.0
 # By which an assumed number may be off, and by which it usually is at most.
 _MOST, _USUAL = 100.0, 3.0
 # Standard deviations of a prior that a design spans and that a search may go, and the least span.
@@ -40,6 +45,7 @@ _STATEMENTS = {
     "C20": "stiffening",
     "D1": "compressibility",
     "D2": "compressibility at large changes of volume",
+    RATIO: "shear modulus along the fibres over that across",
     "instrument.gain": "factor by which the force is read too great",
     "instrument.zero": "force that is read where there is none",
     "instrument.contact_offset": "displacement at which contact truly began",
@@ -69,6 +75,11 @@ def check_known(names: Collection[str], nominal: Values, source: str) -> None:
             )  # fmt: skip
 
 
+def is_ratio(name: str) -> bool:
+    """Return whether a full name is that of a ratio of fibres."""
+    return name.endswith(f".{RATIO}")
+
+
 def unit_of(name: str) -> str:
     """Return the model's unit of a parameter; 1 (-) where it isn't known."""
     return READINGS[name].unit if name in READINGS else UNITS.get(name.rpartition(".")[2], "-")
@@ -90,6 +101,8 @@ def parameter_of(name: str, nominal: Values) -> Parameter:
     if name in INSTRUMENT:
         scale = "log" if name == "instrument.gain" else "linear"
         bounds = _INSTRUMENT_BOUNDS[name]
+    elif field == RATIO:
+        bounds = RATIO_BOUNDS
     elif term == "deep" and field in _BOUNDS_KPA:
         low, high = _BOUNDS_KPA[field]
         bounds = kpa_to_mpa(low), kpa_to_mpa(high)
@@ -121,6 +134,8 @@ def usual_range(parameter: Parameter, nominal: Values) -> tuple[float, float]:
     elif parameter.name in _USUAL_KPA:
         low, high = _USUAL_KPA[parameter.name]
         low, high = kpa_to_mpa(low), kpa_to_mpa(high)
+    elif is_ratio(parameter.name):
+        low, high = _USUAL_RATIO
     elif parameter.scale == "log" and parameter.bounds[0] > 0:
         centre = centre_of(parameter.name, nominal)
         centre = parameter.inside(centre) if math.isfinite(centre) else math.nan

@@ -14,12 +14,16 @@ from legfem.inference.least_squares import sandwich
 ErrorSource = Literal["recordings", "differences", "model", "ends", "fibres", "priors"]
 """Readings; a factor by which recordings or specimens differ; the model's numerical error; the
 correction for the cylinder's ends; muscle fibres' part in it; what was known beforehand."""
+OF_MODEL = "in 3D: "
+"""What names of modes begin with that are errors of a leg's own model in 3D."""
 Covariances = Mapping[ErrorSource, FloatArray]
 """Of forces (n, n), N2, by source; they add up."""
 
 
 def source_of_mode(name: str) -> ErrorSource:
     """Return the source that a mode of the correction's error counts to, by the mode's name."""
+    if name.startswith(OF_MODEL):
+        return "model"
     return "fibres" if name.startswith(FIBRES) else "ends"
 
 

@@ -16,6 +16,7 @@ from legfem.identify.catalogue import (
     DEEP_C10,
     DEEP_C20,
     DEEP_D2,
+    DEEP_RATIO,
     Values,
     check_known,
     parameter_of,
@@ -24,7 +25,7 @@ from legfem.identify.catalogue import (
 from legfem.identify.reading import INSTRUMENT, READINGS
 from legfem.inference.elastography import elastography_priors
 from legfem.inference.least_squares import Priors
-from legfem.inference.parameter import Parameter
+from legfem.inference.parameter import Parameter, Prior
 from legfem.subjects.subject import Subject
 
 LawName = Literal["neo-hookean", "reduced-polynomial", "yeoh", "exponential"]
@@ -132,8 +133,8 @@ def law_of(
         The model's values as assumed.
     parameters : sequence of Parameter, optional
         Free ones, of which the law takes those that it has, and those of role "fixed" not; C10 and
-        C20 of the deep tissue without them. What elastography of the subject says of a stiffness
-        is its prior unless it has one.
+        C20 of the deep tissue without them. What elastography of the subject says of a stiffness,
+        and the folder of its fibres' ratio, is its prior unless it has one.
     fixed : Mapping[str, float], optional
         Held in place of the assumed values.
 
@@ -144,7 +145,7 @@ def law_of(
     """
     given = default_parameters(nominal) if parameters is None else parameters
     held = dict(fixed or {})
-    given = _with_elastography(given, subject, nominal)
+    given = _with_what_is_known(given, subject, nominal)
     check_known([one.name for one in given], nominal, "--identify")
     check_known(list(held), nominal, "--fix")
     without = _OF_POLYNOMIAL_ONLY if name == "neo-hookean" else ()
@@ -174,12 +175,15 @@ def law_of(
     return IdentifiedLaw(name, free, held, nominal)
 
 
-def _with_elastography(
+def _with_what_is_known(
     given: Sequence[Parameter], subject: Subject, nominal: Values
 ) -> list[Parameter]:
     """Return parameters with what was measured of them, and what was measured of others."""
     known = {one.name: one for one in given}
-    for name, prior in elastography_priors(subject.elastography).items():
+    priors, fibres = elastography_priors(subject.elastography), subject.fibres
+    if DEEP_RATIO in nominal and fibres is not None and fibres.sd:
+        priors[DEEP_RATIO] = Prior(fibres.value, fibres.sd, "linear", fibres.source)
+    for name, prior in priors.items():
         own = known.get(name) or replace(parameter_of(name, nominal), role="nuisance")
         known[name] = replace(own, prior=own.prior or prior)
     return list(known.values())

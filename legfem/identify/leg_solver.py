@@ -81,19 +81,30 @@ class LegSolver:
         outcome = self._solve(self._full, values)
         self.full_solves += 1
         P = smooth_ratio(outcome.curve, flat, self.grid)
-        if not self._lasting:
-            self.progress.stage("the same by larger elements, and shorter: P's errors")
-            curves = [self._solve(one, values).curve for one in (self._rough, self._shorter)]
-            rough, shorter = (smooth_ratio(curve, flat, self.grid) for curve in curves)
-            self.rough_solves = ROUGH_SOLVES
-            self._lasting = {
-                "mesh": mesh_error(P, rough, 1 / ROUGHER), "leg's length": shorter - rough,
-            }  # fmt: skip
-            if self.models.fibres is not None:
-                errors = fibre_errors(curves[0], self.models.fibres, values[DEEP_C10], self.grid)
-                self._lasting |= {name: (P - 1) * share for name, share in errors.items()}
         contact = first_contact_error(outcome.curve, flat, self.grid, P)
-        return SolvedLeg(outcome, P, {"first contact": contact, **self._lasting})
+        return SolvedLeg(outcome, P, {"first contact": contact, **self.lasting(values, flat, P)})
+
+    def lasting(self, values: Values, flat: ForceCurve, P: FloatArray) -> dict[str, FloatArray]:
+        """Return modes of the error of P (n,) that are measured once: of mesh, length and fibres.
+
+        Raises
+        ------
+        SearchError
+            If a solve stops short of the depth.
+        """
+        if self._lasting:
+            return self._lasting
+        self.progress.stage("the same by larger elements, and shorter: what errors are left")
+        curves = [self._solve(one, values).curve for one in (self._rough, self._shorter)]
+        rough, shorter = (smooth_ratio(curve, flat, self.grid) for curve in curves)
+        self.rough_solves = ROUGH_SOLVES
+        self._lasting = {
+            "mesh": mesh_error(P, rough, 1 / ROUGHER), "leg's length": shorter - rough,
+        }  # fmt: skip
+        if self.models.fibres is not None:
+            errors = fibre_errors(curves[0], self.models.fibres, values[DEEP_C10], self.grid)
+            self._lasting |= {name: (P - 1) * share for name, share in errors.items()}
+        return self._lasting
 
     def _solve(self, solver: FullSolver, values: Values) -> ForwardOutcome:
         (outcome,) = solver.solve([values])

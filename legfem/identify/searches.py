@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from legfem.common.units import FloatArray
 from legfem.identify.catalogue import DEEP_C20, Values
@@ -81,12 +81,15 @@ class Searches[Comparison: Compared]:
         Of the search.
     misfit_of : callable
         Returns the comparison with what was measured, given a law.
+    earlier : Mapping[str, Search]
+        Searches with other weights, with whose solves those of the same laws begin.
     """
 
     laws: Mapping[LawName, IdentifiedLaw]
     solver: FullSolver
     settings: IdentificationSettings
     misfit_of: Callable[[IdentifiedLaw], Comparison]
+    earlier: Mapping[LawName, Search[Comparison]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Begin with no law searched for."""
@@ -126,10 +129,7 @@ class Searches[Comparison: Compared]:
 
     def _run(self, names: Sequence[LawName]) -> None:
         """Search for laws, with an emulator side by side."""
-        new = {
-            name: Search(law, self.misfit_of(law), self.settings, self.solver)
-            for name, law in ((name, self.laws[name]) for name in names)
-        }
+        new = {name: self._new(name) for name in names}
         self.solver.progress.stage(f"identifying the {' and the '.join(new)} law")
         started = time.perf_counter()
         if self.settings.emulator:
@@ -142,6 +142,13 @@ class Searches[Comparison: Compared]:
         for name, search in new.items():
             self._searches[name] = search
             self._seconds[name] = spent * len(search.trials) / solves
+
+    def _new(self, name: LawName) -> Search[Comparison]:
+        law = self.laws[name]
+        misfit = self.misfit_of(law)
+        if name in self.earlier:
+            return replace(self.earlier[name].beside(misfit), settings=self.settings)
+        return Search(law, misfit, self.settings, self.solver)
 
 
 def _at_limit[Comparison: Compared](

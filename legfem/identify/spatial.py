@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,17 +15,19 @@ from legfem.common.progress import Progress, Silent
 from legfem.experiments.leg_3d import (
     LegIndentation3D,
     SolidLegSettings,
-    fibres_of,
     membrane_of,
 )
 from legfem.experiments.pressing import OnStep
 from legfem.experiments.tissues import tissues_of
-from legfem.identify.catalogue import Values
+from legfem.identify.catalogue import DEEP_RATIO, Values
+from legfem.identify.fibre_ratio import USUAL_RATIO, at_ratios, moduli, moduli_needed
 from legfem.identify.forward import ForwardModel, ForwardOutcome, values_of
 from legfem.identify.leg_film import LegCamera, LegFilm, PressedLeg
 from legfem.jobs.key import key_of
 from legfem.jobs.ranks import Together
 from legfem.mechanics.materials import NeoHookean
+from legfem.mechanics.terms import Fascia
+from legfem.solve.force_curve import ForceCurve
 from legfem.subjects.elastography import FibreRatio
 from legfem.subjects.spatial import SpatialLeg, spatial_leg
 from legfem.subjects.subject import Subject
@@ -59,8 +61,8 @@ class SpatialForward:
     depth
         mm.
     fibre_ratio
-        Of the muscle's shear moduli along the leg and across, with whose C10 its fibres stiffen;
-        alike in all directions without it.
+        Of the muscle's shear moduli along the leg and across, with whose C10 its fibres stiffen,
+        where values have no ``deep.fibre_ratio``; alike in all directions without it.
     states
         Folder for the states of the solve in hand, from which one that was killed goes on.
     progress
@@ -94,19 +96,32 @@ class SpatialForward:
     def solve_here(self, values: Values, sensitivities: Sequence[str]) -> ForwardOutcome:
         """As `solve`; collective over the ranks."""
         every = {**self.nominal, **values}
-        own = {name: value for name, value in every.items() if not name.startswith(_FASCIA)}
-        fascia = NeoHookean(every["fascia.C10"], every["fascia.D1"])
-        own |= membrane_of(fascia, self.fascia_thickness).parameters
         if self.fibre_ratio is not None:
-            own |= fibres_of(every["deep.C10"], self.fibre_ratio).parameters
+            every = {DEEP_RATIO: self.fibre_ratio, **every}
+        fibrous = ("deep",) if DEEP_RATIO in every else ()
+        fascia = NeoHookean(every["fascia.C10"], every["fascia.D1"])
+        own = {
+            name: value
+            for name, value in every.items()
+            if not name.startswith(_FASCIA) and name != DEEP_RATIO
+        }
+        own |= membrane_of(fascia, self.fascia_thickness).parameters | moduli(every, fibrous)
         solved = self.experiment.solve(
-            own, self.depth, sensitivities, on_step=self._on_step(values), keep_in=self.states
-        )
+            own, self.depth, _asked(sensitivities, fibrous), on_step=self._on_step(values),
+            keep_in=self.states,
+        )  # fmt: skip
+        curve = _of_fascia(solved.curve, fascia, self.fascia_thickness, sensitivities)
         report = solved.report
         return ForwardOutcome(
-            values, (solved.curve,), bool(report.complete), report.reason, report.factorisations,
+            values, (at_ratios(curve, every, fibrous, sensitivities),), bool(report.complete),
+            report.reason, report.factorisations,
             float(report.seconds) + sum(before.seconds for before in report.earlier_attempts),
         )  # fmt: skip
+
+    def prepare(self) -> None:
+        """Mesh and compile now, on one rank alone; several do when they first solve together."""
+        if self.experiment.comm.size == 1:
+            _ = self.experiment.pressing
 
     def pressed(self, outcome: ForwardOutcome) -> PressedLeg | None:
         """Return a solve to be looked at; None where its states were not kept."""
@@ -181,10 +196,12 @@ class LegModels:
         settings: SolidLegSettings | None = None,
         progress: Progress | None = None,
         comm: MPI.Intracomm = MPI.COMM_SELF,
+        open_ratio: bool = False,
     ) -> LegModels:
         """Return the models of a subject's leg, pressed to a depth (mm).
 
-        Every solve is spread over the ranks of ``comm``, see `SpatialForward`.
+        Every solve is spread over the ranks of ``comm``, see `SpatialForward`. With an open ratio
+        that of the muscle's fibres is among the models' values, ``deep.fibre_ratio``.
 
         Raises
         ------
@@ -203,6 +220,10 @@ class LegModels:
         film = LegFilm(None if kept is None else kept / "film") if comm.size == 1 else None
         nominal, thickness = values_of(tissues_of(subject)), subject.section.fascia_thickness
         told, fibres = progress or Silent(), subject.fibres
+        if open_ratio:
+            fibres = FibreRatio(start_of_ratio(subject), 0.0, "assumed", "where the search begins")
+            subject = replace(subject, fibres=fibres)
+            nominal[DEEP_RATIO] = fibres.value
         ratio = None if fibres is None else fibres.value
 
         def pressed(
@@ -220,8 +241,38 @@ class LegModels:
         return self.full.pressed(outcome) if isinstance(self.full, SpatialForward) else None
 
 
+def _asked(sensitivities: Sequence[str], fibrous: Collection[str]) -> list[str]:
+    """Return by what the model in 3D is to be differentiated."""
+    own = [name for name in sensitivities if name != DEEP_RATIO and not name.startswith(_FASCIA)]
+    if any(name.startswith(_FASCIA) for name in sensitivities):
+        own += Fascia().parameters
+    return list(dict.fromkeys([*own, *moduli_needed(fibrous, sensitivities)]))
+
+
+def _of_fascia(
+    curve: ForceCurve, fascia: NeoHookean, thickness: float, sensitivities: Sequence[str]
+) -> ForceCurve:
+    """Return a curve whose derivatives by the membrane are by the fascia's C10 and D1."""
+    by = dict(curve.sensitivities)
+    membrane = Fascia()
+    if not set(membrane.parameters) <= set(by):
+        return curve
+    stiffness, compressibility = (by.pop(name) for name in membrane.parameters)
+    through = {
+        "fascia.C10": 2 * thickness * stiffness + fascia.D1 * compressibility,
+        "fascia.D1": fascia.C10 * compressibility,
+    }
+    asked = {name: value for name, value in through.items() if name in sensitivities}
+    return replace(curve, sensitivities=by | asked)
+
+
 def _solved(model: SpatialForward, task: tuple[Values, Sequence[str]]) -> ForwardOutcome:
     return model.solve_here(*task)
+
+
+def start_of_ratio(subject: Subject) -> float:
+    """Return the ratio of the muscle's fibres at which a search begins: the stated one if it is."""
+    return USUAL_RATIO if subject.fibres is None else subject.fibres.value
 
 
 def check_has_ends(subject: Subject) -> None:

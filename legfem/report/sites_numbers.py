@@ -31,6 +31,8 @@ def sites_document(result: SitesResult) -> dict[str, Any]:
         "agreement_of_sites": asdict(result.agreement),
         "neo_hookean_limit": result.neo_hookean_limit,
         "failed_solves": result.failed_solves,
+        "model": "2d" if result.spatial is None else "3d",
+        "spatial": None if result.spatial is None else asdict(result.spatial),
     }
     plain: dict[str, Any] = json_types(document)
     return plain

@@ -7,20 +7,20 @@ from dataclasses import dataclass
 from typing import Any
 
 from legfem.identify.catalogue import Values
-from legfem.identify.forward import ForwardOutcome, PlaneStrainForward
+from legfem.identify.forward import ForwardOutcome, PreparedModel
 
 
 @dataclass(eq=False)
-class SitesForward:
+class SitesForward[Model: PreparedModel]:
     """Sites of the same tissues, a `legfem.identify.forward.ForwardModel`.
 
     Parameters
     ----------
-    models : tuple of PlaneStrainForward
+    models : tuple of PreparedModel
         One a site, each pressed as deep as its recordings go.
     """
 
-    models: tuple[PlaneStrainForward, ...]
+    models: tuple[Model, ...]
 
     @property
     def nominal(self) -> Values:

@@ -32,10 +32,11 @@ from legfem.identify.searches import Found, Searches
 from legfem.identify.warnings import LEAST_CHANCE
 from legfem.inference.constants import quantile
 from legfem.inference.parameter import Parameter
+from legfem.recording import LoadingCurve
 from legfem.sites.by_itself import Apart
 from legfem.sites.forward import SitesForward
 from legfem.sites.misfit import SitesMisfit, with_own_errors
-from legfem.sites.result import Chance, SiteFit, SitesResult
+from legfem.sites.result import Chance, SiteFit, SitesResult, SpatialSites
 from legfem.sites.warnings import doubts_of, warnings_about
 from legfem.subjects.subject import SitedLeg
 
@@ -99,7 +100,7 @@ def identify_sites(
     laws: Sequence[LawName],
     request: SearchRequest | None = None,
     corrections: Sequence[TabulatedCorrection | None] | None = None,
-    model: SitesForward | None = None,
+    model: SitesForward[PlaneStrainForward] | None = None,
 ) -> list[SitesResult]:
     """Identify tissues that all sites of a leg share.
 
@@ -127,7 +128,7 @@ def identify_sites(
     """
     request = request or SearchRequest()
     asked, depth = asked_of(request.parameters, request.fixed), request.depth
-    curves = [with_own_errors(measured_curve(site, depth), asked.own_errors) for site in leg.sites]
+    curves = curves_of(leg, asked, depth)
     model = model or sites_model(leg, depth)
     chosen = laws_of(leg.sites[0], laws, model.nominal, asked.parameters, asked.fixed)
     parts = tuple(
@@ -142,10 +143,15 @@ def identify_sites(
         if known and any(part.correction for part in parts):
             weighed = misfit.near(*searches.nearest(laws))
             searches = Searches(chosen, solver, request.settings, lambda law: weighed)
-        return [_assessed(leg, asked, found) for found in searches.find(laws)]
+        return [assessed(leg, asked, found) for found in searches.find(laws)]
 
 
-def sites_model(leg: SitedLeg, depth: float | None = None) -> SitesForward:
+def curves_of(leg: SitedLeg, asked: Asked, depth: float | None) -> list[LoadingCurve]:
+    """Return the mean loading curves of a leg's sites, with errors that each has of its own."""
+    return [with_own_errors(measured_curve(site, depth), asked.own_errors) for site in leg.sites]
+
+
+def sites_model(leg: SitedLeg, depth: float | None = None) -> SitesForward[PlaneStrainForward]:
     """Return a leg's forward model, every site pressed as deep as its recordings ask."""
     return SitesForward(tuple(
         PlaneStrainForward.of_subject(site, float(measured_curve(site, depth).displacement[-1]))
@@ -153,7 +159,10 @@ def sites_model(leg: SitedLeg, depth: float | None = None) -> SitesForward:
     ))  # fmt: skip
 
 
-def _assessed(leg: SitedLeg, asked: Asked, found: Found[SitesMisfit]) -> SitesResult:
+def assessed(
+    leg: SitedLeg, asked: Asked, found: Found[SitesMisfit], spatial: SpatialSites | None = None
+) -> SitesResult:
+    """Return what a finished search says of a leg; in 3D with what is known of its solves."""
     search, best, linear = found.search, found.best, found.linear
     law, misfit = search.law, search.misfit
     covariances = misfit.covariances_at(best.values)
@@ -163,7 +172,7 @@ def _assessed(leg: SitedLeg, asked: Asked, found: Found[SitesMisfit]) -> SitesRe
     repeats = min(part.measured.noise.repeat_dof for part in misfit.parts)
     optimum = Optimum(
         linear, found.residual, covariances, quantile(repeats), whole.p_value >= LEAST_CHANCE,
-        assumed_stiffness(law),
+        assumed_stiffness(law), plane=spatial is None,
     )  # fmt: skip
     apart = Apart(found, covariance)
     outcomes = found.outcomes
@@ -189,6 +198,7 @@ def _assessed(leg: SitedLeg, asked: Asked, found: Found[SitesMisfit]) -> SitesRe
         wall_s=found.wall_s,
         warnings=(),
         versions=versions(),
+        spatial=spatial,
     )
     return replace(result, warnings=warnings_about(result), doubts=doubts_of(result))
 

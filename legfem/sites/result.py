@@ -56,7 +56,7 @@ class SiteFit:
     @property
     def name(self) -> str:
         """Of the site."""
-        return self.subject.site
+        return self.subject.site or "leg"
 
     @property
     def residual(self) -> FloatArray:
@@ -73,6 +73,25 @@ class SiteFit:
         """Share of the forces' variance that is predicted."""
         force = self.measured.force
         return 1 - float(np.sum(self.residual**2) / np.sum((force - force.mean()) ** 2))
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialSites:
+    """What the solves of a leg in 3D were of, and what errors are left in them."""
+
+    shapes: tuple[str, ...]
+    """Where the leg's shape about every site was taken from."""
+    extruded: bool
+    """Whether one section stands for a site's whole length, which is an assumption."""
+    full_solves: int
+    """Of single sites, for a law."""
+    rough_solves: int
+    """By larger elements, or of a shorter leg."""
+    errors: Mapping[str, float]
+    """Greatest share of a site's force, by cause."""
+    untold: str
+    """Why the fibres' ratio can't be told from C10, as a sentence; empty if it can, or isn't
+    sought."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -93,6 +112,8 @@ class SitesResult(IdentifiedParameters):
     compromise: str
     """Of the best solve; see `legfem.identify.forward.ForwardOutcome`."""
     doubts: tuple[Doubt, ...] = field(default=())
+    spatial: SpatialSites | None = None
+    """Of a leg that was solved in 3D."""
 
     def farthest(self, name: str) -> SiteFit:
         """Return the site that by itself departs most from the joint value of a parameter."""

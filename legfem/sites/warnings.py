@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 from legfem.common.doubts import Doubt
-from legfem.identify.catalogue import key_of
+from legfem.identify.catalogue import DEEP_RATIO, key_of
 from legfem.identify.warnings import (
     LEAST_CHANCE,
     UNCONVERGED,
@@ -17,7 +18,7 @@ from legfem.identify.warnings import (
     of_elastography,
     of_ends,
 )
-from legfem.sites.result import SiteFit, SitesResult
+from legfem.sites.result import SiteFit, SitesResult, SpatialSites
 from legfem.subjects.plausibility import doubts_about
 
 
@@ -52,6 +53,8 @@ def warnings_about(result: SitesResult) -> tuple[str, ...]:
             f"{result.failed_solves} of {result.forward_solves} full solves stopped short at one "
             "of the sites; the search kept away from them."
         )
+    if result.spatial is not None:
+        return (*texts, *_in_3d(result, result.spatial))
     applied = [one for one in result.sites if one.correction is not None]
     texts += dict.fromkeys(
         text for one in result.sites for text in of_ends(one.subject, one.correction)
@@ -62,6 +65,33 @@ def warnings_about(result: SitesResult) -> tuple[str, ...]:
             "doesn't average out, and more sites don't narrow that part of the intervals."
         )
     return tuple(texts)
+
+
+def _in_3d(result: SitesResult, spatial: SpatialSites) -> Iterator[str]:
+    """Yield what is to be known of a leg that was solved in 3D."""
+    if spatial.untold:
+        yield spatial.untold
+    if DEEP_RATIO in result.parameters or DEEP_RATIO in result.values:
+        yield (
+            "Fibres are taken to run along the leg, and to be as stiff in tension as their ratio "
+            "in shear has it, to a factor of 2: the intervals have the error of that, at the "
+            "optimum."
+        )
+    elif (fibres := result.sites[0].subject.fibres) is None:
+        yield (
+            "Muscle is taken to be alike in all directions. Give --identify deep.fibre_ratio where "
+            "the leg is pressed in two ways, or state fibre_ratio under [tissues.deep]."
+        )
+    else:
+        yield (
+            f"Muscle is taken to be {fibres} times as stiff in shear along the leg as across "
+            f"({fibres.provenance}: {fibres.source})."
+        )
+    if spatial.extruded:
+        yield (
+            "The leg in 3D is the measured section, extruded: how the leg's girth changes along it "
+            "is left out. Give a scan, surfaces or contours at several levels as [section]."
+        )
 
 
 def doubts_of(result: SitesResult) -> tuple[Doubt, ...]:

@@ -9,12 +9,13 @@ import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
+from legfem.identify.catalogue import is_ratio
+from legfem.identify.fibre_ratio import SHAPE_SD_OF_FIBRES
 from legfem.specimens.contacts import Onset
 from legfem.specimens.fibre_directions import WORDS
-from legfem.specimens.fibres import is_ratio
 from legfem.specimens.folder import FILE, SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
-from legfem.specimens.misfit import SHAPE_SD_OF_FIBRES, SHAPE_SD_OF_LAYERS, Part, SpecimenMisfit
+from legfem.specimens.misfit import SHAPE_SD_OF_LAYERS, Part, SpecimenMisfit
 from legfem.specimens.own_stiffness import OwnStiffness
 from legfem.specimens.recorded import SpecimenRecording
 from legfem.specimens.sizes import fibres_text, level_of

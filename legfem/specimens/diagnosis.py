@@ -19,10 +19,10 @@ from legfem.diagnose.nuisances import Accuracy
 from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.run import STIFFENING
 from legfem.diagnose.solved import PLAIN, SolvedResponses
+from legfem.identify.catalogue import RATIO
 from legfem.jobs.fingerprint import code_fingerprint
 from legfem.recording import Instrument
 from legfem.specimens.course import calmed
-from legfem.specimens.fibres import RATIO
 from legfem.specimens.folder import FILE, SpecimenFolder, stiffness_doubts
 from legfem.specimens.mechanisms import Scale, mechanisms_of
 from legfem.specimens.recorded import LeftOut, SpecimenRecording

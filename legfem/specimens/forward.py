@@ -21,7 +21,8 @@ from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
 from legfem.experiments.lateral_cylinder import LateralCylinder
 from legfem.experiments.suction import CupOnLayer, SuctionTest
 from legfem.experiments.uniaxial import Bar, UniaxialTest
-from legfem.identify.catalogue import Values
+from legfem.identify.catalogue import Values, is_ratio
+from legfem.identify.fibre_ratio import at_ratios, moduli, moduli_needed, ratio_of
 from legfem.identify.forward import ForwardOutcome
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import Hyperelastic
@@ -30,7 +31,6 @@ from legfem.meshing.meridian import MeridianMeshSettings
 from legfem.solve.force_curve import ForceCurve
 from legfem.solve.step_settings import StepSettings
 from legfem.specimens.fibre_directions import AXES
-from legfem.specimens.fibres import at_ratios, is_ratio, moduli, moduli_needed, ratio_of
 from legfem.specimens.schema import Faces
 from legfem.specimens.sizes import FibrousTest, LayeredTest, OneTissue, Sizes, Test
 from legfem.specimens.tissues import ONE, SpecimenTissue

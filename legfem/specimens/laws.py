@@ -10,17 +10,20 @@ from legfem.common.errors import InputError
 from legfem.identify.catalogue import (
     DEEP_C10,
     DEEP_C20,
+    RATIO,
+    RATIO_BOUNDS,
     UNITS,
     Values,
     check_known,
+    is_ratio,
     parameter_of,
     within_prior,
 )
+from legfem.identify.fibre_ratio import ratio_of
 from legfem.identify.laws import LAWS, IdentifiedLaw, LawName
 from legfem.identify.reading import INSTRUMENT, RELAXATION
 from legfem.identify.written import Written, read_prior
 from legfem.inference.parameter import Parameter, Prior
-from legfem.specimens.fibres import RATIO, RATIO_BOUNDS, is_ratio, ratio_of
 from legfem.specimens.relaxation import relaxation_parameters
 from legfem.specimens.tissues import KINDS, ONE, SpecimenTissue
 

@@ -30,9 +30,6 @@ LEAST_GAIN_SD = 0.01
 SHAPE_SD_OF_LAYERS = 0.05
 """Layers of unlike stiffness bend a curve by a few percent: so do what the law leaves out of how
 tissue stiffens, and the rounding of edges."""
-SHAPE_SD_OF_FIBRES = 1.0
-"""Where nothing but a curve's bend tells fibres from a stiffer tissue: real fibres, slack at first,
-bend it by tens of percent otherwise than the term has it."""
 _STEP = 1e-5
 
 

@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from legfem.common.units import kpa_to_mpa
+from legfem.identify.catalogue import RATIO
+from legfem.identify.fibre_ratio import USUAL_RATIO
 from legfem.identify.laws import LawName
 from legfem.mechanics.materials import (
     ExponentialStiffening,
@@ -15,7 +17,6 @@ from legfem.mechanics.materials import (
     ReducedPolynomial,
     Yeoh,
 )
-from legfem.specimens.fibres import RATIO, USUAL_RATIO
 from legfem.specimens.schema import FibresEntry, LayerEntry, SpecimenFile
 
 ONE = "deep"

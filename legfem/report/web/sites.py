@@ -13,9 +13,11 @@ from legfem.report.web import estimates
 from legfem.report.web import page as web
 from legfem.report.web.elastography import wave_rows
 from legfem.report.web.identification import fit_curves, options_of
+from legfem.report.web.sites_procedure import procedure
 from legfem.report.web.usual import high_or_low
 from legfem.report.words import fit_probability
 from legfem.sites.result import Chance, SitesResult
+from legfem.subjects.subject import SitedLeg
 
 _LIKEWISE = "cylinders that are 10 % shorter act as such forces do"
 _NOT_TESTED = (
@@ -39,7 +41,7 @@ def sites_web_page(results: Sequence[SitesResult], command: str = "") -> web.Web
     best = _best(results)
     leg = best.leg
     return web.WebPage(
-        title=f"How stiff is leg {leg.id}, from {len(leg.sites)} sites together?",
+        title=f"How stiff is leg {leg.id}{_by_how_much(leg)}?",
         subject=leg.title,
         origin=leg.origin,
         headline=_headline(best),
@@ -60,11 +62,15 @@ def sites_web_page(results: Sequence[SitesResult], command: str = "") -> web.Web
             ),
             web.Chapter("What to do next", [web.Bullets(_next(best))]),
             web.Chapter(
-                "How it was done", [web.Prose(_procedure(best)), *estimates.how_found(results)]
+                "How it was done", [web.Prose(procedure(best)), *estimates.how_found(results)]
             ),
         ],
         repeat=web.Repeat(command, best.versions, {"seed": f"{best.seed}"}),
     )  # fmt: skip
+
+
+def _by_how_much(leg: SitedLeg) -> str:
+    return f", from {len(leg.sites)} sites together" if len(leg.sites) > 1 else ""
 
 
 def _warnings(results: Sequence[SitesResult]) -> list[str]:
@@ -101,7 +107,8 @@ def _headline(best: SitesResult) -> web.Headline:
     unsure = estimates.unknown_among(best.parameters)
     tone: web.Tone = "wrong" if not sound else "caution" if unsure else "sound"
     if sound:
-        sentence = f"One {law} tissue describes all {len(best.sites)} sites."
+        where = f"all {len(best.sites)} sites" if len(best.sites) > 1 else "the recordings"
+        sentence = f"One {law} tissue describes {where}."
         wrong = "Nothing that the loading of these recordings could show."
     elif _agree(best):
         sentence = "The model does not describe these sites: its stiffness is a wrong model's."
@@ -143,6 +150,16 @@ def _known(results: Sequence[SitesResult]) -> list[web.Known]:
         for name, sd in first.own_errors.items()
     ]
     rows += wave_rows(first.sites[0].subject)
+    rows += [
+        web.Known(f"{one.name}: what presses", f"{one.subject.indenter}", "assumed", "subject.toml")
+        for one in first.sites
+    ]
+    if first.spatial is not None:
+        source: web.Provenance = "assumed" if first.spatial.extruded else "measured"
+        rows += [
+            web.Known(f"{one.name}: leg in 3D", shape, source, "subject.toml, [section]")
+            for one, shape in zip(first.sites, first.spatial.shapes, strict=True)
+        ]
     for site in first.sites:
         curve = site.measured
         rows.append(
@@ -150,7 +167,13 @@ def _known(results: Sequence[SitesResult]) -> list[web.Known]:
                       f"{curve.displacement[-1]:.4g} mm", first.leg.origin,
                       f"{curve.n_trials} recording{'s' * (curve.n_trials > 1)}, from first contact")
         )  # fmt: skip
-        if site.correction is not None:
+        if first.spatial is not None and site.correction is not None:
+            rows.append(
+                web.Known(f"{site.name}: error of the leg's force in 3D there",
+                          f"{100 * site.correction.sd[-1]:.2g} % (sd)", "prior",
+                          "larger elements, a shorter leg, and fibres' part")
+            )  # fmt: skip
+        elif site.correction is not None:
             P, sd = site.correction.P[-1], site.correction.sd[-1]
             rows.append(
                 web.Known(f"{site.name}: 3D correction P there", f"{P:+.3f}", "prior",
@@ -253,28 +276,4 @@ def _told(chance: Chance) -> str:
     return (
         f"{chance.chi_square:.3g} for {chance.degrees_of_freedom} degrees of freedom "
         f"({fit_probability(chance.p_value)})"
-    )
-
-
-def _procedure(result: SitesResult) -> str:
-    """Return what was done with the recordings, as a paragraph."""
-    ends = (
-        "The correction for the cylinder's ends is each site's own, its errors are taken to be "
-        "alike at all sites, so that they don't average out. "
-        if any(one.correction is not None for one in result.sites)
-        else ""
-    )
-    own = (
-        " Each site's instrument errs of its own: "
-        + ", ".join(f"{symbol_of(name)} {sd:.3g} (sd)" for name, sd in result.own_errors.items())
-        + "."
-        if result.own_errors
-        else ""
-    )
-    return (
-        f"Mean loading curves of {len(result.sites)} sites were fitted together by one set of "
-        "tissues, each site with its own section, indenter, zero, gain and first contact, and "
-        f"weighed by the inverse covariance of its curve.{own} {ends}A genetic algorithm (pygad) "
-        "searched on an emulator of all sites, which full solves refined and confirmed. What a "
-        "site says by itself is read off the same solves, without further ones."
     )

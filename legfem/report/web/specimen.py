@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from legfem.common.units import FloatArray
-from legfem.identify.catalogue import symbol_of
+from legfem.identify.catalogue import RATIO, symbol_of
 from legfem.identify.reading import RELAXATION
 from legfem.identify.warnings import LEAST_CHANCE
 from legfem.report.specimen_text import (
@@ -21,7 +21,6 @@ from legfem.report.web import page as web
 from legfem.report.web.bars import Bar, Bars
 from legfem.report.web.curves import Curves, Dash, Line
 from legfem.report.words import fit_probability
-from legfem.specimens.fibres import RATIO
 from legfem.specimens.result import ComparedRecording, SpecimenResult
 from legfem.specimens.sizes import sizes_text
 

@@ -1,4 +1,4 @@
-r"""Fibres of a specimen's tissue: their ratio as a parameter.
+r"""Fibres of a tissue: their ratio as a parameter.
 
 The ratio of the shear moduli along and across, :math:`r = \mu_L / \mu_T`, stands for both numbers
 of `legfem.mechanics.terms.Fibres`: :math:`\mu_L - \mu_T = 2 C_{10} (r - 1)`, and the extension's is
@@ -16,24 +16,21 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from legfem.common.units import FloatArray
+from legfem.identify.catalogue import RATIO
 from legfem.mechanics.terms import Fibres
 from legfem.solve.force_curve import ForceCurve
 
-RATIO = "fibre_ratio"
-"""What the parameter is called after its tissue: ``deep.fibre_ratio``."""
 USUAL_RATIO = 2.0
 """At which a test is solved before anything is known."""
-RATIO_BOUNDS = (1.0, 10.0)
+SHAPE_SD_OF_FIBRES = 1.0
+"""Of a curve's rise over its depth, relative, where nothing but its bend tells fibres from a
+stiffer tissue: real fibres, slack at first, bend it by tens of percent otherwise than the term has
+it."""
 
 
 def ratio_of(tissue: str) -> str:
     """Return the full name of a tissue's ratio."""
     return f"{tissue}.{RATIO}"
-
-
-def is_ratio(name: str) -> bool:
-    """Return whether a full name is that of a ratio."""
-    return name.endswith(f".{RATIO}")
 
 
 def moduli(values: Mapping[str, float], tissues: Collection[str]) -> dict[str, float]:
@@ -81,7 +78,8 @@ def at_ratios(
         if not set(names) <= set(by):
             continue
         # Of a C10 of a half: by the shear, and the extension with it.
-        through = Fibres.slope_by_ratio(tissue, 0.5, {name: by.pop(name) for name in names})
+        through = Fibres.slope_by_ratio(tissue, 0.5, {name: by[name] for name in names})
+        by = {name: each for name, each in by.items() if name in sensitivities or name not in names}
         if c10 in sensitivities:
             by[c10] = by[c10] + 2 * (values[ratio] - 1) * through
         if ratio in sensitivities:

@@ -1,0 +1,157 @@
+"""``python -m studies.leg3d.fibres``: whether one test or two tell a leg's fibres."""
+
+from __future__ import annotations
+
+import gc
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from legfem.common.command_edge import command_edge
+from legfem.common.errors import InputError
+from legfem.common.markdown import markdown_table
+from legfem.common.progress import Progress, progress_on
+from legfem.common.units import mpa_to_kpa
+from legfem.experiments.leg_3d import SolidLegSettings
+from legfem.identify.catalogue import DEEP_C10, DEEP_RATIO, parameter_of
+from legfem.identify.request import SearchRequest
+from legfem.identify.result import Estimate
+from legfem.identify.spatial import start_of_ratio
+from legfem.jobs.store import Store
+from legfem.meshing.solid_leg import SolidMeshSettings
+from legfem.sites.identification import asked_of, curves_of
+from legfem.sites.spatial import identify_in_3d, leg_models
+from legfem.subjects.loading import load_sites
+from studies.leg3d.orientations import FINE, WAYS, sited_folder
+from studies.leg3d.planted import Planted
+
+ROUGH = SolidLegSettings(
+    mesh=SolidMeshSettings(
+        skin_size=30.0, inside_size=40.0, bone_size=20.0, layer_elements=0.2, turn_elements=4.0,
+        growth=0.5, enclosing=True,
+    ),
+    contact_size=5.0,
+)  # fmt: skip
+"""Of the identification's tetrahedra: a third of the default's unknowns."""
+TESTS = {"along": ("along",), "along and across": tuple(WAYS)}
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+
+
+@dataclass(frozen=True)
+class Told:
+    """What is said of a parameter, C10 in kPa."""
+
+    value: float
+    low: float
+    high: float
+    word: str
+
+    def row(self, truth: float) -> list[str]:
+        """Return the estimate with its interval, and whether that holds the truth."""
+        covers = "yes" if self.low <= truth <= self.high else "no"
+        return [f"{self.value:.3g} ({self.low:.3g} to {self.high:.3g})", covers, self.word]
+
+
+@dataclass(frozen=True)
+class FibreResult:
+    """What was found of one leg."""
+
+    c10: Told
+    ratio: Told
+    untold: bool
+    converged: bool
+    full_solves: int
+    processor_s: float
+
+
+def found_of(planted: Planted, tests: str, seed: int, out: Path, progress: Progress) -> FibreResult:
+    """Return what is found of a planted leg; it is kept, and so is every solve."""
+
+    def made() -> FibreResult:
+        started = time.process_time()
+        place = out / "legs" / f"{planted.name}-{len(TESTS[tests])}-{seed}"
+        place.parent.mkdir(parents=True, exist_ok=True)
+        leg = load_sites(sited_folder(planted, TESTS[tests], place, seed, out / "planted"))
+        assert leg is not None
+        nominal = {DEEP_C10: 1e-3, DEEP_RATIO: start_of_ratio(leg.sites[0])}
+        asked = tuple(parameter_of(name, nominal) for name in nominal)
+        # Solves in 3D are shared by all that press alike.
+        request = SearchRequest(asked, out=out, progress=progress)
+        curves = curves_of(leg, asked_of(asked, {}), None)
+        models = leg_models(leg, curves, request, ROUGH)
+        request = replace(request, out=out / "solves" / place.name)
+        (result,) = identify_in_3d(leg, ["neo-hookean"], request, models=models)
+        assert result.spatial is not None
+        found = FibreResult(
+            _told(result.parameters[DEEP_C10]), _told(result.parameters[DEEP_RATIO]),
+            bool(result.spatial.untold), result.converged, result.spatial.full_solves,
+            time.process_time() - started,
+        )  # fmt: skip
+        del models, result
+        gc.collect()
+        return found
+
+    store = Store(out / "found", FibreResult, modules=(__name__,))
+    return store.get_or_make((planted, tests, seed), made)
+
+
+def _told(one: Estimate) -> Told:
+    def shown(value: float) -> float:
+        return mpa_to_kpa(value) if one.parameter.name == DEEP_C10 else value
+
+    low, high = map(shown, one.ci95)
+    return Told(shown(one.value), low, high, one.identifiability)
+
+
+HEADER = [
+    "ratio", "tests", "C10 (kPa)", "covers", "word", "ratio found", "covers", "word",
+    "said that it can't be told", "full 3D solves", "processor s",
+]  # fmt: skip
+
+
+@app.command()
+def fibres(
+    ratio: Annotated[
+        list[float] | None, typer.Option(help="Planted; 1, 2 and 3 by default; as often as wanted.")
+    ] = None,
+    c10: Annotated[float, typer.Option(min=0.05, help="Planted, kPa.")] = 1.2,
+    tests: Annotated[
+        list[str] | None, typer.Option(help="'along' or 'along and across'; both by default.")
+    ] = None,
+    draws: Annotated[int, typer.Option(min=1, help="Of the lab's errors, for every leg.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Of the lab's errors.")] = 1,
+    out: Annotated[Path, typer.Option(help="Folder; goes on from what is there.")] = Path(
+        "results/leg3d-fibres"
+    ),
+) -> None:
+    """Press a small round leg along and across, and look for its fibres. Simulated.
+
+    Example: python -m studies.leg3d.fibres --ratio 2 --tests "along and across"
+    """
+    with command_edge("run the same command again to go on"), progress_on() as progress:
+        for name in tests or ():
+            if name not in TESTS:
+                raise InputError("--tests", name, "is none", f"give one of {', '.join(TESTS)}")
+        rows, held = [], []
+        for one in ratio or [1.0, 2.0, 3.0]:
+            planted = Planted(c10, 0.0, one, mesh=FINE)
+            for name in tests or TESTS:
+                for draw in range(draws):
+                    found = found_of(planted, name, seed + draw, out, progress)
+                    cells = [*found.c10.row(c10), *found.ratio.row(one)]
+                    rows.append([
+                        f"{one:g}", name, *cells, "yes" if found.untold else "no",
+                        f"{found.full_solves}{'' if found.converged else ', not converged'}",
+                        f"{found.processor_s:.0f}",
+                    ])  # fmt: skip
+                    held += [cells[1] == "yes", cells[4] == "yes"]
+        typer.echo(markdown_table(HEADER, rows))
+        typer.echo(f"{sum(held)} of {len(held)} intervals hold what was planted.")
+
+
+if __name__ == "__main__":
+    app(prog_name="python -m studies.leg3d.fibres")

@@ -1,0 +1,76 @@
+"""The small round leg pressed along its axis and across it by hexahedra, recorded as two sites."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from legfem.common.errors import UnsolvedError
+from legfem.experiments.indentation_3d import (
+    Cylinder,
+    IdealisedLegIndentation,
+    IdealisedLegSettings,
+)
+from legfem.jobs.store import Store
+from legfem.mechanics.contact import RigidIndenter
+from legfem.mechanics.turned_cylinder import TurnedCylinder
+from legfem.meshing.idealised_leg import LegMeshSettings
+from legfem.recording.writer import write_recording
+from legfem.solve.force_curve import ForceCurve
+from studies.leg3d.planted import CYLINDER, LEG, Planted, folder_of, recorded
+
+FINE = LegMeshSettings(contact_size=3, depth_size=5, edge_size=2.5, growth=0.4, far_size=14)
+"""Of both presses' hexahedra: finer than that of one along the leg, whose ends are elsewhere."""
+WAYS = {"along": 0.0, "across": 90.0}
+
+
+@dataclass(frozen=True)
+class Across(Cylinder):
+    """The cylinder, lying across the leg: as wide as it is long, it takes as much of the skin."""
+
+    def shape(self, dimension: int) -> RigidIndenter:
+        """Return the signed distance in 3D."""
+        return TurnedCylinder(self.radius, self.length / 2, self.edge_radius, 1.0, 0.0, 0.0)
+
+
+def pressed_curve(planted: Planted, way: str, kept: Path) -> ForceCurve:
+    """Return the leg's force in 3D by hexahedra, of one of `WAYS`; it is kept in a folder.
+
+    Raises
+    ------
+    UnsolvedError
+        If the solution stops short.
+    """
+    cylinder = CYLINDER if way == "along" else Across(length=CYLINDER.length)
+
+    def solved() -> ForceCurve:
+        settings = replace(IdealisedLegSettings(), mesh=planted.mesh)
+        test = IdealisedLegIndentation(
+            LEG, cylinder, planted.tissues, 3, settings, mechanisms=planted.mechanisms
+        )
+        found = test.solve(depth=planted.depth)
+        if not found.report.complete:
+            raise UnsolvedError(f"the leg in 3D, {way}: {found.report.reason}")
+        return found.curve
+
+    return Store(kept, ForceCurve, modules=(__name__,)).get_or_make((planted, way), solved)
+
+
+def sited_folder(planted: Planted, ways: tuple[str, ...], out: Path, seed: int, kept: Path) -> Path:
+    """Write a folder with a site for each way, recorded with a lab's errors; no ratio is stated."""
+    shutil.rmtree(out, ignore_errors=True)
+    curves = {way: pressed_curve(planted, way, kept) for way in ways}
+    first = next(iter(curves.values()))
+    folder = folder_of(replace(planted, fibres=1.0), first, out, seed)
+    shutil.rmtree(folder / "recordings")
+    tables = ""
+    for number, way in enumerate(ways):
+        tables += f'\n[[site]]\nname = "{way}"\n[site.indenter]\naxis_deg = {WAYS[way]}\n'
+        place = folder / "recordings" / way
+        place.mkdir(parents=True)
+        for trial in recorded(curves[way], planted.depth, 10 * seed + number):
+            write_recording(trial, place / f"{trial.trial}.csv")
+    toml = folder / "subject.toml"
+    toml.write_text(toml.read_text(encoding="utf-8") + tables, encoding="utf-8")
+    return folder
