@@ -117,6 +117,7 @@ class NewtonSolver:
         self._solution, self._trial = unknown.duplicate(), unknown.duplicate()
         self._evaluated = unknown.duplicate()
         self._evaluated_now = False
+        self._least_ratio: float | None = None
         snes = PETSc.SNES().create(system.comm)
         snes.setOptionsPrefix("legfem_")
         snes.setType("newtonls")
@@ -225,7 +226,14 @@ class NewtonSolver:
             away = self._system.unknown.x.array[own] - self._damping.anchor[own]
             residual.array[own] += weights * away
         self._system.unknown.x.petsc_vec.copy(self._evaluated)
-        self._evaluated_now = True
+        self._evaluated_now, self._least_ratio = True, None
+
+    def _volume_ratio(self, state: PETSc.Vec) -> float:
+        """Return the least J at a state: as a rule `_shorten` has just found it."""
+        if self._least_ratio is not None and self._is_evaluated(state):
+            return self._least_ratio
+        self._load(state)
+        return self._system.minimum_volume_ratio()
 
     def _is_evaluated(self, state: PETSc.Vec) -> bool:
         """Tell whether the residual at hand is that of a state.
@@ -255,8 +263,7 @@ class NewtonSolver:
         monotone search would creep along such kinks.
         """
         acceptable = max(self._norms[-self._settings.memory :])
-        self._load(state)
-        least = min(0.01, 0.2 * self._system.minimum_volume_ratio())
+        least = min(0.01, 0.2 * self._volume_ratio(state))
         changed = self._iterates
         if self._iterates:
             # An inexact solution moves the supports a little too, which no residual would show.
@@ -270,8 +277,10 @@ class NewtonSolver:
         for halving in range(self._settings.max_halvings):
             self._trial.waxpy(-1.0, update, state)
             self._load(self._trial)
-            if self._system.minimum_volume_ratio() > least:
+            ratio = self._system.minimum_volume_ratio()
+            if ratio > least:
                 self._evaluate()
+                self._least_ratio = ratio
                 if self._system.residual_norm() <= acceptable:
                     return halving > 0 or changed
             update.scale(0.5)
