@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import hashlib
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -40,7 +41,7 @@ def _imported(modules: tuple[str, ...]) -> set[str]:
         if name in found or _file(name) is None:
             continue
         found.add(name)
-        for node in ast.walk(_parsed(name)):
+        for node in _statements(_parsed(name)):
             if isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
                 waiting += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
             elif isinstance(node, ast.Import):
@@ -64,7 +65,7 @@ def _parsed(name: str) -> ast.Module:
     file = _file(name)
     assert file is not None
     tree = ast.parse(file.read_text(encoding="utf-8"))
-    for node in ast.walk(tree):
+    for node in _statements(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
             node.body = [
                 entry
@@ -72,3 +73,13 @@ def _parsed(name: str) -> ast.Module:
                 if not (isinstance(entry, ast.Expr) and isinstance(entry.value, ast.Constant))
             ]
     return tree
+
+
+def _statements(tree: ast.Module) -> Iterator[ast.AST]:
+    """Yield a tree and all statements within; expressions, of which most of it is, hold none."""
+    waiting: list[ast.AST] = [tree]
+    while waiting:
+        node = waiting.pop()
+        yield node
+        for name in ("body", "orelse", "finalbody", "handlers", "cases"):
+            waiting += getattr(node, name, ())
