@@ -25,7 +25,11 @@ type Rounding = Callable[[FloatArray], FloatArray]
 
 
 class DomainForms:
-    """Unknown, history and forms of one domain."""
+    """Unknown, history and forms of one domain.
+
+    A term may name its ``strength``, a number at whose zero it adds nothing to the residual: its
+    forms are left out while all such numbers are zero.
+    """
 
     def __init__(
         self, domain: IntegrationDomain, before: Any, model_terms: Any, degree: int
@@ -44,16 +48,37 @@ class DomainForms:
                 name: self.history.variables[f"{term.name}.{name}"] for name in term.history(domain)
             }
 
-        self.residual_form = sum(term.residual(domain, of(term)) for term in model_terms)
-        trial = ufl.TrialFunction(domain.unknown.function_space)
-        self.residual = compiled(self.residual_form)
-        self.tangent = compiled(ufl.derivative(self.residual_form, domain.unknown, trial))
+        works = [(getattr(t, "strength", None), t.residual(domain, of(t))) for t in model_terms]
+        self.residual_form = sum(work for _, work in works)
+        self._strengths = frozenset(name for name, _ in works if name is not None)
+        lasting = sum(work for name, work in works if name is None)
+        self._works = {False: self.residual_form, True: lasting}
+        self._compiled: dict[bool, tuple[Any, Any]] = {}
         self.updated = {
             f"{term.name}.{name}": value
             for term in model_terms
             for name, value in term.updated(domain, of(term)).items()
         }
         self.history.compile_update(self.updated)
+
+    @property
+    def residual(self) -> Any:
+        """The compiled residual, without the terms that add nothing at the present numbers."""
+        return self._at_present()[0]
+
+    @property
+    def tangent(self) -> Any:
+        """Its compiled derivative by the unknown."""
+        return self._at_present()[1]
+
+    def _at_present(self) -> tuple[Any, Any]:
+        silent = bool(self._strengths) and self._strengths <= self.domain.symbols.zeros
+        if silent not in self._compiled:
+            unknown, work = self.domain.unknown, self._works[silent]
+            trial = ufl.TrialFunction(unknown.function_space)
+            tangent = ufl.derivative(work, unknown, trial)
+            self._compiled[silent] = compiled(work), compiled(tangent)
+        return self._compiled[silent]
 
     def advance(self) -> None:
         """Make the present state the one that the next step starts from."""

@@ -215,3 +215,28 @@ def test_an_offset_is_the_test_at_another_aim(leg):
 def test_an_impossible_placement_is_refused(wrong):
     with pytest.raises(InputError, match=next(iter(wrong))):
         Placement(**wrong)
+
+
+def test_branches_without_a_share_are_left_out_of_the_forms_until_they_have_one():
+    tissues = one_tissue(1e-3, 28.0, C20=0.5e-3)
+    branches = [Viscoelasticity("deep", tissues.deep, branch=str(k)) for k in (1, 2)]
+    plain, relaxing = (pressed_block(mechanisms=given) for given in ((), branches))
+    state = 1e-3 * np.random.default_rng(0).standard_normal(len(plain.unknown.x.array))
+
+    def residual_of(system, **ratios):
+        system.set_parameters({f"deep.{name}.ratio": value for name, value in ratios.items()})
+        system.set_time(1.0, 1.0)
+        system.unknown.x.array[:] = state
+        return system.assemble_residual().x.array.copy(), system.assemble_tangent().norm()
+
+    without = residual_of(plain)
+    assert np.isfinite(without[0]).all()
+    silent = residual_of(relaxing, viscoelasticity1=0.0, viscoelasticity2=0.0)
+    np.testing.assert_allclose(silent[0], without[0], rtol=1e-9, atol=1e-15)
+    assert silent[1] == pytest.approx(without[1], rel=1e-9)
+    for number in (1, 2):
+        ratios = {f"viscoelasticity{k}": 0.5 * (k == number) for k in (1, 2)}
+        heard = residual_of(relaxing, **ratios)
+        assert np.linalg.norm(heard[0] - without[0]) > 1e-3 * np.linalg.norm(without[0])
+    again = residual_of(relaxing, viscoelasticity1=0.0, viscoelasticity2=0.0)
+    np.testing.assert_array_equal(again[0], silent[0])

@@ -67,6 +67,11 @@ class Viscoelasticity:
         return f"{self.region}.viscoelasticity{self.branch}"
 
     @property
+    def strength(self) -> str:
+        """The number at whose zero nothing happens: see `legfem.fem.forms.DomainForms`."""
+        return f"{self.name}.ratio"
+
+    @property
     def parameters(self) -> dict[str, float]:
         """Ratio (dimensionless) and relaxation time (s)."""
         return {
