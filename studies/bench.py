@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -17,9 +18,17 @@ from rich.console import Console
 from rich.table import Table
 
 from legfem.common.command_edge import command_edge, leave_to_first_rank
+from legfem.common.progress import Silent
+from legfem.correction.choice import REFERENCE
+from legfem.correction.tabulated import read_correction
+from legfem.diagnose.leg import solved_responses
+from legfem.diagnose.library_build import build_library, shown_mechanisms
+from legfem.diagnose.run import STIFFENING, Diagnoser
+from legfem.diagnose.variants import Variants
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.solve.report import SolveReport
+from legfem.subjects.loading import SUBJECTS, load_subject
 from studies.reconstruct import read_definition, test_of
 
 SUBJECT = "3"
@@ -169,10 +178,37 @@ def work_table(works: Mapping[str, Work], one: Operations) -> Table:
     return table
 
 
+def print_library() -> None:
+    """Solve subject 3's library for its recordings in this process, and print what that took."""
+    subject = load_subject(SUBJECTS.find(SUBJECT))
+    ends = read_correction(REFERENCE)
+    observed = Diagnoser(Path(), ends).observations(subject)
+    fine, coarse = solved_responses(subject, observed, None, ends)
+    able, _ = shown_mechanisms(observed, ends)
+    started = time.process_time()
+    build_library(
+        fine, coarse, observed, able, ends, 1, Silent(), STIFFENING[subject.tissues["deep"].law]
+    )
+    seconds = time.process_time() - started
+    table = Table("mesh", title=f"The library of subject {SUBJECT}'s cold diagnosis")
+    for heading in ("solutions", "factorisations", "Newton iterations"):
+        table.add_column(heading, justify="right")
+    named = {"default": fine, "of changes": coarse}
+    for name, responses in named.items():
+        assert isinstance(responses.variants, Variants)
+        tally = responses.variants.tally
+        table.add_row(name, *map(str, (tally.solutions, tally.factorisations, tally.iterations)))
+    Console().print(table)
+    Console().print(f"{seconds:.0f} s of the processor")
+
+
 @app.command()
 def bench(
     depth: Annotated[float, typer.Option(min=1.0, help="mm.")] = 30.0,
     repeats: Annotated[int, typer.Option(min=1, help="Of each; the fastest counts.")] = 3,
+    library: Annotated[
+        bool, typer.Option("--library", help="Count a cold diagnosis' work instead (minutes).")
+    ] = False,
 ) -> None:
     """Print the work and the ratios of times of subject 3's curve.
 
@@ -180,6 +216,9 @@ def bench(
     """
     leave_to_first_rank()
     with command_edge():
+        if library:
+            print_library()
+            return
         works, one = {}, None
         for name, (settings, sensitivities) in variants().items():
             test = default_test(settings)

@@ -10,7 +10,8 @@ import pytest
 from making_diagnosis import coarse_leg, observations, ramps
 
 from legfem.common.progress import Silent
-from legfem.diagnose.library_build import CHANGES_AT, build_library, rounded
+from legfem.diagnose.library_build import build_library, rounded
+from legfem.diagnose.library_tasks import CHANGES_AT
 from legfem.diagnose.mechanisms import Solution, mechanism_named
 from legfem.diagnose.solved import PLAIN, SolvedResponses
 from legfem.experiments.plane_strain import PlaneStrainIndentation

@@ -19,7 +19,7 @@ from legfem.diagnose.nuisances import displaced_geometries
 from legfem.diagnose.observations import observe
 from legfem.diagnose.predict import Predictor
 from legfem.diagnose.run import ruled_out_of
-from legfem.diagnose.solved import SolvedResponses, end_effect
+from legfem.diagnose.solved import NotKeptError, SolvedResponses, end_effect
 from legfem.diagnose.variants import Stopped, Variants
 from legfem.recording import Recording
 from legfem.solve.protocol import Protocol
@@ -121,6 +121,17 @@ def test_a_solution_is_made_once(variants, tmp_path):
     again = responses_in(tmp_path, variants)
     np.testing.assert_array_equal(again.curve(*SOFT), force)
     assert again.solutions == 0
+
+
+@pytest.mark.slow
+def test_what_is_kept_is_recalled_and_nothing_is_made_for_it(variants, tmp_path):
+    first = responses_in(tmp_path, variants)
+    force = first.curve(*SOFT)
+    kept = responses_in(tmp_path, variants).recalling()
+    np.testing.assert_array_equal(kept.curve(*SOFT), force)
+    with pytest.raises(NotKeptError):
+        kept.curve(1.1 * SOFT[0], SOFT[1])
+    assert kept.solutions == 0
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ of one leg share it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -40,11 +40,15 @@ class Table:
 
     def __call__(self, c10: float) -> FloatArray:
         """Return the values (...) at a stiffness in kPa."""
+        return self.between(c10, self.values)
+
+    def between(self, c10: float, rows: Sequence[FloatArray] | FloatArray) -> FloatArray:
+        """Return what lies at a stiffness in kPa between what is known at the table's."""
         if len(self.logs) == 1:
-            return np.asarray(self.values[0])
+            return np.asarray(rows[0])
         low, high = self.logs[0], self.logs[-1]
         share = float(np.clip((np.log(c10) - low) / (high - low), -0.5, 1.5))
-        return np.asarray((1 - share) * self.values[0] + share * self.values[-1])
+        return np.asarray((1 - share) * rows[0] + share * rows[-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +69,14 @@ class Library:
     """Mechanisms that have no table, and why."""
     reach: float = _REACH
     """Of ln C10 from the middle, where it holds."""
+    _curves: dict[tuple[str, str], list[PchipInterpolator]] = field(
+        default_factory=dict, init=False, repr=False
+    )
+    """Over the strength, at each of a table's stiffnesses."""
+    _weights: list[tuple[Observations, FloatArray]] = field(
+        default_factory=list, init=False, repr=False
+    )
+    """Of the recordings last asked for: see `_to_stations`."""
 
     @property
     def c10_bounds(self) -> tuple[float, float]:
@@ -87,33 +99,46 @@ class Library:
         if isinstance(mechanism, EndEffects):
             return end_effect(self.correction, values, at, observed)
         if not mechanism.along_path:
-            table = self.changes[mechanism.name, ""](at[0])
+            table = self.changes[mechanism.name, ""]
             if isinstance(mechanism, ContactSlip):
-                change = values["slip"] * np.expm1(table[0])
+                change = values["slip"] * np.expm1(table(at[0])[0])
             elif mechanism.derivatives:
-                change = mechanism.shares(values) @ table
+                change = mechanism.shares(values) @ table(at[0])
             else:
-                change = np.expm1(_at_strength(mechanism, values, table))
-            pressed = np.maximum(observed.displacement, self.grid[0])
-            return np.asarray(CubicSpline(self.grid, change)(pressed))
-        rows = [self.changes[mechanism.name, s.key](at[0]) for s in observed.protocols]
+                change = np.expm1(self._at_strength(mechanism, "", values, at[0]))
+            return np.asarray(self._to_stations(observed) @ change)
+        keys = [s.key for s in observed.protocols]
         if mechanism.derivatives:
+            rows = [self.changes[mechanism.name, key](at[0]) for key in keys]
             return observed.spread([mechanism.shares(values) @ row for row in rows])
-        return observed.spread([_at_strength(mechanism, values, row) for row in rows])
+        return observed.spread([self._at_strength(mechanism, k, values, at[0]) for k in keys])
 
+    def _at_strength(
+        self, mechanism: TissueMechanism, key: str, values: Values, c10: float
+    ) -> FloatArray:
+        """Return a table's row at a strength: smooth between, in proportion beyond."""
+        first, table = mechanism.parameters[0], self.changes[mechanism.name, key]
+        prior = prior_of(first)
+        place = mechanism.name, key
+        if place not in self._curves:
+            nodes = np.array([prior.departure(v) for v in (null_of(first), *mechanism.strengths)])
+            order = np.argsort(nodes)
+            self._curves[place] = [
+                PchipInterpolator(nodes[order], np.vstack([np.zeros(row.shape[1]), row])[order])
+                for row in table.values
+            ]
+        curves, at = self._curves[place], prior.departure(values[first.name])
+        inside = float(np.clip(at, curves[0].x[0], curves[0].x[-1]))
+        found = table.between(c10, [curve(inside) for curve in curves])
+        return np.asarray(found * (at / inside) if inside not in (at, 0.0) else found)
 
-def _at_strength(mechanism: TissueMechanism, values: Values, table: FloatArray) -> FloatArray:
-    """Return a table's row at a strength: smooth between, in proportion beyond."""
-    first = mechanism.parameters[0]
-    prior = prior_of(first)
-    given = [null_of(first), *mechanism.strengths]
-    nodes = np.array([prior.departure(v) for v in given])
-    order = np.argsort(nodes)
-    rows = np.vstack([np.zeros(table.shape[1]), table])[order]
-    at = prior.departure(values[first.name])
-    inside = float(np.clip(at, nodes.min(), nodes.max()))
-    found = PchipInterpolator(nodes[order], rows)(inside)
-    return np.asarray(found * (at / inside) if inside not in (at, 0.0) else found)
+    def _to_stations(self, observed: Observations) -> FloatArray:
+        """Return what a spline through the grid's values takes of each for the stations, (n, m)."""
+        if not self._weights or self._weights[0][0] is not observed:
+            unit = CubicSpline(self.grid, np.eye(len(self.grid)))
+            weights = unit(np.maximum(observed.displacement, self.grid[0]))
+            self._weights[:] = [(observed, weights)]
+        return self._weights[0][1]
 
 
 def coordinates(c10: ArrayLike, c20: ArrayLike) -> FloatArray:

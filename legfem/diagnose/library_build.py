@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -12,25 +11,18 @@ from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.library import Library, Table, coordinates
-from legfem.diagnose.mechanisms import Mechanism, Stiffness, TissueMechanism, mechanisms
-from legfem.diagnose.mechanisms.base import null_of
+from legfem.diagnose.library_tasks import Task, outcomes_of, tasks_for
+from legfem.diagnose.mechanisms import Mechanism, TissueMechanism, mechanisms
 from legfem.diagnose.mechanisms.end_effects import EndEffects
 from legfem.diagnose.mechanisms.muscle_fibres import MuscleFibres
-from legfem.diagnose.models import Models
-from legfem.diagnose.nuisances import Displaced, Nuisances
+from legfem.diagnose.nuisances import Nuisances
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses
-from legfem.diagnose.stations import Stations
 from legfem.inference.emulator import Emulator, Samples
-from legfem.jobs.pool import Workers
 from legfem.recording.phases import LOADING
 
-LATTICE = (-0.7, 0.0, 0.7)
-"""Logarithms of C10 over the middle's."""
 STIFFENINGS = (0.0, 0.8, 1.6)
 """ln(1 + C20 / C10) of the lattice."""
-CHANGES_AT = (-0.35, 0.35)
-"""Logarithms of C10 over the middle's, at which changes are tabulated."""
 _ROUND = 0.25
 """Of the middle's ln C10; and of where its stiffening is looked up."""
 _FIRST_C10_KPA = 0.8
@@ -74,59 +66,6 @@ def middle_of(observed: Observations, coarse: SolvedResponses, stiffening: float
 def rounded(c10: float) -> float:
     """Return a stiffness (kPa) of a round logarithm near one."""
     return float(np.exp(_ROUND * round(float(np.log(c10)) / _ROUND)))
-
-
-@dataclass(frozen=True)
-class _Task:
-    """One entry of the library."""
-
-    point: Stiffness
-    mechanism: TissueMechanism | None = None
-    strength: float = 0.0
-    stations: Stations | None = None
-    geometry: Displaced | None = None
-    material: bool = False
-
-    @property
-    def label(self) -> str:
-        """What progress says."""
-        what = "elastic"
-        if self.mechanism is not None:
-            what = self.mechanism.name
-        elif self.geometry is not None:
-            what = self.geometry.name
-        elif self.material:
-            what = "derivatives by what is assumed"
-        at = "" if self.stations is None else f", {self.stations.label}"
-        return f"{what}{at} at C10 {self.point[0]:.3g}, C20 {self.point[1]:.3g} kPa"
-
-
-def _work(
-    responses: tuple[SolvedResponses, SolvedResponses], task: _Task
-) -> Mapping[str, FloatArray] | None:
-    """Return an entry; None where its solution stopped."""
-    found = _solved(*responses, task)
-    return None if any(np.isnan(values).any() for values in found.values()) else found
-
-
-def _solved(
-    solved: SolvedResponses, coarse: SolvedResponses, task: _Task
-) -> Mapping[str, FloatArray]:
-    if task.geometry is not None:
-        own = task.geometry
-        return {"change": coarse.displaced(own.moved, own.placement, task.point)}
-    if task.material:
-        return coarse.sensitivities(coarse.variants.assumed, task.point)
-    mechanism = task.mechanism
-    if mechanism is None:
-        return solved.elastic(task.point)
-    if mechanism.derivatives:
-        return {"change": coarse.by_derivatives(mechanism, task.stations, task.point)}
-    values = {p.name: null_of(p) for p in mechanism.parameters}
-    solution = mechanism.solution({**values, mechanism.parameters[0].name: task.strength})
-    if task.stations is None:
-        return {"change": coarse.elastic_change(solution, task.point)}
-    return {"change": coarse.path_change(solution, task.stations, task.point)}
 
 
 def shown_mechanisms(
@@ -204,58 +143,18 @@ def build_library(
         progress.stage("how stiff the leg is, roughly")
         middle = middle_of(observed, coarse, stiffening)
     tissue = [m for m in asked if isinstance(m, TissueMechanism) and not isinstance(m, EndEffects)]
-    tasks = _tasks(observed, tissue, middle, stiffening, coarse.variants, stiffenings)
+    tasks = tasks_for(observed, tissue, middle, stiffening, coarse.variants, stiffenings)
     progress.stage("the leg's library of responses", len(tasks))
-    found: dict[int, Mapping[str, FloatArray] | None] = {}
-    numbers = {id(task): k for k, task in enumerate(tasks)}
-    with Workers(_work, (solved, coarse), jobs) as workers:
-        for task, outcome in workers.run(tasks):
-            found[numbers[id(task)]] = outcome
-            progress.advance(task.label + ("" if outcome is not None else ": STOPPED"))
+    found = outcomes_of((solved, coarse), tasks, jobs, progress)
     outcomes = [found[k] for k in range(len(tasks))]
     return _assembled(solved, observed, tissue, tasks, outcomes, correction, middle)
-
-
-def _tasks(
-    observed: Observations,
-    tissue: Sequence[TissueMechanism],
-    middle: float,
-    stiffening: float,
-    models: Models,
-    stiffenings: Sequence[float],
-) -> list[_Task]:
-    def point(log: float, q: float) -> Stiffness:
-        c10 = middle * float(np.exp(log))
-        return c10, c10 * float(np.expm1(q))
-
-    where = [point(log, stiffening) for log in CHANGES_AT]
-    centre = point(0.0, stiffening)
-    # What takes longest comes first, which keeps all processes busy to the end.
-    along = [m for m in tissue if m.along_path]
-    tasks = [
-        _Task(centre, m, strength, stations)
-        for m in along
-        for stations in observed.protocols
-        for strength in (m.strengths or (0.0,))
-    ]
-    tasks += [_Task(point(log, q)) for log in LATTICE for q in stiffenings]
-    tasks.append(_Task(centre, material=True))
-    tasks += [_Task(centre, geometry=geometry) for geometry in models.displaced]
-    tasks += [
-        _Task(at, m, strength)
-        for m in tissue
-        if not m.along_path
-        for at in (where if m.strengths else [centre])
-        for strength in (m.strengths or (0.0,))
-    ]
-    return tasks
 
 
 def _assembled(
     solved: SolvedResponses,
     observed: Observations,
     tissue: Sequence[TissueMechanism],
-    tasks: Sequence[_Task],
+    tasks: Sequence[Task],
     outcomes: Sequence[Mapping[str, FloatArray] | None],
     correction: TabulatedCorrection | None,
     middle: float,
@@ -299,7 +198,7 @@ def _samples(
 def _table(
     mechanism: TissueMechanism,
     key: str,
-    tasks: Sequence[_Task],
+    tasks: Sequence[Task],
     outcomes: Sequence[Mapping[str, FloatArray] | None],
 ) -> Table | None:
     ratios = bool(mechanism.strengths) and not mechanism.along_path

@@ -40,6 +40,11 @@ if TYPE_CHECKING:
 PLAIN = Solution("plain")
 """The base model with no term of any mechanism."""
 
+
+class NotKeptError(LookupError):
+    """A solution would have to be made."""
+
+
 type Columns = dict[str, FloatArray]
 
 
@@ -117,7 +122,13 @@ class SolvedResponses:
     c20_bounds: tuple[float, float] = (0.0, 100.0)
     solutions: int = 0
     """Made, not recalled."""
+    only_kept: bool = False
+    """Whether `NotKeptError` is raised where a solution would have to be made."""
     _known: dict[str, Columns] = field(default_factory=dict, repr=False)
+
+    def recalling(self) -> SolvedResponses:
+        """Return the same that makes no solution: `NotKeptError` is raised instead."""
+        return replace(self, only_kept=True)
 
     @property
     def grid(self) -> FloatArray:
@@ -225,6 +236,8 @@ class SolvedResponses:
         return Store(self.folder, dict[str, FloatArray], self.fingerprint)
 
     def _made(self, asked: Asked) -> Columns:
+        if self.only_kept:
+            raise NotKeptError
         self.solutions += 1
         c10, c20 = asked.stiffness
         deep = {"deep.C10": kpa_to_mpa(c10), "deep.C20": kpa_to_mpa(c20)}

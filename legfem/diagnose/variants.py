@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from legfem.geometry.section import LegSection
     from legfem.meshing.motion import MeshMotion
     from legfem.solve.path import Path
+    from legfem.solve.report import SolveReport
     from legfem.subjects.subject import Indenter
 
 
@@ -28,6 +29,21 @@ class Stopped:
     """A solution that didn't follow its protocol to the end."""
 
     why: str
+
+
+@dataclass
+class Tally:
+    """The work of all solutions that a leg's models made in this process."""
+
+    solutions: int = 0
+    factorisations: int = 0
+    iterations: int = 0
+
+    def add(self, report: SolveReport) -> None:
+        """Count a solution, with the attempts before it."""
+        self.solutions += 1
+        self.factorisations += report.factorisations
+        self.iterations += report.iterations
 
 
 @dataclass(eq=False)
@@ -49,6 +65,8 @@ class Variants:
     tissues: Tissues
     settings: PlaneStrainSettings
     moved: MeshMotion | None = None
+    tally: Tally = field(default_factory=Tally, repr=False)
+    """Shared with the leg of a moved mesh."""
     _models: dict[str, PlaneStrainIndentation] = field(default_factory=dict, init=False, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -106,6 +124,7 @@ class Variants:
             sensitivities,
             placement=replace(at, tilt_deg=at.tilt_deg + solution.tilt_deg),
         )
+        self.tally.add(solved.report)
         return solved.path if solved.report.complete else Stopped(str(solved.report))
 
     def parameters(self, variant: str) -> dict[str, float]:

@@ -23,8 +23,12 @@ from legfem.report.style import save
 from legfem.report.web.diagnosis import diagnosis_web_page
 from legfem.report.web.page import listed, write_page
 from legfem.report.web.section import PressedSection
+from legfem.solve.newton import NewtonSettings
+from legfem.solve.step_settings import StepSettings
 from legfem.subjects.subject import Subject
 
+_COARSER = 2.4
+"""Than the mesh that forces come from: that of the section to press."""
 _RESULT = ReportFile([Path("diagnosis.json")], NUMBERS)
 
 
@@ -61,8 +65,12 @@ def write_diagnosis_report(
 
 def _pressed(found: Diagnosis, subject: Subject) -> PressedSection | None:
     """Return the section with the base model, on a mesh coarse enough not to be waited for."""
-    mesh = SectionMeshSettings(contact_size=3.0, far_size=12.0)
-    experiment = PlaneStrainIndentation.of_subject(subject, PlaneStrainSettings(mesh=mesh))
+    settings = PlaneStrainSettings(
+        mesh=SectionMeshSettings().refined(1 / _COARSER),
+        newton=NewtonSettings(reuse=0.7, relative_tolerance=1e-5),
+        steps=StepSettings.regular(first=0.5, largest=2.0),
+    )
+    experiment = PlaneStrainIndentation.of_subject(subject, settings)
     base = found.base
     values = {f"deep.{name}": kpa_to_mpa(base.value(name)) for name in base.fit.stiffness}
     depth = float(found.observed.displacement.max())
