@@ -193,7 +193,8 @@ def print_library() -> None:
     table = Table("mesh", title=f"The library of subject {SUBJECT}'s cold diagnosis")
     for heading in ("solutions", "factorisations", "Newton iterations"):
         table.add_column(heading, justify="right")
-    named = {"default": fine, "of changes": coarse}
+    assert coarse.rougher is not None
+    named = {"default": fine, "of changes": coarse, "of the geometry's errors": coarse.rougher}
     for name, responses in named.items():
         assert isinstance(responses.variants, Variants)
         tally = responses.variants.tally

@@ -19,7 +19,7 @@ from legfem.diagnose.nuisances import displaced_geometries
 from legfem.diagnose.observations import observe
 from legfem.diagnose.predict import Predictor
 from legfem.diagnose.run import ruled_out_of
-from legfem.diagnose.solved import NotKeptError, SolvedResponses, end_effect
+from legfem.diagnose.solved import PLAIN, NotKeptError, SolvedResponses, end_effect
 from legfem.diagnose.variants import Stopped, Variants
 from legfem.recording import Recording
 from legfem.solve.protocol import Protocol
@@ -132,6 +132,19 @@ def test_what_is_kept_is_recalled_and_nothing_is_made_for_it(variants, tmp_path)
     with pytest.raises(NotKeptError):
         kept.curve(1.1 * SOFT[0], SOFT[1])
     assert kept.solutions == 0
+
+
+@pytest.mark.slow
+def test_slip_is_that_of_a_contact_as_stiff_as_the_tapes(variants, tmp_path):
+    solved = responses_in(tmp_path, variants)
+    softer = solved.elastic_change(mechanism_named("contact-slip").solution({"slip": 1.0}), SOFT)
+    contact = replace(variants.settings.contact, tangential="frictionless")
+    sliding = replace(variants, settings=replace(variants.settings, contact=contact))
+    free = responses_in(tmp_path / "free", sliding).ramp(SOFT, PLAIN)
+    change = free / solved.ramp(SOFT, PLAIN) - 1.0
+    deep = solved.grid > 0.3 * DEPTH
+    assert np.abs(change[deep]).min() > 0.01
+    np.testing.assert_allclose(softer[deep], change[deep], atol=3e-3)
 
 
 @pytest.mark.slow

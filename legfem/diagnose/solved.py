@@ -124,11 +124,14 @@ class SolvedResponses:
     """Made, not recalled."""
     only_kept: bool = False
     """Whether `NotKeptError` is raised where a solution would have to be made."""
+    rougher: SolvedResponses | None = None
+    """Of a coarser mesh, for small changes of the geometry; these ones without it."""
     _known: dict[str, Columns] = field(default_factory=dict, repr=False)
 
     def recalling(self) -> SolvedResponses:
         """Return the same that makes no solution: `NotKeptError` is raised instead."""
-        return replace(self, only_kept=True)
+        rougher = None if self.rougher is None else self.rougher.recalling()
+        return replace(self, only_kept=True, rougher=rougher)
 
     @property
     def grid(self) -> FloatArray:
@@ -167,7 +170,7 @@ class SolvedResponses:
 
     def elastic_change(self, solution: Solution, stiffness: Stiffness) -> FloatArray:
         """Return the relative change of the elastic force at the grid."""
-        before = np.maximum(self.ramp(stiffness, Solution()), _SMALLEST_FORCE_N)
+        before = np.maximum(self.ramp(stiffness, Solution(solution.null)), _SMALLEST_FORCE_N)
         return self.ramp(stiffness, solution) / before - 1.0
 
     def path_change(
@@ -208,6 +211,8 @@ class SolvedResponses:
         self, moved: MeshMotion | None, placement: Placement | None, stiffness: Stiffness
     ) -> FloatArray:
         """Return the relative change of the elastic force at the grid by another geometry."""
+        if self.rougher is not None:
+            return self.rougher.displaced(moved, placement, stiffness)
         asked = self._at_grid(stiffness, PLAIN)
         after = self._solve(replace(asked, moved=moved, placement=placement))["force"]
         before = np.maximum(self._solve(asked)["force"], _SMALLEST_FORCE_N)

@@ -158,6 +158,14 @@ class Variants:
             if mechanism.tangential is not None:
                 contact = replace(settings.contact, tangential=mechanism.tangential)
                 settings = replace(settings, contact=contact)
+            if mechanism.tangential == "frictionless":
+                # Contact that remembers nothing bears steps that hang on the work they are.
+                settings = replace(settings, steps=replace(settings.steps, easy=4, hard=7))
+        for mechanism in _tissue_mechanisms():
+            if mechanism.contact_softness != 1.0 and variant in _contacts_of(mechanism):
+                stiffness = mechanism.contact_softness * settings.contact.stiffness
+                contact = replace(settings.contact, stiffness=stiffness)
+                settings = replace(settings, contact=contact)
         return settings
 
     def _terms(self, variant: str) -> list[Any]:
@@ -165,4 +173,13 @@ class Variants:
 
 
 def _of_variant(variant: str) -> list[TissueMechanism]:
-    return [m for m in mechanisms() if isinstance(m, TissueMechanism) and m.variant == variant]
+    return [m for m in _tissue_mechanisms() if m.variant == variant]
+
+
+def _tissue_mechanisms() -> list[TissueMechanism]:
+    return [m for m in mechanisms() if isinstance(m, TissueMechanism)]
+
+
+def _contacts_of(mechanism: TissueMechanism) -> tuple[str, str]:
+    """Return the variants that share a mechanism's contact."""
+    return mechanism.variant, mechanism.null_variant

@@ -163,6 +163,8 @@ class Solution:
     """Factors on parameters of the base model, by full name."""
     tilt_deg: float = 0.0
     """Of the indenter's travel."""
+    null: str = "elastic"
+    """The variant without the mechanism that it is compared with: its own error cancels."""
 
 
 @dataclass(frozen=True)
@@ -175,6 +177,10 @@ class TissueMechanism(Mechanism):
     """Of the variant, where it isn't the base model's."""
     tangential: ClassVar[TangentialName | None] = None
     """Law of contact along the surface, likewise."""
+    contact_softness: ClassVar[float] = 1.0
+    """Factor on the contact's stiffness in that variant, and in its `null_variant`."""
+    null_variant: ClassVar[str] = "elastic"
+    """The one that its solution is compared with."""
     along_path: ClassVar[bool] = False
     """Whether the response depends on time or history, not on displacement alone."""
     strengths: ClassVar[tuple[float, ...]] = ()
