@@ -9,9 +9,10 @@ from typing import Any, Protocol
 import numpy as np
 
 from legfem.common.documents import json_types
-from legfem.common.doubts import Doubt, doubt_documents
+from legfem.common.doubts import doubt_documents
 from legfem.common.versions import versions_of
 from legfem.diagnose.diagnosis import Diagnosis
+from legfem.diagnose.doubts import doubts_of
 from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.fit import Fit
 from legfem.diagnose.held_out import HeldOut
@@ -19,8 +20,6 @@ from legfem.diagnose.predict import onset_name
 from legfem.diagnose.remains import explained_share, remains_of
 from legfem.diagnose.sentences import next_experiments
 from legfem.diagnose.windows import runs
-from legfem.subjects import ranges
-from legfem.subjects.plausibility import doubts_about
 from legfem.subjects.subject import Origin, Subject
 
 SCHEMA = 3
@@ -159,18 +158,6 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
 def versions() -> dict[str, str]:
     """Return those of the programs that a diagnosis rests on."""
     return versions_of("legfem", "dolfinx", "python")
-
-
-def doubts_of(found: Diagnosis, subject: Recorded) -> tuple[Doubt, ...]:
-    """Return what is unlikely in a leg's folder, and in the stiffness that came out of it."""
-    if not isinstance(subject, Subject):
-        return ()
-    toml = subject.directory / "subject.toml"
-    published = ranges.DEEP_C10.likely(
-        toml, "deep.C10", found.base.value("C10"),
-        "doubt the units of force_N, displacement_mm, length_mm and the other tissues' C10_kPa",
-    )  # fmt: skip
-    return (*doubts_about(subject), *published)
 
 
 def r_squared(fitted: Fit, found: Diagnosis) -> float:

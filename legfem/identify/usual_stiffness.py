@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from typing import Protocol
 
 import numpy as np
 from scipy.special import ndtri
@@ -16,7 +17,6 @@ from scipy.special import ndtri
 from legfem.common.doubts import Doubt
 from legfem.common.units import mpa_to_kpa
 from legfem.identify.catalogue import key_of
-from legfem.identify.result import Estimate
 from legfem.inference.parameter import Prior
 from legfem.inference.population import CALF, SHIN, TISSUES, population, population_prior
 from legfem.subjects.subject import Subject
@@ -40,7 +40,19 @@ _UNITS = {
 """By what a stiffness would change, about, were a column or size in another unit."""
 
 
-def doubts_beside_people(subject: Subject, parameters: Mapping[str, Estimate]) -> Iterator[Doubt]:
+class Found(Protocol):
+    """A parameter as recordings say it, MPa."""
+
+    @property
+    def value(self) -> float:
+        """Its value."""
+
+    @property
+    def standard_error(self) -> float:
+        """How far that may be off."""
+
+
+def doubts_beside_people(subject: Subject, parameters: Mapping[str, Found]) -> Iterator[Doubt]:
     """Yield a doubt about each C10 that fewer than one in a hundred people have.
 
     What the recordings leave open of it counts as people's spread does.

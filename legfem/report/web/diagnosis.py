@@ -7,7 +7,8 @@ from collections.abc import Iterator, Sequence
 from legfem.common.doubts import doubt_lines
 from legfem.common.units import kpa_to_mpa
 from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.document import Recorded, doubts_of, kind_of, r_squared, versions
+from legfem.diagnose.document import Recorded, kind_of, r_squared, versions
+from legfem.diagnose.doubts import doubts_of
 from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.sentences import next_experiments, percent, verdict_sentence
 from legfem.identify.catalogue import DEEP_C10
