@@ -1,0 +1,123 @@
+"""Diagnosing redrawn recordings, each kept as soon as it is done."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from legfem.common.progress import Progress, Silent
+from legfem.diagnose.run import Diagnoser
+from legfem.jobs.pool import Workers
+from legfem.jobs.store import Store
+from legfem.subjects.subject import Subject
+from studies.lab.conditions import drawn_errors
+from studies.lab.recording import INSTRUMENT, record
+from studies.redrawn.foreign import ForeignCase, foreign_case
+
+MODULES = ("legfem.diagnose.run", "studies.redrawn.drawing")
+
+
+@dataclass(frozen=True)
+class RedrawnTask:
+    """One set of recordings of a case."""
+
+    case: str
+    turn: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class RedrawnOutcome:
+    """What was said of a set; stiffness in kPa."""
+
+    case: str
+    effects: tuple[str, ...]
+    verdict: str
+    models: tuple[tuple[str, ...], ...]
+    statements: tuple[tuple[tuple[str, ...], bool, float], ...]
+    """Names, whether something unknown, and probability; the most probable first."""
+    base_c10: float
+    c10: float
+    interval: tuple[float, float]
+    true_c10: float
+    gain_sd: float
+    """That the recordings were drawn with."""
+    seconds: float
+    """Of a processor."""
+
+    @property
+    def first(self) -> bool:
+        """Whether what is there, or that nothing shows, is said first."""
+        return self.statements[0][:2] == (self.effects, False)
+
+    @property
+    def listed(self) -> bool:
+        """Whether it is among the explanations that hold 90 %."""
+        return self.effects in self.models if self.effects else self.verdict == "consistent"
+
+    @property
+    def covered(self) -> bool:
+        """Whether C10's 95 % interval holds the truth."""
+        return self.interval[0] <= self.true_c10 <= self.interval[1]
+
+
+@dataclass(eq=False)
+class Redrawer:
+    """Diagnoses cases recorded anew; legs are read once a process."""
+
+    folder: Path
+    diagnoser: Diagnoser
+    _cases: dict[str, ForeignCase] = field(default_factory=dict, repr=False)
+
+    def subject(self, task: RedrawnTask) -> tuple[Subject, ForeignCase, float]:
+        """Return a leg as it is stated with recordings, its case, and the gains' sd drawn."""
+        if task.case not in self._cases:
+            self._cases[task.case] = foreign_case(self.folder, task.case)
+        case = self._cases[task.case]
+        generator = np.random.default_rng([task.seed, 31, task.turn, *task.case.encode()])
+        errors = drawn_errors(generator)
+        trials = tuple(record(case.courses, errors, generator))
+        recorded = replace(
+            case.subject, recordings=trials, instrument=INSTRUMENT, starts_at_contact=False
+        )
+        return recorded, case, errors.gain_sd
+
+    def outcome(self, task: RedrawnTask) -> RedrawnOutcome:
+        """Return what the diagnosis says of a set."""
+        subject, case, gain = self.subject(task)
+        begun = time.process_time()
+        found = self.diagnoser.diagnose(subject, Silent(), 0)
+        return RedrawnOutcome(
+            task.case, case.effects, found.verdict, tuple(model.names for model in found.models),
+            tuple((s.names, s.unknown, s.probability) for s in found.explained.statements()),
+            found.base.value("C10"), found.best.value("C10"), found.intervals["C10"], case.c10,
+            gain, time.process_time() - begun,
+        )  # fmt: skip
+
+    def __getstate__(self) -> dict[str, object]:
+        """Leave the legs out."""
+        return {**self.__dict__, "_cases": {}}
+
+
+def diagnose_each(
+    tasks: Sequence[RedrawnTask], redrawer: Redrawer, out: Path, jobs: int, progress: Progress
+) -> list[RedrawnOutcome]:
+    """Return the tasks' outcomes; those that are kept aren't diagnosed again."""
+    store = Store(out / "kept", RedrawnOutcome, "redrawn", MODULES)
+    left = [task for task in tasks if store.get(task) is None]
+    progress.stage(f"redrawn recordings ({len(tasks) - len(left)} known)", len(left))
+    with Workers(_outcome, redrawer, jobs) as workers:
+        for task, outcome in workers.run(left):
+            store.put(task, outcome)
+            said = outcome.verdict + "".join(" " + "+".join(names) for names in outcome.models)
+            progress.advance(f"{task.case}/{task.turn}: {said} ({outcome.seconds:.0f} s)")
+    found = [store.get(task) for task in tasks]
+    return [outcome for outcome in found if outcome is not None]
+
+
+def _outcome(redrawer: Redrawer, task: RedrawnTask) -> RedrawnOutcome:
+    return redrawer.outcome(task)
