@@ -24,7 +24,7 @@ COMMANDS = (
     "studies.meshes", "studies.bench", "studies.expected_force", "studies.fibres",
     "studies.leg3d", "studies.leg3d.codes", "studies.leg3d.fascia", "studies.leg3d.meshes",
     "studies.people", "studies.reach",
-    "studies.next_test", "studies.sites", "studies.fibrous_specimens",
+    "studies.next_test", "studies.redrawn", "studies.sites", "studies.fibrous_specimens",
 )  # fmt: skip
 
 

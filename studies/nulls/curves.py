@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from legfem.common.errors import InputError
 from legfem.subjects.loading import load_subject
 from legfem.subjects.subject import Subject
+from studies.lab.clean import clean_courses
 from studies.lab.recording import Course
 
-RATE_MM_PER_S = 0.4
 TRIALS = 3
 C10_KPA = {
     "neo-hookean": 1.50, "reduced-polynomial": 0.72, "case-30": 1.45, "case-06": 1.25,
@@ -41,13 +39,8 @@ def clean_curve(folder: Path) -> CleanCurve:
     if not path.is_file() or folder.name not in C10_KPA:
         raise InputError(path, "clean curve", "is none of a leg without effect",
                          f"give folders of {', '.join(C10_KPA)}")  # fmt: skip
-    names = path.read_text().splitlines()[0].split(",")
-    values = dict(zip(names, np.loadtxt(path, delimiter=",", skiprows=1).T, strict=True))
-    first = values.get("trial", np.ones(len(values["force_N"]))) == 1
-    d, force = values["displacement_mm"][first], values["force_N"][first]
-    time = values["time_s"][first] if "time_s" in values else d / RATE_MM_PER_S
     subject = load_subject(folder, need_recordings=False)
-    return CleanCurve(subject, Course(time, d, force), C10_KPA[folder.name])
+    return CleanCurve(subject, clean_courses(path)[0], C10_KPA[folder.name])
 
 
 def clean_folders(crosscheck: Path, foreign: Path | None) -> list[Path]:

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from legfem.common.errors import InputError
 from legfem.subjects.loading import load_subject
 from legfem.subjects.subject import Subject
+from studies.lab.clean import clean_courses
 from studies.lab.recording import Course
 
 AIR, NONE = "contact-onset", "none"
@@ -50,15 +49,6 @@ def cases_in(folder: Path) -> dict[str, Any]:
 def foreign_case(folder: Path, name: str) -> ForeignCase:
     """Return a case of a folder."""
     truth, path = cases_in(folder)[name], folder / name / "clean.csv"
-    header = path.read_text(encoding="utf-8").splitlines()[0].split(",")
-    values = dict(zip(header, np.loadtxt(path, delimiter=",", skiprows=1).T, strict=True))
-    courses = [_touching(values, values["trial"] == trial) for trial in np.unique(values["trial"])]
     effects = tuple(effect for effect in truth["effects"] if effect not in (AIR, NONE))
     subject = load_subject(folder / name, need_recordings=False)
-    return ForeignCase(name, subject, tuple(courses), effects, float(truth["true_C10_kPa"]))
-
-
-def _touching(values: dict[str, Any], mine: Any) -> Course:
-    time, at, force = (values[key][mine] for key in ("time_s", "displacement_mm", "force_N"))
-    first = max(int(np.argmax(force > 0.0)) - 1, 0)
-    return Course(time[first:] - time[first], at[first:] - at[first], force[first:])
+    return ForeignCase(name, subject, clean_courses(path), effects, float(truth["true_C10_kPa"]))
