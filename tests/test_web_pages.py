@@ -20,6 +20,7 @@ from reading_page import read
 from typer.testing import CliRunner
 
 from legfem.commands.plan import app
+from legfem.experiments.posed import posed
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.report.web.bars import Bar, Bars
 from legfem.report.web.curves import Curves, Line, embedded
@@ -211,6 +212,7 @@ def test_the_table_of_a_dressed_leg_has_its_girths():
 def test_a_leg_pressed_in_3d_is_turned_so_that_the_cylinder_is_in_front():
     pressed = pages.pressed_in_3d()
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    pose = pressed.posed.pose
     sideways = replace(
         pressed,
         shape=LegShape(
@@ -218,7 +220,7 @@ def test_a_leg_pressed_in_3d_is_turned_so_that_the_cylinder_is_in_front():
             {part: xy @ turn[:2, :2].T for part, xy in pressed.shape.contours.items()},
         ),
         touch=turn @ pressed.touch,
-        direction=turn @ pressed.direction,
+        posed=posed(pressed.posed.given, replace(pose, direction_deg=pose.direction_deg + 90.0)),
         states=tuple(
             replace(one, skin=one.skin @ turn.T, hull=one.hull @ turn.T) for one in pressed.states
         ),

@@ -81,10 +81,8 @@ def _to_the_front(direction: FloatArray) -> FloatArray:
 def _outline(posed: Posed[Any]) -> FloatArray:
     """Return an indenter's surface about its middle as a grid (n, m, 3) of rings."""
     heights, radii = posed.profile().T
-    axis = posed.axis
-    start = np.eye(3)[int(np.argmin(np.abs(axis)))]
-    first = start - (start @ axis) * axis
-    first /= np.linalg.norm(first)
+    # Square to the axis of any of them, and turned with the leg.
+    axis, first = posed.axis, posed.pose.frame[1]
     angle = np.linspace(0.0, 2 * np.pi, _ROUND, endpoint=False)[:, None]
     ring = np.cos(angle) * first + np.sin(angle) * np.cross(axis, first)
     return np.asarray(heights[:, None, None] * axis + radii[:, None, None] * ring)
