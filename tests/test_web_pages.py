@@ -237,7 +237,7 @@ def test_a_leg_pressed_in_3d_is_turned_so_that_the_cylinder_is_in_front():
     at = place * unpacked(tool["at"], "<i2").reshape(rows, columns, 3)
     skin = place * unpacked(first["parts"][0]["at"], "<i2").reshape(-1, 3)
     assert at[..., 1].mean() < skin[:, 1].min(), "before contact the axis is in front of the leg"
-    assert np.ptp(at[..., 2]) == pytest.approx(pressed.cylinder.length, abs=2 * place)
+    assert np.ptp(at[..., 2]) == pytest.approx(pressed.posed.given.length, abs=2 * place)
     by = move * unpacked(tool["moves"], "<i2").reshape(4, -1, 3)
     np.testing.assert_allclose(by[:, 0], [[0, d, 0] for d in (0, 2, 5, 8)], atol=move)
     rows = pressed_leg(pressed, "").rows
