@@ -6,7 +6,6 @@ import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from legfem.common.errors import UnsolvedError
 from legfem.experiments.indentation_3d import (
     Cylinder,
     IdealisedLegIndentation,
@@ -18,7 +17,7 @@ from legfem.mechanics.turned_cylinder import TurnedCylinder
 from legfem.meshing.idealised_leg import LegMeshSettings
 from legfem.recording.writer import write_recording
 from legfem.solve.force_curve import ForceCurve
-from studies.leg3d.planted import CYLINDER, LEG, Planted, folder_of, recorded
+from studies.leg3d.planted import CYLINDER, LEG, Planted, folder_of, recorded, whole_curve
 
 FINE = LegMeshSettings(contact_size=3, depth_size=5, edge_size=2.5, growth=0.4, far_size=14)
 """Of both presses' hexahedra: finer than that of one along the leg, whose ends are elsewhere."""
@@ -49,10 +48,7 @@ def pressed_curve(planted: Planted, way: str, kept: Path) -> ForceCurve:
         test = IdealisedLegIndentation(
             LEG, cylinder, planted.tissues, 3, settings, mechanisms=planted.mechanisms
         )
-        found = test.solve(depth=planted.depth)
-        if not found.report.complete:
-            raise UnsolvedError(f"the leg in 3D, {way}: {found.report.reason}")
-        return found.curve
+        return whole_curve(test, planted.depth, f"the leg in 3D, {way}")
 
     return Store(kept, ForceCurve, modules=(__name__,)).get_or_make((planted, way), solved)
 

@@ -19,6 +19,7 @@ from legfem.experiments.indentation_3d import (
     IdealisedLegSettings,
 )
 from legfem.experiments.leg_3d import fibres_of
+from legfem.experiments.pressing import PressingTest
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.section import LegSection
 from legfem.jobs.store import Store
@@ -106,6 +107,20 @@ def round_shape(points: int, levels: int, fibula: bool = False) -> LegShape:
     return LegShape(z, {part: np.tile(xy, (levels, 1, 1)) for part, xy in parts.items()})
 
 
+def whole_curve(test: PressingTest, depth: float, what: str = "the leg in 3D") -> ForceCurve:
+    """Return a test's force to a depth (mm).
+
+    Raises
+    ------
+    UnsolvedError
+        If the solution stops short.
+    """
+    found = test.solve(depth=depth)
+    if not found.report.complete:
+        raise UnsolvedError(f"{what}: {found.report.reason}")
+    return found.curve
+
+
 def true_curve(planted: Planted, kept: Path) -> ForceCurve:
     """Return the leg's force in 3D by hexahedra; it is kept in a folder.
 
@@ -120,10 +135,7 @@ def true_curve(planted: Planted, kept: Path) -> ForceCurve:
         test = IdealisedLegIndentation(
             LEG, CYLINDER, planted.tissues, 3, settings, mechanisms=planted.mechanisms
         )
-        found = test.solve(depth=planted.depth)
-        if not found.report.complete:
-            raise UnsolvedError(f"the leg in 3D: {found.report.reason}")
-        return found.curve
+        return whole_curve(test, planted.depth)
 
     store = Store(kept, ForceCurve, modules=(__name__,))
     return store.get_or_make(planted, solved)

@@ -9,7 +9,7 @@ import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from legfem.common.errors import InputError, UnsolvedError
+from legfem.common.errors import InputError
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings
 from legfem.jobs.store import Store
 from legfem.mechanics.contact_settings import ContactSettings
@@ -19,7 +19,7 @@ from legfem.subjects.loading import load_subject
 from legfem.subjects.spatial import spatial_leg
 from studies.lab.recording import INSTRUMENT
 from studies.leg3d.meshes import refined, stiffened
-from studies.leg3d.planted import recorded, with_fibres
+from studies.leg3d.planted import recorded, whole_curve, with_fibres
 
 FINER, CONTACT_SIZE = 1.3, 3.5
 """Division of the default sizes, and elements under the cylinder (mm)."""
@@ -94,10 +94,7 @@ class PlantedInLeg:
             settings = replace(SolidLegSettings(), contact=CONTACT)
             test = LegIndentation3D.of_subject(subject, spatial_leg(subject), settings)
             test = stiffened(test, self.c10, self.c20, self.fibres)
-            found = refined(test, FINER, CONTACT_SIZE).solve(depth=self.depth)
-            if not found.report.complete:
-                raise UnsolvedError(f"the leg in 3D: {found.report.reason}")
-            return found.curve
+            return whole_curve(refined(test, FINER, CONTACT_SIZE), self.depth)
 
         store = Store(kept, ForceCurve, modules=(__name__,))
         asked = [text, self.c10, self.c20, self.fibres, self.depth]

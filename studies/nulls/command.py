@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 
-from legfem.common.documents import json_types, write_atomically, write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress
 from legfem.correction.choice import REFERENCE
 from legfem.correction.tabulated import read_correction
 from legfem.diagnose.run import Diagnoser
+from studies.lab.outcomes import written
 from studies.lab.rate import Rate
 from studies.nulls.conditions import CONDITIONS, null_tasks
 from studies.nulls.counting import NullCounter, NullOutcome, count, kept
@@ -42,14 +41,7 @@ def run(
     asked = [task for task in tasks if not only or task.condition in only]
     count(asked, counter, out, jobs, progress)
     found = kept(tasks, out)
-    path = write_document(
-        out / "result.json",
-        {"schema": 1, "origin": "simulated", "seed": seed,
-         "recordings": [json_types(asdict(outcome)) for outcome in found]},
-    )  # fmt: skip
-    text = page(found)
-    write_atomically(out / "report.md", text)
-    return [text, f"result: {path}"]
+    return written(out, seed, found, page(found))
 
 
 def page(found: Sequence[NullOutcome]) -> str:

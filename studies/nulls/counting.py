@@ -13,9 +13,11 @@ import numpy as np
 from legfem.common.progress import Progress, Silent
 from legfem.diagnose.run import Diagnoser
 from legfem.jobs.pool import Workers
+from legfem.jobs.resume import finish
 from legfem.jobs.store import Store
 from legfem.subjects.subject import Subject
 from studies.lab.conditions import drawn_errors, drawn_misstatement
+from studies.lab.outcomes import said_line
 from studies.lab.recording import INSTRUMENT, record
 from studies.lab.stated import misstated
 from studies.nulls.conditions import NullTask, condition_named
@@ -105,16 +107,14 @@ def count(
     tasks: Sequence[NullTask], counter: NullCounter, out: Path, jobs: int, progress: Progress
 ) -> None:
     """Diagnose the tasks that aren't kept yet."""
-    store = _store(out)
-    left = [task for task in tasks if store.get(task) is None]
     # A process that keeps to one leg makes its library once.
-    order = sorted(left, key=lambda task: (task.turn // 4, task.key))
-    progress.stage(f"recordings without effect ({len(tasks) - len(left)} known)", len(left))
+    order = sorted(tasks, key=lambda task: (task.turn // 4, task.key))
     with Workers(_outcome, counter, jobs) as workers:
-        for task, outcome in workers.run(order):
-            store.put(task, outcome)
-            said = outcome.verdict + "".join(" " + "+".join(names) for names in outcome.models)
-            progress.advance(f"{task.key}: {said} ({outcome.seconds:.0f} s)")
+        finish(workers, order, _store(out), progress, "recordings without effect", _line)
+
+
+def _line(task: NullTask, found: NullOutcome) -> str:
+    return said_line(task.key, found.verdict, found.models, found.seconds)
 
 
 def kept(tasks: Sequence[NullTask], out: Path) -> list[NullOutcome]:

@@ -4,20 +4,25 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
-from legfem.common.documents import json_types, write_atomically, write_document
 from legfem.common.errors import InputError
+from legfem.common.markdown import markdown_table
 from legfem.common.progress import Progress
 from legfem.correction.choice import REFERENCE
 from legfem.correction.tabulated import read_correction
 from legfem.diagnose.run import Diagnoser
+from studies.lab.outcomes import written
 from studies.lab.rate import Rate
 from studies.redrawn.drawing import Redrawer, RedrawnOutcome, RedrawnTask, diagnose_each
 from studies.redrawn.foreign import cases_in
+
+_HEADER = (
+    "case", "what is there", "sets", "said first", "listed", "explanations",
+    "C10 within its interval", "half-width of C10", "C10 off: base model", "after", "said first",
+)  # fmt: skip
 
 
 def run(
@@ -38,32 +43,21 @@ def run(
     tasks = [RedrawnTask(name, k, seed) for k in range(number) for name in only or names]
     redrawer = Redrawer(foreign, Diagnoser(library, read_correction(REFERENCE), 1))
     found = diagnose_each(tasks, redrawer, out, jobs, progress)
-    path = write_document(
-        out / "result.json",
-        {"schema": 1, "origin": "simulated", "seed": seed,
-         "recordings": [json_types(asdict(outcome)) for outcome in found]},
-    )  # fmt: skip
-    text = page(found)
-    write_atomically(out / "report.md", text)
-    return [text, f"result: {path}"]
+    return written(out, seed, found, page(found))
 
 
 def page(found: Sequence[RedrawnOutcome]) -> str:
     """Return the table of cases."""
-    lines = [
-        "| case | what is there | sets | said first | listed | explanations | C10 within its "
-        "interval | half-width of C10 | C10 off: base model | after | said first |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
+    rows = []
     for case in dict.fromkeys(outcome.case for outcome in found):
         mine = [outcome for outcome in found if outcome.case == case]
-        lines.append(_row(case, " + ".join(mine[0].effects) or "nothing", mine))
+        rows.append(_row(case, " + ".join(mine[0].effects) or "nothing", mine))
     effects = [outcome for outcome in found if outcome.effects]
-    lines += [_row("all with an effect", "", effects)] if effects else []
-    return "\n".join([*lines, _row("all", "", found)]) + "\n"
+    rows += [_row("all with an effect", "", effects)] if effects else []
+    return markdown_table(_HEADER, [*rows, _row("all", "", found)])
 
 
-def _row(case: str, there: str, mine: Sequence[RedrawnOutcome]) -> str:
+def _row(case: str, there: str, mine: Sequence[RedrawnOutcome]) -> list[str]:
     def median(values: Sequence[float]) -> str:
         return f"{100 * float(np.median(np.abs(values))):.1f} %"
 
@@ -71,7 +65,7 @@ def _row(case: str, there: str, mine: Sequence[RedrawnOutcome]) -> str:
         "something unknown" if unknown else " + ".join(names) or "nothing that shows"
         for names, unknown, _ in (outcome.statements[0] for outcome in mine)
     )
-    cells = [
+    return [
         case,
         there,
         str(len(mine)),
@@ -84,4 +78,3 @@ def _row(case: str, there: str, mine: Sequence[RedrawnOutcome]) -> str:
         median([o.c10 / o.true_c10 - 1 for o in mine]),
         ", ".join(f"{name}: {times}" for name, times in said.most_common()),
     ]
-    return f"| {' | '.join(cells)} |"

@@ -12,9 +12,11 @@ import numpy as np
 from legfem.common.progress import Progress, Silent
 from legfem.diagnose.run import Diagnoser
 from legfem.jobs.pool import Workers
+from legfem.jobs.resume import finish
 from legfem.jobs.store import Store
 from legfem.subjects.subject import Subject
 from studies.lab.conditions import drawn_errors
+from studies.lab.outcomes import said_line
 from studies.lab.recording import INSTRUMENT, record
 from studies.redrawn.foreign import ForeignCase, foreign_case
 
@@ -108,15 +110,12 @@ def diagnose_each(
 ) -> list[RedrawnOutcome]:
     """Return the tasks' outcomes; those that are kept aren't diagnosed again."""
     store = Store(out / "kept", RedrawnOutcome, "redrawn", MODULES)
-    left = [task for task in tasks if store.get(task) is None]
-    progress.stage(f"redrawn recordings ({len(tasks) - len(left)} known)", len(left))
     with Workers(_outcome, redrawer, jobs) as workers:
-        for task, outcome in workers.run(left):
-            store.put(task, outcome)
-            said = outcome.verdict + "".join(" " + "+".join(names) for names in outcome.models)
-            progress.advance(f"{task.case}/{task.turn}: {said} ({outcome.seconds:.0f} s)")
-    found = [store.get(task) for task in tasks]
-    return [outcome for outcome in found if outcome is not None]
+        return finish(workers, tasks, store, progress, "redrawn recordings", _line)
+
+
+def _line(task: RedrawnTask, found: RedrawnOutcome) -> str:
+    return said_line(f"{task.case}/{task.turn}", found.verdict, found.models, found.seconds)
 
 
 def _outcome(redrawer: Redrawer, task: RedrawnTask) -> RedrawnOutcome:
