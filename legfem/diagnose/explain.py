@@ -26,6 +26,7 @@ from legfem.diagnose.strength import integrated
 from legfem.diagnose.touch import posterior_of
 from legfem.diagnose.unknown import unknown_errors, with_unknown
 from legfem.inference.evidence import Evidence, Unknown, probabilities
+from legfem.inference.posterior import Posterior
 
 PRIOR_NONE, PRIOR_SINGLE, PRIOR_PAIR, PRIOR_UNKNOWN = 0.37, 0.37, 0.18, 0.08
 """Of all explanations of a kind together: one effect is expected in a test, by Poisson's
@@ -144,7 +145,7 @@ def _explanation(
     if posterior.unknown > 0.5:
         # Beside something unknown the parameters are elsewhere than a fit without it finds them,
         # and the evidence is linear about where they are.
-        aware = _beside(problem, fitted, unknowns[int(np.argmax(posterior.of_unknown))])
+        aware = _beside(problem, fitted, _aware(problem, posterior, unknowns))
         again = posterior_of(evidence, aware, problem.predictor.observed, shares)
         if again.log_evidence > posterior.log_evidence:
             fitted, posterior = aware, again
@@ -176,12 +177,9 @@ def _integrated(
         for one in waiting:
             problem, observed = one.problem, one.problem.predictor.observed
             shares = _shares_beside(problem, one.fit, base, unknowns)
-            of_unknown = one.posterior.of_unknown
-            aware = problem.with_errors(
-                with_unknown(problem.errors, unknowns[int(np.argmax(of_unknown))])
-            )
             posterior = integrated(
-                aware if one.in_part else problem, one.fit, one.posterior,
+                _aware(problem, one.posterior, unknowns) if one.in_part else problem,
+                one.fit, one.posterior,
                 partial(posterior_of, evidence, observed=observed, shares=shares),
             )  # fmt: skip
             found[found.index(one)] = replace(one, posterior=posterior, whole=True)
@@ -189,9 +187,14 @@ def _integrated(
     return found
 
 
-def _beside(problem: Problem, fitted: Fit, unknown: Unknown) -> Fit:
+def _aware(problem: Problem, posterior: Posterior, unknowns: Sequence[Unknown]) -> Problem:
+    """Return the problem with the most probable of the unknown errors among its own."""
+    most = unknowns[int(np.argmax(posterior.of_unknown))]
+    return problem.with_errors(with_unknown(problem.errors, most))
+
+
+def _beside(problem: Problem, fitted: Fit, aware: Problem) -> Fit:
     """Refit with something unknown among the errors; its misfit is told by the errors alone."""
-    aware = problem.with_errors(with_unknown(problem.errors, unknown))
     refit = fit(aware, fitted.mechanisms, fitted.values)
     return replace(
         refit, whitened=problem.whitened(refit.residual), jacobian=problem.whitened(refit.change)

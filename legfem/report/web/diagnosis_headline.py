@@ -190,16 +190,20 @@ def _value(found: Diagnosis, model: Explanation) -> str:
 
 def _within(found: Diagnosis) -> tuple[str, str]:
     """Return between which values C10 lies, over all explanations."""
-    best = found.models[0] if found.models else found.base
-    low, high = found.intervals.get("C10") or best.interval("C10")
+    low, high = _ends(found)
     return number(low, (high - low) / 4), number(high, (high - low) / 4)
+
+
+def _ends(found: Diagnosis) -> tuple[float, float]:
+    best = found.models[0] if found.models else found.base
+    return found.intervals.get("C10") or best.interval("C10")
 
 
 def _wide(found: Diagnosis) -> bool:
     """Return whether a sound model's C10 is known as a range alone: what is hidden may move it."""
     if found.verdict != "consistent" or "C10" not in found.base.fit.free:
         return False
-    low, high = found.intervals.get("C10") or found.base.interval("C10")
+    low, high = _ends(found)
     return high - low > 2 * _WIDE * found.base.value("C10")
 
 
