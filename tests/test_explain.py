@@ -30,7 +30,7 @@ from legfem.diagnose.explain import (
     PRIOR_UNKNOWN,
     explain,
 )
-from legfem.diagnose.explanation import HELD, Explained, Explanation
+from legfem.diagnose.explanation import HELD, INEXACT, Explained, Explanation
 from legfem.diagnose.fit import Fit, Problem, fit
 from legfem.diagnose.limits import limits_of
 from legfem.diagnose.mechanisms import mechanism_named
@@ -368,6 +368,9 @@ def test_nothing_remains_beside_an_explanation_that_suits():
     found = diagnosed({"support-compliance.compliance": 0.15}, asked=("support-compliance",))
     model = found.models[0]
     assert not model.in_part
+    for unknown, in_part in ((INEXACT, False), (INEXACT + 0.1, False), (0.8, True), (1.0, True)):
+        posterior = replace(model.posterior, unknown=unknown)
+        assert replace(model, posterior=posterior).in_part is in_part  # no coin's toss
     assert remains_of(found, model) == []
     assert explained_share(found, model) > 0.9
     assert explained_share(found, found.alone) == pytest.approx(0.0, abs=1e-9)

@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 
 from legfem.diagnose.explanation import (
+    INEXACT,
     Explained,
     Explanation,
     counts_for,
@@ -31,10 +32,8 @@ from legfem.inference.posterior import Posterior
 PRIOR_NONE, PRIOR_SINGLE, PRIOR_PAIR, PRIOR_UNKNOWN = 0.37, 0.37, 0.18, 0.08
 """Of all explanations of a kind together: one effect is expected in a test, by Poisson's
 distribution none, one or two; what is left is more than two, or what no mechanism describes."""
-INEXACT = 0.5
-"""Prior probability that a mechanism's form leaves something, ..."""
 INEXACT_SHARE = 0.4
-"""... of this share at most of what shows of it."""
+"""Of what shows of a mechanism, what its form may leave at most."""
 CONFIRMED_FROM, CONFIRMED_MOST = 0.02, 5
 PAIRS_OF, PAIRS_WITH = 3, 7
 """The best single mechanisms are tried in pairs with more of them, the first with all; so are those
@@ -142,7 +141,7 @@ def _explanation(
 ) -> Explanation:
     shares = _shares_beside(problem, fitted, base, unknowns)
     posterior = posterior_of(evidence, fitted, problem.predictor.observed, shares)
-    if posterior.unknown > 0.5:
+    if _likelier_beside(posterior):
         # Beside something unknown the parameters are elsewhere than a fit without it finds them,
         # and the evidence is linear about where they are.
         aware = _beside(problem, fitted, _aware(problem, posterior, unknowns))
@@ -178,13 +177,19 @@ def _integrated(
             problem, observed = one.problem, one.problem.predictor.observed
             shares = _shares_beside(problem, one.fit, base, unknowns)
             posterior = integrated(
-                _aware(problem, one.posterior, unknowns) if one.in_part else problem,
+                _aware(problem, one.posterior, unknowns)
+                if _likelier_beside(one.posterior) else problem,
                 one.fit, one.posterior,
                 partial(posterior_of, evidence, observed=observed, shares=shares),
             )  # fmt: skip
             found[found.index(one)] = replace(one, posterior=posterior, whole=True)
         found = _weighed(found)
     return found
+
+
+def _likelier_beside(posterior: Posterior) -> bool:
+    """Tell whether parameters are rather where something unknown beside them leaves them."""
+    return posterior.unknown > 0.5
 
 
 def _aware(problem: Problem, posterior: Posterior, unknowns: Sequence[Unknown]) -> Problem:

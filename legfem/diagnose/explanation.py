@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solve_triangular
+from scipy.special import expit, logit
 
 from legfem.common.units import FloatArray
 from legfem.diagnose.fit import Fit, Problem
@@ -22,6 +23,8 @@ ADDS_FROM = 1.0
 """ln of the Bayes factor up to which an explanation is no better than nothing."""
 MORE_THAN_ALONE = 3.0
 """ln of the Bayes factor from which a second mechanism counts beside a first."""
+INEXACT = 0.5
+"""Prior probability that a mechanism's form leaves something."""
 _COUNTS = 0.01
 """Share of the most probable unknown error from which another one counts."""
 
@@ -74,8 +77,17 @@ class Explanation:
 
     @property
     def in_part(self) -> bool:
-        """Whether something unknown is probably left beside its mechanisms."""
-        return bool(self.names) and self.posterior.unknown > 0.5
+        """Whether the recordings ask for something unknown beside its mechanisms.
+
+        Where they tell nothing of it, its probability is its prior's.
+        """
+        asked_for = expit(logit(INEXACT) + ADDS_FROM)
+        return bool(self.names and self.posterior.unknown > asked_for)
+
+    @property
+    def leaves(self) -> bool:
+        """Whether something unknown is left: beside its mechanisms, or as all that it adds."""
+        return self.unknown or self.in_part
 
     def value(self, name: str) -> float:
         """Return a parameter's expected value, in its unit."""

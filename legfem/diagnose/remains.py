@@ -41,7 +41,7 @@ def explained_share(found: Diagnosis, model: Explanation) -> float:
 
 def remains_of(found: Diagnosis, model: Explanation) -> list[Remains]:
     """Return where something unknown is left beside an explanation, the greatest first."""
-    if model.posterior.unknown < 0.5:
+    if not model.leaves:
         return []
     observed, base = found.observed, found.alone.fit
     course = unknown_course(model, unknown_errors(observed, base.prediction))
