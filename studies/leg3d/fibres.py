@@ -36,6 +36,8 @@ ROUGH = SolidLegSettings(
     contact_size=5.0,
 )  # fmt: skip
 """Of the identification's tetrahedra: a third of the default's unknowns."""
+ELEMENTS = {"rough": ROUGH, "default": SolidLegSettings()}
+"""Of the identification."""
 TESTS = {"along": ("along",), "along and across": tuple(WAYS)}
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -68,12 +70,14 @@ class FibreResult:
     processor_s: float
 
 
-def found_of(planted: Planted, tests: str, seed: int, out: Path, progress: Progress) -> FibreResult:
+def found_of(
+    planted: Planted, tests: str, elements: str, seed: int, out: Path, progress: Progress
+) -> FibreResult:
     """Return what is found of a planted leg; it is kept, and so is every solve."""
 
     def made() -> FibreResult:
         started = time.process_time()
-        place = out / "legs" / f"{planted.name}-{len(TESTS[tests])}-{seed}"
+        place = out / "legs" / f"{planted.name}-{len(TESTS[tests])}-{elements}-{seed}"
         place.parent.mkdir(parents=True, exist_ok=True)
         leg = load_sites(sited_folder(planted, TESTS[tests], place, seed, out / "planted"))
         assert leg is not None
@@ -82,7 +86,7 @@ def found_of(planted: Planted, tests: str, seed: int, out: Path, progress: Progr
         # Solves in 3D are shared by all that press alike.
         request = SearchRequest(asked, out=out, progress=progress)
         curves = curves_of(leg, asked_of(asked, {}), None)
-        models = leg_models(leg, curves, request, ROUGH)
+        models = leg_models(leg, curves, request, ELEMENTS[elements])
         request = replace(request, out=out / "solves" / place.name)
         (result,) = identify_in_3d(leg, ["neo-hookean"], request, models=models)
         assert result.spatial is not None
@@ -96,7 +100,7 @@ def found_of(planted: Planted, tests: str, seed: int, out: Path, progress: Progr
         return found
 
     store = Store(out / "found", FibreResult, modules=(__name__,))
-    return store.get_or_make((planted, tests, seed), made)
+    return store.get_or_make((planted, tests, elements, seed), made)
 
 
 def _told(one: Estimate) -> Told:
@@ -122,6 +126,12 @@ def fibres(
     tests: Annotated[
         list[str] | None, typer.Option(help="'along' or 'along and across'; both by default.")
     ] = None,
+    elements: Annotated[
+        str,
+        typer.Option(
+            help="Of the identification: 'rough', or the 'default', some four times the work."
+        ),
+    ] = "rough",
     draws: Annotated[int, typer.Option(min=1, help="Of the lab's errors, for every leg.")] = 1,
     seed: Annotated[int, typer.Option(min=0, help="Of the lab's errors.")] = 1,
     out: Annotated[Path, typer.Option(help="Folder; goes on from what is there.")] = Path(
@@ -133,15 +143,19 @@ def fibres(
     Example: python -m studies.leg3d.fibres --ratio 2 --tests "along and across"
     """
     with command_edge("run the same command again to go on"), progress_on() as progress:
-        for name in tests or ():
-            if name not in TESTS:
-                raise InputError("--tests", name, "is none", f"give one of {', '.join(TESTS)}")
+        for option, names, known in (
+            ("--tests", tests or (), TESTS),
+            ("--elements", [elements], ELEMENTS),
+        ):
+            for name in names:
+                if name not in known:
+                    raise InputError(option, name, "is none", f"give one of {', '.join(known)}")
         rows, held = [], []
         for one in ratio or [1.0, 2.0, 3.0]:
             planted = Planted(c10, 0.0, one, mesh=FINE)
             for name in tests or TESTS:
                 for draw in range(draws):
-                    found = found_of(planted, name, seed + draw, out, progress)
+                    found = found_of(planted, name, elements, seed + draw, out, progress)
                     cells = [*found.c10.row(c10), *found.ratio.row(one)]
                     rows.append([
                         f"{one:g}", name, *cells, "yes" if found.untold else "no",
