@@ -191,6 +191,18 @@ def with_units(values: Values) -> dict[str, float]:
     return found
 
 
+def stiffness_in_words(values: Values) -> str:
+    """Return stiffnesses, and the ratio of fibres, as progress tells them: ``C10 1.2 kPa``."""
+    told = []
+    for name, value in values.items():
+        unit, factor = readable_unit(unit_of(name))
+        if unit == "kPa":
+            told.append(f"{symbol_of(name)} {factor * value:.4g} kPa")
+        elif name == DEEP_RATIO:
+            told.append(f"fibres {value:.3g}")
+    return ", ".join(sorted(told))
+
+
 def unit_suffix(unit: str) -> str:
     """Return a unit as the end of a document's key."""
     return {"1/MPa": "per_MPa", "-": "1"}.get(unit, unit)

@@ -6,8 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from legfem.common.progress import Progress
-from legfem.common.units import readable_unit
-from legfem.identify.catalogue import Values, symbol_of, unit_of
+from legfem.identify.catalogue import Values, stiffness_in_words
 from legfem.identify.forward import ForwardModel, ForwardOutcome
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
@@ -93,14 +92,9 @@ class FullSolver:
         self._report(outcome, f"{outcome.seconds:.1f} s")
 
     def _report(self, outcome: ForwardOutcome, how: str) -> None:
-        stiffness = []
-        for name, value in outcome.values.items():
-            unit, factor = readable_unit(unit_of(name))
-            if unit == "kPa":
-                stiffness.append(f"{symbol_of(name)} {factor * value:.4g} kPa")
         reached = ", ".join(f"{curve.depth:.1f}" for curve in outcome.curves)
         end = "" if outcome.complete else f", stopped at {reached} mm"
-        self.progress.advance(f"{', '.join(sorted(stiffness))} ({how}{end})")
+        self.progress.advance(f"{stiffness_in_words(outcome.values)} ({how}{end})")
 
 
 type _Task = tuple[Values, tuple[str, ...]]

@@ -19,7 +19,7 @@ from legfem.experiments.leg_3d import (
 )
 from legfem.experiments.pressing import OnStep
 from legfem.experiments.tissues import tissues_of
-from legfem.identify.catalogue import DEEP_RATIO, Values
+from legfem.identify.catalogue import DEEP_RATIO, Values, stiffness_in_words
 from legfem.identify.fibre_ratio import USUAL_RATIO, at_ratios, moduli, moduli_needed
 from legfem.identify.forward import ForwardModel, ForwardOutcome, values_of
 from legfem.identify.leg_film import LegCamera, LegFilm, PressedLeg
@@ -147,7 +147,8 @@ class SpatialForward:
                 self._camera.take(key, displacement)
             if displacement >= told + _TOLD_EVERY:
                 told = displacement
-                self.progress.advance(f"3D at {displacement:.1f} of {self.depth:g} mm")
+                at = f"3D at {displacement:.1f} of {self.depth:g} mm"
+                self.progress.advance(f"{at}, {stiffness_in_words(values)}")
 
         return tell
 

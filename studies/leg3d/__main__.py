@@ -36,9 +36,7 @@ class CodeChoice(StrEnum):
 _BY = {CodeChoice.legfem: Planted, CodeChoice.felupe: PlantedByFelupe}
 
 
-def _many(
-    count: int, seed: int, folder: Path, progress: Progress, code: CodeChoice
-) -> list[str]:  # fmt: skip
+def _many(count: int, seed: int, folder: Path, progress: Progress, code: CodeChoice) -> list[str]:
     of = _BY[code]
     legs = [of(one.c10, one.c20) for one in (drawn(number, seed) for number in range(count))]
     found = [plant_result(leg, seed + k, folder, progress) for k, leg in enumerate(legs)]
@@ -48,12 +46,12 @@ def _many(
 
 @app.command()
 def leg3d(
-    c10: Annotated[float, typer.Option(min=0.1, help="Planted, kPa.")] = 1.2,
-    c20: Annotated[float, typer.Option(min=0.0, help="Planted, kPa.")] = 0.0,
+    c10: Annotated[float, typer.Option(min=0.1, help="Planted, kPa.")] = Planted.c10,
+    c20: Annotated[float, typer.Option(min=0.0, help="Planted, kPa.")] = Planted.c20,
     fibres: Annotated[
         float,
         typer.Option(min=1.0, max=HIGHEST_RATIO, help="Muscle's shear modulus along over across."),
-    ] = 1.0,
+    ] = Planted.fibres,
     subject: Annotated[
         Path | None,
         typer.Option(help="Folder of a leg without recordings, in place of the small round one."),
@@ -75,6 +73,15 @@ def leg3d(
     """
     with study_edge("leg3d", out) as (folder, _), progress_on() as progress:
         if plants:
+            if subject is not None or (c10, c20, fibres) != (
+                Planted.c10,
+                Planted.c20,
+                Planted.fibres,
+            ):
+                raise InputError(
+                    "leg3d", "--plants", "draws the small leg's C10 and C20",
+                    "leave --subject, --c10, --c20 and --fibres, or it, out",
+                )  # fmt: skip
             lines = _many(plants, seed, folder, progress, code)
             write_atomically(folder / "plants.md", "\n".join(lines) + "\n")
             typer.echo("\n".join(lines))

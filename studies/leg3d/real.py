@@ -6,6 +6,7 @@ The identification has the same shape, coarser elements and its own contact law.
 from __future__ import annotations
 
 import shutil
+import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -74,7 +75,7 @@ class PlantedInLeg:
                     self.subject / "subject.toml", table, "the study writes its own",
                     "leave it out: the recordings are simulated",
                 )  # fmt: skip
-        text = with_fibres(text, self.fibres)
+        text = with_fibres(self._found_from_elsewhere(text), self.fibres)
         curve = self._curve(text, kept)
         shutil.copytree(self.subject, out)
         (out / "recordings").mkdir()
@@ -87,6 +88,14 @@ class PlantedInLeg:
         )
         (out / "subject.toml").write_text(text, encoding="utf-8")
         return out
+
+    def _found_from_elsewhere(self, text: str) -> str:
+        """Return the folder's text with what lies outside the folder by its full path."""
+        here = self.subject.resolve()
+        for value in tomllib.loads(text).get("section", {}).values():
+            if isinstance(value, str) and not (path := here / value).resolve().is_relative_to(here):
+                text = text.replace(f'"{value}"', f'"{path.resolve()}"')
+        return text
 
     def _curve(self, text: str, kept: Path) -> ForceCurve:
         def solved() -> ForceCurve:
