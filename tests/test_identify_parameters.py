@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from legfem.commands.identify import app
 from legfem.common.errors import InputError
-from legfem.identify.catalogue import parameter_of
+from legfem.identify.catalogue import parameter_of, stiffness_in_words
 from legfem.identify.document import result_document
 from legfem.identify.settings import IdentificationSettings
 from legfem.identify.written import Written, read_prior, read_value
@@ -298,3 +298,8 @@ def test_fat_is_identified_beside_muscle_from_the_command(tmp_path: Path) -> Non
     assert fat["standard_error"] < 0.4 and fat["role"] == "identified"
     report = (tmp_path / "report.txt").read_text()
     assert "prior 2.2 ± 0.4 kPa" in report and "C10 of the superficial tissue (fat)" in report
+
+
+def test_progress_tells_stiffnesses_in_kpa_and_the_fibres_ratio():
+    values = {"deep.C10": 1.2e-3, "fascia.C10": 0.1, "deep.fibre_ratio": 2.5, "deep.D1": 28.0}
+    assert stiffness_in_words(values) == "C10 1.2 kPa, fascia.C10 100 kPa, fibres 2.5"
