@@ -7,18 +7,23 @@ its attributes.
 
 from legfem.api.diagnosed import DiagnosedFolder, DiagnosedLeg, diagnose
 from legfem.api.dressed import LegInStocking, stocking
-from legfem.api.identified import IdentifiedLeg, IdentifiedSpecimen, identify
-from legfem.api.loading import load_leg, load_specimen, load_subject
+from legfem.api.identified import identify
+from legfem.api.identified_leg import IdentifiedLeg
+from legfem.api.identified_sites import IdentifiedSites
+from legfem.api.identified_specimen import IdentifiedSpecimen
+from legfem.api.loading import load_leg, load_sites, load_specimen, load_subject
 
 __all__ = [
     "DiagnosedFolder",
     "DiagnosedLeg",
     "IdentifiedLeg",
+    "IdentifiedSites",
     "IdentifiedSpecimen",
     "LegInStocking",
     "diagnose",
     "identify",
     "load_leg",
+    "load_sites",
     "load_specimen",
     "load_subject",
     "stocking",

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 from legfem.api.found import Found, row
-from legfem.api.loading import Given, load_subject
+from legfem.api.loading import Given, one_of
+from legfem.api.wording import in_calls_words
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
-from legfem.subjects.subject import Subject
+from legfem.subjects.subject import SitedLeg, Subject
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -160,12 +161,13 @@ def _before_and_after(document: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
 
 @overload
 def diagnose(
-    leg: Subject | Given,
+    leg: Subject | SitedLeg | Given,
     *,
     library: Given | None = None,
     seed: int = 0,
     jobs: int = 1,
     progress: bool = False,
+    site: str = "",
 ) -> DiagnosedLeg: ...
 @overload
 def diagnose(
@@ -177,14 +179,16 @@ def diagnose(
     progress: bool = False,
     specimens: Sequence[str] = (),
 ) -> DiagnosedFolder: ...
+@in_calls_words()
 def diagnose(
-    leg: Subject | SpecimenFolder | Given,
+    leg: Subject | SitedLeg | SpecimenFolder | Given,
     *,
     library: Given | None = None,
     seed: int = 0,
     jobs: int = 1,
     progress: bool = False,
     specimens: Sequence[str] = (),
+    site: str = "",
 ) -> DiagnosedLeg | DiagnosedFolder:
     """Say where model and recordings differ, which physics was left out, and what adding it does.
 
@@ -192,8 +196,8 @@ def diagnose(
 
     Parameters
     ----------
-    leg : Subject, SpecimenFolder, str or Path
-        The leg, or what `load_subject` takes; or what `load_specimen` returned.
+    leg : Subject, SitedLeg, SpecimenFolder, str or Path
+        What `load_subject`, `load_sites` or `load_specimen` returned; or a leg's id or folder.
     library : str or Path, optional
         Folder of the legs' responses; ``~/.cache/legfem/responses`` without it.
     seed : int
@@ -204,6 +208,8 @@ def diagnose(
         Whether to print what is being done.
     specimens : sequence of str
         Of a folder of specimens those to diagnose; all without any.
+    site : str
+        Of a leg with several ``[[site]]`` which: a diagnosis takes one.
 
     Returns
     -------
@@ -215,15 +221,16 @@ def diagnose(
     from legfem.correction.tabulated import read_correction
     from legfem.diagnose.leg import library_folder
     from legfem.diagnose.run import Diagnoser
+    from legfem.specimens.folder import SpecimenFolder
 
     folder = library_folder() if library is None else Path(library)
-    if not isinstance(leg, Subject | str | Path):
+    if isinstance(leg, SpecimenFolder):
         from legfem.specimens.diagnosis import diagnose_specimens
 
         with progress_on(quiet=not progress) as told:
             each = tuple(diagnose_specimens(leg, specimens, folder, jobs, told, seed))
         return DiagnosedFolder(leg, each, seed)
-    subject = leg if isinstance(leg, Subject) else load_subject(leg)
+    subject = one_of(leg, site)
     started = time.perf_counter()
     with progress_on(quiet=not progress) as told:
         found = Diagnoser(folder, read_correction(REFERENCE), jobs).diagnose(subject, told, seed)

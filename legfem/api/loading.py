@@ -5,13 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from legfem.api.wording import in_calls_words
 from legfem.common.doubts import say
 from legfem.common.errors import InputError
 from legfem.subjects.catalogue import Catalogue
 from legfem.subjects.loading import SUBJECTS
+from legfem.subjects.loading import load_sites as load_sites_folder
 from legfem.subjects.loading import load_subject as load_subject_folder
 from legfem.subjects.plausibility import doubts_about
-from legfem.subjects.subject import Subject
+from legfem.subjects.sites import site_names
+from legfem.subjects.subject import SitedLeg, Subject
 
 if TYPE_CHECKING:
     from legfem.specimens.folder import SpecimenFolder
@@ -21,6 +24,7 @@ type Given = str | Path
 """Id of a subject that comes with legfem, or the path of a folder."""
 
 
+@in_calls_words()
 def load_subject(subject: Given, site: str = "") -> Subject:
     """Load a leg that was indented.
 
@@ -29,7 +33,7 @@ def load_subject(subject: Given, site: str = "") -> Subject:
     subject : str or Path
         Id of a subject that comes with legfem (``"1"`` to ``"4"``), or the path of a folder.
     site : str
-        Of a leg with several ``[[site]]`` which.
+        Of a leg with several ``[[site]]`` which; `load_sites` loads all.
 
     Raises
     ------
@@ -39,6 +43,77 @@ def load_subject(subject: Given, site: str = "") -> Subject:
     loaded = load_subject_folder(folder_of(subject, SUBJECTS), need_instrument=False, site=site)
     say(doubts_about(loaded))
     return loaded
+
+
+@in_calls_words()
+def load_sites(leg: Given) -> SitedLeg:
+    """Load all sites of a leg that was indented at several, to be identified together.
+
+    Parameters
+    ----------
+    leg : str or Path
+        The path of a folder whose ``subject.toml`` has ``[[site]]``.
+
+    Raises
+    ------
+    InputError
+        If the leg has no ``[[site]]``, or anything in the folder is missing or wrong.
+    """
+    folder = folder_of(leg, SUBJECTS)
+    loaded = load_sites_folder(folder)
+    if loaded is None:
+        raise InputError(
+            folder / SUBJECTS.file, "site", "the leg has none", "load it with load_subject"
+        )
+    for site in loaded.sites:
+        say(doubts_about(site))
+    return loaded
+
+
+def opened(leg: Subject | SitedLeg | Given, site: str = "") -> Subject | SitedLeg:
+    """Return a leg, or all sites of one that has several, of which a name takes one.
+
+    Raises
+    ------
+    InputError
+        If there is no leg, no such site, or what is given is no leg that was indented.
+    """
+    if isinstance(leg, str | Path):
+        several = not site and site_names(SUBJECTS.opened(folder_of(leg, SUBJECTS)))
+        return load_sites(leg) if several else load_subject(leg, site)
+    if not isinstance(leg, Subject | SitedLeg):
+        raise InputError(
+            "leg", type(leg).__name__, "is no leg that was indented",
+            "give an id, a folder, or what load_subject or load_sites returned",
+        )  # fmt: skip
+    if not site:
+        return leg
+    sites = leg.sites if isinstance(leg, SitedLeg) else (leg,)
+    for one in sites:
+        if one.site == site:
+            return one
+    names = ", ".join(one.site for one in sites if one.site) or "a leg with [[site]]"
+    raise InputError("site", site, "is no site of the leg", f"give one of {names}")
+
+
+def one_of(leg: Subject | SitedLeg | Given, site: str = "") -> Subject:
+    """Return a leg that was indented at one place, or one of its sites.
+
+    Raises
+    ------
+    InputError
+        As `opened` does, and if there are several sites and none is named.
+    """
+    if isinstance(leg, str | Path):
+        return load_subject(leg, site)
+    found = opened(leg, site)
+    if isinstance(found, SitedLeg):
+        names = ", ".join(each.site for each in found.sites)
+        raise InputError(
+            "site", "missing", f"the leg has {len(found.sites)} ({names}), and here one is taken",
+            f'give site="{found.sites[0].site}"',
+        )  # fmt: skip
+    return found
 
 
 def load_specimen(folder: Given) -> SpecimenFolder:

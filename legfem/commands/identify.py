@@ -189,31 +189,31 @@ def run(
         from legfem.report.plain import brief
         from legfem.report.web.identification import identification_page
         from legfem.report.web.page import command_line
+        from legfem.sites.joint import joint_leg
         from legfem.subjects.loading import SUBJECTS, load_sites, load_subject
         from legfem.subjects.plausibility import doubts_about
-        from legfem.subjects.subject import SitedLeg
+        from legfem.subjects.subject import Subject as Leg
 
         if seed < 0:
             raise InputError("--seed", f"{seed}", "is negative", "give 0 or more")
         given_folder = SUBJECTS.named(subject, subject_dir)
         written = Written(identify or (), prior or (), fix or (), c10_bounds, c20_bounds)
         in_3d = model is ModelChoice.LEG
-        if not in_3d:
-            written.check_in_plane()
-        if (sites := load_sites(given_folder) if site is None else None) is None:
-            found = load_subject(given_folder, site=site or "")
-            if in_3d and (written.names_fibres or not found.indenter.lies_along):
-                sites = SitedLeg(found.id, found.title, (found,), found.directory)
-        if sites is not None:
-            from legfem.commands.sites import check_joint, identify_leg
+        settings = IdentificationSettings(
+            None if weighting is None else weighting.value, seed, emulator
+        )
+        sites = load_sites(given_folder) if site is None else None
+        found = sites or load_subject(given_folder, site=site or "")
+        if (joint := joint_leg(found, written.names, in_3d)) is not None:
+            from legfem.commands.sites import run_joint
 
-            check_joint(emulator, weighting, sites)
-            identify_leg(
-                sites, None if law is None else law.value, written, correction,
-                out or Path("results") / f"identify-{sites.id}", processes, seed, depth, quiet,
+            run_joint(
+                joint, None if law is None else law.value, written, correction,
+                out or Path("results") / f"identify-{joint.id}", processes, settings, depth, quiet,
                 as_json, in_3d,
             )  # fmt: skip
             return
+        assert isinstance(found, Leg)
         say(doubts_about(found))
         nominal = values_of(tissues_of(found))
         parameters, fixed = written.parameters(nominal), written.held(nominal)
@@ -221,9 +221,6 @@ def run(
             None if law is None else law.value, parameters, found.tissues["deep"].C20, fixed
         )
         laws_of(found, chosen, nominal, parameters, fixed)
-        settings = IdentificationSettings(
-            None if weighting is None else weighting.value, seed, emulator
-        )
         folder = out or Path("results") / f"identify-{found.id}"
         check_out_folder(folder)
         request = SearchRequest(parameters, fixed, depth, settings, folder, processes)

@@ -9,39 +9,20 @@ import typer
 
 from legfem.common.command_edge import FAILED, check_out_folder
 from legfem.common.doubts import say
-from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
+from legfem.identify.settings import IdentificationSettings
 from legfem.identify.written import Written
 from legfem.subjects.subject import SitedLeg
 
 
-def check_joint(emulator: bool, weighting: str | None, leg: SitedLeg) -> None:
-    """Check that what is asked for can be had of all sites together, or of a leg in 3D.
-
-    Raises
-    ------
-    InputError
-        If it can't.
-    """
-    name = leg.sites[0].site
-    one = "leave it out" + (f", or identify one of the sites: --site {name}" if name else "")
-    what = f"{len(leg.sites)} sites" if name else "the leg in 3D"
-    for option, given, why in (
-        ("--no-emulator", not emulator, "is for one site in plane strain"),
-        ("--weighting", weighting == "paper", "paper weighs no site's errors against another's"),
-    ):
-        if given:
-            raise InputError(option, what, why, one)
-
-
-def identify_leg(
+def run_joint(
     leg: SitedLeg,
     law: str | None,
     written: Written,
     correction: str,
     folder: Path,
     jobs: int,
-    seed: int,
+    settings: IdentificationSettings,
     depth: float | None,
     quiet: bool,
     as_json: bool,
@@ -51,47 +32,29 @@ def identify_leg(
     from mpi4py import MPI
 
     from legfem.commands.outcome import print_outcome
-    from legfem.correction.choice import choose_correction
-    from legfem.experiments.tissues import tissues_of
-    from legfem.identify.catalogue import DEEP_RATIO
-    from legfem.identify.forward import values_of
     from legfem.identify.request import SearchRequest
     from legfem.identify.search import SearchError
-    from legfem.identify.settings import IdentificationSettings
-    from legfem.identify.spatial import check_has_ends, start_of_ratio
     from legfem.report.plain import brief
     from legfem.report.sites import write_sites_report
     from legfem.report.web.page import command_line
     from legfem.report.web.sites import sites_web_page
-    from legfem.sites.identification import asked_of, identify_sites
-    from legfem.sites.spatial import identify_in_3d
+    from legfem.sites.identification import asked_of
+    from legfem.sites.joint import check_joint, identify_leg, nominal_of
     from legfem.subjects.plausibility import doubts_about
 
+    check_joint(leg, settings, correction, in_3d)
     for site in leg.sites:
         say(doubts_about(site))
-    first = leg.sites[0]
-    nominal = values_of(tissues_of(first))
-    if in_3d:
-        if correction not in ("auto", "none"):
-            raise InputError(
-                "--correction", correction, "nothing is left to correct in 3D", "leave it out"
-            )  # fmt: skip
-        for site in leg.sites:
-            check_has_ends(site)
-        nominal[DEEP_RATIO] = start_of_ratio(first)
+    nominal = nominal_of(leg, in_3d)
     parameters, fixed = written.parameters(nominal), written.held(nominal)
     asked = asked_of(parameters, fixed)
-    chosen = written.laws(law, asked.parameters or (), first.tissues["deep"].C20, fixed)
+    given_c20 = leg.sites[0].tissues["deep"].C20
+    chosen = written.laws(law, asked.parameters or (), given_c20, fixed)
     check_out_folder(folder)
     try:
         with progress_on(quiet=quiet) as progress:
-            settings = IdentificationSettings(seed=seed)
             request = SearchRequest(parameters, fixed, depth, settings, folder, jobs, progress)
-            if in_3d:
-                results = identify_in_3d(leg, chosen, request, comm=MPI.COMM_WORLD)
-            else:
-                corrections = [choose_correction(correction, site) for site in leg.sites]
-                results = identify_sites(leg, chosen, request, corrections)
+            results = identify_leg(leg, chosen, request, correction, in_3d, MPI.COMM_WORLD)
     except SearchError as failure:
         print(f"{leg.id}: {failure}", file=sys.stderr)
         raise typer.Exit(FAILED) from None

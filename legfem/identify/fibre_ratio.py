@@ -15,8 +15,9 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
+from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.identify.catalogue import RATIO
+from legfem.identify.catalogue import DEEP_RATIO, RATIO
 from legfem.mechanics.terms import Fibres
 from legfem.solve.force_curve import ForceCurve
 
@@ -31,6 +32,21 @@ it."""
 def ratio_of(tissue: str) -> str:
     """Return the full name of a tissue's ratio."""
     return f"{tissue}.{RATIO}"
+
+
+def check_in_plane(names: Collection[str]) -> None:
+    """Check that a section in plane strain knows of all that is named.
+
+    Raises
+    ------
+    InputError
+        If the leg's fibres are, which do no work there.
+    """
+    if DEEP_RATIO in names:
+        raise InputError(
+            "--identify", DEEP_RATIO, "fibres along the leg do no work in plane strain",
+            "solve the leg in 3D: --model 3d",
+        )  # fmt: skip
 
 
 def moduli(values: Mapping[str, float], tissues: Collection[str]) -> dict[str, float]:

@@ -13,7 +13,6 @@ from legfem.identify.catalogue import (
     DEEP_C10,
     DEEP_C20,
     DEEP_D2,
-    DEEP_RATIO,
     Values,
     check_known,
     parameter_of,
@@ -85,24 +84,10 @@ class Written:
         return tuple(free.values())
 
     @property
-    def names_fibres(self) -> bool:
-        """Whether the ratio of the muscle's fibres is asked for, held or given a prior."""
+    def names(self) -> set[str]:
+        """Full names of all that is asked for, held or given a prior."""
         written = [*self.identify, *self.priors, *self.fixed]
-        return any(text.partition("=")[0].strip() == DEEP_RATIO for text in written)
-
-    def check_in_plane(self) -> None:
-        """Check that a section in plane strain knows of all that is named.
-
-        Raises
-        ------
-        InputError
-            If fibres are, which do no work there.
-        """
-        if self.names_fibres:
-            raise InputError(
-                "--identify", DEEP_RATIO, "fibres along the leg do no work in plane strain",
-                "solve the leg in 3D: --model 3d",
-            )  # fmt: skip
+        return {text.partition("=")[0].strip() for text in written}
 
     def held(self, nominal: Values) -> dict[str, float]:
         """Return what is held, in the model's units.

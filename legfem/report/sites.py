@@ -41,8 +41,9 @@ def write_sites_report(
             shows = f"every site beside the {LAW_NAMES[result.law]} law, and their differences"
             files.append(ReportFile(drawn, shows))
         for site in results[0].leg.sites:
-            drawn = save(placement_figure(site), folder, f"section-{site.site}")
-            files.append(ReportFile(drawn, f"{site.site}: {SECTION_SHOWS}"))
+            name = site.site or "leg"
+            drawn = save(placement_figure(site), folder, f"section-{name}")
+            files.append(ReportFile(drawn, f"{name}: {SECTION_SHOWS}"))
         page = sites_web_page(results, command)
         write_page(page, folder, plain_page(page, [*files, RESULT]))
     return path, out / REPORT

@@ -14,7 +14,8 @@ def sites_figure(result: SitesResult) -> Figure:
     """Return measured and simulated force, a column a site, and their difference beneath."""
     count = len(result.sites)
     figure = new_figure(4.6 * count + 0.6, 6.4)
-    what = f"Measured and simulated force, {LAW_NAMES[result.law]} law of all sites together"
+    of_all = " of all sites together" if count > 1 else ""
+    what = f"Measured and simulated force, {LAW_NAMES[result.law]} law{of_all}"
     title(figure, what, result.leg.title, result.leg.origin)
     grid = figure.subplots(2, count, squeeze=False, height_ratios=(2.2, 1))
     for column, site in enumerate(result.sites):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.stats import chi2
@@ -39,6 +40,9 @@ from legfem.sites.misfit import SitesMisfit, with_own_errors
 from legfem.sites.result import Chance, SiteFit, SitesResult, SpatialSites
 from legfem.sites.warnings import doubts_of, warnings_about
 from legfem.subjects.subject import SitedLeg
+
+if TYPE_CHECKING:
+    from legfem.experiments.plane_strain import PlaneStrainSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,10 +155,14 @@ def curves_of(leg: SitedLeg, asked: Asked, depth: float | None) -> list[LoadingC
     return [with_own_errors(measured_curve(site, depth), asked.own_errors) for site in leg.sites]
 
 
-def sites_model(leg: SitedLeg, depth: float | None = None) -> SitesForward[PlaneStrainForward]:
+def sites_model(
+    leg: SitedLeg, depth: float | None = None, settings: PlaneStrainSettings | None = None
+) -> SitesForward[PlaneStrainForward]:
     """Return a leg's forward model, every site pressed as deep as its recordings ask."""
     return SitesForward(tuple(
-        PlaneStrainForward.of_subject(site, float(measured_curve(site, depth).displacement[-1]))
+        PlaneStrainForward.of_subject(
+            site, float(measured_curve(site, depth).displacement[-1]), settings
+        )
         for site in leg.sites
     ))  # fmt: skip
 

@@ -38,7 +38,7 @@ def sites_web_page(results: Sequence[SitesResult], command: str = "") -> web.Web
     command
         That was given; empty where there was none.
     """
-    best = _best(results)
+    best = best_law(results)
     leg = best.leg
     return web.WebPage(
         title=f"How stiff is leg {leg.id}{_by_how_much(leg)}?",
@@ -83,7 +83,8 @@ def _warnings(results: Sequence[SitesResult]) -> list[str]:
     ]
 
 
-def _best(results: Sequence[SitesResult]) -> SitesResult:
+def best_law(results: Sequence[SitesResult]) -> SitesResult:
+    """Return the law's result that the page is about."""
     return estimates.least_akaike(results, lambda r: r.misfit.chi_square)
 
 
