@@ -4,6 +4,7 @@ import tomllib
 
 import numpy as np
 import pytest
+from making import leg, press, write_contours, write_recording
 from making_specimens import write_bars
 
 from legfem.app.describe import (
@@ -16,12 +17,14 @@ from legfem.app.describe import (
 )
 from legfem.app.settings import read_value, settings_of, with_channels, with_settings
 from legfem.common.errors import InputError
+from legfem.common.toml_file import checked
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.recording.columns import Channel, Channels
 from legfem.specimens.folder import load_specimen
 from legfem.specimens.schema import SpecimenFile, parse_specimen_file
 from legfem.stocking.leg_file import LegFile, parse_leg_file
 from legfem.subjects.catalogue import RESOURCES
+from legfem.subjects.loading import load_subject
 from legfem.subjects.schema import SubjectFile
 from legfem.subjects.sites import subject_entry
 
@@ -95,6 +98,56 @@ def test_a_scan_takes_the_place_of_contours(tmp_path):
     PressedLeg("Mine", "leg.nii.gz", 30, 50, (0, 0), 90, 300.0).describe(tmp_path)
     section = subject_entry(tmp_path / "subject.toml").given.section
     assert (section.scan, section.contours, section.level_mm) == ("leg.nii.gz", None, 300.0)
+
+
+def described(folder, length=50.0, **pressed):
+    write_contours(folder / "outline.csv", leg())
+    write_recording(folder / "trial1.csv", press())
+    PressedLeg("Mine", "outline.csv", 30.0, length, (0.0, 0.0), 90.0, **pressed).describe(folder)
+    return (folder / "subject.toml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("length", "pressed", "told"),
+    [
+        (50.0, {}, "cylinder, 30 mm in diameter and 50 mm long"),
+        (50.0, {"axis_deg": 90.0}, "cylinder, 30 mm in diameter and 50 mm long, across the leg"),
+        (None, {"shape": "ball"}, "ball, 30 mm in diameter"),
+        (None, {"shape": "punch"}, "flat punch, 30 mm in diameter"),
+    ],
+)
+def test_what_pressed_a_leg_is_written_where_it_is_no_cylinder_along_it(
+    tmp_path, length, pressed, told
+):
+    text = described(tmp_path, length, **pressed)
+    assert str(load_subject(tmp_path, need_instrument=False).indenter) == told
+    stated = tomllib.loads(text)["indenter"]
+    assert {key: stated[key] for key in ("shape", "axis_deg") if key in stated} == pressed
+    assert ("length_mm" in stated) == (length is not None)
+
+
+@pytest.mark.parametrize(
+    ("length", "pressed", "line"),
+    [
+        (None, {}, "indenter.length_mm: missing; give the cylinder's length"),
+        (None, {"shape": "ball", "axis_deg": 90.0}, "indenter.axis_deg: is of no use for a ball"),
+        (-5.0, {}, "indenter.length_mm"),
+        (None, {"shape": "cone"}, "indenter.shape"),
+    ],
+)
+def test_what_cant_have_pressed_is_told_as_the_file_tells_it_and_nothing_is_moved(
+    tmp_path, length, pressed, line
+):
+    with pytest.raises(InputError) as told:
+        described(tmp_path, length, **pressed)
+    assert line in str(told.value)
+    assert {path.name for path in tmp_path.iterdir()} == {"outline.csv", "trial1.csv"}
+    own = {"diameter_mm": 30.0, "aim_mm": [0.0, 0.0], "direction_deg": 90.0, **pressed}
+    own |= {} if length is None else {"length_mm": length}
+    text = (SUBJECT / "subject.toml").read_text()
+    with pytest.raises(InputError) as by_file:
+        checked(tmp_path / "subject.toml", tomllib.loads(text) | {"indenter": own}, SubjectFile)
+    assert str(by_file.value) == str(told.value)
 
 
 def test_two_scans_become_a_leg_in_its_stocking(tmp_path):

@@ -15,7 +15,7 @@ import browser
 import pytest
 from driving import Driven
 from making_specimens import write_bars
-from walking import Server, walk
+from walking import Server, loose_files, walk
 
 from legfem.app.runs import Run, RunState
 from legfem.app.workspace import Workspace
@@ -374,6 +374,26 @@ def test_a_plan_is_run_from_the_app(served, page):
     told = ran(page, "plan", "--jobs 1", 40, **fields)
     assert told.startswith("most telling: ")
     assert (workspace.run(f"plan-{name}") / "results" / "report.html").is_file()
+
+
+def test_a_leg_that_a_ball_pressed_is_dropped_and_described(served, page, tmp_path):
+    workspace, _ = served
+    page.drop([loose_files(tmp_path)])
+    page.until("location.pathname === '/input/my%20leg'")
+    page.click("Describe")
+    page.sees("0 along the leg, 90 across")
+    page.choose("what pressed it", "a ball")
+    hidden = "document.querySelector('[aria-label=\"cylinder\\'s length (mm)\"]').offsetParent"
+    page.until(f"{hidden} === null")
+    assert accessible(page)
+    for label, number in (("diameter (mm)", "30"), ("aim x (mm): a point on its way", "0"),
+                          ("aim y (mm)", "0"),
+                          ("direction of travel (degrees from +x)", "90")):  # fmt: skip
+        page.type(label, number)
+    page.click("It is a pressed leg")
+    page.sees("columns are separated by ;", 3 * MINUTES)
+    given = subject_entry(workspace.input("my leg") / "subject.toml").given
+    assert (given.indenter.shape, given.indenter.length_mm) == ("ball", None)
 
 
 def test_recordings_of_specimens_are_dropped_described_and_identified(served, page, tmp_path):

@@ -134,8 +134,8 @@ class Walk:
         page.sees("grade B")
         self.look("loose")
         page.click("Describe")
-        for label, number in (("cylinder's diameter (mm)", "30"), ("aim y (mm)", "0"),
-                              ("cylinder's length along the leg (mm)", "50"),
+        for label, number in (("diameter (mm)", "30"), ("aim y (mm)", "0"),
+                              ("cylinder's length (mm)", "50"),
                               ("aim x (mm): a point on its way", "0"),
                               ("direction of travel (degrees from +x)", "90")):  # fmt: skip
             page.type(label, number)

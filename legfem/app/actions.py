@@ -89,7 +89,10 @@ _DEPTH = Choice("--depth", "use recordings down to (mm)")
 _LEG = (
     Action(
         "identify", "--subject-dir", "Find C10 and C20 of the muscle, with intervals.",
-        (Choice("--law", "law", ("both", "neo-hookean", "reduced-polynomial")), _DEPTH),
+        (
+            Choice("--law", "law", ("both", "neo-hookean", "reduced-polynomial")), _DEPTH,
+            Choice("--model", "model", ("2d", "3d")),
+        ),
     ),
     Action(
         "diagnose", "--subject-dir",

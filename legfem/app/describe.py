@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,8 +12,11 @@ import tomlkit
 from legfem.app.settings import Setting, Value, settings_of, with_settings
 from legfem.app.workspace import files_of, is_scan, may_be_recording
 from legfem.common.documents import write_atomically
+from legfem.common.toml_file import checked
 from legfem.specimens.schema import SIZES, SpecimenFile
 from legfem.subjects.folder import plain_id, subject_text
+from legfem.subjects.schema import SubjectFile
+from legfem.subjects.subject import IndenterShape
 
 
 @dataclass(frozen=True)
@@ -23,21 +27,29 @@ class PressedLeg:
     source: str
     """File in the folder: contours of the section, or a scan that it is cut from."""
     diameter: float
-    """Of the cylinder, mm."""
-    length: float
-    """Of the cylinder along the leg, mm."""
+    """Of what pressed, mm."""
+    length: float | None
+    """Of a cylinder along its axis, mm."""
     aim: tuple[float, float]
     """A point on its line of travel, mm."""
     direction: float
     """Of travel, degrees from +x."""
     level: float | None = None
     """At which a scan is cut, mm."""
+    shape: IndenterShape = "cylinder"
+    axis_deg: float = 0.0
+    """By which a cylinder is turned about its travel: 0 lies along the leg, 90 across it."""
 
     def describe(self, folder: Path) -> None:
         """Write ``subject.toml``, and move the recordings where it looks for them.
 
         The tissues are the first paper's until they are changed; errors of the instrument are left
         out: the commands ask for them.
+
+        Raises
+        ------
+        InputError
+            As the file does; nothing is written or moved then.
         """
         text = subject_text(
             plain_id(folder.name), self.title, "measured", 0.6, self.aim, self.direction
@@ -48,10 +60,14 @@ class PressedLeg:
             ("section", "level_mm"): self.level,
             ("indenter", "diameter_mm"): self.diameter,
             ("indenter", "length_mm"): self.length,
+            ("indenter", "shape"): None if self.shape == "cylinder" else self.shape,
+            ("indenter", "axis_deg"): self.axis_deg or None,
             ("instrument",): None,
         }
+        path, described = folder / "subject.toml", with_settings(text, stated)
+        checked(path, tomllib.loads(described), SubjectFile)
         _gather_recordings(folder, but=[self.source])
-        write_atomically(folder / "subject.toml", with_settings(text, stated))
+        write_atomically(path, described)
 
 
 @dataclass(frozen=True)

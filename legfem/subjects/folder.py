@@ -38,8 +38,8 @@ length_mm = 50.0
 aim_mm = [{x:.4f}, {y:.4f}]  # a point on the line of travel
 direction_deg = {direction}  # of travel, from +x, counter-clockwise
 
-# C10_kPa and C20_kPa of the deep tissue are what is identified.
 [tissues.deep]
+# C10_kPa and C20_kPa are what is identified.
 {deep}
 
 [tissues.superficial]
@@ -52,12 +52,12 @@ law = "neo-hookean"
 C10_kPa = 100.0
 D1_per_MPa = 22.5
 
-# Give your instruments' own figures.
 [instrument]
+# Give your instruments' own figures.
 {instrument}
 
-# Whether displacement counts from first touch; if false, first contact is looked for.
 [recordings]
+# Whether displacement counts from first touch; if false, first contact is looked for.
 starts_at_contact = {starts_at_contact}
 {ends}"""
 _DEEP = {

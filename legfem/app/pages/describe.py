@@ -28,6 +28,7 @@ _NO_CONTOURS = (
     "skin, fascia, tibia and fibula, or a scan with labels. Add it under Files; until then the "
     "recordings are graded."
 )
+_SHAPES = {"cylinder": "a cylinder", "ball": "a ball", "punch": "a flat punch"}
 _TESTS = {
     "ball": "a ball pressed them on a rigid base",
     "punch": "a flat punch pressed them on a rigid base",
@@ -53,33 +54,44 @@ def describe_tab(folder: Path) -> None:
 
 def _pressed(folder: Path, sources: list[str]) -> None:
     with ui.element("fieldset"):
-        tag("legend", "A leg that was pressed with a cylinder")
+        tag("legend", "A leg that was pressed")
         with ui.element("div").classes("fields"):
             title = ui.input("title", value=folder.name)
             section = ui.select(sources, value=sources[0], label="contours, or a scan")
             level = ui.number("level to cut a scan at (mm)")
-            numbers = [
+            shape = ui.select(_SHAPES, value="cylinder", label="what pressed it")
+            diameter, length = ui.number("diameter (mm)"), ui.number("cylinder's length (mm)")
+            axis = ui.number("cylinder turned by (degrees)", value=0.0)
+            axis.props["hint"] = "0 along the leg, 90 across"
+            for box in (length, axis):
+                box.bind_visibility_from(shape, "value", value="cylinder")
+            place = [
                 ui.number(label)
                 for label in (
-                    "cylinder's diameter (mm)", "cylinder's length along the leg (mm)",
                     "aim x (mm): a point on its way", "aim y (mm)",
                     "direction of travel (degrees from +x)",
                 )
             ]  # fmt: skip
 
         def describe() -> None:
-            values = [math.nan if box.value is None else float(box.value) for box in numbers]
+            cylinder = shape.value == "cylinder"
+            needed = [diameter, *place, *([length] if cylinder else [])]
+            values = [math.nan if box.value is None else float(box.value) for box in needed]
             if not all(map(math.isfinite, values)):
                 raise InputError("form", "numbers", "some are missing", "fill in every one")
-            diameter, length, x, y, direction = values
-            leg = PressedLeg(title.value or folder.name, section.value, diameter, length, (x, y),
-                             direction, level.value)  # fmt: skip
+            across, x, y, direction = values[:4]
+            leg = PressedLeg(
+                title.value or folder.name, section.value, across,
+                values[-1] if cylinder else None, (x, y), direction, level.value, shape.value,
+                float(axis.value or 0.0) if cylinder else 0.0,
+            )  # fmt: skip
             leg.describe(folder)
 
         _button("It is a pressed leg", describe)
     tag(
         "p",
-        "Tissues are those of Frauziols et al. (2015) until changed under Assumed.",
+        "Tissues are those of Frauziols et al. (2015) until changed under Assumed. A ball, a punch "
+        "or a cylinder that doesn't lie along the leg is solved in 3D: model 3d under Run.",
         "quiet",
     )
 
