@@ -178,7 +178,9 @@ class TissueMechanism(Mechanism):
     tangential: ClassVar[TangentialName | None] = None
     """Law of contact along the surface, likewise."""
     contact_softness: ClassVar[float] = 1.0
-    """Factor on the contact's stiffness in that variant, and in its `null_variant`."""
+    """Factor on the contact's stiffness in that variant, and in its `null_variant`, ..."""
+    contact_onset: ClassVar[float | None] = None
+    """... and the gap (mm) at which its pressure starts there, where it isn't the base model's."""
     null_variant: ClassVar[str] = "elastic"
     """The one that its solution is compared with."""
     along_path: ClassVar[bool] = False

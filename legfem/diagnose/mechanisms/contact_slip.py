@@ -31,9 +31,11 @@ class ContactSlip(TissueMechanism):
     variant: ClassVar[str] = "frictionless"
     tangential: ClassVar[TangentialName | None] = "frictionless"
     null_variant: ClassVar[str] = "sticking"
-    # Fat that slides folds more often under a contact as stiff as the tape's. Compared with a skin
-    # that sticks to the softer one, the change is the same within 0.1 % of the greatest force.
+    # Fat that slides folds more often under a contact as stiff and as sharp as the tape's. Compared
+    # with a skin that sticks to this one, the change is the same within 0.1 % of the greatest
+    # force.
     contact_softness: ClassVar[float] = 0.4
+    contact_onset: ClassVar[float | None] = 0.03
     strengths: ClassVar[tuple[float, ...]] = (1.0,)
 
     def solution(self, values: Values) -> Solution:
