@@ -13,7 +13,7 @@ from legfem.experiments.axisymmetric import AxisymmetricSettings, BallIndentatio
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.meridian import MeridianMeshSettings
-from legfem.solve.newton import NewtonSettings
+from legfem.solve.newton_settings import NewtonSettings
 from legfem.solve.step_settings import StepSettings
 
 C10, radius = 5e-3, 5.0  # MPa, mm

@@ -6,7 +6,8 @@ import numpy as np
 from making_mechanics import fixed_steps
 
 from legfem.fem.system import System
-from legfem.solve.newton import NewtonSettings, NewtonSolver
+from legfem.solve.newton import NewtonSolver
+from legfem.solve.newton_settings import NewtonSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.sensitivity import SensitivityTracker
 from legfem.solve.stepping import follow

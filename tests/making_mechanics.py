@@ -25,7 +25,8 @@ from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.mechanics.model import LegModel, Term
 from legfem.mechanics.terms import NormalContact, TangentialContact, Tissue
 from legfem.meshing.section import BONE, DEEP, SKIN, SectionMeshSettings
-from legfem.solve.newton import NewtonOutcome, NewtonSettings, NewtonSolver
+from legfem.solve.newton import NewtonOutcome, NewtonSolver
+from legfem.solve.newton_settings import NewtonSettings
 from legfem.solve.step_settings import StepSettings
 from legfem.subjects.subject import Indenter
 from studies.legs.calf import Calf, calf_section

@@ -15,7 +15,9 @@ from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainS
 from legfem.fem.system import System
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.integration_domain import Body
-from legfem.solve.newton import Damping, NewtonOutcome, NewtonSettings, NewtonSolver
+from legfem.solve.damping import Damping
+from legfem.solve.newton import NewtonOutcome, NewtonSolver
+from legfem.solve.newton_settings import NewtonSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.report import SolveReport, Step
 from legfem.solve.step_settings import StepSettings

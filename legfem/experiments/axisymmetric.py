@@ -26,7 +26,8 @@ from legfem.meshing.section import DEEP
 from legfem.meshing.support import Support
 from legfem.solve.force_curve import ForceCurve
 from legfem.solve.linear import LinearSettings
-from legfem.solve.newton import NewtonSettings, NewtonSolver
+from legfem.solve.newton import NewtonSolver
+from legfem.solve.newton_settings import NewtonSettings
 from legfem.solve.path import Path
 from legfem.solve.protocol import Protocol
 from legfem.solve.step_settings import StepSettings

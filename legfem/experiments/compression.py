@@ -21,7 +21,8 @@ from legfem.mechanics.terms import PressureStabilisation, SkinPressure, Tissue
 from legfem.meshing.idealised_leg import END, LegMesh
 from legfem.meshing.support import Support
 from legfem.solve.linear import LinearSettings, renew_factors
-from legfem.solve.newton import NewtonSettings, NewtonSolver
+from legfem.solve.newton import NewtonSolver
+from legfem.solve.newton_settings import NewtonSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.report import SolveReport
 from legfem.solve.sensitivity import Trackers

@@ -28,7 +28,8 @@ from legfem.meshing.idealised_leg import (
     mesh_leg_section,
 )
 from legfem.solve.linear import LinearSettings
-from legfem.solve.newton import NewtonSettings, NewtonSolver
+from legfem.solve.newton import NewtonSolver
+from legfem.solve.newton_settings import NewtonSettings
 from legfem.solve.step_settings import StepSettings
 
 

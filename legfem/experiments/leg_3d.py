@@ -30,7 +30,8 @@ from legfem.meshing.idealised_leg import END, LegMesh
 from legfem.meshing.solid_leg import FineStrip, SolidMeshSettings, mesh_solid_leg
 from legfem.meshing.support import Support
 from legfem.solve.linear import LinearSettings
-from legfem.solve.newton import NewtonSettings, NewtonSolver
+from legfem.solve.newton import NewtonSolver
+from legfem.solve.newton_settings import NewtonSettings
 from legfem.solve.step_settings import StepSettings
 from legfem.subjects.spatial import SpatialLeg
 from legfem.subjects.subject import Indenter, Subject

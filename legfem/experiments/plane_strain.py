@@ -45,7 +45,8 @@ from legfem.meshing.section import (
     moved_section_mesh,
 )
 from legfem.solve.force_curve import ForceCurve
-from legfem.solve.newton import NewtonSettings, NewtonSolver
+from legfem.solve.newton import NewtonSolver
+from legfem.solve.newton_settings import NewtonSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.step_settings import StepSettings
 from legfem.subjects.subject import Indenter, Subject

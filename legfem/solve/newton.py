@@ -16,61 +16,13 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from legfem.common.units import FloatArray
 from legfem.fem.compat import RESIDUAL_NOT_FINITE
 from legfem.fem.system import System
+from legfem.solve.damping import Damper, Damping
 from legfem.solve.linear import LinearSettings, configure, prepare, renew_factors
 from legfem.solve.mixing import AndersonMixing
+from legfem.solve.newton_settings import NewtonSettings
 from legfem.solve.saddle import SaddlePreconditioner
-
-
-@dataclass(frozen=True)
-class NewtonSettings:
-    """When a step has converged, and when it is given up.
-
-    Parameters
-    ----------
-    relative_tolerance : float
-        Norm of the residual against the norm of the contact's nodal forces.
-    absolute_tolerance : float
-        Norm of the residual below which nothing is asked (N/mm in 2D, N in 3D).
-    max_factorisations : int
-        In one step.
-    reuse : float
-        The factors are used again after an iteration that reduced the residual by this factor.
-    mixing : int
-        Updates by the same factors from which the next is improved, see `legfem.solve.mixing`.
-    floor : float
-        A residual that no longer falls with new factors is rounding, and good enough below this
-        multiple of the tolerance: a stiff fascia around soft tissue sums large forces to small
-        ones.
-    memory : int
-        An update is accepted if the residual falls below the largest of this many before it.
-    max_halvings : int
-        Of an update that doesn't.
-    damped_tolerance : float
-        As ``relative_tolerance``, of a damped step.
-    """
-
-    relative_tolerance: float = 1e-9
-    absolute_tolerance: float = 1e-13
-    max_factorisations: int = 12
-    reuse: float = 0.3
-    mixing: int = 5
-    floor: float = 10.0
-    memory: int = 2
-    max_halvings: int = 4
-    damped_tolerance: float = 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class Damping:
-    """A force on every displacement towards an earlier state; see `legfem.solve.relaxation`."""
-
-    anchor: FloatArray
-    """The unknown there, ghosts included."""
-    strength: float
-    """Over the median of the tangent's diagonal."""
 
 
 @dataclass(frozen=True)
@@ -107,8 +59,7 @@ class NewtonSolver:
         self._system = system
         self._settings = settings or NewtonSettings()
         self._norms: list[float] = []
-        self._damping: Damping | None = None
-        self._stiffness: FloatArray | None = None
+        self._damper = Damper(system)
         self._factorisations, self._fresh = 0, False
         self._mixing = AndersonMixing(system.comm, self._settings.mixing)
         matrix = system.tangent_matrix
@@ -154,9 +105,7 @@ class NewtonSolver:
             Of a step on the way to an equilibrium, for which a rough solution is enough.
         """
         self._norms, self._factorisations, self._evaluated_now = [], 0, False
-        self._damping = damping
-        if damping is not None and self._stiffness is None:
-            self._stiffness = self._usual_stiffness()
+        self._damper.turn_to(damping)
         unknown = self._system.unknown.x.petsc_vec
         unknown.copy(self._solution)
         self._snes.solve(None, self._solution)
@@ -185,26 +134,9 @@ class NewtonSolver:
 
     def _assemble_tangent(self) -> None:
         tangent = self._system.assemble_tangent()
-        if self._damping is not None:
-            added = self._solution.duplicate()
-            added.array[:] = self._damping_weights(self._damping)
-            tangent.setDiagonal(added, addv=PETSc.InsertMode.ADD)
+        self._damper.stiffen(tangent)
         if self._saddle is not None:
             self._saddle.update()
-
-    def _usual_stiffness(self) -> FloatArray:
-        """Return the median of the tangent's diagonal, on the rank's own free displacements."""
-        diagonal = np.abs(self._system.assemble_tangent().getDiagonal().array)
-        free = np.zeros(len(diagonal), dtype=bool)
-        displacements = self._system.spaces.displacement_dofs
-        free[displacements[displacements < len(free)]] = True
-        free[self._held] = False
-        everywhere = np.concatenate(self._system.comm.allgather(diagonal[free]))
-        return np.where(free, np.median(everywhere), 0.0)
-
-    def _damping_weights(self, damping: Damping) -> FloatArray:
-        assert self._stiffness is not None
-        return damping.strength * self._stiffness
 
     def _load(self, vector: PETSc.Vec) -> None:
         unknown = self._system.unknown
@@ -219,12 +151,7 @@ class NewtonSolver:
 
     def _evaluate(self) -> None:
         """Assemble the residual at the system's present unknown, and remember where that was."""
-        residual = self._system.assemble_residual().x
-        if self._damping is not None:
-            weights = self._damping_weights(self._damping)
-            own = slice(len(weights))
-            away = self._system.unknown.x.array[own] - self._damping.anchor[own]
-            residual.array[own] += weights * away
+        self._damper.push(self._system.assemble_residual().x.array)
         self._system.unknown.x.petsc_vec.copy(self._evaluated)
         self._evaluated_now, self._least_ratio = True, None
 
@@ -294,7 +221,7 @@ class NewtonSolver:
             return RESIDUAL_NOT_FINITE
         scale = self._system.contact_scale()
         tolerance = self._settings.relative_tolerance
-        if self._damping is not None:
+        if self._damper.acts:
             tolerance = max(tolerance, self._settings.damped_tolerance)
         limit = self._settings.absolute_tolerance + tolerance * scale
         if norm <= limit and iteration > 0:

@@ -12,7 +12,7 @@ from legfem.experiments.compression import CompressionSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.solve.linear import LinearSettings
-from legfem.solve.newton import NewtonSettings
+from legfem.solve.newton_settings import NewtonSettings
 from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
 from legfem.stocking.laplace import stocking_load
 from legfem.stocking.leg_model import LegModel3D

@@ -12,7 +12,8 @@ from legfem.fem.compiled import compiled
 from legfem.fem.system import System
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.terms import Tissue
-from legfem.solve.newton import NewtonSettings, NewtonSolver
+from legfem.solve.newton import NewtonSolver
+from legfem.solve.newton_settings import NewtonSettings
 from legfem.solve.stepping import press
 
 

@@ -18,7 +18,7 @@ from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.meridian import MeridianMeshSettings
-from legfem.solve.newton import NewtonSettings
+from legfem.solve.newton_settings import NewtonSettings
 
 MU = 0.01
 RADIUS, EDGE, DEPTH = 5.0, 0.1, 0.02

@@ -19,7 +19,8 @@ from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
 from legfem.geometry.section import LegSection
 from legfem.mechanics.contact_settings import ContactSettings
-from legfem.solve.newton import NewtonSettings, NewtonSolver
+from legfem.solve.newton import NewtonSolver
+from legfem.solve.newton_settings import NewtonSettings
 from legfem.solve.stepping import press
 from legfem.subjects.subject import Indenter
 

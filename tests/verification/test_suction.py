@@ -16,7 +16,7 @@ from legfem.experiments.suction import CupOnLayer, SuctionTest
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.meridian import MeridianMeshSettings, supports
 from legfem.meshing.support import Support
-from legfem.solve.newton import NewtonSettings
+from legfem.solve.newton_settings import NewtonSettings
 
 MU = 0.01
 

@@ -17,7 +17,7 @@ from legfem.experiments.plane_strain import (
 from legfem.experiments.tissues import tissues_of
 from legfem.jobs.fingerprint import code_fingerprint
 from legfem.solve.force_curve import ForceCurve
-from legfem.solve.newton import NewtonSettings
+from legfem.solve.newton_settings import NewtonSettings
 from legfem.solve.step_settings import StepSettings
 from legfem.subjects.subject import Subject
 
