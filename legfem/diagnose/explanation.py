@@ -184,7 +184,7 @@ class Explained:
 
         Of the base model alone, and of explanations that add to it what the data don't ask for.
         """
-        return sum(e.probability for e in self.every if not self._adds(e))
+        return min(1.0, sum(e.probability for e in self.every if not self._adds(e)))
 
     @cached_property
     def plain(self) -> tuple[Explanation, ...]:
