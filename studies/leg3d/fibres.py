@@ -23,6 +23,7 @@ from legfem.identify.spatial import start_of_ratio
 from legfem.jobs.store import Store
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.sites.identification import asked_of, curves_of
+from legfem.sites.result import Chance
 from legfem.sites.spatial import identify_in_3d, leg_models
 from legfem.subjects.loading import load_sites
 from studies.leg3d.orientations import FINE, WAYS, sited_folder
@@ -65,6 +66,8 @@ class FibreResult:
     c10: Told
     ratio: Told
     untold: bool
+    misfit: Chance
+    """Of all forces, over as many degrees of freedom."""
     converged: bool
     full_solves: int
     processor_s: float
@@ -92,8 +95,8 @@ def found_of(
         assert result.spatial is not None
         found = FibreResult(
             _told(result.parameters[DEEP_C10]), _told(result.parameters[DEEP_RATIO]),
-            bool(result.spatial.untold), result.converged, result.spatial.full_solves,
-            time.process_time() - started,
+            bool(result.spatial.untold), result.misfit, result.converged,
+            result.spatial.full_solves, time.process_time() - started,
         )  # fmt: skip
         del models, result
         gc.collect()
@@ -113,7 +116,7 @@ def _told(one: Estimate) -> Told:
 
 HEADER = [
     "ratio", "tests", "C10 (kPa)", "covers", "word", "ratio found", "covers", "word",
-    "said that it can't be told", "full 3D solves", "processor s",
+    "said that it can't be told", "chi-square (degrees)", "full 3D solves", "processor s",
 ]  # fmt: skip
 
 
@@ -159,6 +162,7 @@ def fibres(
                     cells = [*found.c10.row(c10), *found.ratio.row(one)]
                     rows.append([
                         f"{one:g}", name, *cells, "yes" if found.untold else "no",
+                        f"{found.misfit.chi_square:.0f} ({found.misfit.degrees_of_freedom})",
                         f"{found.full_solves}{'' if found.converged else ', not converged'}",
                         f"{found.processor_s:.0f}",
                     ])  # fmt: skip
