@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
+import browser
 import pytest
+from driving import Driven
 from making_mechanics import subject_3
 from making_scans import write_leg
 from making_specimens import PLANTED, write_bars
+from walking import Server
 
+from legfem.app.runs import Run
 from legfem.app.workspace import Workspace
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 
@@ -37,3 +43,27 @@ def leg_files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("leg")
     write_leg(folder)
     return folder
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Workspace, str]]:
+    """Return the workspace of a server that runs, and its address with the token."""
+    workspace = tmp_path_factory.mktemp("served") / "workspace"
+    server = Server((sys.executable,), workspace)
+    address = server.start()
+    with server:
+        yield Workspace(workspace), address
+    for name in Workspace(workspace).runs:
+        Run(workspace / "runs" / name).cancel(at_once=True)
+
+
+@pytest.fixture
+def page(served: tuple[Workspace, str]) -> Iterator[Driven]:
+    """Return a browser at the server's first page; nothing may go wrong in it."""
+    _, address = served
+    with Driven(browser.browser()) as page:
+        page.resize(1280, 900)
+        page.open(address)
+        page.sees("Drop a folder here")
+        yield page
+        assert page.faults == []

@@ -30,6 +30,12 @@ from legfem.recording import Instrument, Recording
 from legfem.solve.protocol import Protocol
 from legfem.subjects.loading import SUBJECTS, load_subject
 
+SOUGHT = tuple(
+    mechanism_named(name)
+    for name in ("contact-onset", "force-drift", "preconditioning", "support-compliance")
+)
+
+
 INSTRUMENT = Instrument(force_sd=0.03, displacement_sd=0.01)
 NOISE = Noise(0.02, 0.02, 12.0, 0.02, 0.008, "made")
 GRID = np.arange(0.5, 20.6, 0.5)

@@ -9,8 +9,25 @@ import numpy as np
 from making_specimens import AREA, BAR, LENGTH, ramp, record
 from scipy.optimize import brentq
 
+from legfem.experiments.axisymmetric import BallOnLayer, CylinderBetweenPlates
+from legfem.experiments.lateral_cylinder import CylinderOnBlock
+from legfem.identify.fibre_ratio import ratio_of
+from legfem.specimens.forward import SpecimenForward
+from legfem.specimens.tissues import SpecimenTissue
+
 C10, C20 = 5e-3, 2e-3
 PULLED = BAR.replace('"compression"', '"tension"')
+BLOCK = CylinderOnBlock(20.0, 60.0, 40.0, 8.0)
+BALL = BallOnLayer(12.0, 5.0, 40.0)
+PLATES = CylinderBetweenPlates(10.0, 10.0)
+TISSUE = SpecimenTissue(law="neo-hookean", fibrous=True)
+SOFT = 4e-3
+"""MPa: above it a bulk modulus follows C10."""
+RATIO = ratio_of("deep")
+
+
+def forward(sizes, depth: float, tissue: SpecimenTissue = TISSUE) -> SpecimenForward:
+    return SpecimenForward.of_tissues((sizes,), (depth,), [tissue], SOFT)
 
 
 def pulled(ratio: float, direction: str, displacement: np.ndarray, c20: float = 0.0) -> np.ndarray:

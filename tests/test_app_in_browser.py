@@ -1,24 +1,17 @@
-"""The app in a browser without a network: from the first click to a verdict, and who is refused."""
+"""The app in a browser without a network: from the first click to a verdict."""
 
-import http.client
-import http.server
 import json
 import shutil
 import sys
-import threading
-from concurrent.futures import ThreadPoolExecutor
-from hashlib import sha256
 from pathlib import Path
-from urllib.parse import parse_qs, urlsplit
 
 import browser
 import pytest
-from driving import Driven
+from making_app import MINUTES, accessible, begun, home
 from making_specimens import write_bars
 from walking import Server, loose_files, walk
 
 from legfem.app.runs import Run, RunState
-from legfem.app.workspace import Workspace
 from legfem.common.errors import InputError
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.specimens.schema import parse_specimen_file
@@ -31,7 +24,6 @@ pytestmark = [
     pytest.mark.skipif(browser.browser() is None, reason="no Chromium here"),
 ]
 LEG = RESOURCES / "dubuis" / "subjects" / "1"
-MINUTES = 60.0
 
 
 def test_a_folder_is_dropped_previewed_mapped_identified_and_diagnosed(tmp_path):
@@ -46,45 +38,6 @@ def test_a_folder_is_dropped_previewed_mapped_identified_and_diagnosed(tmp_path)
     assert seen["bad"] == str(refused.value)
     assert seen["faults"] == []
     assert seen["inaccessible"] == []
-
-
-@pytest.fixture(scope="module")
-def served(tmp_path_factory):
-    """Return the workspace of a server that runs, and its address with the token."""
-    workspace = tmp_path_factory.mktemp("served") / "workspace"
-    server = Server((sys.executable,), workspace)
-    address = server.start()
-    with server:
-        yield Workspace(workspace), address
-    for name in Workspace(workspace).runs:
-        Run(workspace / "runs" / name).cancel(at_once=True)
-
-
-@pytest.fixture
-def page(served):
-    _, address = served
-    with Driven(browser.browser()) as page:
-        page.resize(1280, 900)
-        page.open(address)
-        page.sees("Drop a folder here")
-        yield page
-        assert page.faults == []
-
-
-def home(address):
-    return address.split("?")[0]
-
-
-def begun(page, text):
-    """Begin with an example; return the name of its input."""
-    page.click(text)
-    page.until("location.pathname.startsWith('/input/')")
-    page.sees("Is this what you measured?", 3 * MINUTES)
-    return page.value("decodeURIComponent(location.pathname.split('/')[2])")
-
-
-def accessible(page):
-    return page.inaccessible(browser.axe()) == []
 
 
 def test_two_tabs_change_one_file_and_nothing_is_lost(served, page):
@@ -134,140 +87,6 @@ def test_two_tabs_change_one_file_and_nothing_is_lost(served, page):
     runs = [run for run in workspace.runs if run.startswith(f"identify-{name}")]
     assert len(runs) == 2
     assert {Run(workspace.run(run)).state for run in runs} == {RunState.LOST}
-
-
-class _Elsewhere(http.server.BaseHTTPRequestHandler):
-    """A page of another origin on this machine, to which the browser sends the app's cookie."""
-
-    def do_GET(self):
-        self.send_response(200)
-        self.send_header("Content-Type", "text/html")
-        self.end_headers()
-        self.wfile.write(b"<!DOCTYPE html><title>elsewhere</title><p>elsewhere</p>")
-
-    def log_message(self, *args):
-        pass
-
-
-def test_a_page_of_another_origin_reads_nothing_and_changes_nothing(served):
-    workspace, address = served
-    before = set(workspace.inputs), set(workspace.runs)
-    app = home(address).rstrip("/")
-    with (
-        http.server.ThreadingHTTPServer(("127.0.0.1", 0), _Elsewhere) as elsewhere,
-        Driven(browser.browser()) as page,
-    ):
-        threading.Thread(target=elsewhere.serve_forever, daemon=True).start()
-        page.open(address)
-        page.sees("Drop a folder here")
-        page.open(f"http://127.0.0.1:{elsewhere.server_port}/")
-        page.sees("elsewhere")
-        told = page.value(f"""(async () => {{
-            const app = {app!r}, tried = {{}};
-            const read = (options) => fetch(app + '/', {{credentials: 'include', ...options}})
-              .then((answer) => answer.text()).catch(() => 'not read');
-            tried.read = await read({{}});
-            tried.blind = await fetch(app + '/inputs', {{method: 'POST', mode: 'no-cors',
-              credentials: 'include', headers: {{'Content-Type': 'text/plain'}},
-              body: '{{"name": "evil"}}'}}).then((answer) => answer.type).catch(() => 'failed');
-            tried.put = await fetch(app + '/inputs/evil/x', {{method: 'PUT', body: 'x',
-              credentials: 'include'}}).then(() => 'sent').catch(() => 'not sent');
-            tried.socket = await new Promise((done) => {{
-              const socket = new WebSocket(app.replace('http', 'ws')
-                + '/_nicegui_ws/socket.io/?EIO=4&transport=websocket');
-              socket.onopen = () => done('opened');
-              socket.onerror = () => done('refused');
-            }});
-            const form = Object.assign(document.createElement('form'),
-              {{method: 'post', action: app + '/inputs', target: 'there'}});
-            const frame = Object.assign(document.createElement('iframe'), {{name: 'there'}});
-            document.body.append(frame, form);
-            const loaded = new Promise((done) => {{ frame.onload = () => done(true); }});
-            form.submit();
-            await loaded;
-            return tried;
-        }})()""")
-        elsewhere.shutdown()
-    assert told == {
-        "read": "not read", "blind": "opaque", "put": "not sent", "socket": "refused",
-    }  # fmt: skip
-    assert (set(workspace.inputs), set(workspace.runs)) == before
-
-
-def asked(address, method, path, body=None, cookie=True, **headers):
-    """Send a request as it stands: clients take the dots out of paths. Return status and body."""
-    parts = urlsplit(address)
-    if cookie:
-        token = parse_qs(parts.query)["token"][0]
-        headers["Cookie"] = f"legfem-{parts.port}={token}"
-    connection = http.client.HTTPConnection("127.0.0.1", parts.port, timeout=60)
-    connection.request(method, path, body, headers)
-    answer = connection.getresponse()
-    return answer.status, answer.read()
-
-
-OUT = ["../token", "../../token", "%2e%2e/token", "%2e%2e%2ftoken", "..%5ctoken", "/etc/passwd",
-       "....//token", "%00", "x" * 5000, "a/%2e%2e/%2e%2e/%2e%2e/token"]  # fmt: skip
-
-
-@pytest.mark.parametrize("path", OUT)
-def test_paths_that_lead_out_of_the_workspace_are_refused_as_they_are_sent(served, path):
-    workspace, address = served
-    token = workspace.token()
-    name = workspace.new_input("leg")
-    for method, at in (("GET", f"/files/runs/{path}"), ("GET", f"/files/previews/{path}"),
-                       ("GET", f"/files/{path}"), ("GET", f"/assets/app/{path}"),
-                       ("PUT", f"/inputs/{name}/{path}"), ("PUT", f"/inputs/{path}")):  # fmt: skip
-        status, told = asked(address, method, at, b"evil" if method == "PUT" else None)
-        assert status in (400, 404, 405), at
-        assert token.encode() not in told and b"root:" not in told
-    assert workspace.token() == token
-    assert list(workspace.input(name).iterdir()) == []
-
-
-def test_nobody_is_answered_without_the_token_nor_from_another_machine(served):
-    _, address = served
-    for method, path in (("GET", "/"), ("GET", "/compare"), ("POST", "/inputs"),
-                         ("PUT", "/inputs/leg/x"), ("GET", "/_nicegui/x"),
-                         ("GET", "/files/runs/x/results/report.html")):  # fmt: skip
-        status, told = asked(address, method, path, b"{}", cookie=False)
-        assert (status, told.split(b":")[0]) == (403, b"refused"), path
-    assert asked(address, "GET", "/", Host="legfem.example")[0] == 403
-    assert asked(address, "GET", "/")[0] == 200
-    port, listening = f"{urlsplit(address).port:04X}", "0A"
-    rows = [
-        line.split()
-        for name in ("tcp", "tcp6")
-        for line in Path(f"/proc/net/{name}").read_text().splitlines()[1:]
-    ]
-    bound = {row[1] for row in rows if row[3] == listening and row[1].endswith(f":{port}")}
-    assert bound == {f"0100007F:{port}"}, "127.0.0.1 alone"
-
-
-def test_a_large_file_arrives_whole_and_one_that_breaks_off_not_at_all(served):
-    workspace, address = served
-    name, piece, count = workspace.new_input("scans"), b"0123456789abcdef" * 65536, 256
-    status, _ = asked(address, "PUT", f"/inputs/{name}/big.nii", (piece for _ in range(count)))
-    assert status == 204
-    with (workspace.input(name) / "big.nii").open("rb") as file:
-        found = sha256()
-        while some := file.read(1 << 24):
-            found.update(some)
-    assert found.digest() == sha256(piece * count).digest()
-
-    def broken():
-        yield piece
-        raise ConnectionAbortedError
-
-    with pytest.raises(ConnectionAbortedError):
-        asked(address, "PUT", f"/inputs/{name}/half.nii", broken())
-    with ThreadPoolExecutor(4) as several:
-        sent = several.map(
-            lambda k: asked(address, "PUT", f"/inputs/{name}/{k}.csv", piece)[0], range(8)
-        )
-        assert set(sent) == {204}
-    there = {path.name for path in workspace.input(name).iterdir() if path.name[0] != "."}
-    assert there == {"big.nii", *(f"{k}.csv" for k in range(8))}
 
 
 def test_wrong_input_is_a_line_each_and_nothing_is_taken_for_a_leg(served, page, tmp_path):

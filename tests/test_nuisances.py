@@ -6,22 +6,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from making_diagnosis import GRID, fat, observations, ramps
+from making_diagnosis import GRID, SOUGHT, fat, observations, problem_of, ramps
 from scipy.interpolate import CubicSpline
 
 from legfem.correction.choice import REFERENCE
 from legfem.correction.tabulated import read_correction
+from legfem.diagnose.explain import explain
 from legfem.diagnose.nuisances import (
     AIM_SD_MM,
     CONTOUR_ARC_MM,
     CONTOUR_SD_MM,
     DIRECTION_SD_DEG,
     DRAWN,
+    GEOMETRY_DOF,
     MATERIAL_LOG_SD,
     OUTLINES,
     Accuracy,
     Nuisances,
     displaced_geometries,
+    variance_degrees,
 )
 from legfem.diagnose.run import accuracy_of
 from legfem.subjects.loading import SUBJECTS, load_subject
@@ -113,3 +116,28 @@ def test_displaced_geometries_are_one_standard_deviation_off_each():
         if geometry.moved is not None:
             assert geometry.moved.size == CONTOUR_SD_MM
     assert {g.moved.outline for g in geometries if g.moved} == {*OUTLINES, "bones"}
+
+
+def test_a_variance_that_a_bound_makes_small_keeps_its_degrees_of_freedom():
+    """A bound takes variance away, not what the errors' sizes are known by."""
+    problem, base = problem_of(ramps(), seed=1)
+    known, names = 0.1 * base.change[:, :1], ("outline of the skin, mode 1",)
+    problem = problem.with_errors(replace(problem.errors, known=known, names=names))
+    one = explain(problem, base, SOUGHT[:1]).base
+    assert np.isfinite(one.degrees_of_freedom[0])
+    posterior = replace(one.posterior, covariance=1e-6 * one.posterior.covariance)
+    assert replace(one, posterior=posterior).degrees_of_freedom[0] >= GEOMETRY_DOF
+
+
+def test_what_is_known_poorly_of_the_leg_widens_intervals():
+    """An effect of the outlines that is all that errs: its own degrees of freedom remain."""
+    problem, base = problem_of(ramps(), seed=1)
+    errors = problem.errors
+    effect = base.change[:, :1]
+    known = replace(errors, known=effect, names=("outline of the skin, mode 1",))
+    estimator = np.linalg.pinv(base.change)
+    variance = np.full((len(base.free),) * 2, 1.0)
+    degrees = variance_degrees(variance, estimator, known)
+    assert degrees[0] == pytest.approx(3.0)
+    exact = replace(known, names=("load cell's gain",))
+    assert variance_degrees(variance, estimator, exact)[0] == np.inf

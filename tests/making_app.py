@@ -1,0 +1,23 @@
+"""What one does in the app's pages in several tests."""
+
+from __future__ import annotations
+
+import browser
+
+MINUTES = 60.0
+
+
+def home(address):
+    return address.split("?")[0]
+
+
+def begun(page, text):
+    """Begin with an example; return the name of its input."""
+    page.click(text)
+    page.until("location.pathname.startsWith('/input/')")
+    page.sees("Is this what you measured?", 3 * MINUTES)
+    return page.value("decodeURIComponent(location.pathname.split('/')[2])")
+
+
+def accessible(page):
+    return page.inaccessible(browser.axe()) == []

@@ -1,0 +1,112 @@
+"""What is made of explanations: an interval over all, limits, what remains beside a name."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from making_diagnosed import diagnosed, diagnosed_of
+from making_diagnosis import SOUGHT, TRUTH, ClosedForm, problem_of, ramps
+from scipy.optimize import brentq
+from scipy.stats import norm
+from scipy.stats import t as student_t
+
+from legfem.diagnose.averaged import averaged_interval
+from legfem.diagnose.explain import explain
+from legfem.diagnose.explanation import INEXACT, Explained, Explanation
+from legfem.diagnose.limits import limits_of
+from legfem.diagnose.predict import onset_name
+from legfem.diagnose.remains import explained_share, remains_of
+
+
+def explanation(like: Explanation, mean: float, sd: float, probability: float) -> Explanation:
+    """Return an explanation whose first parameter is normal; the others stay."""
+    p = like.posterior
+    mean_of, spread = p.mean.copy(), p.covariance.copy()
+    mean_of[0], spread[0, 0] = mean, sd**2
+    posterior = replace(p, mean=mean_of, covariance=spread)
+    return replace(like, posterior=posterior, probability=probability)
+
+
+def test_an_averaged_interval_is_that_of_a_mixture_of_distributions():
+    """C10's logarithm is normal in one, Student's in the other: the mixture's quantiles by hand."""
+    problem, base = problem_of(ramps(), seed=1)
+    like = explain(problem, base, []).base
+    one, other = explanation(like, 0.0, 0.02, 0.7), explanation(like, 0.2, 0.05, 0.3)
+    one = replace(one, degrees=np.full(len(base.free), np.inf))
+    other = replace(other, degrees=np.full(len(base.free), 4.0))
+    prior = base.parameters[0].prior
+
+    def share_below(c10: float) -> float:
+        z = np.log(c10 / prior.centre) / prior.sd
+        return 0.7 * norm.cdf(z / 0.02) + 0.3 * student_t.cdf((z - 0.2) / 0.05, 4)
+
+    expected = [brentq(lambda c10, p=p: share_below(c10) - p, 0.06, 19.0) for p in (0.025, 0.975)]
+    found = averaged_interval(Explained((one, other), one), "C10")
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+    alone = averaged_interval(Explained((replace(one, probability=1.0),), one), "C10")
+    np.testing.assert_allclose(alone, one.interval("C10"), rtol=1e-6)
+    assert averaged_interval(Explained((one, other), one), "drag.size") is None
+
+
+def test_limits_hold_what_is_there_and_are_small_where_nothing_is():
+    problem, base = problem_of(ramps(), seed=1)
+    quiet = {limit.name: limit for limit in limits_of(explain(problem, base, SOUGHT))}
+    assert set(quiet) == {m.name for m in SOUGHT}
+    compliance = quiet["support-compliance"]
+    assert compliance.low == 0.0, "one sign is possible"
+    assert 0.0 < compliance.high < 0.15
+    drift = quiet["force-drift"]
+    assert drift.low < 0.0 < drift.high
+    assert (drift.parameter, drift.unit) == ("rate", "N/s")
+    most = max(abs(drift.low), abs(drift.high)) * problem.predictor.observed.time.max()
+    assert drift.effect == pytest.approx(most, rel=1e-6)
+    problem, base = problem_of(ramps(), {"support-compliance.compliance": 0.15}, seed=1)
+    loud = {limit.name: limit for limit in limits_of(explain(problem, base, SOUGHT))}
+    assert loud["support-compliance"].high > 0.15
+
+
+def test_what_remains_beside_a_right_name_is_told_with_trial_and_place():
+    """A support that gave way, and in the first trial 0.4 N that nothing makes beyond 15 mm."""
+    effects = {"support-compliance.compliance": 0.25}
+    problem, _ = problem_of(ramps(), effects, seed=1)
+    observed = problem.predictor.observed
+    late = np.clip((observed.displacement - 12) / 6, 0.0, 1.0)
+    extra = np.where(observed.trial == 0, 0.4 * late**2, 0.0)
+    found = diagnosed_of(
+        observed.with_force(observed.force + extra), ("support-compliance", "force-drift")
+    )
+    model = next(e for e in found.explained.every if e.names == ("support-compliance",))
+    assert model.in_part
+    left = remains_of(found, model)
+    assert left == sorted(left, key=lambda r: -abs(r.size_N))
+    first = left[0]
+    assert (first.trial, first.phase) == ("trial1", "loading")
+    assert 12 < first.displacement_mm[0] < 18 < first.displacement_mm[1]
+    assert 0.05 < first.size_N < 0.45
+    assert {r.trial for r in left} == {"trial1"}
+    assert 0.0 < explained_share(found, model) < 1.0
+
+
+def test_nothing_remains_beside_an_explanation_that_suits():
+    found = diagnosed({"support-compliance.compliance": 0.15}, asked=("support-compliance",))
+    model = found.models[0]
+    assert not model.in_part
+    for unknown, in_part in ((INEXACT, False), (INEXACT + 0.1, False), (0.8, True), (1.0, True)):
+        posterior = replace(model.posterior, unknown=unknown)
+        assert replace(model, posterior=posterior).in_part is in_part  # no coin's toss
+    assert remains_of(found, model) == []
+    assert explained_share(found, model) > 0.9
+    assert explained_share(found, found.alone) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_stopped_response_is_no_number_in_the_prediction():
+    problem, _ = problem_of(ramps(), seed=1)
+
+    class Stopped(ClosedForm):
+        def curve(self, c10, c20):
+            return np.full(len(self.grid), np.nan)
+
+    predictor = replace(problem.predictor, responses=Stopped())
+    assert np.isnan(predictor({**TRUTH, onset_name(0): 0.1})).all()
