@@ -9,7 +9,7 @@ import pytest
 
 from legfem.identify.catalogue import parameter_of
 from legfem.identify.result import Estimate
-from legfem.identify.usual_stiffness import doubts_beside_people
+from legfem.identify.usual_stiffness import doubts_about_stiffness
 from legfem.inference.population import population_prior
 from legfem.subjects.loading import SUBJECTS, load_subject
 from legfem.subjects.subject import Subject
@@ -36,7 +36,7 @@ def _estimate(kpa: float, error: float = 0.1, name: str = "deep.C10") -> dict[st
 
 
 def _told(leg: Subject, kpa: float, error: float = 0.1) -> list[str]:
-    return [str(doubt) for doubt in doubts_beside_people(leg, _estimate(kpa, error))]
+    return [str(doubt) for doubt in doubts_about_stiffness(leg, _estimate(kpa, error))]
 
 
 def _share_doubted(leg: Subject, stiffness: np.ndarray) -> float:

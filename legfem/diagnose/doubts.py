@@ -7,8 +7,7 @@ from typing import NamedTuple
 from legfem.common.doubts import Doubt
 from legfem.common.units import kpa_to_mpa
 from legfem.diagnose.diagnosis import Diagnosis
-from legfem.identify.usual_stiffness import doubts_beside_people
-from legfem.subjects import ranges
+from legfem.identify.usual_stiffness import doubts_about_stiffness
 from legfem.subjects.plausibility import doubts_about
 from legfem.subjects.subject import Subject
 
@@ -17,13 +16,7 @@ def doubts_of(found: Diagnosis, subject: object) -> tuple[Doubt, ...]:
     """Return what is unlikely in a leg's folder, and in the stiffness that came out of it."""
     if not isinstance(subject, Subject):
         return ()
-    toml = subject.directory / "subject.toml"
-    published = tuple(ranges.DEEP_C10.likely(
-        toml, "deep.C10", found.base.value("C10"),
-        "doubt the units of force_N, displacement_mm, length_mm and the other tissues' C10_kPa",
-    ))  # fmt: skip
-    of_people = () if published else doubts_beside_people(subject, _found(found))
-    return (*doubts_about(subject), *published, *of_people)
+    return (*doubts_about(subject), *doubts_about_stiffness(subject, _found(found)))
 
 
 class _Found(NamedTuple):

@@ -19,6 +19,7 @@ from legfem.common.units import mpa_to_kpa
 from legfem.identify.catalogue import key_of
 from legfem.inference.parameter import Prior
 from legfem.inference.population import CALF, SHIN, TISSUES, population, population_prior
+from legfem.subjects import ranges
 from legfem.subjects.subject import Subject
 
 _OUTSIDE = float(ndtri(0.995))
@@ -52,7 +53,27 @@ class Found(Protocol):
         """How far that may be off."""
 
 
-def doubts_beside_people(subject: Subject, parameters: Mapping[str, Found]) -> Iterator[Doubt]:
+def doubts_about_stiffness(subject: Subject, parameters: Mapping[str, Found]) -> tuple[Doubt, ...]:
+    """Return stiffnesses that nobody has found so, and those that few people have.
+
+    Left out are those that the folder says were confirmed.
+    """
+    toml = subject.directory / "subject.toml"
+    of_people = tuple(_doubts_beside_people(subject, parameters))
+    said = {doubt.field for doubt in of_people}
+    published = (
+        doubt
+        for name, one in parameters.items()
+        if name.endswith(".C10") and key_of(name) not in (*said, *subject.confirmed)
+        for doubt in ranges.C10[name.partition(".")[0]].likely(
+            toml, key_of(name), mpa_to_kpa(one.value),
+            "doubt the units of force_N, displacement_mm, length_mm and the other tissues' C10_kPa",
+        )
+    )  # fmt: skip
+    return (*of_people, *published)
+
+
+def _doubts_beside_people(subject: Subject, parameters: Mapping[str, Found]) -> Iterator[Doubt]:
     """Yield a doubt about each C10 that fewer than one in a hundred people have.
 
     What the recordings leave open of it counts as people's spread does.

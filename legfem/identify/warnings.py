@@ -13,11 +13,10 @@ from legfem.identify.applied_correction import AppliedCorrection
 from legfem.identify.catalogue import DEEP_C10, DEEP_C20, key_of
 from legfem.identify.laws import LawName
 from legfem.identify.result import Cost, Estimate, FullSolve
-from legfem.identify.usual_stiffness import doubts_beside_people
+from legfem.identify.usual_stiffness import doubts_about_stiffness
 from legfem.inference.elastography import elastography_priors
 from legfem.inference.parameter import Prior
 from legfem.recording import LoadingCurve
-from legfem.subjects import ranges
 from legfem.subjects.plausibility import doubts_about, poisson_ratio
 from legfem.subjects.subject import Subject
 
@@ -188,25 +187,6 @@ def doubts_of(found: Finding) -> tuple[Doubt, ...]:
     return (
         *doubts_about(found.subject), *doubts_about_stiffness(found.subject, found.parameters)
     )  # fmt: skip
-
-
-def doubts_about_stiffness(
-    subject: Subject, parameters: Mapping[str, Estimate]
-) -> tuple[Doubt, ...]:
-    """Return stiffnesses that nobody has found so, and those that few people have."""
-    toml = subject.directory / "subject.toml"
-    published = [
-        doubt
-        for name, one in parameters.items()
-        if name.endswith(".C10")
-        for doubt in ranges.C10[name.partition(".")[0]].likely(
-            toml, key_of(name), mpa_to_kpa(one.value),
-            "doubt the units of force_N, displacement_mm, length_mm and the other tissues' C10_kPa",
-        )
-    ]  # fmt: skip
-    said = {doubt.field for doubt in published}
-    of_people = doubts_beside_people(subject, parameters)
-    return (*published, *(doubt for doubt in of_people if doubt.field not in said))
 
 
 def _of_fibres(subject: Subject, in_correction: bool) -> Iterator[str]:

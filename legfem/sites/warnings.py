@@ -7,12 +7,12 @@ from dataclasses import replace
 
 from legfem.common.doubts import Doubt
 from legfem.identify.catalogue import DEEP_RATIO, key_of
+from legfem.identify.usual_stiffness import doubts_about_stiffness
 from legfem.identify.warnings import (
     LEAST_CHANCE,
     UNCONVERGED,
     at_limits,
     begun_in_air,
-    doubts_about_stiffness,
     far_from_priors,
     of_compromise,
     of_elastography,
