@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
+from legfem.api.checking import check_folder, check_names, check_unused, check_whole
 from legfem.api.found import Found, row
 from legfem.api.loading import Given, one_of
 from legfem.api.wording import in_calls_words
@@ -83,8 +84,11 @@ class DiagnosedFolder(Found):
     seed: int
 
     def __getitem__(self, name: str) -> DiagnosedSpecimen:
-        """Return a specimen's by its name."""
-        return next(one for one in self.specimens if one.id == name)
+        """Return a specimen's by its name; raises KeyError for one that isn't there."""
+        found = {one.id: one for one in self.specimens}
+        if name not in found:
+            raise KeyError(f"{name!r} is no specimen: there is {', '.join(found)}")
+        return found[name]
 
     @property
     def verdicts(self) -> dict[str, str]:
@@ -223,13 +227,19 @@ def diagnose(
     from legfem.diagnose.run import Diagnoser
     from legfem.specimens.folder import SpecimenFolder
 
+    check_whole("seed", seed, 0)
+    check_whole("jobs", jobs, 1)
     folder = library_folder() if library is None else Path(library)
+    check_folder("library", folder)
     if isinstance(leg, SpecimenFolder):
+        check_unused("specimens", {"site": site != ""})
+        check_names("specimens", specimens)
         from legfem.specimens.diagnosis import diagnose_specimens
 
         with progress_on(quiet=not progress) as told:
             each = tuple(diagnose_specimens(leg, specimens, folder, jobs, told, seed))
         return DiagnosedFolder(leg, each, seed)
+    check_unused("a leg", {"specimens": bool(specimens)})
     subject = one_of(leg, site)
     started = time.perf_counter()
     with progress_on(quiet=not progress) as told:

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from legfem.api.checking import check_whole
 from legfem.api.found import Found, row
 from legfem.api.loading import Given, load_leg
+from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 
 if TYPE_CHECKING:
@@ -85,9 +87,21 @@ def stocking(
     -------
     LegInStocking
         With ``summary()``, ``plot()``, ``to_frame()``, ``document()``, ``write(folder)``.
+
+    Raises
+    ------
+    InputError
+        If there is no such leg, or its scans can't be used.
     """
+    from legfem.stocking.leg import StockingLeg
     from legfem.stocking.run import StockingSettings, run_leg
 
     known = load_leg(leg) if isinstance(leg, str | Path) else leg
+    if not isinstance(known, StockingLeg):
+        raise InputError(
+            "leg", type(known).__name__, "is no leg that was scanned in a stocking",
+            "give an id, a folder, or what load_leg returned",
+        )  # fmt: skip
+    check_whole("cells", cells, 1)
     with progress_on(quiet=not progress) as told:
         return LegInStocking(run_leg(known, StockingSettings(cells, nelder_mead), told))

@@ -85,8 +85,11 @@ class ByLaw[Result: OfLaw](Found):
         return [self._document_of(result) for result in self.results]
 
     def __getitem__(self, law: LawName) -> Result:
-        """Return a law's result."""
-        return next(result for result in self.results if result.law == law)
+        """Return a law's result; raises KeyError for one that wasn't identified."""
+        found = {result.law: result for result in self.results}
+        if law not in found:
+            raise KeyError(f"{law!r} was not identified: there is {', '.join(found)}")
+        return found[law]
 
     def _rows(self) -> Iterator[dict[str, Any]]:
         for found in self.document():

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, overload
 
 from legfem.api.called import IdentifyCall
+from legfem.api.checking import check_names, check_search, check_unused
 from legfem.api.identified_leg import IdentifiedLeg, identify_section
 from legfem.api.identified_sites import IdentifiedSites, identify_together
 from legfem.api.identified_specimen import IdentifiedSpecimen, identify_folder
@@ -134,9 +135,13 @@ def identify(
     from legfem.sites.joint import joint_leg
     from legfem.specimens.folder import SpecimenFolder
 
-    if jobs < 1:
-        raise InputError("jobs", f"{jobs}", "is no number of processes", "give 1 or more")
+    check_search(parameters, fixed, depth, settings, out, jobs)
     if isinstance(leg, SpecimenFolder):
+        check_unused("specimens", {
+            "correction": correction != "auto", "depth": depth is not None,
+            "mesh": mesh is not None, "model": model != "2d", "site": site != "",
+        })  # fmt: skip
+        check_names("leave_out", leave_out)
         return identify_folder(
             leg, law, leave_out, settings, out, jobs, progress, parameters, fixed
         )
@@ -144,6 +149,11 @@ def identify(
         raise InputError("law", repr(law), "unknown law", f"give one of {', '.join(LAWS)}, both")
     if model not in ("2d", "3d"):
         raise InputError("model", repr(model), "unknown model", "give 2d or 3d")
+    if not isinstance(correction, str | Path):
+        raise InputError(
+            "correction", repr(correction), "is no correction", "give own, none, auto or a file"
+        )
+    check_unused("a leg", {"leave_out": bool(leave_out)})
     given, in_3d = opened(leg, site), model == "3d"
     for one in given.sites if isinstance(given, SitedLeg) else (given,):
         if not one.instrument.stated:
@@ -155,7 +165,7 @@ def identify(
         None, fixed or {}, depth, settings or IdentificationSettings(),
         None if out is None else Path(out), jobs,
     )  # fmt: skip
-    asked = IdentifyCall(law, request, parameters, correction, in_3d, mesh, progress)
+    asked = IdentifyCall(law, request, parameters, str(correction), in_3d, mesh, progress)
     if (joint := joint_leg(given, asked.names, in_3d)) is not None:
         return identify_together(joint, asked)
     assert isinstance(given, Subject)

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 type Given = str | Path
 """Id of a subject that comes with legfem, or the path of a folder."""
+_LOADED_BY = {
+    "subject.toml": "load_subject", "leg.toml": "load_leg", "specimen.toml": "load_specimen",
+}  # fmt: skip
 
 
 @in_calls_words()
@@ -78,6 +81,8 @@ def opened(leg: Subject | SitedLeg | Given, site: str = "") -> Subject | SitedLe
     InputError
         If there is no leg, no such site, or what is given is no leg that was indented.
     """
+    if not isinstance(site, str):
+        raise InputError("site", repr(site), "is no name", "give the name of one of the sites")
     if isinstance(leg, str | Path):
         several = not site and site_names(SUBJECTS.opened(folder_of(leg, SUBJECTS)))
         return load_sites(leg) if several else load_subject(leg, site)
@@ -92,8 +97,9 @@ def opened(leg: Subject | SitedLeg | Given, site: str = "") -> Subject | SitedLe
     for one in sites:
         if one.site == site:
             return one
-    names = ", ".join(one.site for one in sites if one.site) or "a leg with [[site]]"
-    raise InputError("site", site, "is no site of the leg", f"give one of {names}")
+    names = ", ".join(one.site for one in sites if one.site)
+    remedy = f"give one of {names}" if names else "leave it out: the leg has none"
+    raise InputError("site", site, "is no site of the leg", remedy)
 
 
 def one_of(leg: Subject | SitedLeg | Given, site: str = "") -> Subject:
@@ -132,6 +138,8 @@ def load_specimen(folder: Given) -> SpecimenFolder:
     """
     from legfem.specimens.folder import load_specimen as load_specimen_folder
 
+    _check_path(folder)
+    _check_kind(Path(folder), "specimen.toml")
     loaded = load_specimen_folder(Path(folder))
     say(loaded.doubts)
     return loaded
@@ -159,7 +167,14 @@ def load_leg(leg: Given) -> StockingLeg:
 
 
 def folder_of(given: Given, catalogue: Catalogue) -> Path:
-    """Return the folder of an id, or the one that is given."""
+    """Return the folder of an id, or the one that is given.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it is one of another kind.
+    """
+    _check_path(given)
     if isinstance(given, str) and given in catalogue.names:
         return catalogue.find(given)
     if not Path(given).is_dir():
@@ -167,4 +182,21 @@ def folder_of(given: Given, catalogue: Catalogue) -> Path:
         raise InputError(
             str(given), "subject", "not found", f"give one of {known}, or the path of a folder"
         )
-    return Path(given)
+    folder = Path(given)
+    _check_kind(folder, catalogue.file)
+    return folder
+
+
+def _check_path(given: object) -> None:
+    if not isinstance(given, str | Path):
+        raise InputError(
+            "folder", type(given).__name__, "is no path", "give an id, or the path of a folder"
+        )
+
+
+def _check_kind(folder: Path, wanted: str) -> None:
+    for file, load in _LOADED_BY.items():
+        if (folder / file).exists() and not (folder / wanted).exists():
+            raise InputError(
+                folder, file, f"is there, and no {wanted}", f"load the folder with lf.{load}"
+            )

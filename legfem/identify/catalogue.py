@@ -75,6 +75,19 @@ def check_known(names: Collection[str], nominal: Values, source: str) -> None:
             )  # fmt: skip
 
 
+def check_held(source: str, text: str, name: str, value: float) -> None:
+    """Check that a value can be held.
+
+    Raises
+    ------
+    InputError
+        If it is a stiffness or compressibility that is negative or nothing.
+    """
+    least = 0.0 if name.endswith("C20") else 1e-12
+    if not name.startswith("instrument.") and value < least:
+        raise InputError(source, text, "is negative or nothing", "give a positive value")
+
+
 def is_ratio(name: str) -> bool:
     """Return whether a full name is that of a ratio of fibres."""
     return name.endswith(f".{RATIO}")

@@ -14,6 +14,7 @@ from legfem.identify.catalogue import (
     DEEP_C20,
     DEEP_D2,
     Values,
+    check_held,
     check_known,
     parameter_of,
     unit_of,
@@ -178,9 +179,7 @@ def read_value(text: str, nominal: Values) -> tuple[str, float]:
         raise InputError("--fix", text, "can't be read", f"write {_FIX_EXAMPLE}")
     name, factor = _known(found, nominal, "--fix", _FIX_EXAMPLE)
     value = float(found["value"]) * factor
-    least = 0.0 if name.endswith("C20") else 1e-12
-    if not name.startswith("instrument.") and value < least:
-        raise InputError("--fix", text, "is negative or nothing", "give a positive value")
+    check_held("--fix", text, name, value)
     return name, value
 
 

@@ -1,0 +1,115 @@
+"""What is wrong with a call of the front door is one line that names the argument."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from making import write_subject
+from making_specimens import PLANTED, write_bars
+
+import legfem as lf
+from legfem.identify.settings import IdentificationSettings
+
+LEG = {
+    "a word for a depth": ({"depth": "deep"}, "depth: 'deep': is no depth; give a number of mm"),
+    "an endless depth": ({"depth": math.inf}, "depth: inf: is no depth"),
+    "a word for jobs": ({"jobs": "2"}, "jobs: '2': is no such whole number; give one from 1 on"),
+    "half a process": ({"jobs": 1.5}, "jobs: 1.5: is no such whole number"),
+    "a name for names": ({"parameters": "deep.C10"}, "parameters: 'deep.C10': is of another kind"),
+    "no names": ({"parameters": []}, "nothing is left to identify; name a parameter"),
+    "a number for a name": ({"parameters": [3]}, "parameters: 3: is of another kind; give a list"),
+    "twice": ({"parameters": ["deep.C10", "deep.C10"]}, "parameters: deep.C10: is there twice"),
+    "free and held": (
+        {"parameters": ["deep.C10"], "fixed": {"deep.C10": 1e-3}},
+        "fixed: deep.C10: is to be identified too; leave one of them out",
+    ),
+    "a unit in a value": (
+        {"fixed": {"deep.D1": "28 1/MPa"}}, "fixed: deep.D1: '28 1/MPa' is no value; give a number",
+    ),
+    "no number": ({"fixed": {"deep.D1": math.nan}}, "fixed: deep.D1: nan is no value"),
+    "endless": ({"fixed": {"deep.D1": math.inf}}, "fixed: deep.D1: inf is no value"),
+    "negative": ({"fixed": {"deep.D1": -28}}, "fixed: deep.D1=-28: is negative or nothing"),
+    "names for values": ({"fixed": ["deep.D1"]}, "fixed: ['deep.D1']: is of another kind"),
+    "no correction": ({"correction": None}, "correction: None: is no correction; give own, none"),
+    "a dictionary of settings": ({"settings": {"seed": 1}}, "settings: {'seed': 1}: is of another"),
+    "no such weights": (
+        {"settings": IdentificationSettings(weighting="x")},
+        "settings.weighting: 'x': is unknown; give one of paper, covariance, None",
+    ),
+    "a negative seed": ({"settings": IdentificationSettings(seed=-1)}, "settings.seed: -1"),
+    "no folder": ({"out": 3}, "out: 3: is of another kind; give a folder's path"),
+    "no such mesh": ({"mesh": "fine"}, "mesh: fine: is no section's; give coarse"),
+    "a site of a leg without": ({"site": "back"}, "is no site of the leg; leave it out"),
+    "a number for a site": ({"site": 3}, "site: 3: is no name"),
+    "a specimen's": ({"leave_out": ["trial1"]}, "leave_out: given: is of no use for a leg"),
+}  # fmt: skip
+SPECIMENS = {
+    "a depth": ({"depth": 3.0}, "depth: given: is of no use for specimens; leave it out"),
+    "a model": ({"model": "3d"}, "model: given: is of no use for specimens"),
+    "a correction": ({"correction": "none"}, "correction: given: is of no use for specimens"),
+    "a name for names": ({"leave_out": "fast"}, "leave_out: 'fast': is of another kind"),
+    "no such parameter": ({"parameters": ["deep.C11"]}, "parameters: deep.C11: is no parameter"),
+    "held and negative": ({"fixed": {"deep.D1": -1.0}}, "fixed: deep.D1=-1: is negative"),
+    "no processes": ({"jobs": 0}, "jobs: 0: is no such whole number"),
+}
+
+
+@pytest.fixture(scope="module")
+def leg(tmp_path_factory):
+    return lf.load_subject(write_subject(tmp_path_factory.mktemp("made") / "leg"))
+
+
+def line_of(call, *given, **options) -> str:
+    with pytest.raises(lf.InputError) as told:
+        call(*given, **options)
+    line = str(told.value)
+    assert "\n" not in line and "--" not in line
+    return line
+
+
+@pytest.mark.parametrize("wrong", LEG)
+def test_what_is_wrong_with_an_identification_of_a_leg_is_told(leg, wrong) -> None:
+    options, said = LEG[wrong]
+    assert said in line_of(lf.identify, leg, **options)
+
+
+@pytest.mark.parametrize("wrong", SPECIMENS)
+def test_what_is_wrong_with_an_identification_of_specimens_is_told(bars, wrong) -> None:
+    options, said = SPECIMENS[wrong]
+    assert said in line_of(lf.identify, lf.load_specimen(bars), "neo-hookean", **options)
+
+
+def test_a_file_in_the_way_of_results_is_told(leg, tmp_path) -> None:
+    (tmp_path / "file").touch()
+    for call, name in ((lf.identify, "out"), (lf.diagnose, "library")):
+        line = line_of(call, leg, **{name: tmp_path / "file"})
+        assert line.startswith(f"{name}: ") and line.endswith("is a file; give a folder")
+
+
+def test_what_is_wrong_with_a_diagnosis_is_told(leg, bars) -> None:
+    assert line_of(lf.diagnose, leg, seed=-1).startswith("seed: -1: is no such whole number")
+    assert line_of(lf.diagnose, leg, jobs=0).startswith("jobs: 0: is no such whole number")
+    assert line_of(lf.diagnose, leg, specimens=["a"]).startswith("specimens: given: is of no use")
+    specimens = lf.load_specimen(bars)
+    assert line_of(lf.diagnose, specimens, site="back").startswith("site: given: is of no use")
+    assert "is no specimen of the folder" in line_of(lf.diagnose, specimens, specimens=["a"])
+
+
+def test_a_folder_of_another_kind_is_told_with_what_loads_it(leg, bars) -> None:
+    assert line_of(lf.identify, bars).endswith("load the folder with lf.load_specimen")
+    assert line_of(lf.load_specimen, leg.directory).endswith("load the folder with lf.load_subject")
+    assert line_of(lf.stocking, leg.directory).endswith("load the folder with lf.load_subject")
+    for load in (lf.load_subject, lf.load_sites, lf.load_leg, lf.load_specimen):
+        assert line_of(load, None).startswith("folder: NoneType: is no path")
+
+
+def test_a_pressed_leg_is_none_in_a_stocking(leg) -> None:
+    assert line_of(lf.stocking, leg).startswith("leg: Subject: is no leg that was scanned")
+    assert line_of(lf.stocking, "1", cells=-5).startswith("cells: -5: is no such whole number")
+
+
+def test_a_law_that_was_not_identified_is_told(leg, tmp_path) -> None:
+    found = lf.identify(lf.load_specimen(write_bars(tmp_path, PLANTED)), "neo-hookean")
+    with pytest.raises(KeyError, match="'yeoh' was not identified: there is neo-hookean"):
+        found["yeoh"]
