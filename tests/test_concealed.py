@@ -350,6 +350,22 @@ def test_the_other_codes_law_is_the_derivative_of_its_energy():
         np.testing.assert_allclose(tangent[:, :, i, j], change, rtol=1e-5, atol=1e-5)
 
 
+def test_a_truths_c10_is_half_the_shear_modulus_of_the_unstrained_tissue():
+    exponential = next(
+        case for case in make_cases(150, 1, 6)
+        if case.code == "felupe" and case.names == ("strain-stiffening",)
+    )  # fmt: skip
+    values = dict(dict(exponential.effects)["strain-stiffening"])
+    law = DeepTissue(exponential.c10_kpa, 0.0, values["strength"], values["beta"], 20.0, 15.0)
+    shear = np.zeros((3, 3, 1))
+    shear[0, 1] = 1e-6
+    stress = law.gradient([np.eye(3)[:, :, None] + shear, None])[0][0, 1, 0]
+    assert exponential.true_c10_kpa == pytest.approx(stress / 1e-6 / 2, rel=1e-5)
+    assert exponential.true_c10_kpa > 1.1 * exponential.c10_kpa
+    plain = next(case for case in make_cases(150, 1, 6) if case.kind == "none")
+    assert plain.true_c10_kpa == plain.c10_kpa
+
+
 def other_code(case, finer=1.0):
     return OtherCode(load_subject(CROSSCHECK / "neo-hookean", need_recordings=False), case, finer)
 

@@ -83,6 +83,17 @@ class SealedCase:
         return tuple(name for name, _ in self.effects) + outside
 
     @property
+    def true_c10_kpa(self) -> float:
+        """Half the shear modulus of its unstrained deep tissue.
+
+        The second code's exponential, alpha exp(beta (I1 - 3)) in the energy's derivative, has its
+        strength alpha there beside C10.
+        """
+        effects = {name: dict(values) for name, values in self.effects}
+        exponential = effects.get("strain-stiffening") if self.code == "felupe" else None
+        return self.c10_kpa + (exponential["strength"] if exponential else 0.0)
+
+    @property
     def judged(self) -> Kind:
         """What its diagnosis is judged as: an outside effect that has a mechanism is a single."""
         return "single" if self.kind == "outside" and self.names else self.kind
