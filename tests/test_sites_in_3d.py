@@ -128,9 +128,17 @@ def test_report_and_document_say_that_the_leg_was_solved_in_3d(tmp_path):
     page = rendered(sites_web_page([found]))
     for text in ("How stiff is leg leg?", "in 3D", "larger elements", "across the leg: axis_deg"):
         assert text in page
+    for text in ("All sites", "These sites", "by themselves", "departs most", "site by site"):
+        assert text not in page, "there is one"
     document = sites_document(found)
     assert document["model"] == "3d" and "can't be told" in document["spatial"]["untold"]
     assert document["spatial"]["full_solves"] == found.spatial.full_solves
+
+
+def test_what_a_diagnosis_cant_take_is_not_sent_to_one(tmp_path):
+    along, across = (identified(leg_of(tmp_path, (way,)), (DEEP_C10,)) for way in RISES)
+    assert "legfem.diagnose" in rendered(sites_web_page([along]))
+    assert "legfem.diagnose" not in rendered(sites_web_page([across]))
 
 
 def test_a_section_in_plane_strain_knows_no_fibres(tmp_path):

@@ -112,7 +112,8 @@ def _headline(best: SitesResult) -> web.Headline:
         sentence = f"One {law} tissue describes {where}."
         wrong = "Nothing that the loading of these recordings could show."
     elif _agree(best):
-        sentence = "The model does not describe these sites: its stiffness is a wrong model's."
+        what = "these sites" if len(best.sites) > 1 else "the recordings"
+        sentence = f"The model does not describe {what}: its stiffness is a wrong model's."
         chance = fit_probability(best.misfit.p_value)
         wrong = f"Something that the {law} law leaves out shows ({chance})."
     else:
@@ -185,6 +186,11 @@ def _known(results: Sequence[SitesResult]) -> list[web.Known]:
 
 
 def _alone(best: SitesResult) -> web.WebTable:
+    if len(best.sites) < 2:
+        (one,) = best.sites
+        title = f"What the fit leaves, {LAW_NAMES[best.law]} law"
+        row = [one.name, f"{one.rms:.3g}", _told(one.misfit)]
+        return web.WebTable(title, ["site", "rms (N)", "misfit"], [row])
     names = list(best.parameters)
     return web.WebTable(
         f"What each site says by itself, {LAW_NAMES[best.law]} law (± one standard error; in "
@@ -217,12 +223,17 @@ def _tested(results: Sequence[SitesResult]) -> list[str]:
         line
         for result in results
         for line in (
-            f"All sites together, {LAW_NAMES[result.law]} law: chi-square {_told(result.misfit)}.",
-            _agreement(result),
+            f"{_together(result)}: chi-square {_told(result.misfit)}.",
+            *([_agreement(result)] if len(result.sites) > 1 else ()),
             *(f"{text}." for text in _by_site(result)),
             *estimates.why_identifiable(result.parameters, result.law),
         )
     ]
+
+
+def _together(result: SitesResult) -> str:
+    law = f"{LAW_NAMES[result.law]} law"
+    return f"All sites together, {law}" if len(result.sites) > 1 else law[0].upper() + law[1:]
 
 
 def _next(best: SitesResult) -> list[str]:
@@ -230,21 +241,29 @@ def _next(best: SitesResult) -> list[str]:
     far = max(best.sites, key=lambda one: max(abs(own.departure) for own in one.by_itself.values()))
     suspect = worst if _agree(best) else far
     diagnose = f"python -m legfem.diagnose {options_of(suspect.subject)}"
+    # A diagnosis is of a section in plane strain.
+    along = suspect.subject.indenter.lies_along
     if not (_fits(best) and _agree(best)):
-        return [f"Find out what is otherwise at {suspect.name}: {diagnose}"]
+        how = diagnose if along else "press there with a cylinder along the leg, and diagnose that"
+        return [f"Find out what is otherwise at {suspect.name}: {how}"]
     unknown = estimates.unknown_among(best.parameters)
+    several = len(best.sites) > 1
+    what = "These sites" if several else "The recordings"
     lines = [
-        f"These sites don't tell {', '.join(unknown)} well: press deeper, or where the fat is "
-        "thinner."
+        f"{what} don't tell {', '.join(unknown)} well: press deeper, or where the fat is thinner."
         if unknown
         else f"Use these numbers together with the {LAW_NAMES[best.law]} law."
     ]
-    lines.append(f"Have unloading, holds and speeds looked at, site by site: {diagnose}")
+    if along:
+        by_site = ", site by site" if several else ""
+        lines.append(f"Have unloading, holds and speeds looked at{by_site}: {diagnose}")
     return lines
 
 
 def _by_site(result: SitesResult) -> list[str]:
     """Return a line a site: how far the joint fit is from it, and what it says by itself."""
+    if len(result.sites) < 2:
+        return [f"{one.name}: rms {one.rms:.3g} N, {_told(one.misfit)}" for one in result.sites]
     return [
         f"{one.name}: rms {one.rms:.3g} N, {_told(one.misfit)}; by itself "
         + ", ".join(_own_value(result, one.name, name) for name in one.by_itself)
