@@ -89,6 +89,19 @@ def test_what_remains_beside_a_right_name_is_told_with_trial_and_place():
     assert 0.0 < explained_share(found, model) < 1.0
 
 
+def test_the_best_of_bad_explanations_is_none():
+    """A ripple too short for what is unknown: some name weighs most, and describes nothing."""
+    observed = problem_of(ramps())[0].predictor.observed
+    ripple = 0.2 * np.sin(2 * np.pi * observed.displacement)
+    found = diagnosed_of(observed.with_force(observed.force + ripple), [m.name for m in SOUGHT])
+    best = found.explained.every[0]
+    assert best.names and best.probability > 0.9
+    assert not found.explained.describes(best)
+    assert (found.verdict, found.models) == ("unexplained", ())
+    said = found.explained.statements()[0]
+    assert said.unknown and said.probability > 0.9
+
+
 def test_nothing_remains_beside_an_explanation_that_suits():
     found = diagnosed({"support-compliance.compliance": 0.15}, asked=("support-compliance",))
     model = found.models[0]

@@ -148,7 +148,7 @@ class Explained:
         held = self._held()
         total = sum(held.values())
         shares = {names: probability / total for names, probability in held.items()}
-        by_names = {one.names: one for one in self._rest}
+        by_names = {one.names: one for one in self.every if not one.nothing}
         kept: list[Explanation] = []
         for names, share in sorted(shares.items(), key=lambda pair: -pair[1]):
             kept.append(replace(by_names[names], probability=share))
@@ -170,13 +170,26 @@ class Explained:
         return tuple(e for e in self.every if self._adds(e))
 
     def _held(self) -> dict[tuple[str, ...], float]:
-        """Return the probabilities of what shows, pairs counted for what they add to one."""
+        """Return the probabilities of what shows, pairs counted for what they add to one.
+
+        Mechanisms that don't describe the recordings count for something unknown: probabilities
+        weigh explanations against each other, and all of them may be bad.
+        """
         singles = singles_of(self._rest)
         held: dict[tuple[str, ...], float] = {}
         for one in self._rest:
-            names = counts_for(one, singles).names
+            counted = counts_for(one, singles)
+            names = counted.names if self.describes(counted) else ()
             held[names] = held.get(names, 0.0) + one.probability
         return held
+
+    def describes(self, one: Explanation) -> bool:
+        """Whether it leaves no more of the base model's misfit than it takes up, or than noise is.
+
+        Misfits are sums of squares over the errors', beyond the one that noise makes a value.
+        """
+        before, left = self.base.fit.beyond_noise, one.fit.beyond_noise
+        return left <= max(before - left, float(len(one.fit.residual)))
 
     @property
     def soundness(self) -> float:

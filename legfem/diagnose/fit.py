@@ -73,6 +73,11 @@ class Fit:
         return self.chi2 + float(self.departure @ self.departure)
 
     @property
+    def beyond_noise(self) -> float:
+        """What is more in the cost than noise makes, which is one a value."""
+        return max(self.cost - len(self.residual), 0.0)
+
+    @property
     def left(self) -> FloatArray:
         """What is left (k + p,): the whitened residual, and departures from what was known."""
         return np.concatenate([self.whitened, -self.departure])

@@ -33,9 +33,7 @@ def explained_share(found: Diagnosis, model: Explanation) -> float:
 
     Misfits are sums of squares over the errors', less as many as there are observations.
     """
-    base = found.alone.fit
-    count = len(base.residual)
-    before, after = max(base.cost - count, 0.0), max(model.fit.cost - count, 0.0)
+    before, after = found.alone.fit.beyond_noise, model.fit.beyond_noise
     return 1.0 - min(after / before, 1.0) if before > 0 else 0.0
 
 
