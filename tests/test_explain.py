@@ -18,6 +18,7 @@ from making_diagnosis import (
 )
 from scipy.stats import norm
 
+from legfem.diagnose import explain as explain_module
 from legfem.diagnose.averaged import averaged_interval
 from legfem.diagnose.explain import (
     CONFIRMED_FROM,
@@ -35,7 +36,10 @@ from legfem.diagnose.nuisances import (
     Accuracy,
     Nuisances,
 )
+from legfem.diagnose.touch import posterior_of
+from legfem.diagnose.unknown import unknown_errors
 from legfem.inference.errors import error_model
+from legfem.inference.evidence import Evidence
 
 
 @pytest.mark.parametrize(
@@ -290,3 +294,26 @@ def test_an_explanation_that_a_full_solution_cannot_confirm_loses_weight():
         return np.log(one.probability / explained.base.probability)
 
     assert odds(plain) - odds(found) == pytest.approx(3.0, abs=1e-6)
+
+
+def test_a_strength_is_integrated_out_as_its_explanation_was_weighed(monkeypatch):
+    """By the same errors as its fit's, with the same shares of what is unknown beside it."""
+    observed = problem_of(ramps())[0].predictor.observed
+    wave = 0.3 * np.sin(np.pi * observed.displacement / 6)
+    problem, base = problem_of(ramps(), {"contact-onset.offset": 1.0}, seed=1, extra=wave)
+    seen = []
+    monkeypatch.setattr(
+        explain_module, "integrated",
+        lambda own, fitted, posterior, of: seen.append((own, fitted, of.keywords)) or posterior,
+    )  # fmt: skip
+    weighed = [e for e in explain(problem, base, SOUGHT).every if e.whole]
+    assert {e.least is None for e in weighed} == {True, False}
+    for own, fitted, keywords in seen:
+        (one,) = (e for e in weighed if e.fit is fitted)
+        assert keywords["shares"] == one.shares
+        assert (own is one.problem) is (one.least is None)
+        again = posterior_of(
+            Evidence(problem.errors, unknown_errors(observed, base.prediction)),
+            fitted, observed, list(one.shares),
+        )  # fmt: skip
+        assert again.log_evidence == pytest.approx(one.posterior.log_evidence)

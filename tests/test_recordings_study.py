@@ -21,11 +21,18 @@ from studies.recordings.curves import (
     THICKNESSES,
     ElasticCurves,
     LayerCurves,
+    layer_curves,
 )
 from studies.recordings.data import MeatTest, phantom_kinds, read_meat, read_phantoms
 from studies.recordings.drop import ForceDrop, find_drops
 from studies.recordings.folders import write_specimen_folders
-from studies.recordings.indentation import Assumed, air_found, try_indentation, with_air
+from studies.recordings.indentation import (
+    Assumed,
+    air_found,
+    study_indentation,
+    try_indentation,
+    with_air,
+)
 from studies.recordings.motion import held_depth, loaded_and_held, motion_of, without_end_of_hold
 from studies.recordings.responses import SpecimenResponses
 
@@ -178,6 +185,17 @@ def test_air_is_found():
 
 
 @needs_data
+@pytest.mark.slow
+@needs_data
+def test_relaxation_is_named_first_where_much_is_unknown_beside_it(tmp_path):
+    """Beef whose relaxation the spectrum describes in part: strengths are integrated out there."""
+    meat, layers = read_meat(DATA), layer_curves(5.0, 40.0, tmp_path, 2, lambda _: None)
+    for name in ("230331|RDG1 1A", "230331|RDG1 2C", "230331|RDG2 1F", "230331|RDG2 2F"):
+        found = study_indentation(meat[name], layers)
+        assert found.best.whole and found.best.in_part
+        assert found.named_first == "viscoelasticity"
+
+
 @pytest.mark.slow
 def test_every_public_recording_stands_in_a_folder_of_specimens(tmp_path):
     folders = [load_specimen(f) for f in write_specimen_folders(DATA, tmp_path, Assumed())]

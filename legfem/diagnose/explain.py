@@ -92,7 +92,7 @@ def explain(
             found = _confirmed(found, base, evidence, unknowns, confirm)
         pairs = _untried(found)
         if not pairs:
-            found = _integrated(found, base, evidence, unknowns)
+            found = _integrated(found, evidence, unknowns)
             return Explained(tuple(found), _nothing(found))
 
 
@@ -140,15 +140,18 @@ def _explanation(
     confirmed: bool = False,
 ) -> Explanation:
     shares = _shares_beside(problem, fitted, base, unknowns)
-    posterior = posterior_of(evidence, fitted, problem.predictor.observed, shares)
-    if _likelier_beside(posterior):
+    posterior, plain = posterior_of(evidence, fitted, problem.predictor.observed, shares), fitted
+    if posterior.unknown > 0.5:
         # Beside something unknown the parameters are elsewhere than a fit without it finds them,
         # and the evidence is linear about where they are.
         aware = _beside(problem, fitted, _aware(problem, posterior, unknowns))
         again = posterior_of(evidence, aware, problem.predictor.observed, shares)
         if again.log_evidence > posterior.log_evidence:
             fitted, posterior = aware, again
-    return Explanation(problem, fitted, posterior, log_prior, False, confirmed)
+    return Explanation(
+        problem, fitted, posterior, log_prior, False, confirmed,
+        shares=tuple(shares), least=None if fitted is plain else plain,
+    )  # fmt: skip
 
 
 def _shares_beside(
@@ -167,7 +170,7 @@ def _shares_beside(
 
 
 def _integrated(
-    found: list[Explanation], base: Fit, evidence: Evidence, unknowns: Sequence[Unknown]
+    found: list[Explanation], evidence: Evidence, unknowns: Sequence[Unknown]
 ) -> list[Explanation]:
     """Integrate out the strength of every explanation that may be what was left out."""
     while waiting := [
@@ -175,21 +178,15 @@ def _integrated(
     ]:
         for one in waiting:
             problem, observed = one.problem, one.problem.predictor.observed
-            shares = _shares_beside(problem, one.fit, base, unknowns)
+            # Steps are fitted as the fit itself was, or they begin at another minimum.
+            aware = None if one.least is None else _aware(problem, one.posterior, unknowns)
             posterior = integrated(
-                _aware(problem, one.posterior, unknowns)
-                if _likelier_beside(one.posterior) else problem,
-                one.fit, one.posterior,
-                partial(posterior_of, evidence, observed=observed, shares=shares),
+                aware or problem, one.fit, one.posterior,
+                partial(posterior_of, evidence, observed=observed, shares=one.shares),
             )  # fmt: skip
             found[found.index(one)] = replace(one, posterior=posterior, whole=True)
         found = _weighed(found)
     return found
-
-
-def _likelier_beside(posterior: Posterior) -> bool:
-    """Tell whether parameters are rather where something unknown beside them leaves them."""
-    return posterior.unknown > 0.5
 
 
 def _aware(problem: Problem, posterior: Posterior, unknowns: Sequence[Unknown]) -> Problem:

@@ -46,6 +46,10 @@ class Explanation:
     """Whether its strength is integrated out; see `legfem.diagnose.strength`."""
     degrees: FloatArray | None = None
     """See `degrees_of_freedom`, where the fit isn't weighed by the errors."""
+    shares: tuple[float, ...] = ()
+    """Logarithms of the shares of unknown errors beside its mechanisms."""
+    least: Fit | None = None
+    """Its mechanisms' fit with nothing unknown beside them, where that is another one."""
 
     @cached_property
     def degrees_of_freedom(self) -> FloatArray:
@@ -69,6 +73,11 @@ class Explanation:
     def log_weight(self) -> float:
         """Logarithm of evidence times prior."""
         return self.log_prior + self.posterior.log_evidence
+
+    @property
+    def left(self) -> float:
+        """What its mechanisms leave of the misfit beyond noise at the least."""
+        return (self.least or self.fit).beyond_noise
 
     @property
     def nothing(self) -> bool:
@@ -188,8 +197,7 @@ class Explained:
 
         Misfits are sums of squares over the errors', beyond the one that noise makes a value.
         """
-        before, left = self.base.fit.beyond_noise, one.fit.beyond_noise
-        return left <= max(before - left, float(len(one.fit.residual)))
+        return one.left <= max(self.base.left - one.left, float(len(one.fit.residual)))
 
     @property
     def soundness(self) -> float:
