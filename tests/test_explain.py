@@ -307,11 +307,11 @@ def test_a_strength_is_integrated_out_as_its_explanation_was_weighed(monkeypatch
         lambda own, fitted, posterior, of: seen.append((own, fitted, of.keywords)) or posterior,
     )  # fmt: skip
     weighed = [e for e in explain(problem, base, SOUGHT).every if e.whole]
-    assert {e.least is None for e in weighed} == {True, False}
+    assert {e.fit_alone is None for e in weighed} == {True, False}
     for own, fitted, keywords in seen:
         (one,) = (e for e in weighed if e.fit is fitted)
         assert keywords["shares"] == one.shares
-        assert (own is one.problem) is (one.least is None)
+        assert (own is one.problem) is (one.fit_alone is None)
         again = posterior_of(
             Evidence(problem.errors, unknown_errors(observed, base.prediction)),
             fitted, observed, list(one.shares),

@@ -150,7 +150,7 @@ def _explanation(
             fitted, posterior = aware, again
     return Explanation(
         problem, fitted, posterior, log_prior, False, confirmed,
-        shares=tuple(shares), least=None if fitted is plain else plain,
+        shares=tuple(shares), fit_alone=None if fitted is plain else plain,
     )  # fmt: skip
 
 
@@ -179,7 +179,7 @@ def _integrated(
         for one in waiting:
             problem, observed = one.problem, one.problem.predictor.observed
             # Steps are fitted as the fit itself was, or they begin at another minimum.
-            aware = None if one.least is None else _aware(problem, one.posterior, unknowns)
+            aware = None if one.fit_alone is None else _aware(problem, one.posterior, unknowns)
             posterior = integrated(
                 aware or problem, one.fit, one.posterior,
                 partial(posterior_of, evidence, observed=observed, shares=one.shares),

@@ -48,7 +48,7 @@ class Explanation:
     """See `degrees_of_freedom`, where the fit isn't weighed by the errors."""
     shares: tuple[float, ...] = ()
     """Logarithms of the shares of unknown errors beside its mechanisms."""
-    least: Fit | None = None
+    fit_alone: Fit | None = None
     """Its mechanisms' fit with nothing unknown beside them, where that is another one."""
 
     @cached_property
@@ -75,9 +75,9 @@ class Explanation:
         return self.log_prior + self.posterior.log_evidence
 
     @property
-    def left(self) -> float:
+    def misfit_left(self) -> float:
         """What its mechanisms leave of the misfit beyond noise at the least."""
-        return (self.least or self.fit).beyond_noise
+        return (self.fit_alone or self.fit).beyond_noise
 
     @property
     def nothing(self) -> bool:
@@ -197,7 +197,9 @@ class Explained:
 
         Misfits are sums of squares over the errors', beyond the one that noise makes a value.
         """
-        return one.left <= max(self.base.left - one.left, float(len(one.fit.residual)))
+        return one.misfit_left <= max(
+            self.base.misfit_left - one.misfit_left, float(len(one.fit.residual))
+        )
 
     @property
     def soundness(self) -> float:

@@ -33,7 +33,7 @@ def explained_share(found: Diagnosis, model: Explanation) -> float:
 
     Misfits are sums of squares over the errors', less as many as there are observations.
     """
-    before, after = found.alone.left, model.left
+    before, after = found.alone.misfit_left, model.misfit_left
     return 1.0 - min(after / before, 1.0) if before > 0 else 0.0
 
 
