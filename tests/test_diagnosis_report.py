@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from making import write_subject
-from making_diagnosed import diagnosed
+from making_diagnosed import diagnosed, diagnosed_of
+from making_diagnosis import problem_of, ramps
 from matplotlib.colors import to_hex
 from matplotlib.image import imread
 
@@ -133,6 +134,15 @@ def test_unexplained_page_warns_of_the_stiffness(found, subject):
     told = [line for line in stiffness if "(95 %" in line]
     assert len(told) == 3 and all("DO NOT RELY ON IT" in flat(line) for line in told)
     assert page.index("NO. Write down no number.") < page.index("DO NOT RELY")
+
+
+def test_a_page_gives_no_probability_to_what_describes_nothing(subject):
+    observed = problem_of(ramps())[0].predictor.observed
+    ripple = 0.2 * np.sin(2 * np.pi * observed.displacement)
+    asked = ("contact-onset", "force-drift", "support-compliance")
+    page = flat(text_of(diagnosed_of(observed.with_force(observed.force + ripple), asked), subject))
+    assert re.search("comes closest of them, and explains [0-9]+ % of the misfit: that is", page)
+    assert "something unknown over 99 %" in page
 
 
 def test_consistent_page_claims_no_proof_shows_no_change_and_gives_upper_limits(found, subject):

@@ -10,6 +10,7 @@ from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.document import Recorded, kind_of, r_squared, versions
 from legfem.diagnose.doubts import doubts_of
 from legfem.diagnose.explanation import Explanation
+from legfem.diagnose.remains import explained_share
 from legfem.diagnose.sentences import next_experiments, percent, verdict_sentence
 from legfem.identify.catalogue import DEEP_C10
 from legfem.identify.warnings import disagreement
@@ -192,13 +193,19 @@ def _looks(found: Diagnosis) -> str:
 def _closest(found: Diagnosis) -> str:
     text = (
         "None that legfem knows. Every mechanism that these recordings can show was put into the "
-        "model, alone and the best in pairs; something unknown is more probable than any of them."
+        "model, alone and the best in pairs; something unknown is more probable than any of them "
+        "that describes the recordings."
     )
     named = [e for e in found.explained.every if e.names]
-    if named:
+    if named and found.explained.describes(named[0]):
         text += (
             f" The most probable of them is {model_name(named[0])} "
             f"({percent(named[0].probability)}): that is not a finding."
+        )
+    elif named:
+        text += (
+            f" {capital(model_name(named[0]))} comes closest of them, and explains "
+            f"{percent(explained_share(found, named[0]))} of the misfit: that is not a finding."
         )
     held = found.base_held_out
     return (
