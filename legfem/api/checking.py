@@ -62,6 +62,13 @@ def check_folder(name: str, folder: object) -> None:
         raise InputError(name, error.field, error.problem, error.remedy) from None
 
 
+def wrong_mesh(mesh: object, problem: str, remedy: str) -> InputError:
+    """Return what is wrong with a call's ``mesh`` that is of another model's elements."""
+    return InputError(
+        "mesh", mesh if isinstance(mesh, str) else type(mesh).__name__, problem, remedy
+    )
+
+
 def check_names(name: str, given: object) -> None:
     """Check that an argument is a list of names, and no text.
 

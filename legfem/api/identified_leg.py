@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from legfem.api.called import IdentifyCall
+from legfem.api.checking import wrong_mesh
 from legfem.api.found import ByLaw
 from legfem.api.loading import Given
-from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 from legfem.subjects.subject import Subject
 
@@ -111,7 +111,4 @@ def plane_settings(mesh: Mesh | None) -> PlaneStrainSettings | None:
         return PlaneStrainSettings(SectionMeshSettings().refined(1 / COARSENING))
     if mesh is None or isinstance(mesh, PlaneStrainSettings):
         return mesh
-    raise InputError(
-        "mesh", mesh if isinstance(mesh, str) else type(mesh).__name__, "is no section's",
-        "give coarse, or PlaneStrainSettings",
-    )  # fmt: skip
+    raise wrong_mesh(mesh, "is no section's", "give coarse, or PlaneStrainSettings")

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from legfem.api.called import IdentifyCall
+from legfem.api.checking import wrong_mesh
 from legfem.api.found import ByLaw
 from legfem.api.identified_leg import plane_settings
 from legfem.api.loading import Given
@@ -91,7 +92,4 @@ def _solid_settings(mesh: Mesh | None) -> SolidLegSettings | None:
 
     if mesh is None or isinstance(mesh, SolidLegSettings):
         return mesh
-    raise InputError(
-        "mesh", mesh if isinstance(mesh, str) else type(mesh).__name__, "is a section's",
-        "leave it out, or give SolidLegSettings",
-    )  # fmt: skip
+    raise wrong_mesh(mesh, "is a section's", "leave it out, or give SolidLegSettings")
