@@ -152,7 +152,6 @@ WRONG = {
     "no such law": ({"law": "Ogden"}, "law: 'Ogden': unknown law"),
     "no such model": ({"model": "4d"}, "model: '4d': unknown model; give 2d or 3d"),
     "no processes": ({"jobs": 0}, "jobs: 0: is no such whole number"),
-    "several processes": ({"model": "3d", "jobs": 2}, "jobs: 2: solves in 3D go one after"),
     "a correction in 3D": (
         {"model": "3d", "correction": "own"}, "correction: own: nothing is left to correct in 3D",
     ),

@@ -31,7 +31,8 @@ from legfem.report.sites_numbers import sites_document
 from legfem.report.web.page import rendered
 from legfem.report.web.sites import sites_web_page
 from legfem.sites import spatial
-from legfem.sites.spatial import identify_in_3d, ways_of_pressing
+from legfem.sites.spatial import identify_in_3d
+from legfem.sites.ways_of_pressing import ways_of_pressing
 from legfem.subjects.elastography import FibreRatio
 from legfem.subjects.subject import SitedLeg
 
@@ -105,6 +106,21 @@ def test_a_killed_run_loses_one_site_s_solve_at_most(tmp_path):
     same = identified(leg, models=once_more, out=out)
     assert once_more[0].full.calls == once_more[1].full.calls == 0
     assert same.parameters[DEEP_C10].value == found.parameters[DEEP_C10].value
+
+
+def test_sites_are_solved_side_by_side_with_the_same_result(tmp_path):
+    leg = leg_of(tmp_path, ("along", "across"))
+    alone = identified(leg)
+    models = models_of(leg)
+    together = identified(leg, models=models, jobs=2)
+    here = sum(one.full.calls for one in models)
+    assert here <= together.forward_solves, "another process took one site of every two at least"
+    for name in (DEEP_C10, DEEP_RATIO):
+        one, other = together.parameters[name], alone.parameters[name]
+        assert one.value == pytest.approx(other.value, rel=1e-9)
+        assert one.ci95 == pytest.approx(other.ci95, rel=1e-9)
+    assert together.spatial.errors == pytest.approx(alone.spatial.errors, rel=1e-9)
+    assert together.spatial.rough_solves == alone.spatial.rough_solves
 
 
 def test_cylinders_that_lie_unlike_and_other_shapes_are_ways_of_pressing(tmp_path):

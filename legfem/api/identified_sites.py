@@ -11,7 +11,6 @@ from legfem.api.checking import wrong_mesh
 from legfem.api.found import ByLaw
 from legfem.api.identified_leg import plane_settings
 from legfem.api.loading import Given
-from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 
 if TYPE_CHECKING:
@@ -70,13 +69,8 @@ def identify_together(leg: SitedLeg, asked: IdentifyCall) -> IdentifiedSites:
     """Identify what all sites of a leg share; see `legfem.identify`."""
     from legfem.sites.joint import check_joint, identify_leg, nominal_of
 
-    in_3d, jobs = asked.in_3d, asked.request.jobs
+    in_3d = asked.in_3d
     check_joint(leg, asked.request.settings, asked.correction, in_3d)
-    if in_3d and jobs > 1:
-        raise InputError(
-            "jobs", f"{jobs}", "solves in 3D go one after another",
-            f"leave it out; `mpirun -n {jobs} python -m legfem.identify` spreads each over cores",
-        )  # fmt: skip
     nominal = nominal_of(leg, in_3d)
     request = asked.request_of(nominal)
     laws = asked.laws(request, nominal, leg.sites[0])

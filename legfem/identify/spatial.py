@@ -89,6 +89,11 @@ class SpatialForward:
         kept = {name: value for name, value in self.__dict__.items() if name != "_ranks"}
         return {**kept, "progress": Silent()}
 
+    def __setstate__(self, kept: dict[str, Any]) -> None:
+        """Gather the ranks anew: in another process it is its own first."""
+        self.__dict__.update(kept)
+        self.__post_init__()
+
     def solve(self, values: Values, sensitivities: Sequence[str] = ()) -> ForwardOutcome:
         """Solve in full for values by the names of the model in plane strain."""
         return self._ranks.do((values, sensitivities))

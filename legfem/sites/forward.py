@@ -8,6 +8,10 @@ from typing import Any
 
 from legfem.identify.catalogue import Values
 from legfem.identify.forward import ForwardOutcome, PreparedModel
+from legfem.jobs.pool import Workers
+
+type SiteTask = tuple[int, Values, Sequence[str]]
+"""A site's number, the tissues' values, and what its solve is differentiated by."""
 
 
 @dataclass(eq=False)
@@ -18,9 +22,13 @@ class SitesForward[Model: PreparedModel]:
     ----------
     models : tuple of PreparedModel
         One a site, each pressed as deep as its recordings go.
+    workers : Workers, optional
+        Of `solve_site` and the same models: processes that solve sites side by side. One site
+        after another without them.
     """
 
     models: tuple[Model, ...]
+    workers: Workers[tuple[Model, ...], SiteTask, ForwardOutcome] | None = None
 
     @property
     def nominal(self) -> Values:
@@ -34,9 +42,19 @@ class SitesForward[Model: PreparedModel]:
 
     def solve(self, values: Values, sensitivities: Sequence[str]) -> ForwardOutcome:
         """Solve every site in full."""
-        every = [model.solve(values, sensitivities) for model in self.models]
+        tasks = [(number, values, sensitivities) for number in range(len(self.models))]
+        if self.workers is None:
+            every = [solve_site(self.models, task) for task in tasks]
+        else:
+            every = list(self.workers.in_order(tasks))
         return ForwardOutcome.joined(values, every)
 
     def fingerprint(self) -> Mapping[str, Any]:
         """Return what the sites' solves depend on."""
         return {"model": "sites", "sites": [model.fingerprint() for model in self.models]}
+
+
+def solve_site[Model: PreparedModel](models: Sequence[Model], task: SiteTask) -> ForwardOutcome:
+    """Solve one of several sites in full."""
+    number, values, sensitivities = task
+    return models[number].solve(values, sensitivities)

@@ -19,39 +19,32 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
 from mpi4py import MPI
 
-from legfem.common.progress import Progress
-from legfem.correction.fibres import FIBRES
-from legfem.correction.tabulated import FIRST_RATIO, TabulatedCorrection
+from legfem.correction.tabulated import TabulatedCorrection
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.identify.catalogue import DEEP_RATIO, Values
-from legfem.identify.error_sources import OF_MODEL
-from legfem.identify.fibre_ratio import SHAPE_SD_OF_FIBRES
 from legfem.identify.forward import ForwardModel, ForwardOutcome
 from legfem.identify.laws import LawName
-from legfem.identify.leg_solver import LegSolver
 from legfem.identify.misfit import Misfit
 from legfem.identify.request import SearchRequest
 from legfem.identify.run import laws_of
-from legfem.identify.searches import Found, Searches
+from legfem.identify.searches import Searches
 from legfem.identify.spatial import SOLVES, LegModels, SpatialForward
+from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.recording import LoadingCurve
-from legfem.sites.forward import SitesForward
+from legfem.sites.errors_left import what_is_left
+from legfem.sites.forward import SitesForward, solve_site
 from legfem.sites.identification import asked_of, assessed, curves_of
 from legfem.sites.misfit import SitesMisfit
-from legfem.sites.result import SitesResult, SpatialSites
-from legfem.subjects.elastography import FibreRatio
+from legfem.sites.result import SitesResult
 from legfem.subjects.subject import SitedLeg, Subject
 
 MOST_SOLVES = 12
 """Of all sites together, with a law."""
 FIRST_SOLVES = 3
 """After which errors are measured, near enough to the optimum."""
-_UNLIKE_DEG = 30.0
-"""By which cylinders have to lie otherwise to bend fibres otherwise."""
 
 
 @dataclass(eq=False)
@@ -112,11 +105,11 @@ def identify_in_3d(
         Of the deep tissue: ``neo-hookean``, ``reduced-polynomial``.
     request : SearchRequest, optional
         As for `legfem.sites.identification.identify_sites`; ``deep.fibre_ratio`` can be among its
-        parameters. Solves go one after another.
+        parameters. So many of its sites as it has jobs are solved side by side.
     settings : SolidLegSettings, optional
         Numerical.
     comm : MPI.Intracomm
-        Over which every solve is spread.
+        Over which every solve is spread, one after another if it has several ranks.
     models : sequence of LegModels, optional
         One a site, see `leg_models`.
 
@@ -132,14 +125,18 @@ def identify_in_3d(
     asked = asked_of(request.parameters, request.fixed)
     curves = curves_of(leg, asked, request.depth)
     models = models or leg_models(leg, curves, request, settings, comm)
-    forward = SitesForward(tuple(_kept(one) for one in models))
-    chosen = laws_of(leg.sites[0], laws, forward.nominal, asked.parameters, asked.fixed)
-    with replace(request, jobs=1).solver(forward, chosen) as solver:
+    kept = tuple(_kept(one) for one in models)
+    jobs = min(request.jobs, len(models)) if comm.size == 1 else 1
+    chosen = laws_of(leg.sites[0], laws, kept[0].nominal, asked.parameters, asked.fixed)
+    with (
+        Workers(solve_site, kept, jobs, along=True) as workers,
+        replace(request, jobs=1).solver(SitesForward(kept, workers), chosen) as solver,
+    ):
         free = SitesMisfit(tuple(Misfit(curve, "covariance") for curve in curves))
         few = replace(request.settings, most_solves=FIRST_SOLVES)
         most = max(laws, key=lambda name: len(chosen[name].parameters))
         (start,) = Searches(chosen, solver, few, lambda law: free).find([most])
-        left = what_is_left(leg, models, start, request.progress)
+        left = what_is_left(leg, models, start, request.progress, jobs)
         parts = tuple(map(_carrying, curves, left.modes))
         near = SitesMisfit(parts).near(start.best.values, start.linear.prediction.force)
         settled = replace(request.settings, most_solves=MOST_SOLVES)
@@ -178,93 +175,6 @@ def seeks_ratio(subject: Subject, request: SearchRequest) -> bool:
     return DEEP_RATIO in named or (subject.fibres is not None and subject.fibres.sd > 0)
 
 
-def ways_of_pressing(leg: SitedLeg) -> int:
-    """Return how many ways a leg is pressed in, by which its fibres are bent otherwise."""
-    shapes = {site.indenter.shape for site in leg.sites}
-    turns = sorted(
-        {
-            abs((site.indenter.axis_deg + 90.0) % 180.0 - 90.0)
-            for site in leg.sites
-            if site.indenter.shape == "cylinder"
-        }
-    )
-    unlike = len(turns) > 1 and turns[-1] - turns[0] >= _UNLIKE_DEG
-    return len(shapes) + unlike
-
-
-@dataclass(frozen=True, eq=False)
-class Left:
-    """What errors are left in a leg's force in 3D.
-
-    Parameters
-    ----------
-    leg
-        With its sites.
-    modes
-        Corrections of every site that change nothing, with errors as shares of its force.
-    shapes, extruded, rough_solves
-        As in `legfem.sites.result.SpatialSites`.
-    """
-
-    leg: SitedLeg
-    modes: tuple[TabulatedCorrection, ...]
-    shapes: tuple[str, ...]
-    extruded: bool
-    rough_solves: int
-
-    def told(self, found: Found[SitesMisfit]) -> SpatialSites:
-        """Return it beside what a law's search did."""
-        errors: dict[str, float] = {}
-        for one in self.modes:
-            for name, mode in one.errors.items():
-                greatest = float(np.abs(mode[one.displacement >= FIRST_RATIO]).max(initial=0.0))
-                errors[name] = max(errors.get(name, 0.0), greatest)
-        solves = len(found.outcomes) * len(self.modes)
-        untold = _untold(self.leg) if DEEP_RATIO in found.search.law.names else ""
-        return SpatialSites(self.shapes, self.extruded, solves, self.rough_solves, errors, untold)
-
-
-def what_is_left(
-    leg: SitedLeg, models: Sequence[LegModels], found: Found[SitesMisfit], progress: Progress
-) -> Left:
-    """Solve every site by larger elements and of a shorter leg, near an optimum.
-
-    Raises
-    ------
-    SearchError
-        If a solve stops short of the depth.
-    """
-    best, corrections, rough = found.best, [], 0
-    law = found.search.law
-    for site, one, curve in zip(leg.sites, models, best.outcome.curves, strict=True):
-        values = dict(best.outcome.values)
-        if DEEP_RATIO in {**law.nominal, **values}:
-            ratio = {**law.nominal, **values}[DEEP_RATIO]
-            one = replace(one, fibres=FibreRatio(ratio, 0.0, "assumed", "near the optimum"))
-        solver = LegSolver(one, progress)
-        share = solver.lasting(values, curve, np.zeros(len(solver.grid)))
-        rough += solver.rough_solves
-        named = site.site or "leg"
-        errors = {
-            f"{OF_MODEL}mesh at {named}": share["mesh"],
-            f"{OF_MODEL}leg's length": share["leg's length"],
-            **{name: mode for name, mode in share.items() if name.startswith(FIBRES)},
-        }
-        if DEEP_RATIO in law.names and _untold(leg):
-            errors[f"{FIBRES}bend of the curve"] = SHAPE_SD_OF_FIBRES * solver.grid / one.depth
-        corrections.append(
-            TabulatedCorrection(
-                "none: the leg itself is solved in 3D", solver.grid, np.array([1.0]),
-                np.array([0.0]), np.zeros((1, 1, len(solver.grid))), errors,
-            )
-        )  # fmt: skip
-    legs = [one.leg for one in models]
-    return Left(
-        leg, tuple(corrections), tuple(one.source for one in legs),
-        any(one.extruded for one in legs), rough,
-    )  # fmt: skip
-
-
 def _carrying(curve: LoadingCurve, left: TabulatedCorrection) -> Misfit:
     return Misfit(curve, "covariance", left)
 
@@ -275,16 +185,3 @@ def _kept(models: LegModels) -> KeptForward:
     if models.kept is not None:
         store = Store(models.kept, ForwardOutcome, model.fingerprint())
     return KeptForward(model, store)
-
-
-def _untold(leg: SitedLeg) -> str:
-    if ways_of_pressing(leg) > 1:
-        return ""
-    how = leg.sites[0].indenter
-    where = "all sites are" if len(leg.sites) > 1 else "the leg is"
-    return (
-        f"The fibres' ratio can't be told from C10: {where} pressed in one way (by a {how}), and "
-        "more of the one looks like more of the other. Press in another way too (a cylinder across "
-        "the leg: axis_deg = 90; a punch, a ball), or state the ratio (fibre_ratio, "
-        "[[elastography]])."
-    )

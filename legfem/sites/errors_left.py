@@ -1,0 +1,142 @@
+"""What errors are left in the forces of a leg's sites in 3D: of mesh, length and fibres."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from legfem.common.progress import Progress, Silent
+from legfem.common.units import FloatArray
+from legfem.correction.fibres import FIBRES
+from legfem.correction.tabulated import FIRST_RATIO, TabulatedCorrection
+from legfem.identify.catalogue import DEEP_RATIO, Values
+from legfem.identify.error_sources import OF_MODEL
+from legfem.identify.fibre_ratio import SHAPE_SD_OF_FIBRES
+from legfem.identify.laws import IdentifiedLaw
+from legfem.identify.leg_solver import LegSolver
+from legfem.identify.searches import Found
+from legfem.identify.spatial import LegModels
+from legfem.jobs.pool import Workers
+from legfem.sites.misfit import SitesMisfit
+from legfem.sites.result import SpatialSites
+from legfem.sites.ways_of_pressing import untold_of_fibres
+from legfem.solve.force_curve import ForceCurve
+from legfem.subjects.elastography import FibreRatio
+from legfem.subjects.subject import SitedLeg
+
+
+@dataclass(frozen=True, eq=False)
+class Left:
+    """What errors are left in a leg's force in 3D.
+
+    Parameters
+    ----------
+    leg
+        With its sites.
+    modes
+        Corrections of every site that change nothing, with errors as shares of its force.
+    shapes, extruded, rough_solves
+        As in `legfem.sites.result.SpatialSites`.
+    """
+
+    leg: SitedLeg
+    modes: tuple[TabulatedCorrection, ...]
+    shapes: tuple[str, ...]
+    extruded: bool
+    rough_solves: int
+
+    def told(self, found: Found[SitesMisfit]) -> SpatialSites:
+        """Return it beside what a law's search did."""
+        errors: dict[str, float] = {}
+        for one in self.modes:
+            for name, mode in one.errors.items():
+                greatest = float(np.abs(mode[one.displacement >= FIRST_RATIO]).max(initial=0.0))
+                errors[name] = max(errors.get(name, 0.0), greatest)
+        solves = len(found.outcomes) * len(self.modes)
+        untold = untold_of_fibres(self.leg) if DEEP_RATIO in found.search.law.names else ""
+        return SpatialSites(self.shapes, self.extruded, solves, self.rough_solves, errors, untold)
+
+
+def what_is_left(
+    leg: SitedLeg,
+    models: Sequence[LegModels],
+    found: Found[SitesMisfit],
+    progress: Progress,
+    jobs: int = 1,
+) -> Left:
+    """Solve every site by larger elements and of a shorter leg, near an optimum.
+
+    Parameters
+    ----------
+    leg, models
+        The sites.
+    found
+        The search that came near.
+    progress
+        Told of solves, by this process.
+    jobs
+        Processes.
+
+    Raises
+    ------
+    SearchError
+        If a solve stops short of the depth.
+    """
+    law, best = found.search.law, found.best
+    tasks = [
+        _Near(_at_ratio(one, law, best.outcome.values), dict(best.outcome.values), curve)
+        for one, curve in zip(models, best.outcome.curves, strict=True)
+    ]
+    told = progress
+    if jobs > 1:
+        told = Silent()
+        progress.stage("all sites by larger elements, and shorter: what errors are left")
+    with Workers(_left_at, told, jobs, along=True) as workers:
+        every = list(workers.in_order(tasks))
+    corrections = []
+    for site, one, (grid, share, _) in zip(leg.sites, models, every, strict=True):
+        errors = {
+            f"{OF_MODEL}mesh at {site.site or 'leg'}": share["mesh"],
+            f"{OF_MODEL}leg's length": share["leg's length"],
+            **{name: mode for name, mode in share.items() if name.startswith(FIBRES)},
+        }
+        if DEEP_RATIO in law.names and untold_of_fibres(leg):
+            errors[f"{FIBRES}bend of the curve"] = SHAPE_SD_OF_FIBRES * grid / one.depth
+        corrections.append(
+            TabulatedCorrection(
+                "none: the leg itself is solved in 3D", grid, np.array([1.0]),
+                np.array([0.0]), np.zeros((1, 1, len(grid))), errors,
+            )
+        )  # fmt: skip
+    legs = [one.leg for one in models]
+    return Left(
+        leg, tuple(corrections), tuple(one.source for one in legs),
+        any(one.extruded for one in legs), sum(rough for _, _, rough in every),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Near:
+    """A site near the optimum."""
+
+    models: LegModels
+    values: Values
+    curve: ForceCurve
+
+
+def _at_ratio(models: LegModels, law: IdentifiedLaw, values: Values) -> LegModels:
+    """Return a site's models with the fibres' ratio as it is near the optimum, if they have one."""
+    every = {**law.nominal, **values}
+    if DEEP_RATIO not in every:
+        return models
+    fibres = FibreRatio(every[DEEP_RATIO], 0.0, "assumed", "near the optimum")
+    return replace(models, fibres=fibres)
+
+
+def _left_at(progress: Progress, near: _Near) -> tuple[FloatArray, dict[str, FloatArray], int]:
+    """Return a site's grid (mm), the modes that are left there, and how many solves that took."""
+    solver = LegSolver(near.models, progress)
+    share = solver.lasting(near.values, near.curve, np.zeros(len(solver.grid)))
+    return solver.grid, share, solver.rough_solves
