@@ -85,8 +85,9 @@ class SpatialForward:
         self._ranks = Together(self.experiment.comm, _solved, self)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave what the first rank alone does: to lead, and to tell of progress."""
-        kept = {name: value for name, value in self.__dict__.items() if name != "_ranks"}
+        """Leave what the first rank alone does, and what looks at its mesh."""
+        stays = "_ranks", "_camera"
+        kept = {name: value for name, value in self.__dict__.items() if name not in stays}
         return {**kept, "progress": Silent()}
 
     def __setstate__(self, kept: dict[str, Any]) -> None:
