@@ -25,7 +25,7 @@ from legfem.diagnose.mechanisms import Mechanism
 from legfem.diagnose.nuisances import Accuracy
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.ordinary import ordinary_explanation, ordinary_fit
-from legfem.diagnose.predict import LawName, Predictor
+from legfem.diagnose.predict import LawName, Predictor, onset_name
 from legfem.diagnose.score import Assessment, assess
 from legfem.diagnose.solved import SolvedResponses
 from legfem.inference.errors import ErrorModel, error_model
@@ -91,6 +91,12 @@ class Diagnosis:
         """What the parameters are given with: the first that is named, else the base model."""
         named = [model for model in self.models if model.names]
         return named[0] if named else self.base
+
+    def first_contact(self, trial: int) -> tuple[float, tuple[float, float]]:
+        """Return where a trial was touched, and its 95 % interval; mm of its recording."""
+        found, name = self.observed.contacts[trial].displacement, onset_name(trial)
+        low, high = self.best.interval(name)
+        return found + self.best.value(name), (found + low, found + high)
 
     @cached_property
     def intervals(self) -> dict[str, tuple[float, float]]:

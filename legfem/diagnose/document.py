@@ -16,7 +16,6 @@ from legfem.diagnose.doubts import doubts_of
 from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.fit import Fit
 from legfem.diagnose.held_out import HeldOut
-from legfem.diagnose.predict import onset_name
 from legfem.diagnose.remains import explained_share, remains_of
 from legfem.diagnose.sentences import next_experiments
 from legfem.diagnose.windows import runs
@@ -196,14 +195,10 @@ def mismatches(found: Diagnosis) -> list[dict[str, Any]]:
 
 def _contact(found: Diagnosis, k: int) -> dict[str, Any]:
     """Return where a trial was touched: as found in the recording, moved by the fit."""
-    contact, name = found.observed.contacts[k], onset_name(k)
-    low, high = found.best.interval(name)
-    at = contact.displacement
+    at, interval = found.first_contact(k)
     return {
-        "trial": found.observed.trials[k],
-        "displacement_mm": at + found.best.value(name),
-        "ci95": [at + low, at + high],
-    }
+        "trial": found.observed.trials[k], "displacement_mm": at, "ci95": list(interval),
+    }  # fmt: skip
 
 
 def _physics(found: Diagnosis, model: Explanation, held: HeldOut) -> list[dict[str, Any]]:

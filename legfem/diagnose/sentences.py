@@ -8,7 +8,6 @@ from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.mechanisms import Mechanism
 from legfem.diagnose.mechanisms.viscoelasticity import Viscoelasticity
-from legfem.diagnose.predict import onset_name
 from legfem.diagnose.remains import explained_share, remains_of
 
 _HOLDS_RECORDED = (
@@ -65,12 +64,11 @@ def _contradiction(found: Diagnosis) -> str:
 def air(found: Diagnosis) -> str:
     """Return how much air there was before the skin, where there was some."""
     rows = []
-    for k, contact in enumerate(found.observed.contacts):
-        low, high = found.best.interval(onset_name(k))
-        middle = contact.displacement + found.best.value(onset_name(k))
+    for k, trial in enumerate(found.observed.trials):
+        middle, (low, high) = found.first_contact(k)
         half = 0.5 * (high - low)
         if middle > max(_AIR_FROM_MM, half):
-            rows.append(f"{middle:.2f} ± {half:.2f} mm in {found.observed.trials[k]}")
+            rows.append(f"{middle:.2f} ± {half:.2f} mm in {trial}")
     if not rows:
         return ""
     return f"Air before first touch, which the stiffness allows for: {', '.join(rows)}."

@@ -45,9 +45,8 @@ def test_nothing_is_found_where_nothing_is(case, diagnoser):
 def test_air_is_found_with_the_stiffness(diagnoser):
     found = diagnosed("08", diagnoser)
     assert found.verdict == "consistent"
-    for k, contact in enumerate(found.observed.contacts):
-        at = contact.displacement + found.best.value(f"trial{k + 1}.onset")
-        assert at == pytest.approx(1.2, abs=0.15)
+    for k in range(len(found.observed.trials)):
+        assert found.first_contact(k)[0] == pytest.approx(1.2, abs=0.15)
     assert found.best.value("C10") == pytest.approx(truth("08")["true_C10_kPa"], rel=0.03)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.document import Recorded
 from legfem.diagnose.mechanisms.base import null_of
-from legfem.diagnose.predict import onset_name
 from legfem.geometry.section import girth
 from legfem.report import diagnosis_tables as tables
 from legfem.report.diagnosis_style import BASE_NAME, model_name, plain, shown_models
@@ -50,12 +49,10 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
                           tables.interval(model, full), "; ".join(filter(None, remark)))
                 )  # fmt: skip
     for k, trial in enumerate(found.observed.trials):
-        low, high = found.best.interval(onset_name(k))
-        at = found.observed.contacts[k].displacement
+        at, (low, high) = found.first_contact(k)
         rows.append(
-            Known(f"first contact of {trial}",
-                  f"{_hundredths(at + found.best.value(onset_name(k)))} mm", "estimated",
-                  "its recording", f"{_hundredths(at + low)} to {_hundredths(at + high)}")
+            Known(f"first contact of {trial}", f"{_hundredths(at)} mm", "estimated",
+                  "its recording", f"{_hundredths(low)} to {_hundredths(high)}")
         )  # fmt: skip
     noise = found.errors.noise
     rows += [
