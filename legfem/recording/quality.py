@@ -12,6 +12,7 @@ from scipy.ndimage import median_filter
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.recording.contact import Contact, find_first_contact
+from legfem.recording.oddities import cut_off
 from legfem.recording.phases import LOADING, split_phases
 from legfem.recording.reader import MINIMAL_DEPTH_MM, check_recording
 from legfem.recording.smoothing import sample_noise, smooth_displacement
@@ -71,7 +72,8 @@ class Quality:
     displacement_noise: float
     """mm, from sample to sample."""
     saturated: int
-    """Samples of the longest stretch at exactly the greatest or smallest force."""
+    """Samples of the longest stretch at exactly the greatest or smallest force, or at the end of
+    the loading with a force that is level within its noise."""
     drops: tuple[float, ...]
     """Times (s) of sudden falls of the force while loading."""
     grade: str
@@ -107,10 +109,14 @@ def quality_of(recording: Recording, minimal_depth: float = MINIMAL_DEPTH_MM) ->
     dropped = int(np.sum(np.maximum(np.round(steps / near) - 1, 0)))
     span = float(np.ptp(recording.force))
     force_noise = sample_noise(recording.force)
-    saturated = max(_at_rail(recording.force, 1.0), _at_rail(recording.force, -1.0))
+    in_loading = labels == LOADING
+    saturated = max(
+        _at_rail(recording.force, 1.0), _at_rail(recording.force, -1.0),
+        _level_at_end(smooth[in_loading], recording.force[in_loading]),
+    )  # fmt: skip
     found = (_smallest_step(recording.force), _smallest_step(recording.displacement))
-    drops = _drops(recording, labels == LOADING, force_noise)
-    loading = int(np.count_nonzero(labels == LOADING))
+    drops = _drops(recording, in_loading, force_noise)
+    loading = int(np.count_nonzero(in_loading))
     judged: list[tuple[str, str]] = []
 
     def judge(value: float, little: float, much: float, reason: str) -> None:
@@ -164,6 +170,12 @@ def _at_rail(force: FloatArray, sign: float) -> int:
     before = values[max(0, start - longest) : start]
     rises = len(before) > 2 and values[start] - before[0] > 0.02 * float(np.ptp(values))
     return longest if rises else 0
+
+
+def _level_at_end(displacement: FloatArray, force: FloatArray) -> int:
+    """Return the samples at the end of a loading in which the force rises no more."""
+    way = cut_off(displacement, force) if len(force) else 0.0
+    return int(np.count_nonzero(displacement >= displacement[-1] - way)) if way else 0
 
 
 def _drops(recording: Recording, loading: NDArray[np.bool_], noise: float) -> tuple[float, ...]:

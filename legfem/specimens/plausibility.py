@@ -95,8 +95,8 @@ def doubts_about_course(source: str, course: Course, sizes: Sizes) -> Iterator[D
     if cut_off(course.samples.displacement[loading], force) > _CUT_OFF * course.depth:
         yield Doubt(
             source, "force_N",
-            f"stays at exactly {force.max():.4g} N while the drive goes on, as a load cell at its "
-            "limit does", "use a cell of a larger range, or remove what lies beyond",
+            f"stays at {force.max():.3g} N while the drive goes on, as a load cell or an amplifier "
+            "at its limit does", "use a larger range, or remove what lies beyond",
         )  # fmt: skip
 
 

@@ -31,8 +31,6 @@ _ALIKE = 1.5
 """Ratio of repeats' forces that is still a repeat's: a first loading is up to 1.2 of a later."""
 _APART = 4.0
 _LIKE_SPEED = 2.0
-_CUT_OFF = 0.1
-"""Of the depth: a force that doesn't rise any more."""
 _NOISE_FACTOR = 5.0
 _QUIET, _SOFT = 0.15, 3.0
 """Noise so far below what is stated is a sign of another unit where the leg is soft, too."""
@@ -160,12 +158,11 @@ def _motion(loading: Loading, room: float) -> Iterator[Doubt]:
             loading.source, "time_s", "goes up by exactly 1 from row to row, as a count of samples",
             "divide it by the sampling rate in Hz, or confirm that there was one a second",
         )  # fmt: skip
-    way = cut_off(loading.displacement, loading.force)
-    if way > _CUT_OFF * loading.depth:
+    if way := cut_off(loading.displacement, loading.force):
         yield Doubt(
-            loading.source, "force_N", f"stays at exactly {loading.force.max():.4g} N for "
-            f"{way:.3g} mm of loading, as a load cell at its limit does",
-            "use a cell of a larger range, or remove what lies beyond",
+            loading.source, "force_N", f"stays at {loading.force.max():.3g} N for the last "
+            f"{way:.2g} mm of loading, as a load cell or an amplifier at its limit does",
+            "use a larger range, or remove what lies beyond",
         )  # fmt: skip
     yield from spike_doubts(loading.source, loading.recording)
     if loading.depth <= _LITTLE_ROOM * room:
