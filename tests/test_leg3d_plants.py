@@ -15,10 +15,20 @@ from legfem.identify.catalogue import DEEP_C10, DEEP_C20
 from legfem.solve.force_curve import ForceCurve
 from legfem.subjects.catalogue import RESOURCES
 from legfem.subjects.loading import load_subject
+from studies.leg3d import __main__ as study
 from studies.leg3d import plants
 from studies.leg3d.__main__ import app
 from studies.leg3d.planted import TRIALS
-from studies.leg3d.plants import SOFTEST, STIFFEST, counted, drawn, plant_result, plant_row
+from studies.leg3d.plants import (
+    SOFTEST,
+    STIFFEST,
+    Found,
+    PlantResult,
+    counted,
+    drawn,
+    plant_result,
+    plant_row,
+)
 from studies.leg3d.real import PlantedInLeg
 
 MODELS = ("3d", "2d, the table's nearest leg", "2d, no correction")
@@ -54,6 +64,29 @@ def test_a_plant_is_identified_once_and_told_by_whether_it_is_held(tmp_path, mon
     held = 0 if missed else 1
     words = f"C10 in its interval in {held} of 1, C20 in {held} of 1."
     assert counted([planted], results[:1]) == words
+
+
+def test_the_last_of_many_plants_are_the_same_by_themselves(tmp_path, monkeypatch):
+    def found(planted, seed, *_):
+        one = Found(planted.c10, planted.c10 - 0.01 * seed, planted.c10 + 0.01 * seed)
+        return PlantResult({name: one for name in MODELS}, {}, 3, 1.0)
+
+    monkeypatch.setattr(study, "plant_result", found)
+
+    def rows(*asked: str) -> list[str]:
+        told = CliRunner().invoke(app, ["--plants", "4", *asked, "--out", str(tmp_path)])
+        assert told.exit_code == 0, told.output
+        return [
+            row for row in told.output.splitlines() if row.startswith("| ") and row[2].isdigit()
+        ]
+
+    assert len(rows()) == 4 and rows("--first", "3") == rows()[2:]
+
+
+@pytest.mark.parametrize("asked", [["--plants", "2", "--first", "3"], ["--first", "2"]])
+def test_a_first_plant_has_to_be_one_of_many(tmp_path, asked):
+    told = CliRunner().invoke(app, [*asked, "--out", str(tmp_path / "out")])
+    assert told.exit_code == 2 and "--first" in told.output
 
 
 def test_a_folder_of_one_s_own_gets_a_lab_s_recordings_unless_it_has_some(tmp_path, monkeypatch):

@@ -36,11 +36,15 @@ class CodeChoice(StrEnum):
 _BY = {CodeChoice.legfem: Planted, CodeChoice.felupe: PlantedByFelupe}
 
 
-def _many(count: int, seed: int, folder: Path, progress: Progress, code: CodeChoice) -> list[str]:
+def _many(
+    numbers: range, seed: int, folder: Path, progress: Progress, code: CodeChoice
+) -> list[str]:
     of = _BY[code]
-    legs = [of(one.c10, one.c20) for one in (drawn(number, seed) for number in range(count))]
-    found = [plant_result(leg, seed + k, folder, progress) for k, leg in enumerate(legs)]
-    rows = [plant_row(k, leg, one) for k, (leg, one) in enumerate(zip(legs, found, strict=True), 1)]
+    legs = [of(one.c10, one.c20) for one in (drawn(number, seed) for number in numbers)]
+    found = [
+        plant_result(leg, seed + k, folder, progress) for k, leg in zip(numbers, legs, strict=True)
+    ]
+    rows = [plant_row(k + 1, leg, one) for k, leg, one in zip(numbers, legs, found, strict=True)]
     return [markdown_table(HEADER, rows), counted(legs, found)]
 
 
@@ -60,6 +64,9 @@ def leg3d(
     plants: Annotated[
         int, typer.Option(min=0, help="So many legs of random C10 and C20 in its place.")
     ] = 0,
+    first: Annotated[
+        int, typer.Option(min=1, help="Number of the plant that is begun with; all are by default.")
+    ] = 1,
     code: Annotated[
         CodeChoice, typer.Option(help="Whose hexahedra record the small leg.")
     ] = CodeChoice.legfem,
@@ -72,6 +79,11 @@ def leg3d(
     Example: python -m studies.leg3d --c10 1.2
     """
     with study_edge("leg3d", out) as (folder, _), progress_on() as progress:
+        if first > max(plants, 1):
+            raise InputError(
+                "leg3d", "--first", f"{first} comes after the last of {plants} plants",
+                "give a smaller number, or more --plants",
+            )  # fmt: skip
         if plants:
             if subject is not None or (c10, c20, fibres) != (
                 Planted.c10,
@@ -82,7 +94,7 @@ def leg3d(
                     "leg3d", "--plants", "draws the small leg's C10 and C20",
                     "leave --subject, --c10, --c20 and --fibres, or it, out",
                 )  # fmt: skip
-            lines = _many(plants, seed, folder, progress, code)
+            lines = _many(range(first - 1, plants), seed, folder, progress, code)
             write_atomically(folder / "plants.md", "\n".join(lines) + "\n")
             typer.echo("\n".join(lines))
             return
