@@ -134,6 +134,8 @@ def test_unexplained_page_warns_of_the_stiffness(found, subject):
     told = [line for line in stiffness if "(95 %" in line]
     assert len(told) == 3 and all("DO NOT RELY ON IT" in flat(line) for line in told)
     assert page.index("NO. Write down no number.") < page.index("DO NOT RELY")
+    (searched,) = (p.bounds for p in found["unexplained"].base.fit.parameters if p.name == "C10")
+    assert found["unexplained"].intervals["C10"] == searched, "it may be off by any amount"
 
 
 def test_a_page_gives_no_probability_to_what_describes_nothing(subject):

@@ -100,7 +100,13 @@ class Diagnosis:
 
     @cached_property
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """95 % intervals of C10 and C20 (kPa) over all explanations, by their probability."""
+        """95 % intervals of C10 and C20 (kPa) over all explanations, by their probability.
+
+        Of unexplained recordings all that was searched: what they give may be off by any amount.
+        """
+        if self.verdict == "unexplained":
+            fitted = self.base.fit
+            return {p.name: p.bounds for p in fitted.parameters if p.name in fitted.stiffness}
         found = {name: averaged_interval(self.explained, name) for name in ("C10", "C20")}
         return {name: ends for name, ends in found.items() if ends is not None}
 
