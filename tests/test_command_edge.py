@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import errno
+import subprocess
+import sys
 
 import pytest
 import typer
@@ -36,6 +38,28 @@ def test_what_the_machine_lacks_is_one_line(capsys, error, words):
 def test_a_reader_that_left_is_not_a_full_disk():
     with pytest.raises(BrokenPipeError), command_edge():
         raise BrokenPipeError(errno.EPIPE, "Broken pipe")
+
+
+def test_a_reader_that_leaves_after_petsc_was_loaded_ends_a_command_quietly():
+    work = """
+from legfem.common.command_edge import command_edge
+try:
+    with command_edge():
+        import petsc4py.PETSc
+        input()
+        print("x" * 100_000, flush=True)
+except BrokenPipeError:
+    raise SystemExit(7)
+"""
+    command = [sys.executable, "-c", work]
+    ends = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+    with subprocess.Popen(command, text=True, **ends) as process:
+        process.stdout.close()
+        process.stdin.write("now\n")
+        process.stdin.close()
+        said = process.stderr.read()
+    assert process.returncode == 7, said
+    assert "PETSC" not in said
 
 
 def test_a_deeply_nested_toml_is_refused(tmp_path):
