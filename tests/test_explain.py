@@ -36,6 +36,7 @@ from legfem.diagnose.nuisances import (
     Accuracy,
     Nuisances,
 )
+from legfem.diagnose.strength import gained_by_width
 from legfem.diagnose.touch import posterior_of
 from legfem.diagnose.unknown import unknown_errors
 from legfem.inference.errors import error_model
@@ -89,7 +90,7 @@ def test_nothing_is_named_where_nothing_is(seed):
     problem, base = problem_of(ramps(), seed=seed)
     explained = explain(problem, base, SOUGHT)
     assert explained.every[0].nothing
-    assert explained.base.probability > 0.7
+    assert explained.base.probability > 0.6 and explained.soundness > 0.99
     assert all(len(e.names) < 2 for e in explained.every), "no pairs where nothing asks for more"
     said = explained.statements()
     assert said[0].nothing_shows and said[0].probability == pytest.approx(explained.soundness)
@@ -229,7 +230,7 @@ def test_what_full_solutions_put_first_is_tried_in_pairs_with_all(monkeypatch):
 def test_all_that_may_be_what_was_left_out_is_tried_in_pairs_with_all(monkeypatch):
     """Pairs that explain no more count for their mechanism: fewer would be held against it."""
     monkeypatch.setattr("legfem.diagnose.explain.PAIRS_OF", 1)
-    problem, base = problem_of(ramps(), {"support-compliance.compliance": 0.005}, seed=3)
+    problem, base = problem_of(ramps(), {"support-compliance.compliance": 0.003}, seed=3)
     found = explain(problem, base, SOUGHT).every
     likely = [e.names[0] for e in found if len(e.names) == 1 and e.probability > CONFIRMED_FROM]
     assert set(likely) == {"support-compliance", "force-drift"}
@@ -299,7 +300,7 @@ def test_an_explanation_that_a_full_solution_cannot_confirm_loses_weight():
 def test_a_strength_is_integrated_out_as_its_explanation_was_weighed(monkeypatch):
     """By the same errors as its fit's, with the same shares of what is unknown beside it."""
     observed = problem_of(ramps())[0].predictor.observed
-    wave = 0.3 * np.sin(np.pi * observed.displacement / 6)
+    wave = 0.2 * np.sin(np.pi * observed.displacement / 6)
     problem, base = problem_of(ramps(), {"contact-onset.offset": 1.0}, seed=1, extra=wave)
     seen = []
     monkeypatch.setattr(
@@ -316,4 +317,5 @@ def test_a_strength_is_integrated_out_as_its_explanation_was_weighed(monkeypatch
             Evidence(problem.errors, unknown_errors(observed, base.prediction)),
             fitted, observed, list(one.shares),
         )  # fmt: skip
-        assert again.log_evidence == pytest.approx(one.posterior.log_evidence)
+        of_any_width = again.log_evidence + gained_by_width(fitted, again)
+        assert of_any_width == pytest.approx(one.posterior.log_evidence)

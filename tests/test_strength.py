@@ -14,7 +14,9 @@ from legfem.diagnose.averaged import averaged_interval, widened_by
 from legfem.diagnose.explain import explain
 from legfem.diagnose.fit import fit
 from legfem.diagnose.mechanisms import mechanism_named
-from legfem.diagnose.strength import integrated
+from legfem.diagnose.mechanisms.base import strength
+from legfem.diagnose.mechanisms.force_drift import ForceDrift
+from legfem.diagnose.strength import WIDTHS, integrated
 from legfem.diagnose.touch import posterior_of
 from legfem.diagnose.unknown import unknown_errors
 from legfem.inference.evidence import Evidence, Linearised
@@ -61,10 +63,13 @@ def inside(fitted):
 
 
 def summed(problem, evidence, fitted, shares):
-    """Return the evidence and C10's moments from sums over strengths, and draws of all else."""
+    """Return the evidence and C10's moments from sums over strengths, and draws of all else.
+
+    The evidence has a strength of any width of its prior, the moments that of the widest.
+    """
     prior = fitted.parameters[fitted.free.index(NAME)].prior
     generator = np.random.default_rng(0)
-    logs, stiffness = [], []
+    logs, priors, stiffness = [], [], []
     steps = 4.0 * np.linspace(0.0, 1.0, 25) ** 2
     widths = np.gradient(steps)
     widths[[0, -1]] /= 2
@@ -75,10 +80,11 @@ def summed(problem, evidence, fitted, shares):
         for departure in generator.multivariate_normal(own.mean, own.covariance, _DRAWS):
             log = log_likelihood(problem, evidence, held.moved(departure), shares)
             log += float(norm.logpdf(departure).sum() - about.logpdf(departure)) - inside(held)
-            logs.append(log + norm.logpdf(z) - norm.logcdf(0.0) + np.log(width / _DRAWS))
+            logs.append(log - norm.logcdf(0.0) + np.log(width / _DRAWS))
+            priors.append([sum(p * norm.pdf(z, scale=w) for w, p in WIDTHS.items()), norm.pdf(z)])
             stiffness.append(departure[held.free.index("C10")])
-    total = np.logaddexp.reduce(logs)
-    weights = np.exp(np.array(logs) - total)
+    total, widest = np.logaddexp.reduce(np.array(logs)[:, None] + np.log(priors))
+    weights = np.exp(np.array(logs) - widest) * np.array(priors)[:, 1]
     mean = weights @ np.array(stiffness)
     return float(total), float(mean), float(np.sqrt(weights @ (np.array(stiffness) - mean) ** 2))
 
@@ -105,7 +111,8 @@ def test_evidence_and_stiffness_are_those_of_sums_where_a_strength_is_far_from_l
     assert worst > 4, "a line would do"
 
 
-def test_a_strength_that_acts_in_proportion_is_as_a_line_has_it():
+def test_a_strength_that_acts_in_proportion_is_as_a_line_has_it(monkeypatch):
+    monkeypatch.setattr("legfem.diagnose.strength.WIDTHS", {1.0: 1.0})
     problem, base = problem_of(ramps(), {"force-drift.rate": 0.004}, seed=2)
     fitted = fit(problem, [mechanism_named("force-drift")], base.values)
     evidence = Evidence(problem.errors, unknown_errors(problem.predictor.observed, base.prediction))
@@ -119,6 +126,32 @@ def test_a_strength_that_acts_in_proportion_is_as_a_line_has_it():
     sd = np.sqrt(np.diag(linear.covariance))
     np.testing.assert_allclose((found.mean - linear.mean) / sd, 0.0, atol=0.05)
     np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), sd, rtol=0.03)
+
+
+class VaguerDrift(ForceDrift):
+    """A drift whose usual size is ten times as large."""
+
+    parameters = (strength("rate", "N/s", "drift of the zero", 0.05, (-0.1, 0.1)),)
+
+
+def test_a_strength_s_usual_size_decides_little_between_what_does_the_same(monkeypatch):
+    problem, base = problem_of(ramps(), {"force-drift.rate": 0.004}, seed=2)
+    evidence = Evidence(problem.errors, unknown_errors(problem.predictor.observed, base.prediction))
+    shares = [0.0 if f.unknown.covariance is None else -np.inf for f in evidence._factors]
+    conditional = partial(
+        posterior_of, evidence, observed=problem.predictor.observed, shares=shares
+    )
+
+    def gap() -> float:
+        fits = [fit(problem, [one], base.values) for one in (ForceDrift(), VaguerDrift())]
+        one, other = (
+            integrated(problem, own, conditional(own), conditional).log_evidence for own in fits
+        )
+        return one - other
+
+    of_any_width = gap()
+    monkeypatch.setattr("legfem.diagnose.strength.WIDTHS", {1.0: 1.0})
+    assert 1.5 < gap() < np.log(10) and abs(of_any_width) < 0.6 * gap()
 
 
 def test_what_widens_an_interval_most_is_told():

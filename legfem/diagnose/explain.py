@@ -23,7 +23,7 @@ from legfem.diagnose.explanation import (
 )
 from legfem.diagnose.fit import Fit, Problem, fit
 from legfem.diagnose.mechanisms import Mechanism
-from legfem.diagnose.strength import integrated
+from legfem.diagnose.strength import gained_by_width, integrated
 from legfem.diagnose.touch import posterior_of
 from legfem.diagnose.unknown import unknown_errors, with_unknown
 from legfem.inference.evidence import Evidence, Unknown, probabilities
@@ -148,8 +148,9 @@ def _explanation(
         again = posterior_of(evidence, aware, problem.predictor.observed, shares)
         if again.log_evidence > posterior.log_evidence:
             fitted, posterior = aware, again
+    of_any_width = posterior.log_evidence + gained_by_width(fitted, posterior)
     return Explanation(
-        problem, fitted, posterior, log_prior, False, confirmed,
+        problem, fitted, replace(posterior, log_evidence=of_any_width), log_prior, False, confirmed,
         shares=tuple(shares), fit_alone=None if fitted is plain else plain,
     )  # fmt: skip
 
