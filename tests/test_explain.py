@@ -90,7 +90,7 @@ def test_nothing_is_named_where_nothing_is(seed):
     problem, base = problem_of(ramps(), seed=seed)
     explained = explain(problem, base, SOUGHT)
     assert explained.every[0].nothing
-    assert explained.base.probability > 0.6 and explained.soundness > 0.99
+    assert explained.base.probability > 0.68 and explained.soundness > 0.99
     assert all(len(e.names) < 2 for e in explained.every), "no pairs where nothing asks for more"
     said = explained.statements()
     assert said[0].nothing_shows and said[0].probability == pytest.approx(explained.soundness)
@@ -300,7 +300,7 @@ def test_an_explanation_that_a_full_solution_cannot_confirm_loses_weight():
 def test_a_strength_is_integrated_out_as_its_explanation_was_weighed(monkeypatch):
     """By the same errors as its fit's, with the same shares of what is unknown beside it."""
     observed = problem_of(ramps())[0].predictor.observed
-    wave = 0.2 * np.sin(np.pi * observed.displacement / 6)
+    wave = 0.3 * np.sin(np.pi * observed.displacement / 6)
     problem, base = problem_of(ramps(), {"contact-onset.offset": 1.0}, seed=1, extra=wave)
     seen = []
     monkeypatch.setattr(

@@ -42,3 +42,10 @@ def test_noise_alone_and_a_standing_drive_are_not_cut_off():
     assert cut_off(np.linspace(0.0, DEPTH, 500), noise) == 0.0
     still = np.concatenate([np.linspace(0.0, DEPTH, 50), np.full(450, DEPTH)])
     assert cut_off(still, np.interp(still, [0.0, DEPTH], [0.0, 5.0]) + noise) == 0.0
+
+
+def test_one_value_to_the_last_digit_is_seen_in_few_samples_too():
+    d = np.linspace(0.0, DEPTH, 25)
+    force = 0.15 * d * (1 + 0.03 * d)
+    assert cut_off(d, np.minimum(force, 0.7 * force[-1])) > 0.1 * DEPTH
+    assert cut_off(d, np.minimum(force, force[-2])) == 0.0, "two alike may be chance"

@@ -184,7 +184,6 @@ def test_air_is_found():
     assert observed.contacts[0].displacement == pytest.approx(3.7, abs=0.15)
 
 
-@needs_data
 @pytest.mark.slow
 @needs_data
 def test_relaxation_is_named_first_where_much_is_unknown_beside_it(tmp_path):
@@ -196,6 +195,7 @@ def test_relaxation_is_named_first_where_much_is_unknown_beside_it(tmp_path):
         assert found.named_first == "viscoelasticity"
 
 
+@needs_data
 @pytest.mark.slow
 def test_every_public_recording_stands_in_a_folder_of_specimens(tmp_path):
     folders = [load_specimen(f) for f in write_specimen_folders(DATA, tmp_path, Assumed())]

@@ -16,7 +16,7 @@ from legfem.diagnose.fit import fit
 from legfem.diagnose.mechanisms import mechanism_named
 from legfem.diagnose.mechanisms.base import strength
 from legfem.diagnose.mechanisms.force_drift import ForceDrift
-from legfem.diagnose.strength import WIDTHS, integrated
+from legfem.diagnose.strength import WIDTHS, gained_by_width, integrated
 from legfem.diagnose.touch import posterior_of
 from legfem.diagnose.unknown import unknown_errors
 from legfem.inference.evidence import Evidence, Linearised
@@ -111,8 +111,7 @@ def test_evidence_and_stiffness_are_those_of_sums_where_a_strength_is_far_from_l
     assert worst > 4, "a line would do"
 
 
-def test_a_strength_that_acts_in_proportion_is_as_a_line_has_it(monkeypatch):
-    monkeypatch.setattr("legfem.diagnose.strength.WIDTHS", {1.0: 1.0})
+def test_a_strength_that_acts_in_proportion_is_as_a_line_has_it():
     problem, base = problem_of(ramps(), {"force-drift.rate": 0.004}, seed=2)
     fitted = fit(problem, [mechanism_named("force-drift")], base.values)
     evidence = Evidence(problem.errors, unknown_errors(problem.predictor.observed, base.prediction))
@@ -122,7 +121,8 @@ def test_a_strength_that_acts_in_proportion_is_as_a_line_has_it(monkeypatch):
     )
     linear = conditional(fitted)
     found = integrated(problem, fitted, linear, conditional)
-    assert found.log_evidence == pytest.approx(linear.log_evidence, abs=0.05)
+    of_any_width = linear.log_evidence + gained_by_width(fitted, linear)
+    assert found.log_evidence == pytest.approx(of_any_width, abs=0.05)
     sd = np.sqrt(np.diag(linear.covariance))
     np.testing.assert_allclose((found.mean - linear.mean) / sd, 0.0, atol=0.05)
     np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), sd, rtol=0.03)

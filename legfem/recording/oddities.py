@@ -15,6 +15,8 @@ _MANY_ROWS = 200
 """Of loading: with one a second it would take minutes."""
 _LEVEL_SHARES = np.geomspace(0.02, 0.7, 40)
 """Of a loading's way, that may be level at its end."""
+_LEVEL_EXACTLY = 0.1
+"""Of a loading's way, above which one value to the last digit is no chance."""
 _FEW, _LEVEL, _OF_NOISE, _BEYOND_NOISE = 8, 0.1, 2.0, 6.0
 """Samples at least; its rise over that before at most, its scatter over the noise at most, and the
 rise before over the noise at least. On 98 public recordings of beef and silicone nothing is."""
@@ -28,15 +30,30 @@ def counts_samples(time: FloatArray) -> bool:
 
 
 def cut_off(displacement: FloatArray, force: FloatArray) -> float:
-    """Return the way (mm) at the end of a loading in which the force rises no more; 0 without one.
-
-    Soft tissue stiffens, so a force that is level within its noise, and rose before by far more
-    than that in as long a way, was cut off.
+    """Return the way (mm) of a loading in which the force was cut off; 0 where it wasn't.
 
     Parameters
     ----------
     displacement, force
         (n,), mm and N, of a loading.
+    """
+    exactly = _exactly_level(displacement, force)
+    few = _LEVEL_EXACTLY * float(np.ptp(displacement))
+    return max(exactly if exactly > few else 0.0, _level_at_end(displacement, force))
+
+
+def _exactly_level(displacement: FloatArray, force: FloatArray) -> float:
+    """Return the longest way (mm) in which the force stays at its greatest value exactly."""
+    top = np.append(force >= force.max(), False)
+    edges = np.flatnonzero(np.diff(top.astype(int), prepend=0)).reshape(-1, 2)
+    return max(float(displacement[end - 1] - displacement[start]) for start, end in edges)
+
+
+def _level_at_end(displacement: FloatArray, force: FloatArray) -> float:
+    """Return the way (mm) at the end of a loading in which the force rises no more.
+
+    Soft tissue stiffens, so a force that is level within its noise, and rose before by far more
+    than that in as long a way, was cut off.
     """
     noise = max(sample_noise(force), 1e-9 * float(np.ptp(force)))
     left, found = displacement[-1] - displacement, 0.0
