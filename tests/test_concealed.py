@@ -120,6 +120,7 @@ def metric():
     return Metric(
         np.zeros(n, int), 50 * at, 0.01**2 * np.eye(n), at[:, None], 0.01**2 * np.eye(n),
         at[:, None], np.full(n, 0.01), np.zeros(n, dtype=bool),
+        np.array([np.sin(9 * at), np.cos(9.5 * at)]), np.array(["a", "b"]),
     )  # fmt: skip
 
 
@@ -148,6 +149,15 @@ def test_a_second_effect_is_measured_beside_the_first():
     beyond = first - basis @ (basis.T @ first)
     assert metric().beside(0.02 * first, 0.3 * second) == pytest.approx(2 * np.linalg.norm(beyond))
     assert metric().beside(0.02 * first, 0.3 * second) < alone
+
+
+def test_an_effect_is_measured_beside_the_nearest_mechanism_but_its_own():
+    across = 0.02 * np.cos(9 * metric().jacobian[:, 0])
+    by_each = [metric().beside(across, rival) for rival in metric().rivals]
+    assert by_each[1] < 0.5 * by_each[0]
+    assert metric().told_apart(across, ["c"]) == by_each[1]
+    assert metric().told_apart(across, ["b"]) == by_each[0]
+    assert np.isnan(metric().told_apart(across, ["a", "b"]))
 
 
 def scored(number, names, *models, kind="single", twin_of=None, size=9.0, sure=0.95, **changed):
@@ -197,6 +207,10 @@ def test_scores_count_what_they_say():
     assert summary.bias_after == pytest.approx(0.01)
     sizes = {(low, high): first.total for low, high, first, _ in summary.by_size}
     assert sizes[0.0, 2.0] == 1 and sizes[8.0, 16.0] == 4
+    near = [replace(s, apart=(1.0, 9.0)[s.first]) for s in everything()]
+    apart = [(first.count, first.total, held.count) for *_, first, held in summarise(near).by_apart]
+    # One alone is named first, one listed, one neither; pairs and what is small don't count.
+    assert apart == [(0, 2, 1), (0, 0, 0), (0, 0, 0), (1, 1, 1), (0, 0, 0)]
 
 
 @pytest.mark.parametrize(

@@ -78,11 +78,17 @@ def _named(summary: Summary) -> str:
 
 
 def _sizes(summary: Summary) -> str:
-    rows = [
-        [f"{low:g} to {high:g}", str(first), str(in_set)]
-        for low, high, first, in_set in summary.by_size
-    ]
-    return markdown_table(["size over all errors", "named first", "in the 90 % set"], rows)
+    tables = (
+        ("size over all errors", summary.by_size),
+        ("alone, size 4 or more: size beside the nearest other mechanism", summary.by_apart),
+    )
+    return "\n".join(
+        markdown_table(
+            [title, "named first", "in the 90 % set"],
+            [[f"{low:g} to {high:g}", str(first), str(in_set)] for low, high, first, in_set in of],
+        )
+        for title, of in tables
+    )
 
 
 def _reliability(summary: Summary) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -44,6 +44,8 @@ class Metric:
         (n,), N: of a trial's noise.
     located
         (n,): where the base model is said to be wrong.
+    rivals, rival_names
+        (k, n), N, and (k,): what each mechanism alone changes of the base model, fitted.
     """
 
     trial: NDArray[np.int_]
@@ -54,15 +56,21 @@ class Metric:
     shown_jacobian: FloatArray
     trial_sd: FloatArray
     located: NDArray[np.bool_]
+    rivals: FloatArray
+    rival_names: NDArray[np.str_]
 
     @classmethod
     def of(cls, found: Diagnosis) -> Metric:
         """Return a diagnosis' metric."""
         observed, errors = found.observed, found.errors
+        alone = [e.fit for e in found.explained.every if len(e.names) == 1]
+        rivals = [fitted.prediction - found.alone.fit.prediction for fitted in alone]
         return cls(
             observed.trial, observed.time, errors.covariance, found.alone.fit.change,
             found.base.problem.errors.covariance, found.base.fit.change,
             errors.trial_sd, found.located,
+            np.reshape(rivals, (-1, len(observed.trial))),
+            np.array([fitted.names[0] for fitted in alone], dtype=np.str_),
         )  # fmt: skip
 
     def shown(self, change: FloatArray) -> tuple[float, FloatArray]:
@@ -82,6 +90,19 @@ class Metric:
         """
         white, _ = _beyond(self.covariance, np.column_stack([self.jacobian, other]), change)
         return float(np.linalg.norm(white))
+
+    def told_apart(self, change: FloatArray, names: Collection[str]) -> float:
+        """Return a change's size beyond the base model and the nearest mechanism but its own.
+
+        However strong that one is: below some standard deviations no reading of the recordings
+        tells the two apart. NaN without another mechanism.
+        """
+        others = [
+            rival
+            for rival, name in zip(self.rivals, self.rival_names, strict=True)
+            if name not in names
+        ]
+        return min((self.beside(change, other) for other in others), default=float("nan"))
 
     def write(self, path: Path) -> None:
         """Write it, whole or not at all."""

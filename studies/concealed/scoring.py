@@ -56,6 +56,8 @@ class Scored:
     """What the report says, the most probable first; without names, that nothing shows."""
     parts: tuple[tuple[str, float], ...] = ()
     """Of two effects: each one's name and size beside the other; see `Metric.beside`."""
+    apart: float = float("nan")
+    """Size beside the nearest mechanism but its own; see `Metric.told_apart`."""
 
     @property
     def visible(self) -> bool:
@@ -195,6 +197,7 @@ def _scored(found: dict[str, Any], key: dict[str, Any], metric: Metric) -> Score
             for s in found["statements"]
         ),
         _parts(key, metric),
+        metric.told_apart(change, case.names),
     )
 
 

@@ -86,6 +86,9 @@ class Summary:
     stated wrongly is the same in all of its cases."""
     by_size: tuple[tuple[float, float, Rate, Rate], ...]
     """Sizes over all errors, named first, and in the set."""
+    by_apart: tuple[tuple[float, float, Rate, Rate], ...]
+    """Of visible effects that come alone, the same by their size beside the nearest mechanism but
+    their own."""
 
 
 def summarise(everything: Sequence[Scored]) -> Summary:
@@ -122,11 +125,19 @@ def summarise(everything: Sequence[Scored]) -> Summary:
             for leg in sorted({s.case.leg for s in scored})
             for mine in [[s for s in scored if s.case.leg == leg]]
         ),
-        tuple(
-            (low, high, _rate(mine, lambda s: s.first), _rate(mine, lambda s: s.in_set))
-            for low, high in pairwise(SIZES)
-            for mine in [[s for s in inside if low <= s.size < high]]
-        ),
+        _by_size(inside, lambda s: s.size),
+        _by_size([s for s in seen if s.case.judged == "single"], lambda s: s.apart),
+    )
+
+
+def _by_size(
+    scored: Sequence[Scored], size: Callable[[Scored], float]
+) -> tuple[tuple[float, float, Rate, Rate], ...]:
+    """Return bounds of sizes, and of the cases between them how many are named, and listed."""
+    return tuple(
+        (low, high, _rate(mine, lambda s: s.first), _rate(mine, lambda s: s.in_set))
+        for low, high in pairwise(SIZES)
+        for mine in [[s for s in scored if low <= size(s) < high]]
     )
 
 
