@@ -40,12 +40,15 @@ def test_a_reader_that_left_is_not_a_full_disk():
         raise BrokenPipeError(errno.EPIPE, "Broken pipe")
 
 
-def test_a_reader_that_leaves_after_petsc_was_loaded_ends_a_command_quietly():
-    work = """
+@pytest.mark.parametrize("loaded", ["before", "inside"])
+def test_a_reader_that_leaves_after_petsc_was_loaded_ends_a_command_quietly(loaded):
+    petsc = {loaded: "import petsc4py.PETSc"}
+    work = f"""
 from legfem.common.command_edge import command_edge
+{petsc.get("before", "")}
 try:
     with command_edge():
-        import petsc4py.PETSc
+        {petsc.get("inside", "")}
         input()
         print("x" * 100_000, flush=True)
 except BrokenPipeError:

@@ -15,9 +15,9 @@ from typing import NoReturn
 import typer
 
 from legfem.common.errors import InputError, UnsolvedError
+from legfem.common.pipes import let_pipes_break
 
 BAD_INPUT, INTERRUPTED, FAILED = 2, 130, 1
-_OWN_SIGNALS = "-no_signal_handler"
 
 
 @contextmanager
@@ -34,7 +34,7 @@ def command_edge(
         Whether messages that warn of nothing are left out.
     """
     _show_messages(logging.WARNING if quiet else logging.INFO)
-    _leave_signals_to_python()
+    let_pipes_break()
     try:
         yield
     except InputError as error:
@@ -133,13 +133,6 @@ class _Stderr(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         """Write one line."""
         print(self.format(record), file=sys.stderr, flush=True)
-
-
-def _leave_signals_to_python() -> None:
-    """Keep PETSc, which isn't loaded yet, from ending the program where a pipe's reader leaves."""
-    given = os.environ.get("PETSC_OPTIONS", "")
-    if _OWN_SIGNALS not in given.split():
-        os.environ["PETSC_OPTIONS"] = f"{given} {_OWN_SIGNALS}".strip()
 
 
 def _show_messages(level: int) -> None:

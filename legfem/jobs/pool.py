@@ -15,6 +15,7 @@ from types import TracebackType
 
 from mpi4py import MPI
 
+from legfem.common.pipes import let_pipes_break
 from legfem.jobs.interrupt import interruptible
 from legfem.jobs.ranks import over_ranks
 
@@ -72,7 +73,7 @@ class Workers[Context, Task, Outcome]:
         if self._executor is None:
             return
         if error is not None:
-            _let_pipes_break()
+            let_pipes_break()
             for process in list((self._executor._processes or {}).values()):
                 process.kill()
         self._executor.shutdown(wait=True, cancel_futures=True)
@@ -153,7 +154,7 @@ class Workers[Context, Task, Outcome]:
                 yield place, self._done_here(task)
 
     def _started(self) -> ProcessPoolExecutor:
-        _let_pipes_break()
+        let_pipes_break()
         return ProcessPoolExecutor(
             self.jobs - self.along,
             mp_context=multiprocessing.get_context("spawn"),
@@ -161,15 +162,6 @@ class Workers[Context, Task, Outcome]:
             initargs=(self.context,),
             max_tasks_per_child=1 if self.fresh else None,
         )
-
-
-def _let_pipes_break() -> None:
-    """Make a write to a process that has ended an error again, as Python has it.
-
-    PETSc ends the program at the signal.
-    """
-    if threading.current_thread() is threading.main_thread() and hasattr(signal, "SIGPIPE"):
-        signal.signal(signal.SIGPIPE, signal.SIG_IGN)
 
 
 # One context a worker process, made when the process starts.
