@@ -16,9 +16,9 @@ from legfem.subjects.loading import SUBJECTS, load_subject
 from studies.concealed.cases import DEPTH_MM, SealedCase, make_cases
 from studies.concealed.forms import FORMS, NAMED, ON_COURSE, OUTSIDE, OUTSIDE_ON_COURSE, Pressed
 from studies.concealed.making import change_at, key_of_case
+from studies.concealed.metric import Metric
 from studies.concealed.page import cases_page, figure, page, scored_document
 from studies.concealed.reliability import Explained, at_base_rates
-from studies.concealed.running import Metric
 from studies.concealed.scoring import Scored
 from studies.concealed.seal import read_sealed, write_sealed
 from studies.concealed.summary import reliability, summarise
@@ -114,50 +114,75 @@ def test_effects_outside_the_library_matter(name):
     assert 0.02 < away / trial.force.max() < 0.1
 
 
-def metric():
-    n = 30
-    at = np.linspace(0.1, 1, n)
+AT = np.linspace(0.1, 1, 30)
+STIFF = np.linspace(0.0, 10.0, 21)[:, None]
+
+
+def metric(family=STIFF * AT, force=5 * AT):
+    n = len(AT)
     return Metric(
-        np.zeros(n, int), 50 * at, 0.01**2 * np.eye(n), at[:, None], 0.01**2 * np.eye(n),
-        at[:, None], np.full(n, 0.01), np.zeros(n, dtype=bool),
-        np.array([np.sin(9 * at), np.cos(9.5 * at)]), np.array(["a", "b"]),
+        np.zeros(n, int), 50 * AT, force, 0.01**2 * np.eye(n), family, np.zeros((n, 0)),
+        0.01**2 * np.eye(n), AT[:, None], np.full(n, 0.01), np.zeros(n, dtype=bool),
+        np.array([np.sin(9 * AT), np.cos(9.5 * AT)]), np.array(["a", "b"]),
     )  # fmt: skip
 
 
+def beyond(values, *columns):
+    basis = np.linalg.qr(np.column_stack(columns))[0]
+    return values - basis @ (basis.T @ values)
+
+
 def test_a_metric_measures_what_a_refit_leaves(tmp_path):
-    at = metric().jacobian[:, 0]
-    hidden, rest = metric().shown(3 * at)
-    assert hidden == pytest.approx(0, abs=1e-9)
-    np.testing.assert_allclose(rest, 0, atol=1e-12)
-    across = np.cos(9 * at)
-    size, rest = metric().shown(0.02 * across)
-    beyond = across - at * (at @ across) / (at @ at)
-    assert size == pytest.approx(2 * np.linalg.norm(beyond))
-    np.testing.assert_allclose(rest, 0.02 * beyond)
-    metric().write(tmp_path / "case.npz")
+    assert metric().size(3 * AT) == pytest.approx(0, abs=1e-6)
+    np.testing.assert_allclose(metric().shown(3 * AT), 0, atol=1e-12)
+    across = np.cos(9 * AT)
+    size = metric(force=5 * AT + 0.02 * across).size(0.02 * across)
+    assert size == pytest.approx(2 * np.linalg.norm(beyond(across, AT)))
+    np.testing.assert_allclose(metric().shown(0.02 * across), 0.02 * beyond(across, AT))
+    used = metric()
+    used.size(0.1 * AT)
+    used.write(tmp_path / "case.npz")
     again = Metric.read(tmp_path / "case.npz")
     np.testing.assert_array_equal(again.covariance, metric().covariance)
+    assert again.size(0.02 * across) == pytest.approx(used.size(0.02 * across))
+
+
+def test_what_another_stiffness_does_has_no_size_however_large_it_is():
+    """A tissue that stiffens: along a line about either leg the change is eighty errors off."""
+    family = STIFF * AT + 0.3 * STIFF**2 * AT**2
+    change = family[12] - family[4]
+    assert np.linalg.norm(beyond(change, AT + 0.6 * 6.0 * AT**2)) > 80 * 0.01
+    assert metric(family, family[12]).size(change) == pytest.approx(0, abs=1e-3)
+    ripple = 0.05 * np.cos(9 * AT)
+    seen = metric(family, family[12] + ripple).size(change + ripple)
+    line = AT + 0.6 * 6.0 * AT**2
+    assert seen == pytest.approx(5 * np.linalg.norm(beyond(np.cos(9 * AT), line)), rel=1e-2)
+
+
+def test_first_contacts_stand_for_an_effect_too():
+    touch = np.exp(-5 * AT)
+    given = replace(metric(force=5 * AT + 0.3 * touch), onsets=touch[:, None])
+    assert given.size(0.3 * touch) == pytest.approx(0, abs=1e-6)
 
 
 def test_a_second_effect_is_measured_beside_the_first():
-    at = metric().jacobian[:, 0]
-    first, second = np.cos(9 * at), np.sin(9 * at)
-    alone, _ = metric().shown(0.02 * first)
-    assert metric().beside(0.02 * first, 0.5 * first) == pytest.approx(0, abs=1e-6)
+    first, second = np.cos(9 * AT), np.sin(9 * AT)
+    recorded = metric(force=5 * AT + 0.02 * first)
+    assert recorded.size(0.02 * first, 0.5 * first) == pytest.approx(0, abs=1e-6)
     # Twice what the base model and the other one leave of it, at errors of half its size.
-    basis = np.linalg.qr(np.column_stack([at, second]))[0]
-    beyond = first - basis @ (basis.T @ first)
-    assert metric().beside(0.02 * first, 0.3 * second) == pytest.approx(2 * np.linalg.norm(beyond))
-    assert metric().beside(0.02 * first, 0.3 * second) < alone
+    beside = recorded.size(0.02 * first, 0.3 * second)
+    assert beside == pytest.approx(2 * np.linalg.norm(beyond(first, AT, second)))
+    assert beside < recorded.size(0.02 * first)
 
 
 def test_an_effect_is_measured_beside_the_nearest_mechanism_but_its_own():
-    across = 0.02 * np.cos(9 * metric().jacobian[:, 0])
-    by_each = [metric().beside(across, rival) for rival in metric().rivals]
+    across = 0.02 * np.cos(9 * AT)
+    recorded = metric(force=5 * AT + across)
+    by_each = [recorded.size(across, rival) for rival in recorded.rivals]
     assert by_each[1] < 0.5 * by_each[0]
-    assert metric().told_apart(across, ["c"]) == by_each[1]
-    assert metric().told_apart(across, ["b"]) == by_each[0]
-    assert np.isnan(metric().told_apart(across, ["a", "b"]))
+    assert recorded.told_apart(across, ["c"]) == by_each[1]
+    assert recorded.told_apart(across, ["b"]) == by_each[0]
+    assert np.isnan(recorded.told_apart(across, ["a", "b"]))
 
 
 def scored(number, names, *models, kind="single", twin_of=None, size=9.0, sure=0.95, **changed):

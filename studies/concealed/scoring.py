@@ -13,8 +13,9 @@ from legfem.common.errors import InputError
 from legfem.diagnose.run import Diagnoser
 from studies.concealed.cases import SealedCase
 from studies.concealed.making import change_at
+from studies.concealed.metric import Metric
 from studies.concealed.reliability import Explained
-from studies.concealed.running import Metric, asked, case_folders, diagnoses, metric_file
+from studies.concealed.running import asked, case_folders, diagnoses, metric_file
 from studies.concealed.seal import read_sealed
 
 VISIBLE = 4.0
@@ -37,7 +38,7 @@ class Scored:
     explanations: tuple[Explained, ...]
     """The most probable first."""
     size: float
-    """Of the concealed effects over all errors; see `Metric.shown`."""
+    """Of the concealed effects over all errors; see `Metric.size`."""
     share: float
     """Greatest change by the effects, over the greatest force."""
     located: tuple[int, int, int]
@@ -55,7 +56,7 @@ class Scored:
     said: tuple[Explained, ...]
     """What the report says, the most probable first; without names, that nothing shows."""
     parts: tuple[tuple[str, float], ...] = ()
-    """Of two effects: each one's name and size beside the other; see `Metric.beside`."""
+    """Of two effects: each one's name, and its size beside the other; see `Metric.size`."""
     apart: float = float("nan")
     """Size beside the nearest mechanism but its own; see `Metric.told_apart`."""
 
@@ -171,8 +172,8 @@ def score_cases(out: Path, seed: int, diagnoser: Diagnoser) -> list[Scored]:
 def _scored(found: dict[str, Any], key: dict[str, Any], metric: Metric) -> Scored:
     case = SealedCase.of(key["case"])
     change = change_at(key, metric.trial, metric.time)
-    size, rest = metric.shown(change)
-    wrong = np.abs(rest) > metric.trial_sd
+    size = metric.size(change)
+    wrong = np.abs(metric.shown(change)) > metric.trial_sd
     before, after = (found[f"parameters_{when}"]["c10_deep"] for when in ("before", "after"))
     low, high = after["ci95"]
     return Scored(
@@ -203,14 +204,9 @@ def _scored(found: dict[str, Any], key: dict[str, Any], metric: Metric) -> Score
 
 def _parts(key: Mapping[str, Any], metric: Metric) -> tuple[tuple[str, float], ...]:
     """Return the sizes of two effects, each beside the other."""
-    changes = {
-        name: change_at(key, metric.trial, metric.time, name) for name in key["part_change_N"]
-    }
-    return tuple(
-        (name, metric.beside(change, other))
-        for name, change in changes.items()
-        for other in [changes[second] for second in changes if second != name]
-    )
+    both = change_at(key, metric.trial, metric.time)
+    parts = {name: change_at(key, metric.trial, metric.time, name) for name in key["part_change_N"]}
+    return tuple((name, metric.size(both, both - part)) for name, part in parts.items())
 
 
 def _overlap(said: Any, true: Any) -> tuple[int, int, int]:
