@@ -105,3 +105,12 @@ def test_other_rates_depths_or_phases_are_other_programmes():
         Protocol.cycle(15.0, 0.5, 20.0), Protocol.cycle(15.0, 0.5, 30.0),
     ]  # fmt: skip
     assert len(observed(*given).protocols) == 5
+
+
+@pytest.mark.parametrize("depths", [(15.0, 15.7, 15.3), (15.0, 15.3, 15.7), (15.3, 15.7, 15.0)])
+def test_a_trial_between_two_makes_them_one_programme(depths):
+    """Two programmes by their ends alone: with the third they had the same stations twice."""
+    found = observed(*(Protocol.cycle(depth, 0.5, 20.0) for depth in depths))
+    assert len(found.protocols) == 1 and found.repeats == 3
+    apart = observed(*(Protocol.cycle(depth, 0.5, 20.0) for depth in (15.0, 15.7)))
+    assert len(apart.protocols) == 2

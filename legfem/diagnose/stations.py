@@ -60,16 +60,16 @@ class Stations:
 
 
 def group_trials(trials: Sequence[Trial]) -> list[list[int]]:
-    """Return the trials' numbers, those driven alike together."""
+    """Return the trials' numbers, those driven alike together.
+
+    A third trial that lies between two joins them: apart, both may have the same stations.
+    """
     groups: list[list[int]] = []
     for k, trial in enumerate(trials):
-        for group in groups:
-            if _alike(trials[group[0]], trial):
-                group.append(k)
-                break
-        else:
-            groups.append([k])
-    return groups
+        mine = [group for group in groups if any(_alike(trials[j], trial) for j in group)]
+        groups = [group for group in groups if group not in mine]
+        groups.append(sorted([k, *(j for group in mine for j in group)]))
+    return sorted(groups)
 
 
 def _alike(a: Trial, b: Trial) -> bool:
