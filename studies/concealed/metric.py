@@ -93,9 +93,7 @@ class Metric:
         beside
             (n,), N, each: what else may stand for it, however strong.
         """
-        without, _ = self._nearest(self.force - change)
-        _, left = self._nearest(without + change, *beside)
-        return left
+        return self._nearest(self._shown_by_a_leg(change), *beside)[1]
 
     def told_apart(self, change: FloatArray, names: Collection[str]) -> float:
         """Return an effect's size beside the nearest mechanism but its own.
@@ -105,7 +103,12 @@ class Metric:
         """
         pairs = zip(self.rivals, self.rival_names, strict=True)
         others = [rival for rival, name in pairs if name not in names]
-        return min((self.size(change, other) for other in others), default=float("nan"))
+        force = self._shown_by_a_leg(change)
+        return min((self._nearest(force, other)[1] for other in others), default=float("nan"))
+
+    def _shown_by_a_leg(self, change: FloatArray) -> FloatArray:
+        """Return the force (n,), N, of the base model's leg with a change."""
+        return self._nearest(self.force - change)[0] + change
 
     def shown(self, change: FloatArray) -> FloatArray:
         """Return what the base model as it is shown leaves of a change (n,), N."""
@@ -167,7 +170,7 @@ def _off(basis: FloatArray, values: FloatArray) -> FloatArray:
 def _family(base: Explanation) -> FloatArray:
     """Return the base model's forces over its stiffness; see `Metric.family`."""
     fitted, predictor = base.fit, base.problem.predictor
-    sought = [p for p in fitted.parameters if p.name in _STIFFNESSES]
+    sought = [p for p in fitted.parameters if p.name in fitted.stiffness]
     axes = [_steps(p, fitted.values[p.name]) for p in sought]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     names = [p.name for p in sought]
