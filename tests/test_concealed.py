@@ -11,7 +11,7 @@ import pytest
 from legfem.common.errors import InputError
 from legfem.correction.choice import REFERENCE
 from legfem.correction.tabulated import read_correction
-from legfem.diagnose.explain import PRIOR_NONE, PRIOR_SINGLE
+from legfem.diagnose.weighing import PRIOR_NONE, PRIOR_SINGLE
 from legfem.subjects.loading import SUBJECTS, load_subject
 from studies.concealed.cases import DEPTH_MM, SealedCase, make_cases
 from studies.concealed.forms import FORMS, NAMED, ON_COURSE, OUTSIDE, OUTSIDE_ON_COURSE, Pressed

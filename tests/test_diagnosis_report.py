@@ -14,7 +14,6 @@ from matplotlib.colors import to_hex
 from matplotlib.image import imread
 
 from legfem.diagnose.document import document
-from legfem.diagnose.doubts import doubts_of
 from legfem.diagnose.sentences import next_experiments, percent, verdict_sentence
 from legfem.diagnose.windows import runs
 from legfem.report import diagnosis as report
@@ -102,19 +101,6 @@ def test_page_of_a_name_gives_its_size_its_evidence_and_the_stiffness_before_and
     assert "over all explanations" in text
     confirmed = replace(named, models=(replace(model, confirmed=True),))
     assert "NOT confirmed" not in text_of(confirmed, subject)
-
-
-def test_a_stiffness_that_few_people_have_is_doubted_with_the_unit_that_explains_it(found, subject):
-    usual = found["consistent"]
-    assert not doubts_of(usual, subject)
-
-    base = usual.base
-    k, mean = base.fit.free.index("C10"), base.posterior.mean.copy()
-    mean[k] = base.fit.parameters[k].prior.departure(9.0)
-    stiff = replace(base, posterior=replace(base.posterior, mean=mean), probability=1.0)
-    explained = replace(usual.explained, every=(stiff,), base=stiff)
-    told = [str(doubt) for doubt in doubts_of(replace(usual, explained=explained), subject)]
-    assert len(told) == 1 and "stiffer than in 99 of 100 people" in told[0]
 
 
 def test_ambiguous_page_prefers_no_candidate(found, subject):

@@ -20,14 +20,7 @@ from scipy.stats import norm
 
 from legfem.diagnose import explain as explain_module
 from legfem.diagnose.averaged import averaged_interval
-from legfem.diagnose.explain import (
-    CONFIRMED_FROM,
-    PRIOR_NONE,
-    PRIOR_PAIR,
-    PRIOR_SINGLE,
-    PRIOR_UNKNOWN,
-    explain,
-)
+from legfem.diagnose.explain import CONFIRMED_FROM, explain
 from legfem.diagnose.explanation import HELD, Explained
 from legfem.diagnose.fit import Fit, Problem, fit
 from legfem.diagnose.mechanisms import mechanism_named
@@ -39,6 +32,7 @@ from legfem.diagnose.nuisances import (
 from legfem.diagnose.strength import gained_by_width
 from legfem.diagnose.touch import posterior_of
 from legfem.diagnose.unknown import unknown_errors
+from legfem.diagnose.weighing import PRIOR_NONE, PRIOR_PAIR, PRIOR_SINGLE, PRIOR_UNKNOWN
 from legfem.inference.errors import error_model
 from legfem.inference.evidence import Evidence
 

@@ -1,8 +1,9 @@
 r"""How probable each explanation of the recordings is.
 
 An explanation is nothing, one mechanism, two, or something unknown. Its weight is its prior times
-the evidence (`legfem.inference.evidence`). Beside a mechanism something unknown may be left: then
-it is named in part. Leading explanations are refitted about full finite-element solutions.
+the evidence (`legfem.diagnose.weighing`, `legfem.inference.evidence`). Beside a mechanism something
+unknown may be left: then it is named in part. Leading explanations are refitted about full
+finite-element solutions.
 """
 
 from __future__ import annotations
@@ -26,12 +27,10 @@ from legfem.diagnose.mechanisms import Mechanism
 from legfem.diagnose.strength import gained_by_width, integrated
 from legfem.diagnose.touch import posterior_of
 from legfem.diagnose.unknown import unknown_errors, with_unknown
-from legfem.inference.evidence import Evidence, Unknown, probabilities
+from legfem.diagnose.weighing import PRIOR_NONE, PRIOR_UNKNOWN, Priors, weighed
+from legfem.inference.evidence import Evidence, Unknown
 from legfem.inference.posterior import Posterior
 
-PRIOR_NONE, PRIOR_SINGLE, PRIOR_PAIR, PRIOR_UNKNOWN = 0.37, 0.37, 0.18, 0.08
-"""Of all explanations of a kind together: one effect is expected in a test, by Poisson's
-distribution none, one or two; what is left is more than two, or what no mechanism describes."""
 INEXACT_SHARE = 0.4
 """Of what shows of a mechanism, what its form may leave at most."""
 CONFIRMED_FROM, CONFIRMED_MOST = 0.02, 5
@@ -68,26 +67,26 @@ def explain(
     evidence = Evidence(problem.errors, unknowns)
     found = [_base(problem, base, evidence, unknowns, False)]
     found.append(_base(problem, base, evidence, unknowns, True))
-    each = np.log(PRIOR_SINGLE / max(len(mechanisms), 1))
+    priors = Priors.among(mechanisms)
     singles = [
         _explanation(
-            problem, fit(problem, [m], start or base.values), base, evidence, unknowns, each
+            problem, fit(problem, [m], start or base.values), base, evidence, unknowns,
+            priors.log_of(m.name),
         )
         for m in mechanisms
-    ]
+    ]  # fmt: skip
     singles.sort(key=lambda e: -e.log_weight)
     found += singles
-    count = len(mechanisms) * (len(mechanisms) - 1) / 2
     pairs = _pairs(singles) if _open(found) else []
     while True:
         found += [
             _explanation(
                 one.problem, _joint(one.problem, one, other), base, evidence, unknowns,
-                float(np.log(PRIOR_PAIR / count)),
+                priors.log_of(*one.names, *other.names),
             )
             for one, other in pairs
         ]  # fmt: skip
-        found = _weighed(found)
+        found = weighed(found)
         if confirm is not None:
             found = _confirmed(found, base, evidence, unknowns, confirm)
         pairs = _untried(found)
@@ -102,13 +101,7 @@ def _nothing(found: Sequence[Explanation]) -> Explanation:
 
 def _open(found: Sequence[Explanation]) -> bool:
     """Tell whether pairs may matter: nothing alone isn't what most probably describes the data."""
-    return not _weighed(found)[0].nothing
-
-
-def _weighed(found: Sequence[Explanation]) -> list[Explanation]:
-    shares = probabilities([e.log_weight for e in found])
-    weighed = [replace(e, probability=float(p)) for e, p in zip(found, shares, strict=True)]
-    return sorted(weighed, key=lambda e: -e.probability)
+    return not weighed(found)[0].nothing
 
 
 def _base(
@@ -186,7 +179,7 @@ def _integrated(
                 partial(posterior_of, evidence, observed=observed, shares=one.shares),
             )  # fmt: skip
             found[found.index(one)] = replace(one, posterior=posterior, whole=True)
-        found = _weighed(found)
+        found = weighed(found)
     return found
 
 
@@ -283,7 +276,7 @@ def _confirmed(
                     shifted, about, base, evidence, unknowns, pair.log_prior
                 )
             found[found.index(one)] = again if made else _as_confirmed(one)
-        found = _weighed(found)
+        found = weighed(found)
     return found
 
 

@@ -85,6 +85,8 @@ class Mechanism:
     """Each with a prior."""
     next_experiment: ClassVar[str]
     """The measurement that would settle it."""
+    expected: ClassVar[float] = 1.0
+    """How often it is there, over the other mechanisms, before anything was recorded."""
 
     def untestable(self, observed: Observations) -> str | None:
         """Return why such recordings can't show it, or None."""

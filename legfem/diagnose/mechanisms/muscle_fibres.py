@@ -48,6 +48,9 @@ class MuscleFibres(Mechanism):
         "shear-wave elastography along its fibres and across"
     )
 
+    expected: ClassVar[float] = 5.0
+    """All skeletal muscle is fibrous; its part that presses on a cylinder may lie otherwise."""
+
     def starts(self, observed: Observations) -> tuple[Values, ...]:
         """Return fibres of usual ratios."""
         others = {one.name: null_of(one) for one in self.parameters[1:]}
