@@ -19,7 +19,6 @@ from legfem.common.units import FloatArray
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.mechanisms import Stiffness, TissueMechanism, Values
 from legfem.diagnose.mechanisms.base import null_of, prior_of
-from legfem.diagnose.mechanisms.contact_slip import ContactSlip
 from legfem.diagnose.mechanisms.end_effects import EndEffects
 from legfem.diagnose.nuisances import Nuisances
 from legfem.diagnose.observations import Observations
@@ -100,12 +99,11 @@ class Library:
             return end_effect(self.correction, values, at, observed)
         if not mechanism.along_path:
             table = self.changes[mechanism.name, ""]
-            if isinstance(mechanism, ContactSlip):
-                change = values["slip"] * np.expm1(table(at[0])[0])
-            elif mechanism.derivatives:
+            if mechanism.derivatives:
                 change = mechanism.shares(values) @ table(at[0])
             else:
-                change = np.expm1(self._at_strength(mechanism, "", values, at[0]))
+                whole = np.expm1(self._at_strength(mechanism, "", values, at[0]))
+                change = mechanism.share(values) * whole
             return np.asarray(self._to_stations(observed) @ change)
         keys = [s.key for s in observed.protocols]
         if mechanism.derivatives:
@@ -127,7 +125,7 @@ class Library:
                 PchipInterpolator(nodes[order], np.vstack([np.zeros(row.shape[1]), row])[order])
                 for row in table.values
             ]
-        curves, at = self._curves[place], prior.departure(values[first.name])
+        curves, at = self._curves[place], prior.departure(mechanism.tabulated(values))
         inside = float(np.clip(at, curves[0].x[0], curves[0].x[-1]))
         found = table.between(c10, [curve(inside) for curve in curves])
         return np.asarray(found * (at / inside) if inside not in (at, 0.0) else found)

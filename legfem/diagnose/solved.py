@@ -19,7 +19,6 @@ from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.mechanisms import Solution, Stiffness, TissueMechanism, Values
 from legfem.diagnose.mechanisms.base import null_of
-from legfem.diagnose.mechanisms.contact_slip import ContactSlip
 from legfem.diagnose.mechanisms.end_effects import EndEffects
 from legfem.diagnose.models import Models
 from legfem.diagnose.observations import Observations
@@ -162,15 +161,14 @@ class SolvedResponses:
             return end_effect(self.correction, values, at, observed)
         solution = mechanism.solution(values)
         if not mechanism.along_path:
-            change = self.elastic_change(solution, at)
-            if isinstance(mechanism, ContactSlip):
-                change = values["slip"] * change
+            change = mechanism.share(values) * self.elastic_change(solution, at)
             return _at_displacement(self.grid, change, observed.displacement, level=True)
         return observed.spread([self.path_change(solution, s, at) for s in observed.protocols])
 
     def elastic_change(self, solution: Solution, stiffness: Stiffness) -> FloatArray:
         """Return the relative change of the elastic force at the grid."""
-        before = np.maximum(self.ramp(stiffness, Solution(solution.null)), _SMALLEST_FORCE_N)
+        null = self.ramp(stiffness, Solution(solution.null))
+        before = np.maximum(_in_series(self.grid, null, solution.null_in_series), _SMALLEST_FORCE_N)
         return self.ramp(stiffness, solution) / before - 1.0
 
     def path_change(
@@ -273,6 +271,14 @@ def end_effect(
         if mode in correction.errors:
             P = P + values[name] * np.interp(d, correction.displacement, correction.errors[mode])
     return np.asarray(-values["scale"] * P)
+
+
+def _in_series(grid: FloatArray, force: FloatArray, compliance: float) -> FloatArray:
+    """Return the force (N) at displacements (mm) where springs (mm/N) are in series."""
+    if compliance <= 0.0 or np.isnan(force).any():
+        return force
+    whole = np.concatenate([[0.0], force])
+    return np.asarray(CubicSpline(np.concatenate([[0.0], grid]) + compliance * whole, whole)(grid))
 
 
 def _at_displacement(

@@ -36,6 +36,7 @@ from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.model import Formulation, LegModel, Term
 from legfem.meshing.motion import MeshMotion
 from legfem.meshing.section import (
+    BONE_REGIONS,
     REGIONS,
     SKIN,
     SectionMesh,
@@ -73,6 +74,8 @@ class PlaneStrainSettings:
     drained_skin: bool = False
     """Whether the fat's fluid can leave through the skin, in a porous form."""
     quadrature_degree: int = 4
+    bones_give_way: bool = False
+    """Whether bones are bodies, each with a term `BoneSprings`, in place of held outlines."""
     defences: bool = True
     """Whether a jump to another equilibrium, more points of integration, a form without pressures,
     a softer contact and then a finer mesh are tried when a solution stops short."""
@@ -148,7 +151,7 @@ class PlaneStrainIndentation(PressingTest):
         indenter = self.indenter
         meshed = mesh_section(
             self.section, indenter.radius, indenter.aim, indenter.direction,
-            self.settings.mesh, self.comm,
+            self.settings.mesh, self.comm, self.settings.bones_give_way,
         )  # fmt: skip
         if self.moved is None:
             return meshed
@@ -257,12 +260,14 @@ class PlaneStrainIndentation(PressingTest):
         return f"{text}; use less depth, or check how soft it is beside its neighbours"
 
     def _made(self) -> Pressing:
-        meshed = self.section_mesh
+        meshed, free = self.section_mesh, self.settings.bones_give_way
         spaces = build_spaces(
             meshed.mesh,
             meshed.cell_tags,
             meshed.facet_tags,
             self.settings.formulation,
+            regions={**REGIONS, **BONE_REGIONS} if free else REGIONS,
+            supports=() if free else None,
             drained=[SKIN] if self.settings.drained_skin else [],
         )
         degree = self.settings.quadrature_degree

@@ -142,6 +142,7 @@ def build_spaces(
         return np.asarray(fem.locate_dofs_topological(space.sub(1), mesh.topology.dim - 1, facets))
 
     found = [(support.tag, held(support)) for support in supports]
+    none = np.empty(0, dtype=np.int32)
     bone = [held for tag, held in found if tag == BONE]
     dropped = [] if formulation != "continuous" else _elsewhere(space, cell_tags, regions)
     return LegSpaces(
@@ -157,9 +158,9 @@ def build_spaces(
         dofs,
         displacement,
         np.unique(
-            np.concatenate([held for _, held in found] + [dry(tag) for tag in drained] + dropped)
+            np.concatenate([none, *(held for _, held in found), *map(dry, drained), *dropped])
         ),
-        np.unique(np.concatenate(bone)) if bone else np.empty(0, dtype=np.int32),
+        np.unique(np.concatenate([none, *bone])),
         regions,
         symmetry,
     )

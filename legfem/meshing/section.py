@@ -35,6 +35,8 @@ SKIN, BONE = 11, 12
 HULL = 16
 """Facets between deep and superficial tissue, where they meet without a layer between."""
 REGIONS = {"superficial": SUPERFICIAL, "fascia": FASCIA, "deep": DEEP}
+BONE_REGIONS = {"tibia": 4, "fibula": 5}
+"""Of meshes that have the bones' inside, too."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,7 @@ class SectionMesh:
     mesh: Any
     """`dolfinx.mesh.Mesh`, mm."""
     cell_tags: Any
-    """`SUPERFICIAL`, `FASCIA` or `DEEP` of every cell."""
+    """`SUPERFICIAL`, `FASCIA` or `DEEP` of every cell, or one of `BONE_REGIONS`."""
     facet_tags: Any
     """`SKIN` and `BONE`."""
     touch: FloatArray
@@ -94,6 +96,7 @@ def mesh_section(
     direction: FloatArray,
     settings: SectionMeshSettings | None = None,
     comm: MPI.Intracomm = MPI.COMM_SELF,
+    bones: bool = False,
 ) -> SectionMesh:
     """Mesh a section for an indenter of given radius on a given line of travel.
 
@@ -109,6 +112,8 @@ def mesh_section(
         Sizes; the default is the one whose error the convergence study states.
     comm
         Communicator of the mesh; gmsh runs on its rank 0.
+    bones
+        Whether the bones' inside is meshed, too.
 
     Raises
     ------
@@ -123,7 +128,7 @@ def mesh_section(
         quality = error = None
         if comm.rank == 0:
             try:
-                outline = _build(model, section, skin, cKDTree(reached), settings)
+                outline = _build(model, section, skin, cKDTree(reached), settings, bones)
                 quality = element_quality(model, REGIONS)
             except InputError as found:
                 error = found
@@ -239,6 +244,7 @@ def _build(
     skin: ClosedCurve,
     reached: cKDTree,
     settings: SectionMeshSettings,
+    bones: bool,
 ) -> FloatArray:
     """Draw and mesh the section in gmsh; return the skin's corners."""
     contact, growth = settings.contact_size, settings.growth
@@ -257,7 +263,7 @@ def _build(
     inner = outer + section.fascia_thickness * inward
     corners, _ = _place(skin, size)
     loops = {"skin": corners, "outer": outer, "inner": inner}
-    for bone in ("tibia", "fibula"):
+    for bone in BONE_REGIONS:
         curve = smooth_closed_curve(section.contour(bone))
         loops[bone], _ = _place(curve, bone_size(curve.length))
 
@@ -279,10 +285,13 @@ def _build(
     closed = {name: geometry.addCurveLoop(loop) for name, loop in lines.items()}
     fat = geometry.addPlaneSurface([closed["skin"], closed["outer"]])
     deep = geometry.addPlaneSurface([closed["inner"], closed["tibia"], closed["fibula"]])
+    insides = {n: geometry.addPlaneSurface([closed[n]]) for n in BONE_REGIONS} if bones else {}
     geometry.synchronize()
 
     for surfaces, tag in (([fat], SUPERFICIAL), (layer, FASCIA), ([deep], DEEP)):
         model.addPhysicalGroup(2, surfaces, tag)
+    for bone, surface in insides.items():
+        model.addPhysicalGroup(2, [surface], BONE_REGIONS[bone])
     model.addPhysicalGroup(1, lines["skin"], SKIN)
     model.addPhysicalGroup(1, lines["tibia"] + lines["fibula"], BONE)
 

@@ -14,6 +14,7 @@ from legfem.diagnose.mechanisms import Mechanism, TissueMechanism, mechanisms
 from legfem.diagnose.mechanisms.base import factor, prior_of
 from legfem.experiments.uniaxial import Bar
 from legfem.inference.parameter import Parameter
+from legfem.specimens.rig import RigCompliance
 from legfem.specimens.sizes import Sizes, bare, layered
 from legfem.specimens.slipping import slipping
 
@@ -37,10 +38,6 @@ _TOLD: Mapping[str, tuple[str, str]] = {
         "measure the specimen's girth under load, and how its volume changes",
     ),
     "contact-slip": _FACES[1:],
-    "support-compliance": (
-        "the rig or the base gave way with the force",
-        "press a rigid block on the same rig, and subtract what that yields",
-    ),
     "contact-onset": (
         "the displacement was not counted from first contact",
         "start the recording in air, 2 mm before contact, so that first contact can be seen",
@@ -114,7 +111,7 @@ class Scale:
         depth, force = self.depth / _LEG_MM, self.force / _LEG_N
         return {
             "strain-stiffening": self.c10,
-            "support-compliance": depth / force,
+            RigCompliance.name: depth / force,
             "contact-onset": depth,
             "force-drift": _RIG * force * _LEG_S / self.duration,
         }
@@ -132,7 +129,8 @@ def mechanisms_of(sizes: Sizes, scale: Scale) -> tuple[list[Mechanism], dict[str
     """
     able: list[Mechanism] = []
     unable: dict[str, str] = {}
-    for mechanism in mechanisms():
+    for known in mechanisms():
+        mechanism = RigCompliance() if known.name == RigCompliance.name else known
         why = _NONE.get(mechanism.name)
         if layered(sizes) is not None:
             why = _OF_LAYERS.get(mechanism.name, why)

@@ -18,7 +18,6 @@ from legfem.diagnose.mechanisms import Mechanism
 from legfem.diagnose.mechanisms.contact_onset import ContactOnset
 from legfem.diagnose.mechanisms.force_drift import ForceDrift
 from legfem.diagnose.mechanisms.strain_stiffening import StrainStiffening
-from legfem.diagnose.mechanisms.support_compliance import SupportCompliance
 from legfem.diagnose.mechanisms.viscoelasticity import Viscoelasticity
 from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.predict import Predictor
@@ -28,6 +27,7 @@ from legfem.inference.trial_noise import estimate_noise
 from legfem.recording import Instrument, Recording
 from legfem.recording.contact import find_first_contact
 from legfem.recording.smoothing import sample_noise
+from legfem.specimens.rig import RigCompliance
 from studies.recordings.curves import DEEPEST, LayerCurves
 from studies.recordings.data import MeatTest
 from studies.recordings.drop import Drop, ForceDrop, find_drops
@@ -200,7 +200,7 @@ def candidates(observed: Observations, drops: Sequence[Drop] = ()) -> list[Mecha
         Viscoelasticity(),
         StrainStiffening(),
         ContactOnset(),
-        SupportCompliance(),
+        RigCompliance(),
         ForceDrift(),
         *(ForceDrop(0.5 * (drop.start_mm + drop.end_mm) - contact) for drop in drops[:1]),
     ]

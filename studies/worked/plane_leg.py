@@ -8,15 +8,18 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
+
 from legfem.common.progress import Progress
 from legfem.correction.tabulated import TabulatedCorrection
-from legfem.diagnose.library import Library
+from legfem.diagnose.library import Library, Table
 from legfem.diagnose.library_build import build_library, shown_mechanisms
 from legfem.diagnose.mechanisms import Mechanism, TissueMechanism
 from legfem.diagnose.mechanisms.base import Solution
 from legfem.diagnose.mechanisms.compressibility import Compressibility
 from legfem.diagnose.mechanisms.end_effects import EndEffects
 from legfem.diagnose.mechanisms.strain_stiffening import StrainStiffening
+from legfem.diagnose.mechanisms.support_compliance import SupportCompliance
 from legfem.diagnose.nuisances import MATERIAL_LOG_SD, Displaced
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses
@@ -132,7 +135,8 @@ def offered(
 ) -> tuple[list[Mechanism], dict[str, str]]:
     """Return the mechanisms that are tabulated, and those that this model can't be given.
 
-    A neo-Hookean base model's strain stiffening is its C20, which the elastic table has.
+    A neo-Hookean base model's strain stiffening is its C20, which the elastic table has; a support
+    that gives way needs no table where there is one bone.
     """
     able, _ = shown_mechanisms(observed, correction)
     missing = {m.name: NOT_OFFERED[m.name] for m in able if m.name in NOT_OFFERED}
@@ -141,7 +145,7 @@ def offered(
         m.name
         for m in able
         if isinstance(m, TissueMechanism)
-        and not isinstance(m, Compressibility | EndEffects | StrainStiffening)
+        and not isinstance(m, Compressibility | EndEffects | StrainStiffening | SupportCompliance)
         and m.name not in missing
     ]
     return list(tabulated), missing | dict.fromkeys(unknown, "this base model knows no time")
@@ -157,4 +161,10 @@ def plane_library(
     """Return the base model's library for recordings."""
     tabulated, missing = offered(observed, correction)
     library = build_library(solved, solved, observed, tabulated, correction, jobs, progress)
-    return replace(library, missing={**library.missing, **missing})
+    # One bone gives way as a frame does.
+    alike = Table(np.zeros(1), np.zeros((1, len(SupportCompliance.strengths), len(solved.grid))))
+    return replace(
+        library,
+        changes={**library.changes, (SupportCompliance.name, ""): alike},
+        missing={**library.missing, **missing},
+    )

@@ -167,6 +167,8 @@ class Solution:
     """Of the indenter's travel."""
     null: str = "elastic"
     """The variant without the mechanism that it is compared with: its own error cancels."""
+    null_in_series: float = 0.0
+    """Compliance (mm/N) of springs that this one is in series with."""
 
 
 @dataclass(frozen=True)
@@ -183,6 +185,8 @@ class TissueMechanism(Mechanism):
     """Factor on the contact's stiffness in that variant, and in its `null_variant`, ..."""
     contact_onset: ClassVar[float | None] = None
     """... and the gap (mm) at which its pressure starts there, where it isn't the base model's."""
+    bones_give_way: ClassVar[bool] = False
+    """Whether its variant has bones that aren't held."""
     null_variant: ClassVar[str] = "elastic"
     """The one that its solution is compared with."""
     along_path: ClassVar[bool] = False
@@ -198,6 +202,14 @@ class TissueMechanism(Mechanism):
         `shares`.
         """
         return ()
+
+    def tabulated(self, values: Values) -> float:
+        """Return the strength at which the response is looked up, and ..."""
+        return values[self.parameters[0].name]
+
+    def share(self, values: Values) -> float:
+        """... return how much of that response there is."""
+        return 1.0
 
     def shares(self, values: Values) -> FloatArray:
         """Return what each of the derivatives is multiplied by (k,)."""

@@ -41,3 +41,11 @@ class ContactSlip(TissueMechanism):
     def solution(self, values: Values) -> Solution:
         """Return the model without friction; only a whole slip is solved."""
         return Solution(self.variant, null=self.null_variant)
+
+    def tabulated(self, values: Values) -> float:
+        """Return a whole slip."""
+        return self.strengths[0]
+
+    def share(self, values: Values) -> float:
+        """Return the share of the way to sliding."""
+        return values["slip"]

@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.mechanisms.base import Mechanism, Values, strength
+from legfem.diagnose.mechanisms.base import PressedLeg, Solution, TissueMechanism, Values, strength
 from legfem.diagnose.observations import Observations
-from legfem.inference.parameter import Parameter
+from legfem.geometry.section import BONES
+from legfem.inference.parameter import Parameter, Prior
+
+_STIFFEST = 1e5
+"""N/mm: of springs by which bones are as good as held."""
 
 
 @dataclass(frozen=True)
-class SupportCompliance(Mechanism):
-    r"""Springs in series: :math:`d_{tissue} = d - c F`.
+class SupportCompliance(TissueMechanism):
+    r"""Springs in series with the whole leg, or tibia and fibula each on springs of their own.
 
-    Bones on springs that let the skeleton move along the travel are the same thing as a compliant
-    rig: a rigid translation of leg and cylinder together.
+    In series :math:`d_{tissue} = d - c F`: a rig that gives way is the same as a rigid translation
+    of leg and skeleton together. On springs of :math:`1 / (2 c)` each, in two directions, the bones
+    would move by :math:`c F` together if both bore the same, and they don't. The force is taken in
+    proportion between the two, by a share at the bones.
     """
 
     name: ClassVar[str] = "support-compliance"
@@ -25,13 +32,52 @@ class SupportCompliance(Mechanism):
     )
     parameters: ClassVar[tuple[Parameter, ...]] = (
         strength("compliance", "mm/N", "displacement per force", 0.2, (0.0, 2.0)),
-    )
+        Parameter(
+            "at_bones", "-", (0.0, 1.0), Prior(0.5, 0.5, "linear", "nothing is known"),
+            statement="from a frame that gives way to bones that do, each by itself",
+        ),
+    )  # fmt: skip
     next_experiment: ClassVar[str] = (
         "measure the shin's displacement during the test, or press a rigid block on the same rig"
     )
+    variant: ClassVar[str] = "bones on springs"
+    null_variant: ClassVar[str] = variant
+    bones_give_way: ClassVar[bool] = True
+    strengths: ClassVar[tuple[float, ...]] = (0.1, 0.3, 0.8, 2.0)
+
+    def starts(self, observed: Observations) -> tuple[Values, ...]:
+        """Return a usual compliance at the bones and in the frame, and a great one."""
+        return (
+            {"compliance": 0.1, "at_bones": 1.0},
+            {"compliance": 0.1, "at_bones": 0.0},
+            {"compliance": 0.6, "at_bones": 0.5},
+        )
 
     def displacement_loss(
         self, values: Values, observed: Observations, force: FloatArray
     ) -> FloatArray:
-        """Return what the springs take up."""
+        """Return what the springs take up, were they in series."""
         return values["compliance"] * force
+
+    def share(self, values: Values) -> float:
+        """Return how much of what bones do otherwise than a frame there is."""
+        return values["at_bones"]
+
+    def terms(self, leg: PressedLeg) -> Sequence[Any]:
+        """Return the bones' springs."""
+        from legfem.mechanics.terms import BoneSprings
+
+        section, length = leg.section, leg.indenter.length
+        return [BoneSprings(bone, section.polygon(bone).area, length) for bone in BONES]
+
+    def solution(self, values: Values) -> Solution:
+        """Return the model with its bones on springs, beside the leg in series with such springs.
+
+        Without compliance the two are one.
+        """
+        compliance = values["compliance"]
+        if compliance <= 0.0:
+            return Solution(self.variant, null=self.null_variant)
+        names = [f"{bone}.springs.{axis}" for bone in BONES for axis in "xy"]
+        springs = dict.fromkeys(names, min(0.5 / compliance, _STIFFEST))
+        return Solution(self.variant, springs, null=self.null_variant, null_in_series=compliance)

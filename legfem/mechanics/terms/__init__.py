@@ -5,6 +5,7 @@ Parameters are named ``<where>.<field>`` for what every leg has (``deep.C10``,
 (``deep.viscoelasticity.ratio``). A mechanism vanishes at its strength's null, the default.
 """
 
+from legfem.mechanics.terms.bone_springs import BoneSprings
 from legfem.mechanics.terms.contraction import Contraction
 from legfem.mechanics.terms.drainage import Drainage
 from legfem.mechanics.terms.fascia import Fascia
@@ -21,6 +22,7 @@ from legfem.mechanics.terms.viscoelasticity import Viscoelasticity
 from legfem.mechanics.terms.volume_loss import VolumeLoss
 
 __all__ = [
+    "BoneSprings",
     "Contraction",
     "Drainage",
     "Fascia",

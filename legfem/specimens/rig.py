@@ -1,0 +1,30 @@
+"""The rig under a specimen gives way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from legfem.common.units import FloatArray
+from legfem.diagnose.mechanisms import Mechanism, Values
+from legfem.diagnose.mechanisms.support_compliance import SupportCompliance
+from legfem.diagnose.observations import Observations
+from legfem.inference.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class RigCompliance(Mechanism):
+    r"""Springs in series: :math:`d_{tissue} = d - c F`; a specimen has no bones."""
+
+    name: ClassVar[str] = SupportCompliance.name
+    statement: ClassVar[str] = "the rig or the base gave way with the force"
+    parameters: ClassVar[tuple[Parameter, ...]] = SupportCompliance.parameters[:1]
+    next_experiment: ClassVar[str] = (
+        "press a rigid block on the same rig, and subtract what that yields"
+    )
+
+    def displacement_loss(
+        self, values: Values, observed: Observations, force: FloatArray
+    ) -> FloatArray:
+        """Return what the rig takes up."""
+        return values["compliance"] * force
