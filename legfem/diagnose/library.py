@@ -50,6 +50,11 @@ class Table:
         return np.asarray((1 - share) * rows[0] + share * rows[-1])
 
 
+def unchanged(mechanism: TissueMechanism, grid: FloatArray) -> Table:
+    """Return the table of a mechanism whose response changes no force."""
+    return Table(np.zeros(1), np.zeros((1, len(mechanism.strengths), len(grid))))
+
+
 @dataclass(frozen=True, eq=False)
 class Library:
     """Responses from tables; see `Responses` for the methods' meaning."""

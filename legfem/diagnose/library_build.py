@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.correction.tabulated import TabulatedCorrection
-from legfem.diagnose.library import Library, Table, coordinates
+from legfem.diagnose.library import Library, Table, coordinates, unchanged
 from legfem.diagnose.library_tasks import Task, outcomes_of, tasks_for
 from legfem.diagnose.mechanisms import Mechanism, TissueMechanism, mechanisms
 from legfem.diagnose.mechanisms.end_effects import EndEffects
@@ -175,6 +175,8 @@ def _assembled(
     for m in tissue:
         for key in [s.key for s in observed.protocols] if m.along_path else [""]:
             table = _table(m, key, tasks, outcomes)
+            if table is None and m.does_without:
+                table = unchanged(m, solved.grid)
             if table is None:
                 missing[m.name] = "its solutions did not follow the protocol to the end"
             else:

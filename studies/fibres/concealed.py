@@ -28,7 +28,7 @@ from legfem.solve.force_curve import ForceCurve
 from legfem.study.correction.cases import CorrectionCase, Material
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
 from studies.worked.ends import DEPTH_MM, PLANE, RATE_MM_PER_S, TRIALS
-from studies.worked.plane_leg import plane_library, plane_responses
+from studies.worked.plane_leg import MECHANISMS, plane_library, plane_responses
 
 MESH = LegMeshSettings(contact_size=4.5, depth_size=9, edge_size=5, growth=0.45, far_size=24)
 SEED, GAIN_SD, AIR_MM = 2026, 0.01, 2.0
@@ -96,6 +96,7 @@ def diagnosed(
         ends: diagnose(
             observed, INSTRUMENT, "neo-hookean", tables, solved, Silent(),
             ends=correction if ends else None, ruled_out=with_ends if ends else None,
+            every=MECHANISMS,
         )
         for ends in (True, False)
     }  # fmt: skip

@@ -23,7 +23,7 @@ from legfem.study.correction.cases import CorrectionCase, Material
 from legfem.subjects.subject import Origin
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
 from studies.worked.example import ExampleRow, WorkedTruth, diagnosed
-from studies.worked.plane_leg import plane_library, plane_responses
+from studies.worked.plane_leg import MECHANISMS, plane_library, plane_responses
 
 C10_KPA = 1.4
 DEPTH_MM, RATE_MM_PER_S, TRIALS, NOISE_SEED = 19.0, 0.4, 3, 2027
@@ -107,6 +107,8 @@ def run_ends(
         "end effects, three slow loadings",
         TRUTH,
         Leg(),
-        lambda: diagnose(observed, INSTRUMENT, "neo-hookean", tables, solved, progress),
+        lambda: diagnose(
+            observed, INSTRUMENT, "neo-hookean", tables, solved, progress, every=MECHANISMS
+        ),
         out,
     )

@@ -8,18 +8,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-import numpy as np
-
 from legfem.common.progress import Progress
 from legfem.correction.tabulated import TabulatedCorrection
-from legfem.diagnose.library import Library, Table
+from legfem.diagnose.library import Library
 from legfem.diagnose.library_build import build_library, shown_mechanisms
-from legfem.diagnose.mechanisms import Mechanism, TissueMechanism
+from legfem.diagnose.mechanisms import Mechanism, TissueMechanism, mechanisms
 from legfem.diagnose.mechanisms.base import Solution
 from legfem.diagnose.mechanisms.compressibility import Compressibility
 from legfem.diagnose.mechanisms.end_effects import EndEffects
 from legfem.diagnose.mechanisms.strain_stiffening import StrainStiffening
-from legfem.diagnose.mechanisms.support_compliance import SupportCompliance
 from legfem.diagnose.nuisances import MATERIAL_LOG_SD, Displaced
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses
@@ -27,6 +24,7 @@ from legfem.diagnose.variants import Stopped
 from legfem.experiments.indentation_3d import IdealisedLegIndentation
 from legfem.jobs.fingerprint import code_fingerprint
 from legfem.solve.protocol import Protocol
+from legfem.specimens.rig import RigCompliance
 from legfem.study.correction.cases import CorrectionCase
 
 if TYPE_CHECKING:
@@ -45,6 +43,8 @@ NOT_OFFERED: Mapping[str, str] = {
     "indenter-tilt": "the idealised leg is half a leg, mirrored: it can't be pressed askew",
 }
 """Mechanisms that this base model can't be given, and why."""
+MECHANISMS = tuple(RigCompliance() if m.name == RigCompliance.name else m for m in mechanisms())
+"""All that the diagnosis knows; one bone gives way as a rig does."""
 
 
 @dataclass(eq=False)
@@ -135,17 +135,16 @@ def offered(
 ) -> tuple[list[Mechanism], dict[str, str]]:
     """Return the mechanisms that are tabulated, and those that this model can't be given.
 
-    A neo-Hookean base model's strain stiffening is its C20, which the elastic table has; a support
-    that gives way needs no table where there is one bone.
+    A neo-Hookean base model's strain stiffening is its C20, which the elastic table has.
     """
-    able, _ = shown_mechanisms(observed, correction)
+    able, _ = shown_mechanisms(observed, correction, every=MECHANISMS)
     missing = {m.name: NOT_OFFERED[m.name] for m in able if m.name in NOT_OFFERED}
     tabulated = [m for m in able if isinstance(m, Compressibility)]
     unknown = [
         m.name
         for m in able
         if isinstance(m, TissueMechanism)
-        and not isinstance(m, Compressibility | EndEffects | StrainStiffening | SupportCompliance)
+        and not isinstance(m, Compressibility | EndEffects | StrainStiffening)
         and m.name not in missing
     ]
     return list(tabulated), missing | dict.fromkeys(unknown, "this base model knows no time")
@@ -161,10 +160,4 @@ def plane_library(
     """Return the base model's library for recordings."""
     tabulated, missing = offered(observed, correction)
     library = build_library(solved, solved, observed, tabulated, correction, jobs, progress)
-    # One bone gives way as a frame does.
-    alike = Table(np.zeros(1), np.zeros((1, len(SupportCompliance.strengths), len(solved.grid))))
-    return replace(
-        library,
-        changes={**library.changes, (SupportCompliance.name, ""): alike},
-        missing={**library.missing, **missing},
-    )
+    return replace(library, missing={**library.missing, **missing})

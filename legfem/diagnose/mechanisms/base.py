@@ -193,6 +193,8 @@ class TissueMechanism(Mechanism):
     """Whether the response depends on time or history, not on displacement alone."""
     strengths: ClassVar[tuple[float, ...]] = ()
     """Where the response is tabulated, beside the null."""
+    does_without: ClassVar[bool] = False
+    """Whether it acts in other ways, too, so that it stays where its solutions stop."""
 
     @property
     def derivatives(self) -> tuple[str, ...]:

@@ -43,7 +43,8 @@ class SupportCompliance(TissueMechanism):
     variant: ClassVar[str] = "bones on springs"
     null_variant: ClassVar[str] = variant
     bones_give_way: ClassVar[bool] = True
-    strengths: ClassVar[tuple[float, ...]] = (0.1, 0.3, 0.8, 2.0)
+    strengths: ClassVar[tuple[float, ...]] = (0.1, 0.4, 1.2)
+    does_without: ClassVar[bool] = True
 
     def starts(self, observed: Observations) -> tuple[Values, ...]:
         """Return a usual compliance at the bones and in the frame, and a great one."""

@@ -1,0 +1,99 @@
+"""A support that gives way: a frame in series, bones on springs, and what lies between."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from making_diagnosis import coarse_leg, observations, ramps
+
+from legfem.common.progress import Silent
+from legfem.diagnose.library_build import build_library, rounded
+from legfem.diagnose.library_tasks import CHANGES_AT
+from legfem.diagnose.mechanisms import mechanism_named
+from legfem.diagnose.predict import Predictor
+from legfem.diagnose.solved import SolvedResponses
+from legfem.diagnose.variants import Stopped, Variants
+from legfem.inference.constants import NUMERICAL_ERROR
+
+DEPTH = 6.0
+SOFT = (0.8, 0.9)
+"""C10 and C20, kPa."""
+SUPPORT = mechanism_named("support-compliance")
+
+
+@pytest.fixture(scope="module")
+def variants():
+    return coarse_leg()
+
+
+@pytest.fixture(scope="module")
+def solved(variants, tmp_path_factory):
+    return SolvedResponses(variants, DEPTH, tmp_path_factory.mktemp("support"), {"test": 1})
+
+
+@pytest.mark.slow
+def test_between_a_frame_and_bones_the_force_lies_between(solved):
+    """In series the force at a displacement is the held leg's where the springs have left it."""
+    observed, _ = observations(ramps(1))
+    within = observed.displacement < DEPTH - 0.2
+    predictor = Predictor(observed, solved, "reduced-polynomial")
+    compliance = 0.5
+    forces = {
+        share: predictor(
+            {"C10": SOFT[0], "C20": SOFT[1], "support-compliance.compliance": compliance,
+             "support-compliance.at_bones": share},
+            (SUPPORT,),
+        )[within]
+        for share in (0.0, 0.5, 1.0)
+    }  # fmt: skip
+    at, frame = observed.displacement[within], forces[0.0]
+    held = np.interp(at - compliance * frame, [0.0, *solved.grid], [0.0, *solved.curve(*SOFT)])
+    np.testing.assert_allclose(frame, held, rtol=0.01, atol=0.002)
+    np.testing.assert_allclose(forces[0.5], 0.5 * (frame + forces[1.0]), rtol=1e-9)
+    springs = {f"{bone}.springs.{axis}": 1.0 for bone in ("tibia", "fibula") for axis in "xy"}
+    deep = {"deep.C10": 1e-3 * SOFT[0], "deep.C20": 1e-3 * SOFT[1]}
+    bones = solved.variants.model(SUPPORT.variant).solve({**deep, **springs}, DEPTH).curve(at)
+    np.testing.assert_allclose(forces[1.0], bones, rtol=5e-3, atol=0.002)
+
+
+@pytest.mark.slow
+def test_without_compliance_nothing_changes(solved):
+    change = solved.elastic_change(SUPPORT.solution({"compliance": 0.0, "at_bones": 1.0}), SOFT)
+    np.testing.assert_array_equal(change, 0.0)
+
+
+@pytest.mark.slow
+def test_its_table_stands_in_for_solutions_between_the_strengths(solved):
+    observed, _ = observations(ramps(1))
+    library = build_library(
+        solved, solved, observed, [SUPPORT], None, 1, Silent(), 0.8, rounded(SOFT[0])
+    )
+    assert library.missing == {}
+    c10 = library.middle * float(np.exp(CHANGES_AT[1]))
+    at = c10, c10 * float(np.expm1(0.8))
+    deep = (observed.displacement > 0.3 * DEPTH) & (observed.displacement < DEPTH)
+    for compliance in (0.05, 0.2, 0.5, 1.2):
+        values = {"compliance": compliance, "at_bones": 1.0}
+        tabulated = library.relative_change(SUPPORT, values, at, observed)[deep]
+        true = solved.relative_change(SUPPORT, values, at, observed)[deep]
+        assert np.abs(tabulated - true).max() < NUMERICAL_ERROR, "over the force"
+
+
+def test_where_springs_stop_the_frame_is_left(variants, solved, monkeypatch):
+    """Very soft springs let a leg roll away; a frame's compliance needs no solution."""
+    follow = Variants.follow
+
+    def stops(self, protocol, deep, solution, *others):
+        if solution.variant == SUPPORT.variant:
+            return Stopped("it rolls away")
+        return follow(self, protocol, deep, solution, *others)
+
+    monkeypatch.setattr(Variants, "follow", stops)
+    observed, _ = observations(ramps(1))
+    shallow = SolvedResponses(variants, 2.0, None, {"test": 2})
+    library = build_library(
+        shallow, shallow, observed, [SUPPORT], None, 1, Silent(), 0.8, rounded(SOFT[0])
+    )
+    assert library.missing == {}
+    values = {"compliance": 0.3, "at_bones": 0.7}
+    assert not np.any(library.relative_change(SUPPORT, values, SOFT, observed))
