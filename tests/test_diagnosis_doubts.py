@@ -11,6 +11,7 @@ from making_diagnosed import BASE, diagnosed, diagnosed_of
 from making_diagnosis import INSTRUMENT, noisy, observations, ramps
 
 from legfem.diagnose.doubts import doubts_of
+from legfem.inference.trial_noise import estimate_noise
 from legfem.subjects.loading import load_subject
 
 
@@ -45,17 +46,27 @@ def test_repeats_that_differ_by_more_than_the_data_sheet_says_are_doubted(ripple
     found = diagnosed_of(noisy(observed, force, 4), asked=[])
     told = [doubt for doubt in doubts_of(found, subject) if "trials differ" in doubt.problem]
     assert bool(told) is doubted
-    unstated = replace(subject, instrument=replace(INSTRUMENT, stated=False))
-    assert not any("trials differ" in doubt.problem for doubt in doubts_of(found, unstated))
+    assert (found.verdict == "consistent") is not doubted, "it isn't taken for noise"
 
 
 def test_a_leg_that_moves_otherwise_in_each_trial_is_doubted(usual, subject):
-    noise = usual.errors.noise
     problem = usual.alone.problem
-    for wander, fields in ((2.0, []), (6.0, ["displacement_mm"])):
-        size = wander * INSTRUMENT.wander_sd(usual.observed.jitter_sd)
-        errors = replace(problem.errors, noise=replace(noise, wander_sd=size))
-        base = replace(usual.alone, problem=problem.with_errors(errors))
-        moved = replace(usual, explained=replace(usual.explained, base=base))
-        told = [doubt for doubt in doubts_of(moved, subject) if "trials differ" in doubt.problem]
-        assert [doubt.field for doubt in told] == fields
+    noise = replace(problem.errors.noise, beyond_way=0.3)
+    base = replace(usual.alone, problem=problem.with_errors(replace(problem.errors, noise=noise)))
+    moved = replace(usual, explained=replace(usual.explained, base=base))
+    told = [doubt.field for doubt in doubts_of(moved, subject)]
+    assert told == ["displacement_mm"]
+
+
+def test_where_no_accuracy_is_stated_all_that_repeats_differ_by_is_noise():
+    observed, predictor = observations(list(ramps()))
+    phase = 2 * np.pi * observed.displacement / 3.0 + 2.0 * observed.trial
+    seen = noisy(observed, predictor(BASE, ()) + 0.2 * np.sin(phase), 4)
+    stated, unstated = (
+        estimate_noise(seen, replace(INSTRUMENT, stated=stated), 12.0) for stated in (True, False)
+    )
+    assert stated.beyond_force + stated.beyond_way > 0
+    assert unstated.beyond_force == unstated.beyond_way == 0
+    assert np.hypot(unstated.slow_sd, unstated.wander_sd) > np.hypot(
+        stated.slow_sd, stated.wander_sd
+    )

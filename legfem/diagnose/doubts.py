@@ -12,10 +12,6 @@ from legfem.identify.usual_stiffness import doubts_about_stiffness
 from legfem.subjects.plausibility import doubts_about
 from legfem.subjects.subject import Subject
 
-_OF_FORCE, _OF_WAY = 2.5, 4.0
-"""Of what is stated, from which slow differences between repeats are doubted: the stated figure of
-a load cell's slow error is known to a factor of 1.3, a displacement sensor's to one of 2.7."""
-
 
 def doubts_of(found: Diagnosis, subject: object) -> tuple[Doubt, ...]:
     """Return what is unlikely in a leg's folder, and in the stiffness that came out of it."""
@@ -29,27 +25,25 @@ def doubts_of(found: Diagnosis, subject: object) -> tuple[Doubt, ...]:
 
 
 def _doubts_about_repeats(found: Diagnosis, subject: Subject) -> Iterator[Doubt]:
-    """Yield a doubt where repeats differ by more than the stated instruments do.
+    """Yield a doubt where repeats differ by more than the stated instruments make.
 
-    Whatever differs from trial to trial passes for noise, since its size comes from the repeats: a
-    ripple over the drive, a leg that moves.
+    A ripple over the drive and a leg that moves would pass for noise, whose size comes from the
+    repeats.
     """
-    observed, instrument, noise = found.observed, subject.instrument, found.errors.noise
-    if not instrument.stated or observed.repeats < 2:
-        return
+    noise, instrument = found.errors.noise, subject.instrument
+    force = instrument.slow_force_sd(noise.white_sd)
+    way = instrument.wander_sd(found.observed.jitter_sd)
     told = (
-        (noise.slow_sd, instrument.slow_force_sd(noise.white_sd), _OF_FORCE, "force_N", "N"),
-        (
-            noise.wander_sd, instrument.wander_sd(observed.jitter_sd), _OF_WAY,
-            "displacement_mm", "mm",
-        ),
-    )  # fmt: skip
-    for size, stated, most, column, unit in told:
-        if size > most * stated:
+        (noise.beyond_force, force, "force_N", "N"),
+        (noise.beyond_way, way, "displacement_mm", "mm"),
+    )
+    for size, stated, column, unit in told:
+        if size > 0:
             yield Doubt(
                 str(subject.directory / "recordings"), column,
                 f"trials differ slowly by {size:.2g} {unit}, gain, zero and first contact allowed "
-                f"for, which is {size / stated:.1f} times what the stated accuracy leaves for it",
+                f"for, which is {size / stated:.1f} times what the stated accuracy leaves for it "
+                "and more than noise makes",
                 "lay the trials over each other and look for what differs: a leg or a rig that "
                 "moved, a ripple of the drive; or state the accuracy that the rig has",
             )  # fmt: skip

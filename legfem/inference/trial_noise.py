@@ -20,6 +20,9 @@ from legfem.recording.repeats import Differences, contrasts_of, sizes_from_repea
 CORNER_MM = 5.0
 """Way that counts as walked between two phases: there the drive stops and turns, time passes, and
 the sensor's error is no longer that of a moment ago."""
+MOST_FORCE, MOST_WAY = 2.5, 4.0
+"""Of what is stated of a load cell's and of a displacement sensor's slow error: the most that is
+noise. The first is known to a factor of 1.3, the second to one of 2.7."""
 _VAGUENESS, _STATED = 1.0, 0.3
 """Log-standard deviations of what is expected before looking at the repeats, and of a figure that
 the data sheet states: the repeats tell a slow error's size over its time well, each of them ill."""
@@ -105,6 +108,10 @@ class Noise:
     """Of the displacement sensor's slow error, mm."""
     source: str
     """What the sizes are known from."""
+    beyond_force: float = 0.0
+    beyond_way: float = 0.0
+    """Slow differences between repeats (N, mm) that are more than instruments of the stated
+    accuracy make: what is beyond it isn't taken for noise. Else 0."""
 
     @property
     def force_sd(self) -> float:
@@ -155,7 +162,20 @@ def estimate_noise(
         return expected if instrument.stated else replace(expected, slow_sd=white)
     vague = np.array([_STATED if instrument.stated else _VAGUENESS, _VAGUENESS, _VAGUENESS])
     values = observed.force if residual is None else residual
-    return _from_repeats(observed, expected, values, vague)
+    found = _from_repeats(observed, expected, values, vague)
+    return _as_stated(found, expected) if instrument.stated else found
+
+
+def _as_stated(found: Noise, expected: Noise) -> Noise:
+    """Return the noise as far as instruments of the stated accuracy make it."""
+    force, way = MOST_FORCE * expected.slow_sd, MOST_WAY * expected.wander_sd
+    return replace(
+        found,
+        slow_sd=min(found.slow_sd, force),
+        wander_sd=min(found.wander_sd, way),
+        beyond_force=found.slow_sd if found.slow_sd > force else 0.0,
+        beyond_way=found.wander_sd if found.wander_sd > way else 0.0,
+    )
 
 
 def trial_covariance(observed: Observed, noise: Noise) -> FloatArray:

@@ -34,7 +34,7 @@ class SupportCompliance(TissueMechanism):
         strength("compliance", "mm/N", "displacement per force", 0.2, (0.0, 2.0)),
         Parameter(
             "at_bones", "-", (0.0, 1.0), Prior(0.5, 0.5, "linear", "nothing is known"),
-            statement="from a frame that gives way to bones that do, each by itself",
+            statement="share of the way from a frame that gives way to bones that do",
         ),
     )  # fmt: skip
     next_experiment: ClassVar[str] = (
