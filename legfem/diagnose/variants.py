@@ -159,8 +159,6 @@ class Variants:
         for mechanism in _of_variant(variant):
             if mechanism.formulation is not None:
                 settings = replace(settings, formulation=mechanism.formulation)
-            if mechanism.bones_give_way:
-                settings = replace(settings, bones_give_way=True)
             if mechanism.tangential is not None:
                 contact = replace(settings.contact, tangential=mechanism.tangential)
                 settings = replace(settings, contact=contact)

@@ -13,6 +13,7 @@ import numpy as np
 from mpi4py import MPI
 from shapely import Point
 
+from legfem.common.errors import InputError
 from legfem.experiments.base import Solved, made_when_needed
 from legfem.experiments.driven import motion
 from legfem.experiments.placement import Placement
@@ -34,6 +35,7 @@ from legfem.geometry.section import BONES, LegSection
 from legfem.mechanics.contact import RigidCylinder
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.model import Formulation, LegModel, Term
+from legfem.mechanics.terms import BoneSprings
 from legfem.meshing.motion import MeshMotion
 from legfem.meshing.section import (
     BONE_REGIONS,
@@ -74,8 +76,6 @@ class PlaneStrainSettings:
     drained_skin: bool = False
     """Whether the fat's fluid can leave through the skin, in a porous form."""
     quadrature_degree: int = 4
-    bones_give_way: bool = False
-    """Whether bones are bodies, each with a term `BoneSprings`, in place of held outlines."""
     defences: bool = True
     """Whether a jump to another equilibrium, more points of integration, a form without pressures,
     a softer contact and then a finer mesh are tried when a solution stops short."""
@@ -107,7 +107,8 @@ class PlaneStrainIndentation(PressingTest):
     Raises
     ------
     InputError
-        For a ball, a punch or a cylinder that doesn't lie along the leg.
+        For a ball, a punch or a cylinder that doesn't lie along the leg; or if one bone alone is on
+        springs.
     """
 
     section: LegSection
@@ -122,6 +123,11 @@ class PlaneStrainIndentation(PressingTest):
     def __post_init__(self) -> None:
         """Check that the section can have the indenter."""
         self.indenter.check_lies_along("subject.toml")
+        if self._bones_give_way and {t.region for t in self._springs} != set(BONES):
+            raise InputError(
+                "mechanisms", "BoneSprings", "one bone is on springs and the other isn't",
+                f"give one for each of {' and '.join(BONES)}; stiff springs hold a bone",
+            )  # fmt: skip
 
     @classmethod
     def of_subject(
@@ -143,6 +149,15 @@ class PlaneStrainIndentation(PressingTest):
         model = leg_model(tissues, cylinder, self.settings.contact, self.settings.formulation)
         return model.with_terms(self.mechanisms)
 
+    @property
+    def _springs(self) -> list[BoneSprings]:
+        return [term for term in self.mechanisms if isinstance(term, BoneSprings)]
+
+    @property
+    def _bones_give_way(self) -> bool:
+        """Whether the bones are bodies on springs, in place of held outlines."""
+        return bool(self._springs)
+
     @made_when_needed
     def section_mesh(self) -> SectionMesh:
         """The mesh of the section, fine under the cylinder."""
@@ -151,7 +166,7 @@ class PlaneStrainIndentation(PressingTest):
         indenter = self.indenter
         meshed = mesh_section(
             self.section, indenter.radius, indenter.aim, indenter.direction,
-            self.settings.mesh, self.comm, self.settings.bones_give_way,
+            self.settings.mesh, self.comm, self._bones_give_way,
         )  # fmt: skip
         if self.moved is None:
             return meshed
@@ -260,7 +275,7 @@ class PlaneStrainIndentation(PressingTest):
         return f"{text}; use less depth, or check how soft it is beside its neighbours"
 
     def _made(self) -> Pressing:
-        meshed, free = self.section_mesh, self.settings.bones_give_way
+        meshed, free = self.section_mesh, self._bones_give_way
         spaces = build_spaces(
             meshed.mesh,
             meshed.cell_tags,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import ufl
@@ -32,10 +30,8 @@ def made(formulation="mixed"):
     section, indenter, tissues = subject_3()
     settings = PlaneStrainSettings(mesh=COARSE, formulation=formulation, defences=False)
     held = PlaneStrainIndentation(section, indenter, tissues, settings)
-    free = PlaneStrainIndentation(
-        section, indenter, tissues, replace(settings, bones_give_way=True),
-        mechanisms=springs(section, indenter.length),
-    )  # fmt: skip
+    both = springs(section, indenter.length)
+    free = PlaneStrainIndentation(section, indenter, tissues, settings, mechanisms=both)
     return held, free
 
 
@@ -117,13 +113,19 @@ def test_numbers_that_no_bone_has_are_refused(wrong):
         BoneSprings(**{"region": "tibia", "area": 400.0, "length": 50.0, **wrong})
 
 
+def test_one_bone_on_springs_and_one_without_is_refused():
+    section, indenter, tissues = subject_3()
+    one = springs(section, indenter.length)[:1]
+    with pytest.raises(InputError, match="one bone is on springs and the other isn't"):
+        PlaneStrainIndentation(section, indenter, tissues, mechanisms=one)
+
+
 @pytest.mark.skipif(not FOREIGN.is_dir(), reason="the other code's recordings are not there")
 def test_another_code_s_bones_give_way_as_these_do():
     """FEBio's rigid bodies on springs of 5 N/mm, the fibula's of 3.5 across."""
     subject = load_subject(FOREIGN)
-    settings = PlaneStrainSettings(bones_give_way=True)
-    mechanisms = springs(subject.section, subject.indenter.length)
-    free = PlaneStrainIndentation.of_subject(subject, settings, mechanisms=mechanisms)
+    both = springs(subject.section, subject.indenter.length)
+    free = PlaneStrainIndentation.of_subject(subject, mechanisms=both)
     stiffness = dict.fromkeys(SOFT, 5.0) | {"fibula.springs.y": 3.5}
     values = {**stiffness, "deep.C10": 1.7e-3, "deep.C20": 0.0}
     rows = np.genfromtxt(

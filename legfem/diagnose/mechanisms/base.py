@@ -185,8 +185,6 @@ class TissueMechanism(Mechanism):
     """Factor on the contact's stiffness in that variant, and in its `null_variant`, ..."""
     contact_onset: ClassVar[float | None] = None
     """... and the gap (mm) at which its pressure starts there, where it isn't the base model's."""
-    bones_give_way: ClassVar[bool] = False
-    """Whether its variant has bones that aren't held."""
     null_variant: ClassVar[str] = "elastic"
     """The one that its solution is compared with."""
     along_path: ClassVar[bool] = False

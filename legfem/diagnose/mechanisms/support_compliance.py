@@ -42,7 +42,6 @@ class SupportCompliance(TissueMechanism):
     )
     variant: ClassVar[str] = "bones on springs"
     null_variant: ClassVar[str] = variant
-    bones_give_way: ClassVar[bool] = True
     strengths: ClassVar[tuple[float, ...]] = (0.1, 0.4, 1.2)
     does_without: ClassVar[bool] = True
 
