@@ -70,3 +70,12 @@ def test_where_no_accuracy_is_stated_all_that_repeats_differ_by_is_noise():
     assert np.hypot(unstated.slow_sd, unstated.wander_sd) > np.hypot(
         stated.slow_sd, stated.wander_sd
     )
+
+
+def test_an_instrument_far_better_than_a_leg_is_at_rest_is_no_reason_to_doubt(subject):
+    observed, predictor = observations(list(ramps()))
+    fine = replace(INSTRUMENT, displacement_sd=5e-4)
+    moved = 0.03 * np.sin(2 * np.pi * observed.displacement / 7.0 + 2.0 * observed.trial)
+    seen = noisy(observed, predictor(BASE, ()) + observed.stiffness * moved, 4)
+    noise = estimate_noise(seen, fine, 12.0)
+    assert noise.beyond_way == noise.beyond_force == 0

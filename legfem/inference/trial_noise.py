@@ -22,7 +22,10 @@ CORNER_MM = 5.0
 the sensor's error is no longer that of a moment ago."""
 MOST_FORCE, MOST_WAY = 2.5, 4.0
 """Of what is stated of a load cell's and of a displacement sensor's slow error: the most that is
-noise. The first is known to a factor of 1.3, the second to one of 2.7."""
+noise, ..."""
+AT_REST_FORCE, AT_REST_MM = 0.01, 0.05
+"""... but for what is noise whatever was stated: a leg is never quite at rest. Of the greatest
+force, and mm."""
 _VAGUENESS, _STATED = 1.0, 0.3
 """Log-standard deviations of what is expected before looking at the repeats, and of a figure that
 the data sheet states: the repeats tell a slow error's size over its time well, each of them ill."""
@@ -163,12 +166,14 @@ def estimate_noise(
     vague = np.array([_STATED if instrument.stated else _VAGUENESS, _VAGUENESS, _VAGUENESS])
     values = observed.force if residual is None else residual
     found = _from_repeats(observed, expected, values, vague)
-    return _as_stated(found, expected) if instrument.stated else found
+    greatest = float(np.abs(observed.force).max())
+    return _as_stated(found, expected, greatest) if instrument.stated else found
 
 
-def _as_stated(found: Noise, expected: Noise) -> Noise:
-    """Return the noise as far as instruments of the stated accuracy make it."""
-    force, way = MOST_FORCE * expected.slow_sd, MOST_WAY * expected.wander_sd
+def _as_stated(found: Noise, expected: Noise, greatest: float) -> Noise:
+    """Return the noise as far as instruments of the stated accuracy and a leg at rest make it."""
+    force = max(MOST_FORCE * expected.slow_sd, AT_REST_FORCE * greatest)
+    way = max(MOST_WAY * expected.wander_sd, AT_REST_MM)
     return replace(
         found,
         slow_sd=min(found.slow_sd, force),
