@@ -56,6 +56,8 @@ def test_a_leg_that_moves_otherwise_in_each_trial_is_doubted(usual, subject):
     moved = replace(usual, explained=replace(usual.explained, base=base))
     told = [doubt.field for doubt in doubts_of(moved, subject)]
     assert told == ["displacement_mm"]
+    of_a_specimen = doubts_of(moved, object())
+    assert [doubt.field for doubt in of_a_specimen] == ["displacement_mm"]
 
 
 def test_where_no_accuracy_is_stated_all_that_repeats_differ_by_is_noise():

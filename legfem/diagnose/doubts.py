@@ -14,36 +14,31 @@ from legfem.subjects.subject import Subject
 
 
 def doubts_of(found: Diagnosis, subject: object) -> tuple[Doubt, ...]:
-    """Return what is unlikely in a leg's folder, and in the stiffness that came out of it."""
+    """Return what is unlikely in recordings, in a leg's folder and in the stiffness of a leg."""
+    of_repeats = tuple(_doubts_about_repeats(found))
     if not isinstance(subject, Subject):
-        return ()
-    return (
-        *doubts_about(subject),
-        *_doubts_about_repeats(found, subject),
-        *doubts_about_stiffness(subject, _found(found)),
-    )
+        return of_repeats
+    of_stiffness = doubts_about_stiffness(subject, _found(found))
+    return (*doubts_about(subject), *of_repeats, *of_stiffness)
 
 
-def _doubts_about_repeats(found: Diagnosis, subject: Subject) -> Iterator[Doubt]:
+def _doubts_about_repeats(found: Diagnosis) -> Iterator[Doubt]:
     """Yield a doubt where repeats differ by more than the stated instruments make.
 
     A ripple over the drive and a leg that moves would pass for noise, whose size comes from the
     repeats.
     """
-    noise, instrument = found.errors.noise, subject.instrument
-    force = instrument.slow_force_sd(noise.white_sd)
-    way = instrument.wander_sd(found.observed.jitter_sd)
+    noise = found.errors.noise
     told = (
-        (noise.beyond_force, force, "force_N", "N"),
-        (noise.beyond_way, way, "displacement_mm", "mm"),
+        (noise.beyond_force, noise.slow_sd, "force_N", "N"),
+        (noise.beyond_way, noise.wander_sd, "displacement_mm", "mm"),
     )
-    for size, stated, column, unit in told:
+    for size, most, column, unit in told:
         if size > 0:
             yield Doubt(
-                str(subject.directory / "recordings"), column,
+                ", ".join(found.observed.trials), column,
                 f"trials differ slowly by {size:.2g} {unit}, gain, zero and first contact allowed "
-                f"for, which is {size / stated:.1f} times what the stated accuracy leaves for it "
-                "and more than noise makes",
+                f"for, where noise of the stated accuracy makes {most:.2g} {unit} at most",
                 "lay the trials over each other and look for what differs: a leg or a rig that "
                 "moved, a ripple of the drive; or state the accuracy that the rig has",
             )  # fmt: skip

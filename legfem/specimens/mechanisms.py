@@ -10,11 +10,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from legfem.diagnose.mechanisms import Mechanism, TissueMechanism, mechanisms
+from legfem.diagnose.mechanisms import Mechanism, TissueMechanism
 from legfem.diagnose.mechanisms.base import factor, prior_of
 from legfem.experiments.uniaxial import Bar
 from legfem.inference.parameter import Parameter
-from legfem.specimens.rig import RigCompliance
+from legfem.specimens.rig import RigCompliance, mechanisms_on_a_rig
 from legfem.specimens.sizes import Sizes, bare, layered
 from legfem.specimens.slipping import slipping
 
@@ -129,8 +129,7 @@ def mechanisms_of(sizes: Sizes, scale: Scale) -> tuple[list[Mechanism], dict[str
     """
     able: list[Mechanism] = []
     unable: dict[str, str] = {}
-    for known in mechanisms():
-        mechanism = RigCompliance() if known.name == RigCompliance.name else known
+    for mechanism in mechanisms_on_a_rig():
         why = _NONE.get(mechanism.name)
         if layered(sizes) is not None:
             why = _OF_LAYERS.get(mechanism.name, why)

@@ -1,4 +1,4 @@
-"""The rig under a specimen gives way."""
+"""The rig under a specimen gives way, which has no bones of its own."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.mechanisms import Mechanism, Values
+from legfem.diagnose.mechanisms import Mechanism, Values, mechanisms
 from legfem.diagnose.mechanisms.support_compliance import SupportCompliance
 from legfem.diagnose.observations import Observations
 from legfem.inference.parameter import Parameter
@@ -28,3 +28,8 @@ class RigCompliance(Mechanism):
     ) -> FloatArray:
         """Return what the rig takes up."""
         return values["compliance"] * force
+
+
+def mechanisms_on_a_rig() -> tuple[Mechanism, ...]:
+    """Return all mechanisms for a body that gives way with its rig, not with two bones."""
+    return tuple(RigCompliance() if m.name == RigCompliance.name else m for m in mechanisms())

@@ -12,7 +12,7 @@ from legfem.common.progress import Progress
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.library import Library
 from legfem.diagnose.library_build import build_library, shown_mechanisms
-from legfem.diagnose.mechanisms import Mechanism, TissueMechanism, mechanisms
+from legfem.diagnose.mechanisms import Mechanism, TissueMechanism
 from legfem.diagnose.mechanisms.base import Solution
 from legfem.diagnose.mechanisms.compressibility import Compressibility
 from legfem.diagnose.mechanisms.end_effects import EndEffects
@@ -24,7 +24,7 @@ from legfem.diagnose.variants import Stopped
 from legfem.experiments.indentation_3d import IdealisedLegIndentation
 from legfem.jobs.fingerprint import code_fingerprint
 from legfem.solve.protocol import Protocol
-from legfem.specimens.rig import RigCompliance
+from legfem.specimens.rig import mechanisms_on_a_rig
 from legfem.study.correction.cases import CorrectionCase
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ NOT_OFFERED: Mapping[str, str] = {
     "indenter-tilt": "the idealised leg is half a leg, mirrored: it can't be pressed askew",
 }
 """Mechanisms that this base model can't be given, and why."""
-MECHANISMS = tuple(RigCompliance() if m.name == RigCompliance.name else m for m in mechanisms())
+MECHANISMS = mechanisms_on_a_rig()
 """All that the diagnosis knows; one bone gives way as a rig does."""
 
 
