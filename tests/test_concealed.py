@@ -292,8 +292,8 @@ def test_priors_are_exchanged_for_the_studys_shares():
         Explained(("b",), False, 0),
     ]
     shares, first = at_base_rates(assumed)
-    # Of 0.15 cases without effect and 0.58 single ones, and a fifth of 0.15 that have a name.
-    np.testing.assert_allclose(shares, [0.15 / 0.76, 0.61 / 0.76, 0])
+    # Of 0.15 cases without effect and 0.58 single ones, and a third of 0.15 that have a name.
+    np.testing.assert_allclose(shares, [0.15 / 0.78, 0.63 / 0.78, 0])
     assert first == 1
 
 

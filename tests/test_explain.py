@@ -52,6 +52,11 @@ from legfem.inference.evidence import Evidence
             ramps,
         ),
         (
+            {"leg-movement.shift": 0.5, "leg-movement.onset": 0.6, "leg-movement.rise": 0.04,
+             "leg-movement.away": 0.12},
+            ramps,
+        ),
+        (
             {"viscoelasticity.ratio": 0.1, "viscoelasticity.relaxation_time": 8.0,
              "viscoelasticity.spread": 1.0},
             one_at_each_rate,

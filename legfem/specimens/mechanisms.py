@@ -50,6 +50,10 @@ _TOLD: Mapping[str, tuple[str, str]] = {
         "the layers of stated stiffness are stiffer or softer than stated",
         "test one of those layers by itself, or press with a smaller tip",
     ),
+    "leg-movement": (
+        "the specimen moved during the test, or slipped in its rig",
+        "film the specimen against the rig during the test, hold it faster, and repeat",
+    ),
     "preconditioning": (
         "the tissue softened from one trial to the next: it was not preconditioned",
         "cycle five to ten times before recording, and rest between trials",
@@ -113,6 +117,7 @@ class Scale:
             "strain-stiffening": self.c10,
             RigCompliance.name: depth / force,
             "contact-onset": depth,
+            "leg-movement": depth,
             "force-drift": _RIG * force * _LEG_S / self.duration,
         }
 

@@ -87,8 +87,9 @@ OUTSIDE: Mapping[str, str] = {
     "drop": "something comes loose at a depth",
     "clipping": "an amplifier that saturates",
     "leg-shift": "the leg moves away and comes back",
+    "frame": "the frame meets the leg at a depth, and bears a part of the force from there",
 }
-NAMED: Mapping[str, str] = {"lump": "uneven-muscle"}
+NAMED: Mapping[str, str] = {"lump": "uneven-muscle", "leg-shift": "leg-movement"}
 """Of these, the mechanism that the library has for it, in another form."""
 
 
@@ -191,9 +192,15 @@ def _leg_shift(trial: Pressed, size: float) -> FloatArray:
     return np.asarray(trial.force - 0.05 * size * trial.force.max() * bump)
 
 
+def _frame(trial: Pressed, size: float) -> FloatArray:
+    beyond = np.maximum(trial.displacement - 14.0, 0.0) / (trial.depth - 14.0)
+    return np.asarray(trial.force - 0.08 * size * trial.force.max() * beyond)
+
+
 OUTSIDE_ON_COURSE: Mapping[str, Callable[[Pressed, float], FloatArray]] = {
     "ripple": _ripple,
     "drop": _drop,
     "clipping": _clipping,
     "leg-shift": _leg_shift,
+    "frame": _frame,
 }
