@@ -35,6 +35,7 @@ SINGLES: tuple[tuple[str, Code], ...] = (
     ("poroelastic-drainage", "legfem"), ("support-compliance", "legfem"),
     ("contact-slip", "felupe"), ("preconditioning", "felupe"), ("fascia-stiffness", "legfem"),
     ("superficial-stiffness", "legfem"), ("prestress", "legfem"),
+    ("dermis", "legfem"), ("superficial-stiffening", "legfem"), ("indenter-tilt", "legfem"),
 )  # fmt: skip
 """Effects and the code that solves them, taken in turn."""
 PAIRS = (
