@@ -9,12 +9,15 @@ import pytest
 
 from legfem.correction.choice import REFERENCE
 from legfem.correction.tabulated import read_correction
-from legfem.plan.designs import designs
+from legfem.diagnose.mechanisms import mechanism_named
+from legfem.plan.designs import Readings, designs
 from legfem.solve.protocol import Protocol
 from legfem.subjects.loading import SUBJECTS, load_subject
 from studies.concealed.cases import DEPTH_MM, SealedCase, make_cases
+from studies.concealed.legs import sealed_leg
 from studies.concealed.truth import ELASTIC_RATE, ForceCourse, Truths
 from studies.next_test.page import page, tried_document
+from studies.next_test.reading import readings_of, true_strength
 from studies.next_test.trying import Outcome, Tried, as_driven, can_be_made
 
 RATE = 0.4
@@ -53,6 +56,41 @@ def test_a_drive_goes_no_deeper_than_the_cases():
     driven = as_driven(Protocol.cycle(DEPTH_MM + 0.2, RATE, 60.0))
     assert max(driven.displacement) == DEPTH_MM
     assert [s.phase for s in driven.segments] == ["loading", "hold", "unloading"]
+
+
+LEG = sealed_leg(1, 1)
+
+
+def read(name: str, case: SealedCase) -> float:
+    return true_strength(mechanism_named(name), case, LEG)
+
+
+def test_what_a_lab_reads_is_what_the_leg_is():
+    case = case_of("fascia-stiffness", strength=8.0)
+    true, stated = (one.tissues["fascia"].C10 for one in (LEG.true, LEG.stated))
+    assert read("fascia-stiffness", case) == pytest.approx(8.0 * true / stated)
+    other = read("superficial-stiffness", case)
+    assert other != 1.0 and 1 / 1.5 <= other <= 1.5, "a leg isn't quite as it is stated"
+    assert read("support-compliance", case) == 0.0
+    warm = case_of("force-drift", strength=0.4, time=30.0)
+    duration = warm.protocol_of_trials.duration
+    assert 0.3 / duration < read("force-drift", warm) < 0.4 / duration
+    yielding = case_of("support-compliance", strength=0.3, hardening=0.1)
+    assert read("support-compliance", yielding) == pytest.approx(0.15)
+
+
+def test_readings_err_by_more_than_is_stated_and_only_where_there_is_a_number():
+    case = case_of("contact-slip", strength=0.1)
+    slip, dermis = (mechanism_named(name) for name in ("contact-slip", "dermis"))
+    assert not can_be_made(Readings((slip,)), case)
+    assert can_be_made(Readings((dermis,)), case)
+    assert not can_be_made(Readings((mechanism_named("viscoelasticity"),)), case)
+    generator = np.random.default_rng(3)
+    drawn = [readings_of([mechanism_named("indenter-tilt")], case, LEG, generator)[0]
+             for _ in range(400)]  # fmt: skip
+    off = np.array([one.value for one in drawn]) - read("indenter-tilt", case)
+    assert drawn[0].sd == mechanism_named("indenter-tilt").measured_sd
+    assert 1.1 < np.std(off) / drawn[0].sd < 2.0
 
 
 @pytest.fixture

@@ -21,6 +21,7 @@ from legfem.diagnose.held_out import HeldOut, held_out
 from legfem.diagnose.library import Library
 from legfem.diagnose.library_build import shown_mechanisms
 from legfem.diagnose.limits import Limit, limits_of
+from legfem.diagnose.measured import measured_strengths
 from legfem.diagnose.mechanisms import Mechanism
 from legfem.diagnose.nuisances import Accuracy
 from legfem.diagnose.observations import Observations
@@ -159,6 +160,7 @@ def diagnose(
     predictor = Predictor(observed, library, law, ends, accuracy.deep_C10)
     problem, ordinary = _fitted(predictor, instrument, library, accuracy)
     problem, ordinary, error = _about_solution(problem, ordinary, solved)
+    problem = replace(problem, measured=measured_strengths(accuracy, able))
     base = fit(problem, (), ordinary.values)
     progress.stage(f"weighing {len(able)} mechanisms")
     confirm = None if solved is None else partial(_confirmed, solved)

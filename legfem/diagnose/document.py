@@ -19,7 +19,7 @@ from legfem.diagnose.held_out import HeldOut
 from legfem.diagnose.remains import explained_share, remains_of
 from legfem.diagnose.sentences import next_experiments
 from legfem.diagnose.windows import runs
-from legfem.subjects.subject import Origin, Subject
+from legfem.subjects.subject import MeasuredEffect, Origin, Subject
 
 SCHEMA = 3
 
@@ -46,6 +46,11 @@ class Recorded(Protocol):
 def kind_of(subject: Recorded) -> str:
     """Return what was pressed, in a word."""
     return "Subject" if isinstance(subject, Subject) else "Specimen"
+
+
+def measured_of(subject: Recorded) -> tuple[MeasuredEffect, ...]:
+    """Return the effects that were measured by themselves: of a leg's folder."""
+    return subject.measured if isinstance(subject, Subject) else ()
 
 
 def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> dict[str, Any]:
@@ -103,6 +108,7 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
                 {"what": name, "departure_in_sd": float(z)}
                 for name, z in zip(found.errors.names, posterior.effects, strict=True)
             ],
+            "measured": [asdict(one) for one in measured_of(subject)],
             "mismatch": mismatches(found),
             "physics": [
                 entry

@@ -25,7 +25,7 @@ from legfem.diagnose.explanation import (
 from legfem.diagnose.fit import Fit, Problem, fit
 from legfem.diagnose.mechanisms import Mechanism
 from legfem.diagnose.strength import gained_by_width, integrated
-from legfem.diagnose.touch import posterior_of
+from legfem.diagnose.told import told_of
 from legfem.diagnose.unknown import unknown_errors, with_unknown
 from legfem.diagnose.weighing import PRIOR_NONE, PRIOR_UNKNOWN, Priors, weighed
 from legfem.inference.evidence import Evidence, Unknown
@@ -118,7 +118,7 @@ def _base(
         else (u.log_prior if unknown else -np.inf)
         for u in unknowns
     ]  # fmt: skip
-    posterior = posterior_of(evidence, base, problem.predictor.observed, shares)
+    posterior = told_of(problem, evidence, base, shares)
     prior = float(np.log(PRIOR_UNKNOWN if unknown else PRIOR_NONE))
     return Explanation(problem, base, posterior, prior, unknown, confirmed)
 
@@ -133,12 +133,12 @@ def _explanation(
     confirmed: bool = False,
 ) -> Explanation:
     shares = _shares_beside(problem, fitted, base, unknowns)
-    posterior, plain = posterior_of(evidence, fitted, problem.predictor.observed, shares), fitted
+    posterior, plain = told_of(problem, evidence, fitted, shares), fitted
     if posterior.unknown > 0.5:
         # Beside something unknown the parameters are elsewhere than a fit without it finds them,
         # and the evidence is linear about where they are.
         aware = _beside(problem, fitted, _aware(problem, posterior, unknowns))
-        again = posterior_of(evidence, aware, problem.predictor.observed, shares)
+        again = told_of(problem, evidence, aware, shares)
         if again.log_evidence > posterior.log_evidence:
             fitted, posterior = aware, again
     of_any_width = posterior.log_evidence + gained_by_width(fitted, posterior)
@@ -171,12 +171,12 @@ def _integrated(
         e for e in found if e.names and not e.whole and e.probability >= CONFIRMED_FROM
     ]:
         for one in waiting:
-            problem, observed = one.problem, one.problem.predictor.observed
+            problem = one.problem
             # Steps are fitted as the fit itself was, or they begin at another minimum.
             aware = None if one.fit_alone is None else _aware(problem, one.posterior, unknowns)
             posterior = integrated(
                 aware or problem, one.fit, one.posterior,
-                partial(posterior_of, evidence, observed=observed, shares=one.shares),
+                partial(told_of, problem, evidence, shares=one.shares),
             )  # fmt: skip
             found[found.index(one)] = replace(one, posterior=posterior, whole=True)
         found = weighed(found)

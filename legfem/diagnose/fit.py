@@ -12,6 +12,7 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from legfem.common.units import FloatArray
+from legfem.diagnose.measured import MeasuredStrength
 from legfem.diagnose.mechanisms import Mechanism
 from legfem.diagnose.mechanisms.base import null_of, prior_of
 from legfem.diagnose.predict import Predictor
@@ -153,6 +154,8 @@ class Problem:
     errors: ErrorModel
     kept: NDArray[np.bool_] | None = None
     """(n,): the observations that are fitted; all without it."""
+    measured: tuple[MeasuredStrength, ...] = ()
+    """Strengths that were measured by themselves: they count in what is told of a fit."""
 
     def without(self, left_out: NDArray[np.bool_]) -> Problem:
         """Return the problem with observations left out."""

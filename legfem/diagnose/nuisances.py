@@ -21,6 +21,7 @@ from legfem.diagnose.observations import Observations
 from legfem.inference.errors import ErrorModel
 from legfem.inference.intervals import effective_degrees
 from legfem.inference.parameter import Prior
+from legfem.subjects.subject import MeasuredEffect
 
 if TYPE_CHECKING:
     from legfem.correction.tabulated import TabulatedCorrection
@@ -82,6 +83,8 @@ class Accuracy:
     measured
         Stiffnesses (MPa) of the person by other means, by full name: ``deep.C10``,
         ``superficial.C10``.
+    effects
+        How strong effects are that the model may leave out, by other means.
     """
 
     contour_sd: float = CONTOUR_SD_MM
@@ -90,6 +93,7 @@ class Accuracy:
     assumed_sd: float | None = None
     size_sd: float = SIZE_LOG_SD
     measured: Mapping[str, Prior] = field(default_factory=dict)
+    effects: tuple[MeasuredEffect, ...] = ()
 
     @property
     def deep_C10(self) -> Prior | None:

@@ -13,6 +13,7 @@ from legfem.diagnose.diagnosis import Diagnosis, diagnose
 from legfem.diagnose.leg import solved_responses
 from legfem.diagnose.library import Library
 from legfem.diagnose.library_build import WITHOUT_ENDS, build_library, shown_mechanisms
+from legfem.diagnose.measured import check_measured
 from legfem.diagnose.mechanisms.end_effects import EndEffects
 from legfem.diagnose.mechanisms.muscle_fibres import MuscleFibres
 from legfem.diagnose.nuisances import DRAWN, Accuracy
@@ -91,12 +92,12 @@ class Diagnoser:
 
     def diagnose(self, subject: Subject, progress: Progress, seed: int = 0) -> Diagnosis:
         """Diagnose a subject's recordings."""
-        observed = self.observations(subject)
+        observed, accuracy = self.observations(subject), accuracy_of(subject)
         library, solved = self.library(subject, observed, progress)
         law, ends = subject.tissues["deep"].law, choose_correction("auto", subject)
         return diagnose(
-            observed, subject.instrument, law, library, solved, progress, accuracy_of(subject),
-            ends, seed, ruled_out_of(subject, ends),
+            observed, subject.instrument, law, library, solved, progress, accuracy, ends, seed,
+            ruled_out_of(subject, ends),
         )  # fmt: skip
 
 
@@ -124,7 +125,13 @@ def accuracy_of(subject: Subject) -> Accuracy:
 
     A leg that was drawn is known but for rounding, unless its folder says otherwise; what shear
     waves measured of its tissues counts as in an identification.
+
+    Raises
+    ------
+    InputError
+        If an effect was measured that legfem doesn't know, or that is impossible.
     """
+    check_measured(subject.directory / "subject.toml", subject.measured)
     given = subject.accuracy
     usual = Accuracy() if subject.origin == "measured" or given.stated else DRAWN
     return Accuracy(
@@ -133,4 +140,5 @@ def accuracy_of(subject: Subject) -> Accuracy:
         usual.direction_sd if given.direction_sd is None else given.direction_sd,
         usual.assumed_sd if given.assumed_sd is None else given.assumed_sd,
         measured=elastography_priors(subject.elastography),
+        effects=subject.measured,
     )

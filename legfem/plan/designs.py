@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from legfem.diagnose.mechanisms import Mechanism
 from legfem.solve.protocol import Protocol
 
 REPEATS = 3
@@ -35,6 +36,24 @@ class Design:
     outlines_known: bool = False
     contact_known: bool = False
     length_factor: float = 1.0
+
+
+@dataclass(frozen=True)
+class Readings:
+    """Effects that are measured by themselves, by other instruments than the indenter.
+
+    Parameters
+    ----------
+    mechanisms
+        Each with a `measured_sd`.
+    """
+
+    mechanisms: tuple[Mechanism, ...]
+
+    @property
+    def name(self) -> str:
+        """What to do, in words."""
+        return "; and ".join(m.next_experiment for m in self.mechanisms)
 
 
 def designs(depth: float, rate: float, deepest: float, in_air: bool = False) -> list[Design]:

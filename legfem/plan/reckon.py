@@ -30,7 +30,7 @@ from legfem.diagnose.observations import Observations, blank_observations
 from legfem.diagnose.predict import Predictor
 from legfem.inference.errors import error_model
 from legfem.inference.trial_noise import Noise
-from legfem.plan.designs import Design
+from legfem.plan.designs import Design, Readings
 
 TOLD_APART = 3.0
 """ln of the Bayes factor: twenty to one."""
@@ -65,7 +65,7 @@ class Candidate:
 class Reckoned:
     """What a test is worth."""
 
-    design: Design
+    design: Design | Readings
     chances: Mapping[tuple[str, str], float]
     """That data of the first explanation tell it from the second."""
     chance: float
@@ -114,16 +114,41 @@ def reckon(
             spread = _known(other, design)
             total = errors.covariance + taken @ spread @ taken.T
             apart = forces[i] - forces[j]
-            m = 0.5 * float(apart @ np.linalg.solve(total, apart))
-            chances[one.name, other.name] = float(
-                norm.cdf((m - TOLD_APART) / np.sqrt(2 * m + 1e-9))
-            )
+            chances[one.name, other.name] = told_apart(apart, total)
+    return reckoned(design, chances, candidates)
+
+
+def told_apart(apart: FloatArray, total: FloatArray) -> float:
+    """Return the chance that data tell two explanations apart.
+
+    Parameters
+    ----------
+    apart
+        (n,): difference of what both predict.
+    total
+        (n, n): covariance of all that the data and the second may be off by.
+    """
+    m = 0.5 * float(apart @ np.linalg.solve(total, apart))
+    return float(norm.cdf((m - TOLD_APART) / np.sqrt(2 * m + 1e-9)))
+
+
+def reckoned(
+    design: Design | Readings,
+    chances: Mapping[tuple[str, str], float],
+    candidates: Sequence[Candidate],
+) -> Reckoned:
+    """Return what a test is worth, from the chances that it tells each from each."""
     weights = np.array([c.probability for c in candidates])
     each = [
         min((chances[c.name, o.name] for o in candidates if o is not c), default=1.0)
         for c in candidates
     ]
     return Reckoned(design, chances, float(weights @ each / weights.sum()))
+
+
+def ranked(found: Sequence[Reckoned]) -> list[Reckoned]:
+    """Return tests, the most telling first."""
+    return sorted(found, key=lambda one: -one.chance)
 
 
 def _predicted(new: Predictor, candidate: Candidate, design: Design) -> FloatArray:

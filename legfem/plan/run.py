@@ -21,7 +21,8 @@ from legfem.diagnose.run import STIFFENING, Diagnoser, accuracy_of, ruled_out_of
 from legfem.inference.errors import error_model
 from legfem.inference.trial_noise import Noise
 from legfem.plan.designs import Design, designs
-from legfem.plan.reckon import Candidate, Reckoned, before_any_test, reckon
+from legfem.plan.reckon import Candidate, Reckoned, before_any_test, ranked, reckon
+from legfem.plan.reckon_readings import reckon_readings
 from legfem.solve.protocol import Protocol
 from legfem.subjects.subject import Subject
 
@@ -75,9 +76,13 @@ def plan_after(
     wider = _library(diagnoser, subject, tests, asked, library.middle, progress)
     plain = replace(found.base.problem.predictor, responses=wider, offset=0.0)
     candidates = [_candidate(model) for model in models]
-    return _ranked(
+    found_by_tests = _reckoned(
         tests, candidates, plain, wider, subject, found.errors.noise, found.best.posterior.gain_sd
     )
+    accuracy = accuracy_of(subject)
+    known = {one.effect for one in accuracy.effects}
+    by_readings = reckon_readings([m for m in asked if m.name not in known], candidates, accuracy)
+    return ranked([*found_by_tests, *by_readings])
 
 
 def plan_before(
@@ -114,10 +119,10 @@ def plan_before(
     problem = Problem(predictor, error_model(observed.with_force(force), noise, force))
     base = _at(problem, values)
     candidates = before_any_test(problem, base, able)
-    return _ranked(tests, candidates, predictor, library, subject, noise, USUAL_GAIN_SD)
+    return ranked(_reckoned(tests, candidates, predictor, library, subject, noise, USUAL_GAIN_SD))
 
 
-def _ranked(
+def _reckoned(
     tests: list[Design],
     candidates: list[Candidate],
     predictor: Predictor,
@@ -126,11 +131,13 @@ def _ranked(
     noise: Noise,
     gain_sd: float,
 ) -> list[Reckoned]:
+    """Return what tests are worth whose responses are known."""
+    accuracy = accuracy_of(subject)
     found = [
-        reckon(test, candidates, predictor, library.nuisances, accuracy_of(subject), noise, gain_sd)
+        reckon(test, candidates, predictor, library.nuisances, accuracy, noise, gain_sd)
         for test in tests
     ]
-    return sorted((one for one in found if one is not None), key=lambda one: -one.chance)
+    return [one for one in found if one is not None]
 
 
 def _library(

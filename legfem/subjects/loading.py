@@ -26,7 +26,14 @@ from legfem.subjects.placement import placed
 from legfem.subjects.plausibility import doubts_about
 from legfem.subjects.schema import SubjectFile, TissueEntry
 from legfem.subjects.sites import site_names, subject_entry
-from legfem.subjects.subject import Indenter, LegAccuracy, SitedLeg, Subject, TissueParameters
+from legfem.subjects.subject import (
+    Indenter,
+    LegAccuracy,
+    MeasuredEffect,
+    SitedLeg,
+    Subject,
+    TissueParameters,
+)
 
 SUBJECTS = Catalogue(RESOURCES / "frauziols" / "subjects", "subject.toml")
 
@@ -135,6 +142,7 @@ def load_subject(
         site=entry.site,
         elastography=moduli,
         fibres=fibre_ratio(moduli, deep.fibre_ratio, deep.fibre_ratio_sd),
+        measured=tuple(MeasuredEffect(**entry.model_dump()) for entry in given.measured),
     )
     doubts_about(subject)
     return subject

@@ -201,6 +201,18 @@ class AccuracyEntry(FileTable):
     """Of what is assumed: stiffness of fat and fascia, compressibility."""
 
 
+class MeasuredEntry(FileTable):
+    """One of ``[[measured]]``: how strong an effect is, by another instrument than the indenter."""
+
+    effect: Text
+    """Name of a mechanism, as diagnoses have it."""
+    value: Finite
+    """Its strength, in its own unit."""
+    sd: Positive
+    """Of that, likewise."""
+    source: Text = "measured"
+
+
 class SubjectFile(FileTable):
     """``subject.toml`` as it is written, in the file's units."""
 
@@ -215,6 +227,7 @@ class SubjectFile(FileTable):
     recordings: RecordingsEntry = RecordingsEntry()
     accuracy: AccuracyEntry = AccuracyEntry()
     elastography: list[ElastographyEntry] = Field(default_factory=list)
+    measured: list[MeasuredEntry] = Field(default_factory=list)
     confirmed: list[Text] = Field(default_factory=list)
     """Fields whose unusual values are right: they aren't doubted."""
 
@@ -226,6 +239,13 @@ class SubjectFile(FileTable):
     @model_validator(mode="after")
     def _said_once(self) -> SubjectFile:
         check_once(self.elastography, self.tissues.deep.fibre_ratio is not None)
+        effects = [entry.effect for entry in self.measured]
+        for number, effect in enumerate(effects):
+            if effect in effects[:number]:
+                raise trouble(
+                    f"measured.{number}.effect", f"{effect} is given twice",
+                    "give the mean of the measurements, with its standard deviation",
+                )  # fmt: skip
         return self
 
     @model_validator(mode="after")

@@ -124,6 +124,18 @@ class LegAccuracy:
         return self != LegAccuracy()
 
 
+@dataclass(frozen=True)
+class MeasuredEffect:
+    """How strong an effect is that a model may leave out, by other means than the indenter."""
+
+    effect: str
+    """Name of a mechanism."""
+    value: float
+    """In the unit of the mechanism's strength."""
+    sd: float
+    source: str
+
+
 @dataclass(frozen=True, eq=False)
 class Subject:
     """Everything given about one leg; see ``load_subject``."""
@@ -157,6 +169,7 @@ class Subject:
     elastography: tuple[ShearModulus, ...] = ()
     fibres: FibreRatio | None = None
     """Of the deep tissue, along the leg; None where nothing is known of them."""
+    measured: tuple[MeasuredEffect, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

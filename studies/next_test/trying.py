@@ -4,7 +4,8 @@ The leg does in the new test what its sealed truth says (another discretisation 
 and the same lab records it: its scatter between trials and its air are drawn as those of the case
 were, anew for every trial. The old recordings and the new ones are diagnosed together; weighed are
 the mechanisms of the explanations that were left, alone and in pairs, nothing and something
-unknown: what the first diagnosis had ruled out isn't sought again.
+unknown: what the first diagnosis had ruled out isn't sought again. Where effects are measured by
+themselves the old recordings are diagnosed anew with these readings, among all mechanisms.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from legfem.diagnose.leg import solved_responses
 from legfem.diagnose.library_build import build_library
 from legfem.diagnose.mechanisms import Mechanism
 from legfem.diagnose.run import STIFFENING, Diagnoser, accuracy_of, ruled_out_of
-from legfem.plan.designs import Design
+from legfem.plan.designs import Design, Readings
 from legfem.plan.reckon import Reckoned
 from legfem.plan.run import plan_after
 from legfem.recording import Recording
@@ -37,6 +38,7 @@ from studies.concealed.seal import read_sealed
 from studies.concealed.truth import Truths
 from studies.lab.conditions import drawn_errors
 from studies.lab.recording import record
+from studies.next_test.reading import can_be_read, readings_of
 
 _SLACK_MM = 2.0
 """By which a recorded depth may be beyond the drive's: where first contact is found too early."""
@@ -137,12 +139,15 @@ def as_driven(protocol: Protocol) -> Protocol:
     return Protocol(protocol.time, tuple(min(d, DEPTH_MM) for d in protocol.displacement))
 
 
-def can_be_made(design: Design, case: SealedCase) -> bool:
+def can_be_made(design: Design | Readings, case: SealedCase) -> bool:
     """Tell whether the study knows what the leg does in a test.
 
     Truths go to the depth of the cases, under their cylinder, on the outlines that are stated; the
-    other code's friction is known in loading alone.
+    other code's friction is known in loading alone. Some concealed forms have no strength that
+    could be read.
     """
+    if isinstance(design, Readings):
+        return all(can_be_read(m, case) for m in design.mechanisms)
     if design.length_factor != 1.0 or design.outlines_known or design.contact_known:
         return False
     if max(p.depth for p in design.protocols) > DEPTH_MM + _SLACK_MM:
@@ -180,21 +185,31 @@ def try_case(lab: Lab, folder: Path) -> Tried:
 def _outcome(
     lab: Lab, case: SealedCase, subject: Subject, before: Diagnosis, asked: Reckoned
 ) -> Outcome | None:
-    """Make a test, and diagnose all recordings together."""
+    """Make a test, and diagnose all that is known then."""
     design = asked.design
-    new = lab.recorded(case, design)
-    if new is None:
-        return None
-    both = _numbered([*subject.recordings, *new])
-    folder = lab.work / f"{case.name}-{_slug(design.name)}"
-    if not folder.is_dir():
-        title = f"Sealed case {case.number} with another test (simulated)"
-        write_case(folder, title, case, lab.leg(case.leg)[0].stated, both)
-    left = list(dict.fromkeys(m for model in before.models for m in model.fit.mechanisms))
-    found = weigh_again(lab.diagnoser, load_subject(folder), left)
+    if isinstance(design, Readings):
+        found = lab.diagnoser.diagnose(_read(lab, case, subject, design), Silent())
+    else:
+        new = lab.recorded(case, design)
+        if new is None:
+            return None
+        both = _numbered([*subject.recordings, *new])
+        folder = lab.work / f"{case.name}-{_slug(design.name)}"
+        if not folder.is_dir():
+            title = f"Sealed case {case.number} with another test (simulated)"
+            write_case(folder, title, case, lab.leg(case.leg)[0].stated, both)
+        left = list(dict.fromkeys(m for model in before.models for m in model.fit.mechanisms))
+        found = weigh_again(lab.diagnoser, load_subject(folder), left)
     models = _names(found)
     right = found.verdict == "named" and set(models[0]) == set(case.names)
     return Outcome(design.name, asked.chance, found.verdict, models, right)
+
+
+def _read(lab: Lab, case: SealedCase, subject: Subject, asked: Readings) -> Subject:
+    """Return a subject with readings of effects in its folder's ``[[measured]]``."""
+    seeds = [case.noise_seed, 24]
+    found = readings_of(asked.mechanisms, case, lab.leg(case.leg)[0], np.random.default_rng(seeds))
+    return replace(subject, measured=(*subject.measured, *found))
 
 
 def weigh_again(diagnoser: Diagnoser, subject: Subject, left: Sequence[Mechanism]) -> Diagnosis:

@@ -85,6 +85,9 @@ class Mechanism:
     """Each with a prior."""
     next_experiment: ClassVar[str]
     """The measurement that would settle it."""
+    measured_sd: ClassVar[float | None] = None
+    """How well that measures the strength by itself, without the indenter: standard deviation in
+    its unit, or of a factor's logarithm; None where it doesn't."""
     expected: ClassVar[float] = 1.0
     """How often it is there, over the other mechanisms, before anything was recorded."""
 

@@ -28,6 +28,8 @@ class ContactSlip(TissueMechanism):
     next_experiment: ClassVar[str] = (
         "mark the skin at the cylinder's edge and film it, or repeat with fresh tape"
     )
+    measured_sd: ClassVar[float | None] = 0.15
+    """An estimate: marks are read to 0.5 mm beside ways of some mm."""
     variant: ClassVar[str] = "frictionless"
     tangential: ClassVar[TangentialName | None] = "frictionless"
     null_variant: ClassVar[str] = "sticking"

@@ -30,6 +30,8 @@ class Dermis(TissueMechanism):
     next_experiment: ClassVar[str] = (
         "lift the skin with a suction cup, or stretch it between two pads, beside the indenter"
     )
+    measured_sd: ClassVar[float | None] = 0.1
+    """An estimate: a third of a usual stiffness."""
     strengths: ClassVar[tuple[float, ...]] = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)
 
     def terms(self, leg: PressedLeg) -> Sequence[Any]:

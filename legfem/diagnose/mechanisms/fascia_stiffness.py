@@ -22,6 +22,8 @@ class FasciaStiffness(TissueMechanism):
         ),
     )  # fmt: skip
     next_experiment: ClassVar[str] = "measure the fascia by shear-wave elastography"
+    measured_sd: ClassVar[float | None] = 0.4
+    """An estimate: a sheet thinner than a wave is long."""
     strengths: ClassVar[tuple[float, ...]] = (0.2, 3.0, 9.0, 26.0)
 
     def solution(self, values: Values) -> Solution:

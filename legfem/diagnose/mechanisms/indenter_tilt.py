@@ -21,6 +21,8 @@ class IndenterTilt(TissueMechanism):
     next_experiment: ClassVar[str] = (
         "photograph the cylinder against the leg at both ends of the travel"
     )
+    measured_sd: ClassVar[float | None] = 1.5
+    """An estimate."""
     strengths: ClassVar[tuple[float, ...]] = (-8.0, 8.0)
 
     def solution(self, values: Values) -> Solution:

@@ -37,6 +37,8 @@ class MuscleContraction(Mechanism):
     next_experiment: ClassVar[str] = (
         "repeat with electromyography of the calf, or ask for a relaxed leg and compare"
     )
+    measured_sd: ClassVar[float | None] = 0.03
+    """An estimate."""
 
     def starts(self, observed: Observations) -> tuple[Values, ...]:
         """Return onsets through the programme."""

@@ -47,6 +47,8 @@ class MuscleFibres(Mechanism):
         "press with the cylinder across the leg or with an end-on punch, or measure the muscle by "
         "shear-wave elastography along its fibres and across"
     )
+    measured_sd: ClassVar[float | None] = 0.15
+    """An estimate: moduli to 10 % each."""
 
     expected: ClassVar[float] = 5.0
     """All skeletal muscle is fibrous; its part that presses on a cylinder may lie otherwise."""

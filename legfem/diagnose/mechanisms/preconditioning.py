@@ -40,6 +40,8 @@ class Preconditioning(Mechanism):
     next_experiment: ClassVar[str] = (
         "cycle five to ten times before recording, and rest between trials"
     )
+    measured_sd: ClassVar[float | None] = 0.03
+    """An estimate: the gains of trials, over several cycles."""
 
     def untestable(self, observed: Observations) -> str | None:
         """Return whether there are repeats."""

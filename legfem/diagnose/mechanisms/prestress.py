@@ -23,6 +23,8 @@ class Prestress(TissueMechanism):
     next_experiment: ClassVar[str] = (
         "measure the pressure in the compartment at rest, or shear-wave speeds along the fascia"
     )
+    measured_sd: ClassVar[float | None] = 40.0
+    """An estimate: 1 kPa of pressure times the fascia's radius over its thickness."""
     strengths: ClassVar[tuple[float, ...]] = (20.0, 100.0, 300.0)
 
     def terms(self, leg: PressedLeg) -> Sequence[Any]:

@@ -24,6 +24,8 @@ class SuperficialStiffness(TissueMechanism):
     next_experiment: ClassVar[str] = (
         "press gently with a small tip (2 mm deep), or image the fat's thickness under load"
     )
+    measured_sd: ClassVar[float | None] = 0.25
+    """An estimate."""
     strengths: ClassVar[tuple[float, ...]] = (0.4, 1.7, 3.5, 8.0)
 
     def solution(self, values: Values) -> Solution:

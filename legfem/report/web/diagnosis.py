@@ -11,7 +11,7 @@ from legfem.diagnose.document import Recorded, kind_of, r_squared, versions
 from legfem.diagnose.doubts import doubts_of
 from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.remains import explained_share
-from legfem.diagnose.sentences import next_experiments, percent, verdict_sentence
+from legfem.diagnose.sentences import percent, verdict_sentence
 from legfem.identify.catalogue import DEEP_C10
 from legfem.identify.warnings import disagreement
 from legfem.inference.elastography import elastography_priors
@@ -21,6 +21,7 @@ from legfem.report.style import LAW_NAMES
 from legfem.report.web import page as web
 from legfem.report.web.diagnosis_curves import curves_of
 from legfem.report.web.diagnosis_headline import TITLE, capital, headline
+from legfem.report.web.diagnosis_next import next_blocks
 from legfem.report.web.diagnosis_numbers import known_of
 from legfem.report.web.section import PressedSection, still_section
 from legfem.report.words import ORIGINS
@@ -58,7 +59,7 @@ def diagnosis_web_page(
         web.Chapter("Which physics, and how sure", _physics(found)),
         web.Chapter("What was tested", _tested(found)),
         web.Chapter("What could not be tested", [web.Bullets([*_untested(found), *_alike(found)])]),
-        web.Chapter("What to do next", _next(found, plan)),
+        web.Chapter("What to do next", next_blocks(found, plan)),
         web.Chapter("Noise and accuracy", [web.Prose(_noise(found))]),
     ]
     if isinstance(subject, Subject):
@@ -258,27 +259,6 @@ def _alike(found: Diagnosis) -> list[str]:
             f"{', '.join(names)}. Such an effect could bias the stiffness without a sign."
         )
     return lines
-
-
-def _next(found: Diagnosis, plan: Sequence[str]) -> list[web.Block]:
-    wanted = [capital(line) for line in next_experiments(found)]
-    if plan:
-        return [
-            web.Prose("Simulated under each candidate, the best first:"),
-            web.Bullets([capital(line) for line in plan]),
-            web.Prose("Not simulated:"),
-            web.Bullets(wanted),
-        ]
-    if not wanted:
-        return [
-            web.Prose(
-                "Nothing is asked for by these recordings: use the stiffness with the law it "
-                "belongs to."
-            )
-        ]
-    why = {"ambiguous": "To tell the candidates apart:", "named": "To confirm what was named:"}
-    before = [web.Prose(why[found.verdict])] if found.verdict in why else []
-    return [*before, web.Bullets(wanted)]
 
 
 def _noise(found: Diagnosis) -> str:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.document import Recorded
+from legfem.diagnose.mechanisms import mechanism_named
 from legfem.diagnose.mechanisms.base import null_of
 from legfem.geometry.section import girth
 from legfem.report import diagnosis_tables as tables
 from legfem.report.diagnosis_style import BASE_NAME, model_name, plain, shown_models
 from legfem.report.web.elastography import wave_rows
 from legfem.report.web.page import Known, Provenance
-from legfem.subjects.subject import Subject
+from legfem.subjects.subject import MeasuredEffect, Origin, Subject
 
 _WRONG = "DO NOT RELY ON IT: of a wrong model, whose interval doesn't cover what was left out"
 
@@ -65,10 +66,21 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
     rows += [Known(name, moved, "prior", accuracy) for name, moved in _assumed(found)]
     if isinstance(subject, Subject):
         rows += wave_rows(subject)
+        rows += [_measured(one, subject.origin) for one in subject.measured]
         rows.append(
             Known("girth of the section", f"{girth(subject.section):.0f} mm", data, "contours")
         )
     return rows
+
+
+def _measured(one: MeasuredEffect, origin: Origin) -> Known:
+    """Return an effect's strength that was measured by itself."""
+    strength = mechanism_named(one.effect).parameters[0]
+    unit = "" if strength.unit == "-" else f" {strength.unit}"
+    return Known(
+        f"{plain(one.effect)}, measured by itself: {strength.statement}",
+        f"{one.value:.3g} ± {one.sd:.2g}{unit} (sd)", origin, one.source,
+    )  # fmt: skip
 
 
 def _assumed(found: Diagnosis) -> list[tuple[str, str]]:
