@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from making_diagnosed import diagnosed, diagnosed_of
 from making_diagnosis import SOUGHT, TRUTH, problem_of, ramps
 from scipy.special import logsumexp
 from scipy.stats import norm
@@ -21,9 +22,11 @@ from legfem.diagnose.mechanisms import mechanism_named, mechanisms
 from legfem.diagnose.mechanisms.base import null_of, prior_of
 from legfem.diagnose.nuisances import MATERIAL_LOG_SD, Accuracy
 from legfem.diagnose.run import accuracy_of
+from legfem.diagnose.sentences import next_experiments
 from legfem.diagnose.told import told_of
 from legfem.diagnose.unknown import unknown_errors
 from legfem.inference.evidence import Evidence
+from legfem.report.web.diagnosis_headline import headline
 from legfem.subjects.loading import SUBJECTS, load_subject
 from legfem.subjects.subject import MeasuredEffect
 
@@ -96,6 +99,17 @@ def test_a_dial_gauge_settles_whether_a_support_gives_way(gives_way):
         wide = averaged_interval(before, "C10")
         assert high - low < wide[1] - wide[0]
         assert low <= TRUTH["C10"] <= high
+
+
+def test_what_was_measured_is_not_asked_for_again():
+    """A fascia that is named, and was measured."""
+    effects = {"fascia-stiffness.factor": 4.0}
+    plain = diagnosed(effects, asked=("fascia-stiffness", "force-drift"))
+    read = Accuracy(effects=(MeasuredEffect("fascia-stiffness", 4.0, 1.0, "shear waves"),))
+    found = diagnosed_of(plain.observed, ("fascia-stiffness", "force-drift"), accuracy=read)
+    assert plain.verdict == found.verdict == "named"
+    assert len(next_experiments(plain)) == 1 and next_experiments(found) == []
+    assert "Use the corrected number." in [answer for _, answer in headline(found, ()).answers]
 
 
 def test_what_is_assumed_may_be_off_beside_a_reading():

@@ -137,11 +137,15 @@ def _wanted(found: Diagnosis, mechanism: Mechanism) -> str:
 
 
 def next_experiments(found: Diagnosis) -> list[str]:
-    """Return the measurements that would settle what is open."""
+    """Return the measurements that would settle what is open, but those that were made."""
     if found.verdict == "unexplained":
         return [_NO_MECHANISM]
+    known = {reading.mechanism.name for reading in found.alone.problem.measured}
     wanted = dict.fromkeys(
-        _wanted(found, m) for model in found.models for m in model.fit.mechanisms
+        _wanted(found, m)
+        for model in found.models
+        for m in model.fit.mechanisms
+        if m.name not in known
     )
     rate = any("rate" in why for why in found.untested.values())
     if found.verdict == "consistent" and rate:

@@ -27,7 +27,6 @@ from legfem.solve.protocol import Protocol
 from legfem.subjects.subject import Subject
 
 USUAL_GAIN_SD = 0.01
-_MOST = 4
 
 
 @dataclass(frozen=True)
@@ -66,7 +65,7 @@ def plan_after(
     """
     if found.verdict != "ambiguous":
         return []
-    models = found.models[:_MOST]
+    models = found.models
     rates = found.observed.rates
     library, _ = diagnoser.library(subject, found.observed, progress)
     tests = designs(

@@ -223,6 +223,8 @@ def _to_do(found: Diagnosis, plan: Sequence[str]) -> str:
             "Use the number above. If it matters what the tissue does in time, ask the lab to "
             f"{lines[0]}."
         )
+    if not plan and not lines:
+        return "Use the corrected number." if found.verdict == "named" else "Use the range."
     what, _, chance = plan[0].partition(": ") if plan else (lines[0], "", "")
     asked = f"ask the lab to {what}" + (f" ({chance})" if chance else "")
     if found.verdict == "unexplained":

@@ -53,7 +53,12 @@ def _to_state(found: Diagnosis) -> web.WebTable:
         "value, sd and source; then diagnose again",
         ["effect =", "value =", "unit", "value without it"],
         [
-            [f'"{m.name}"', first.statement, first.unit, f"{null_of(first):g}"]
+            [
+                f'"{m.name}"',
+                f"{first.name.replace('_', ' ')}, {first.statement}",
+                first.unit,
+                f"{null_of(first):g}",
+            ]
             for m in asked
             for first in m.parameters[:1]
             if m.measured_sd is not None
