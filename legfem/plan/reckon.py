@@ -8,7 +8,9 @@ With :math:`\Delta` the difference of both predictions, :math:`S` the errors of 
 
 is the logarithm of the Bayes factor that is expected; it scatters with variance :math:`2 m`, so
 that both are told apart (a factor of :math:`e^3`) with probability
-:math:`\Phi((m - 3) / \sqrt{2 m})`. Compare D. V. Lindley, Ann. Math. Statist. 27 (1956) 986-1005.
+:math:`\Phi((m - 3) / \sqrt{2 m})`. No effect has quite its model's form: with the probability that
+a form leaves something, what it may leave of both is among the errors. Compare D. V. Lindley, Ann.
+Math. Statist. 27 (1956) 986-1005.
 """
 
 from __future__ import annotations
@@ -20,6 +22,8 @@ import numpy as np
 from scipy.stats import norm
 
 from legfem.common.units import FloatArray
+from legfem.diagnose.explain import INEXACT_SHARE
+from legfem.diagnose.explanation import INEXACT
 from legfem.diagnose.fit import Fit, Problem
 from legfem.diagnose.mechanisms import Mechanism
 from legfem.diagnose.mechanisms.base import prior_of
@@ -28,6 +32,7 @@ from legfem.diagnose.mechanisms.muscle_fibres import MuscleFibres
 from legfem.diagnose.nuisances import Accuracy, Nuisances
 from legfem.diagnose.observations import Observations, blank_observations
 from legfem.diagnose.predict import Predictor
+from legfem.diagnose.unknown import unknown_errors
 from legfem.inference.errors import error_model
 from legfem.inference.trial_noise import Noise
 from legfem.plan.designs import Design, Readings
@@ -99,22 +104,22 @@ def reckon(
     blank = blank_observations(design.protocols)
     new = replace(predictor, observed=blank, offset=0.0)
     accuracy = replace(accuracy, contour_sd=0.0) if design.outlines_known else accuracy
-    forces = [_predicted(new, c, design) for c in candidates]
+    forces = [_force(new, c.fit.mechanisms, c.fit.moved(c.mean), design) for c in candidates]
     if any(np.isnan(force).any() for force in forces):
         return None
+    told = [_told(new, c, f, design) for c, f in zip(candidates, forces, strict=True)]
     chances = {}
-    for i, one in enumerate(candidates):
-        effects = nuisances.effects(blank, forces[i], accuracy)
-        errors = error_model(blank.with_force(forces[i]), noise, forces[i], effects)
-        errors = replace(errors, gain_sd=gain_sd)
-        for j, other in enumerate(candidates):
-            if i == j:
+    for one, mine in zip(candidates, told, strict=True):
+        effects = nuisances.effects(blank, mine.force, accuracy)
+        errors = error_model(blank.with_force(mine.force), noise, mine.force, effects)
+        known = replace(errors, gain_sd=gain_sd).covariance
+        for other, its in zip(candidates, told, strict=True):
+            if other is one:
                 continue
-            taken = _slopes(new, other, design, blank)
-            spread = _known(other, design)
-            total = errors.covariance + taken @ spread @ taken.T
-            apart = forces[i] - forces[j]
-            chances[one.name, other.name] = told_apart(apart, total)
+            apart, total = mine.force - its.force, known + its.taken
+            exact = told_apart(apart, total)
+            left = told_apart(apart, total + mine.inexact + its.inexact)
+            chances[one.name, other.name] = (1 - INEXACT) * exact + INEXACT * left
     return reckoned(design, chances, candidates)
 
 
@@ -151,8 +156,41 @@ def ranked(found: Sequence[Reckoned]) -> list[Reckoned]:
     return sorted(found, key=lambda one: -one.chance)
 
 
-def _predicted(new: Predictor, candidate: Candidate, design: Design) -> FloatArray:
-    return _force(new, candidate.fit.mechanisms, candidate.fit.moved(candidate.mean), design)
+@dataclass(frozen=True, eq=False)
+class _Told:
+    """What a candidate says of a test."""
+
+    force: FloatArray
+    """(n,), N."""
+    taken: FloatArray
+    """(n, n), N^2: what its parameters and first contacts may still take up."""
+    inexact: FloatArray
+    """(n, n), N^2: what its form may leave, that is never quite the effect's."""
+
+
+def _told(new: Predictor, candidate: Candidate, force: FloatArray, design: Design) -> _Told:
+    blank, fitted = new.observed, candidate.fit
+    slopes, known = _slopes(new, candidate, force, design), _known(candidate, design)
+    own = len(fitted.stiffness)
+    refit = np.column_stack([slopes[:, :own], slopes[:, -len(design.protocols) :]])
+    shown = force - _force(new, (), fitted.moved(candidate.mean), design)
+    shown = shown - refit @ np.linalg.lstsq(refit, shown)[0]
+    return _Told(force, slopes @ known @ slopes.T, _inexact(blank, force, shown))
+
+
+def _inexact(blank: Observations, force: FloatArray, shown: FloatArray) -> FloatArray:
+    """Return the covariance of what a form leaves of what shows of it (n,), N.
+
+    As an explanation is weighed: an error of unknown shape, of a share of what shows at most.
+    """
+    if not shown.any():
+        return np.zeros((len(force), len(force)))
+    unknowns = unknown_errors(blank, force)[1:]
+    size = INEXACT_SHARE * float(np.sqrt(np.mean(shown**2)) / np.abs(force).max())
+    most = max(size, unknowns[0].size)
+    largest = max((u for u in unknowns if u.size <= most), key=lambda u: u.size)
+    assert largest.covariance is not None
+    return largest.covariance
 
 
 def _force(
@@ -172,12 +210,9 @@ def _force(
     return design.length_factor * new(given, mechanisms)
 
 
-def _slopes(
-    new: Predictor, candidate: Candidate, design: Design, blank: Observations
-) -> FloatArray:
-    """Return what the other's parameters, and the new trials' first contacts, may change."""
-    fitted = candidate.fit
-    here = _force(new, fitted.mechanisms, fitted.moved(candidate.mean), design)
+def _slopes(new: Predictor, candidate: Candidate, here: FloatArray, design: Design) -> FloatArray:
+    """Return what the parameters, and the new trials' first contacts, may change."""
+    blank, fitted = new.observed, candidate.fit
     columns = []
     for k, parameter in enumerate(fitted.parameters):
         if parameter.role == "nuisance":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from legfem.correction.choice import REFERENCE
 from legfem.correction.tabulated import read_correction
 from legfem.diagnose.run import Diagnoser
 from legfem.subjects.loading import load_subject
+from legfem.subjects.subject import MeasuredEffect
 
 FOREIGN = SHARED / "foreign"
 pytestmark = [
@@ -74,3 +76,23 @@ def test_soft_bones_take_a_share_of_the_force(diagnoser):
     spring = next(e for e in found.explained.every if e.names == ("support-compliance",))
     assert abs(spring.value("C10") / given["true_C10_kPa"] - 1) < 0.05
     assert np.isfinite(spring.posterior.log_evidence)
+
+
+@pytest.mark.parametrize(
+    ("case", "read"),
+    [
+        ("02", MeasuredEffect("contact-slip", 0.9, 0.15, "marks on the skin, invented")),
+        # Two bones on 5 N/mm each; the fibula's across are 3.5.
+        ("05", MeasuredEffect("support-compliance", 0.11, 0.02, "a dial gauge, invented")),
+        ("07", MeasuredEffect("fascia-stiffness", 8.0, 3.2, "shear waves, invented")),
+    ],
+)
+def test_a_reading_of_the_effect_ends_the_ambiguity(case, read, diagnoser):
+    """The readings are invented, about one standard deviation off; the recordings aren't ours."""
+    given = truth(case)
+    subject = replace(load_subject(FOREIGN / f"case-{case}"), measured=(read,))
+    found = diagnoser.diagnose(subject, Silent())
+    assert found.verdict == "named"
+    assert found.models[0].names == tuple(given["effects"])
+    low, high = found.intervals["C10"]
+    assert low < given["true_C10_kPa"] < high

@@ -1,0 +1,77 @@
+"""What a further test is worth: more with less noise, nothing for twins, less as forms are off."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from making_diagnosed import diagnosed
+from making_diagnosis import NOISE
+
+from legfem.diagnose.diagnosis import Diagnosis
+from legfem.diagnose.explanation import Explanation
+from legfem.diagnose.nuisances import Accuracy
+from legfem.plan import reckon as reckoning
+from legfem.plan.designs import Design
+from legfem.plan.reckon import Candidate, reckon
+from legfem.solve.protocol import Protocol
+
+TWINS = ("fascia-stiffness", "prestress", "force-drift")
+"""The first two are alike in closed form."""
+RAMP = Protocol.ramp(20.0, 0.4)
+
+
+@pytest.fixture(scope="module")
+def found() -> Diagnosis:
+    return diagnosed({"fascia-stiffness.factor": 4.0}, asked=TWINS)
+
+
+def candidate(model: Explanation) -> Candidate:
+    posterior, name = model.posterior, " + ".join(model.names) or "nothing"
+    return Candidate(name, model.fit, posterior.mean, posterior.covariance, model.probability)
+
+
+def chance(found: Diagnosis, others: list[Candidate], noise=NOISE, repeats: int = 3) -> float:
+    predictor = found.alone.problem.predictor
+    worth = reckon(
+        Design("again", (RAMP,) * repeats), others, predictor, predictor.responses.nuisances,
+        Accuracy(), noise, 0.01,
+    )  # fmt: skip
+    assert worth is not None and worth.chance == pytest.approx(min(worth.chances.values()), abs=1)
+    assert all(0.0 <= one <= 1.0 for one in worth.chances.values())
+    return worth.chance
+
+
+@pytest.fixture
+def against_nothing(found) -> list[Candidate]:
+    stiff = next(m for m in found.models if m.names == ("fascia-stiffness",))
+    return [candidate(stiff), candidate(found.alone)]
+
+
+def test_twins_are_told_apart_by_no_repeat(found, against_nothing):
+    twins = [candidate(m) for m in found.models]
+    assert chance(found, twins) < 0.05 < chance(found, against_nothing)
+
+
+def test_less_noise_and_more_repeats_tell_more(found, against_nothing):
+    loud = replace(NOISE, white_sd=10 * NOISE.white_sd, slow_sd=10 * NOISE.slow_sd)
+    assert chance(found, against_nothing, loud) < chance(found, against_nothing)
+    once, thrice = (chance(found, against_nothing, loud, n) for n in (1, 6))
+    assert once < thrice
+
+
+def test_a_form_that_is_off_tells_less(found, against_nothing, monkeypatch):
+    monkeypatch.setattr(reckoning, "INEXACT", 0.0)
+    exact = chance(found, against_nothing)
+    monkeypatch.setattr(reckoning, "INEXACT", 1.0)
+    assert chance(found, against_nothing) < exact
+    monkeypatch.setattr(reckoning, "INEXACT_SHARE", 0.05)
+    assert chance(found, against_nothing) > 0.5 * exact, "a small share takes little"
+
+
+def test_what_has_no_effect_has_no_form(found):
+    nothing = candidate(found.alone)
+    predictor = found.alone.problem.predictor
+    force = predictor(nothing.fit.values)
+    assert not np.any(reckoning._inexact(predictor.observed, force, np.zeros_like(force)))
