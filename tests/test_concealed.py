@@ -12,18 +12,21 @@ from legfem.common.errors import InputError
 from legfem.correction.choice import REFERENCE
 from legfem.correction.tabulated import read_correction
 from legfem.diagnose.mechanisms import mechanisms
+from legfem.diagnose.observations import observe
 from legfem.diagnose.weighing import PRIOR_NONE, PRIOR_SINGLE
 from legfem.subjects.loading import SUBJECTS, load_subject
 from studies.concealed.cases import DEPTH_MM, SealedCase, make_cases
+from studies.concealed.change import change_at_stations, recorded, recorded_change
 from studies.concealed.forms import FORMS, NAMED, ON_COURSE, OUTSIDE, OUTSIDE_ON_COURSE, Pressed
-from studies.concealed.making import change_at, key_of_case
+from studies.concealed.making import key_of_case
 from studies.concealed.metric import Metric
 from studies.concealed.page import cases_page, figure, page, scored_document
 from studies.concealed.reliability import Explained, at_base_rates
-from studies.concealed.scoring import Scored
+from studies.concealed.scoring import Scored, _changes
 from studies.concealed.seal import read_sealed, write_sealed
 from studies.concealed.summary import reliability, summarise
 from studies.concealed.truth import ELASTIC_RATE, ForceCourse, Truths
+from studies.lab.recording import INSTRUMENT, Course
 
 
 def test_cases_depend_on_the_seed_alone():
@@ -125,7 +128,7 @@ STIFF = np.linspace(0.0, 10.0, 21)[:, None]
 def metric(family=STIFF * AT, force=5 * AT):
     n = len(AT)
     return Metric(
-        np.zeros(n, int), 50 * AT, force, 0.01**2 * np.eye(n), family, np.zeros((n, 0)),
+        force, 0.01**2 * np.eye(n), family, np.zeros((n, 0)),
         0.01**2 * np.eye(n), AT[:, None], np.full(n, 0.01), np.zeros(n, dtype=bool),
         np.array([np.sin(9 * AT), np.cos(9.5 * AT)]), np.array(["a", "b"]),
     )  # fmt: skip
@@ -343,13 +346,54 @@ def test_a_key_holds_what_each_of_two_effects_adds(monkeypatch):
                    outside=())  # fmt: skip
     truth, parts = truths.of(case), truths.without_each(case)
     key = json.loads(json.dumps(key_of_case(case, truth, parts)))
-    trial, time = np.array([0, 0, 1, 1]), np.array([20.0, 50.0, 20.0, 50.0])
-    stiffer = 0.02 * (0.4 * time) ** 2 * 0.1 * np.array([1, 1, 0.5, 0.5])
-    drift = 0.4 * (1 - np.exp(-time / 30))
-    for name, added in (("preconditioning", stiffer), ("force-drift", drift)):
-        np.testing.assert_allclose(change_at(key, trial, time, name), added, rtol=1e-3, atol=1e-4)
-    np.testing.assert_allclose(change_at(key, trial, time), stiffer + drift, rtol=1e-3)
+    recordings = recorded(truth.trials, case.noise_seed)
+    observed = observe(recordings, INSTRUMENT, starts_at_contact=False)
+    found = {
+        name: change_at_stations(recordings, change, observed)
+        for name, change in key["recorded_part_change_N"].items()
+    }
+    late = observed.time > 20.0
+    for trial, excess in enumerate((0.1, 0.05, 0.025)):
+        here = late & (observed.trial == trial)
+        d, time = observed.displacement[here], observed.time[here]
+        drift = found["force-drift"][here] / (0.4 * (1 - np.exp(-time / 30)))
+        stiffer = found["preconditioning"][here] / (0.02 * d**2 * excess)
+        # Each trial has a gain of its own, and its first contact isn't found exactly.
+        for ratio in (drift, stiffer):
+            assert ratio.mean() == pytest.approx(1.0, abs=0.1)
+            assert ratio.std() < 0.03
+    whole = change_at_stations(recordings, key["recorded_change_N"], observed)
+    np.testing.assert_allclose(whole, sum(found.values()), atol=1e-9)
     assert truths.without_each(replace(case, effects=effects[:1])) == {}
+
+
+def test_what_an_effect_changes_is_taken_off_where_it_was_recorded():
+    """A ripple misplaces first contact; without it a smooth leg is left, but for the noise."""
+    time = np.linspace(0.0, 50.0, 501)
+    d, smooth = 0.4 * time, 0.02 * (0.4 * time) ** 2 + 0.02 * time
+    waves = np.sin(2 * np.pi * d / 3.0)
+    plain = [Course(time, d, smooth)] * 3
+    rippled = [Course(time, d, smooth + 0.3 * waves)] * 3
+    recordings, change = recorded(rippled, 8), recorded_change(rippled, plain, 8)
+    observed = observe(recordings, INSTRUMENT, starts_at_contact=False)
+    found = observe(recorded(plain, 8), INSTRUMENT, starts_at_contact=False)
+    pairs = zip(observed.contacts, found.contacts, strict=True)
+    assert all(there.displacement - here.displacement > 1.5 for here, there in pairs)
+    less = observed.force - change_at_stations(recordings, change, observed)
+
+    def left(force):
+        trials = [
+            (observed.displacement[k], force[k]) for k in np.eye(3, dtype=bool)[observed.trial].T
+        ]
+        return max(np.std(f - np.polyval(np.polyfit(x, f, 3), x)) for x, f in trials)
+
+    assert left(observed.force) > 0.15
+    assert left(less) < 2 * INSTRUMENT.force_sd
+
+
+def test_keys_of_an_earlier_version_are_refused_in_one_line(tmp_path):
+    with pytest.raises(InputError, match="make the cases again"):
+        _changes(tmp_path, {"change_N": []}, None)
 
 
 def test_pages_and_figure_show_every_case():

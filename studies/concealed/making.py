@@ -7,23 +7,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from legfem.common.documents import write_atomically
 from legfem.common.progress import Progress
-from legfem.common.units import FloatArray
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.jobs.pool import Workers
 from legfem.recording import Recording
 from legfem.subjects.folder import write_subject_folder
 from legfem.subjects.subject import Subject
 from studies.concealed.cases import SealedCase
+from studies.concealed.change import recorded, recorded_change
 from studies.concealed.legs import sealed_leg
 from studies.concealed.seal import write_sealed
 from studies.concealed.truth import SealedTruth, Truths
-from studies.lab.conditions import drawn_errors
-from studies.lab.recording import INSTRUMENT, Course, record
+from studies.lab.recording import INSTRUMENT
 
 
 @dataclass(eq=False)
@@ -50,9 +46,8 @@ class Maker:
         truth, parts = truths.of(case), truths.without_each(case)
         if truth is None or parts is None:
             return "LEFT OUT: a finite-element solution stopped"
-        generator = np.random.default_rng(case.noise_seed)
         if not folder.is_dir():
-            recordings = record(truth.trials, drawn_errors(generator), generator)
+            recordings = recorded(truth.trials, case.noise_seed)
             write_case(folder, f"Sealed case {case.number} (simulated)", case, stated, recordings)
         key = key_of_case(case, truth, parts)
         write_sealed(self.out / "keys" / f"{case.name}.json", key, self.seed)
@@ -97,7 +92,7 @@ def _state_accuracy(path: Path, stated: Subject) -> None:
 def key_of_case(
     case: SealedCase, truth: SealedTruth, parts: Mapping[str, SealedTruth]
 ) -> dict[str, Any]:
-    """Return what is sealed: the case, and what its effects change of the force.
+    """Return what is sealed: the case, and what its effects change of the recorded force.
 
     Parameters
     ----------
@@ -110,40 +105,13 @@ def key_of_case(
     """
     return {
         "case": case.document(),
-        "time_s": truth.trials[0].time.tolist(),
-        "change_N": _changes(truth.trials, truth.without),
-        "part_change_N": {
-            name: _changes(truth.trials, less.trials) for name, less in parts.items()
+        "recorded_change_N": recorded_change(truth.trials, truth.without, case.noise_seed),
+        "recorded_part_change_N": {
+            name: recorded_change(truth.trials, less.trials, case.noise_seed)
+            for name, less in parts.items()
         },
         "greatest_force_N": max(float(course.force.max()) for course in truth.without),
     }
-
-
-def _changes(courses: Sequence[Course], others: Sequence[Course]) -> list[list[float]]:
-    pairs = zip(courses, others, strict=True)
-    return [[float(v) for v in one.force - other.force] for one, other in pairs]
-
-
-def change_at(
-    key: Mapping[str, Any], trial: NDArray[np.int_], time: FloatArray, part: str | None = None
-) -> FloatArray:
-    """Return what a key's effects, or one of them, change of the force (n,), N.
-
-    Parameters
-    ----------
-    key
-        Of a case.
-    trial, time
-        (n,): numbers, and s since first touch.
-    part
-        Name of one of two effects: what it adds to the other one.
-    """
-    courses = key["change_N"] if part is None else key["part_change_N"][part]
-    change = np.zeros(len(time))
-    for k in np.unique(trial):
-        here = trial == k
-        change[here] = np.interp(time[here], key["time_s"], courses[k])
-    return change
 
 
 def make(cases: Sequence[SealedCase], maker: Maker, jobs: int, progress: Progress) -> None:

@@ -32,8 +32,6 @@ class Metric:
 
     Parameters
     ----------
-    trial, time
-        (n,): number, and s since first contact.
     force
         (n,), N: recorded.
     covariance
@@ -52,8 +50,6 @@ class Metric:
         (k, n), N, and (k,): what each mechanism alone adds to the force, fitted.
     """
 
-    trial: NDArray[np.int_]
-    time: FloatArray
     force: FloatArray
     covariance: FloatArray
     family: FloatArray
@@ -71,7 +67,7 @@ class Metric:
         observed, errors, base = found.observed, found.errors, found.alone.fit
         alone = [e for e in found.explained.every if len(e.names) == 1]
         return cls(
-            observed.trial, observed.time, observed.force, errors.covariance,
+            observed.force, errors.covariance,
             _family(found.alone), base.change[:, len(base.stiffness) :],
             found.base.problem.errors.covariance, found.base.fit.change,
             errors.trial_sd, found.located,
@@ -155,7 +151,7 @@ class Metric:
     def read(cls, path: Path) -> Metric:
         """Read it."""
         with np.load(path) as kept:
-            return cls(**dict(kept))
+            return cls(**{f.name: kept[f.name] for f in fields(cls)})
 
 
 def _basis(columns: FloatArray) -> FloatArray:

@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 
 from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
 from legfem.diagnose.run import Diagnoser
+from legfem.subjects.loading import load_subject
 from studies.concealed.cases import SealedCase
-from studies.concealed.making import change_at
+from studies.concealed.change import change_at_stations
 from studies.concealed.metric import Metric
 from studies.concealed.reliability import Explained
 from studies.concealed.running import asked, case_folders, diagnoses, metric_file
@@ -149,6 +151,14 @@ def _until_held(explanations: Sequence[Explained]) -> tuple[Explained, ...]:
     return tuple(kept)
 
 
+@dataclass(frozen=True, eq=False)
+class _Changes:
+    """What concealed effects change of the observations (n,), N: all, and each of two by name."""
+
+    whole: FloatArray
+    parts: Mapping[str, FloatArray]
+
+
 def score_cases(out: Path, seed: int, diagnoser: Diagnoser) -> list[Scored]:
     """Open the key of every case that was diagnosed, and compare.
 
@@ -163,15 +173,36 @@ def score_cases(out: Path, seed: int, diagnoser: Diagnoser) -> list[Scored]:
         key = read_sealed(out / "keys" / f"{folder.name}.json", seed)
         found = store.get(asked(folder))
         if found is not None:
-            scored.append(_scored(found, key, Metric.read(metric_file(out, folder))))
+            changes = _changes(folder, key, diagnoser)
+            scored.append(_scored(found, key, Metric.read(metric_file(out, folder)), changes))
     if not scored:
         raise InputError(store.folder, "*.json", "none is of these cases by this code", "add --run")
     return scored
 
 
-def _scored(found: dict[str, Any], key: dict[str, Any], metric: Metric) -> Scored:
-    case = SealedCase.of(key["case"])
-    change = change_at(key, metric.trial, metric.time)
+def _changes(folder: Path, key: Mapping[str, Any], diagnoser: Diagnoser) -> _Changes:
+    if "recorded_change_N" not in key:
+        raise InputError(
+            folder, "key", "was written by an earlier version",
+            "take the folder of keys away and make the cases again: nothing is solved anew",
+        )  # fmt: skip
+    subject = load_subject(folder)
+    observed = diagnoser.observations(subject)
+
+    def at_stations(change: Sequence[Sequence[float]]) -> FloatArray:
+        return change_at_stations(subject.recordings, change, observed)
+
+    parts = key["recorded_part_change_N"]
+    return _Changes(
+        at_stations(key["recorded_change_N"]),
+        {name: at_stations(change) for name, change in parts.items()},
+    )
+
+
+def _scored(
+    found: dict[str, Any], key: dict[str, Any], metric: Metric, changes: _Changes
+) -> Scored:
+    case, change = SealedCase.of(key["case"]), changes.whole
     size = metric.size(change)
     wrong = np.abs(metric.shown(change)) > metric.trial_sd
     before, after = (found[f"parameters_{when}"]["c10_deep"] for when in ("before", "after"))
@@ -197,16 +228,9 @@ def _scored(found: dict[str, Any], key: dict[str, Any], metric: Metric) -> Score
             Explained(tuple(s["mechanisms"]), bool(s["unknown"]), float(s["probability"]))
             for s in found["statements"]
         ),
-        _parts(key, metric),
+        tuple((name, metric.size(change, change - part)) for name, part in changes.parts.items()),
         metric.told_apart(change, case.names),
     )
-
-
-def _parts(key: Mapping[str, Any], metric: Metric) -> tuple[tuple[str, float], ...]:
-    """Return the sizes of two effects, each beside the other."""
-    both = change_at(key, metric.trial, metric.time)
-    parts = {name: change_at(key, metric.trial, metric.time, name) for name in key["part_change_N"]}
-    return tuple((name, metric.size(both, both - part)) for name, part in parts.items())
 
 
 def _overlap(said: Any, true: Any) -> tuple[int, int, int]:
