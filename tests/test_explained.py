@@ -12,12 +12,18 @@ from scipy.optimize import brentq
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
-from legfem.diagnose.averaged import averaged_interval
+from legfem.diagnose.averaged import averaged_interval, untried_pairs
 from legfem.diagnose.explain import explain
-from legfem.diagnose.explanation import INEXACT, Explained, Explanation
+from legfem.diagnose.explanation import INEXACT, Explained, Explanation, gain_over, singles_of
+from legfem.diagnose.fit import fit
 from legfem.diagnose.limits import limits_of
 from legfem.diagnose.predict import onset_name
 from legfem.diagnose.remains import explained_share, remains_of
+from legfem.diagnose.strength import gained_by_width
+from legfem.diagnose.told import told_of
+from legfem.diagnose.unknown import unknown_errors
+from legfem.inference.evidence import Evidence
+from legfem.inference.mixture import Mixture
 
 
 def explanation(like: Explanation, mean: float, sd: float, probability: float) -> Explanation:
@@ -48,6 +54,36 @@ def test_an_averaged_interval_is_that_of_a_mixture_of_distributions():
     alone = averaged_interval(Explained((replace(one, probability=1.0),), one), "C10")
     np.testing.assert_allclose(alone, one.interval("C10"), rtol=1e-6)
     assert averaged_interval(Explained((one, other), one), "drag.size") is None
+
+
+def test_two_that_hide_at_once_are_summed_where_their_pair_was_not_tried():
+    """Beside the pairs' own fits: evidence, and mean and spread of C10."""
+    problem, base = problem_of(ramps(), seed=1)
+    found = explain(problem, base, SOUGHT)
+    assert found.every[0].nothing
+    assert not any(len(e.names) > 1 for e in found.every)
+    singles = singles_of(found.every)
+    pairs = {pair.names: pair for pair in untried_pairs(found, "C10")}
+    assert len(pairs) == 6
+    evidence = Evidence(problem.errors, unknown_errors(problem.predictor.observed, base.prediction))
+    names = next(names for names in pairs if set(names) == {"force-drift", "preconditioning"})
+    one, other = (singles[name,] for name in names)
+    joint = fit(problem, [*one.fit.mechanisms, *other.fit.mechanisms], base.values)
+    told, k = told_of(problem, evidence, joint, one.shares), joint.free.index("C10")
+    told = replace(told, log_evidence=told.log_evidence + gained_by_width(joint, told))
+    summed = one.posterior.log_evidence + gain_over(other, found.base)
+    assert told.log_evidence == pytest.approx(summed, abs=0.5)
+    mean, variance = pairs[names].distribution.moments
+    sd = np.sqrt(told.covariance[k, k])
+    assert mean == pytest.approx(told.mean[k], abs=0.2 * sd)
+    # The recordings bound both effects' sum better than each: the sum is no narrower.
+    assert sd < np.sqrt(variance) < 1.25 * sd
+    low, high = averaged_interval(found, "C10")
+    parts = [(e.probability, e.distribution("C10")) for e in found.every if not e.nothing]
+    alone = Mixture.joined(*zip(*parts, strict=True))
+    prior = base.parameters[0].prior
+    assert low < prior.value_at(alone.quantile(0.025))
+    assert high > prior.value_at(alone.quantile(0.975))
 
 
 def test_limits_hold_what_is_there_and_are_small_where_nothing_is():

@@ -47,6 +47,12 @@ class Mixture:
             ),
         )
 
+    @property
+    def moments(self) -> tuple[float, float]:
+        """Mean and variance, were all of them normal."""
+        mean = float(self.weights @ self.means)
+        return mean, float(self.weights @ (self.sds**2 + (self.means - mean) ** 2))
+
     def below(self, value: float) -> float:
         """Return the probability that the parameter lies below a value."""
         each = student_t.cdf((value - self.means) / self.sds, self.degrees)
