@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from legfem.common.units import FloatArray
 from legfem.diagnose.mechanisms.base import Mechanism, Values, strength
-from legfem.diagnose.mechanisms.muscle_contraction import smooth_switch
+from legfem.diagnose.mechanisms.timing import moments, shortest_programme, smooth_switch
 from legfem.diagnose.observations import Observations
 from legfem.inference.parameter import Parameter, Prior
 
@@ -52,16 +50,16 @@ class LegMovement(Mechanism):
     def starts(self, observed: Observations) -> tuple[Values, ...]:
         """Return moments through the programme, with a return and without."""
         return tuple(
-            {"shift": 0.2, "onset": float(onset), "rise": 0.05, "away": away}
-            for onset in np.linspace(0.15, 0.85, 8)
-            for away in (0.1, 2.0)
+            {"shift": 0.2, "onset": onset, "rise": 0.5 * apart, "away": away}
+            for onset, apart in moments(observed)
+            for away in (apart, 2.0)
         )
 
     def displacement_loss(
         self, values: Values, observed: Observations, force: FloatArray
     ) -> FloatArray:
         """Return how far the leg is away from where it began."""
-        shortest = min(float(s.protocol.time[-1]) for s in observed.protocols)
-        since, rise = observed.time / shortest - values["onset"], values["rise"]
+        since = observed.time / shortest_programme(observed) - values["onset"]
+        rise = values["rise"]
         gone, returned = since / rise, (since - values["away"]) / rise
         return values["shift"] * (smooth_switch(gone) - smooth_switch(returned))

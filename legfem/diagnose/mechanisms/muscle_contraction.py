@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from legfem.common.units import FloatArray
 from legfem.diagnose.mechanisms.base import Mechanism, Values, strength
+from legfem.diagnose.mechanisms.timing import moments, shortest_programme, smooth_switch
 from legfem.diagnose.observations import Observations
 from legfem.inference.parameter import Parameter, Prior
 
@@ -43,19 +42,12 @@ class MuscleContraction(Mechanism):
     def starts(self, observed: Observations) -> tuple[Values, ...]:
         """Return onsets through the programme."""
         return tuple(
-            {"stiffening": 0.1, "onset": float(onset), "rise": rise}
-            for onset in np.linspace(0.15, 0.85, 8)
-            for rise in (0.03, 0.12)
+            {"stiffening": 0.1, "onset": onset, "rise": share * apart}
+            for onset, apart in moments(observed)
+            for share in (0.4, 1.5)
         )
 
     def deep_factor(self, values: Values, observed: Observations) -> FloatArray:
         """Return the stiffness over that at rest."""
-        shortest = min(float(s.protocol.time[-1]) for s in observed.protocols)
-        since = observed.time / shortest - values["onset"]
+        since = observed.time / shortest_programme(observed) - values["onset"]
         return 1.0 + values["stiffening"] * smooth_switch(since / max(values["rise"], 1e-6))
-
-
-def smooth_switch(fraction: FloatArray) -> FloatArray:
-    """Return 0 below 0, 1 above 1 and 3 x^2 - 2 x^3 between."""
-    x = np.clip(fraction, 0.0, 1.0)
-    return np.asarray(x * x * (3 - 2 * x))
