@@ -17,6 +17,7 @@ from legfem.diagnose.explain import explain
 from legfem.diagnose.explanation import INEXACT, Explained, Explanation, gain_over, singles_of
 from legfem.diagnose.fit import fit
 from legfem.diagnose.limits import limits_of
+from legfem.diagnose.mechanisms import mechanism_named
 from legfem.diagnose.predict import onset_name
 from legfem.diagnose.remains import explained_share, remains_of
 from legfem.diagnose.strength import gained_by_width
@@ -84,6 +85,16 @@ def test_two_that_hide_at_once_are_summed_where_their_pair_was_not_tried():
     prior = base.parameters[0].prior
     assert low < prior.value_at(alone.quantile(0.025))
     assert high > prior.value_at(alone.quantile(0.975))
+
+
+def test_mechanisms_that_explain_the_same_misfit_are_no_hidden_pair():
+    """Each alone explains what the other does: their evidences don't add."""
+    problem, base = problem_of(ramps(), {"preconditioning.softening": 0.3}, seed=3)
+    sought = [*SOUGHT, mechanism_named("muscle-contraction")]
+    found = explain(problem, base, sought)
+    assert found.every[0].names == ("preconditioning",)
+    assert not any("preconditioning" in pair.names for pair in untried_pairs(found, "C10"))
+    assert sum(pair.probability for pair in untried_pairs(found, "C10")) < 1e-3
 
 
 def test_limits_hold_what_is_there_and_are_small_where_nothing_is():

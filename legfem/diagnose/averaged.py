@@ -13,7 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
-from legfem.diagnose.explanation import Explained, Explanation, gain_over, singles_of
+from legfem.diagnose.explanation import ADDS_FROM, Explained, Explanation, gain_over, singles_of
 from legfem.diagnose.weighing import Priors
 from legfem.inference.mixture import Mixture
 
@@ -95,7 +95,11 @@ def untried_pairs(explained: Explained, name: str) -> list[HiddenPair]:
     like = next((e for e in explained.every if not e.nothing), None)
     if like is None or name not in base.fit.free:
         return []
-    singles = [e for e in singles_of(explained.every).values() if name in e.fit.free]
+    # Two that explain the same misfit don't add: those that explain none do.
+    singles = [
+        e for e in singles_of(explained.every).values()
+        if name in e.fit.free and gain_over(e, base) < ADDS_FROM
+    ]  # fmt: skip
     each = {e.names[0]: e.distribution(name) for e in singles}
     # What all have in common: the base model's, and what is unknown beside any mechanism.
     mean, variance = base.distribution(name).moments
