@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, make_smoothing_spline
 
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
@@ -26,6 +26,9 @@ STIFFENINGS = (0.0, 0.8, 1.6)
 _ROUND = 0.25
 """Of the middle's ln C10; and of where its stiffening is looked up."""
 _FIRST_C10_KPA = 0.8
+_SMOOTH = 3e-3
+"""Penalty of the squared second derivative by the logarithm of the way: at 5 mm waves of less than
+3 mm go."""
 WITHOUT_ENDS: Mapping[str, str] = {
     MuscleFibres.name: "the base model has no ends of the cylinder, at which fibres would bend"
 }
@@ -183,9 +186,30 @@ def _assembled(
                 changes[m.name, key] = table
     geometric = {t.geometry.name: o["change"] for t, o in done if t.geometry is not None}
     material = next((dict(o) for t, o in done if t.material), {})
-    nuisances = Nuisances(solved.grid, geometric, material)
+    nuisances = Nuisances(
+        solved.grid,
+        {name: smoothed(solved.grid, change) for name, change in geometric.items()},
+        {name: smoothed(solved.grid, change) for name, change in material.items()},
+    )
     emulator = Emulator(samples)
     return Library(solved.grid, emulator, changes, nuisances, middle, correction, missing)
+
+
+def smoothed(grid: FloatArray, change: FloatArray) -> FloatArray:
+    """Return a relative change of the force (m,) without what elements do that come into contact.
+
+    On a coarse mesh a derivative wiggles by some per cent of itself as each of them does, and a
+    leg that is known well enough tells such wiggles from noise.
+
+    Parameters
+    ----------
+    grid
+        (m,), mm.
+    change
+        (m,).
+    """
+    log = np.log(grid)
+    return np.asarray(make_smoothing_spline(log, change, lam=_SMOOTH)(log))
 
 
 def _samples(
