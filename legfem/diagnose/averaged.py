@@ -95,17 +95,15 @@ def untried_pairs(explained: Explained, name: str) -> list[HiddenPair]:
     like = next((e for e in explained.every if not e.nothing), None)
     if like is None or name not in base.fit.free:
         return []
+    alone = singles_of(explained.every).values()
+    priors = Priors.among([e.fit.mechanisms[0] for e in alone])
     # Two that explain the same misfit don't add: those that explain none do.
-    singles = [
-        e for e in singles_of(explained.every).values()
-        if name in e.fit.free and gain_over(e, base) < ADDS_FROM
-    ]  # fmt: skip
+    singles = [e for e in alone if name in e.fit.free and gain_over(e, base) < ADDS_FROM]
     each = {e.names[0]: e.distribution(name) for e in singles}
     # What all have in common: the base model's, and what is unknown beside any mechanism.
     mean, variance = base.distribution(name).moments
     common = mean, max(variance, min((one.moments[1] for one in each.values()), default=0.0))
     tried = {frozenset(e.names) for e in explained.every}
-    priors = Priors.among([e.fit.mechanisms[0] for e in singles])
     found = []
     for one, other in combinations(singles, 2):
         names = one.names[0], other.names[0]
