@@ -219,6 +219,7 @@ def test_scores_want_diagnoses_by_this_code(
     diagnoser = Diagnoser(tmp_path / "library", read_correction(REFERENCE), 1)
     monkeypatch.setattr(scoring, "read_sealed", lambda *_: {})
     monkeypatch.setattr(scoring.Metric, "read", lambda path: None)
+    monkeypatch.setattr(scoring, "_changes", lambda *_: None)
     monkeypatch.setattr(scoring, "_scored", lambda found, *_: found["full_solutions"])
     assert scoring.score_cases(tmp_path, 1, diagnoser) == [1, 2, 3]
     monkeypatch.setattr("legfem.jobs.store.code_fingerprint", lambda *modules: "changed")

@@ -29,6 +29,8 @@ _FIRST_C10_KPA = 0.8
 _SMOOTH = 3e-3
 """Penalty of the squared second derivative by the logarithm of the way: at 5 mm waves of less than
 3 mm go."""
+_FEWEST = 5
+"""Points of a curve that can be smoothed."""
 WITHOUT_ENDS: Mapping[str, str] = {
     MuscleFibres.name: "the base model has no ends of the cylinder, at which fibres would bend"
 }
@@ -199,7 +201,8 @@ def smoothed(grid: FloatArray, change: FloatArray) -> FloatArray:
     """Return a relative change of the force (m,) without what elements do that come into contact.
 
     On a coarse mesh a derivative wiggles by some per cent of itself as each of them does, and a
-    leg that is known well enough tells such wiggles from noise.
+    leg that is known well enough tells such wiggles from noise. A solution that stopped has no
+    number to smooth.
 
     Parameters
     ----------
@@ -208,6 +211,8 @@ def smoothed(grid: FloatArray, change: FloatArray) -> FloatArray:
     change
         (m,).
     """
+    if len(grid) < _FEWEST or not np.isfinite(change).all():
+        return change
     log = np.log(grid)
     return np.asarray(make_smoothing_spline(log, change, lam=_SMOOTH)(log))
 

@@ -49,10 +49,11 @@ class LegMovement(Mechanism):
 
     def starts(self, observed: Observations) -> tuple[Values, ...]:
         """Return moments through the programme, with a return and without."""
+        _, _, rise, away = self.parameters
         return tuple(
-            {"shift": 0.2, "onset": onset, "rise": 0.5 * apart, "away": away}
+            {"shift": 0.2, "onset": onset, "rise": rise.inside(0.5 * apart), "away": gone}
             for onset, apart in moments(observed)
-            for away in (apart, 2.0)
+            for gone in (away.inside(apart), 2.0)
         )
 
     def displacement_loss(

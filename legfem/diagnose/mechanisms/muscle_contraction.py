@@ -41,8 +41,9 @@ class MuscleContraction(Mechanism):
 
     def starts(self, observed: Observations) -> tuple[Values, ...]:
         """Return onsets through the programme."""
+        rise = self.parameters[2]
         return tuple(
-            {"stiffening": 0.1, "onset": onset, "rise": share * apart}
+            {"stiffening": 0.1, "onset": onset, "rise": rise.inside(share * apart)}
             for onset, apart in moments(observed)
             for share in (0.4, 1.5)
         )
