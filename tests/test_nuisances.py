@@ -154,3 +154,5 @@ def test_waves_of_elements_that_come_into_contact_go_and_the_course_stays():
     np.testing.assert_allclose(smoothed(GRID, course), course, rtol=0.002)
     stopped = np.where(GRID > 15, np.nan, course)
     np.testing.assert_array_equal(smoothed(GRID, stopped), stopped)
+    vanishing = -1.0 / (20.6 - GRID)
+    np.testing.assert_array_equal(smoothed(GRID, vanishing), vanishing)

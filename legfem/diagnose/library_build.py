@@ -29,6 +29,8 @@ _FIRST_C10_KPA = 0.8
 _SMOOTH = 3e-3
 """Penalty of the squared second derivative by the logarithm of the way: at 5 mm waves of less than
 3 mm go."""
+_WIGGLE = 0.1
+"""Of the largest change: the most that a wiggle may be."""
 _FEWEST = 5
 """Points of a curve that can be smoothed."""
 WITHOUT_ENDS: Mapping[str, str] = {
@@ -214,7 +216,9 @@ def smoothed(grid: FloatArray, change: FloatArray) -> FloatArray:
     if len(grid) < _FEWEST or not np.isfinite(change).all():
         return change
     log = np.log(grid)
-    return np.asarray(make_smoothing_spline(log, change, lam=_SMOOTH)(log))
+    found = np.asarray(make_smoothing_spline(log, change, lam=_SMOOTH)(log))
+    # What moves by more is a course of its own, as where a force vanishes, and no wiggle.
+    return found if np.abs(found - change).max() < _WIGGLE * np.abs(change).max() else change
 
 
 def _samples(
