@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legfem.common.progress import Progress
-from legfem.common.units import FloatArray
 from legfem.correction.tabulated import TabulatedCorrection
+from legfem.diagnose.about_solutions import base_about_solution, refitted_about_solutions
 from legfem.diagnose.averaged import averaged_interval
 from legfem.diagnose.explain import explain
 from legfem.diagnose.explanation import Explained, Explanation
@@ -38,7 +38,6 @@ SOUND = 0.5
 """Probability of the base model alone from which the recordings are called consistent."""
 SHOWN_MOST = 6
 _SLOWEST_OF_TEST, _SLOWEST_MM = 0.02, 5.0
-_CONFIRMATIONS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,11 +158,11 @@ def diagnose(
     accuracy = accuracy or Accuracy()
     predictor = Predictor(observed, library, law, ends, accuracy.deep_C10)
     problem, ordinary = _fitted(predictor, instrument, library, accuracy)
-    problem, ordinary, error = _about_solution(problem, ordinary, solved)
+    problem, ordinary, error = base_about_solution(problem, ordinary, solved)
     problem = replace(problem, measured=measured_strengths(accuracy, able))
     base = fit(problem, (), ordinary.values)
     progress.stage(f"weighing {len(able)} mechanisms")
-    confirm = None if solved is None else partial(_confirmed, solved)
+    confirm = None if solved is None else partial(refitted_about_solutions, solved)
     explained = explain(problem, base, able, confirm, ordinary.values)
     progress.stage("where the base model is wrong")
     assessment = assess(problem, base, able, seed)
@@ -232,44 +231,6 @@ def _errors(
         predictor.observed, base.prediction, accuracy, ends, stiffness
     )
     return error_model(predictor.observed, noise, base.prediction, effects)
-
-
-def _about_solution(
-    problem: Problem, base: Fit, solved: SolvedResponses | None
-) -> tuple[Problem, Fit, float]:
-    """Refit the base model about a full solution; return also the emulator's error there."""
-    if solved is None:
-        return problem, base, float("nan")
-    offset = _offset(problem.predictor, base, solved)
-    if offset is None:
-        return problem, base, float("nan")
-    problem = problem.corrected(offset)
-    error = float(np.abs(offset).max() / np.abs(base.prediction).max())
-    return problem, ordinary_fit(problem, [base.values]), error
-
-
-def _offset(predictor: Predictor, fitted: Fit, solved: SolvedResponses) -> FloatArray | None:
-    """Return the full prediction less the emulated one (n,), N; None where it stopped."""
-    plain = replace(predictor, offset=0.0)
-    full = replace(plain, responses=solved)
-    difference = full(fitted.values, fitted.mechanisms) - plain(fitted.values, fitted.mechanisms)
-    return None if np.isnan(difference).any() else difference
-
-
-def _confirmed(solved: SolvedResponses, problem: Problem, fitted: Fit) -> tuple[Problem, Fit, bool]:
-    """Refit about full solutions until the refit stays."""
-    confirmed = False
-    for _ in range(_CONFIRMATIONS):
-        offset = _offset(problem.predictor, fitted, solved)
-        if offset is None:
-            break
-        problem = problem.corrected(offset)
-        before = fitted.prediction
-        fitted = fit(problem, fitted.mechanisms, fitted.values)
-        confirmed = True
-        if np.abs(fitted.prediction - before).max() < 0.25 * np.median(problem.errors.trial_sd):
-            break
-    return problem, fitted, confirmed
 
 
 def _verdict(explained: Explained) -> tuple[Verdict, tuple[Explanation, ...]]:

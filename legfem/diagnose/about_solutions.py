@@ -1,0 +1,82 @@
+"""Fits about full finite-element solutions, in place of the library's emulated ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from legfem.common.units import FloatArray
+from legfem.diagnose.fit import Fit, Problem, fit
+from legfem.diagnose.ordinary import ordinary_fit
+from legfem.diagnose.predict import Predictor, Responses
+
+_MOST = 3
+_STAYS = 0.25
+"""Of a trial's noise: a refit that moves the prediction by less stays."""
+
+
+def base_about_solution(
+    problem: Problem, base: Fit, solved: Responses | None
+) -> tuple[Problem, Fit, float]:
+    """Refit the base model about a full solution; return also the emulator's error there.
+
+    Parameters
+    ----------
+    problem
+        The observations.
+    base
+        The base model's fit.
+    solved
+        Full solutions; the fit stands without them.
+    """
+    if solved is None:
+        return problem, base, float("nan")
+    offset = _offset(problem.predictor, base, solved)
+    if offset is None:
+        return problem, base, float("nan")
+    problem = problem.corrected(offset)
+    error = float(np.abs(offset).max() / np.abs(base.prediction).max())
+    return problem, ordinary_fit(problem, [base.values]), error
+
+
+def refitted_about_solutions(
+    solved: Responses, problem: Problem, fitted: Fit
+) -> tuple[Problem, Fit, bool]:
+    """Refit about full solutions until the refit stays; return also whether there was one.
+
+    Fat that slides folds in one way or in another, so that a model may have solutions on several
+    branches at about the same stiffness, and a refit need not stay: then that stands which leaves
+    least.
+
+    Parameters
+    ----------
+    solved
+        Full solutions.
+    problem
+        The observations.
+    fitted
+        What is to be refitted.
+    """
+    made: list[tuple[Problem, Fit]] = []
+    for _ in range(_MOST):
+        offset = _offset(problem.predictor, fitted, solved)
+        if offset is None:
+            break
+        before = fitted.prediction
+        problem = problem.corrected(offset)
+        fitted = fit(problem, fitted.mechanisms, fitted.values)
+        made.append((problem, fitted))
+        if np.abs(fitted.prediction - before).max() < _STAYS * np.median(problem.errors.trial_sd):
+            return *made[-1], True
+    if not made:
+        return problem, fitted, False
+    return *min(made, key=lambda one: one[1].cost), True
+
+
+def _offset(predictor: Predictor, fitted: Fit, solved: Responses) -> FloatArray | None:
+    """Return the full prediction less the emulated one (n,), N; None where it stopped."""
+    plain = replace(predictor, offset=0.0)
+    full = replace(plain, responses=solved)
+    difference = full(fitted.values, fitted.mechanisms) - plain(fitted.values, fitted.mechanisms)
+    return None if np.isnan(difference).any() else difference

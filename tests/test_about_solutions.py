@@ -1,0 +1,81 @@
+"""Fits about full solutions, on responses in closed form, no finite elements."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from making_diagnosis import GRID, problem_of, ramps
+
+from legfem.common.units import FloatArray
+from legfem.diagnose.about_solutions import base_about_solution, refitted_about_solutions
+from legfem.diagnose.fit import Problem, fit
+from legfem.diagnose.mechanisms import mechanism_named
+from legfem.diagnose.predict import Responses
+
+SUPPORT = mechanism_named("support-compliance")
+
+
+@dataclass
+class Folding:
+    """Full solutions: beyond a depth each is above the library's by a share of its own."""
+
+    responses: Responses
+    shares: Iterator[float]
+    solved: list[float] = field(default_factory=list)
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self.responses, name)
+
+    def curve(self, c10: float, c20: float) -> FloatArray:
+        self.solved.append(c10)
+        share = next(self.shares)
+        return self.responses.curve(c10, c20) * (1 + share * np.tanh(GRID - 12.0).clip(0.0))
+
+
+def supported() -> Problem:
+    """Return recordings of a leg on a spring, which are fitted with it."""
+    return problem_of(ramps(), {"support-compliance.compliance": 0.3}, seed=3)[0]
+
+
+def test_a_refit_that_stays_needs_no_second_solution():
+    problem = supported()
+    fitted = fit(problem, (SUPPORT,), {"C10": 0.7, "C20": 0.4})
+    alike = Folding(problem.predictor.responses, iter([0.0, np.nan]))
+    about, refit, made = refitted_about_solutions(alike, problem, fitted)
+    assert made
+    assert len(alike.solved) == 1
+    assert np.allclose(about.predictor.offset, 0.0)
+    assert refit.cost == pytest.approx(fitted.cost)
+
+
+@pytest.mark.parametrize("shares", [(0.004, 0.03, -0.03), (0.03, 0.004, -0.03), (0.03, -0.03, 0.0)])
+def test_of_solutions_on_several_branches_that_stands_which_leaves_least(shares):
+    problem = supported()
+    fitted = fit(problem, (SUPPORT,), {"C10": 0.7, "C20": 0.4})
+    folding = Folding(problem.predictor.responses, iter(shares))
+    about, refit, made = refitted_about_solutions(folding, problem, fitted)
+    assert made
+    assert len(folding.solved) == len(shares)
+    assert refit.cost < fitted.cost + 2.0
+    again = fit(about, (SUPPORT,), refit.values)
+    assert again.cost == pytest.approx(refit.cost, abs=1e-3), "the problem is the fit's own"
+
+
+def test_where_every_solution_stops_the_fit_stands():
+    problem = supported()
+    fitted = fit(problem, (SUPPORT,), {"C10": 0.7, "C20": 0.4})
+    stopped = Folding(problem.predictor.responses, iter([np.nan, np.nan]))
+    assert refitted_about_solutions(stopped, problem, fitted) == (problem, fitted, False)
+
+
+def test_the_base_model_is_refitted_about_its_solution():
+    problem, base = problem_of(ramps(), seed=5)
+    higher = Folding(problem.predictor.responses, iter([0.02]))
+    about, refit, error = base_about_solution(problem, base, higher)
+    assert 0.01 < error < 0.03
+    assert refit.prediction.max() == pytest.approx(base.prediction.max(), rel=0.01)
+    assert np.abs(about.predictor.offset).max() == pytest.approx(error * base.prediction.max())
+    assert base_about_solution(problem, base, None)[1] is base
