@@ -22,6 +22,7 @@ from legfem.identify.settings import IdentificationSettings
 from legfem.inference.parameter import Prior
 from legfem.report.sites import write_sites_report
 from legfem.sites.identification import identify_sites
+from legfem.sites.result import Chance
 from legfem.subjects.loading import load_sites, load_subject
 
 NEO_HOOKEAN = ("neo-hookean",)
@@ -65,6 +66,27 @@ def test_a_site_that_is_otherwise_is_told(tmp_path):
     assert found.farthest(C10).name == "low"
     assert found.sites[2].by_itself[C10].value == pytest.approx(1.4e-3, rel=0.02)
     assert any("do not ask for the same" in text and "low" in text for text in found.warnings)
+
+
+@pytest.mark.parametrize(("sites", "least"), [((1.0, 1.0, 1.0), 1.0), ((0.97, 1.0, 1.03), 1.2)])
+def test_where_sites_differ_intervals_are_wider_by_the_birge_ratio(sites, least, tmp_path):
+    (found,) = joint(sited_leg(tmp_path, sites, gain_sd=0.0))
+    (alike,) = joint(sited_leg(tmp_path, 1.0, seed=3, gain_sd=0.0))
+    of_degrees = found.agreement.chi_square / found.agreement.degrees_of_freedom
+    ratio = found.agreement.birge_ratio
+    assert ratio == max(np.sqrt(of_degrees), 1.0) >= least
+    wider = ratio / alike.agreement.birge_ratio
+    error = alike.parameters[C10].standard_error
+    assert found.parameters[C10].standard_error == pytest.approx(wider * error, rel=0.15)
+    assert width(found) == pytest.approx(wider * width(alike), rel=0.2)
+    assert Chance(0.0, 0, 1.0).birge_ratio == 1.0, "of one site"
+
+
+def test_what_is_wrong_alike_is_not_widened(tmp_path):
+    leg, table = sited_leg(tmp_path, (1.0, 1.0, 1.2)), correction_known_to(0.3)
+    (found,) = joint(leg, corrections=[table] * 3)
+    assert found.agreement.birge_ratio > 2
+    assert found.parameters[C10].standard_error < 1.5 * 0.3 * 1e-3 * (1 + 1 / 6)
 
 
 def correction_known_to(sd):

@@ -20,7 +20,7 @@ from legfem.identify.assess import (
     versions,
 )
 from legfem.identify.catalogue import Values
-from legfem.identify.error_sources import total_of
+from legfem.identify.error_sources import Covariances, ErrorSource, total_of
 from legfem.identify.estimates import Optimum, correlations_of, estimates
 from legfem.identify.forward import PlaneStrainForward
 from legfem.identify.identification import measured_curve
@@ -43,6 +43,9 @@ from legfem.subjects.subject import SitedLeg
 
 if TYPE_CHECKING:
     from legfem.experiments.plane_strain import PlaneStrainSettings
+
+ALIKE: frozenset[ErrorSource] = frozenset({"ends", "fibres"})
+"""Errors that all sites of a leg have alike: they make none differ from another."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,11 +181,12 @@ def assessed(
     whole = _chance(linear.prediction.force - misfit.measured_force, covariance, law, best.point)
     # The sites' repeats tell of their errors; the fewest are taken.
     repeats = min(part.measured.noise.repeat_dof for part in misfit.parts)
-    optimum = Optimum(
-        linear, found.residual, covariances, quantile(repeats), whole.p_value >= LEAST_CHANCE,
-        assumed_stiffness(law), plane=spatial is None,
-    )  # fmt: skip
     apart = Apart(found, covariance)
+    agreement = apart.agreement
+    optimum = Optimum(
+        linear, found.residual, _widened(covariances, agreement.birge_ratio), quantile(repeats),
+        whole.p_value >= LEAST_CHANCE, assumed_stiffness(law), plane=spatial is None,
+    )  # fmt: skip
     outcomes = found.outcomes
     result = SitesResult(
         leg=leg,
@@ -194,7 +198,7 @@ def assessed(
         own_errors=asked.own_errors,
         sites=tuple(_fits(leg, found, apart)),
         misfit=whole,
-        agreement=apart.agreement,
+        agreement=agreement,
         neo_hookean_limit=found.neo_hookean_limit,
         converged=search.converged,
         forward_solves=len(outcomes),
@@ -209,6 +213,13 @@ def assessed(
         spatial=spatial,
     )
     return replace(result, warnings=warnings_about(result), doubts=doubts_of(result))
+
+
+def _widened(covariances: Covariances, ratio: float) -> Covariances:
+    """Return larger errors, but for those that all sites have alike."""
+    return {
+        source: part if source in ALIKE else ratio**2 * part for source, part in covariances.items()
+    }
 
 
 def _chance(

@@ -38,6 +38,16 @@ class Chance:
     degrees_of_freedom: int
     p_value: float
 
+    @property
+    def birge_ratio(self) -> float:
+        """By how much larger errors would have to be to make it usual; 1 at least.
+
+        R. T. Birge, Phys. Rev. 40 (1932) 207; the Particle Data Group's scale factor.
+        """
+        if self.degrees_of_freedom == 0:
+            return 1.0
+        return float(np.sqrt(max(self.chi_square / self.degrees_of_freedom, 1.0)))
+
 
 @dataclass(frozen=True, eq=False)
 class SiteFit:
@@ -105,7 +115,8 @@ class SitesResult(IdentifiedParameters):
     misfit: Chance
     """Of all differences, with their covariance, and of priors."""
     agreement: Chance
-    """Of what the sites say by themselves, were the parameters the same at all."""
+    """Of what the sites say by themselves, were the parameters the same at all; its Birge ratio
+    widens the errors that sites have of their own, and so the intervals."""
     neo_hookean_limit: bool
     """Whether the reduced polynomial's optimum is its neo-Hookean limit."""
     failed_solves: int

@@ -38,7 +38,8 @@ def warnings_about(result: SitesResult) -> tuple[str, ...]:
             "The sites do not ask for the same parameters (chi-square "
             f"{result.agreement.chi_square:.3g} for {result.agreement.degrees_of_freedom} degrees "
             f"of freedom): {'; '.join(_departures(result))}. Something is otherwise there, wrongly "
-            "given, or left out by the law: diagnose that site by itself."
+            "given, or left out by the law: diagnose that site by itself. Intervals are as wide as "
+            "if recordings erred by enough to make that usual, and hold for no cause in particular."
         )
     for one in result.sites:
         texts += [_at(one, text) for text in begun_in_air(one.measured)]
