@@ -135,7 +135,8 @@ def _sure(found: Diagnosis) -> str:
 
 # Counted where errors are wider than is assumed: docs/evidence.md.
 _NINETEEN_OF_20 = (
-    "is made to hold the true value in 19 of 20 tests; in hard simulated ones it did in about 18."
+    "is made to hold the true value in 19 of 20 tests, and did so in about as many hard simulated "
+    "ones."
 )
 
 
