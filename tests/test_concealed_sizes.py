@@ -7,18 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from making_sealed import square_truths
 
 from legfem.common.errors import InputError
-from legfem.correction.choice import REFERENCE
-from legfem.correction.tabulated import read_correction
 from legfem.diagnose.observations import observe
-from legfem.subjects.loading import SUBJECTS, load_subject
-from studies.concealed.cases import DEPTH_MM, make_cases
+from studies.concealed.cases import make_cases
 from studies.concealed.change import change_at_stations, recorded, recorded_change
 from studies.concealed.making import key_of_case
 from studies.concealed.metric import Metric
 from studies.concealed.scoring import _changes
-from studies.concealed.truth import ELASTIC_RATE, ForceCourse, Truths
 from studies.lab.recording import INSTRUMENT, Course
 
 AT = np.linspace(0.1, 1, 30)
@@ -93,13 +90,7 @@ def test_an_effect_is_measured_beside_the_nearest_mechanism_but_its_own():
 
 
 def test_a_key_holds_what_each_of_two_effects_adds(monkeypatch):
-    d = np.linspace(0.0, DEPTH_MM, 201)
-    monkeypatch.setattr(
-        Truths, "_elastic",
-        lambda self, case, effects: ForceCourse.of(d / ELASTIC_RATE, 0.02 * d**2),
-    )  # fmt: skip
-    leg = load_subject(SUBJECTS.find("3"), need_recordings=False)
-    truths = Truths(leg, SUBJECTS.find("3"), read_correction(REFERENCE))
+    truths = square_truths(monkeypatch)
     effects = (
         ("preconditioning", (("strength", 0.1), ("fading", 0.5), ("grading", 0.0))),
         ("force-drift", (("strength", 0.4), ("time", 30.0))),

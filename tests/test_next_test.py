@@ -6,16 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from making_sealed import square_truths
 
-from legfem.correction.choice import REFERENCE
-from legfem.correction.tabulated import read_correction
 from legfem.diagnose.mechanisms import mechanism_named
 from legfem.plan.designs import Readings, designs
 from legfem.solve.protocol import Protocol
-from legfem.subjects.loading import SUBJECTS, load_subject
 from studies.concealed.cases import DEPTH_MM, SealedCase, make_cases
 from studies.concealed.legs import sealed_leg
-from studies.concealed.truth import ELASTIC_RATE, ForceCourse, Truths
+from studies.concealed.truth import Truths
 from studies.next_test.page import page, tried_document
 from studies.next_test.reading import readings_of, true_strength
 from studies.next_test.trying import Outcome, Tried, as_driven, can_be_made
@@ -95,14 +93,7 @@ def test_readings_err_by_more_than_is_stated_and_only_where_there_is_a_number():
 
 @pytest.fixture
 def truths(monkeypatch: pytest.MonkeyPatch) -> Truths:
-    """Return truths of a leg whose force is a square of the depth."""
-    d = np.linspace(0.0, DEPTH_MM, 201)
-    monkeypatch.setattr(
-        Truths, "_elastic",
-        lambda self, case, effects: ForceCourse.of(d / ELASTIC_RATE, 0.02 * d**2),
-    )  # fmt: skip
-    leg = load_subject(SUBJECTS.find("3"), need_recordings=False)
-    return Truths(leg, SUBJECTS.find("3"), read_correction(REFERENCE))
+    return square_truths(monkeypatch)
 
 
 def test_a_leg_that_was_pressed_before_goes_on_where_it_was(truths: Truths):

@@ -285,13 +285,13 @@ def _agreement(result: SitesResult) -> str:
     far = {name: result.farthest(name) for name in result.parameters}
     most = max(far, key=lambda name: abs(far[name].by_itself[name].departure))
     departure = far[most].by_itself[most].departure
-    ratio = result.agreement.birge_ratio
-    widened = f" Intervals are wider for it by up to {ratio:.3g} (Birge's ratio)."
-    return (
+    text = (
         f"The sites' own values differ by chi-square {_told(result.agreement)}; {far[most].name} "
         f"departs most, in {symbol_of(most)} by {departure:+.1f} standard errors."
-        f"{widened if ratio > 1 else ''}"
     )
+    if (ratio := result.agreement.birge_ratio) > 1:
+        text += f" Intervals are wider for it by up to {ratio:.3g} (Birge's ratio)."
+    return text
 
 
 def _told(chance: Chance) -> str:
