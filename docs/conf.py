@@ -17,13 +17,7 @@ from legfem.common.versions import legfem_version  # noqa: E402
 project = "legfem"
 author = copyright = "The legfem developers"
 version = release = legfem_version()
-extensions = [
-    "mathml",
-    "myst_nb",
-    "sphinx.ext.autodoc",
-    "sphinx.ext.napoleon",
-    "sphinx_gallery.gen_gallery",
-]
+extensions = ["mathml", "myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_gallery.gen_gallery"]
 root_doc = "docs/index"
 include_patterns = ["docs/**", "examples/*.ipynb", "studies/**/*.md", "meshes/README.md", "*.md"]
 exclude_patterns = ["README.md", "docs/_build", "docs/gallery/*.ipynb"]

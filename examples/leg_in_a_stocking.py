@@ -26,9 +26,7 @@ laws = {"deep": NeoHookean(2.5e-3, 2.0), "superficial": NeoHookean(6e-3, 2.0)}  
 mesh = SolidMeshSettings(skin_size=12, inside_size=16, bone_size=12)
 model = LegModel3D(shape, laws, mesh, CompressionSettings(ends="held"))
 worn = WornLeg(model, leg.stocking).find()
-print(
-    f"{model.compression.spaces.unknowns} unknowns, {len(worn.changes)} states, {worn.converged=}"
-)
+print(f"{model.compression.spaces.unknowns} unknowns, {len(worn.changes)} states, {worn.converged=}")
 
 # %%
 # Round the leg at mid-height: the bare leg's curvature would press where it is sharpest; the leg gives way.

@@ -30,10 +30,7 @@ tests = {
 }
 stiffness = {"deep.C10": 0.70e-3, "deep.C20": 0.80e-3}  # MPa
 depth = np.linspace(1.0, 15.0, 29)
-curves = {
-    name: test.solve(stiffness, depth=15.0, sensitivities=("deep.C10",)).curve
-    for name, test in tests.items()
-}
+curves = {name: test.solve(stiffness, depth=15.0, sensitivities=("deep.C10",)).curve for name, test in tests.items()}
 
 # %%
 # On the left what each changes; on the right what is left of it once C10 is fitted anew, to first order.

@@ -18,9 +18,13 @@ leg = lf.load_subject("3")
 fat = leg.tissues["superficial"].C10  # MPa
 muscle = Parameter("deep.C10", "MPa", (1e-5, 1e-1), scale="log")
 unsure = Parameter(
-    "superficial.C10", "MPa", (fat / 10, 10 * fat), scale="log", role="nuisance",
+    "superficial.C10",
+    "MPa",
+    (fat / 10, 10 * fat),
+    scale="log",
+    role="nuisance",
     prior=Prior(fat, math.log(1.5), "log", "a factor of 1.5"),
-)  # fmt: skip
+)
 how = {
     "fat as stated": {"parameters": [muscle]},
     "fat known to a factor 1.5": {"parameters": [muscle, unsure]},

@@ -68,10 +68,7 @@ def default_test(settings: PlaneStrainSettings | None = None) -> PlaneStrainInde
 
 
 def work_of(
-    test: PlaneStrainIndentation,
-    depth: float = 30.0,
-    sensitivities: tuple[str, ...] = (),
-    repeats: int = 1,
+    test: PlaneStrainIndentation, depth: float = 30.0, sensitivities: tuple[str, ...] = (), repeats: int = 1
 ) -> Work:
     """Press to a depth (mm) and return what that took; the time is the least of the repeats."""
     seconds = np.inf
@@ -104,9 +101,7 @@ def operations_of(test: PlaneStrainIndentation) -> Operations:
     )
 
 
-def _least_time(
-    operation: Callable[[], object], before: Callable[[], object] | None = None, times: int = 20
-) -> float:
+def _least_time(operation: Callable[[], object], before: Callable[[], object] | None = None, times: int = 20) -> float:
     if before is not None:
         before()
     operation()
@@ -160,18 +155,28 @@ def work_table(works: Mapping[str, Work], one: Operations) -> Table:
     """Return the work of several curves as a table; times are over the first's."""
     table = Table("curve", title=f"Subject {SUBJECT}'s curve")
     headings = (
-        "unknowns", "steps", "rejected", "factor-\nisations", "Newton\niterations", "residuals",
-        "time over a\nfactorisation", "time over\ndefault",
-    )  # fmt: skip
+        "unknowns",
+        "steps",
+        "rejected",
+        "factor-\nisations",
+        "Newton\niterations",
+        "residuals",
+        "time over a\nfactorisation",
+        "time over\ndefault",
+    )
     for heading in headings:
         table.add_column(heading, justify="right")
     default = next(iter(works.values()))
     for name, work in works.items():
         report = work.report
         counts = (
-            report.unknowns, len(report.steps), report.rejected, report.factorisations,
-            report.iterations, work.evaluations,
-        )  # fmt: skip
+            report.unknowns,
+            len(report.steps),
+            report.rejected,
+            report.factorisations,
+            report.iterations,
+            work.evaluations,
+        )
         times = work.seconds / one.factorisation, work.seconds / default.seconds
         stopped = "" if report.complete else f", stopped at {report.reached:.1f} mm"
         table.add_row(name + stopped, *map(str, counts), f"{times[0]:.0f}", f"{times[1]:.2f}")
@@ -186,9 +191,7 @@ def print_library() -> None:
     fine, coarse = solved_responses(subject, observed, None, ends)
     able, _ = shown_mechanisms(observed, ends)
     started = time.process_time()
-    build_library(
-        fine, coarse, observed, able, ends, 1, Silent(), STIFFENING[subject.tissues["deep"].law]
-    )
+    build_library(fine, coarse, observed, able, ends, 1, Silent(), STIFFENING[subject.tissues["deep"].law])
     seconds = time.process_time() - started
     table = Table("mesh", title=f"The library of subject {SUBJECT}'s cold diagnosis")
     for heading in ("solutions", "factorisations", "Newton iterations"):
@@ -207,9 +210,7 @@ def print_library() -> None:
 def bench(
     depth: Annotated[float, typer.Option(min=1.0, help="mm.")] = 30.0,
     repeats: Annotated[int, typer.Option(min=1, help="Of each; the fastest counts.")] = 3,
-    library: Annotated[
-        bool, typer.Option("--library", help="Count a cold diagnosis' work instead (minutes).")
-    ] = False,
+    library: Annotated[bool, typer.Option("--library", help="Count a cold diagnosis' work instead (minutes).")] = False,
 ) -> None:
     """Print the work and the ratios of times of subject 3's curve.
 

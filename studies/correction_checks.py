@@ -51,14 +51,7 @@ def command(out: Out = None, jobs: Jobs = None) -> None:
         check(CorrectionCase(), folder, folder / "cases", processes, progress, comm)
 
 
-def check(
-    reference: CorrectionCase,
-    out: Path,
-    kept: Path,
-    jobs: int,
-    progress: Progress,
-    comm: MPI.Intracomm,
-) -> None:
+def check(reference: CorrectionCase, out: Path, kept: Path, jobs: int, progress: Progress, comm: MPI.Intracomm) -> None:
     """Press to 30 mm for soft, stiff and stiffening tissue, and once with tetrahedra; collective.
 
     Parameters
@@ -94,14 +87,21 @@ def check(
         {
             "schema": 1,
             "cases": [
-                {"case": asdict(case), "reached_mm": outcome.reached, "steps": outcome.steps,
-                 "rejected": outcome.rejected, "softened": outcome.softened,
-                 "factorisations": outcome.factorisations, "unknowns": outcome.unknowns,
-                 "force_N": float(outcome.spatial.force[-1]), "balance": outcome.balance}
+                {
+                    "case": asdict(case),
+                    "reached_mm": outcome.reached,
+                    "steps": outcome.steps,
+                    "rejected": outcome.rejected,
+                    "softened": outcome.softened,
+                    "factorisations": outcome.factorisations,
+                    "unknowns": outcome.unknowns,
+                    "force_N": float(outcome.spatial.force[-1]),
+                    "balance": outcome.balance,
+                }
                 for case, outcome in zip(cases, outcomes, strict=True)
             ],
         },
-    )  # fmt: skip
+    )
     print(f"checks: {path}", flush=True)
 
 
@@ -115,17 +115,29 @@ def reach_table(cases: Sequence[CorrectionCase], outcomes: Sequence[CaseOutcome]
     """Return how far each material came and what it took, a row a material."""
     table = Table(title=f"The 3D model on {outcomes[0].unknowns} unknowns")
     for name in (
-        "C10 (kPa)", "C20 (kPa)", "reached (mm)", "steps", "rejected", "tangents",
-        "contact softened", "RF3D (N)", "balance",
-    ):  # fmt: skip
+        "C10 (kPa)",
+        "C20 (kPa)",
+        "reached (mm)",
+        "steps",
+        "rejected",
+        "tangents",
+        "contact softened",
+        "RF3D (N)",
+        "balance",
+    ):
         table.add_column(name, justify="right")
     for case, outcome in zip(cases, outcomes, strict=True):
         table.add_row(
-            f"{case.material.C10_kPa:g}", f"{case.material.C20_kPa:g}", f"{outcome.reached:g}",
-            f"{outcome.steps}", f"{outcome.rejected}", f"{outcome.factorisations}",
-            "yes" if outcome.softened else "no", f"{outcome.spatial.force[-1]:.2f}",
+            f"{case.material.C10_kPa:g}",
+            f"{case.material.C20_kPa:g}",
+            f"{outcome.reached:g}",
+            f"{outcome.steps}",
+            f"{outcome.rejected}",
+            f"{outcome.factorisations}",
+            "yes" if outcome.softened else "no",
+            f"{outcome.spatial.force[-1]:.2f}",
             f"{outcome.balance:.0e}",
-        )  # fmt: skip
+        )
     return table
 
 

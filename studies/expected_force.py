@@ -24,12 +24,7 @@ from legfem.experiments.tissues import Tissues
 from legfem.geometry.section import LegSection, depth_to_bone
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings
-from legfem.subjects.expected_force import (
-    SOFTEST_KPA,
-    STIFFEST_C20_KPA,
-    STIFFEST_KPA,
-    features,
-)
+from legfem.subjects.expected_force import SOFTEST_KPA, STIFFEST_C20_KPA, STIFFEST_KPA, features
 from legfem.subjects.loading import SUBJECTS, load_subject
 from legfem.subjects.subject import Indenter
 from studies.legs.calf import Calf, calf_section
@@ -57,14 +52,10 @@ def envelopes(
         extremes = ((SOFTEST_KPA, 0.0, 1), (STIFFEST_KPA, STIFFEST_C20_KPA, -1))
         for c10, c20, sign in extremes:
             rows = [_curve(leg, c10, c20) for leg in every]
-            weight = np.concatenate(
-                [np.full(len(f), w) for (_, f), w in zip(rows, weights, strict=True)]
-            )
+            weight = np.concatenate([np.full(len(f), w) for (_, f), w in zip(rows, weights, strict=True)])
             about = np.concatenate([a for a, _ in rows])
             force = np.concatenate([f for _, f in rows])
-            found = linprog(
-                -sign * (weight @ about), sign * about, sign * force + SLACK, bounds=(-20, 20)
-            )
+            found = linprog(-sign * (weight @ about), sign * about, sign * force + SLACK, bounds=(-20, 20))
             print(", ".join(f"{value:.3f}" for value in found.x))
 
 
@@ -79,9 +70,8 @@ def random_legs(number: int, seed: int) -> Iterator[Leg]:
     while made < number:
         fat = between(1.2, 25)
         calf = Calf(
-            fascia_thickness_mm=rng.uniform(0.2, min(1.5, 0.5 * fat)),
-            girth_mm=rng.uniform(250, 450), fat_mm=fat,
-        )  # fmt: skip
+            fascia_thickness_mm=rng.uniform(0.2, min(1.5, 0.5 * fat)), girth_mm=rng.uniform(250, 450), fat_mm=fat
+        )
         try:
             section = calf_section(calf)
         except InputError:  # the bones have no room

@@ -82,10 +82,7 @@ REFERENCES = (
     Reference("idealised-coarse", "idealised leg, a quarter", "idealised", finer=0.7),
     Reference("idealised", "the same, default size", "idealised"),
     Reference("idealised-fine", "the same, finer", "idealised", finer=1.5),
-    *(
-        Reference(f"section-{name}", f"section of subject {name}", "subject", name)
-        for name in ("1", "2", "3", "4")
-    ),
+    *(Reference(f"section-{name}", f"section of subject {name}", "subject", name) for name in ("1", "2", "3", "4")),
     Reference("stocking-1", "leg 1 of the stockings, bare", "stocking", "1"),
 )
 
@@ -112,13 +109,13 @@ def make(reference: Reference, folder: Path) -> dict[str, Any]:
         "regions": {
             name: {
                 "elements": quality.elements[name],
-                "size": round(measures[name], 3), "unit": unit,
-                "quality": {"worst": round(quality.minimum[name], 3),
-                            "mean": round(quality.mean[name], 3)},
+                "size": round(measures[name], 3),
+                "unit": unit,
+                "quality": {"worst": round(quality.minimum[name], 3), "mean": round(quality.mean[name], 3)},
             }
             for name in mesh.regions
         },
-    }  # fmt: skip
+    }
 
 
 def checksum(path: Path) -> str:
@@ -140,25 +137,27 @@ def page(manifest: Mapping[str, Any]) -> str:
         "",
         "| file | what | nodes | region | elements | size | worst quality | mean | surfaces |",
         "|---|---|---|---|---|---|---|---|---|",
-    ]  # fmt: skip
+    ]
     for mesh in manifest["meshes"]:
         first = (f"[{mesh['file']}]({mesh['file']})", mesh["title"], f"{mesh['nodes']:,}")
         last = ", ".join(mesh["surfaces"])
         for region, held in mesh["regions"].items():
             row = (
-                *first, region, f"{held['elements']:,} {mesh['elements']}",
-                f"{held['size']:,.0f} {held['unit']}", f"{held['quality']['worst']:.2f}",
-                f"{held['quality']['mean']:.2f}", last,
-            )  # fmt: skip
+                *first,
+                region,
+                f"{held['elements']:,} {mesh['elements']}",
+                f"{held['size']:,.0f} {held['unit']}",
+                f"{held['quality']['worst']:.2f}",
+                f"{held['quality']['mean']:.2f}",
+                last,
+            )
             lines.append(f"| {' | '.join(row)} |")
             first, last = ("", "", ""), ""
     return "\n".join(lines) + "\n"
 
 
 @app.command()
-def meshes(
-    out: Annotated[Path, typer.Option(help="Folder for the meshes.")] = Path("meshes"),
-) -> None:
+def meshes(out: Annotated[Path, typer.Option(help="Folder for the meshes.")] = Path("meshes")) -> None:
     """Make the reference meshes: the idealised leg, the four sections, a leg in 3D.
 
     Example: python -m studies.meshes --out meshes

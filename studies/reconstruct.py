@@ -15,20 +15,12 @@ import numpy as np
 import typer
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from legfem.common.command_edge import (
-    check_out_folder,
-    command_edge,
-    leave_to_first_rank,
-    usable_cores,
-)
+from legfem.common.command_edge import check_out_folder, command_edge, leave_to_first_rank, usable_cores
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import kpa_to_mpa
 from legfem.experiments.base import Solved
-from legfem.experiments.plane_strain import (
-    PlaneStrainIndentation,
-    PlaneStrainSettings,
-)
+from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.experiments.pressing import solved_once
 from legfem.experiments.tissues import Tissues
 from legfem.jobs.pool import Workers
@@ -105,25 +97,16 @@ def read_definition(path: Path = DEFINITION) -> Reconstruction:
     except ValidationError as error:
         first: Any = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
-        raise InputError(
-            path, key, first["msg"], "compare with studies/frauziols/reconstruction.toml"
-        ) from None
+        raise InputError(path, key, first["msg"], "compare with studies/frauziols/reconstruction.toml") from None
 
 
 def test_of(definition: Reconstruction, name: str) -> PlaneStrainIndentation:
     """Return one subject's test, with the true parameters."""
     subject = definition.subjects[name]
-    deep = ReducedPolynomial(
-        kpa_to_mpa(subject.C10_kPa), PAPER_D, kpa_to_mpa(subject.C20_kPa), PAPER_D
-    )
+    deep = ReducedPolynomial(kpa_to_mpa(subject.C10_kPa), PAPER_D, kpa_to_mpa(subject.C20_kPa), PAPER_D)
     return PlaneStrainIndentation(
         calf_section(Calf(**subject.calf)),  # type: ignore[arg-type]
-        Indenter(
-            definition.diameter_mm / 2,
-            definition.length_mm,
-            np.array(subject.aim_mm),
-            subject.direction_deg,
-        ),
+        Indenter(definition.diameter_mm / 2, definition.length_mm, np.array(subject.aim_mm), subject.direction_deg),
         Tissues(
             deep,
             NeoHookean(kpa_to_mpa(definition.superficial_C10_kPa), FAT_D),
@@ -160,9 +143,7 @@ def reconstruct(out: Path, definition: Reconstruction, progress: Progress, jobs:
     return out
 
 
-def _write(
-    out: Path, definition: Reconstruction, test: PlaneStrainIndentation, solved: Solved
-) -> None:
+def _write(out: Path, definition: Reconstruction, test: PlaneStrainIndentation, solved: Solved) -> None:
     noise = InstrumentNoise(Instrument(definition.force_sd_N, definition.displacement_sd_mm))
     generator = np.random.default_rng([definition.seed, int(out.name)])
     recordings = [
@@ -206,9 +187,7 @@ def reconstruct_subjects(
     leave_to_first_rank()
     with command_edge(), progress_on() as progress:
         check_out_folder(out)
-        made = reconstruct(
-            out, read_definition(definition or DEFINITION), progress, jobs or usable_cores()
-        )
+        made = reconstruct(out, read_definition(definition or DEFINITION), progress, jobs or usable_cores())
         typer.echo(f"subject folders in {made}")
 
 

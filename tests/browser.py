@@ -18,16 +18,21 @@ from importlib.util import find_spec
 from pathlib import Path
 
 AXE = "axe.min.js"
-NAMES = (
-    "chromium-headless-shell", "chromium", "chromium-browser", "google-chrome", "chrome"
-)  # fmt: skip
+NAMES = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome", "chrome")
 # Root, and who is in a namespace already, can't make Chromium's own sandbox: the pages are ours.
 # All but this machine is asked for through a proxy that isn't there: there is no network.
 FLAGS = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
-    "--disable-background-networking", "--disable-component-update", "--disable-sync",
-    "--disable-dev-shm-usage", "--proxy-server=127.0.0.1:9",
-)  # fmt: skip
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-dev-shm-usage",
+    "--proxy-server=127.0.0.1:9",
+)
 _EARLY = """<script>
 window.seen = {faults: []};
 addEventListener("error", (event) => seen.faults.push(String(event.message)));
@@ -185,9 +190,7 @@ def faults(found: dict) -> list[str]:
     told += [f"request: {name}" for name in found["requests"]]
     if found["wide"]:
         told.append("the page is wider than the window")
-    return told + [
-        one for one in found.get("inaccessible", []) if one.startswith(("critical", "serious"))
-    ]
+    return told + [one for one in found.get("inaccessible", []) if one.startswith(("critical", "serious"))]
 
 
 def idle(found: dict) -> list[str]:
@@ -197,8 +200,7 @@ def idle(found: dict) -> list[str]:
         "cursor": "cursor" not in found or ":" in found["cursor"],
         "press": "pictures" not in found or (found["pictures"] == 3 and found["colours"] == [4, 4]),
         "turn and dress": "views" not in found or (found["views"] >= 7 and found["dragged"]),
-        "surface": "surface" not in found
-        or (found["surface_moved"] and len(set(found["surface"])) == 2),
+        "surface": "surface" not in found or (found["surface_moved"] and len(set(found["surface"])) == 2),
     }
     return [name for name, good in works.items() if not good]
 
@@ -216,10 +218,20 @@ def seen(page: Path, program: str, script: str = "", width: int = 1000) -> dict:
         looks = f"<script>{script}</script>{_LATE}" if script else _LATE
         copy.write_text(f"{head}{looks}</body>{tail}", encoding="utf-8")
         done = subprocess.run(
-            [program, *FLAGS, f"--window-size={width},1400", f"--user-data-dir={folder}/profile",
-             "--virtual-time-budget=30000", "--dump-dom", copy.as_uri()],
-            capture_output=True, text=True, check=True, timeout=300,
-        )  # fmt: skip
+            [
+                program,
+                *FLAGS,
+                f"--window-size={width},1400",
+                f"--user-data-dir={folder}/profile",
+                "--virtual-time-budget=30000",
+                "--dump-dom",
+                copy.as_uri(),
+            ],
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=300,
+        )
     told = re.search(r'<html[^>]* data-seen="([^"]*)"', done.stdout)
     assert told, "the page's scripts did not come to their end"
     return json.loads(html.unescape(told[1]))

@@ -41,9 +41,8 @@ class Driven:
             os.dup2(write, 4)
 
         self._process = subprocess.Popen(
-            command, close_fds=False, preexec_fn=place, stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )  # fmt: skip
+            command, close_fds=False, preexec_fn=place, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
         os.close(read)
         os.close(write)
         self._out, self._in = os.fdopen(there[1], "wb"), os.fdopen(ours[0], "rb")
@@ -78,8 +77,9 @@ class Driven:
         self._folder.cleanup()
 
     def resize(self, width: int, height: int) -> None:
-        self._call("Emulation.setDeviceMetricsOverride", width=width, height=height,
-                   deviceScaleFactor=1, mobile=width < 600)  # fmt: skip
+        self._call(
+            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600
+        )
 
     def open(self, address: str) -> None:
         self._opened = address
@@ -121,8 +121,9 @@ class Driven:
 
     def value(self, script: str) -> Any:
         """Return the value of an expression in the page; None while it can't be had."""
-        found = self._call("Runtime.evaluate", expression=script, returnByValue=True,
-                           awaitPromise=True, userGesture=True)  # fmt: skip
+        found = self._call(
+            "Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True, userGesture=True
+        )
         return found.get("result", {}).get("value")
 
     def until(self, script: str, seconds: float = 60.0, every: float = 0.2) -> Any:
@@ -137,9 +138,7 @@ class Driven:
 
     def sees(self, text: str, seconds: float = 60.0) -> None:
         """Wait until the page shows a text."""
-        self.until(
-            f"document.body && document.body.innerText.includes({json.dumps(text)})", seconds
-        )
+        self.until(f"document.body && document.body.innerText.includes({json.dumps(text)})", seconds)
 
     @property
     def text(self) -> str:
@@ -189,8 +188,7 @@ class Driven:
     def picture(self, path: Path) -> None:
         """Write a picture of the whole page."""
         size = self._call("Page.getLayoutMetrics")["cssContentSize"]
-        clip = {"x": 0, "y": 0, "width": size["width"], "height": min(size["height"], 6000),
-                "scale": 1}  # fmt: skip
+        clip = {"x": 0, "y": 0, "width": size["width"], "height": min(size["height"], 6000), "scale": 1}
         found = self._call("Page.captureScreenshot", captureBeyondViewport=True, clip=clip)
         path.write_bytes(base64.b64decode(found["data"]))
 
@@ -219,9 +217,7 @@ class Driven:
     def _note(self, event: dict[str, Any]) -> None:
         told = event.get("params", {})
         if event.get("method") == "Runtime.exceptionThrown":
-            self.faults.append(
-                str(told["exceptionDetails"].get("exception", {}).get("description"))
-            )
+            self.faults.append(str(told["exceptionDetails"].get("exception", {}).get("description")))
         if event.get("method") == "Runtime.consoleAPICalled" and told["type"] == "error":
             self.faults.append(" ".join(str(one.get("value")) for one in told["args"]))
         if event.get("method") == "Log.entryAdded" and told["entry"]["level"] == "error":

@@ -121,8 +121,5 @@ def write_subject(folder: Path, toml: str = TOML, trials: int = 1) -> Path:
     (folder / "subject.toml").write_text(toml)
     write_contours(folder / "contours.csv", leg())
     for k in range(trials):
-        write_recording(
-            folder / "recordings" / f"trial{k + 1}.csv",
-            press(force_sd=0.03, displacement_sd=0.02, seed=k),
-        )
+        write_recording(folder / "recordings" / f"trial{k + 1}.csv", press(force_sd=0.03, displacement_sd=0.02, seed=k))
     return folder

@@ -38,9 +38,7 @@ def replaced(pattern: str, by: str, table: str = "") -> Change:
 
     def change(folder: Path) -> None:
         path = folder / "subject.toml"
-        head, mark, rest = (
-            path.read_text().partition(table) if table else ("", "", path.read_text())
-        )
+        head, mark, rest = path.read_text().partition(table) if table else ("", "", path.read_text())
         text, count = re.subn(pattern, by, rest, count=1)
         assert count, pattern
         path.write_text(head + mark + text)
@@ -109,10 +107,7 @@ def copy_thinned(folder: Path) -> None:
 def copy_resampled(folder: Path) -> None:
     table = pd.read_csv(trials(folder)[0])
     time = np.linspace(table["time_s"].min(), table["time_s"].max(), len(table) + 37)
-    others = {
-        name: np.interp(time, table["time_s"], table[name])
-        for name in ("displacement_mm", "force_N")
-    }
+    others = {name: np.interp(time, table["time_s"], table[name]) for name in ("displacement_mm", "force_N")}
     copy = pd.DataFrame({"time_s": time, **others})
     copy.to_csv(folder / "recordings" / "z.csv", index=False)
 
@@ -173,7 +168,8 @@ SILENTLY_WRONG: dict[str, tuple[Change, str]] = {
     "force cut off": (_each(cut_off), "force_N"),
     "displacement from another zero": (
         _each(lambda table: table.assign(displacement_mm=table["displacement_mm"] + 100.0)),
-        "displacement_mm"),
+        "displacement_mm",
+    ),
     "a file that isn't read": (copy_of_another_kind, "recordings"),
     "a trial copied and thinned": (copy_thinned, "force_N"),
     "a trial copied and resampled": (copy_resampled, "force_N"),
@@ -181,19 +177,16 @@ SILENTLY_WRONG: dict[str, tuple[Change, str]] = {
     "radius for diameter": (replaced("r_mm = 30.0", "r_mm = 15.0"), "indenter.diameter_mm"),
     "diameter for radius": (replaced("r_mm = 30.0", "r_mm = 60.0"), "indenter.diameter_mm"),
     "direction in radians": (in_radians, "indenter.direction_deg"),
-    "aim at the edge": (
-        replaced(r"aim_mm = \[.*?\]", "aim_mm = [45.0, 0.0]"), "indenter.aim_mm"),
-    "fat of 2000 kPa": (
-        replaced("C10_kPa = 2.0", "C10_kPa = 2000.0"), "tissues.superficial.C10_kPa"),
+    "aim at the edge": (replaced(r"aim_mm = \[.*?\]", "aim_mm = [45.0, 0.0]"), "indenter.aim_mm"),
+    "fat of 2000 kPa": (replaced("C10_kPa = 2.0", "C10_kPa = 2000.0"), "tissues.superficial.C10_kPa"),
     "fat in MPa": (replaced("C10_kPa = 2.0", "C10_kPa = 0.002"), "tissues.superficial.C10_kPa"),
     "fascia in MPa": (replaced("C10_kPa = 100.0", "C10_kPa = 0.1"), "tissues.fascia.C10_kPa"),
-    "deep D1 of 5000": (
-        replaced("D1_per_MPa = 28.0", "D1_per_MPa = 5000.0"), "tissues.deep.D1_per_MPa"),
-    "fat's D1 of 800": (
-        replaced("D1_per_MPa = 22.5", "D1_per_MPa = 800.0"), "tissues.superficial.D1_per_MPa"),
+    "deep D1 of 5000": (replaced("D1_per_MPa = 28.0", "D1_per_MPa = 5000.0"), "tissues.deep.D1_per_MPa"),
+    "fat's D1 of 800": (replaced("D1_per_MPa = 22.5", "D1_per_MPa = 800.0"), "tissues.superficial.D1_per_MPa"),
     "fascia's thickness in m": (
         replaced(r"thickness_mm = [\d.]+", "thickness_mm = 0.0006"),
-        "section.fascia_thickness_mm"),
+        "section.fascia_thickness_mm",
+    ),
     "contours halved": (contours(0.5), "section.contours"),
     "contours times 0.7": (contours(0.7), "section.contours"),
     "contours doubled": (contours(2.0), "section.contours"),
@@ -206,7 +199,7 @@ SILENTLY_WRONG: dict[str, tuple[Change, str]] = {
     "a trial copied, moved and scaled": (copy_moved_in_time_and_scaled, "force_N"),
     "a trial twice as stiff": (one_trial_times(2.0), "force_N"),
     "a trial in kgf": (one_trial_times(1 / 9.80665), "force_N"),
-}  # fmt: skip
+}
 """What a person would see, and the field that has to be named."""
 
 
@@ -222,10 +215,7 @@ def _number(rng: np.random.Generator, text: str) -> str:
         return text
     one = found[int(rng.integers(len(found)))]
     value = float(one[0])
-    choices = [
-        value * 10.0 ** int(rng.integers(-6, 7)), -value, 0.0, np.nan, np.inf, 1e300, 1e-300,
-        value + 1e9,
-    ]  # fmt: skip
+    choices = [value * 10.0 ** int(rng.integers(-6, 7)), -value, 0.0, np.nan, np.inf, 1e300, 1e-300, value + 1e9]
     by = str(choices[int(rng.integers(len(choices)))])
     by = str(rng.choice([by, by, by, '"text"', "", "1,5", "[1, 2]", "true", "0x", "[" * 3000]))
     return text[: one.start()] + by + text[one.end() :]
@@ -283,9 +273,7 @@ def broken_at_random(folder: Path, seed: int) -> str:
     """Break one file of a leg's folder in one to three ways; return what was done."""
     rng = np.random.default_rng(seed)
     files = [folder / "subject.toml", folder / "contours.csv", *trials(folder)]
-    path = files[
-        int(rng.choice(len(files), p=[0.4, 0.3, *[0.3 / (len(files) - 2)] * (len(files) - 2)]))
-    ]
+    path = files[int(rng.choice(len(files), p=[0.4, 0.3, *[0.3 / (len(files) - 2)] * (len(files) - 2)]))]
     return broken_text(path, rng)
 
 
@@ -295,11 +283,7 @@ def broken_text(path: Path, rng: np.random.Generator) -> str:
     for _ in range(int(rng.integers(1, 4))):
         text = path.read_text()
         ways = [_characters, _number, _number, _lines]
-        way = (
-            ways[int(rng.integers(4))]
-            if path.suffix == ".toml"
-            else [*ways, _scaled, _scaled][int(rng.integers(6))]
-        )
+        way = ways[int(rng.integers(4))] if path.suffix == ".toml" else [*ways, _scaled, _scaled][int(rng.integers(6))]
         if text:
             path.write_text(way(rng, text))
             done.append(way.__name__)

@@ -43,9 +43,7 @@ def forces(system: System, values: dict[str, float], protocol: Protocol, size: f
     system.set_parameters(values)
     found = []
     solver = NewtonSolver(system, PRECISE)
-    report = follow(
-        system, solver, protocol, fixed_steps(size), lambda *_: found.append(system.force())
-    )
+    report = follow(system, solver, protocol, fixed_steps(size), lambda *_: found.append(system.force()))
     assert report.complete, report
     return np.array(found)
 
@@ -54,16 +52,12 @@ def sensitivities(system: System, names, protocol: Protocol, size: float) -> np.
     """Return the force's derivatives after every step (n, names)."""
     tracker, rows = SensitivityTracker(system, names), []
     solver = NewtonSolver(system, PRECISE)
-    report = follow(
-        system, solver, protocol, fixed_steps(size), lambda *_: rows.append(tracker.step(solver))
-    )
+    report = follow(system, solver, protocol, fixed_steps(size), lambda *_: rows.append(tracker.step(solver)))
     assert report.complete, report
     return np.array(rows)
 
 
-def worst_error(
-    system: System, values: dict[str, float], names, protocol: Protocol, size, change=1e-4
-) -> float:
+def worst_error(system: System, values: dict[str, float], names, protocol: Protocol, size, change=1e-4) -> float:
     """Return the largest error relative to each parameter's largest derivative on the path.
 
     Differences are central, over ``change`` times a parameter, or ``change`` itself at zero.

@@ -18,9 +18,12 @@ from legfem.recording import Recording
 
 BASE = {"C10": 1.0, "C20": 0.6}
 UNANSWERED = (
-    "poroelastic-drainage", "contact-slip", "prestress", "superficial-viscoelasticity",
+    "poroelastic-drainage",
+    "contact-slip",
+    "prestress",
+    "superficial-viscoelasticity",
     "superficial-stiffening",
-)  # fmt: skip
+)
 """Mechanisms that the closed form has no response for, or no other than for others."""
 
 
@@ -56,9 +59,8 @@ def diagnosed(
     force = force + bump * (1 - place**2) * np.exp(-0.5 * place**2)
     observed = replace(
         noisy(observed, force, seed),
-        remarks=("trial1: 3.70 mm of air before first contact; displacement and force "
-                 "are counted from there.",),
-    )  # fmt: skip
+        remarks=("trial1: 3.70 mm of air before first contact; displacement and force are counted from there.",),
+    )
     return diagnosed_of(observed, asked, law)
 
 
@@ -82,10 +84,6 @@ def diagnosed_of(
         How well the leg is known.
     """
     able, _ = shown_mechanisms(observed, None)
-    left = [
-        m.name for m in able if (m.name in UNANSWERED if asked is None else m.name not in asked)
-    ]
-    library = ClosedForm(
-        missing=dict.fromkeys(left, "its solutions did not follow the protocol to the end")
-    )
+    left = [m.name for m in able if (m.name in UNANSWERED if asked is None else m.name not in asked)]
+    library = ClosedForm(missing=dict.fromkeys(left, "its solutions did not follow the protocol to the end"))
     return diagnose(observed, INSTRUMENT, law, library, None, Silent(), accuracy)  # type: ignore[arg-type]

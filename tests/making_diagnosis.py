@@ -9,13 +9,7 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.diagnose.fit import Fit, Problem, fit
-from legfem.diagnose.mechanisms import (
-    Mechanism,
-    Stiffness,
-    TissueMechanism,
-    Values,
-    mechanism_named,
-)
+from legfem.diagnose.mechanisms import Mechanism, Stiffness, TissueMechanism, Values, mechanism_named
 from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S, Viscoelasticity
 from legfem.diagnose.nuisances import Nuisances
 from legfem.diagnose.observations import Observations, observe
@@ -31,8 +25,7 @@ from legfem.solve.protocol import Protocol
 from legfem.subjects.loading import SUBJECTS, load_subject
 
 SOUGHT = tuple(
-    mechanism_named(name)
-    for name in ("contact-onset", "force-drift", "preconditioning", "support-compliance")
+    mechanism_named(name) for name in ("contact-onset", "force-drift", "preconditioning", "support-compliance")
 )
 
 
@@ -60,12 +53,7 @@ def relaxed(stations: Stations, time: FloatArray, tau: float) -> FloatArray:
     for first, last, rate in zip(ends[:-1], ends[1:], np.diff(at) / np.diff(ends), strict=True):
         until = np.clip(time, first, last)
         total += (
-            rate
-            * tau
-            * (
-                np.exp(np.minimum(until - time, 0.0) / tau)
-                - np.exp(np.minimum(first - time, 0.0) / tau)
-            )
+            rate * tau * (np.exp(np.minimum(until - time, 0.0) / tau) - np.exp(np.minimum(first - time, 0.0) / tau))
         )
     return total
 
@@ -142,10 +130,7 @@ def _blank(protocol: Protocol, name: str) -> Recording:
 
 
 def pressed(
-    airs: Sequence[float],
-    gains: Sequence[float] | None = None,
-    seed: int = 0,
-    zeros: Sequence[float] | None = None,
+    airs: Sequence[float], gains: Sequence[float] | None = None, seed: int = 0, zeros: Sequence[float] | None = None
 ) -> list[Recording]:
     """Return recordings that begin in air: each trial reads (1 + gain) F(d - air) + zero.
 
@@ -168,9 +153,7 @@ def pressed(
         at = 0.4 * time
         force = (1 + (gains[k] if gains else 0.0)) * force_at(**_of(TRUTH), displacement=at - air)
         force = force + (zeros[k] if zeros else 0.0) + 0.02 * generator.normal(size=len(time))
-        found.append(
-            Recording(time, at + 0.005 * generator.normal(size=len(time)), force, f"trial{k + 1}")
-        )
+        found.append(Recording(time, at + 0.005 * generator.normal(size=len(time)), force, f"trial{k + 1}"))
     return found
 
 
@@ -182,9 +165,8 @@ def observations(recordings: list[Recording]) -> tuple[Observations, Predictor]:
     """Return empty observations, from first contact on, with a predictor for them."""
     observed = observe(recordings, INSTRUMENT, starts_at_contact=True)
     observed = replace(
-        observed, white_sd=NOISE.white_sd,
-        white_variance=np.full(len(observed.force), NOISE.white_sd**2 / 8),
-    )  # fmt: skip
+        observed, white_sd=NOISE.white_sd, white_variance=np.full(len(observed.force), NOISE.white_sd**2 / 8)
+    )
     return observed, Predictor(observed, ClosedForm(), "reduced-polynomial")
 
 

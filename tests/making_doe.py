@@ -99,8 +99,4 @@ def planted_table(noise: float, seed: int = 0) -> tuple[Definition, pd.DataFrame
 
 if __name__ == "__main__":  # under mpirun
     home = Path(sys.argv[1])
-    run(
-        options(home, sys.argv[2]),
-        MPI.COMM_WORLD,
-        SpringLeg(home / "calls"),
-    )
+    run(options(home, sys.argv[2]), MPI.COMM_WORLD, SpringLeg(home / "calls"))

@@ -8,14 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from making_broken import broken_bytes, broken_text
-from making_scans import (
-    PARTS,
-    labels,
-    subject_of_scan,
-    write_cross_sections,
-    write_nifti,
-    write_surfaces,
-)
+from making_scans import PARTS, labels, subject_of_scan, write_cross_sections, write_nifti, write_surfaces
 from making_sites import SITES, write_sites
 from making_specimens import write_bars
 from making_stocking import LEG_TOML
@@ -85,9 +78,7 @@ def _cross_sections(folder: Path) -> None:
 
 
 KINDS = {
-    "specimens": Kind(
-        lambda folder: write_bars(folder, ReducedPolynomial(5e-3, 1.0, C20=5e-3)), load_specimen
-    ),
+    "specimens": Kind(lambda folder: write_bars(folder, ReducedPolynomial(5e-3, 1.0, C20=5e-3)), load_specimen),
     "sites": Kind(write_sites, lambda folder: load_subject(folder, site=SITES[1])),
     "stockings": Kind(_stocking, load_leg),
     "volumes": Kind(_volume, _section),

@@ -59,9 +59,7 @@ class AnalyticLeg:
             raise Killed
         self.calls += 1
         every = {**self.nominal, **values}
-        deep, fat, stiffening = (
-            1e3 * every[name] for name in ("deep.C10", "superficial.C10", "deep.C20")
-        )
+        deep, fat, stiffening = (1e3 * every[name] for name in ("deep.C10", "superficial.C10", "deep.C20"))
         complete = deep >= self.softest
         d = np.linspace(0.0, self.depth if complete else 12.0, 41)
         soft = 1 + deep / (3 * fat)
@@ -77,10 +75,7 @@ class AnalyticLeg:
             "deep.D1": np.zeros(len(d)),
         }
         curve = ForceCurve(d, force, {name: by[name] for name in sensitivities})
-        return ForwardOutcome(
-            values, (curve,), complete, "" if complete else "made to stop", 10, 0.0,
-            self.compromise,
-        )  # fmt: skip
+        return ForwardOutcome(values, (curve,), complete, "" if complete else "made to stop", 10, 0.0, self.compromise)
 
 
 def curve_of(c10: float, c20: float, fat: float = 2.0) -> ForceCurve:
@@ -90,13 +85,7 @@ def curve_of(c10: float, c20: float, fat: float = 2.0) -> ForceCurve:
 
 
 def pressed_leg(
-    folder: Path,
-    c10: float,
-    c20: float,
-    seed: int = 0,
-    trials: int = 3,
-    noise: float = 0.03,
-    fat: float = 2.0,
+    folder: Path, c10: float, c20: float, seed: int = 0, trials: int = 3, noise: float = 0.03, fat: float = 2.0
 ) -> Subject:
     """Return a subject whose recordings are the analytic leg's, with noise (N) and 0.02 mm."""
     rng = np.random.default_rng(seed)

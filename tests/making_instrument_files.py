@@ -38,8 +38,7 @@ def plain_csv(path: Path) -> Path:
 def semicolons_and_decimal_commas(path: Path) -> Path:
     path = path / "semicolons.csv"
     text = "Prüfung 12;;\nProband;7;\nZeit [ms];Weg [µm];Kraft [mN]\n"
-    path.write_bytes((text + rows(1e3 * T, 1e3 * D, -1e3 * F, delimiter=";", decimal=","))
-                     .encode("cp1252"))  # fmt: skip
+    path.write_bytes((text + rows(1e3 * T, 1e3 * D, -1e3 * F, delimiter=";", decimal=",")).encode("cp1252"))
     return path
 
 
@@ -124,20 +123,24 @@ def tdms_waveforms(path: Path) -> Path:
     path = path / "waveforms.tdms"
     step = {"wf_increment": float(T[1]), "wf_start_offset": 0.0}
     with TdmsWriter(path) as file:
-        file.write_segment([
-            ChannelObject("Measured", "Position", D, {**step, "unit_string": "mm"}),
-            ChannelObject("Measured", "Load cell force", F, {**step, "unit_string": "N"}),
-        ])  # fmt: skip
+        file.write_segment(
+            [
+                ChannelObject("Measured", "Position", D, {**step, "unit_string": "mm"}),
+                ChannelObject("Measured", "Load cell force", F, {**step, "unit_string": "N"}),
+            ]
+        )
     return path
 
 
 def tdms_columns(path: Path) -> Path:
     path = path / "columns.tdms"
     with TdmsWriter(path) as file:
-        file.write_segment([
-            ChannelObject("Log", name, values)
-            for name, values in (("Time (s)", T), ("Depth (m)", D / 1e3), ("Load (N)", F))
-        ])  # fmt: skip
+        file.write_segment(
+            [
+                ChannelObject("Log", name, values)
+                for name, values in (("Time (s)", T), ("Depth (m)", D / 1e3), ("Load (N)", F))
+            ]
+        )
     return path
 
 
@@ -197,10 +200,7 @@ def hdf5_table(path: Path) -> Path:
 def bluehill_german(path: Path) -> Path:
     path = path / "Probe_RawData_1.csv"
     head = '"Probe","1"\r\n\r\n"Zeit","Traversenweg","Last"\r\n"(s)","(mm)","(N)"\r\n'
-    lines = (
-        ",".join(f'"{number:.6f}"'.replace(".", ",") for number in row)
-        for row in zip(T, D, F, strict=True)
-    )
+    lines = (",".join(f'"{number:.6f}"'.replace(".", ",") for number in row) for row in zip(T, D, F, strict=True))
     path.write_text(head + "\r\n".join(lines))
     return path
 
@@ -241,8 +241,28 @@ def hdf5_matrix(path: Path) -> Path:
 
 
 REAL = [
-    plain_csv, semicolons_and_decimal_commas, bluehill, bluehill_compression, mts_testsuite,
-    mts_testworks, zwick, zwick_workbook, workbook, wintest, wintest_utf16, tdms_waveforms,
-    tdms_columns, lvm, lvm_without_times, matlab, matlab_structure, hdf5_attributes, hdf5_table,
-    bluehill_german, numpy_text, matlab_import, matlab_73, hdf5_matrix,
-]  # fmt: skip
+    plain_csv,
+    semicolons_and_decimal_commas,
+    bluehill,
+    bluehill_compression,
+    mts_testsuite,
+    mts_testworks,
+    zwick,
+    zwick_workbook,
+    workbook,
+    wintest,
+    wintest_utf16,
+    tdms_waveforms,
+    tdms_columns,
+    lvm,
+    lvm_without_times,
+    matlab,
+    matlab_structure,
+    hdf5_attributes,
+    hdf5_table,
+    bluehill_german,
+    numpy_text,
+    matlab_import,
+    matlab_73,
+    hdf5_matrix,
+]

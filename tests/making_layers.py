@@ -44,9 +44,7 @@ class OtherLayers:
     axis along the first coordinate.
     """
 
-    def __init__(
-        self, layers: Sequence[OtherLayer], radius: float, edges: Sequence[float], size: float
-    ) -> None:
+    def __init__(self, layers: Sequence[OtherLayer], radius: float, edges: Sequence[float], size: float) -> None:
         tops = np.cumsum([0.0, *(layer.thickness for layer in layers)])
         height = float(tops[-1])
         z = _graded(tops, lambda at: size + 0.25 * (height - at))
@@ -74,10 +72,7 @@ class OtherLayers:
         return self.top & (r > inner - 1e-9) & (r < outer + 1e-9)
 
     def balance(
-        self,
-        held: np.ndarray,
-        to: np.ndarray,
-        extra: Sequence[tuple[fem.FieldContainer, object]] = (),
+        self, held: np.ndarray, to: np.ndarray, extra: Sequence[tuple[fem.FieldContainer, object]] = ()
     ) -> np.ndarray:
         """Find equilibrium with what is held moved to a place; return the residual."""
         items = [*zip(self.fields, self.items, strict=True), *extra]
@@ -116,9 +111,7 @@ class OtherLayers:
             forces.append(-float(residual.reshape(-1, 2)[face, 0].sum()))
         return np.array(forces)
 
-    def sucked(
-        self, aperture: float, rim: float, pressures: Sequence[float], rim_sticks: bool = True
-    ) -> np.ndarray:
+    def sucked(self, aperture: float, rim: float, pressures: Sequence[float], rim_sticks: bool = True) -> np.ndarray:
         """Return the apex's rise (mm) under suctions (MPa) within an aperture, its rim held."""
         region = fem.RegionBiQuadraticQuadBoundary(
             self.mesh, only_surface=True, mask=self.between(0.0, aperture), ensure_3d=True

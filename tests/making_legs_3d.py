@@ -34,9 +34,7 @@ def cone_contours(path: Path, slope: float = 1.0) -> Path:
             "fibula": 0.6 * BONE * ring + (-14.0, 6.0),
         }
         rows += [
-            f"{level},{part},{i},{x:.5f},{y:.5f}"
-            for part, points in parts.items()
-            for i, (x, y) in enumerate(points)
+            f"{level},{part},{i},{x:.5f},{y:.5f}" for part, points in parts.items() for i, (x, y) in enumerate(points)
         ]
     path.write_text("\n".join(rows) + "\n")
     return path
@@ -56,9 +54,8 @@ def cone_folder(
     """
     cone_contours(folder / "cone.csv", slope)
     text = subject_text(
-        "cone", "A cone", "simulated", 0.6, (0.0, -60.0), 90.0, True, Instrument(0.02, 0.02),
-        plane_strain=False,
-    )  # fmt: skip
+        "cone", "A cone", "simulated", 0.6, (0.0, -60.0), 90.0, True, Instrument(0.02, 0.02), plane_strain=False
+    )
     at = "" if level is None else f"\nlevel_mm = {level}"
     text = text.replace('"contours.csv"', f'"cone.csv"{at}\n{more}')
     if pose is not None:

@@ -81,10 +81,7 @@ def solid(
     ``region`` gives the tag of cells by midpoint, `DEEP` otherwise.
     """
     made = mesh.create_rectangle(
-        MPI.COMM_SELF,
-        [[0, 0], [1, 1]],
-        [len(x) - 1, len(y) - 1],
-        diagonal=mesh.DiagonalType.right_left,
+        MPI.COMM_SELF, [[0, 0], [1, 1]], [len(x) - 1, len(y) - 1], diagonal=mesh.DiagonalType.right_left
     )
     nodes = made.geometry.x
     nodes[:, 0] = np.interp(nodes[:, 0], np.linspace(0, 1, len(x)), x)
@@ -116,9 +113,7 @@ def ring(inner: float, outer: float, around: int, across: int) -> tuple:
     made = mesh.create_mesh(MPI.COMM_SELF, cells=cells.astype(np.int64), x=nodes, e=element)
     middle = 0.5 * (inner + outer)
     return made, *_tags(
-        made,
-        skin=lambda m: np.linalg.norm(m, axis=1) > middle,
-        bone=lambda m: np.linalg.norm(m, axis=1) < middle,
+        made, skin=lambda m: np.linalg.norm(m, axis=1) > middle, bone=lambda m: np.linalg.norm(m, axis=1) < middle
     )
 
 
@@ -143,13 +138,7 @@ def block(
     """A rectangle with its skin above and its bone below; by default 40 mm x 20 mm under y = 0."""
     x = np.linspace(-20, 20, 21) if x is None else x
     y = np.linspace(-20, 0, 11) if y is None else y
-    return solid(
-        x,
-        y,
-        skin=lambda m: np.isclose(m[:, 1], y[-1]),
-        bone=lambda m: np.isclose(m[:, 1], y[0]),
-        **more,
-    )
+    return solid(x, y, skin=lambda m: np.isclose(m[:, 1], y[-1]), bone=lambda m: np.isclose(m[:, 1], y[0]), **more)
 
 
 def leg_model(
@@ -196,11 +185,7 @@ def pressed_block(
 
 
 def free_of_contact(
-    meshed: tuple,
-    tissues: Tissues,
-    formulation: str,
-    mechanisms: Sequence[Term] = (),
-    degree: int = 2,
+    meshed: tuple, tissues: Tissues, formulation: str, mechanisms: Sequence[Term] = (), degree: int = 2
 ) -> System:
     """A solid with its indenter out of reach."""
     spaces = build_spaces(*meshed, formulation, degree)

@@ -106,12 +106,9 @@ def pressed_in_3d() -> PressedLeg:
     away = np.linalg.norm((skin - touch) / (12.0, 30.0, 20.0), axis=-1)
     share = np.exp(-(away**2))
     states = tuple(
-        LegState(
-            at, at * share[..., None] * direction, np.zeros_like(shape.points(HULL)),
-            3.0 * at * share**3,
-        )
+        LegState(at, at * share[..., None] * direction, np.zeros_like(shape.points(HULL)), 3.0 * at * share**3)
         for at in (2.0, 5.0, 8.0)
-    )  # fmt: skip
+    )
     d = np.linspace(0.0, 8.0, 17)
     return PressedLeg(shape, pose, touch, ForceCurve(d, 0.1 * d**2), states)
 
@@ -120,9 +117,8 @@ def identified_in_3d(folder: Path) -> WebPage:
     """With the leg in 3D, too."""
     confirmed = Confirmation(0.8, 0.0, 60.0, 40, 0.002, 0.001)
     evidence = SpatialEvidence(
-        "contours of one section, extruded", True, 120.0, (confirmed,), 1, 2, {"mesh": 0.01},
-        None, pressed_in_3d(),
-    )  # fmt: skip
+        "contours of one section, extruded", True, 120.0, (confirmed,), 1, 2, {"mesh": 0.01}, None, pressed_in_3d()
+    )
     found = result("reduced-polynomial", measured_curve(depth=DEPTH), spatial=evidence)
     return identification_page([found], subject_in(folder), None, COMMAND)
 
@@ -135,12 +131,9 @@ def diagnosis(folder: Path) -> WebPage:
 def ranked(chances: tuple[tuple[float, float], ...] = ((0.96, 0.1), (0.4, 0.05))) -> list[Reckoned]:
     """Tests that tell a stiff fascia and a gain with these chances."""
     return [
-        Reckoned(
-            design, {("fascia-stiffness", "nothing"): a, ("gain", "nothing"): b,
-                     ("nothing", "gain"): 0.5}, a,
-        )
+        Reckoned(design, {("fascia-stiffness", "nothing"): a, ("gain", "nothing"): b, ("nothing", "gain"): 0.5}, a)
         for design, (a, b) in zip(designs(20.0, 0.5, 30.0), chances, strict=False)
-    ]  # fmt: skip
+    ]
 
 
 def planned(folder: Path) -> WebPage:
@@ -155,9 +148,7 @@ def studied(folder: Path, **spring: object) -> StudyResult:
     with Workers(simulate, SpringLeg(**spring), 1) as workers:
         store = Store(folder / "runs", Record, workers.context.fingerprint())
         workshop = Workshop(workers, store, Silent())
-        return study(
-            given, subject_in(folder), workshop, "coefficients", 1, True, lambda table: None
-        )
+        return study(given, subject_in(folder), workshop, "coefficients", 1, True, lambda table: None)
 
 
 def calibrated() -> tuple[Calibration, Calibrated]:
@@ -171,12 +162,14 @@ def calibrated() -> tuple[Calibration, Calibrated]:
         for unknowns in (4000, 3000, 2000)
     )
     correction = TabulatedCorrection(
-        "idealised leg 120 mm long", d, np.array([2.0, 5.0]), np.array([0.0]),
-        np.array([[level], [level + 0.05]]), {"mesh": np.full(41, 0.01)},
-    )  # fmt: skip
-    return Calibration(c10_kPa=(2.0, 5.0), stiffening=(0.0,)), Calibrated(
-        correction, outcomes, outcomes
+        "idealised leg 120 mm long",
+        d,
+        np.array([2.0, 5.0]),
+        np.array([0.0]),
+        np.array([[level], [level + 0.05]]),
+        {"mesh": np.full(41, 0.01)},
     )
+    return Calibration(c10_kPa=(2.0, 5.0), stiffening=(0.0,)), Calibrated(correction, outcomes, outcomes)
 
 
 def corrected(folder: Path) -> WebPage:
@@ -190,23 +183,37 @@ def specimens(folder: Path, p_value: float = 0.4) -> list[SpecimenResult]:
     """Bars whose forces are met to a per cent by a law of 5 kPa."""
     given = load_specimen(write_bars(folder / "bars", ReducedPolynomial(5e-3, 1.0, 3e-3, np.inf)))
     found = Estimate(
-        parameter_of("deep.C10", {}), 5e-3, 1e-4, (4.8e-3, 5.2e-3), "identifiable",
-        "its interval is narrow",
-    )  # fmt: skip
+        parameter_of("deep.C10", {}), 5e-3, 1e-4, (4.8e-3, 5.2e-3), "identifiable", "its interval is narrow"
+    )
     compared = tuple(
         ComparedRecording(one.name, one.specimen, k > 0, one.course, 1.01 * one.course.force)
         for k, one in enumerate(given.recordings)
     )
     return [
         SpecimenResult(
-            law="neo-hookean", parameters={"deep.C10": found}, correlations=np.eye(1),
-            values={"deep.C10": 5e-3}, assumed={"deep.D1": 1.0}, forward_solves=9, reused_solves=0,
-            wall_s=2.0, seed=1, emulator_error=1e-3, converged=True, warnings=("a warning",),
-            versions={"legfem": "1"}, folder=given, recordings=compared,
-            left_out=(LeftOut("torn", "it <never> touched"),), chi_square=30.0,
-            degrees_of_freedom=28, p_value=p_value, gain_sd=0.02, failed_solves=0,
+            law="neo-hookean",
+            parameters={"deep.C10": found},
+            correlations=np.eye(1),
+            values={"deep.C10": 5e-3},
+            assumed={"deep.D1": 1.0},
+            forward_solves=9,
+            reused_solves=0,
+            wall_s=2.0,
+            seed=1,
+            emulator_error=1e-3,
+            converged=True,
+            warnings=("a warning",),
+            versions={"legfem": "1"},
+            folder=given,
+            recordings=compared,
+            left_out=(LeftOut("torn", "it <never> touched"),),
+            chi_square=30.0,
+            degrees_of_freedom=28,
+            p_value=p_value,
+            gain_sd=0.02,
+            failed_solves=0,
         )
-    ]  # fmt: skip
+    ]
 
 
 def stocking() -> StockingResult:
@@ -214,10 +221,21 @@ def stocking() -> StockingResult:
     bare, tissues = short_leg(), laws(2.6, 6.0)
     slices = calf_levels(bare)
     leg = StockingLeg(
-        "short", "60 mm of a leg", "simulated", bare, bare, None, None,
-        fitted_stocking(bare, ClassFit(CompressionClass.MODERATE)), ContourAccuracy(), tissues,
-        True, "held", slices, default_veins(bare, float(np.median(slices))),
-    )  # fmt: skip
+        "short",
+        "60 mm of a leg",
+        "simulated",
+        bare,
+        bare,
+        None,
+        None,
+        fitted_stocking(bare, ClassFit(CompressionClass.MODERATE)),
+        ContourAccuracy(),
+        tissues,
+        True,
+        "held",
+        slices,
+        default_veins(bare, float(np.median(slices))),
+    )
     return run_leg(leg, StockingSettings(), Silent(), mesh=COARSE)
 
 

@@ -50,9 +50,7 @@ def people(count: int, seed: int, noise: float = 0.2) -> tuple[Indentations, np.
     area = np.where(site == 0, 360.0, 675.0)
     radius = np.sqrt(area / np.pi)
     force = rng.uniform(4, 12, n)
-    at = np.stack(
-        [np.log(superficial / radius), np.log(deep / radius), theta[:, 0] - theta[:, 1]], axis=1
-    )
+    at = np.stack([np.log(superficial / radius), np.log(deep / radius), theta[:, 0] - theta[:, 1]], axis=1)
     log_force, share = stand_in(at)
     wanted = np.log(force / radius**2) - theta[:, 1]
     # F / (C10 a^2) = pi k e / (1 - e), so that e = y / (1 + y).
@@ -62,10 +60,19 @@ def people(count: int, seed: int, noise: float = 0.2) -> tuple[Indentations, np.
     sunk = share[:, 0] * strain * superficial
     fascia, bone = noise * np.sqrt(3) * rng.uniform(-1, 1, (2, n))
     made = Indentations(
-        tuple(f"{k:03d}" for k in range(count)), ("UA_A", "LL_P"), person, site, force, area,
-        superficial, deep, sunk + fascia, total + bone - sunk - fascia, total * area / force,
+        tuple(f"{k:03d}" for k in range(count)),
+        ("UA_A", "LL_P"),
+        person,
+        site,
+        force,
+        area,
+        superficial,
+        deep,
+        sunk + fascia,
+        total + bone - sunk - fascia,
+        total * area / force,
         geometric_means(np.stack([superficial, deep], axis=1), site, 2),
-    )  # fmt: skip
+    )
     return made, theta
 
 

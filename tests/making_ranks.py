@@ -28,14 +28,10 @@ def environment() -> dict[str, str]:
     }
 
 
-def run_on_ranks(
-    ranks: int, script: str, out: Path, *arguments: str, seconds: float = 300
-) -> dict[str, np.ndarray]:
+def run_on_ranks(ranks: int, script: str, out: Path, *arguments: str, seconds: float = 300) -> dict[str, np.ndarray]:
     """Run a script of tests/verification, given arguments and out; return what it saved there."""
     command = ["mpirun", "-n", ranks, sys.executable, VERIFICATION / script, *arguments, out]
-    done = subprocess.run(
-        list(map(str, command)), env=environment(), capture_output=True, text=True, timeout=seconds
-    )
+    done = subprocess.run(list(map(str, command)), env=environment(), capture_output=True, text=True, timeout=seconds)
     assert done.returncode == 0, done.stderr[-2000:]
     with np.load(out) as saved:
         found = dict(saved)

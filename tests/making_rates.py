@@ -25,9 +25,7 @@ type Memory = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 def power_law(time: np.ndarray, elastic: np.ndarray, displacement: np.ndarray) -> np.ndarray:
     """Quasi-linear: 1 + 3 (1 + t / 0.1 s)^-0.25, which never ends."""
     start = 0.1
-    return elastic + 3.0 * _hereditary(
-        time, elastic, lambda t: start / 0.75 * ((1 + t / start) ** 0.75 - 1)
-    )
+    return elastic + 3.0 * _hereditary(time, elastic, lambda t: start / 0.75 * ((1 + t / start) ** 0.75 - 1))
 
 
 def fractional(time: np.ndarray, elastic: np.ndarray, displacement: np.ndarray) -> np.ndarray:
@@ -66,14 +64,14 @@ def stress_activated(time: np.ndarray, elastic: np.ndarray, displacement: np.nda
 
 
 MEMORIES: dict[str, Memory] = {
-    "power law": power_law, "fractional": fractional, "strain-dependent": strain_dependent,
+    "power law": power_law,
+    "fractional": fractional,
+    "strain-dependent": strain_dependent,
     "stress-activated": stress_activated,
-}  # fmt: skip
+}
 
 
-def _hereditary(
-    time: np.ndarray, elastic: np.ndarray, integral: Callable[[np.ndarray], np.ndarray]
-) -> np.ndarray:
+def _hereditary(time: np.ndarray, elastic: np.ndarray, integral: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
     """Integrate a relaxation, given as its integral over time, with a force straight by pieces."""
     slope = np.diff(elastic) / np.diff(time)
     since = np.maximum(time[:, None] - time[None, :], 0.0)
@@ -95,9 +93,7 @@ def write_rates(folder: Path, memory: Memory, seed: int = 1, sampled: float = 20
         time = np.concatenate([time, np.arange(duration, duration + HOLD, max(step, 0.1))])
         way = np.minimum(time / duration, 1.0)
         corner = 0.02
-        rounded = way - np.where(
-            way > 1 - corner, np.clip(way - 1 + corner, 0, corner) ** 2 / (2 * corner), 0.0
-        )
+        rounded = way - np.where(way > 1 - corner, np.clip(way - 1 + corner, 0, corner) ** 2 / (2 * corner), 0.0)
         displacement = DEPTH * rounded / rounded.max()
         elastic = compressed(LAW, displacement)
         force = memory(time, elastic, displacement)
@@ -108,7 +104,6 @@ def write_rates(folder: Path, memory: Memory, seed: int = 1, sampled: float = 20
         unit = 1e-3 * peak
         read = displacement + generator.normal(0, 0.03) + generator.normal(0, 0.003, len(time))
         write_recording(
-            Recording(time, read, np.round(force / unit) * unit, name),
-            folder / "recordings" / f"{name}.csv",
+            Recording(time, read, np.round(force / unit) * unit, name), folder / "recordings" / f"{name}.csv"
         )
     return folder

@@ -22,21 +22,14 @@ from legfem.recording import Instrument, LoadingCurve, mean_loading_curve
 
 INSTRUMENT = Instrument(force_sd=0.04, displacement_sd=0.02)
 NAMES = ("deep.C10", "deep.C20")
-ASSUMED = {
-    "deep.D1": 28.0, "superficial.C10": 2e-3, "superficial.D1": 22.5, "fascia.C10": 0.1,
-    "fascia.D1": 22.5,
-}  # fmt: skip
+ASSUMED = {"deep.D1": 28.0, "superficial.C10": 2e-3, "superficial.D1": 22.5, "fascia.C10": 0.1, "fascia.D1": 22.5}
 STAGES = ("design", "design", "design", "proposal", "proposal", "bound", "genetic")
 
 
 def measured_curve(trials: int = 3, depth: float = 20.0) -> LoadingCurve:
     noise = {"force_sd": 0.03, "displacement_sd": 0.02}
     return mean_loading_curve(
-        [
-            press(air=1.0, depth=depth, seed=k, trial=f"trial{k + 1}", **noise)
-            for k in range(trials)
-        ],
-        INSTRUMENT,
+        [press(air=1.0, depth=depth, seed=k, trial=f"trial{k + 1}", **noise) for k in range(trials)], INSTRUMENT
     )
 
 
@@ -62,10 +55,7 @@ def result(law: str, measured: LoadingCurve | None = None, **changes: object):
     error = np.sqrt(np.diag(covariance))
 
     def cost(c10, c20):
-        force = (
-            np.asarray(c10)[..., None] * rates["deep.C10"]
-            + np.asarray(c20)[..., None] * rates["deep.C20"]
-        )
+        force = np.asarray(c10)[..., None] * rates["deep.C10"] + np.asarray(c20)[..., None] * rates["deep.C20"]
         return np.sum((force - measured.force) ** 2, axis=-1)
 
     parameters = {
@@ -76,12 +66,7 @@ def result(law: str, measured: LoadingCurve | None = None, **changes: object):
             ci95=(float(value - 1.9 * sd), float(value + 2.1 * sd)),
             identifiability="identifiable",
             why="its interval is narrow",
-            moves={
-                "superficial.C10": -0.012,
-                "fascia.C10": -0.034,
-                "force_N": 0.14,
-                "displacement_mm": -0.19,
-            },
+            moves={"superficial.C10": -0.012, "fascia.C10": -0.034, "force_N": 0.14, "displacement_mm": -0.19},
         )
         for name, value, sd in zip(NAMES, optimum, error, strict=False)
     }
@@ -105,10 +90,17 @@ def result(law: str, measured: LoadingCurve | None = None, **changes: object):
         "values": {"deep.C20": 0.0, "deep.D2": math.inf, **dict(zip(NAMES, optimum, strict=False))},
         "assumed": ASSUMED,
         "cost": Cost(
-            value=squares, points=n, mean_square=squares / n, per_length=squares / 50.0**2,
-            rms=math.sqrt(squares / n), r_squared=0.9999, chi_square=1.05 * n if two else 40.0 * n,
-            degrees_of_freedom=n - len(columns), p_value=0.3 if two else 1e-12,
-            minimised="the cost E", minimised_value=squares,
+            value=squares,
+            points=n,
+            mean_square=squares / n,
+            per_length=squares / 50.0**2,
+            rms=math.sqrt(squares / n),
+            r_squared=0.9999,
+            chi_square=1.05 * n if two else 40.0 * n,
+            degrees_of_freedom=n - len(columns),
+            p_value=0.3 if two else 1e-12,
+            minimised="the cost E",
+            minimised_value=squares,
         ),
         "measured": measured,
         "predicted": PredictedCurve(depth, matrix @ optimum, rates),
@@ -137,5 +129,5 @@ def result(law: str, measured: LoadingCurve | None = None, **changes: object):
         "warnings": ("the fascia's Poisson ratio is negative",),
         "settings": {"grid_step_mm": 0.25},
         "versions": {"legfem": "0.1.0"},
-    }  # fmt: skip
+    }
     return IdentificationResult(**{**given, **changes})

@@ -128,19 +128,32 @@ def write_polydata(path: Path, surface: trimesh.Trimesh, how: str) -> Path:
             b"OFFSETS vtktypeint64\n" + np.append(0, ends).astype(">i8").tobytes(),
             b"CONNECTIVITY vtktypeint64\n" + faces.astype(">i8").tobytes(),
         ]
-        path.write_bytes(b"\n".join([
-            f"{head}BINARY\nDATASET POLYDATA\nPOINTS {len(points)} double".encode(),
-            points.astype(">f8").tobytes(), b"METADATA\nINFORMATION 0\n",
-            f"POLYGONS {len(faces) + 1} {faces.size}".encode(), *cells,
-            f"CELL_DATA {len(faces)}\n".encode(),
-        ]))  # fmt: skip
+        path.write_bytes(
+            b"\n".join(
+                [
+                    f"{head}BINARY\nDATASET POLYDATA\nPOINTS {len(points)} double".encode(),
+                    points.astype(">f8").tobytes(),
+                    b"METADATA\nINFORMATION 0\n",
+                    f"POLYGONS {len(faces) + 1} {faces.size}".encode(),
+                    *cells,
+                    f"CELL_DATA {len(faces)}\n".encode(),
+                ]
+            )
+        )
         return path
     rows = [f"{x:.9g} {y:.9g} {z:.9g}" for x, y, z in points]
     cells = [f"3 {a} {b} {c}" for a, b, c in faces]
-    path.write_text("\n".join([
-        f"{head}ASCII\nDATASET POLYDATA\nPOINTS {len(points)} float", *rows,
-        f"POLYGONS {len(faces)} {4 * len(faces)}", *cells, "",
-    ]))  # fmt: skip
+    path.write_text(
+        "\n".join(
+            [
+                f"{head}ASCII\nDATASET POLYDATA\nPOINTS {len(points)} float",
+                *rows,
+                f"POLYGONS {len(faces)} {4 * len(faces)}",
+                *cells,
+                "",
+            ]
+        )
+    )
     return path
 
 
@@ -176,14 +189,18 @@ def _vtp(points: np.ndarray, faces: np.ndarray, ends: np.ndarray, how: str) -> b
     packer = 'compressor="vtkZLibDataCompressor"' if packed else ""
     kind = "UInt32" if size.itemsize == 4 else "UInt64"
     three = 'NumberOfComponents="3"'
-    body = b"".join([
-        f'<?xml version="1.0"?>\n<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" '
-        f'header_type="{kind}" {packer}><PolyData><Piece NumberOfPoints="{len(points)}" '
-        f'NumberOfPolys="{len(faces)}" NumberOfStrips="0"><Points>'.encode(),
-        array("Points", points.astype("<f4"), "Float32", three), b"</Points><Polys>",
-        array("connectivity", faces.astype("<i8"), "Int64"),
-        array("offsets", ends.astype("<i8"), "Int64"), b"</Polys></Piece></PolyData>",
-    ])  # fmt: skip
+    body = b"".join(
+        [
+            f'<?xml version="1.0"?>\n<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" '
+            f'header_type="{kind}" {packer}><PolyData><Piece NumberOfPoints="{len(points)}" '
+            f'NumberOfPolys="{len(faces)}" NumberOfStrips="0"><Points>'.encode(),
+            array("Points", points.astype("<f4"), "Float32", three),
+            b"</Points><Polys>",
+            array("connectivity", faces.astype("<i8"), "Int64"),
+            array("offsets", ends.astype("<i8"), "Int64"),
+            b"</Polys></Piece></PolyData>",
+        ]
+    )
     if kept:
         body += b'<AppendedData encoding="raw">\n_' + kept + b"\n</AppendedData>"
     return body + b"</VTKFile>"
@@ -209,9 +226,7 @@ def write_leg(folder: Path) -> None:
     for part in PARTS:
         write_polydata(folder / f"{part}.vtp", surface(part), "raw zlib")
     turned, affine = turned_labels(17.0)
-    nibabel.save(
-        nibabel.Nifti1Image(turned, np.diag([-1, -1, 1, 1]) @ affine), folder / "turned.nii"
-    )
+    nibabel.save(nibabel.Nifti1Image(turned, np.diag([-1, -1, 1, 1]) @ affine), folder / "turned.nii")
     write_cross_sections(folder / "sections.csv", np.arange(0.0, HEIGHT + 1, 5.0))
 
 

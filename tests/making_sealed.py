@@ -15,9 +15,6 @@ from studies.concealed.truth import ELASTIC_RATE, ForceCourse, Truths
 def square_truths(monkeypatch: pytest.MonkeyPatch) -> Truths:
     """Return truths of a leg whose force is 0.02 N/mm2 times the depth's square."""
     d = np.linspace(0.0, DEPTH_MM, 201)
-    monkeypatch.setattr(
-        Truths, "_elastic",
-        lambda self, case, effects: ForceCourse.of(d / ELASTIC_RATE, 0.02 * d**2),
-    )  # fmt: skip
+    monkeypatch.setattr(Truths, "_elastic", lambda self, case, effects: ForceCourse.of(d / ELASTIC_RATE, 0.02 * d**2))
     leg = load_subject(SUBJECTS.find("3"), need_recordings=False)
     return Truths(leg, SUBJECTS.find("3"), read_correction(REFERENCE))

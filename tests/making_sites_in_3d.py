@@ -59,9 +59,10 @@ class FibrousLeg(AnalyticLeg):
         by |= {"deep.fibres.shear": shear, "deep.fibres.extension": extension}
         wanted = {*sensitivities, *moduli_needed(["deep"], sensitivities)}
         curve = replace(
-            found.curve, force=(1 + self.level) * factor * force,
+            found.curve,
+            force=(1 + self.level) * factor * force,
             sensitivities={n: (1 + self.level) * v for n, v in by.items() if n in wanted},
-        )  # fmt: skip
+        )
         return replace(found, curves=(at_ratios(curve, every, ["deep"], sensitivities),))
 
 
@@ -74,20 +75,23 @@ def leg_of(folder: Path, ways: Sequence[str], seed: int = 0, ratio: float = TRUE
         subject = pressed_leg(folder, 1.3, 0.0, seed)
         trials = tuple(
             Recording(
-                one.time, one.displacement,
-                truth.curve(0.4 * one.time.clip(max=DEPTH / 0.4))
-                + 0.03 * rng.standard_normal(len(one.time)),
+                one.time,
+                one.displacement,
+                truth.curve(0.4 * one.time.clip(max=DEPTH / 0.4)) + 0.03 * rng.standard_normal(len(one.time)),
                 one.trial,
             )
             for one in subject.recordings
-        )  # fmt: skip
+        )
         turn = 90.0 if way == "across" else 0.0
         sites.append(
             replace(
-                subject, recordings=trials, plane_strain=False, site=way,
+                subject,
+                recordings=trials,
+                plane_strain=False,
+                site=way,
                 indenter=replace(subject.indenter, axis_deg=turn),
             )
-        )  # fmt: skip
+        )
     return SitedLeg("leg", "Closed form", tuple(sites), folder)
 
 
@@ -96,9 +100,7 @@ def models_of(leg: SitedLeg, kept: Path | None = None, **more: Any) -> list[LegM
     found = []
     for site in leg.sites:
         rise = RISES[site.site]
-        full, rough, shorter = (
-            FibrousLeg(rise=rise, level=level, **more) for level in (0.0, 4e-3, 5e-3)
-        )
+        full, rough, shorter = (FibrousLeg(rise=rise, level=level, **more) for level in (0.0, 4e-3, 5e-3))
         found.append(LegModels(full, rough, shorter, shape, DEPTH, kept))
     return found
 

@@ -58,9 +58,7 @@ def relaxing(elastic: np.ndarray, time: np.ndarray, branches: Sequence = BRANCHE
     return total
 
 
-def crept(
-    law: Hyperelastic, force: np.ndarray, time: np.ndarray, branches: Sequence = BRANCHES
-) -> np.ndarray:
+def crept(law: Hyperelastic, force: np.ndarray, time: np.ndarray, branches: Sequence = BRANCHES) -> np.ndarray:
     """Return the displacement of a bar that relaxes, under a force's history, step by step."""
     ratio, tau = np.array(branches).T
     kept, before, way = np.zeros(len(tau)), 0.0, [0.0]

@@ -33,7 +33,4 @@ def short_leg() -> LegShape:
 
 def laws(deep_kpa: float, fat_kpa: float) -> dict[str, NeoHookean]:
     """Return the tissues' laws by their C10."""
-    return {
-        "deep": NeoHookean(1e-3 * deep_kpa, 2.0),
-        "superficial": NeoHookean(1e-3 * fat_kpa, 2.0),
-    }
+    return {"deep": NeoHookean(1e-3 * deep_kpa, 2.0), "superficial": NeoHookean(1e-3 * fat_kpa, 2.0)}

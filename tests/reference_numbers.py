@@ -66,11 +66,9 @@ def forces() -> Entries:
     """F(d) with given stiffness (N), and its derivatives by two parameters (N/MPa)."""
     test_of = module("legfem.experiments.plane_strain").PlaneStrainIndentation.of_subject
     cases = {
-        f"subject {number}": (
-            own_subject(number), {"deep.C10": 1e-3 * c10, "deep.C20": 1e-3 * c20}, 30.0
-        )
+        f"subject {number}": (own_subject(number), {"deep.C10": 1e-3 * c10, "deep.C20": 1e-3 * c20}, 30.0)
         for number, (c10, c20) in PAPER.items()
-    }  # fmt: skip
+    }
     load = module("legfem.subjects.loading").load_subject
     for name, values in OTHER_CODE.items():
         cases[f"crosscheck {name}"] = load(CROSSCHECK / name), values, 20.0
@@ -111,9 +109,7 @@ def corrections() -> Entries:
     experiment = module("legfem.experiments.indentation_3d")
     meshing = module("legfem.meshing.idealised_leg")
     cases = module("legfem.study.correction.cases")
-    mesh = meshing.LegMeshSettings(
-        contact_size=8, depth_size=16, edge_size=8, growth=0.5, far_size=40
-    )
+    mesh = meshing.LegMeshSettings(contact_size=8, depth_size=16, edge_size=8, growth=0.5, far_size=40)
     settings = replace(experiment.IdealisedLegSettings(), mesh=mesh)
     kind = getattr(cases, "CorrectionCase", None) or cases.Case  # its name at 898bc29
     case = kind(meshing.IdealisedLeg(length=90), settings=settings, depth=6.0)
@@ -201,9 +197,7 @@ def difference(before: list[float], after: list[float]) -> float:
 @app.command()
 def main(
     out: Annotated[Path | None, typer.Option(help="Write the numbers here.")] = None,
-    compare: Annotated[
-        tuple[Path, Path] | None, typer.Option(help="Print how two such files differ.")
-    ] = None,
+    compare: Annotated[tuple[Path, Path] | None, typer.Option(help="Print how two such files differ.")] = None,
     only: Annotated[list[str] | None, typer.Option(help=f"Of {', '.join(PARTS)}.")] = None,
     tolerance: Annotated[float, typer.Option(help="Above which comparing fails.")] = 1e-9,
 ) -> None:

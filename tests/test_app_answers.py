@@ -15,10 +15,7 @@ import pytest
 from driving import Driven
 from making_app import home
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(browser.browser() is None, reason="no Chromium here"),
-]
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(browser.browser() is None, reason="no Chromium here")]
 
 
 class _Elsewhere(http.server.BaseHTTPRequestHandler):
@@ -38,10 +35,7 @@ def test_a_page_of_another_origin_reads_nothing_and_changes_nothing(served):
     workspace, address = served
     before = set(workspace.inputs), set(workspace.runs)
     app = home(address).rstrip("/")
-    with (
-        http.server.ThreadingHTTPServer(("127.0.0.1", 0), _Elsewhere) as elsewhere,
-        Driven(browser.browser()) as page,
-    ):
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), _Elsewhere) as elsewhere, Driven(browser.browser()) as page:
         threading.Thread(target=elsewhere.serve_forever, daemon=True).start()
         page.open(address)
         page.sees("Drop a folder here")
@@ -73,9 +67,7 @@ def test_a_page_of_another_origin_reads_nothing_and_changes_nothing(served):
             return tried;
         }})()""")
         elsewhere.shutdown()
-    assert told == {
-        "read": "not read", "blind": "opaque", "put": "not sent", "socket": "refused",
-    }  # fmt: skip
+    assert told == {"read": "not read", "blind": "opaque", "put": "not sent", "socket": "refused"}
     assert (set(workspace.inputs), set(workspace.runs)) == before
 
 
@@ -91,8 +83,18 @@ def asked(address, method, path, body=None, cookie=True, **headers):
     return answer.status, answer.read()
 
 
-OUT = ["../token", "../../token", "%2e%2e/token", "%2e%2e%2ftoken", "..%5ctoken", "/etc/passwd",
-       "....//token", "%00", "x" * 5000, "a/%2e%2e/%2e%2e/%2e%2e/token"]  # fmt: skip
+OUT = [
+    "../token",
+    "../../token",
+    "%2e%2e/token",
+    "%2e%2e%2ftoken",
+    "..%5ctoken",
+    "/etc/passwd",
+    "....//token",
+    "%00",
+    "x" * 5000,
+    "a/%2e%2e/%2e%2e/%2e%2e/token",
+]
 
 
 @pytest.mark.parametrize("path", OUT)
@@ -100,9 +102,14 @@ def test_paths_that_lead_out_of_the_workspace_are_refused_as_they_are_sent(serve
     workspace, address = served
     token = workspace.token()
     name = workspace.new_input("leg")
-    for method, at in (("GET", f"/files/runs/{path}"), ("GET", f"/files/previews/{path}"),
-                       ("GET", f"/files/{path}"), ("GET", f"/assets/app/{path}"),
-                       ("PUT", f"/inputs/{name}/{path}"), ("PUT", f"/inputs/{path}")):  # fmt: skip
+    for method, at in (
+        ("GET", f"/files/runs/{path}"),
+        ("GET", f"/files/previews/{path}"),
+        ("GET", f"/files/{path}"),
+        ("GET", f"/assets/app/{path}"),
+        ("PUT", f"/inputs/{name}/{path}"),
+        ("PUT", f"/inputs/{path}"),
+    ):
         status, told = asked(address, method, at, b"evil" if method == "PUT" else None)
         assert status in (400, 404, 405), at
         assert token.encode() not in told and b"root:" not in told
@@ -112,19 +119,20 @@ def test_paths_that_lead_out_of_the_workspace_are_refused_as_they_are_sent(serve
 
 def test_nobody_is_answered_without_the_token_nor_from_another_machine(served):
     _, address = served
-    for method, path in (("GET", "/"), ("GET", "/compare"), ("POST", "/inputs"),
-                         ("PUT", "/inputs/leg/x"), ("GET", "/_nicegui/x"),
-                         ("GET", "/files/runs/x/results/report.html")):  # fmt: skip
+    for method, path in (
+        ("GET", "/"),
+        ("GET", "/compare"),
+        ("POST", "/inputs"),
+        ("PUT", "/inputs/leg/x"),
+        ("GET", "/_nicegui/x"),
+        ("GET", "/files/runs/x/results/report.html"),
+    ):
         status, told = asked(address, method, path, b"{}", cookie=False)
         assert (status, told.split(b":")[0]) == (403, b"refused"), path
     assert asked(address, "GET", "/", Host="legfem.example")[0] == 403
     assert asked(address, "GET", "/")[0] == 200
     port, listening = f"{urlsplit(address).port:04X}", "0A"
-    rows = [
-        line.split()
-        for name in ("tcp", "tcp6")
-        for line in Path(f"/proc/net/{name}").read_text().splitlines()[1:]
-    ]
+    rows = [line.split() for name in ("tcp", "tcp6") for line in Path(f"/proc/net/{name}").read_text().splitlines()[1:]]
     bound = {row[1] for row in rows if row[3] == listening and row[1].endswith(f":{port}")}
     assert bound == {f"0100007F:{port}"}, "127.0.0.1 alone"
 
@@ -147,9 +155,7 @@ def test_a_large_file_arrives_whole_and_one_that_breaks_off_not_at_all(served):
     with pytest.raises(ConnectionAbortedError):
         asked(address, "PUT", f"/inputs/{name}/half.nii", broken())
     with ThreadPoolExecutor(4) as several:
-        sent = several.map(
-            lambda k: asked(address, "PUT", f"/inputs/{name}/{k}.csv", piece)[0], range(8)
-        )
+        sent = several.map(lambda k: asked(address, "PUT", f"/inputs/{name}/{k}.csv", piece)[0], range(8))
         assert set(sent) == {204}
     there = {path.name for path in workspace.input(name).iterdir() if path.name[0] != "."}
     assert there == {"big.nii", *(f"{k}.csv" for k in range(8))}

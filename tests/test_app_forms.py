@@ -7,14 +7,7 @@ import pytest
 from making import leg, press, write_contours, write_recording
 from making_specimens import write_bars
 
-from legfem.app.describe import (
-    DressedLeg,
-    LabSpecimens,
-    PressedLeg,
-    contours_in,
-    known_tests,
-    scans_in,
-)
+from legfem.app.describe import DressedLeg, LabSpecimens, PressedLeg, contours_in, known_tests, scans_in
 from legfem.app.settings import read_value, settings_of, with_channels, with_settings
 from legfem.common.errors import InputError
 from legfem.common.toml_file import checked
@@ -34,8 +27,9 @@ SUBJECT = RESOURCES / "frauziols" / "subjects" / "3"
 def test_a_form_changes_its_keys_and_leaves_the_files_comments(tmp_path):
     path = tmp_path / "subject.toml"
     text = (SUBJECT / "subject.toml").read_text()
-    changed = with_settings(text, {("accuracy", "aim_sd_mm"): 1.5, ("section", "contours"): "a.csv",
-                                   ("instrument", "force_range_N"): None})  # fmt: skip
+    changed = with_settings(
+        text, {("accuracy", "aim_sd_mm"): 1.5, ("section", "contours"): "a.csv", ("instrument", "force_range_N"): None}
+    )
     given, now = tomllib.loads(text), tomllib.loads(changed)
     assert now.pop("accuracy") == {"aim_sd_mm": 1.5}
     assert now["section"].pop("contours") == "a.csv"
@@ -116,9 +110,7 @@ def described(folder, length=50.0, **pressed):
         (None, {"shape": "punch"}, "flat punch, 30 mm in diameter"),
     ],
 )
-def test_what_pressed_a_leg_is_written_where_it_is_no_cylinder_along_it(
-    tmp_path, length, pressed, told
-):
+def test_what_pressed_a_leg_is_written_where_it_is_no_cylinder_along_it(tmp_path, length, pressed, told):
     text = described(tmp_path, length, **pressed)
     assert str(load_subject(tmp_path, need_instrument=False).indenter) == told
     stated = tomllib.loads(text)["indenter"]
@@ -135,9 +127,7 @@ def test_what_pressed_a_leg_is_written_where_it_is_no_cylinder_along_it(
         (None, {"shape": "cone"}, "indenter.shape"),
     ],
 )
-def test_what_cant_have_pressed_is_told_as_the_file_tells_it_and_nothing_is_moved(
-    tmp_path, length, pressed, line
-):
+def test_what_cant_have_pressed_is_told_as_the_file_tells_it_and_nothing_is_moved(tmp_path, length, pressed, line):
     with pytest.raises(InputError) as told:
         described(tmp_path, length, **pressed)
     assert line in str(told.value)
@@ -173,11 +163,7 @@ def test_recordings_become_specimens_that_lack_nothing(tmp_path, test):
             path.write_text(path.read_text().replace("force_N", "pressure_kPa"))
         path.rename(tmp_path / path.name)
     stated = {
-        one.key[-1]: one.choices[0]
-        if one.choices
-        else 10.0
-        if _is_small(one.key[-1], test)
-        else 40.0
+        one.key[-1]: one.choices[0] if one.choices else 10.0 if _is_small(one.key[-1], test) else 40.0
         for one in known_tests()[test]
         if one.needed
     }

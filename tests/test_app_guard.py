@@ -34,8 +34,7 @@ def token(workspace):
 
 @pytest.fixture
 def visitor(token):
-    return TestClient(Guard(_within, token, PORT), f"http://127.0.0.1:{PORT}",
-                      follow_redirects=False)  # fmt: skip
+    return TestClient(Guard(_within, token, PORT), f"http://127.0.0.1:{PORT}", follow_redirects=False)
 
 
 def test_the_address_with_the_token_lets_a_browser_in_and_then_hides_it(visitor, token):
@@ -59,10 +58,7 @@ def test_the_token_in_an_address_changes_nothing(visitor, token):
 
 
 def closed_with(visitor, headers):
-    with (
-        pytest.raises(WebSocketDisconnect) as closed,
-        visitor.websocket_connect("/socket", headers=headers) as socket,
-    ):
+    with pytest.raises(WebSocketDisconnect) as closed, visitor.websocket_connect("/socket", headers=headers) as socket:
         socket.receive()
     return closed.value.code
 
@@ -127,8 +123,13 @@ def test_only_files_of_runs_and_previews_are_shown(served):
     answer = visitor.get(f"{shown}/report.txt")
     assert answer.text == "found"
     assert answer.headers["content-security-policy"] == "sandbox allow-scripts"
-    for path in (f"{shown}/link", f"{shown}/..%2f..%2f..%2ftoken", "/files/inputs/leg/x",
-                 "/files/..%2f/token", f"{shown}/none"):  # fmt: skip
+    for path in (
+        f"{shown}/link",
+        f"{shown}/..%2f..%2f..%2ftoken",
+        "/files/inputs/leg/x",
+        "/files/..%2f/token",
+        f"{shown}/none",
+    ):
         assert visitor.get(path).status_code in (400, 404), path
 
 
@@ -160,7 +161,5 @@ def test_the_server_starts_neither_mpi_nor_a_mesher():
         "import sys, legfem.app.server as s; "
         "print([m for m in ('mpi4py', 'petsc4py', 'dolfinx', 'gmsh') if m in sys.modules])"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True
-    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"

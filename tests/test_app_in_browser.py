@@ -19,10 +19,7 @@ from legfem.subjects.catalogue import RESOURCES
 from legfem.subjects.loading import load_subject
 from legfem.subjects.sites import subject_entry
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(browser.browser() is None, reason="no Chromium here"),
-]
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(browser.browser() is None, reason="no Chromium here")]
 LEG = RESOURCES / "dubuis" / "subjects" / "1"
 
 
@@ -112,8 +109,7 @@ def test_wrong_input_is_a_line_each_and_nothing_is_taken_for_a_leg(served, page,
     page.sees("no column is named", 3 * MINUTES)
     page.click("Columns", ".q-tab")
     page.sees("essai.csv")
-    for quantity, column, unit in (("time", "foo", "s"), ("displacement", "bar", "mm"),
-                                   ("force", "baz", "N")):  # fmt: skip
+    for quantity, column, unit in (("time", "foo", "s"), ("displacement", "bar", "mm"), ("force", "baz", "N")):
         page.choose(f"{quantity}: column", column)
         page.type(f"{quantity}: unit", unit)
     assert accessible(page)
@@ -178,9 +174,7 @@ def test_a_leg_is_dropped_and_its_stocking_run_from_the_app(served, page, tmp_pa
     page.sees("Part that is modelled")
     assert accessible(page)
     told = ran(page, "stocking", "", 20, **{"about how many tetrahedra": "8000"})
-    found = json.loads(
-        (workspace.run("stocking-known leg") / "results" / "result.json").read_text()
-    )
+    found = json.loads((workspace.run("stocking-known leg") / "results" / "result.json").read_text())
     mean = 7.50062 * found["pressures"]["mean_interface_kPa"]
     assert told == f"pressure on the skin {mean:.0f} mmHg on average"
     assert 10 < mean < 40
@@ -205,9 +199,12 @@ def test_a_leg_that_a_ball_pressed_is_dropped_and_described(served, page, tmp_pa
     hidden = "document.querySelector('[aria-label=\"cylinder\\'s length (mm)\"]').offsetParent"
     page.until(f"{hidden} === null")
     assert accessible(page)
-    for label, number in (("diameter (mm)", "30"), ("aim x (mm): a point on its way", "0"),
-                          ("aim y (mm)", "0"),
-                          ("direction of travel (degrees from +x)", "90")):  # fmt: skip
+    for label, number in (
+        ("diameter (mm)", "30"),
+        ("aim x (mm): a point on its way", "0"),
+        ("aim y (mm)", "0"),
+        ("direction of travel (degrees from +x)", "90"),
+    ):
         page.type(label, number)
     page.click("It is a pressed leg")
     page.sees("columns are separated by ;", 3 * MINUTES)

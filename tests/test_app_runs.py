@@ -93,8 +93,9 @@ def test_a_run_is_stopped_by_ctrl_c_and_goes_on_where_it_was(workspace, module, 
 
 def test_a_run_outlives_the_server_that_began_it(workspace, module, tmp_path):
     folder = workspace.run(workspace.new_run("identify-leg"))
-    name = module("import sys; print('on', file=sys.stderr, flush=True); sys.stdin.read()\n"
-                  "import time; time.sleep(0.5)")  # fmt: skip
+    name = module(
+        "import sys; print('on', file=sys.stderr, flush=True); sys.stdin.read()\nimport time; time.sleep(0.5)"
+    )
     script = (
         "import os, signal, sys, pathlib; from legfem.app.runs import Run\n"
         f"Run.begun(pathlib.Path({str(folder)!r}), {name!r}, [], 'leg')\n"
@@ -116,9 +117,7 @@ def test_a_run_that_is_killed_is_seen_to_be_and_can_be_begun_again(workspace, mo
     assert run.resume() and ended(run) is RunState.DONE
 
 
-@pytest.mark.parametrize(
-    ("status", "state"), [(0, RunState.DONE), (1, RunState.FAILED), (2, RunState.REFUSED)]
-)
+@pytest.mark.parametrize(("status", "state"), [(0, RunState.DONE), (1, RunState.FAILED), (2, RunState.REFUSED)])
 def test_how_a_run_ended_is_what_its_exit_status_says(workspace, module, status, state):
     folder = workspace.run(workspace.new_run("identify-leg"))
     run = Run.begun(folder, module(f"raise SystemExit({status})"), [], "leg")
@@ -157,8 +156,7 @@ def test_typed_options_are_taken_apart_without_a_shell():
     action = ACTIONS["subject.toml"][0]
     folder, out = Path("/leg"), Path("/out")
     found = action.options(folder, out, {"--law": "both", "--depth": ""}, "--prior 'deep.C10=2±1'")
-    assert found == ["--subject-dir", "/leg", "--out", "/out", "--law", "both", "--prior",
-                     "deep.C10=2±1"]  # fmt: skip
+    assert found == ["--subject-dir", "/leg", "--out", "/out", "--law", "both", "--prior", "deep.C10=2±1"]
     assert action.options(folder, out, {}, "; rm -rf $HOME")[4:] == [";", "rm", "-rf", "$HOME"]
     for bad in ("--out=/x", "--subject 3", "'open"):
         with pytest.raises(InputError):
@@ -167,18 +165,15 @@ def test_typed_options_are_taken_apart_without_a_shell():
 
 def pretended(workspace, kind):
     folder = workspace.run(workspace.new_run(f"{kind}-leg"))
-    (folder / "run.json").write_text(json.dumps(
-        {"about": "leg", "arguments": ["python", "-m", f"legfem.{kind}"], "cwd": "/", "began": 0}
-    ))  # fmt: skip
+    (folder / "run.json").write_text(
+        json.dumps({"about": "leg", "arguments": ["python", "-m", f"legfem.{kind}"], "cwd": "/", "began": 0})
+    )
     (folder / "results").mkdir()
     return Run(folder)
 
 
 def test_both_laws_of_an_identification_are_compared(workspace):
-    run, both = (
-        pretended(workspace, "identify"),
-        [result("neo-hookean"), result("reduced-polynomial")],
-    )
+    run, both = (pretended(workspace, "identify"), [result("neo-hookean"), result("reduced-polynomial")])
     (run.results / "result.json").write_text('[{"half')
     (row,) = found_by(run)
     assert (row.kind, row.state, row.verdict) == ("identify", RunState.LOST, "")

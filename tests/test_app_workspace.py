@@ -23,9 +23,7 @@ def received(workspace, name, path, *parts):
     return asyncio.run(workspace.receive(name, path, pieces(*parts)))
 
 
-@pytest.mark.parametrize(
-    "name", ["", ".", "..", "../x", "a/b", "a\\b", ".bashrc", "a\0", "-rf", "~", "C:x", "x" * 300]
-)
+@pytest.mark.parametrize("name", ["", ".", "..", "../x", "a/b", "a\\b", ".bashrc", "a\0", "-rf", "~", "C:x", "x" * 300])
 def test_names_that_could_lead_out_of_a_folder_are_refused(name):
     with pytest.raises(InputError, match="no plain name"):
         plain_name(name)

@@ -43,9 +43,7 @@ def test_several_bounds_agree_with_draws():
 @pytest.mark.parametrize("away", [10.0, 19.9, 20.1, 300.0])
 @pytest.mark.parametrize("side", [1, -1])
 def test_far_beyond_a_bound_what_is_left_clings_to_it(away, side):
-    ends = (np.array([away]), np.array([np.inf])) if side > 0 else (
-        np.array([-np.inf]), np.array([-away])
-    )  # fmt: skip
+    ends = (np.array([away]), np.array([np.inf])) if side > 0 else (np.array([-np.inf]), np.array([-away]))
     mean, covariance = within(np.zeros(1), np.eye(1), *ends)
     beyond = side * mean[0] - away
     # An exponential of rate a, to the next order of Mills' ratio.

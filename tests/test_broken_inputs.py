@@ -12,15 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from making import SHARED
-from making_broken import (
-    SILENTLY_WRONG,
-    Change,
-    broken_at_random,
-    copied,
-    replaced,
-    told,
-    trials,
-)
+from making_broken import SILENTLY_WRONG, Change, broken_at_random, copied, replaced, told, trials
 from making_fuzzed import KINDS, broken_anywhere
 from mpi4py import MPI
 
@@ -112,33 +104,29 @@ def _first_trial(change: Callable[[bytes], bytes]) -> Change:
 
 NASTY: dict[str, tuple[Change, str]] = {
     "header twice": (_first_trial(lambda text: text.split(b"\n")[0] + b"\n" + text), "time_s"),
-    "a unit in brackets": (
-        _first_trial(lambda text: text.replace(b"force_N", b"Force [kN]", 1)), "header"),
+    "a unit in brackets": (_first_trial(lambda text: text.replace(b"force_N", b"Force [kN]", 1)), "header"),
     "one row": (_first_trial(lambda text: b"\n".join(text.split(b"\n")[:2])), "rows"),
     "nothing": (_first_trial(lambda text: b""), "header"),
-    "a cell of ten million characters": (
-        _first_trial(lambda text: text + b"1" * 10_000_000 + b",1,1\n"), "rows"),
+    "a cell of ten million characters": (_first_trial(lambda text: text + b"1" * 10_000_000 + b",1,1\n"), "rows"),
     "zeros in the text": (_first_trial(lambda text: text[:200] + b"\0" + text[200:]), "file"),
     "a folder called so": (lambda folder: (folder / "recordings" / "z.csv").mkdir(), "file"),
-    "a link to itself": (
-        lambda folder: (folder / "recordings" / "z.csv").symlink_to("z.csv"), "file"),
+    "a link to itself": (lambda folder: (folder / "recordings" / "z.csv").symlink_to("z.csv"), "file"),
     "a date": (replaced("length_mm = .*", "length_mm = 1979-05-27"), "indenter.length_mm"),
     "three coordinates": (replaced("aim_mm = .*", "aim_mm = [0, 0, 0]"), "indenter.aim_mm"),
-    "a number of ten thousand digits": (
-        replaced("length_mm = .*", f"length_mm = {'9' * 10_000}"), "TOML"),
+    "a number of ten thousand digits": (replaced("length_mm = .*", f"length_mm = {'9' * 10_000}"), "TOML"),
     "a table in tables": (replaced("^", f"x = {'{a=' * 1000}1{'}' * 1000}\n"), "TOML"),
-    "a name too long for a file": (
-        replaced("contours = .*", f'contours = "{"a" * 5000}"'), "section.contours"),
+    "a name too long for a file": (replaced("contours = .*", f'contours = "{"a" * 5000}"'), "section.contours"),
     "a line's end in a name": (
-        lambda folder: trials(folder)[0].rename(trials(folder)[0].with_name("a\nb.csv")), "name"),
+        lambda folder: trials(folder)[0].rename(trials(folder)[0].with_name("a\nb.csv")),
+        "name",
+    ),
     "a name that is no text": (
-        lambda folder: trials(folder)[0].rename(
-            os.fsdecode(os.fsencode(folder / "recordings") + b"/\xff.csv")
-        ), "name"),
+        lambda folder: trials(folder)[0].rename(os.fsdecode(os.fsencode(folder / "recordings") + b"/\xff.csv")),
+        "name",
+    ),
     "a device": (replaced("contours = .*", 'contours = "/dev/zero"'), "file"),
-    "a terminal's orders in the title": (
-        replaced("title = .*", r'title = "\\u001b[31mred"'), "title"),
-}  # fmt: skip
+    "a terminal's orders in the title": (replaced("title = .*", r'title = "\\u001b[31mred"'), "title"),
+}
 
 
 @pytest.mark.parametrize("nasty", NASTY)

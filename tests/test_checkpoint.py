@@ -11,11 +11,7 @@ import pytest
 from making_ranks import run_on_ranks
 from mpi4py import MPI
 
-from legfem.experiments.indentation_3d import (
-    Cylinder,
-    IdealisedLegIndentation,
-    IdealisedLegSettings,
-)
+from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation, IdealisedLegSettings
 from legfem.experiments.pressing import Pressed, Pressing
 from legfem.jobs.checkpoint import Checkpoint
 from legfem.mechanics.materials import ReducedPolynomial
@@ -121,9 +117,7 @@ def test_states_of_something_else_are_passed_over(tmp_path: Path, change: str):
 @pytest.mark.slow
 @pytest.mark.mpi
 def test_a_killed_solution_goes_on_on_two_ranks(tmp_path: Path):
-    whole, resumed = (
-        run_on_ranks(2, "resuming.py", tmp_path / f"{how}.npz", how) for how in ("whole", "killed")
-    )
+    whole, resumed = (run_on_ranks(2, "resuming.py", tmp_path / f"{how}.npz", how) for how in ("whole", "killed"))
     assert resumed["first"] > 1.0
     np.testing.assert_array_equal(resumed["displacement"], whole["displacement"])
     assert resumed["force"] == pytest.approx(whole["force"], rel=1e-10, abs=1e-13)

@@ -17,10 +17,7 @@ from legfem.common.toml_file import FileTable, parse_toml
 @pytest.mark.parametrize(
     ("error", "words"),
     [
-        (
-            OSError(errno.ENOSPC, "No space left on device", "out/result.json"),
-            "out/result.json: No",
-        ),
+        (OSError(errno.ENOSPC, "No space left on device", "out/result.json"), "out/result.json: No"),
         (PermissionError(errno.EACCES, "Permission denied", "x"), "x: Permission denied"),
         (MemoryError(), "not enough"),
         (RecursionError(), "nested too deeply"),

@@ -80,10 +80,7 @@ def test_a_series_spring_takes_up_what_it_says():
 
 def test_preconditioning_fades_and_is_graded():
     given = {"strength": 0.1, "fading": 0.5, "grading": 0.3}
-    excess = [
-        ON_COURSE["preconditioning"](pressed(k), given)[1:-1] / pressed(k).force[1:-1] - 1
-        for k in range(3)
-    ]
+    excess = [ON_COURSE["preconditioning"](pressed(k), given)[1:-1] / pressed(k).force[1:-1] - 1 for k in range(3)]
     np.testing.assert_allclose(excess[2], 0.25 * excess[0])
     assert excess[0].max() == pytest.approx(0.13, rel=1e-3)
     assert excess[0].min() == pytest.approx(0.07, rel=1e-3)

@@ -38,9 +38,8 @@ def test_the_other_codes_law_is_the_derivative_of_its_energy():
 
 def test_a_truths_c10_is_half_the_shear_modulus_of_the_unstrained_tissue():
     exponential = next(
-        case for case in make_cases(150, 1, 6)
-        if case.code == "felupe" and case.names == ("strain-stiffening",)
-    )  # fmt: skip
+        case for case in make_cases(150, 1, 6) if case.code == "felupe" and case.names == ("strain-stiffening",)
+    )
     values = dict(dict(exponential.effects)["strain-stiffening"])
     law = DeepTissue(exponential.c10_kpa, 0.0, values["strength"], values["beta"], 20.0, 15.0)
     shear = np.zeros((3, 3, 1))
@@ -62,8 +61,7 @@ def clean(name):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "case"),
-    [("neo-hookean", OtherCase(1.5)), ("reduced-polynomial", OtherCase(0.72, 0.85))],
+    ("name", "case"), [("neo-hookean", OtherCase(1.5)), ("reduced-polynomial", OtherCase(0.72, 0.85))]
 )
 def test_the_other_code_agrees_with_a_third_within_one_percent(name, case):
     leg = load_subject(CROSSCHECK / name, need_recordings=False)
@@ -77,14 +75,17 @@ def test_the_other_code_agrees_with_a_third_within_one_percent(name, case):
 
 @pytest.mark.slow
 def test_the_other_codes_effects_change_the_force_the_way_they_should():
-    at = {name: other_code(case).solve(4.0, 1.0).force[-1] for name, case in {
-        "none": OtherCase(1.5),
-        "slip": OtherCase(1.5, friction=0.05),
-        "springs": OtherCase(1.5, springs=0.4),
-        "stiff springs": OtherCase(1.5, springs=1e4),
-        "fat": OtherCase(1.5, factors={"superficial": 2.0}),
-        "lump": OtherCase(1.5, lump=(14.0, 6.0, 3.0)),
-    }.items()}  # fmt: skip
+    at = {
+        name: other_code(case).solve(4.0, 1.0).force[-1]
+        for name, case in {
+            "none": OtherCase(1.5),
+            "slip": OtherCase(1.5, friction=0.05),
+            "springs": OtherCase(1.5, springs=0.4),
+            "stiff springs": OtherCase(1.5, springs=1e4),
+            "fat": OtherCase(1.5, factors={"superficial": 2.0}),
+            "lump": OtherCase(1.5, lump=(14.0, 6.0, 3.0)),
+        }.items()
+    }
     assert at["slip"] < at["none"] and at["springs"] < at["none"]
     assert at["stiff springs"] == pytest.approx(at["none"], rel=1e-3)
     assert at["fat"] > 1.05 * at["none"] and at["lump"] > 1.001 * at["none"]

@@ -18,19 +18,22 @@ from studies.concealed.summary import reliability, summarise
 
 def scored(number, names, *models, kind="single", twin_of=None, size=9.0, sure=0.95, **changed):
     """Return a scored case; its C10 was 20 % off before repair."""
-    case = replace(make_cases(20, 1, 2)[0], number=number, kind=kind, twin_of=twin_of, outside=(),
-                   effects=tuple((name, (("strength", 1.0),)) for name in names))  # fmt: skip
+    case = replace(
+        make_cases(20, 1, 2)[0],
+        number=number,
+        kind=kind,
+        twin_of=twin_of,
+        outside=(),
+        effects=tuple((name, (("strength", 1.0),)) for name in names),
+    )
     if kind == "pair":
         changed = {"parts": tuple((name, 9.0) for name in names), **changed}
     verdict = ("consistent", "named", "ambiguous")[min(len(models), 2)]
     rest = (1 - sure) / max(len(models) - 1, 1)
-    explanations = tuple(
-        Explained(model, False, sure if k == 0 else rest) for k, model in enumerate(models or ((),))
-    )
+    explanations = tuple(Explained(model, False, sure if k == 0 else rest) for k, model in enumerate(models or ((),)))
     usual = Scored(
-        case, verdict, models, explanations, size, 0.05, (8, 1, 1), 0.2, 0.01, True, 12.0, 3, 0.05,
-        explanations,
-    )  # fmt: skip
+        case, verdict, models, explanations, size, 0.05, (8, 1, 1), 0.2, 0.01, True, 12.0, 3, 0.05, explanations
+    )
     return replace(usual, **changed)
 
 
@@ -71,12 +74,7 @@ def test_scores_count_what_they_say():
 
 @pytest.mark.parametrize(
     ("sizes", "right"),
-    [
-        ((9.0, 9.0), {"ab"}),
-        ((9.0, 1.0), {"ab", "a"}),
-        ((1.0, 9.0), {"ab", "b"}),
-        ((1.0, 1.0), {"ab", "a", "b"}),
-    ],
+    [((9.0, 9.0), {"ab"}), ((9.0, 1.0), {"ab", "a"}), ((1.0, 9.0), {"ab", "b"}), ((1.0, 1.0), {"ab", "a", "b"})],
 )
 def test_of_two_effects_those_are_asked_for_that_show_beside_the_other(sizes, right):
     for called in ("a", "b", "ab", "ac", "c"):
@@ -98,9 +96,7 @@ def test_two_effects_that_do_not_show_together_are_asked_for_whole():
 
 
 def test_the_reports_set_is_what_it_says_until_ninety_percent():
-    said = tuple(Explained(names, False, p) for names, p in (
-        (("b",), 0.6), (("a",), 0.31), ((), 0.09),
-    ))  # fmt: skip
+    said = tuple(Explained(names, False, p) for names, p in ((("b",), 0.6), (("a",), 0.31), ((), 0.09)))
     every = tuple(Explained((*names, k), False, 0.12) for names in (("a",), ("b",)) for k in "cdef")
     found = summarise([scored(0, ["a"], ("b",), ("a",), said=said, explanations=every)])
     assert (found.median_set, found.median_said) == (8, 2)
@@ -117,11 +113,7 @@ def test_reliability_sets_probabilities_beside_what_is_right():
 
 
 def test_priors_are_exchanged_for_the_studys_shares():
-    assumed = [
-        Explained((), False, PRIOR_NONE),
-        Explained(("a",), False, PRIOR_SINGLE),
-        Explained(("b",), False, 0),
-    ]
+    assumed = [Explained((), False, PRIOR_NONE), Explained(("a",), False, PRIOR_SINGLE), Explained(("b",), False, 0)]
     shares, first = at_base_rates(assumed)
     # Of 0.15 cases without effect and 0.58 single ones, and a third of 0.15 that have a name.
     np.testing.assert_allclose(shares, [0.15 / 0.78, 0.63 / 0.78, 0])
@@ -156,9 +148,16 @@ def test_outside_the_library_only_unexplained_is_right():
 
 def test_pages_and_figure_show_every_case():
     cases = everything()[1:5] + everything()[7:]
-    named = [replace(s, case=replace(s.case, effects=tuple(
-        ({"a": "force-drift", "b": "contact-slip"}[name], v) for name, v in s.case.effects
-    ))) for s in cases]  # fmt: skip
+    named = [
+        replace(
+            s,
+            case=replace(
+                s.case,
+                effects=tuple(({"a": "force-drift", "b": "contact-slip"}[name], v) for name, v in s.case.effects),
+            ),
+        )
+        for s in cases
+    ]
     summary = summarise(named)
     assert "| force-drift | a load cell that warms up" in page(named, summary)
     pair = [s for s in named if s.parts]

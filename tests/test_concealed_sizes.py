@@ -25,10 +25,17 @@ STIFF = np.linspace(0.0, 10.0, 21)[:, None]
 def metric(family=STIFF * AT, force=5 * AT):
     n = len(AT)
     return Metric(
-        force, 0.01**2 * np.eye(n), family, np.zeros((n, 0)),
-        0.01**2 * np.eye(n), AT[:, None], np.full(n, 0.01), np.zeros(n, dtype=bool),
-        np.array([np.sin(9 * AT), np.cos(9.5 * AT)]), np.array(["a", "b"]),
-    )  # fmt: skip
+        force,
+        0.01**2 * np.eye(n),
+        family,
+        np.zeros((n, 0)),
+        0.01**2 * np.eye(n),
+        AT[:, None],
+        np.full(n, 0.01),
+        np.zeros(n, dtype=bool),
+        np.array([np.sin(9 * AT), np.cos(9.5 * AT)]),
+        np.array(["a", "b"]),
+    )
 
 
 def beyond(values, *columns):
@@ -95,15 +102,13 @@ def test_a_key_holds_what_each_of_two_effects_adds(monkeypatch):
         ("preconditioning", (("strength", 0.1), ("fading", 0.5), ("grading", 0.0))),
         ("force-drift", (("strength", 0.4), ("time", 30.0))),
     )
-    case = replace(make_cases(20, 1, 2)[0], code="legfem", protocol="ramps", effects=effects,
-                   outside=())  # fmt: skip
+    case = replace(make_cases(20, 1, 2)[0], code="legfem", protocol="ramps", effects=effects, outside=())
     truth, parts = truths.of(case), truths.without_each(case)
     key = json.loads(json.dumps(key_of_case(case, truth, parts)))
     recordings = recorded(truth.trials, case.noise_seed)
     observed = observe(recordings, INSTRUMENT, starts_at_contact=False)
     found = {
-        name: change_at_stations(recordings, change, observed)
-        for name, change in key["recorded_part_change_N"].items()
+        name: change_at_stations(recordings, change, observed) for name, change in key["recorded_part_change_N"].items()
     }
     late = observed.time > 20.0
     for trial, excess in enumerate((0.1, 0.05, 0.025)):
@@ -135,9 +140,7 @@ def test_what_an_effect_changes_is_taken_off_where_it_was_recorded():
     less = observed.force - change_at_stations(recordings, change, observed)
 
     def left(force):
-        trials = [
-            (observed.displacement[k], force[k]) for k in np.eye(3, dtype=bool)[observed.trial].T
-        ]
+        trials = [(observed.displacement[k], force[k]) for k in np.eye(3, dtype=bool)[observed.trial].T]
         return max(np.std(f - np.polyval(np.polyfit(x, f, 3), x)) for x, f in trials)
 
     assert left(observed.force) > 0.15

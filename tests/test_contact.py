@@ -87,9 +87,7 @@ def test_pressure_starts_at_the_onset_and_grows(law):
 def test_pressure_and_slope_are_continuous(law):
     w, tiny = law.onset, 1e-9
     for h in (-w, w, 6 * w):
-        assert _pressure(law, h + tiny) == pytest.approx(
-            _pressure(law, h - tiny), rel=1e-4, abs=1e-9
-        )
+        assert _pressure(law, h + tiny) == pytest.approx(_pressure(law, h - tiny), rel=1e-4, abs=1e-9)
         if h > 0 or isinstance(law, StiffPressure):
             assert _slope(law, h + tiny) == pytest.approx(_slope(law, h - tiny), rel=1e-5, abs=1e-6)
 

@@ -64,12 +64,7 @@ def test_direction_and_repeated_end_do_not_matter(tmp_path):
         ("tibia", lambda p: p + np.array([-40, 0]), "tibia", "crosses or touches the skin"),
         ("fibula", lambda p: p - [20, 0], "fibula", "crosses the tibia"),
         ("fascia", lambda p: p * 59.7 / 54, "fascia_thickness_mm", "thicker than the fat"),
-        (
-            "tibia",
-            lambda p: p - p.mean(axis=0) + [0, 40.7],
-            "fascia_thickness_mm",
-            "meets the tibia",
-        ),
+        ("tibia", lambda p: p - p.mean(axis=0) + [0, 40.7], "fascia_thickness_mm", "meets the tibia"),
     ],
 )
 def test_impossible_contours_are_explained(tmp_path, part, change, field, words):

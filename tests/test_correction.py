@@ -27,9 +27,7 @@ def made() -> TabulatedCorrection:
     level = -0.15 + 0.004 * GRID
     values = np.array([[level, level + 0.02], [level + 0.05, level + 0.07]])
     errors = {"mesh": 0.01 * np.ones(51), "leg length": 0.001 * GRID}
-    return TabulatedCorrection(
-        "a test", GRID, np.array([0.5, 5.0]), np.array([0.0, 0.5]), values, errors
-    )
+    return TabulatedCorrection("a test", GRID, np.array([0.5, 5.0]), np.array([0.0, 0.5]), values, errors)
 
 
 def test_p_is_smooth_where_both_forces_vanish():
@@ -79,9 +77,12 @@ def test_a_bad_file_is_one_line(tmp_path: Path, break_it: str):
         path.write_text("no JSON")
     else:
         change = {
-            "kind": {"kind": "other"}, "schema": {"schema": 99}, "shape": {"c10_kPa": [1.0]},
-            "key": {"errors": None}, "nan": {"c10_kPa": [5.0, 0.5]},
-        }  # fmt: skip
+            "kind": {"kind": "other"},
+            "schema": {"schema": 99},
+            "shape": {"c10_kPa": [1.0]},
+            "key": {"errors": None},
+            "nan": {"c10_kPa": [5.0, 0.5]},
+        }
         path.write_text(json.dumps(content | change[break_it]))
     with pytest.raises(InputError) as caught:
         read_correction(path)
@@ -90,9 +91,7 @@ def test_a_bad_file_is_one_line(tmp_path: Path, break_it: str):
 
 def test_a_calibration_is_kept_and_gone_on_with(tmp_path: Path):
     mesh = LegMeshSettings(contact_size=8, depth_size=16, edge_size=8, growth=0.5, far_size=40)
-    case = CorrectionCase(
-        IdealisedLeg(length=90), settings=IdealisedLegSettings(mesh=mesh), depth=6.0
-    )
+    case = CorrectionCase(IdealisedLeg(length=90), settings=IdealisedLegSettings(mesh=mesh), depth=6.0)
     given = Calibration(case, c10_kPa=(1.0, 4.0), stiffening=(0.0,), coarse=0.8, between=0.9)
     found = calibrate(given, tmp_path, 1, Silent())
     assert len(list(tmp_path.glob("*.json"))) == len(found.outcomes) == 7
@@ -110,9 +109,7 @@ def test_a_calibration_is_kept_and_gone_on_with(tmp_path: Path):
 def test_checks_press_the_mesh_and_compare_elements(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("studies.correction_checks.REACH", 1.0)
     mesh = LegMeshSettings(contact_size=8, depth_size=16, edge_size=4, growth=0.5, far_size=40)
-    case = CorrectionCase(
-        IdealisedLeg(length=60), settings=IdealisedLegSettings(mesh=mesh), depth=5.0
-    )
+    case = CorrectionCase(IdealisedLeg(length=60), settings=IdealisedLegSettings(mesh=mesh), depth=5.0)
     check(case, tmp_path, tmp_path / "cases", 1, Silent(), MPI.COMM_SELF)
     found = json.loads((tmp_path / "checks.json").read_text())["cases"]
     assert [one["reached_mm"] for one in found] == [1.0] * 6 + [5.0] * 3

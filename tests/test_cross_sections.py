@@ -37,11 +37,7 @@ def _source(path):
 
 def _write(path, surfaces):
     rows = ["level_mm,part,loop,i,x_mm,y_mm"]
-    rows += [
-        f"300,{part},0,{i},{x:.3f},{y:.3f}"
-        for part, xy in surfaces.items()
-        for i, (x, y) in enumerate(xy)
-    ]
+    rows += [f"300,{part},0,{i},{x:.3f},{y:.3f}" for part, xy in surfaces.items() for i, (x, y) in enumerate(xy)]
     path.write_text("\n".join(rows) + "\n")
     return path
 

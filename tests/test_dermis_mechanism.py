@@ -49,11 +49,12 @@ def test_beyond_it_adds_what_the_membrane_does(solved, variants):
     deep = {"deep.C10": 1e-3 * SOFT[0], "deep.C20": 1e-3 * SOFT[1]}
     force = [
         PlaneStrainIndentation(
-            variants.section, variants.indenter, variants.tissues, variants.settings,
-            mechanisms=terms,
-        ).solve(deep, DEPTH).curve(solved.grid)
+            variants.section, variants.indenter, variants.tissues, variants.settings, mechanisms=terms
+        )
+        .solve(deep, DEPTH)
+        .curve(solved.grid)
         for terms in ([], [Dermis(STIFFNESS)])
-    ]  # fmt: skip
+    ]
     np.testing.assert_allclose(change, force[1] / force[0] - 1, rtol=5e-3)
 
 
@@ -61,9 +62,7 @@ def test_its_table_stands_in_for_solutions_between_the_strengths(solved):
     """At a stiffness of the table, so that only the strengths are interpolated between."""
     observed, _ = observations(ramps(1))
     mechanism = mechanism_named("dermis")
-    library = build_library(
-        solved, solved, observed, [mechanism], None, 1, Silent(), 0.8, rounded(SOFT[0])
-    )
+    library = build_library(solved, solved, observed, [mechanism], None, 1, Silent(), 0.8, rounded(SOFT[0]))
     assert library.missing == {}
     c10 = library.middle * float(np.exp(CHANGES_AT[1]))
     at = c10, c10 * float(np.expm1(0.8))

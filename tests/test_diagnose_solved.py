@@ -61,10 +61,13 @@ def test_ends_are_looked_for_where_there_may_be_some(observed):
     longer = replace(real, indenter=replace(real.indenter, length=80.0))
     both = {"end-effects", "muscle-fibres"}
     for subject, ends, looked_for in (
-        (drawn, None, set()), (silent, None, {"end-effects"}), (real, None, {"end-effects"}),
-        (real, correction, {"muscle-fibres"}), (fibrous, correction, set()),
+        (drawn, None, set()),
+        (silent, None, {"end-effects"}),
+        (real, None, {"end-effects"}),
+        (real, correction, {"muscle-fibres"}),
+        (fibrous, correction, set()),
         (longer, correction, set()),
-    ):  # fmt: skip
+    ):
         able, unable = shown_mechanisms(observed, correction, ruled_out_of(subject, ends))
         assert {m.name for m in able} & both == looked_for
         assert set(unable) & both == both - looked_for
@@ -87,28 +90,18 @@ def responses_in(folder, variants, correction=None):
         ("indenter-tilt", {"angle": 0.0}, 0.0),
         ("contact-slip", {"slip": 0.0}, 0.0),
         ("viscoelasticity", {"ratio": 0.0, "relaxation_time": 8.0, "spread": 1.0}, 2e-3),
-        (
-            "superficial-viscoelasticity",
-            {"ratio": 0.0, "relaxation_time": 8.0, "spread": 1.0},
-            2e-3,
-        ),
+        ("superficial-viscoelasticity", {"ratio": 0.0, "relaxation_time": 8.0, "spread": 1.0}, 2e-3),
         pytest.param(
             "poroelastic-drainage",
             {"permeability": 0.0},
             2e-3,
-            marks=pytest.mark.xfail(
-                strict=True, reason="steps of an unloading aren't bound: 0.3 % off at 1.8 mm"
-            ),
+            marks=pytest.mark.xfail(strict=True, reason="steps of an unloading aren't bound: 0.3 % off at 1.8 mm"),
         ),
     ],
 )
-def test_a_mechanism_of_the_tissue_vanishes_at_its_null(
-    name, values, size, variants, observed, tmp_path
-):
+def test_a_mechanism_of_the_tissue_vanishes_at_its_null(name, values, size, variants, observed, tmp_path):
     """Along a path other steps are taken than in a ramp: its numerical error stays, 0.2 %."""
-    change = responses_in(tmp_path, variants).relative_change(
-        mechanism_named(name), values, SOFT, observed
-    )
+    change = responses_in(tmp_path, variants).relative_change(mechanism_named(name), values, SOFT, observed)
     deep = observed.displacement > 0.3 * DEPTH
     assert np.abs(change[deep]).max() <= max(size, 1e-9)
 
@@ -154,9 +147,7 @@ def test_the_library_stands_in_for_solutions(variants, observed, tmp_path):
     able, unable = shown_mechanisms(observed, correction)
     assert "preconditioning" in unable
     quick = [m for m in able if m.name not in ("contact-slip", "poroelastic-drainage")]
-    library = build_library(
-        solved, solved, observed, quick, correction, 1, Silent(), 0.8, rounded(SOFT[0])
-    )
+    library = build_library(solved, solved, observed, quick, correction, 1, Silent(), 0.8, rounded(SOFT[0]))
     assert library.missing == {}
     np.testing.assert_allclose(library.curve(*SOFT), solved.curve(*SOFT), rtol=6e-3)
     deep = observed.displacement > 0.3 * DEPTH
@@ -177,9 +168,8 @@ def test_the_library_stands_in_for_solutions(variants, observed, tmp_path):
     at = library.middle, library.middle * float(np.expm1(0.8))
     stiffer = mechanism_named("superficial-stiffness").solution({"factor": 1.02})
     np.testing.assert_allclose(
-        solved.elastic_change(stiffer, at) / 0.02, nuisances.material["superficial.C10"],
-        rtol=0.03, atol=2e-3,
-    )  # fmt: skip
+        solved.elastic_change(stiffer, at) / 0.02, nuisances.material["superficial.C10"], rtol=0.03, atol=2e-3
+    )
 
 
 class Stopping:
@@ -217,9 +207,7 @@ def test_end_effects_may_err_as_the_correction_does(observed):
     asked = observed, np.asarray(0.8), np.asarray(0.9)
     plain = {"scale": 2.0, **dict.fromkeys(EndEffects.MODES, 0.0)}
     longer = end_effect(correction, {**plain, "leg_length": 1.0}, SOFT, observed)
-    mode = np.interp(
-        observed.displacement, correction.displacement, correction.errors["leg length"]
-    )
+    mode = np.interp(observed.displacement, correction.displacement, correction.errors["leg length"])
     tabulated = correction.correction(asked[0].displacement, *asked[1:])
     np.testing.assert_allclose(end_effect(correction, plain, SOFT, observed), -2.0 * tabulated)
     np.testing.assert_allclose(longer, -2.0 * (tabulated + mode))

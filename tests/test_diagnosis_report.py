@@ -76,9 +76,7 @@ def test_page_states_verdict_origin_and_open_questions(found, subject, verdict):
     assert max(len(line) for line in page.splitlines()) <= 100
 
 
-def test_page_of_a_name_gives_its_size_its_evidence_and_the_stiffness_before_and_after(
-    found, subject
-):
+def test_page_of_a_name_gives_its_size_its_evidence_and_the_stiffness_before_and_after(found, subject):
     named = found["named"]
     text = flat(text_of(named, subject))
     model, base = named.models[0], named.base
@@ -87,9 +85,7 @@ def test_page_of_a_name_gives_its_size_its_evidence_and_the_stiffness_before_and
     low, high = model.interval(factor)
     spread = (high - low) / 4
     ends = f"{number(low, spread)} to {number(high, spread)}"
-    assert (
-        f"on stiffness times thickness: {number(model.value(factor), spread)} (95 % {ends})" in text
-    )
+    assert f"on stiffness times thickness: {number(model.value(factor), spread)} (95 % {ends})" in text
     assert f"{model.posterior.log_evidence - alone.posterior.log_evidence:.1f}" in text
     assert percent(model.probability) in text
     assert f"{named.base_held_out.rmse:.3f}" in text and f"{named.held_out[0].rmse:.3f}" in text
@@ -186,9 +182,10 @@ def test_ranking_shows_what_may_be_left_out_and_marks_what_is_reported(found):
         bars = [patch.get_width() for patch in axes.patches]
         assert bars == sorted(bars, reverse=True)
         reported = [
-            label for label, patch in zip(labels, axes.patches, strict=True)
+            label
+            for label, patch in zip(labels, axes.patches, strict=True)
             if to_hex(patch.get_facecolor()).upper() == REPAIRED_COLOUR
-        ]  # fmt: skip
+        ]
         assert set(reported) == {model_name(model) for model in one.models}
 
 
@@ -204,10 +201,7 @@ def test_signature_of_the_true_mechanism_matches_the_misfit(found):
 
 @pytest.mark.parametrize(
     "verdict",
-    [
-        pytest.param(name, marks=[] if name in ("consistent", "ambiguous") else pytest.mark.slow)
-        for name in CASES
-    ],
+    [pytest.param(name, marks=[] if name in ("consistent", "ambiguous") else pytest.mark.slow) for name in CASES],
 )
 def test_report_lists_every_file_it_writes(found, subject, tmp_path, verdict):
     path = report.write_diagnosis_report(found[verdict], subject, tmp_path / "out")

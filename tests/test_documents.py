@@ -16,35 +16,58 @@ import typer
 ROOT = Path(__file__).resolve().parents[1]
 
 COMMANDS = (
-    "legfem.identify", "legfem.diagnose", "legfem.stocking", "legfem.geometry", "legfem.meshing",
-    "legfem.study", "legfem.plan", "legfem.data", "legfem.app",
-    "studies.concealed", "studies.nulls", "studies.planted", "studies.recordings",
-    "studies.worked", "studies.solvers", "studies.stockings", "studies.reconstruct",
+    "legfem.identify",
+    "legfem.diagnose",
+    "legfem.stocking",
+    "legfem.geometry",
+    "legfem.meshing",
+    "legfem.study",
+    "legfem.plan",
+    "legfem.data",
+    "legfem.app",
+    "studies.concealed",
+    "studies.nulls",
+    "studies.planted",
+    "studies.recordings",
+    "studies.worked",
+    "studies.solvers",
+    "studies.stockings",
+    "studies.reconstruct",
     "studies.correction_checks",
-    "studies.meshes", "studies.bench", "studies.expected_force", "studies.fibres",
-    "studies.leg3d", "studies.leg3d.codes", "studies.leg3d.fascia", "studies.leg3d.fibres",
+    "studies.meshes",
+    "studies.bench",
+    "studies.expected_force",
+    "studies.fibres",
+    "studies.leg3d",
+    "studies.leg3d.codes",
+    "studies.leg3d.fascia",
+    "studies.leg3d.fibres",
     "studies.leg3d.meshes",
-    "studies.people", "studies.reach",
-    "studies.next_test", "studies.redrawn", "studies.sites", "studies.fibrous_specimens",
-)  # fmt: skip
+    "studies.people",
+    "studies.reach",
+    "studies.next_test",
+    "studies.redrawn",
+    "studies.sites",
+    "studies.fibrous_specimens",
+)
 
 
 def tracked() -> list[Path]:
     if not (ROOT / ".git").exists():
         pytest.skip("not a checkout")
-    listed = subprocess.run(
-        ["git", "-C", ROOT, "ls-files", "-z"], capture_output=True, text=True, check=True
-    )
+    listed = subprocess.run(["git", "-C", ROOT, "ls-files", "-z"], capture_output=True, text=True, check=True)
     return [ROOT / name for name in listed.stdout.split("\0") if name]
 
 
 def documents() -> list[Path]:
     ours = {".md", ".toml", ".py", ".slurm", ".yml", ".cff"}
     return [
-        path for path in tracked()
+        path
+        for path in tracked()
         if (path.suffix in ours or path.name in ("Makefile", "Dockerfile", "in-env"))
-        and path.is_file() and path != Path(__file__)
-    ]  # fmt: skip
+        and path.is_file()
+        and path != Path(__file__)
+    ]
 
 
 def found(pattern: str, *suffixes: str) -> Iterator[tuple[Path, re.Match[str]]]:
@@ -148,9 +171,5 @@ def is_there(name: str) -> bool:
 
 
 def test_modules_in_documents_are_there() -> None:
-    named = [
-        (path, match)
-        for path, match in found(r"`((?:legfem|studies)(?:\.\w+)+)`")
-        if not is_there(match[1])
-    ]
+    named = [(path, match) for path, match in found(r"`((?:legfem|studies)(?:\.\w+)+)`") if not is_there(match[1])]
     assert not [where(path, match) for path, match in named]

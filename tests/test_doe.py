@@ -75,14 +75,10 @@ def within(value: float, above: np.ndarray, below: np.ndarray) -> bool:
 
 
 def test_printed_table_3_used_15_and_17_and_has_one_misprint() -> None:
-    assert [row.metric for row in TABLE_3] == [
-        metric.name for metric in metrics_in(((0, 5), (5, 20), (20, 30)))
-    ]
+    assert [row.metric for row in TABLE_3] == [metric.name for metric in metrics_in(((0, 5), (5, 20), (20, 30)))]
     misprinted = []
     for row in TABLE_3:
-        ssr, msr, sse, mse, r_squared = (
-            rounding(v) for v in (row.ssr, row.msr, row.sse, row.mse, row.r_squared)
-        )
+        ssr, msr, sse, mse, r_squared = (rounding(v) for v in (row.ssr, row.msr, row.sse, row.mse, row.r_squared))
         assert within(ERROR_DOF, sse, mse)
         assert ssr[0] / (ssr[0] + sse[1]) <= r_squared[1]
         assert r_squared[0] <= ssr[1] / (ssr[1] + sse[0])
@@ -193,10 +189,7 @@ def test_verdicts_in_words(findings: list[bool | None], words: str) -> None:
 
 
 def test_a_verdict_names_its_condition() -> None:
-    findings = (
-        ClaimFinding(True, "", "", "fat is known"),
-        ClaimFinding(True, "", "", "fat is known"),
-    )
+    findings = (ClaimFinding(True, "", "", "fat is known"), ClaimFinding(True, "", "", "fat is known"))
     assert _in_words(findings, ["a", "b"]) == "holds only where fat is known"
 
 
@@ -240,9 +233,7 @@ def test_coding_and_space_filling() -> None:
         ("depth_mm", "depth", "did you mean 'depth_mm'?"),
     ],
 )
-def test_what_cannot_be_used_is_said_in_a_line(
-    tmp_path: Path, old: str, new: str, said: str
-) -> None:
+def test_what_cannot_be_used_is_said_in_a_line(tmp_path: Path, old: str, new: str, said: str) -> None:
     assert old in TOML
     path, out = definition(tmp_path, TOML.replace(old, new, 1)), tmp_path / "out"
     ran = CliRunner().invoke(app, ["doe", "--factors", str(path), "--out", str(out)])

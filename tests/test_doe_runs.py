@@ -59,9 +59,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def tables(folder: Path) -> tuple[str, dict]:
     document = json.loads((folder / "result.json").read_text())
-    return (folder / "runs.csv").read_text(), {
-        k: v for k, v in document.items() if k not in ("wall_s", "versions")
-    }
+    return (folder / "runs.csv").read_text(), {k: v for k, v in document.items() if k not in ("wall_s", "versions")}
 
 
 def said_in(out: Path) -> str:
@@ -75,9 +73,9 @@ def test_a_study_from_definition_to_files(whole: Path) -> None:
     assert len(runs) == 33 and runs["complete"].all()
     assert runs["deep_C10_kPa"].iloc[-1] == pytest.approx(15.25)
     last = runs.iloc[-1]
-    slope = 1e-3 * (last["deep_C10_kPa"] + last["superficial_C10_kPa"] / 2) + 5e-3 * last[
-        "deep_C20_kPa"
-    ] * (1 + last["fascia_C10_MPa"] * last["fascia_thickness_mm"])
+    slope = 1e-3 * (last["deep_C10_kPa"] + last["superficial_C10_kPa"] / 2) + 5e-3 * last["deep_C20_kPa"] * (
+        1 + last["fascia_C10_MPa"] * last["fascia_thickness_mm"]
+    )
     assert last["slope_0_5_N_per_mm2"] == pytest.approx(slope)
     document = json.loads((out / "result.json").read_text())
     assert len(document["metrics"]) == 6 and document["failed_runs"] == []
@@ -86,10 +84,18 @@ def test_a_study_from_definition_to_files(whole: Path) -> None:
     first = document["sobol"][0]["total"]
     assert first["deep.C10"] == pytest.approx(0, abs=0.01) and first["deep.C20"] > 0.3
     assert {p.name for p in out.iterdir()} == {
-        "runs", "runs.csv", "result.json", "report.txt", "report.html", "response.png",
+        "runs",
+        "runs.csv",
+        "result.json",
+        "report.txt",
+        "report.html",
+        "response.png",
         "response.svg",
-        "half-normal.png", "normality.png", "sobol.png", "information.png",
-    }  # fmt: skip
+        "half-normal.png",
+        "normality.png",
+        "sobol.png",
+        "information.png",
+    }
     report = said_in(out)
     assert "33 of 33 runs reach 30 mm" in report and "Poisson's ratio is -0.14 to -0.98" in report
 
@@ -126,8 +132,13 @@ def test_two_definitions_share_runs_and_get_one_page_of_verdicts(tmp_path: Path)
 
 @pytest.mark.usefixtures("no_figures")
 def test_failed_runs_are_values(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    stops = (("deep.C10", 0.5e-3, 12.0), ("deep.C20", 0.5e-3, 12.0), ("fascia.C10", 10.0, 12.0),
-             ("fascia.thickness", 0.2, 12.0), ("superficial.C10", 1e-3, 12.0))  # fmt: skip
+    stops = (
+        ("deep.C10", 0.5e-3, 12.0),
+        ("deep.C20", 0.5e-3, 12.0),
+        ("fascia.C10", 10.0, 12.0),
+        ("fascia.thickness", 0.2, 12.0),
+        ("superficial.C10", 1e-3, 12.0),
+    )
     run(options(tmp_path, beyond=False), MPI.COMM_SELF, SpringLeg(stops=stops))
     document = json.loads((tmp_path / "out" / "result.json").read_text())
     (failed,) = document["failed_runs"]
@@ -246,10 +257,23 @@ def test_a_leg_gives_the_same_table_in_one_process_two_and_two_ranks(tmp_path: P
     ways = {"one": ([], 1), "two": ([], 2), "ranks": (["mpirun", "-n", "2"], 1)}
     for out, (before, jobs) in ways.items():
         subprocess.run(
-            [*before, sys.executable, "-m", "legfem.study", "doe", "--factors", path, "--jobs",
-             str(jobs), "--factorial-only", "--out", tmp_path / out],
-            check=True, timeout=600,
-        )  # fmt: skip
+            [
+                *before,
+                sys.executable,
+                "-m",
+                "legfem.study",
+                "doe",
+                "--factors",
+                path,
+                "--jobs",
+                str(jobs),
+                "--factorial-only",
+                "--out",
+                tmp_path / out,
+            ],
+            check=True,
+            timeout=600,
+        )
     assert pd.read_csv(tmp_path / "one" / "runs.csv")["complete"].sum() == 5
     assert tables(tmp_path / "one") == tables(tmp_path / "two") == tables(tmp_path / "ranks")
 
@@ -261,9 +285,8 @@ def on_two_ranks(home: Path) -> dict[str, int]:
     calls.mkdir()
     script = Path(__file__).parent / "making_doe.py"
     subprocess.run(
-        ["mpirun", "-n", "2", sys.executable, script, home, "ranks"],
-        env=environment(), check=True, timeout=300,
-    )  # fmt: skip
+        ["mpirun", "-n", "2", sys.executable, script, home, "ranks"], env=environment(), check=True, timeout=300
+    )
     return Counter(path.name.rpartition("-")[2] for path in calls.iterdir())
 
 

@@ -57,10 +57,7 @@ def assert_driven(found, given, time=0.15, depth=0.15) -> None:
 @pytest.mark.parametrize("hold", [30.0, 300.0])
 def test_a_short_ramp_before_a_long_hold_is_one_phase_and_the_hold_another(rate, hold):
     made = driven([(6.0, 20.0), (hold, 20.0)], rate)
-    assert phases(made) == [
-        (LOADING, pytest.approx(6.0, abs=0.15)),
-        (HOLD, pytest.approx(hold, 0.01)),
-    ]
+    assert phases(made) == [(LOADING, pytest.approx(6.0, abs=0.15)), (HOLD, pytest.approx(hold, 0.01))]
     assert_driven(simulated(made), [(6.0, 20.0), (hold, 20.0)])
 
 
@@ -104,15 +101,7 @@ def test_a_partial_return_is_simulated_as_far_as_it_went(level, ratio):
 
 
 def test_steps_of_loading_keep_their_depths():
-    steps = [
-        (8.0, 8.0),
-        (30.0, 8.0),
-        (7.0, 15.0),
-        (10.0, 15.0),
-        (8.0, 7.0),
-        (20.0, 7.0),
-        (13.0, 20),
-    ]
+    steps = [(8.0, 8.0), (30.0, 8.0), (7.0, 15.0), (10.0, 15.0), (8.0, 7.0), (20.0, 7.0), (13.0, 20)]
     assert_driven(simulated(driven(steps, 20.0)), steps)
 
 
@@ -123,8 +112,7 @@ def test_a_slow_loading_beside_a_fast_one_is_no_hold():
 
 def test_returns_to_other_levels_are_other_programmes():
     given = [
-        driven([(20.0, 20.0), (20.0, 20.0), (10.0, level), (10.0, level)], 20.0, ratio=0.0)
-        for level in (2.0, 2.0, 8.0)
+        driven([(20.0, 20.0), (20.0, 20.0), (10.0, level), (10.0, level)], 20.0, ratio=0.0) for level in (2.0, 2.0, 8.0)
     ]
     assert observe(given, INSTRUMENT, True).protocol_of == (0, 0, 1)
 

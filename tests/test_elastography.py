@@ -25,17 +25,13 @@ from legfem.subjects.elastography import FibreRatio, ShearModulus
 from legfem.subjects.loading import load_subject
 from legfem.subjects.plausibility import doubts_about
 
-ACROSS = (
-    '[[elastography]]\ntissue = "deep"\nplane = "across"\nshear_modulus_kPa = {}\nsd_kPa = {}\n'
-)
+ACROSS = '[[elastography]]\ntissue = "deep"\nplane = "across"\nshear_modulus_kPa = {}\nsd_kPa = {}\n'
 ALONG = ACROSS.replace('"across"', '"along"')
 FAT = ACROSS.replace('"deep"', '"superficial"')
 
 
 def loaded(folder: Path, more: str, deep: str = ""):
-    return load_subject(
-        write_subject(folder, TOML.replace("[tissues.deep]\n", f"[tissues.deep]\n{deep}") + more)
-    )
+    return load_subject(write_subject(folder, TOML.replace("[tissues.deep]\n", f"[tissues.deep]\n{deep}") + more))
 
 
 def test_muscle_across_is_a_prior_of_c10_and_fat_one_that_takes_its_place(tmp_path):
@@ -53,9 +49,7 @@ def test_muscle_across_is_a_prior_of_c10_and_fat_one_that_takes_its_place(tmp_pa
 def test_both_planes_make_the_ratio_with_its_error(tmp_path):
     subject = loaded(tmp_path / "leg", ACROSS.format(2.0, 0.2) + ALONG.format(5.0, 1.0))
     relative = math.hypot(0.1, 0.2)
-    assert subject.fibres == FibreRatio(
-        2.5, pytest.approx(2.5 * relative), "measured", "shear-wave elastography"
-    )
+    assert subject.fibres == FibreRatio(2.5, pytest.approx(2.5 * relative), "measured", "shear-wave elastography")
     assert set(elastography_priors(subject.elastography)) == {"deep.C10"}
 
 
@@ -102,9 +96,13 @@ def corrected(relative: float) -> TabulatedCorrection:
     """Return a correction that does nothing, but errs."""
     grid = np.linspace(0.0, 25.0, 26)
     return TabulatedCorrection(
-        "none but errors", grid, np.array([1.0]), np.array([0.0]), np.zeros((1, 1, 26)),
+        "none but errors",
+        grid,
+        np.array([1.0]),
+        np.array([0.0]),
+        np.zeros((1, 1, 26)),
         {"leg length": np.full(26, relative)},
-    )  # fmt: skip
+    )
 
 
 def waved(subject, c10: float, sd: float):
@@ -134,9 +132,7 @@ def test_what_is_asked_on_the_command_line_rules_over_the_folder(tmp_path):
     subject = waved(pressed_leg(tmp_path, 1.0, 0.0, seed=3), 1.3, 0.15)
     (held,) = identify(subject, laws=("reduced-polynomial",), fixed={"deep.C10": 1e-3})
     assert set(held.parameters) == {"deep.C20"}
-    own = replace(
-        parameter_of("deep.C10", AnalyticLeg().nominal), prior=Prior(1e-3, 1e-5, "linear", "mine")
-    )
+    own = replace(parameter_of("deep.C10", AnalyticLeg().nominal), prior=Prior(1e-3, 1e-5, "linear", "mine"))
     (found,) = identify(subject, laws=("neo-hookean",), parameters=[own])
     assert found.parameters["deep.C10"].parameter.prior.source == "mine"
 

@@ -17,9 +17,7 @@ def of_ends(sd: float) -> TabulatedCorrection:
     """Return a correction of -0.1 with an error (1) that is the same at all depths."""
     d = np.linspace(0.0, 25.0, 26)
     level = np.full((1, 1, 26), -0.1)
-    return TabulatedCorrection(
-        "of a test", d, np.array([1.0]), np.array([0.0]), level, {"length": np.full(26, sd)}
-    )
+    return TabulatedCorrection("of a test", d, np.array([1.0]), np.array([0.0]), level, {"length": np.full(26, sd)})
 
 
 def test_shares_are_those_of_the_closed_form():
@@ -29,10 +27,7 @@ def test_shares_are_those_of_the_closed_form():
     precision = x @ x / white**2 + prior**-2
     followed = np.append(x / white**2, 1 / prior) / precision
     (shares,) = shares_of_error(followed[None], parts)
-    squares = {
-        "recordings": x @ x / white**2, "ends": (gain * p * x @ x / white**2) ** 2,
-        "priors": prior**-2,
-    }  # fmt: skip
+    squares = {"recordings": x @ x / white**2, "ends": (gain * p * x @ x / white**2) ** 2, "priors": prior**-2}
     whole = sum(squares.values())
     assert shares == pytest.approx({name: one / whole for name, one in squares.items()})
     assert greatest(shares) == "ends" and greatest({}) == "recordings"

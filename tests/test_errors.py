@@ -76,9 +76,7 @@ def test_slow_errors_lose_touch_over_time_and_over_the_way_walked():
     apart = abs(observed.time[0] - observed.time[k])
     jitter = np.sqrt(observed.jitter_variance[[0, k]]).prod()
     jitter *= observed.stiffness[0] * observed.stiffness[k]
-    assert slow[0, k] == pytest.approx(
-        NOISE.slow_sd**2 * np.exp(-apart / NOISE.correlation_time), abs=jitter
-    )
+    assert slow[0, k] == pytest.approx(NOISE.slow_sd**2 * np.exp(-apart / NOISE.correlation_time), abs=jitter)
     wander = trial_covariance(observed, replace(NOISE, slow_sd=0.0))
     size = np.sqrt(np.diag(wander))
     loading = np.flatnonzero(observed.phase == "loading")
@@ -136,9 +134,7 @@ def test_where_errors_are_known_from_is_said():
     twice = recorded(Protocol.ramp(15.0, 0.5), Protocol.ramp(15.0, 0.5))
     unstated = replace(INSTRUMENT, stated=False)
     assert "no repeats" in estimate_noise(alone, INSTRUMENT, 12.0).source
-    assert estimate_noise(twice, INSTRUMENT, 12.0).source == (
-        "the repeats and the instrument's stated accuracy"
-    )
+    assert estimate_noise(twice, INSTRUMENT, 12.0).source == ("the repeats and the instrument's stated accuracy")
     assert "stated accuracy" not in estimate_noise(twice, unstated, 12.0).source
 
 
@@ -162,8 +158,12 @@ def test_effective_samples_are_all_of_independent_errors_and_few_of_slow_ones(se
     observed, force = seen
     count = len(force)
     white = ErrorModel(
-        NOISE, 0.04 * np.eye(count), np.zeros((count, 0)), np.zeros((count, 3)),
-        np.zeros((count, 3)), np.full(count, 0.2),
-    )  # fmt: skip
+        NOISE,
+        0.04 * np.eye(count),
+        np.zeros((count, 0)),
+        np.zeros((count, 3)),
+        np.zeros((count, 3)),
+        np.full(count, 0.2),
+    )
     assert white.effective_samples == pytest.approx(count)
     assert error_model(observed, NOISE, force).effective_samples < 0.7 * count

@@ -66,17 +66,14 @@ def in_full(errors: ErrorModel, given: Linearised, unknowns: list[Unknown]) -> f
     model = given.jacobian @ given.jacobian.T
     logs = []
     shares = log_shares(len(GAIN_SDS)), log_shares(len(ZERO_FACTORS))
-    for unknown, (k, gain), (j, zero) in product(
-        unknowns, enumerate(GAIN_SDS), enumerate(errors.zero_sds)
-    ):
+    for unknown, (k, gain), (j, zero) in product(unknowns, enumerate(GAIN_SDS), enumerate(errors.zero_sds)):
         total = replace(errors, gain_sd=gain, zero_sd=zero).covariance + model
         if unknown.covariance is not None:
             total = total + unknown.covariance
         centred = given.residual + given.jacobian @ given.departure
         logs.append(
-            multivariate_normal.logpdf(centred, np.zeros(N), total)
-            + shares[0][k] + shares[1][j] + unknown.log_prior
-        )  # fmt: skip
+            multivariate_normal.logpdf(centred, np.zeros(N), total) + shares[0][k] + shares[1][j] + unknown.log_prior
+        )
     return float(logsumexp(logs))
 
 
@@ -88,9 +85,7 @@ def of(errors: ErrorModel, given: Linearised, unknowns: list[Unknown]) -> Poster
 def test_evidence_is_the_density_of_the_data_with_all_unknowns_integrated_out(departure):
     errors, unknowns = errors_of(), [NONE, ripple(0.01), ripple(0.05)]
     given = about(departure)
-    assert of(errors, given, unknowns).log_evidence == pytest.approx(
-        in_full(errors, given, unknowns), abs=1e-8
-    )
+    assert of(errors, given, unknowns).log_evidence == pytest.approx(in_full(errors, given, unknowns), abs=1e-8)
 
 
 def test_about_what_fit_a_linear_model_is_seen_does_not_matter():
@@ -105,19 +100,12 @@ def test_evidence_is_the_likelihood_s_integral_over_a_parameter_within_its_bound
     errors = errors_of()
     low, high = np.array([-0.2, -60.0]), np.array([0.9, 60.0])
     given = about(low=low, high=high)
-    alone = Linearised(
-        given.residual, given.jacobian[:, :1], given.departure[:1], low[:1], high[:1]
-    )
+    alone = Linearised(given.residual, given.jacobian[:, :1], given.departure[:1], low[:1], high[:1])
     fine = np.linspace(low[0], high[0], 201)
     evidence = Evidence(errors, [NONE])
-    without = Linearised(
-        given.residual, np.zeros((N, 1)), np.zeros(1), np.array([-60.0]), np.array([60.0])
-    )
+    without = Linearised(given.residual, np.zeros((N, 1)), np.zeros(1), np.array([-60.0]), np.array([60.0]))
     # A parameter that changes nothing is the likelihood at a point of the other.
-    at = [
-        evidence.of(replace(without, residual=given.residual - z * given.jacobian[:, 0]))
-        for z in fine
-    ]
+    at = [evidence.of(replace(without, residual=given.residual - z * given.jacobian[:, 0])) for z in fine]
     prior = norm.logpdf(fine) - np.log(norm.cdf(high[0]) - norm.cdf(low[0]))
     density = np.array([p.log_evidence for p in at]) + prior
     most = density.max()
@@ -135,9 +123,7 @@ def test_bounds_that_cut_nothing_off_change_nothing_and_those_that_cut_all_cost_
     # A bound at the expected value takes half of what was possible: gained where data agree.
     half = of(errors, about(low=[0.0, -60.0]), [NONE])
     mean, sd = unbounded.mean[0], np.sqrt(unbounded.covariance[0, 0])
-    assert half.log_evidence - free == pytest.approx(
-        float(norm.logcdf(mean / sd) - np.log(0.5)), abs=1e-9
-    )
+    assert half.log_evidence - free == pytest.approx(float(norm.logcdf(mean / sd) - np.log(0.5)), abs=1e-9)
     # Bounds that hold none of what the data say cost more than they cut off beforehand.
     wrong = of(errors, about(low=[-60.0, -60.0], high=[-2.0, 60.0]), [NONE]).log_evidence
     assert wrong < free - 1.0
@@ -153,9 +139,7 @@ def test_a_parameter_drawn_far_beyond_its_bound_pays_for_all_of_the_way(pull):
     pinned = of(errors, away, [NONE])
     z = free.mean[0] / np.sqrt(free.covariance[0, 0])
     assert z < -3.0
-    assert pinned.log_evidence - free.log_evidence == pytest.approx(
-        float(norm.logcdf(z) - np.log(0.5)), rel=1e-9
-    )
+    assert pinned.log_evidence - free.log_evidence == pytest.approx(float(norm.logcdf(z) - np.log(0.5)), rel=1e-9)
     assert 0 < pinned.mean[0] < np.sqrt(free.covariance[0, 0])
 
 
@@ -167,20 +151,16 @@ def test_what_the_data_say_is_that_of_a_linear_model_with_normal_errors():
     shares = log_shares(len(GAIN_SDS)), log_shares(len(ZERO_FACTORS))
     for (k, gain), (j, zero) in product(enumerate(GAIN_SDS), enumerate(errors.zero_sds)):
         covariance = replace(errors, gain_sd=gain, zero_sd=zero).covariance
-        spread = np.linalg.inv(
-            np.eye(2) + given.jacobian.T @ np.linalg.solve(covariance, given.jacobian)
-        )
+        spread = np.linalg.inv(np.eye(2) + given.jacobian.T @ np.linalg.solve(covariance, given.jacobian))
         means.append(spread @ given.jacobian.T @ np.linalg.solve(covariance, centred))
         spreads.append(spread)
         total = covariance + given.jacobian @ given.jacobian.T
-        logs.append(
-            multivariate_normal.logpdf(centred, np.zeros(N), total) + shares[0][k] + shares[1][j]
-        )
+        logs.append(multivariate_normal.logpdf(centred, np.zeros(N), total) + shares[0][k] + shares[1][j])
     weights = probabilities(logs)
     mean = weights @ np.array(means)
-    second = sum(
-        w * (s + np.outer(m, m)) for w, s, m in zip(weights, spreads, means, strict=True)
-    ) - np.outer(mean, mean)
+    second = sum(w * (s + np.outer(m, m)) for w, s, m in zip(weights, spreads, means, strict=True)) - np.outer(
+        mean, mean
+    )
     found = of(errors, given, [NONE])
     np.testing.assert_allclose(found.mean, mean, atol=1e-10)
     np.testing.assert_allclose(found.covariance, second, atol=1e-10)

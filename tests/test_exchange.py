@@ -37,17 +37,12 @@ def section():
 
 def quarter(cells: str):
     leg = IdealisedLeg(fat=6.0, fascia=1.0)
-    sizes = LegMeshSettings(contact_size=9.0, depth_size=12.0, edge_size=9.0, far_size=30.0,
-                            cells=cells)  # fmt: skip
+    sizes = LegMeshSettings(contact_size=9.0, depth_size=12.0, edge_size=9.0, far_size=30.0, cells=cells)
     made = mesh_leg(leg, 15.0, 50.0, sizes)
     return made, made.regions
 
 
-MAKERS = {
-    "triangle": section,
-    "hexahedron": lambda: quarter("hexahedra"),
-    "tetra": lambda: quarter("tetrahedra"),
-}
+MAKERS = {"triangle": section, "hexahedron": lambda: quarter("hexahedra"), "tetra": lambda: quarter("tetrahedra")}
 
 
 @pytest.fixture(scope="module", params=MAKERS)
@@ -151,9 +146,9 @@ def test_dolfinx_and_gmsh_read_the_msh(made, tmp_path):
     outside = Measure("ds", mesh, subdomain_data=facets)(SKIN)
     assert _integral(one * outside) == pytest.approx(skin, rel=1e-8)
     quality = quality_of_file(path)
-    assert quality.elements == dict(Counter(
-        name for name, tag in named.regions.items() for _ in np.flatnonzero(named.cells.tags == tag)
-    ))  # fmt: skip
+    assert quality.elements == dict(
+        Counter(name for name, tag in named.regions.items() for _ in np.flatnonzero(named.cells.tags == tag))
+    )
     assert quality.worst > 0
 
 
@@ -189,12 +184,10 @@ def test_abaqus_surfaces_are_faces_on_the_boundary(made, tmp_path):
         # Abaqus Elements Guide: unit elements, and where the middles of S1, S2, ... lie.
         ("triangle", [(0.5, 0, 0), (0.5, 0.5, 0), (0, 0.5, 0)]),
         ("tetra", [(1 / 3, 1 / 3, 0), (1 / 3, 0, 1 / 3), (1 / 3, 1 / 3, 1 / 3), (0, 1 / 3, 1 / 3)]),
-        ("hexahedron", [(0.5, 0.5, 0), (0.5, 0.5, 1), (0.5, 0, 0.5), (1, 0.5, 0.5), (0.5, 1, 0.5),
-                        (0, 0.5, 0.5)]),
-        ("wedge", [(1 / 3, 1 / 3, 0), (1 / 3, 1 / 3, 1), (0.5, 0, 0.5), (0.5, 0.5, 0.5),
-                   (0, 0.5, 0.5)]),
+        ("hexahedron", [(0.5, 0.5, 0), (0.5, 0.5, 1), (0.5, 0, 0.5), (1, 0.5, 0.5), (0.5, 1, 0.5), (0, 0.5, 0.5)]),
+        ("wedge", [(1 / 3, 1 / 3, 0), (1 / 3, 1 / 3, 1), (0.5, 0, 0.5), (0.5, 0.5, 0.5), (0, 0.5, 0.5)]),
     ],
-)  # fmt: skip
+)
 def test_faces_are_numbered_as_in_abaqus(kind, faces):
     from legfem.meshing.abaqus import _FACES
 

@@ -21,8 +21,7 @@ def test_a_leg_pushes_back_between_the_envelopes_and_they_are_tight(name):
     at = np.array([5.0, 12.0, 20.0])
     low, high = force_range(leg, at)
     soft, stiff = (
-        test.solve({"deep.C10": 1e-3 * c10, "deep.C20": 0.0}, 20.0).curve(at)
-        for c10 in (SOFTEST_KPA, STIFFEST_KPA)
+        test.solve({"deep.C10": 1e-3 * c10, "deep.C20": 0.0}, 20.0).curve(at) for c10 in (SOFTEST_KPA, STIFFEST_KPA)
     )
     assert (SLACK * soft > low).all() and (soft < 1.6 * low).all()
     assert (stiff < SLACK * high).all() and (stiff > 0.5 * high).all()

@@ -17,11 +17,7 @@ from legfem.experiments.axisymmetric import (
     CylinderCompression,
 )
 from legfem.experiments.base import Experiment
-from legfem.experiments.indentation_3d import (
-    Cylinder,
-    IdealisedLegIndentation,
-    IdealisedLegSettings,
-)
+from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation, IdealisedLegSettings
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.experiments.pressing import PressingTest, solved_once
 from legfem.jobs.pool import Workers
@@ -39,18 +35,13 @@ LAW = NeoHookean(5e-3, 0.2)
 STEPS = StepSettings(first=0.5, largest=0.5)
 ROUND = AxisymmetricSettings(MeridianMeshSettings(2.5), steps=STEPS)
 FLAT = IdealisedLegSettings(
-    mesh=LegMeshSettings(contact_size=8, depth_size=16, edge_size=8, growth=0.5, far_size=40),
-    steps=STEPS,
+    mesh=LegMeshSettings(contact_size=8, depth_size=16, edge_size=8, growth=0.5, far_size=40), steps=STEPS
 )
 EXPERIMENTS: dict[str, PressingTest] = {
-    "plane strain": PlaneStrainIndentation(
-        *subject_3(), PlaneStrainSettings(mesh=COARSE, steps=STEPS)
-    ),
+    "plane strain": PlaneStrainIndentation(*subject_3(), PlaneStrainSettings(mesh=COARSE, steps=STEPS)),
     "ball": BallIndentation(BallOnLayer(10.0), LAW, ROUND),
     "cylinder": CylinderCompression(CylinderBetweenPlates(10.0, 10.0), LAW, ROUND),
-    "idealised leg": IdealisedLegIndentation(
-        IdealisedLeg(length=60), Cylinder(), {"deep": LAW}, 2, FLAT
-    ),
+    "idealised leg": IdealisedLegIndentation(IdealisedLeg(length=60), Cylinder(), {"deep": LAW}, 2, FLAT),
 }
 
 

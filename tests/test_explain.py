@@ -6,16 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from making_diagnosis import (
-    GRID,
-    SOUGHT,
-    TRUTH,
-    fat,
-    noisy,
-    one_at_each_rate,
-    problem_of,
-    ramps,
-)
+from making_diagnosis import GRID, SOUGHT, TRUTH, fat, noisy, one_at_each_rate, problem_of, ramps
 from scipy.stats import norm
 
 from legfem.diagnose import explain as explain_module
@@ -24,11 +15,7 @@ from legfem.diagnose.explain import CONFIRMED_FROM, explain
 from legfem.diagnose.explanation import HELD, Explained
 from legfem.diagnose.fit import Fit, Problem, fit
 from legfem.diagnose.mechanisms import mechanism_named
-from legfem.diagnose.nuisances import (
-    MATERIAL_LOG_SD,
-    Accuracy,
-    Nuisances,
-)
+from legfem.diagnose.nuisances import MATERIAL_LOG_SD, Accuracy, Nuisances
 from legfem.diagnose.strength import gained_by_width
 from legfem.diagnose.touch import posterior_of
 from legfem.diagnose.unknown import unknown_errors
@@ -41,29 +28,27 @@ from legfem.inference.evidence import Evidence
     ("effects", "recordings"),
     [
         ({"contact-onset.offset": 0.3}, ramps),
+        ({"preconditioning.softening": 0.25, "preconditioning.fading": 0.3, "preconditioning.slope": -0.8}, ramps),
         (
-            {"preconditioning.softening": 0.25, "preconditioning.fading": 0.3,
-             "preconditioning.slope": -0.8},
+            {"muscle-contraction.stiffening": 0.12, "muscle-contraction.onset": 0.5, "muscle-contraction.rise": 0.08},
             ramps,
         ),
         (
-            {"muscle-contraction.stiffening": 0.12, "muscle-contraction.onset": 0.5,
-             "muscle-contraction.rise": 0.08},
+            {
+                "leg-movement.shift": 0.5,
+                "leg-movement.onset": 0.6,
+                "leg-movement.rise": 0.04,
+                "leg-movement.away": 0.12,
+            },
             ramps,
         ),
         (
-            {"leg-movement.shift": 0.5, "leg-movement.onset": 0.6, "leg-movement.rise": 0.04,
-             "leg-movement.away": 0.12},
-            ramps,
-        ),
-        (
-            {"viscoelasticity.ratio": 0.1, "viscoelasticity.relaxation_time": 8.0,
-             "viscoelasticity.spread": 1.0},
+            {"viscoelasticity.ratio": 0.1, "viscoelasticity.relaxation_time": 8.0, "viscoelasticity.spread": 1.0},
             one_at_each_rate,
         ),
         ({"support-compliance.compliance": 0.15}, ramps),
     ],
-)  # fmt: skip
+)
 def test_a_single_effect_is_named_and_its_bias_removed(effects, recordings):
     problem, base = problem_of(recordings(), effects, seed=3)
     name = next(iter(effects)).split(".")[0]
@@ -135,8 +120,7 @@ def test_an_error_below_a_trial_s_noise_is_no_contradiction(size, sound):
 
 
 def test_two_effects_are_explained_by_the_pair():
-    effects = {"support-compliance.compliance": 0.2, "preconditioning.softening": 0.3,
-               "preconditioning.fading": 0.2}  # fmt: skip
+    effects = {"support-compliance.compliance": 0.2, "preconditioning.softening": 0.3, "preconditioning.fading": 0.2}
     problem, base = problem_of(ramps(), effects, seed=4)
     best = explain(problem, base, SOUGHT).every[0]
     assert set(best.names) == {"preconditioning", "support-compliance"}
@@ -145,8 +129,7 @@ def test_two_effects_are_explained_by_the_pair():
 
 def test_behind_one_effect_that_suffices_others_are_tried_and_widen_the_interval():
     """A small second effect, which the gains take up: C10 by the first alone is too sure."""
-    effects = {"support-compliance.compliance": 0.3, "preconditioning.softening": 0.06,
-               "preconditioning.fading": 0.9}  # fmt: skip
+    effects = {"support-compliance.compliance": 0.3, "preconditioning.softening": 0.06, "preconditioning.fading": 0.9}
     problem, base = problem_of(ramps(), effects, seed=7)
     explained = explain(problem, base, SOUGHT)
     best = explained.every[0]
@@ -167,8 +150,7 @@ def test_the_interval_of_consistent_recordings_has_room_for_what_they_may_hide()
     alone = explained.base.interval("C10")
     assert low < TRUTH["C10"] < high
     assert high - low > 1.3 * (alone[1] - alone[0])
-    surer = [replace(e, probability=100 * e.probability) if e.nothing else e
-             for e in explained.every]  # fmt: skip
+    surer = [replace(e, probability=100 * e.probability) if e.nothing else e for e in explained.every]
     again = averaged_interval(replace(explained, every=tuple(surer)), "C10")
     assert again == pytest.approx((low, high)), "nothing at all is no explanation of a leg"
 
@@ -190,8 +172,7 @@ def test_a_pair_that_adds_nothing_takes_the_solution_of_its_one_mechanism():
 
 
 def test_a_pair_that_is_more_than_either_takes_a_solution_of_its_own():
-    effects = {"support-compliance.compliance": 0.2, "preconditioning.softening": 0.3,
-               "preconditioning.fading": 0.2}  # fmt: skip
+    effects = {"support-compliance.compliance": 0.2, "preconditioning.softening": 0.3, "preconditioning.fading": 0.2}
     problem, base = problem_of(ramps(), effects, seed=4)
     asked = []
 
@@ -303,9 +284,10 @@ def test_a_strength_is_integrated_out_as_its_explanation_was_weighed(monkeypatch
     problem, base = problem_of(ramps(), {"contact-onset.offset": 1.0}, seed=1, extra=wave)
     seen = []
     monkeypatch.setattr(
-        explain_module, "integrated",
+        explain_module,
+        "integrated",
         lambda own, fitted, posterior, of: seen.append((own, fitted, of.keywords)) or posterior,
-    )  # fmt: skip
+    )
     weighed = [e for e in explain(problem, base, SOUGHT).every if e.whole]
     assert {e.fit_alone is None for e in weighed} == {True, False}
     for own, fitted, keywords in seen:
@@ -313,8 +295,7 @@ def test_a_strength_is_integrated_out_as_its_explanation_was_weighed(monkeypatch
         assert keywords["shares"] == one.shares
         assert (own is one.problem) is (one.fit_alone is None)
         again = posterior_of(
-            Evidence(problem.errors, unknown_errors(observed, base.prediction)),
-            fitted, observed, list(one.shares),
-        )  # fmt: skip
+            Evidence(problem.errors, unknown_errors(observed, base.prediction)), fitted, observed, list(one.shares)
+        )
         of_any_width = again.log_evidence + gained_by_width(fitted, again)
         assert of_any_width == pytest.approx(one.posterior.log_evidence)

@@ -121,9 +121,7 @@ def test_what_remains_beside_a_right_name_is_told_with_trial_and_place():
     observed = problem.predictor.observed
     late = np.clip((observed.displacement - 12) / 6, 0.0, 1.0)
     extra = np.where(observed.trial == 0, 0.4 * late**2, 0.0)
-    found = diagnosed_of(
-        observed.with_force(observed.force + extra), ("support-compliance", "force-drift")
-    )
+    found = diagnosed_of(observed.with_force(observed.force + extra), ("support-compliance", "force-drift"))
     model = next(e for e in found.explained.every if e.names == ("support-compliance",))
     assert model.in_part
     left = remains_of(found, model)

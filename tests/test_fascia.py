@@ -18,9 +18,7 @@ from studies.legs.parametric_leg import round_leg
 STIFFNESS = 0.2
 """N/mm."""
 COMPRESSIBILITY = 2.25
-VALUES = {
-    "fascia.membrane.stiffness": STIFFNESS, "fascia.membrane.compressibility": COMPRESSIBILITY,
-}  # fmt: skip
+VALUES = {"fascia.membrane.stiffness": STIFFNESS, "fascia.membrane.compressibility": COMPRESSIBILITY}
 
 
 @pytest.fixture(scope="module")
@@ -33,9 +31,7 @@ def leg() -> LegCompression:
 
 def stretched(leg: LegCompression, around: float, along: float) -> None:
     moved = fem.Function(leg.spaces.displacement_space)
-    moved.interpolate(
-        lambda x: np.stack([(around - 1) * x[0], (around - 1) * x[1], (along - 1) * x[2]])
-    )
+    moved.interpolate(lambda x: np.stack([(around - 1) * x[0], (around - 1) * x[1], (along - 1) * x[2]]))
     leg.system.unknown.x.array[:] = 0.0
     leg.system.unknown.x.array[leg.spaces.displacement_dofs] = moved.x.array
 

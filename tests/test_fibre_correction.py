@@ -39,17 +39,14 @@ def power(errors: dict[str, float] | None = None) -> FibreTable:
 
 def plain(P: float = -0.2) -> TabulatedCorrection:
     return TabulatedCorrection(
-        "a leg", GRID, np.array([0.2, 5.0]), np.array([0.0, 0.5]), np.full((2, 2, 26), P),
-        {"mesh": np.full(26, 0.012)},
-    )  # fmt: skip
+        "a leg", GRID, np.array([0.2, 5.0]), np.array([0.0, 0.5]), np.full((2, 2, 26), P), {"mesh": np.full(26, 0.012)}
+    )
 
 
 def test_between_its_ratios_the_table_is_smooth_and_nothing_at_one():
     table = power()
     for ratio in (1.1, 1.7, 2.5, 4.0, 7.0):
-        np.testing.assert_allclose(
-            table.log_at(ratio, GRID), np.log(ratio) * (0.1 + 0.01 * GRID), rtol=1e-10
-        )
+        np.testing.assert_allclose(table.log_at(ratio, GRID), np.log(ratio) * (0.1 + 0.01 * GRID), rtol=1e-10)
         step = 1e-5
         slope = (table.log_at(ratio * np.exp(step), GRID) - table.log_at(ratio, GRID)) / step
         np.testing.assert_allclose(table.slope_at(ratio, GRID), slope, rtol=1e-4)
@@ -104,15 +101,11 @@ def leg(folder: Path, deep: str = "[tissues.deep]\n"):
 def test_a_measured_leg_s_correction_has_its_fibres_by_default(tmp_path: Path):
     bare, fibrous = leg(tmp_path / "bare"), leg(tmp_path / "fibrous", STATED)
     d = np.linspace(0.0, 20.0, 5)
-    ratio = choose_correction("auto", fibrous).factor(d, *NOTHING) / choose_correction(
-        "auto", bare
-    ).factor(d, *NOTHING)
+    ratio = choose_correction("auto", fibrous).factor(d, *NOTHING) / choose_correction("auto", bare).factor(d, *NOTHING)
     np.testing.assert_allclose(ratio, np.exp(read_fibres().log_at(2.5, d)), rtol=1e-6)
     written = correction_of(bare).write(tmp_path / "own.json")
     given = choose_correction(str(written), fibrous).factor(d, *NOTHING)
-    np.testing.assert_allclose(
-        given, choose_correction("own", fibrous).factor(d, *NOTHING), rtol=1e-5
-    )
+    np.testing.assert_allclose(given, choose_correction("own", fibrous).factor(d, *NOTHING), rtol=1e-5)
     assert choose_correction("none", fibrous) is None
     longer = replace(fibrous, indenter=replace(fibrous.indenter, length=80.0))
     assert "50" in why_without_fibres(longer) and why_without_fibres(fibrous) is None
@@ -129,8 +122,7 @@ def recorded_with_fibres(folder: Path, c10: float, factor: np.ndarray):
     subject = pressed_leg(folder, c10, 0.0, seed=2)
     at = np.linspace(0.0, DEPTH, len(factor))
     trials = tuple(
-        replace(one, force=one.force * np.interp(one.displacement, at, factor))
-        for one in subject.recordings
+        replace(one, force=one.force * np.interp(one.displacement, at, factor)) for one in subject.recordings
     )
     return replace(subject, recordings=trials, plane_strain=False)
 
@@ -144,9 +136,7 @@ def test_a_known_ratio_takes_its_part_of_the_force_out_of_c10(tmp_path: Path):
     corrected = with_fibres(plain(), power(), KNOWN)
     (found,) = identify(known, laws=laws, correction=corrected)
     exact = replace(KNOWN, sd=0.0)
-    (sure,) = identify(
-        replace(known, fibres=exact), laws=laws, correction=with_fibres(plain(), power(), exact)
-    )
+    (sure,) = identify(replace(known, fibres=exact), laws=laws, correction=with_fibres(plain(), power(), exact))
     high, c10 = without.parameters["deep.C10"], found.parameters["deep.C10"]
     assert high.value > 1.2e-3 and not high.ci95[0] < 1e-3 < high.ci95[1]
     assert c10.value == pytest.approx(1e-3, rel=0.02) and c10.ci95[0] < 1e-3 < c10.ci95[1]
@@ -159,9 +149,12 @@ def test_a_known_ratio_takes_its_part_of_the_force_out_of_c10(tmp_path: Path):
     assert any("stated without" in text for text in sure.warnings)
     document = result_document(found)
     assert document["fibres"] == {
-        "ratio": 2.5, "sd": 0.4, "provenance": "measured", "source": "shear waves",
+        "ratio": 2.5,
+        "sd": 0.4,
+        "provenance": "measured",
+        "source": "shear waves",
         "in_correction": True,
-    }  # fmt: skip
+    }
     assert result_document(without)["fibres"] is None
     page = " ".join(plain_page(identification_page([found], known, None), []).split())
     assert "shear moduli along the leg over across: 2.5 ± 0.4" in page
@@ -176,17 +169,13 @@ def test_errors_of_fibres_in_3d_follow_the_chain_of_the_ratio():
         shear = 2 * c10 * (r - 1)
         return d**1.5 * (1 + 40 * shear + 9 * 4 * shear * tension)
 
-    curve = ForceCurve(d, force(ratio), {
-        "deep.fibres.shear": 40 * d**1.5, "deep.fibres.extension": 9 * d**1.5,
-    })  # fmt: skip
+    curve = ForceCurve(d, force(ratio), {"deep.fibres.shear": 40 * d**1.5, "deep.fibres.extension": 9 * d**1.5})
     found = fibre_errors(curve, KNOWN, c10, d)
     step = 1e-6
     slope = (force(ratio + step) - force(ratio - step))[40] / (2 * step) / force(ratio)[40]
     assert found[f"{FIBRES}ratio"][40] == pytest.approx(0.4 * slope, rel=1e-5)
     doubled = (force(ratio, 1 + step) - force(ratio, 1 - step))[40] / (2 * step) / force(ratio)[40]
-    assert found[f"{FIBRES}stiffness in tension"][40] == pytest.approx(
-        np.log(2) * doubled, rel=1e-5
-    )
+    assert found[f"{FIBRES}stiffness in tension"][40] == pytest.approx(np.log(2) * doubled, rel=1e-5)
     assert np.all(np.isfinite(found[f"{FIBRES}ratio"])), "level where there is no force"
 
 
@@ -196,10 +185,12 @@ def test_the_mechanism_is_the_table_and_its_errors():
     values = {"ratio": 3.0, "size": 0.0, "course": 0.0}
     log = read_fibres().log_at(3.0, observed.displacement)
     np.testing.assert_allclose(mechanism.force_factor(values, observed), np.exp(log))
-    spread = np.sqrt(sum(
-        (mechanism.force_factor({**values, name: 1.0}, observed) / np.exp(log) - 1) ** 2
-        for name in ("size", "course")
-    ))  # fmt: skip
+    spread = np.sqrt(
+        sum(
+            (mechanism.force_factor({**values, name: 1.0}, observed) / np.exp(log) - 1) ** 2
+            for name in ("size", "course")
+        )
+    )
     whole = np.sqrt(sum(e**2 for e in read_fibres().errors_at(observed.displacement).values()))
     deep = observed.displacement > 5
     np.testing.assert_allclose(spread[deep], (whole * log)[deep], rtol=0.35)

@@ -17,33 +17,25 @@ def test_concealed_truths_are_of_other_legs_and_meshes_than_the_tables():
     table, correction = read_fibres().given, read_correction(REFERENCE).given
     for one in CASES:
         mesh, leg = one.case.settings.mesh, one.case.leg
-        assert mesh.contact_size not in (
-            table["mesh"]["contact_size"], correction["numerics"]["mesh"]["contact_size"]
-        )  # fmt: skip
+        assert mesh.contact_size not in (table["mesh"]["contact_size"], correction["numerics"]["mesh"]["contact_size"])
         assert leg.fat == 0.0 != table["leg"]["fat"]
         assert one.case.material.mechanisms
     assert len({(one.ratio, one.in_air) for one in CASES}) == len(CASES) == 10
 
 
 def test_what_is_listed_is_counted():
-    found = {
-        True: diagnosed({"support-compliance.compliance": 0.4}),
-        False: diagnosed({}),
-    }
+    found = {True: diagnosed({"support-compliance.compliance": 0.4}), False: diagnosed({})}
     row = cells(CASES[0], found)
     assert len(row) == len(HEADER)
     assert "support-compliance" in row[3] and row[-1] == "consistent"
-    assert score([(CASES[0], found)]).startswith(
-        "of 1: fibres listed by the base model with ends in 0"
-    )
+    assert score([(CASES[0], found)]).startswith("of 1: fibres listed by the base model with ends in 0")
 
 
 def test_the_tables_errors_come_from_one_change_each():
     base = base_case()
     for name, group in varied().items():
         for case in group:
-            parts = (case.leg != base.leg, case.material != base.material,
-                     case.settings != base.settings)  # fmt: skip
+            parts = (case.leg != base.leg, case.material != base.material, case.settings != base.settings)
             assert sum(parts) == 1, name
             assert fibrous(case, 1.0).material.mechanisms == ()
             assert fibrous(case, AT_RATIO).material.mechanisms

@@ -6,16 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from making_fibres import (
-    BALL,
-    BLOCK,
-    C10,
-    PLATES,
-    RATIO,
-    TISSUE,
-    forward,
-    pulled,
-)
+from making_fibres import BALL, BLOCK, C10, PLATES, RATIO, TISSUE, forward, pulled
 from making_layers import OtherLayer, OtherLayers
 from making_specimens import AREA, LENGTH
 
@@ -70,7 +61,7 @@ def test_a_bar_of_a_stiffening_law_keeps_equilibrium_across() -> None:
         pytest.param(FibrousTest(BALL, "load"), 1.0, id="ball"),
         pytest.param(FibrousTest(BLOCK, "across"), 2.0, id="block", marks=pytest.mark.slow),
     ],
-)  # fmt: skip
+)
 def test_derivatives_by_stiffness_and_ratio_are_exact(sizes, depth: float) -> None:
     """Taylor: what a linear prediction misses falls with the square of the step."""
     model, at = forward(sizes, depth), np.linspace(0.3, 1.0, 4) * depth

@@ -7,26 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from making_fibres import (
-    BALL,
-    BLOCK,
-    C10,
-    PULLED,
-    RATIO,
-    SOFT,
-    TISSUE,
-    forward,
-    write_fibrous,
-)
+from making_fibres import BALL, BLOCK, C10, PULLED, RATIO, SOFT, TISSUE, forward, write_fibrous
 from making_specimens import record
 
 import legfem as lf
 from legfem.common.errors import InputError
 from legfem.diagnose.mechanisms import Solution
 from legfem.diagnose.variants import Stopped
-from legfem.experiments.axisymmetric import (
-    AxisymmetricSettings,
-)
+from legfem.experiments.axisymmetric import AxisymmetricSettings
 from legfem.experiments.flat_punch import PunchOnLayer
 from legfem.experiments.lateral_cylinder import LateralCylinder
 from legfem.experiments.uniaxial import Bar
@@ -51,22 +39,20 @@ from studies.sites.identifying import Interval
 
 ON_BLOCK = PULLED.replace(
     '[uniaxial]\ndirection = "tension"\nlength_mm = 10.0\narea_mm2 = 100.0',
-    "[cylinder]\ncylinder_diameter_mm = 16.0\nthickness_mm = 20.0\nwidth_mm = 60.0\n"
-    "length_mm = 40.0",
+    "[cylinder]\ncylinder_diameter_mm = 16.0\nthickness_mm = 20.0\nwidth_mm = 60.0\nlength_mm = 40.0",
 )
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("directions", "told"), [(("cylinder", "across"), True), (("load", "across"), False)]
-)
+@pytest.mark.parametrize(("directions", "told"), [(("cylinder", "across"), True), (("load", "across"), False)])
 def test_cylinders_along_and_across_the_fibres_tell_the_ratio(tmp_path, directions, told) -> None:
     """Recorded with other elements, a finer mesh and a harder contact than are identified with."""
     entries = ""
     settings = AxisymmetricSettings(
-        mesh=MeridianMeshSettings(8.0 / 24), formulation="continuous",
+        mesh=MeridianMeshSettings(8.0 / 24),
+        formulation="continuous",
         contact=ContactSettings(tangential="rough", stiffness=1e4),
-    )  # fmt: skip
+    )
     for direction in directions:
         fibres = Fibres.of_ratio("deep", C10, 2.0, AXES[direction])
         law = NeoHookean(C10, 1 / (1000 * C10))
@@ -97,10 +83,12 @@ def test_cylinders_along_and_across_the_fibres_tell_the_ratio(tmp_path, directio
         ('[fibres]\ndirection = "lod"\n', "did you mean 'load'?"),
         ('[fibres]\ndirection = "load"\nratio = 0.5\n', "fibres.ratio: 0.5 is out of range"),
         ('[fibres]\ndirection = "load"\nlayer = "fat"\n', "there are no layers"),
-        ('[[specimen]]\nname = "a"\nfibres = "load"\nrecordings = ["recordings/*"]\n',
-         "specimen.fibres: are given without [fibres]"),
+        (
+            '[[specimen]]\nname = "a"\nfibres = "load"\nrecordings = ["recordings/*"]\n',
+            "specimen.fibres: are given without [fibres]",
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_is_wrong_with_fibres_is_one_line(tmp_path: Path, text: str, words: str) -> None:
     write_fibrous(tmp_path, 2.0, [("load", 1.0)])
     (tmp_path / "specimen.toml").write_text(PULLED + text)
@@ -145,9 +133,7 @@ def test_sizes_and_slip_are_those_of_the_test_within() -> None:
 def test_typical_specimens_of_each_direction_have_a_mean_of_their_own() -> None:
     names, felt = ("a", "b", "c", "d"), np.array([1.0, 1.0, 2.0, 2.0])
     measured = felt * np.array([1.2, 0.8, 3.0, 3.3])
-    own = OwnStiffness(
-        names, np.arange(4), measured, np.asarray, kinds=("load", "load", "across", "across")
-    )
+    own = OwnStiffness(names, np.arange(4), measured, np.asarray, kinds=("load", "load", "across", "across"))
     found = own.named(felt)
     assert own.degrees == 2
     assert found["a"] * found["b"] == pytest.approx(1.0) == found["c"] * found["d"]
@@ -235,23 +221,19 @@ def test_a_diagnosis_has_the_stated_fibres_and_asks_for_an_open_ratio(tmp_path: 
     for sizes in (FibrousTest(Bar(10.0, 100.0), "across"), FibrousTest(BALL, "load")):
         models = SpecimenVariants(sizes, depth, (replace(stated, law=None),))
         found = models.follow(
-            Protocol.ramp(depth, 1.0), {"deep.C10": c10, "deep.C20": 0.0}, Solution("plain"),
-            ("deep.C10",),
-        )  # fmt: skip
+            Protocol.ramp(depth, 1.0), {"deep.C10": c10, "deep.C20": 0.0}, Solution("plain"), ("deep.C10",)
+        )
         assert not isinstance(found, Stopped)
         same = forward(sizes, depth, stated).solve({"deep.C10": c10}, ["deep.C10"]).curves[0]
         np.testing.assert_allclose(found.force_at(at), same(at), rtol=1e-4)
         slopes = found.sensitivity_at("deep.C10", at)
         np.testing.assert_allclose(slopes, same.sensitivity("deep.C10", at), rtol=1e-3)
     layers = LayeredTest(replace(BALL, thickness=17.0), (("muscle", 12.0), ("fat", 5.0)))
-    muscle = SpecimenTissue(
-        "muscle", "neo-hookean", stated={"C10": 6e-3, "fibre_ratio": 3.0}, fibrous=True
-    )
+    muscle = SpecimenTissue("muscle", "neo-hookean", stated={"C10": 6e-3, "fibre_ratio": 3.0}, fibrous=True)
     tissues, sizes = (muscle, SpecimenTissue("fat")), FibrousTest(layers, "load")
     found = SpecimenVariants(sizes, depth, tissues).follow(
-        Protocol.ramp(depth, 1.0), {"deep.C10": c10, "deep.C20": 0.0}, Solution("plain"),
-        ("deep.C10",),
-    )  # fmt: skip
+        Protocol.ramp(depth, 1.0), {"deep.C10": c10, "deep.C20": 0.0}, Solution("plain"), ("deep.C10",)
+    )
     assert not isinstance(found, Stopped)
     laws = [one.of_law("neo-hookean") for one in tissues]
     both = SpecimenForward.of_tissues((sizes,), (depth,), laws, SOFT)

@@ -10,12 +10,7 @@ import pytest
 from dolfinx import fem
 from mpi4py import MPI
 
-from legfem.fem.fields import (
-    fields_of,
-    greatest_stretch,
-    hydrostatic_pressure,
-    von_mises_stress,
-)
+from legfem.fem.fields import fields_of, greatest_stretch, hydrostatic_pressure, von_mises_stress
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
 from legfem.mechanics.contact import RigidCylinder, StiffPressure
@@ -35,20 +30,13 @@ def block(formulation: str, *mechanisms: Term) -> System:
     mesh = dolfinx.mesh.create_unit_square(MPI.COMM_SELF, 2, 2)
     cells = np.arange(8, dtype=np.int32)
     tags = dolfinx.mesh.meshtags(mesh, 2, cells, np.full(8, DEEP, dtype=np.int32))
-    ends = [
-        dolfinx.mesh.locate_entities_boundary(mesh, 1, lambda x, y=y: np.isclose(x[1], y))
-        for y in (0.0, 1.0)
-    ]
+    ends = [dolfinx.mesh.locate_entities_boundary(mesh, 1, lambda x, y=y: np.isclose(x[1], y)) for y in (0.0, 1.0)]
     facets = np.concatenate(ends)
     marks = np.repeat(np.array([BONE, SKIN], dtype=np.int32), [len(end) for end in ends])
     order = np.argsort(facets)
     facet_tags = dolfinx.mesh.meshtags(mesh, 1, facets[order], marks[order])
     model = LegModel(
-        (
-            Tissue("deep", LAW),
-            NormalContact(RigidCylinder(RADIUS), StiffPressure(STIFFNESS, 0.001)),
-            *mechanisms,
-        ),
+        (Tissue("deep", LAW), NormalContact(RigidCylinder(RADIUS), StiffPressure(STIFFNESS, 0.001)), *mechanisms),
         formulation,
     )
     spaces = build_spaces(mesh, tags, facet_tags, formulation)

@@ -90,8 +90,7 @@ def test_of_thirty_draws_of_air_nearly_all_are_consistent():
         verdicts.append(found.verdict)
         low, high = found.intervals["C10"]
         held.append(low <= TRUTH["C10"] <= high)
-        inside += [found_air(found, k)[1] <= air <= found_air(found, k)[2]
-                   for k, air in enumerate(airs)]  # fmt: skip
+        inside += [found_air(found, k)[1] <= air <= found_air(found, k)[2] for k, air in enumerate(airs)]
     assert verdicts.count("consistent") >= 28
     assert sum(held) >= 26
     assert np.mean(inside) > 0.88

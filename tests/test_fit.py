@@ -7,15 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from making_diagnosis import (
-    TRUTH,
-    ClosedForm,
-    noisy,
-    one_at_each_rate,
-    problem_of,
-    ramps,
-    two_rates,
-)
+from making_diagnosis import TRUTH, ClosedForm, noisy, one_at_each_rate, problem_of, ramps, two_rates
 from scipy.stats import truncnorm
 
 from legfem.diagnose.fit import Problem, fit
@@ -49,9 +41,7 @@ class Drag(Mechanism):
 def dragged():
     problem, base = problem_of(ramps(), seed=7)
     observed = problem.predictor.observed
-    loaded = observed.with_force(
-        observed.force + Drag().added_force({"size": 0.4, "share": 0.5}, observed)
-    )
+    loaded = observed.with_force(observed.force + Drag().added_force({"size": 0.4, "share": 0.5}, observed))
     problem = Problem(replace(problem.predictor, observed=loaded), problem.errors)
     return problem, fit(problem, [Drag()], base.values)
 
@@ -73,9 +63,12 @@ def test_an_unseen_parameter_costs_no_evidence(dragged):
     given = found.linearised
     seen = np.array(found.free) != "drag.unseen"
     without = replace(
-        given, jacobian=given.jacobian[:, seen], departure=given.departure[seen],
-        low=given.low[seen], high=given.high[seen],
-    )  # fmt: skip
+        given,
+        jacobian=given.jacobian[:, seen],
+        departure=given.departure[seen],
+        low=given.low[seen],
+        high=given.high[seen],
+    )
     one, other = evidence.of(given), evidence.of(without)
     assert one.log_evidence == pytest.approx(other.log_evidence, abs=1e-6)
     k = found.free.index("drag.unseen")
@@ -90,9 +83,7 @@ def test_a_fit_s_interval_and_derivatives_are_those_of_the_prediction(dragged):
     step = np.zeros(len(found.free))
     step[0] = 1e-4
     moved = problem.predictor(found.moved(found.departure + step), found.mechanisms)
-    np.testing.assert_allclose(
-        (moved - found.prediction) / 1e-4, found.change[:, 0], rtol=2e-3, atol=1e-3
-    )
+    np.testing.assert_allclose((moved - found.prediction) / 1e-4, found.change[:, 0], rtol=2e-3, atol=1e-3)
     assert found.at_bound == ()
 
 

@@ -95,10 +95,7 @@ def test_an_identified_leg_can_be_read_drawn_and_written(subject, tmp_path: Path
 
 def test_a_diagnosed_leg_can_be_read_drawn_and_written(subject, tmp_path: Path) -> None:
     found = lf.DiagnosedLeg(
-        subject,
-        diagnosed({"contact-onset.offset": 0.3}, asked=("contact-onset", "force-drift")),
-        0,
-        1.0,
+        subject, diagnosed({"contact-onset.offset": 0.3}, asked=("contact-onset", "force-drift")), 0, 1.0
     )
     assert found.verdict == found.diagnosis.verdict == "named"
     assert "Verdict: NAMED" in found.summary() and "Which physics" in found.summary()

@@ -109,9 +109,7 @@ def test_one_site_by_itself_is_identified_as_a_leg(tmp_path, monkeypatch, loaded
     assert asked == ["medial"]
 
 
-@pytest.mark.parametrize(
-    ("sites", "model"), [(("along", "across"), None), (("along",), "can't be told")]
-)
+@pytest.mark.parametrize(("sites", "model"), [(("along", "across"), None), (("along",), "can't be told")])
 def test_fibres_are_identified_in_3d(tmp_path, monkeypatch, sites, model) -> None:
     leg = leg_of(tmp_path, sites)
     monkeypatch.setattr(spatial, "leg_models", lambda *_: models_of(leg))
@@ -125,9 +123,7 @@ def test_fibres_are_identified_in_3d(tmp_path, monkeypatch, sites, model) -> Non
     assert found.document()[0]["model"] == "3d"
 
 
-def test_what_does_not_lie_along_a_leg_is_identified_in_3d_as_by_the_command(
-    tmp_path, monkeypatch
-) -> None:
+def test_what_does_not_lie_along_a_leg_is_identified_in_3d_as_by_the_command(tmp_path, monkeypatch) -> None:
     folder = in_space(write_subject(tmp_path / "leg"))
     toml = folder / "subject.toml"
     toml.write_text(toml.read_text().replace("[indenter]\n", "[indenter]\naxis_deg = 90.0\n"))
@@ -139,9 +135,7 @@ def test_what_does_not_lie_along_a_leg_is_identified_in_3d_as_by_the_command(
     options = ["--subject-dir", str(folder), "--model", "3d", "--law", "neo-hookean", "--quiet"]
     ran = CliRunner().invoke(identify_app, [*options, "--out", str(tmp_path / "command")])
     assert ran.exit_code == 0, ran.output
-    ours, theirs = (
-        json.loads((tmp_path / by / "result.json").read_text()) for by in ("door", "command")
-    )
+    ours, theirs = (json.loads((tmp_path / by / "result.json").read_text()) for by in ("door", "command"))
     assert ours["parameters"] == theirs["parameters"]
     with pytest.raises(lf.InputError, match=r'lf\.identify\(leg, model="3d"\)'):
         lf.identify(folder)
@@ -152,24 +146,18 @@ WRONG = {
     "no such law": ({"law": "Ogden"}, "law: 'Ogden': unknown law"),
     "no such model": ({"model": "4d"}, "model: '4d': unknown model; give 2d or 3d"),
     "no processes": ({"jobs": 0}, "jobs: 0: is no such whole number"),
-    "a correction in 3D": (
-        {"model": "3d", "correction": "own"}, "correction: own: nothing is left to correct in 3D",
-    ),
+    "a correction in 3D": ({"model": "3d", "correction": "own"}, "correction: own: nothing is left to correct in 3D"),
     "a section's mesh in 3D": ({"model": "3d", "mesh": "coarse"}, "mesh: coarse: is a section's"),
     "a leg's mesh in a plane": ({"mesh": SolidLegSettings()}, "mesh: SolidLegSettings: is no"),
-    "no emulator": (
-        {"settings": IdentificationSettings(emulator=False)}, "settings.emulator: 2 sites",
-    ),
-    "no weights": (
-        {"settings": IdentificationSettings(weighting="paper")}, "settings.weighting: 2 sites",
-    ),
+    "no emulator": ({"settings": IdentificationSettings(emulator=False)}, "settings.emulator: 2 sites"),
+    "no weights": ({"settings": IdentificationSettings(weighting="paper")}, "settings.weighting: 2 sites"),
     "fibres in a plane": ({"parameters": RATIO}, 'plane strain; solve the leg in 3D: model="3d"'),
     "no such parameter": ({"parameters": ["deep.C11"]}, "parameters: deep.C11: is no parameter"),
     "an instrument's": ({"parameters": ["instrument.gain"]}, "parameters: instrument.gain"),
     "held of all": ({"fixed": {"instrument.zero": 0.1}}, "fixed: instrument.zero"),
     "no file": ({"correction": "nowhere.json"}, "nowhere.json"),
     "no depth": ({"depth": -1.0}, "depth"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("wrong", WRONG)

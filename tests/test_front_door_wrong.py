@@ -24,9 +24,7 @@ LEG = {
         {"parameters": ["deep.C10"], "fixed": {"deep.C10": 1e-3}},
         "fixed: deep.C10: is to be identified too; leave one of them out",
     ),
-    "a unit in a value": (
-        {"fixed": {"deep.D1": "28 1/MPa"}}, "fixed: deep.D1: '28 1/MPa' is no value; give a number",
-    ),
+    "a unit in a value": ({"fixed": {"deep.D1": "28 1/MPa"}}, "fixed: deep.D1: '28 1/MPa' is no value; give a number"),
     "no number": ({"fixed": {"deep.D1": math.nan}}, "fixed: deep.D1: nan is no value"),
     "endless": ({"fixed": {"deep.D1": math.inf}}, "fixed: deep.D1: inf is no value"),
     "negative": ({"fixed": {"deep.D1": -28}}, "fixed: deep.D1=-28: is negative or nothing"),
@@ -43,7 +41,7 @@ LEG = {
     "a site of a leg without": ({"site": "back"}, "is no site of the leg; leave it out"),
     "a number for a site": ({"site": 3}, "site: 3: is no name"),
     "a specimen's": ({"leave_out": ["trial1"]}, "leave_out: given: is of no use for a leg"),
-}  # fmt: skip
+}
 SPECIMENS = {
     "a depth": ({"depth": 3.0}, "depth: given: is of no use for specimens; leave it out"),
     "a model": ({"model": "3d"}, "model: given: is of no use for specimens"),

@@ -12,11 +12,7 @@ from mpi4py import MPI
 
 from legfem.common.errors import InputError
 from legfem.correction.tabulated import smooth_ratio
-from legfem.experiments.indentation_3d import (
-    Cylinder,
-    IdealisedLegIndentation,
-    IdealisedLegSettings,
-)
+from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation, IdealisedLegSettings
 from legfem.mechanics.contact import FiniteCylinder
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings, mesh_leg
@@ -80,9 +76,7 @@ def test_the_mesh_is_a_quarter_of_the_leg():
         assert area == pytest.approx(np.pi * radius * 40, rel=0.02)
 
 
-@pytest.mark.parametrize(
-    "formulation", [pytest.param("displacement", marks=pytest.mark.slow), "mixed"]
-)
+@pytest.mark.parametrize("formulation", [pytest.param("displacement", marks=pytest.mark.slow), "mixed"])
 def test_with_held_ends_and_a_long_cylinder_3d_is_plane_strain(formulation):
     leg = IdealisedLeg(length=20, ends="held")
     cylinder = Cylinder(length=60)
@@ -107,18 +101,14 @@ def test_forces_and_works_balance():
 def test_iterations_and_factors_give_the_same_force(formulation):
     leg = IdealisedLeg(length=60)
     forces = [
-        pressed(leg, 3, linear=LinearSettings(solver=solver), formulation=formulation, depth=1.0)[
-            1
-        ].curve.force[-1]
+        pressed(leg, 3, linear=LinearSettings(solver=solver), formulation=formulation, depth=1.0)[1].curve.force[-1]
         for solver in ("direct", "iterative")
     ]
     assert forces[1] == pytest.approx(forces[0], rel=1e-6)
 
 
 def test_iterations_leave_the_supports_where_they_are():
-    test, _ = pressed(
-        IdealisedLeg(length=60), 3, linear=LinearSettings(solver="iterative", tolerance=1e-3)
-    )
+    test, _ = pressed(IdealisedLeg(length=60), 3, linear=LinearSettings(solver="iterative", tolerance=1e-3))
     system = test.system
     assert len(system.owned_supports) > 0
     assert np.all(system.unknown.x.array[system.owned_supports] == 0.0)
@@ -128,9 +118,9 @@ def test_steps_do_not_depend_on_the_linear_solver():
     walked = [
         [
             step.displacement
-            for step in pressed(
-                IdealisedLeg(length=60), 3, linear=LinearSettings(solver=solver), depth=4.0
-            )[1].report.steps
+            for step in pressed(IdealisedLeg(length=60), 3, linear=LinearSettings(solver=solver), depth=4.0)[
+                1
+            ].report.steps
         ]
         for solver in ("direct", "iterative")
     ]
@@ -150,9 +140,7 @@ def test_at_depth_too_3d_without_ends_is_plane_strain():
 
 
 def test_fields_of_the_leg_are_written(tmp_path):
-    case = CorrectionCase(
-        IdealisedLeg(length=60), settings=IdealisedLegSettings(mesh=TINY), depth=1.0
-    )
+    case = CorrectionCase(IdealisedLeg(length=60), settings=IdealisedLegSettings(mesh=TINY), depth=1.0)
     written = write_leg_fields(case, tmp_path)
     assert {path.name for path in written} >= {"fields.xdmf", "fields.h5"}
     assert all(path.exists() for path in written)
@@ -161,13 +149,13 @@ def test_fields_of_the_leg_are_written(tmp_path):
 @pytest.mark.parametrize(("c10", "c20"), [(0.2, 0.2), (5.0, 0.0), (0.2, 0.8)])
 def test_points_that_lift_off_under_shear_do_not_stop_the_solution(c10, c20):
     case = CorrectionCase(
-        IdealisedLeg(length=90), material=Material(C10_kPa=c10, C20_kPa=c20),
-        settings=IdealisedLegSettings(mesh=TINY), depth=15.0,
-    )  # fmt: skip
-    laws = case.material.laws
-    solved = IdealisedLegIndentation(case.leg, case.cylinder, laws, 3, case.settings).solve(
-        depth=case.depth
+        IdealisedLeg(length=90),
+        material=Material(C10_kPa=c10, C20_kPa=c20),
+        settings=IdealisedLegSettings(mesh=TINY),
+        depth=15.0,
     )
+    laws = case.material.laws
+    solved = IdealisedLegIndentation(case.leg, case.cylinder, laws, 3, case.settings).solve(depth=case.depth)
     assert solved.report.complete and not solved.report.earlier_attempts
 
 

@@ -179,8 +179,7 @@ def test_result_json_has_the_interfaces_fields(tmp_path: Path) -> None:
             assert parameter["unit"] == "kPa" and len(parameter["ci95"]) == 2
         assert one["schema"] and one["subject"] and one["cost"]["unit"] == "N2"
         assert len(one["curve"]["displacement_mm"]) == len(one["curve"]["force_N"]) == 80
-        assert one["identifiability"] in ("identifiable", "weakly identifiable",
-                                          "not identifiable")  # fmt: skip
+        assert one["identifiability"] in ("identifiable", "weakly identifiable", "not identifiable")
         assert {"forward_solves", "wall_s", "seed", "versions"} <= set(one)
 
 
@@ -211,8 +210,7 @@ def test_bad_input_is_one_line_and_status_2(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("folder", "law", "truth"),
-    [("neo-hookean", LAWS[0], (1.50,)), ("reduced-polynomial", LAWS[1], (0.72, 0.85))],
+    ("folder", "law", "truth"), [("neo-hookean", LAWS[0], (1.50,)), ("reduced-polynomial", LAWS[1], (0.72, 0.85))]
 )
 def test_independent_code_is_identified_within_2_percent(
     tmp_path: Path, folder: str, law: str, truth: tuple[float, ...]

@@ -36,10 +36,7 @@ POLYNOMIAL = ("reduced-polynomial",)
 
 def free(*names: str, **priors: Prior) -> list[Parameter]:
     """Return parameters of a leg, those with a prior by the term's name."""
-    return [
-        replace(parameter_of(name, NOMINAL), prior=priors.get(name.partition(".")[0]))
-        for name in names
-    ]
+    return [replace(parameter_of(name, NOMINAL), prior=priors.get(name.partition(".")[0])) for name in names]
 
 
 def said_of(found, subject) -> str:
@@ -51,9 +48,7 @@ THREE = ("deep.C10", "deep.C20", "superficial.C10")
 
 
 @pytest.mark.parametrize(("truth", "seed"), [((0.7, 0.8, 2.6), 1), ((1.6, 0.3, 1.5), 2)])
-def test_three_planted_stiffnesses_are_found(
-    tmp_path: Path, truth: tuple[float, ...], seed: int
-) -> None:
+def test_three_planted_stiffnesses_are_found(tmp_path: Path, truth: tuple[float, ...], seed: int) -> None:
     subject = pressed_leg(tmp_path, *truth[:2], seed=seed, fat=truth[2], noise=0.002)
     (found,) = identify(subject, laws=POLYNOMIAL, parameters=free(*THREE))
     assert found.converged and found.forward_solves <= 25
@@ -79,9 +74,7 @@ def test_a_prior_is_one_more_measurement(tmp_path: Path) -> None:
     names = THREE
 
     def identified(prior: Prior):
-        return identify(
-            subject, laws=POLYNOMIAL, parameters=free(*names, superficial=prior)
-        )[0]  # fmt: skip
+        return identify(subject, laws=POLYNOMIAL, parameters=free(*names, superficial=prior))[0]
 
     narrow = identified(Prior(2e-3, 2e-6)).parameters
     assert narrow["superficial.C10"].shown.value == pytest.approx(2.0, rel=2e-3)
@@ -106,9 +99,8 @@ def test_failed_solves_among_three_parameters_are_values(tmp_path: Path) -> None
     subject = pressed_leg(tmp_path, 1.0, 0.8, seed=1, fat=2.4, noise=0.01)
     prior = Prior(2e-3, math.log(1.5), "log")
     (found,) = identify(
-        subject, model=AnalyticLeg(softest=0.6), laws=POLYNOMIAL,
-        parameters=free(*THREE, superficial=prior),
-    )  # fmt: skip
+        subject, model=AnalyticLeg(softest=0.6), laws=POLYNOMIAL, parameters=free(*THREE, superficial=prior)
+    )
     failed = [solve for solve in found.search.solves if not solve.complete]
     assert len(failed) >= 3 and found.converged and found.forward_solves <= 20
     for value, one in zip((1.0, 0.8, 2.4), found.parameters.values(), strict=True):
@@ -116,9 +108,7 @@ def test_failed_solves_among_three_parameters_are_values(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
-def test_the_reduced_polynomial_never_costs_more_with_a_third_parameter(
-    tmp_path: Path, seed: int
-) -> None:
+def test_the_reduced_polynomial_never_costs_more_with_a_third_parameter(tmp_path: Path, seed: int) -> None:
     subject = pressed_leg(tmp_path, 1.5, 0.0, seed, fat=2.3)
     prior = Prior(2e-3, 1e-3)
     neo_hookean, polynomial = identify(subject, parameters=free(*THREE, superficial=prior))
@@ -129,8 +119,7 @@ def test_the_reduced_polynomial_never_costs_more_with_a_third_parameter(
 
 
 @pytest.mark.parametrize(
-    ("name", "truth", "unit"),
-    [("instrument.zero", 0.15, "N"), ("instrument.contact_offset", 0.4, "mm")],
+    ("name", "truth", "unit"), [("instrument.zero", 0.15, "N"), ("instrument.contact_offset", 0.4, "mm")]
 )
 def test_zero_and_onset_of_the_instrument_are_found_in_closed_form(
     tmp_path: Path, name: str, truth: float, unit: str
@@ -158,13 +147,12 @@ def test_zero_and_onset_of_the_instrument_are_found_in_closed_form(
 def test_a_gain_without_a_prior_is_not_told_from_stiffness(tmp_path: Path) -> None:
     subject = pressed_leg(tmp_path, 0.7, 0.8, seed=5)
     names = ("deep.C10", "instrument.gain")
-    (neo,) = identify(
-        subject, laws=("neo-hookean",), parameters=free(*names, instrument=Prior(1.0, 0.02))
-    )
+    (neo,) = identify(subject, laws=("neo-hookean",), parameters=free(*names, instrument=Prior(1.0, 0.02)))
     gain = neo.parameters["instrument.gain"]
     assert gain.unit == "-" and gain.value == pytest.approx(1.0, abs=0.2)
-    (alone,) = identify(subject, laws=POLYNOMIAL, parameters=free("instrument.gain"),
-                        fixed={"deep.C10": 0.7e-3, "deep.C20": 0.8e-3})  # fmt: skip
+    (alone,) = identify(
+        subject, laws=POLYNOMIAL, parameters=free("instrument.gain"), fixed={"deep.C10": 0.7e-3, "deep.C20": 0.8e-3}
+    )
     assert alone.forward_solves == 1 and alone.converged
     assert alone.parameters["instrument.gain"].value == pytest.approx(1.0, abs=0.02)
 
@@ -190,9 +178,7 @@ def test_the_documented_example_of_an_own_search_is_the_one_that_is_tested() -> 
     settings = space["settings"]
     assert isinstance(settings, IdentificationSettings)
     aim = np.array([0.2, 0.7])
-    found = settings.minimiser(
-        lambda genes: np.sum((genes - aim) ** 2, axis=-1), np.full((1, 2), 0.5), 0
-    )
+    found = settings.minimiser(lambda genes: np.sum((genes - aim) ** 2, axis=-1), np.full((1, 2), 0.5), 0)
     assert found.best == pytest.approx(aim, abs=0.01)
     page = Path(__file__).resolve().parents[1] / "docs" / "extending.md"
     assert "\n".join(lines) in page.read_text(encoding="utf-8")
@@ -214,9 +200,7 @@ def test_the_documented_example_of_an_own_search_is_the_one_that_is_tested() -> 
         ("instrument.contact_offset=0±0.5 mm", 0.0, 0.5, "linear"),
     ],
 )
-def test_priors_are_read_as_people_write_them(
-    text: str, centre: float, sd: float, scale: str
-) -> None:
+def test_priors_are_read_as_people_write_them(text: str, centre: float, sd: float, scale: str) -> None:
     name, prior = read_prior(text, NOMINAL)
     assert name == text.partition("=")[0].strip()
     assert (prior.centre, prior.sd) == (pytest.approx(centre), pytest.approx(sd))
@@ -238,9 +222,7 @@ def test_a_population_is_a_prior_with_its_source() -> None:
 def test_what_has_only_a_prior_is_a_nuisance_and_what_is_held_is_in_the_models_unit() -> None:
     written = Written(priors=["superficial.C10=2±1 kPa", "deep.C10=1 x/ 2 kPa"])
     roles = {one.name: one.role for one in written.parameters(NOMINAL)}
-    assert roles == {
-        "deep.C10": "identified", "deep.C20": "identified", "superficial.C10": "nuisance"
-    }  # fmt: skip
+    assert roles == {"deep.C10": "identified", "deep.C20": "identified", "superficial.C10": "nuisance"}
     assert read_value("deep.D1=28 1/MPa", NOMINAL) == ("deep.D1", 28.0)
     assert read_value("fascia.C10=50 kPa", NOMINAL) == ("fascia.C10", pytest.approx(0.05))
     with pytest.raises(InputError, match="to be identified too"):

@@ -49,9 +49,7 @@ def test_nothing_is_left_of_a_report_that_fails(tmp_path: Path) -> None:
 
 def test_tables_in_markdown() -> None:
     rows = [["a", "1"], ["b|c", "22"]]
-    assert markdown_table(["name", "n"], rows) == (
-        "| name | n |\n|---|---|\n| a | 1 |\n| borc | 22 |\n"
-    )
+    assert markdown_table(["name", "n"], rows) == ("| name | n |\n|---|---|\n| a | 1 |\n| borc | 22 |\n")
     assert markdown_table(["name", "n"], rows, aligned=True) == (
         "| name | n  |\n|------|----|\n| a    | 1  |\n| borc | 22 |\n"
     )

@@ -45,10 +45,7 @@ def linear_gaussian(p: int, seed: int = 0):
 @pytest.mark.parametrize("p", [1, 2, 3, 5])
 def test_profile_intervals_of_a_linear_gaussian_model_are_the_closed_form(p: int) -> None:
     matrix, data, covariance, weighting = linear_gaussian(p)
-    parameters = (
-        Parameter("a", "-", FREE, Prior(1.2, 0.05)),
-        *(Parameter(f"b{k}", "-", FREE) for k in range(p - 1)),
-    )
+    parameters = (Parameter("a", "-", FREE, Prior(1.2, 0.05)), *(Parameter(f"b{k}", "-", FREE) for k in range(p - 1)))
     priors = Priors(parameters)
 
     def residual(values: np.ndarray) -> np.ndarray:
@@ -110,19 +107,14 @@ def test_priors_are_departures_and_their_slopes() -> None:
     priors, at = Priors(parameters), np.array([2.5, 7.0, 4.5])
     assert len(priors) == 2 and priors.residual(at) == pytest.approx([1.0, 1.0])
     slopes = np.column_stack(
-        [
-            (priors.residual(at + move) - priors.residual(at - move)) / 2e-6
-            for move in np.eye(3) * 1e-6
-        ]
+        [(priors.residual(at + move) - priors.residual(at - move)) / 2e-6 for move in np.eye(3) * 1e-6]
     )
     assert priors.jacobian(at) == pytest.approx(slopes, abs=1e-7)
     assert priors.residual(np.tile(at, (4, 1))).shape == (4, 2)
     assert Priors(parameters[1:2]).residual(np.ones((4, 1))).shape == (4, 0)
 
 
-@pytest.mark.parametrize(
-    ("scale", "bounds"), [("log", (0.02, 30.0)), ("log", (0.0, 50.0)), ("linear", (-2.0, 3.0))]
-)
+@pytest.mark.parametrize(("scale", "bounds"), [("log", (0.02, 30.0)), ("log", (0.0, 50.0)), ("linear", (-2.0, 3.0))])
 def test_genes_span_the_bounds_and_go_back(scale: str, bounds: tuple[float, float]) -> None:
     domain = Domain((Parameter("a", "-", bounds, scale=scale),))  # type: ignore[arg-type]
     genes = np.linspace(0, 1, 21)[:, None]
@@ -144,9 +136,11 @@ def test_emulator_meets_its_samples_and_their_slopes(p: int) -> None:
     at = np.zeros((1, 0)) if p == 0 else rng.uniform(-1.0, 1.0, (2 * p + 3, p))
     step = 1e-5
     moves = step * np.eye(p)
-    slopes = np.stack(
-        [(force(at + move) - force(at - move)) / (2 * step) for move in moves], axis=1
-    ) if p else np.zeros((1, 0, len(grid)))  # fmt: skip
+    slopes = (
+        np.stack([(force(at + move) - force(at - move)) / (2 * step) for move in moves], axis=1)
+        if p
+        else np.zeros((1, 0, len(grid)))
+    )
     emulator = Emulator(Samples(at, force(at), slopes))
     assert emulator(at) == pytest.approx(force(at), rel=1e-3)
     for move in moves:
@@ -178,9 +172,16 @@ def test_words_follow_the_width_the_bound_the_model_and_the_prior() -> None:
 def by_differential_evolution(cost, starts, seed):
     """The example of `legfem.inference.minimiser`."""
     found = differential_evolution(
-        lambda columns: cost(columns.T), bounds=[(0, 1)] * starts.shape[1], x0=starts[0],
-        seed=seed, vectorized=True, updating="deferred", polish=False, popsize=8, maxiter=40,
-    )  # fmt: skip
+        lambda columns: cost(columns.T),
+        bounds=[(0, 1)] * starts.shape[1],
+        x0=starts[0],
+        seed=seed,
+        vectorized=True,
+        updating="deferred",
+        polish=False,
+        popsize=8,
+        maxiter=40,
+    )
     return Minimum(found.x, float(found.fun))
 
 
@@ -189,9 +190,7 @@ def test_minimisers_find_the_valley_where_costs_are_not_known_everywhere(minimis
     aim = np.array([0.3, 0.8, 0.55])
 
     def cost(genes: np.ndarray) -> np.ndarray:
-        value = np.sum((genes - aim) ** 2, axis=-1) + 0.02 * np.sum(
-            1 - np.cos(12 * (genes - aim)), axis=-1
-        )
+        value = np.sum((genes - aim) ** 2, axis=-1) + 0.02 * np.sum(1 - np.cos(12 * (genes - aim)), axis=-1)
         return np.where(genes[..., 0] > 0.9, np.inf, value)
 
     starts = np.full((1, 3), 0.5)
@@ -208,9 +207,7 @@ def test_intervals_of_a_variance_known_in_part_cover_as_often_as_they_say():
     number, degrees, part, rest = 20_000, 4.0, 1.5, 0.5
     seen = part * generator.chisquare(degrees, number) / degrees
     off = generator.normal(scale=np.sqrt(part + rest), size=number)
-    quantiles = student_t.isf(
-        0.025, [effective_degrees(one + rest, [(one, degrees)]) for one in seen]
-    )
+    quantiles = student_t.isf(0.025, [effective_degrees(one + rest, [(one, degrees)]) for one in seen])
     covered = np.mean(np.abs(off) < quantiles * np.sqrt(seen + rest))
     assert 0.93 < covered < 0.97
     assert effective_degrees(2.0, []) == np.inf

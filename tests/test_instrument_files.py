@@ -91,30 +91,28 @@ MANGLED = {
     "no units": (table("time,position,force", T, D, F), "'time' states no unit"),
     "unit of mass": (table("time_s,position_mm,load_kg", T, D, F), "'kg' of 'load' is no unit"),
     "no force": (table("time_s,position_mm,temperature_C", T, D, F), "no column is named"),
-    "three forces": (
-        table("time_s,position_mm,Fx_N,Fy_N,Fz_N", T, D, 0.1 * F**2, np.sin(T), F),
-        "force"),
+    "three forces": (table("time_s,position_mm,Fx_N,Fy_N,Fz_N", T, D, 0.1 * F**2, np.sin(T), F), "force"),
     "two forces": (
         table("time_s,position_mm,Force 1 (N),Force 2 (N)", T, D, F, np.sin(T)),
-        "'Force 1', 'Force 2', which differ"),
+        "'Force 1', 'Force 2', which differ",
+    ),
     "overload": (changed(plain_csv, ROW, ROW.rpartition(",")[0] + ",OVERLOAD"), "'OVERLOAD'"),
     "a missing cell": (changed(plain_csv, ROW, ROW.rpartition(",")[0] + ","), "2 cells"),
     "not a number": (changed(plain_csv, ROW, ROW.rpartition(",")[0] + ",NaN"), "isn't finite"),
     "two trials": (table("time_s,position_mm,force_N", *TWO_TRIALS), "time runs backwards"),
-    "two headers": (
-        changed(plain_csv, ROW, "time_s,displacement_mm,force_N"), "'time_s' where 3 numbers"),
-    "coarse clock": (
-        table("time_s,position_mm,force_N", np.floor(T), D, F), "time repeats"),
-    "in air": (
-        table("time_s,position_mm,force_N", T, D, 0.02 * np.sin(37 * T)), "doesn't follow"),
+    "two headers": (changed(plain_csv, ROW, "time_s,displacement_mm,force_N"), "'time_s' where 3 numbers"),
+    "coarse clock": (table("time_s,position_mm,force_N", np.floor(T), D, F), "time repeats"),
+    "in air": (table("time_s,position_mm,force_N", T, D, 0.02 * np.sin(37 * T)), "doesn't follow"),
     "clock": (
         written("a.csv", b"time,position_mm,force_N\n" + b"10:59:58.001,1.5,2.5\n" * 60),
-        "are a clock's ('10:59:58.001')"),
+        "are a clock's ('10:59:58.001')",
+    ),
     "thousands": (
         written("a.csv", b"time_s;position_mm;force_mN\n" + b"1.5;2.5;1,234.5\n" * 60),
-        "thousands' separators ('1,234.5')"),
+        "thousands' separators ('1,234.5')",
+    ),
     "no names": (written("a.csv", rows(T, D, F).encode()), "no row with the names"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", MANGLED)
@@ -137,8 +135,9 @@ def test_decimal_commas_between_commas_are_refused(tmp_path):
 
 def test_columns_may_be_named_by_hand(tmp_path):
     path = table("clock,position,Force 1 (N),Force 2 (N)", T, D, F, np.sin(T))(tmp_path)
-    run = look(path, "--time", "clock:s", "--displacement", "position:mm", "--force", "Force 1",
-               "--out", tmp_path / "out")  # fmt: skip
+    run = look(
+        path, "--time", "clock:s", "--displacement", "position:mm", "--force", "Force 1", "--out", tmp_path / "out"
+    )
     assert run.exit_code == 0, run.output
     assert "force: 'Force 1' in N, as you say" in run.output
 

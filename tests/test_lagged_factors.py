@@ -23,9 +23,7 @@ def test_lagged_factors_lead_to_the_same_state_with_fewer_factorisations():
     direct = CompressionSettings(
         newton=NewtonSettings(relative_tolerance=1e-10), linear=LinearSettings(solver="direct")
     )
-    kept = replace(
-        direct, linear=LinearSettings(solver="direct", tolerance=1e-6, kept_iterations=15)
-    )
+    kept = replace(direct, linear=LinearSettings(solver="direct", tolerance=1e-6, kept_iterations=15))
     states = {}
     for name, settings in (("direct", direct), ("kept", kept)):
         leg = LegCompression(mesh, laws, settings)

@@ -8,13 +8,7 @@ import pytest
 from legfem.common.errors import InputError
 from legfem.common.units import MPA_PER_MMHG
 from legfem.geometry.leg_shape import LegShape, corresponding
-from legfem.stocking.classes import (
-    ANKLE_MMHG,
-    CALF_SHARE,
-    ClassFit,
-    CompressionClass,
-    fitted_stocking,
-)
+from legfem.stocking.classes import ANKLE_MMHG, CALF_SHARE, ClassFit, CompressionClass, fitted_stocking
 from legfem.stocking.laplace import Stocking, stocking_load
 from studies.legs.parametric_leg import round_leg
 
@@ -93,8 +87,7 @@ def test_the_pressure_changes_smoothly_with_the_shape():
         radius = 57 + amplitude * waves
         skin = radius[:, None] * np.stack([np.cos(t), np.sin(t)], axis=1)
         return stocking_load(
-            LegShape(made.levels, {**made.contours, "skin": np.repeat(skin[None], 3, axis=0)}),
-            stocking,
+            LegShape(made.levels, {**made.contours, "skin": np.repeat(skin[None], 3, axis=0)}), stocking
         ).pressure[1]
 
     half, whole = (pressure(1 + step) - pressure(1.0) for step in (5e-4, 1e-3))

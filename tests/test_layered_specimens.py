@@ -107,9 +107,7 @@ def test_layers_are_read_from_the_top_and_stand_from_the_base() -> None:
 
 
 def test_what_is_stated_is_held_and_what_is_open_is_free() -> None:
-    open_law = identified_law(
-        "reduced-polynomial", OPEN, 5e-3, False, asked_in_writing(Written(), OPEN)
-    )
+    open_law = identified_law("reduced-polynomial", OPEN, 5e-3, False, asked_in_writing(Written(), OPEN))
     assert open_law.names == ("muscle.C10", "muscle.C20", "fat.C10", "fat.C20")
     stated = (OPEN[0], SpecimenTissue("fat", "neo-hookean", stated={"C10": 2e-3}))
     law = identified_law("neo-hookean", stated, 5e-3, False, asked_in_writing(Written(), stated))
@@ -144,10 +142,12 @@ def test_a_thickness_is_a_size_and_slip_is_the_whole_test_s() -> None:
         (('name = "muscle"', 'name = "two words"'), "layers"),
         (('name = "fat"', 'name = "fat"\nlaw = "neo-hookean"\nC20_kPa = 1.0'), "C20_kPa"),
         (('name = "fat"', 'name = "fat"\nC10_kPA = 1.0'), "did you mean 'C10_kPa'?"),
-        (("[tissue]", '[[specimen]]\nname = "a"\nrecordings = ["*.csv"]\nlayers_mm = '
-          "[1.0, 2.0, 3.0]\n[tissue]"), "3 thicknesses of 2 [[layers]]"),
+        (
+            ("[tissue]", '[[specimen]]\nname = "a"\nrecordings = ["*.csv"]\nlayers_mm = [1.0, 2.0, 3.0]\n[tissue]'),
+            "3 thicknesses of 2 [[layers]]",
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_is_wrong_with_layers_is_one_line(tmp_path: Path, change, words: str) -> None:
     (tmp_path / "specimen.toml").write_text(PUNCH.replace(*change))
     (tmp_path / "a.csv").write_text("")
@@ -173,22 +173,20 @@ def test_a_diagnosis_solves_the_open_layer_on_the_stated_one() -> None:
     at, depth, c10 = np.linspace(0.4, 1.2, 5), 1.2, 3e-3
     models = SpecimenVariants(test, depth, tissues)
     found = models.follow(
-        Protocol.ramp(depth, 1.0), {"deep.C10": c10, "deep.C20": 0.0}, Solution("plain"),
-        ("deep.C10",),
-    )  # fmt: skip
-    assert not isinstance(found, Stopped)
-    forward = SpecimenForward.of_tissues(
-        (test,), (depth,), [one.of_law("neo-hookean") for one in tissues], c10
+        Protocol.ramp(depth, 1.0), {"deep.C10": c10, "deep.C20": 0.0}, Solution("plain"), ("deep.C10",)
     )
+    assert not isinstance(found, Stopped)
+    forward = SpecimenForward.of_tissues((test,), (depth,), [one.of_law("neo-hookean") for one in tissues], c10)
     same = forward.solve({"muscle.C10": c10}, ["muscle.C10"]).curves[0]
     np.testing.assert_allclose(found.force_at(at), same(at), rtol=1e-5)
     slopes = found.sensitivity_at("deep.C10", at)
     np.testing.assert_allclose(slopes, same.sensitivity("muscle.C10", at), rtol=1e-4)
     # All stiffness alike doubled is all force doubled; the mechanism's factor is on the fat's.
     twice = models.follow(
-        Protocol.ramp(depth, 1.0), {"deep.C10": 2 * c10, "deep.C20": 0.0},
+        Protocol.ramp(depth, 1.0),
+        {"deep.C10": 2 * c10, "deep.C20": 0.0},
         Solution("plain", scaled={"superficial.C10": 2.0}),
-    )  # fmt: skip
+    )
     assert not isinstance(twice, Stopped)
     np.testing.assert_allclose(twice.force_at(at), 2 * found.force_at(at), rtol=1e-9)
     able, _ = mechanisms_of(test, Scale(depth, 1.0, 4.0, 3.0, BULK))
@@ -215,10 +213,7 @@ def sheets(tmp_path_factory: pytest.TempPathFactory) -> Path:
     entries = ""
     for name, fat in (("thin", 3.0), ("thick", 9.0)):
         press(folder, name, fat, 12.0)
-        entries += (
-            f'[[specimen]]\nname = "{name}"\nlayers_mm = [{fat}, 12.0]\n'
-            f'recordings = ["recordings/{name}.csv"]\n'
-        )
+        entries += f'[[specimen]]\nname = "{name}"\nlayers_mm = [{fat}, 12.0]\nrecordings = ["recordings/{name}.csv"]\n'
     (folder / "specimen.toml").write_text(PUNCH + entries)
     return folder
 
@@ -228,21 +223,14 @@ def test_both_layers_stiffness_is_found_from_two_thicknesses(sheets: Path) -> No
     found = lf.identify(lf.load_specimen(sheets), "neo-hookean")["neo-hookean"]
     for name, truth in (("fat.C10", FAT), ("muscle.C10", MUSCLE)):
         estimate = found.parameters[name]
-        print(
-            name,
-            estimate.value / truth - 1,
-            np.array(estimate.ci95) / truth,
-            estimate.identifiability,
-        )
+        print(name, estimate.value / truth - 1, np.array(estimate.ci95) / truth, estimate.identifiability)
         assert estimate.value == pytest.approx(truth, rel=0.05)
         assert estimate.ci95[0] < truth < estimate.ci95[1]
         assert estimate.identifiability in ("identifiable", "weakly identifiable")
 
 
 @pytest.mark.slow
-def test_one_thickness_does_not_tell_the_layers_apart_and_a_prior_does(
-    sheets: Path, tmp_path: Path
-) -> None:
+def test_one_thickness_does_not_tell_the_layers_apart_and_a_prior_does(sheets: Path, tmp_path: Path) -> None:
     entry = PUNCH.replace("thickness_mm = 5.0", "thickness_mm = 3.0")
     (tmp_path / "specimen.toml").write_text(entry)
     (tmp_path / "recordings").mkdir()
@@ -254,8 +242,18 @@ def test_one_thickness_does_not_tell_the_layers_apart_and_a_prior_does(
         print(name, estimate.value, estimate.ci95, estimate.identifiability)
     assert all(one.identifiability == "not identifiable" for one in alone.parameters.values())
     out = tmp_path / "out"
-    asked = ["--specimen-dir", str(tmp_path), "--law", "neo-hookean", "--jobs", "1",
-             "--prior", "fat.C10=2 x/ 1.05 kPa", "--out", str(out)]  # fmt: skip
+    asked = [
+        "--specimen-dir",
+        str(tmp_path),
+        "--law",
+        "neo-hookean",
+        "--jobs",
+        "1",
+        "--prior",
+        "fat.C10=2 x/ 1.05 kPa",
+        "--out",
+        str(out),
+    ]
     done = CliRunner().invoke(app, asked)
     print(done.output)
     assert done.exit_code == 0, done.output

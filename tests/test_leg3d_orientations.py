@@ -15,9 +15,7 @@ from studies.leg3d.planted import CYLINDER, Planted
 def test_a_planted_leg_has_a_site_a_way_and_states_no_ratio(tmp_path, monkeypatch):
     d = np.linspace(0.0, 7.0, 15)
     forces = {"along": 0.4 * d, "across": 0.3 * d}
-    monkeypatch.setattr(
-        orientations, "pressed_curve", lambda _, way, kept: ForceCurve(d, forces[way], {})
-    )
+    monkeypatch.setattr(orientations, "pressed_curve", lambda _, way, kept: ForceCurve(d, forces[way], {}))
     planted = Planted(fibres=3.0)
     folder = orientations.sited_folder(planted, ("along", "across"), tmp_path / "leg", 1, tmp_path)
     along, across = load_sites(folder).sites
@@ -30,9 +28,7 @@ def test_a_planted_leg_has_a_site_a_way_and_states_no_ratio(tmp_path, monkeypatc
 def test_the_hexahedra_s_cylinder_across_is_the_one_along_turned_about_its_travel():
     along, across = CYLINDER.shape(3), orientations.Across(length=CYLINDER.length).shape(3)
     for x, y, z in np.random.default_rng(1).uniform(-25, 25, (20, 3)):
-        there, turned = ufl.as_vector([float(z), float(y), float(x)]), ufl.as_vector(
-            [float(x), float(y), float(z)]
-        )  # fmt: skip
+        there, turned = ufl.as_vector([float(z), float(y), float(x)]), ufl.as_vector([float(x), float(y), float(z)])
         assert abs(float(across.gap(turned)) - float(along.gap(there))) < 1e-9
 
 

@@ -19,16 +19,7 @@ from studies.leg3d import __main__ as study
 from studies.leg3d import plants
 from studies.leg3d.__main__ import app
 from studies.leg3d.planted import TRIALS
-from studies.leg3d.plants import (
-    SOFTEST,
-    STIFFEST,
-    Found,
-    PlantResult,
-    counted,
-    drawn,
-    plant_result,
-    plant_row,
-)
+from studies.leg3d.plants import SOFTEST, STIFFEST, Found, PlantResult, counted, drawn, plant_result, plant_row
 from studies.leg3d.real import PlantedInLeg
 
 MODELS = ("3d", "2d, the table's nearest leg", "2d, no correction")
@@ -76,9 +67,7 @@ def test_the_last_of_many_plants_are_the_same_by_themselves(tmp_path, monkeypatc
     def rows(*asked: str) -> list[str]:
         told = CliRunner().invoke(app, ["--plants", "4", *asked, "--out", str(tmp_path)])
         assert told.exit_code == 0, told.output
-        return [
-            row for row in told.output.splitlines() if row.startswith("| ") and row[2].isdigit()
-        ]
+        return [row for row in told.output.splitlines() if row.startswith("| ") and row[2].isdigit()]
 
     assert len(rows()) == 4 and rows("--first", "3") == rows()[2:]
 
@@ -91,11 +80,7 @@ def test_a_first_plant_has_to_be_one_of_many(tmp_path, asked):
 
 def test_a_folder_of_one_s_own_gets_a_lab_s_recordings_unless_it_has_some(tmp_path, monkeypatch):
     folder = tmp_path / "leg"
-    shutil.copytree(
-        RESOURCES / "frauziols" / "subjects" / "3",
-        folder,
-        ignore=shutil.ignore_patterns("recordings"),
-    )
+    shutil.copytree(RESOURCES / "frauziols" / "subjects" / "3", folder, ignore=shutil.ignore_patterns("recordings"))
     toml = folder / "subject.toml"
     whole = toml.read_text(encoding="utf-8")
     planted = PlantedInLeg(folder, 1.0, fibres=2.0, depth=8.0)

@@ -18,9 +18,7 @@ from legfem.subjects.loading import load_subject
 
 DEPTH = 4.0
 COARSE = SolidLegSettings(
-    mesh=SolidMeshSettings(
-        skin_size=30.0, inside_size=40.0, bone_size=20.0, layer_elements=0.2, turn_elements=3.0
-    ),
+    mesh=SolidMeshSettings(skin_size=30.0, inside_size=40.0, bone_size=20.0, layer_elements=0.2, turn_elements=3.0),
     contact_size=4.5,
 )
 

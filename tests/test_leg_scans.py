@@ -33,10 +33,7 @@ def sources(leg_files: Path) -> dict[str, LegSource]:
         "nifti": LegSource("leg.nii.gz", volume=read_volume(leg_files / "leg.nii.gz")),
         "oblique": LegSource("turned.nii", volume=read_volume(leg_files / "turned.nii")),
         "stl": LegSource("surfaces", surfaces=surfaces),
-        "vtp": LegSource(
-            "surfaces",
-            surfaces=read_surfaces({part: [leg_files / f"{part}.vtp"] for part in PARTS}),
-        ),
+        "vtp": LegSource("surfaces", surfaces=read_surfaces({part: [leg_files / f"{part}.vtp"] for part in PARTS})),
         "csv": LegSource("sections.csv", contours=leg_files / "sections.csv"),
     }
 
@@ -57,9 +54,7 @@ def test_the_force_is_the_same_from_label_volume_surfaces_and_cross_sections(tmp
     force = {}
     for kind in WITHIN:
         section = f"{entry_of(leg_files, kind)}\nlevel_mm = {LEVEL}"
-        leg = subject_of_scan(
-            tmp_path / kind, section, "aim_mm = [3.0, 0.0]\ndirection_deg = 270.0"
-        )
+        leg = subject_of_scan(tmp_path / kind, section, "aim_mm = [3.0, 0.0]\ndirection_deg = 270.0")
         test = PlaneStrainIndentation.of_subject(leg)
         solved = test.solve({"deep.C10": 1e-3, "deep.C20": 1e-3}, depth=20.0)
         force[kind] = solved.curve([5.0, 10.0, 15.0, 20.0])
@@ -94,8 +89,7 @@ def _filled(surface, level: float, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 @pytest.mark.skipif(not REAL.is_dir(), reason="needs ../shared/data/leg_geometry")
 def test_the_force_on_a_real_leg_is_the_same_from_all_three(tmp_path):
     names = {part: REAL / f"right_{part}.stl" for part in PARTS}
-    surfaces = {part: faces[0] for part, faces in read_surfaces(
-        {part: [file] for part, file in names.items()}).items()}  # fmt: skip
+    surfaces = {part: faces[0] for part, faces in read_surfaces({part: [file] for part, file in names.items()}).items()}
     spacing = np.array([0.8, 0.8, 1.0])
     low = np.array([*surfaces["skin"].bounds[0, :2] - 5.0, 255.0])
     high = np.array([*surfaces["skin"].bounds[1, :2] + 5.0, 345.0])
@@ -130,8 +124,7 @@ def test_muscles_may_have_a_surface_or_a_loop_each(tmp_path, leg_files, sources)
     rows = (leg_files / "sections.csv").read_text().splitlines()
     kept = [row for row in rows if not row.startswith("50,muscle_hull")]
     for loop, side in enumerate((hull & _half(1.0), hull & _half(-1.0))):
-        kept += [f"50,muscle_hull,{loop},{i},{x:.4f},{y:.4f}"
-                 for i, (x, y) in enumerate(side.exterior.coords[:-1])]  # fmt: skip
+        kept += [f"50,muscle_hull,{loop},{i},{x:.4f},{y:.4f}" for i, (x, y) in enumerate(side.exterior.coords[:-1])]
     (tmp_path / "muscles.csv").write_text("\n".join(kept) + "\n")
     source = LegSource("muscles", contours=tmp_path / "muscles.csv")
     assert source.outlines(plane)["muscle_hull"].area == pytest.approx(hull.area, rel=2e-3)
@@ -148,14 +141,10 @@ def _half(side: float) -> Polygon:
 def test_what_geometry_writes_of_a_scan_is_read_as_a_stockings_leg(tmp_path, leg_files):
     options = [f"--surface={part}={leg_files}/{part}.stl" for part in PARTS]
     leg = made_leg(tmp_path / "leg", *options, "--level", "50")
-    assert leg.section.skin[:, 1].max() == pytest.approx(
-        sum(ellipse("skin", 50.0)[[1, 3]]), abs=0.1
-    )
+    assert leg.section.skin[:, 1].max() == pytest.approx(sum(ellipse("skin", 50.0)[[1, 3]]), abs=0.1)
     shape = read_shape(tmp_path / "leg" / "cross-sections.csv")
     assert shape.length >= 40.0 and shape.bones == ("tibia", "fibula")
-    assert shape.at("skin", 50.0)[:, 1].max() == pytest.approx(
-        leg.section.skin[:, 1].max(), abs=0.1
-    )
+    assert shape.at("skin", 50.0)[:, 1].max() == pytest.approx(leg.section.skin[:, 1].max(), abs=0.1)
     again = LegSource("again", contours=tmp_path / "leg" / "cross-sections.csv")
     cut = again.outlines(CuttingPlane.at_level(50.0))["skin"]
     assert cut.hausdorff_distance(Polygon(outline("skin", 50.0))) < 0.1

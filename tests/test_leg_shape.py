@@ -13,12 +13,7 @@ from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape, corresponding, shape_of_contours
 from legfem.geometry.shape_checks import check_shape
 from legfem.geometry.shape_file import read_shape, write_shape
-from legfem.geometry.shape_measures import (
-    fat_thickness_around,
-    horizontal_curvature,
-    largest_girth,
-    perimeter,
-)
+from legfem.geometry.shape_measures import fat_thickness_around, horizontal_curvature, largest_girth, perimeter
 from legfem.geometry.shape_motion import displaced, rigidly_moved, without_layer
 from legfem.geometry.shape_smoothing import smoothed
 from legfem.geometry.shape_surface import PartSurface
@@ -67,9 +62,7 @@ def test_perimeter_curvature_and_fat_of_circles():
     shape = cone()
     radius = 50 + 0.1 * shape.levels
     assert perimeter(shape) == pytest.approx(2 * np.pi * radius, rel=2e-4)
-    assert horizontal_curvature(shape) == pytest.approx(
-        np.broadcast_to(1 / radius[:, None], (13, 120)), rel=1e-4
-    )
+    assert horizontal_curvature(shape) == pytest.approx(np.broadcast_to(1 / radius[:, None], (13, 120)), rel=1e-4)
     assert horizontal_curvature(shape, "fibula") == pytest.approx(1 / 6, rel=1e-3)
     fat = fat_thickness_around(shape)
     assert fat.min() == pytest.approx(7, abs=0.02)
@@ -103,9 +96,7 @@ def test_a_rigid_motion_is_undone_by_its_inverse():
             continue
         wanted = {"skin": 50 + 0.1 * back.levels, "hull": 42 + 0.1 * back.levels, "tibia": 12.0}
         radius = np.linalg.norm(back.contours[part] - centre, axis=2)
-        assert radius == pytest.approx(
-            np.broadcast_to(np.atleast_1d(wanted[part])[:, None], radius.shape), abs=2e-3
-        )
+        assert radius == pytest.approx(np.broadcast_to(np.atleast_1d(wanted[part])[:, None], radius.shape), abs=2e-3)
 
 
 def test_a_deformed_shape_is_cut_at_its_new_levels():
@@ -114,9 +105,11 @@ def test_a_deformed_shape_is_cut_at_its_new_levels():
     move = np.zeros_like(points)
     move[..., 2] = 0.2 * points[..., 2]
     move[..., :2] = 0.01 * points[..., 2:3] * np.array([1.0, 0.0])
-    others = {p: np.concatenate([np.zeros_like(shape.contours[p]),
-                                 0.2 * shape.points(p)[..., 2:]], axis=2)
-              for p in shape.parts if p != "skin"}  # fmt: skip
+    others = {
+        p: np.concatenate([np.zeros_like(shape.contours[p]), 0.2 * shape.points(p)[..., 2:]], axis=2)
+        for p in shape.parts
+        if p != "skin"
+    }
     now = displaced(shape, {"skin": move, **others}, [30.0, 36.0])
     centre = now.at("skin", 36.0).mean(axis=0)
     assert centre == pytest.approx([3 + 0.01 * 30, 2], abs=1e-3)
@@ -227,8 +220,6 @@ def test_a_layer_taken_out_leaves_fat_and_bones_as_thick_as_they_were():
     for part, radius in (("skin", 50.0), ("hull", 42.0)):
         across = thin.contours[part] - leg.contours[part].mean(axis=1, keepdims=True)
         wanted = radius + 0.1 * leg.levels[:, None] - 0.6
-        np.testing.assert_allclose(
-            np.linalg.norm(across, axis=-1), wanted + 0 * across[..., 0], rtol=1e-4
-        )
+        np.testing.assert_allclose(np.linalg.norm(across, axis=-1), wanted + 0 * across[..., 0], rtol=1e-4)
     np.testing.assert_array_equal(thin.contours["tibia"], leg.contours["tibia"])
     np.testing.assert_allclose(fat_thickness_around(thin), fat_thickness_around(leg), atol=0.01)

@@ -20,9 +20,8 @@ from legfem.subjects.subject import Subject
 
 GRID = np.linspace(0, 25, 51)
 BASE = TabulatedCorrection(
-    "a leg", GRID, np.array([0.5, 5.0]), np.array([0.0, 0.5]),
-    np.full((2, 2, 51), -0.1), {"mesh": np.full(51, 0.01)},
-)  # fmt: skip
+    "a leg", GRID, np.array([0.5, 5.0]), np.array([0.0, 0.5]), np.full((2, 2, 51), -0.1), {"mesh": np.full(51, 0.01)}
+)
 
 
 def made() -> LegCorrections:
@@ -30,10 +29,14 @@ def made() -> LegCorrections:
     radius, depth = np.array([50.0, 60.0]), np.array([0.75, 1.0, 1.25])
     change = 0.01 * (radius[:, None] - 55) + 0.2 * (depth[None, :] - 1)
     return LegCorrections(
-        radius, depth, GRID, np.array([0.5, 5.0]), np.array([0.0]),
+        radius,
+        depth,
+        GRID,
+        np.array([0.5, 5.0]),
+        np.array([0.0]),
         np.broadcast_to(change[..., None, None, None], (2, 3, 2, 1, 51)),
         {"layers": np.full(51, 0.02)},
-    )  # fmt: skip
+    )
 
 
 def measured(folder: Path, toml: str = "") -> Subject:
@@ -56,18 +59,14 @@ def test_a_leg_beyond_the_table_takes_its_nearest_entry_and_says_so():
 
 def test_a_file_holds_the_table(tmp_path: Path):
     found = read_leg_corrections(made().write(tmp_path / "legs.json"))
-    assert found.of_leg(BASE, 52.0, 50.0).values == pytest.approx(
-        made().of_leg(BASE, 52.0, 50.0).values
-    )
+    assert found.of_leg(BASE, 52.0, 50.0).values == pytest.approx(made().of_leg(BASE, 52.0, 50.0).values)
 
 
 @pytest.mark.parametrize("break_it", ["missing", "text", "kind", "shape", "errors", "list"])
 def test_a_bad_table_is_one_line(tmp_path: Path, break_it: str):
     path = made().write(tmp_path / "legs.json")
     content = json.loads(path.read_text())
-    change = {
-        "kind": {"kind": "other"}, "shape": {"radius_mm": [1.0]}, "errors": {"errors": None},
-    }  # fmt: skip
+    change = {"kind": {"kind": "other"}, "shape": {"radius_mm": [1.0]}, "errors": {"errors": None}}
     if break_it == "missing":
         path = tmp_path / "none.json"
     elif break_it in ("text", "list"):
@@ -87,9 +86,7 @@ def test_depth_to_the_bone_is_measured_from_first_contact(tmp_path: Path):
     assert found == pytest.approx(expected, abs=0.1)
 
 
-def test_a_measured_leg_gets_its_own_correction_by_default(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_measured_leg_gets_its_own_correction_by_default(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     leg = measured(tmp_path)
     monkeypatch.setattr("legfem.correction.choice.LEGS", tmp_path / "none.json")
     assert why_uncorrected(leg) is None

@@ -19,16 +19,12 @@ from legfem.mechanics.materials import ExponentialStiffening, NeoHookean, Reduce
 
 LAWS = [
     pytest.param(NeoHookean(C10=1.2e-3, D1=28.0), id="neo-hookean"),
-    pytest.param(
-        ReducedPolynomial(C10=0.7e-3, D1=28.0, C20=0.8e-3, D2=14.0), id="reduced-polynomial"
-    ),
+    pytest.param(ReducedPolynomial(C10=0.7e-3, D1=28.0, C20=0.8e-3, D2=14.0), id="reduced-polynomial"),
     pytest.param(ReducedPolynomial(C10=0.7e-3, D1=28.0, C20=0.8e-3), id="without-D2"),
     pytest.param(NeoHookean(C10=0.1, D1=22.5), id="fascia"),
     pytest.param(Yeoh(C10=0.7e-3, D1=28.0, C20=0.3e-3, C30=0.6e-3), id="yeoh"),
     pytest.param(
-        ExponentialStiffening(
-            C10=0.7e-3, D1=28.0, C20=0.3e-3, D2=14.0, stiffening=0.5e-3, exponent=1.4
-        ),
+        ExponentialStiffening(C10=0.7e-3, D1=28.0, C20=0.3e-3, D2=14.0, stiffening=0.5e-3, exponent=1.4),
         id="exponential",
     ),
 ]
@@ -62,11 +58,7 @@ def _slopes(law, F: np.ndarray) -> tuple[float, float, float]:
     C20, D2 = getattr(law, "C20", 0.0), getattr(law, "D2", math.inf)
     exponential = getattr(law, "stiffening", 0) * np.expm1(getattr(law, "exponent", 1) * stretch)
     third = 3 * getattr(law, "C30", 0.0) * stretch**2
-    return (
-        law.C10 + 2 * C20 * stretch + third + exponential,
-        2 * (J - 1) / law.D1 + 4 * (J - 1) ** 3 / D2,
-        J,
-    )
+    return (law.C10 + 2 * C20 * stretch + third + exponential, 2 * (J - 1) / law.D1 + 4 * (J - 1) ** 3 / D2, J)
 
 
 def _random_gradients(count: int, seed: int = 1) -> list[np.ndarray]:
@@ -145,9 +137,7 @@ def test_any_state(law):
         dI, dJ, J = _slopes(law, F)
         inverse = np.linalg.inv(F).T
         isochoric = 2 * dI * J ** (-2 / 3) * (F - np.trace(F.T @ F) / 3 * inverse)
-        np.testing.assert_allclose(
-            _first_piola(law, F), isochoric + dJ * J * inverse, rtol=1e-11, atol=1e-16
-        )
+        np.testing.assert_allclose(_first_piola(law, F), isochoric + dJ * J * inverse, rtol=1e-11, atol=1e-16)
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -174,9 +164,7 @@ def test_frame_indifference(law):
         Q = np.linalg.qr(rng.standard_normal((3, 3)))[0]
         Q *= np.linalg.det(Q)
         assert _energy(law, Q @ F) == pytest.approx(_energy(law, F), rel=1e-12)
-        np.testing.assert_allclose(
-            _first_piola(law, Q @ F), Q @ _first_piola(law, F), rtol=1e-10, atol=1e-16
-        )
+        np.testing.assert_allclose(_first_piola(law, Q @ F), Q @ _first_piola(law, F), rtol=1e-10, atol=1e-16)
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -242,8 +230,7 @@ def test_plane_strain_divides_by_the_three_dimensional_volume_ratio():
 
 
 @pytest.mark.parametrize(
-    "field, value",
-    [("C10", 0.0), ("C10", -1e-3), ("D1", math.nan), ("C20", -1e-3), ("D2", 0.0), ("D1", math.inf)],
+    "field, value", [("C10", 0.0), ("C10", -1e-3), ("D1", math.nan), ("C20", -1e-3), ("D2", 0.0), ("D1", math.inf)]
 )
 def test_impossible_parameters_are_refused(field, value):
     good = ReducedPolynomial(C10=1e-3, D1=28.0, C20=1e-3, D2=28.0)

@@ -64,9 +64,7 @@ def test_a_reading_is_what_integrating_the_strength_says(drifting):
     free = fit(problem, [DRIFT], base.values).free
     k = free.index(name)
     assert told.mean[k] == pytest.approx(float(weights @ z), abs=0.02)
-    assert told.covariance[k, k] == pytest.approx(
-        float(weights @ z**2 - (weights @ z) ** 2), rel=0.1
-    )
+    assert told.covariance[k, k] == pytest.approx(float(weights @ z**2 - (weights @ z) ** 2), rel=0.1)
     assert told.mean[free.index("C10")] == pytest.approx(float(weights @ stiffness), abs=0.01)
 
 
@@ -161,7 +159,7 @@ def test_a_folder_states_what_was_measured(folder):
         (['effect = "dermis"\nsd = 0.1'], "measured.0.value", "add it"),
         (['effect = "dermis"\nvalue = 0.1\nsd = 0.1'] * 2, "measured.1.effect", "mean"),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_reading_is_one_line(folder, tables, field, remedy):
     with pytest.raises(InputError) as error:
         accuracy_of(load_subject(stated(folder, *tables)))

@@ -25,9 +25,7 @@ def blank():
     return observations(two_rates())
 
 
-@pytest.mark.parametrize(
-    "mechanism", [m for m in mechanisms() if m.name != "end-effects"], ids=lambda m: m.name
-)
+@pytest.mark.parametrize("mechanism", [m for m in mechanisms() if m.name != "end-effects"], ids=lambda m: m.name)
 def test_a_mechanism_vanishes_at_its_null(mechanism, blank):
     """Whatever its other parameters are: those that a search begins from, and odd ones.
 
@@ -43,9 +41,8 @@ def test_a_mechanism_vanishes_at_its_null(mechanism, blank):
 
 
 @pytest.mark.parametrize(
-    "mechanism", [m for m in mechanisms() if not isinstance(m, TissueMechanism)],
-    ids=lambda m: m.name,
-)  # fmt: skip
+    "mechanism", [m for m in mechanisms() if not isinstance(m, TissueMechanism)], ids=lambda m: m.name
+)
 def test_a_mechanism_that_needs_no_solution_does_something_off_its_null(mechanism, blank):
     observed, predictor = blank
     for values in mechanism.starts(observed):
@@ -150,9 +147,7 @@ class Lifted(Mechanism):
 
     name: ClassVar[str] = "lifted"
     statement: ClassVar[str] = "the leg was lifted"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        strength("size", "N", "of the lift", 0.1, (0.0, 2.0)),
-    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (strength("size", "N", "of the lift", 0.1, (0.0, 2.0)),)
     next_experiment: ClassVar[str] = "leave it where it is"
 
 

@@ -17,10 +17,14 @@ from legfem.meshing.motion import MeshMotion
 from legfem.meshing.section import SectionMesh, mesh_section, moved_section_mesh
 
 MOTIONS = [
-    *(MeshMotion(part, arc, size=size) for part in ("skin", "fascia")
-      for arc, size in ((0.0, 1.0), (0.0, -1.0), (40.0, 1.0), (-20.0, -1.0))),
-    MeshMotion("bones", size=1.0), MeshMotion("bones", size=-1.0),
-]  # fmt: skip
+    *(
+        MeshMotion(part, arc, size=size)
+        for part in ("skin", "fascia")
+        for arc, size in ((0.0, 1.0), (0.0, -1.0), (40.0, 1.0), (-20.0, -1.0))
+    ),
+    MeshMotion("bones", size=1.0),
+    MeshMotion("bones", size=-1.0),
+]
 
 
 @pytest.fixture(scope="module")
@@ -71,8 +75,7 @@ def test_an_outline_moves_by_the_size_at_the_hat_s_top_and_not_beyond_its_foot(m
     arc = (shapely.line_locate_point(skin, touch) + motion.arc) % skin.length
     top = np.array(shapely.line_interpolate_point(skin, arc).coords)
     if motion.outline == "fascia":
-        top = np.array(shapely.ops.nearest_points(ring(section, "fascia"), shapely.Point(top))[0]
-                       .coords)  # fmt: skip
+        top = np.array(shapely.ops.nearest_points(ring(section, "fascia"), shapely.Point(top))[0].coords)
     moved = shift(motion, top, leg, plain)[0]
     assert np.linalg.norm(moved) == pytest.approx(abs(motion.size), rel=0.1)
     outline = section.polygon(motion.outline)
@@ -113,9 +116,7 @@ def test_the_fascia_keeps_its_thickness(leg, plain):
     inner = inner_face(section)
     outer_ring = ring(section, "fascia")
     outer = shapely.get_coordinates(
-        shapely.line_interpolate_point(
-            outer_ring, shapely.line_locate_point(outer_ring, shapely.points(inner))
-        )
+        shapely.line_interpolate_point(outer_ring, shapely.line_locate_point(outer_ring, shapely.points(inner)))
     )
     apart = shift(motion, outer, leg, plain) - shift(motion, inner, leg, plain)
     assert np.linalg.norm(apart, axis=1).max() < 0.1
@@ -164,9 +165,8 @@ def moved_section(section: LegSection, motion: MeshMotion, plain: SectionMesh) -
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "motion", [MeshMotion("skin", size=1.0), MeshMotion("fascia", size=1.0), MeshMotion("bones")],
-    ids=str,
-)  # fmt: skip
+    "motion", [MeshMotion("skin", size=1.0), MeshMotion("fascia", size=1.0), MeshMotion("bones")], ids=str
+)
 def test_the_force_s_change_agrees_with_that_of_another_mesh_of_the_moved_contours(motion):
     """Within the noise that another mesh brings (that of two meshes of one leg), and a tenth."""
     from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings

@@ -19,15 +19,7 @@ from legfem.common.errors import InputError
 from legfem.fem.compat import cell_nodes
 from legfem.geometry.section import LegSection
 from legfem.meshing.gmsh_mesh import generate, gmsh_model
-from legfem.meshing.section import (
-    BONE,
-    REGIONS,
-    SKIN,
-    SectionMesh,
-    SectionMeshSettings,
-    first_touch,
-    mesh_section,
-)
+from legfem.meshing.section import BONE, REGIONS, SKIN, SectionMesh, SectionMeshSettings, first_touch, mesh_section
 
 
 @pytest.fixture(scope="module")
@@ -55,9 +47,7 @@ def test_regions_have_the_areas_of_the_contours(section, meshed):
     polygons = {part: section.polygon(part) for part in ("skin", "fascia", "tibia", "fibula")}
     inside = polygons["fascia"].area - polygons["tibia"].area - polygons["fibula"].area
     layer = section.fascia_thickness * polygons["fascia"].length
-    assert areas["superficial"] == pytest.approx(
-        polygons["skin"].area - polygons["fascia"].area, rel=2e-3
-    )
+    assert areas["superficial"] == pytest.approx(polygons["skin"].area - polygons["fascia"].area, rel=2e-3)
     assert areas["fascia"] == pytest.approx(layer, rel=1e-2)
     assert areas["deep"] == pytest.approx(inside - layer, rel=2e-3)
 
@@ -108,15 +98,14 @@ def test_the_fascia_is_one_layer_of_its_thickness(section, meshed):
 def test_refining_divides_all_lengths(section):
     settings = SectionMeshSettings()
     finer = settings.refined(2.0)
-    assert (finer.contact_size, finer.far_size) == (
-        settings.contact_size / 2, settings.far_size / 2,
-    )  # fmt: skip
+    assert (finer.contact_size, finer.far_size) == (settings.contact_size / 2, settings.far_size / 2)
     indenter = subject_3()[1]
     sizes = [
         mesh_section(section, indenter.radius, indenter.aim, indenter.direction, s)
-        .mesh.topology.index_map(2).size_global
+        .mesh.topology.index_map(2)
+        .size_global
         for s in (COARSE, COARSE.refined(2.0))
-    ]  # fmt: skip
+    ]
     assert 2.5 < sizes[1] / sizes[0] < 4.5
 
 
@@ -189,9 +178,13 @@ except typer.Exit as end:
     folder = Path(__file__).parent
     paths = os.pathsep.join([str(folder), str(folder.parent)])
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60,
-        env={**os.environ, "PYTHONPATH": paths}, cwd=folder.parent,
-    )  # fmt: skip
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env={**os.environ, "PYTHONPATH": paths},
+        cwd=folder.parent,
+    )
     assert done.returncode == 2, done.stderr
     assert done.stderr.count("\n") == 1
     assert done.stderr.startswith("contours: mesh: gmsh was given up after 0.2 s; check the")

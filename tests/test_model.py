@@ -30,8 +30,13 @@ def test_parameters_have_full_names(model):
     assert model.parameters["indenter.radius"] == 15.0
     assert model.parameters["contact.stiffness"] == 0.5
     assert {name.split(".")[0] for name in model.parameters} == {
-        "superficial", "fascia", "deep", "indenter", "contact", "friction",
-    }  # fmt: skip
+        "superficial",
+        "fascia",
+        "deep",
+        "indenter",
+        "contact",
+        "friction",
+    }
 
 
 def test_terms_are_found_by_place_and_name(model):
@@ -98,12 +103,6 @@ def test_parameters_change_without_compiling():
     system = pressed_block()
     soft = _force(system)
     system.set_parameters(
-        {
-            "deep.C10": 2e-3,
-            "deep.C20": 1e-3,
-            "deep.D1": 14.0,
-            "contact.stiffness": 0.4,
-            "friction.stiffness": 0.4,
-        }
+        {"deep.C10": 2e-3, "deep.C20": 1e-3, "deep.D1": 14.0, "contact.stiffness": 0.4, "friction.stiffness": 0.4}
     )
     assert _force(system) == pytest.approx(2 * soft, rel=1e-8)

@@ -84,8 +84,7 @@ def test_readings_err_by_more_than_is_stated_and_only_where_there_is_a_number():
     assert can_be_made(Readings((dermis,)), case)
     assert not can_be_made(Readings((mechanism_named("viscoelasticity"),)), case)
     generator = np.random.default_rng(3)
-    drawn = [readings_of([mechanism_named("indenter-tilt")], case, LEG, generator)[0]
-             for _ in range(400)]  # fmt: skip
+    drawn = [readings_of([mechanism_named("indenter-tilt")], case, LEG, generator)[0] for _ in range(400)]
     off = np.array([one.value for one in drawn]) - read("indenter-tilt", case)
     assert drawn[0].sd == mechanism_named("indenter-tilt").measured_sd
     assert 1.1 < np.std(off) / drawn[0].sd < 2.0

@@ -37,9 +37,7 @@ def blank():
     """A leg's observations and force, with changes that differ from geometry to geometry."""
     observed, predictor = observations(ramps())
     force = predictor({"C10": 1.0, "C20": 0.8})
-    geometric = {
-        own.name: 0.01 * np.cos((k + 1) * GRID / 15) for k, own in enumerate(displaced_geometries())
-    }
+    geometric = {own.name: 0.01 * np.cos((k + 1) * GRID / 15) for k, own in enumerate(displaced_geometries())}
     return observed, force, Nuisances(GRID, geometric, {"superficial.C10": fat(GRID)})
 
 
@@ -56,8 +54,7 @@ def test_an_effect_is_the_force_times_its_relative_change_by_one_standard_deviat
 def test_effects_of_geometry_follow_what_is_stated_of_the_leg(blank):
     observed, force, nuisances = blank
     usual = dict(nuisances.effects(observed, force, Accuracy()))
-    worse = dict(nuisances.effects(
-        observed, force, Accuracy(2 * CONTOUR_SD_MM, 3 * AIM_SD_MM)))  # fmt: skip
+    worse = dict(nuisances.effects(observed, force, Accuracy(2 * CONTOUR_SD_MM, 3 * AIM_SD_MM)))
     assert list(usual) == list(worse)
     for name, effect in usual.items():
         outline = "outline" in name or "bones" in name
@@ -85,10 +82,7 @@ def test_modes_of_an_outline_have_its_error_s_covariance_along_the_arc(blank):
         hats = [g for g in displaced_geometries() if g.name.startswith(f"outline of the {part}")]
         arcs = np.array([g.moved.arc for g in hats])
         apart = (arcs[:, None] - arcs[None, :]) / CONTOUR_ARC_MM
-        each = np.array([
-            force * CubicSpline(GRID, nuisances.geometric[g.name])(observed.displacement)
-            for g in hats
-        ])  # fmt: skip
+        each = np.array([force * CubicSpline(GRID, nuisances.geometric[g.name])(observed.displacement) for g in hats])
         expected = each.T @ np.exp(-0.5 * apart**2) @ each
         found = modes.T @ modes
         shallow = observed.displacement < GRID[0]

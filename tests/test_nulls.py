@@ -19,9 +19,8 @@ from studies.nulls.curves import clean_curve, clean_folders
 
 CROSSCHECK = Path(__file__).parent / "data" / "crosscheck"
 OUTCOME = NullOutcome(
-    "all", "neo-hookean", 1, "named", (("preconditioning",),), 0.2, 1.4, (1.3, 1.45), 1.5,
-    0.01, 4.0, 5.0,
-)  # fmt: skip
+    "all", "neo-hookean", 1, "named", (("preconditioning",),), 0.2, 1.4, (1.3, 1.45), 1.5, 0.01, 4.0, 5.0
+)
 
 
 def test_every_condition_has_recordings_of_every_curve():

@@ -66,8 +66,9 @@ def test_a_file_a_trial_is_not_remarked_on():
     found = observed(*[Protocol.cycle(15.0, rate, 20.0) for rate in (0.5, 0.5, 2.0, 2.0)])
     assert found.remarks == ()
     assert [p.label for p in found.protocols] == [
-        "0.5 mm/s to 15 mm, hold, unloading", "2 mm/s to 15 mm, hold, unloading",
-    ]  # fmt: skip
+        "0.5 mm/s to 15 mm, hold, unloading",
+        "2 mm/s to 15 mm, hold, unloading",
+    ]
     assert untestable(found) == {}
 
 
@@ -86,10 +87,15 @@ def test_trials_with_different_air_are_repeats_of_one_programme(airs, to_one_dep
     if not to_one_depth:
         shortest = min(recording.displacement.max() for recording in recordings)
         recordings = [
-            Recording(*(column[: np.argmax(r.displacement > shortest - 0.05)]
-                        for column in (r.time, r.displacement, r.force)), r.trial)
+            Recording(
+                *(
+                    column[: np.argmax(r.displacement > shortest - 0.05)]
+                    for column in (r.time, r.displacement, r.force)
+                ),
+                r.trial,
+            )
             for r in recordings
-        ]  # fmt: skip
+        ]
     found = observe(recordings, INSTRUMENT, starts_at_contact=False)
     assert found.repeats == 3
     assert len(found.protocols) == 1
@@ -101,9 +107,12 @@ def test_trials_with_different_air_are_repeats_of_one_programme(airs, to_one_dep
 
 def test_other_rates_depths_or_phases_are_other_programmes():
     given = [
-        Protocol.ramp(15.0, 0.5), Protocol.ramp(15.0, 0.6), Protocol.ramp(12.0, 0.5),
-        Protocol.cycle(15.0, 0.5, 20.0), Protocol.cycle(15.0, 0.5, 30.0),
-    ]  # fmt: skip
+        Protocol.ramp(15.0, 0.5),
+        Protocol.ramp(15.0, 0.6),
+        Protocol.ramp(12.0, 0.5),
+        Protocol.cycle(15.0, 0.5, 20.0),
+        Protocol.cycle(15.0, 0.5, 30.0),
+    ]
     assert len(observed(*given).protocols) == 5
 
 

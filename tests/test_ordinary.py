@@ -28,12 +28,16 @@ def distance(residual):
 @pytest.mark.parametrize(
     ("effects", "recordings"),
     [
-        ({"viscoelasticity.ratio": 0.5, "viscoelasticity.relaxation_time": 8.0,
-          "viscoelasticity.spread": 1.0}, one_at_each_rate),
-        ({"muscle-contraction.stiffening": 0.3, "muscle-contraction.onset": 0.5,
-          "muscle-contraction.rise": 0.08}, ramps),
+        (
+            {"viscoelasticity.ratio": 0.5, "viscoelasticity.relaxation_time": 8.0, "viscoelasticity.spread": 1.0},
+            one_at_each_rate,
+        ),
+        (
+            {"muscle-contraction.stiffening": 0.3, "muscle-contraction.onset": 0.5, "muscle-contraction.rise": 0.08},
+            ramps,
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_model_stays_near_the_data(effects, recordings):
     problem = with_unknown_outlines(problem_of(recordings(), effects, seed=7)[0])
     found = ordinary_fit(problem, [TRUTH])

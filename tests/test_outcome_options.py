@@ -23,11 +23,7 @@ def commands():
             continue  # it has no result
         made = typer.main.get_command(import_module(f"legfem.{name}.__main__").app)
         parts = getattr(made, "commands", None)
-        yield from (
-            [(name, made)]
-            if parts is None
-            else ((f"{name} {part}", one) for part, one in parts.items())
-        )
+        yield from ([(name, made)] if parts is None else ((f"{name} {part}", one) for part, one in parts.items()))
 
 
 @pytest.mark.parametrize(("name", "command"), list(commands()))
@@ -41,9 +37,11 @@ def test_what_is_printed_is_kept_back_and_the_document_is_told(tmp_path, capsys)
     path.write_text('{"a": 1}\n')
     short, document = f"result: {path}\n", '{"a": 1}\n'
     for quiet, as_json, told in (
-        (False, False, "a table\n"), (True, False, short), (False, True, document),
+        (False, False, "a table\n"),
+        (True, False, short),
+        (False, True, document),
         (True, True, document),
-    ):  # fmt: skip
+    ):
         with told_briefly(quiet, as_json) as written:
             print("a table")
             written.append(path)

@@ -191,16 +191,17 @@ def test_in_env_does_not_execute_modules_of_the_folder_one_stands_in(tmp_path: P
     (tmp_path / "typer.py").write_text("raise SystemExit('executed')")
     run = subprocess.run(
         [ROOT / "scripts" / "in-env", sys.executable, "-m", "legfem.identify", "--help"],
-        cwd=tmp_path, check=False, capture_output=True, text=True,
+        cwd=tmp_path,
+        check=False,
+        capture_output=True,
+        text=True,
         env={key: value for key, value in os.environ.items() if key != "PYTHONSAFEPATH"},
-    )  # fmt: skip
+    )
     assert "executed" not in run.stderr
     assert run.stdout.startswith("Usage")
 
 
-def test_versions_are_known_where_another_package_brings_the_module(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_versions_are_known_where_another_package_brings_the_module(monkeypatch: pytest.MonkeyPatch) -> None:
     def not_installed(name: str) -> str:
         raise metadata.PackageNotFoundError(name)
 

@@ -51,9 +51,7 @@ def command(module: str) -> Any:
     spec = find_spec(module)
     assert spec is not None, f"there is no module {module}"
     package = spec.submodule_search_locations is not None
-    return typer.main.get_command(
-        importlib.import_module(f"{module}.__main__" if package else module).app
-    )
+    return typer.main.get_command(importlib.import_module(f"{module}.__main__" if package else module).app)
 
 
 def options(of: Any) -> set[str]:
@@ -173,9 +171,7 @@ def test_the_python_of_the_front_door_runs(
 DIAGNOSED = "docs/tutorials/reading-a-diagnosis.md"
 
 
-def test_the_leg_of_the_diagnosis_that_is_read_is_made(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_leg_of_the_diagnosis_that_is_read_is_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import legfem as lf
 
     monkeypatch.chdir(tmp_path)
@@ -188,10 +184,7 @@ def test_the_leg_of_the_diagnosis_that_is_read_is_made(
 
 @pytest.mark.parametrize(
     ("page", "parse"),
-    [
-        ("docs/tutorials/own-specimen.md", parse_specimen_file),
-        ("docs/tutorials/stocking.md", parse_leg_file),
-    ],
+    [("docs/tutorials/own-specimen.md", parse_specimen_file), ("docs/tutorials/stocking.md", parse_leg_file)],
 )
 def test_files_that_are_shown_are_read(page: str, parse: Any, tmp_path: Path) -> None:
     shown, *_ = blocks(page, "toml")
@@ -221,9 +214,7 @@ def test_layers_fibres_and_a_cup_that_are_shown_are_read(tmp_path: Path) -> None
 
 @pytest.mark.slow
 @pytest.mark.parametrize("script", sorted(path.name for path in EXAMPLES.glob("*.py")))
-def test_an_example_of_the_gallery_runs_and_draws(
-    script: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_example_of_the_gallery_runs_and_draws(script: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`make docs` runs them too, and keeps the pictures."""
     shutil.copytree(EXAMPLES / "specimen", tmp_path / "specimen")
     monkeypatch.chdir(tmp_path)
@@ -240,8 +231,7 @@ def test_the_gallery_has_twelve_examples() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "data"),
-    [("first_steps", "reconstructed data"), ("specimen_step_by_step", "simulated data")],
+    ("name", "data"), [("first_steps", "reconstructed data"), ("specimen_step_by_step", "simulated data")]
 )
 def test_the_notebook_runs(name: str, data: str, tmp_path: Path) -> None:
     notebook = nbformat.read(EXAMPLES / f"{name}.ipynb", as_version=4)
@@ -249,8 +239,6 @@ def test_the_notebook_runs(name: str, data: str, tmp_path: Path) -> None:
     shutil.copytree(EXAMPLES / "specimen", tmp_path / "specimen")
     client = NotebookClient(notebook, timeout=600, resources={"metadata": {"path": tmp_path}})
     client.execute()
-    shown = [
-        output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs
-    ]
+    shown = [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
     pages = [str(output.get("data", {}).get("text/html", "")) for output in shown]
     assert any(data in page and "data-plot=&quot;" in page for page in pages)

@@ -17,13 +17,7 @@ from studies.people.data import Indentations, read_indentations
 from studies.people.losses import Losses, allowed
 from studies.people.population import draw_population
 from studies.people.prediction import predict_left_out
-from studies.people.springs import (
-    least_share,
-    least_share_value,
-    least_squares,
-    left_out,
-    mean_error,
-)
+from studies.people.springs import least_share, least_share_value, least_squares, left_out, mean_error
 
 DATA = Path(__file__).parents[2] / "shared" / "data" / "multis_in_vivo"
 
@@ -41,10 +35,19 @@ def drawn(made):
 
 def table(**changed) -> pd.DataFrame:
     row = {
-        "SubID": "006", "Location": "LL_P", "MaxForce": 6.75, "maxForce_normArea": 0.01,
-        "Thickness": 50.0, "Skin": 1.5, "Fat": 8.5, "Muscle": 40.0, "SkinStrain": 0.1,
-        "fat_disp": 0.85, "muscle_disp": 6.0, "Total_Stiff": 0.00125,
-    }  # fmt: skip
+        "SubID": "006",
+        "Location": "LL_P",
+        "MaxForce": 6.75,
+        "maxForce_normArea": 0.01,
+        "Thickness": 50.0,
+        "Skin": 1.5,
+        "Fat": 8.5,
+        "Muscle": 40.0,
+        "SkinStrain": 0.1,
+        "fat_disp": 0.85,
+        "muscle_disp": 6.0,
+        "Total_Stiff": 0.00125,
+    }
     return pd.DataFrame([row, row | {"SubID": "007"} | changed])
 
 
@@ -59,9 +62,7 @@ def test_the_table_s_numbers_are_those_of_layers(tmp_path):
     np.testing.assert_allclose(rows.secant_compliance, [7.0 / 0.01, 7.0 * 360 / 6.75])
 
 
-@pytest.mark.parametrize(
-    "changed", [{"Thickness": ""}, {"MaxForce": "-"}, {"Fat": 0.0}, {"Location": "elsewhere"}]
-)
+@pytest.mark.parametrize("changed", [{"Thickness": ""}, {"MaxForce": "-"}, {"Fat": 0.0}, {"Location": "elsewhere"}])
 def test_rows_without_a_number_are_left_out(tmp_path, changed):
     table(**changed).to_csv(tmp_path / "indentation.csv", index=False)
     assert read_indentations(tmp_path).people == ("006",)
@@ -135,9 +136,7 @@ def test_tables_return_what_the_model_says(made):
     assert kept.sum() > 40
     # A tenth of what an image is misread by.
     np.testing.assert_allclose(superficial[kept], rows.superficial_loss[kept], atol=0.02)
-    np.testing.assert_allclose(
-        total[kept], (rows.superficial_loss + rows.deep_loss)[kept], atol=0.02, rtol=0.01
-    )
+    np.testing.assert_allclose(total[kept], (rows.superficial_loss + rows.deep_loss)[kept], atol=0.02, rtol=0.01)
 
 
 def test_the_population_s_medians_are_found(drawn):
@@ -190,9 +189,7 @@ def test_a_person_left_out_tells_nothing_of_the_prediction(made, drawn):
     )
     few = np.isin(rows.person, range(8))  # two groups
     before, after = (
-        predict_left_out(
-            Losses(one, tables.tables).where(few), rows.compliance[few], drawn.states[-1], 0
-        ).best[:2]
+        predict_left_out(Losses(one, tables.tables).where(few), rows.compliance[few], drawn.states[-1], 0).best[:2]
         for one in (rows, changed)
     )
     np.testing.assert_array_equal(before, after)

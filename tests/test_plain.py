@@ -33,7 +33,9 @@ def page() -> WebPage:
         Bars("Shares", ("part", "share"), [Bar("half", 0.5, "50 %")]),
     ]
     return WebPage(
-        title="How stiff is it?", subject="a leg", origin="simulated",
+        title="How stiff is it?",
+        subject="a leg",
+        origin="simulated",
         headline=Headline("caution", "It is soft.", [("How sure", "Not at all.")]),
         warnings=["Take care."],
         known=[
@@ -46,19 +48,33 @@ def page() -> WebPage:
             Chapter("Nothing to read", []),
         ],
         repeat=Repeat("identify --subject 3", {"legfem": "1.2"}, {"seed": "7"}),
-    )  # fmt: skip
+    )
 
 
 def test_every_word_of_a_page_is_in_its_text(page):
     text = plain_page(page, [ReportFile([Path("fit.png")], "the fit"), RESULT])
     words = " ".join(text.split())
     for said in (
-        "How stiff is it?", "a leg", "*** SIMULATED DATA ***", "READ WITH CAUTION. It is soft.",
-        "How sure: Not at all.", "Take care.", "All of it.", "- once", "- twice", "50 %",
+        "How stiff is it?",
+        "a leg",
+        "*** SIMULATED DATA ***",
+        "READ WITH CAUTION. It is soft.",
+        "How sure: Not at all.",
+        "Take care.",
+        "All of it.",
+        "- once",
+        "- twice",
+        "50 %",
         "C10: 1.0 kPa (95 % 0.9 to 1.1); estimated, 2 recordings; identifiable",
-        "length: 50 mm; assumed, subject.toml", PROVENANCE["assumed"], "x = 1",
-        "identify --subject 3", "seed 7", "legfem 1.2", "fit.png the fit", "result.json",
-    ):  # fmt: skip
+        "length: 50 mm; assumed, subject.toml",
+        PROVENANCE["assumed"],
+        "x = 1",
+        "identify --subject 3",
+        "seed 7",
+        "legfem 1.2",
+        "fit.png the fit",
+        "result.json",
+    ):
         assert said in words, said
     assert "site  rms\ncalf  0.1\nshin  0.2" in text
     assert f"fascia: what: {LONG}; more: {LONG} - none: what: {LONG}" in words

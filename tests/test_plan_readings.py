@@ -35,10 +35,7 @@ def found() -> Diagnosis:
 
 @pytest.fixture(scope="module")
 def candidates(found) -> list[Candidate]:
-    return [
-        Candidate(m.names[0], m.fit, m.posterior.mean, m.posterior.covariance, m.probability)
-        for m in found.models
-    ]
+    return [Candidate(m.names[0], m.fit, m.posterior.mean, m.posterior.covariance, m.probability) for m in found.models]
 
 
 @pytest.fixture(scope="module")
@@ -86,9 +83,7 @@ def test_what_can_not_be_measured_is_not_proposed(candidates):
 
 def test_a_page_says_what_to_write_into_the_folder(found, reckoned, tmp_path):
     subject = load_subject(write_subject(tmp_path / "leg"), need_recordings=False)
-    page = " ".join(
-        plain_page(diagnosis_web_page(found, subject, plan_lines(reckoned)), []).split()
-    )
+    page = " ".join(plain_page(diagnosis_web_page(found, subject, plan_lines(reckoned)), []).split())
     assert "[[measured]]" in page and '"fascia-stiffness"' in page
     assert all(line.lower() in page.lower() for line in next_experiments(found))
     assert "Not reckoned" not in page

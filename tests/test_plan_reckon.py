@@ -35,9 +35,8 @@ def candidate(model: Explanation) -> Candidate:
 def chance(found: Diagnosis, others: list[Candidate], noise=NOISE, repeats: int = 3) -> float:
     predictor = found.alone.problem.predictor
     worth = reckon(
-        Design("again", (RAMP,) * repeats), others, predictor, predictor.responses.nuisances,
-        Accuracy(), noise, 0.01,
-    )  # fmt: skip
+        Design("again", (RAMP,) * repeats), others, predictor, predictor.responses.nuisances, Accuracy(), noise, 0.01
+    )
     assert worth is not None and worth.chance == pytest.approx(min(worth.chances.values()), abs=1)
     assert all(0.0 <= one <= 1.0 for one in worth.chances.values())
     return worth.chance

@@ -9,10 +9,7 @@ import pytest
 from making import write_subject
 from making_mechanics import COARSE, fixed_steps, subject_3
 
-from legfem.experiments.plane_strain import (
-    PlaneStrainIndentation,
-    PlaneStrainSettings,
-)
+from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.experiments.tissues import tissues_of
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.solve.protocol import Protocol
@@ -25,9 +22,7 @@ DEPTHS = np.array([1.0, 3.0, 5.0, 8.0])
 @pytest.fixture(scope="module")
 def test() -> PlaneStrainIndentation:
     """Subject 3 on a coarse mesh; steps of one size, so that runs compare exactly."""
-    return PlaneStrainIndentation(
-        *subject_3(), PlaneStrainSettings(mesh=COARSE, steps=fixed_steps(1.0))
-    )
+    return PlaneStrainIndentation(*subject_3(), PlaneStrainSettings(mesh=COARSE, steps=fixed_steps(1.0)))
 
 
 @pytest.fixture(scope="module")
@@ -86,9 +81,7 @@ def test_without_its_second_terms_the_polynomial_is_neo_hookean():
 
 
 def test_both_formulations_agree(subject_3_test):
-    displacement = PlaneStrainIndentation(
-        *subject_3(), PlaneStrainSettings(formulation="displacement")
-    )
+    displacement = PlaneStrainIndentation(*subject_3(), PlaneStrainSettings(formulation="displacement"))
     mixed = subject_3_test.solve(depth=8.0).curve(DEPTHS)
     error = displacement.solve(depth=8.0).curve(DEPTHS) / mixed - 1
     print(error)

@@ -90,10 +90,7 @@ def test_this_process_works_along_where_it_is_asked_to(tmp_path: Path) -> None:
         assert set(found.values()) == {os.getpid(), int(next(tmp_path.iterdir()).name)}
         assert dict(workers.run([7])) == {7: os.getpid()}
     assert ready() == 1
-    with (
-        pytest.raises(ValueError, match="made to fail"),
-        Workers(fail, None, 2, along=True) as workers,
-    ):
+    with pytest.raises(ValueError, match="made to fail"), Workers(fail, None, 2, along=True) as workers:
         list(workers.run(range(4)))
 
 
@@ -156,14 +153,10 @@ def running(pids: list[int]) -> list[int]:
 def test_processes_end_with_the_one_that_started_them(tmp_path: Path, sent: signal.Signals) -> None:
     folder, store = tmp_path / "pids", tmp_path / "store"
     folder.mkdir()
-    parent = subprocess.Popen(
-        [sys.executable, __file__, folder, store], cwd=HERE, stderr=subprocess.PIPE, text=True
-    )
+    parent = subprocess.Popen([sys.executable, __file__, folder, store], cwd=HERE, stderr=subprocess.PIPE, text=True)
     try:
         until = time.monotonic() + 60.0
-        while time.monotonic() < until and (
-            len(list(folder.iterdir())) < 2 or not list(store.glob("*.json"))
-        ):
+        while time.monotonic() < until and (len(list(folder.iterdir())) < 2 or not list(store.glob("*.json"))):
             time.sleep(0.05)
         children = [int(path.name) for path in folder.iterdir()]
         assert len(children) == 2 and running(children) == children
@@ -183,9 +176,7 @@ def test_processes_end_with_the_one_that_started_them(tmp_path: Path, sent: sign
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
 @pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGINT])
-def test_commands_apart_end_with_the_one_that_started_them(
-    tmp_path: Path, sent: signal.Signals
-) -> None:
+def test_commands_apart_end_with_the_one_that_started_them(tmp_path: Path, sent: signal.Signals) -> None:
     told = tmp_path / "pid"
     inner = f"""if True:
         import os, pathlib, time

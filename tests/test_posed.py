@@ -86,8 +86,7 @@ def test_a_turned_cylinder_is_the_upright_one_seen_from_its_own_frame(axis_deg):
         own = ufl.as_vector([float(side), float(travel), float(axis)])
         there = ufl.as_vector([float(v) for v in y])
         assert float(turned.gap(there)) == pytest.approx(float(upright.gap(own)), abs=1e-9)
-        a, b = (np.array([float(n[k]) for k in range(3)]) for n in
-                (turned.normal(there), upright.normal(own)))  # fmt: skip
+        a, b = (np.array([float(n[k]) for k in range(3)]) for n in (turned.normal(there), upright.normal(own)))
         np.testing.assert_allclose(pose.frame @ a, [b[2], b[0], b[1]], atol=1e-9)
 
 
@@ -166,9 +165,7 @@ def test_a_site_s_cylinder_may_lie_otherwise(tmp_path):
     back, medial = load_sites(tmp_path).sites
     assert back.indenter.lies_along and not medial.indenter.lies_along
     for app, more in ((identify_app, []), (diagnose_app, ["--site", "medial"])):
-        ran = CliRunner().invoke(
-            app, ["--subject-dir", str(tmp_path), "--out", str(tmp_path / "out"), *more]
-        )
+        ran = CliRunner().invoke(app, ["--subject-dir", str(tmp_path), "--out", str(tmp_path / "out"), *more])
         assert ran.exit_code == 2
         assert "across the leg" in ran.stderr and "--model 3d" in ran.stderr
         assert not (tmp_path / "out").exists()

@@ -60,9 +60,7 @@ def test_what_is_unlikely_is_said_before_anything_is_solved(leg, tmp_path):
         ("force_range_N = 100.0", ""),
     ],
 )
-def test_a_bad_folder_gives_the_line_with_which_the_commands_refuse_it(
-    leg, tmp_path, capsys, old, new
-):
+def test_a_bad_folder_gives_the_line_with_which_the_commands_refuse_it(leg, tmp_path, capsys, old, new):
     changed(leg, old, new)
     with pytest.raises(InputError) as refused:
         load_subject(leg)

@@ -28,9 +28,7 @@ def worked(stream: StringIO, quiet: bool = False) -> str:
     return stream.getvalue()
 
 
-def test_a_terminal_gets_a_bar_with_what_is_done_and_the_time_left(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_terminal_gets_a_bar_with_what_is_done_and_the_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "160")
     monkeypatch.setenv("TERM", "xterm")
     shown = worked(Terminal())
@@ -40,8 +38,11 @@ def test_a_terminal_gets_a_bar_with_what_is_done_and_the_time_left(
 def test_elsewhere_every_unit_is_a_line() -> None:
     lines = worked(StringIO()).splitlines()
     assert [line.split("] ")[1] for line in lines] == [
-        "solving", "  1/4  C10 0 kPa", "  2/4  C10 1 kPa", "  3/4  C10 2 kPa"
-    ]  # fmt: skip
+        "solving",
+        "  1/4  C10 0 kPa",
+        "  2/4  C10 1 kPa",
+        "  3/4  C10 2 kPa",
+    ]
 
 
 def test_a_notebook_gets_a_bar_on_a_line_that_is_written_over() -> None:
@@ -57,9 +58,7 @@ def test_quiet_says_nothing_on_either() -> None:
     assert worked(Terminal(), quiet=True) == worked(StringIO(), quiet=True) == ""
 
 
-def test_the_end_of_a_command_is_text_paths_or_json(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_end_of_a_command_is_text_paths_or_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     result = tmp_path / "result.json"
     result.write_text(json.dumps({"C10_kPa": 0.7}))
     report = tmp_path / "report.txt"

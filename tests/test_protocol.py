@@ -14,11 +14,7 @@ def test_a_cycle_loads_holds_and_unloads():
     protocol = Protocol.cycle(10.0, rate=2.0, hold=60.0, unloading_rate=5.0)
     assert protocol.time == (0.0, 5.0, 65.0, 67.0)
     assert protocol.displacement == (0.0, 10.0, 10.0, 0.0)
-    assert protocol.phases() == (
-        Phase("loading", 0.0, 5.0),
-        Phase("hold", 5.0, 65.0),
-        Phase("unloading", 65.0, 67.0),
-    )
+    assert protocol.phases() == (Phase("loading", 0.0, 5.0), Phase("hold", 5.0, 65.0), Phase("unloading", 65.0, 67.0))
     np.testing.assert_allclose(protocol.displacement_at([2.5, 30.0, 66.0, 99.0]), [5, 10, 5, 0])
     assert (protocol.depth, protocol.duration) == (10.0, 67.0)
     assert Protocol.cycle(10.0, rate=2.0).time == (0.0, 5.0, 10.0)
@@ -83,7 +79,5 @@ def test_a_path_is_read_at_any_time_without_swings_at_its_corners():
     np.testing.assert_allclose(path.force_at(fine), force(fine), atol=0.3)
     moving = fine[(fine < 8) | (fine > 28)]
     np.testing.assert_allclose(path.force_at(moving), force(moving), atol=1e-9)
-    np.testing.assert_allclose(
-        path.sensitivity_at("deep.C10", fine), 2 * path.force_at(fine), rtol=1e-12, atol=1e-12
-    )
+    np.testing.assert_allclose(path.sensitivity_at("deep.C10", fine), 2 * path.force_at(fine), rtol=1e-12, atol=1e-12)
     assert path.loading.depth == 8.0 and len(path.loading.displacement) == 9

@@ -20,10 +20,17 @@ from studies.reach.pressing import Reached, ReachTask, differences
 
 def test_legs_are_drawn_within_their_ranges_and_alike_for_one_seed():
     ranges = {
-        "girth_mm": (250, 450), "fat_mm": (1, 25), "fascia_mm": (0.2, 1.5), "C10_kPa": (0.05, 10),
-        "C20_kPa": (0, 40), "fat_kPa": (0.5, 20), "fascia_kPa": (10, 1e4), "D1_per_MPa": (5, 60),
-        "outer_D1_per_MPa": (5, 60), "depth_mm": (0, 30),
-    }  # fmt: skip
+        "girth_mm": (250, 450),
+        "fat_mm": (1, 25),
+        "fascia_mm": (0.2, 1.5),
+        "C10_kPa": (0.05, 10),
+        "C20_kPa": (0, 40),
+        "fat_kPa": (0.5, 20),
+        "fascia_kPa": (10, 1e4),
+        "D1_per_MPa": (5, 60),
+        "outer_D1_per_MPa": (5, 60),
+        "depth_mm": (0, 30),
+    }
     legs = [drawn_leg(number, 5) for number in range(12)]
     for leg, test in legs:
         for name, (low, high) in ranges.items():
@@ -58,9 +65,11 @@ def _outcome(**given: object) -> Reached:
 
 def test_the_page_counts_and_names_legs_that_stop():
     found = [
-        _outcome(between=0.001, at_steps=0.0005), _outcome(between=0.004, at_steps=0.001),
-        _outcome(jumps=2), _outcome(complete=False, reached_mm=12.5, reason="it folded"),
-    ]  # fmt: skip
+        _outcome(between=0.001, at_steps=0.0005),
+        _outcome(between=0.004, at_steps=0.001),
+        _outcome(jumps=2),
+        _outcome(complete=False, reached_mm=12.5, reason="it folded"),
+    ]
     text = command.page([(ReachTask(k, 5, True), one) for k, one in enumerate(found)])
     assert "3/4 = 75 %" in text.replace("%", " %").replace("  ", " ")
     assert "1/2" in text and "0.40 %" in text and "0.10 %" in text

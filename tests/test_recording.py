@@ -8,14 +8,7 @@ import pytest
 from making import CROSSCHECK, press, tissue_force, write_recording
 
 from legfem.common.errors import InputError
-from legfem.recording import (
-    Instrument,
-    Recording,
-    find_first_contact,
-    mean_loading_curve,
-    read_recording,
-    split_phases,
-)
+from legfem.recording import Instrument, Recording, find_first_contact, mean_loading_curve, read_recording, split_phases
 from legfem.subjects.loading import load_subject
 
 INSTRUMENT = Instrument(force_sd=0.04, displacement_sd=0.02)
@@ -126,15 +119,7 @@ def test_a_sensor_that_starts_elsewhere_is_shifted_to_first_touch():
 @pytest.mark.parametrize("hold", [0.0, 10.0])
 def test_phases_change_where_the_motion_does(displacement_sd, hold):
     air, depth = 3.7, 20.0
-    made = press(
-        air=air,
-        depth=depth,
-        hold=hold,
-        unload=True,
-        force_sd=0.03,
-        displacement_sd=displacement_sd,
-        seed=3,
-    )
+    made = press(air=air, depth=depth, hold=hold, unload=True, force_sd=0.03, displacement_sd=displacement_sd, seed=3)
     labels = split_phases(made)
     up = (air + depth) / 0.4
     corners = {"loading": (air / 0.4, up), "unloading": (up + hold, up + hold + depth / 0.4)}
@@ -151,8 +136,7 @@ def test_phases_change_where_the_motion_does(displacement_sd, hold):
 
 def test_the_mean_curve_is_the_true_one_and_the_raw_data_stay():
     trials = [
-        press(air=air, force_sd=0.03, displacement_sd=0.1, offset=0.2, seed=k)
-        for k, air in enumerate((2.0, 3.7, 5.1))
+        press(air=air, force_sd=0.03, displacement_sd=0.1, offset=0.2, seed=k) for k, air in enumerate((2.0, 3.7, 5.1))
     ]
     before = [r.force.copy() for r in trials]
     curve = mean_loading_curve(trials, INSTRUMENT)
@@ -182,8 +166,7 @@ def test_a_trial_without_air_joins_those_with_it():
 def test_displacement_noise_does_not_flatten_the_curve():
     """Regressing on noisy readings at 4 samples a bin would cost several % of local slope."""
     exact, noisy = (
-        mean_loading_curve([press(displacement_sd=sd, seed=k) for k in range(6)], INSTRUMENT)
-        for sd in (0.0, 0.15)
+        mean_loading_curve([press(displacement_sd=sd, seed=k) for k in range(6)], INSTRUMENT) for sd in (0.0, 0.15)
     )
     n = min(len(exact.force), len(noisy.force))
     ratio = np.polyfit(exact.force[8:n], noisy.force[8:n], 1)[0]
@@ -217,10 +200,7 @@ def test_the_covariance_covers_the_error_of_a_fitted_stiffness():
             for i in range(1, len(slow)):
                 slow[i] = coloured * slow[i - 1] + 0.03 * np.sqrt(1 - coloured**2) * rng.normal()
             force = (
-                made.force * (1 + 0.005 * rng.normal())
-                + 0.05 * rng.normal()
-                + slow
-                + 0.03 * rng.normal(size=len(slow))
+                made.force * (1 + 0.005 * rng.normal()) + 0.05 * rng.normal() + slow + 0.03 * rng.normal(size=len(slow))
             )
             trials.append(_with(made, force=force))
         curve = mean_loading_curve(trials, INSTRUMENT)

@@ -15,31 +15,16 @@ from legfem.diagnose.observations import observe
 from legfem.recording import Instrument, Recording
 from legfem.specimens.folder import load_specimen
 from studies.recordings.command import full_name
-from studies.recordings.curves import (
-    DEEPEST,
-    STIFFENING_SHARES,
-    THICKNESSES,
-    ElasticCurves,
-    LayerCurves,
-    layer_curves,
-)
+from studies.recordings.curves import DEEPEST, STIFFENING_SHARES, THICKNESSES, ElasticCurves, LayerCurves, layer_curves
 from studies.recordings.data import MeatTest, phantom_kinds, read_meat, read_phantoms
 from studies.recordings.drop import ForceDrop, find_drops
 from studies.recordings.folders import write_specimen_folders
-from studies.recordings.indentation import (
-    Assumed,
-    air_found,
-    study_indentation,
-    try_indentation,
-    with_air,
-)
+from studies.recordings.indentation import Assumed, air_found, study_indentation, try_indentation, with_air
 from studies.recordings.motion import held_depth, loaded_and_held, motion_of, without_end_of_hold
 from studies.recordings.responses import SpecimenResponses
 
 DATA = Path(os.environ.get("LEGFEM_DATA", SHARED / "data"))
-needs_data = pytest.mark.skipif(
-    not (DATA / "meat_indentation").is_dir(), reason="needs the recordings: LEGFEM_DATA"
-)
+needs_data = pytest.mark.skipif(not (DATA / "meat_indentation").is_dir(), reason="needs the recordings: LEGFEM_DATA")
 
 
 def _pressed(lost: float = 0.0, seed: int = 0) -> Recording:

@@ -19,9 +19,18 @@ from studies.redrawn.foreign import foreign_case
 
 CROSSCHECK = Path(__file__).parent / "data" / "crosscheck"
 OUTCOME = RedrawnOutcome(
-    "case-1", ("contact-slip",), "named", (("contact-slip",),), ((("contact-slip",), False, 0.9),),
-    1.2, 1.45, (1.3, 1.55), 1.5, 0.01, 5.0,
-)  # fmt: skip
+    "case-1",
+    ("contact-slip",),
+    "named",
+    (("contact-slip",),),
+    ((("contact-slip",), False, 0.9),),
+    1.2,
+    1.45,
+    (1.3, 1.55),
+    1.5,
+    0.01,
+    5.0,
+)
 
 
 @pytest.fixture
@@ -76,17 +85,15 @@ def test_what_is_kept_is_not_diagnosed_again(foreign, tmp_path, monkeypatch):
 
 def test_the_page_counts_what_is_first_listed_and_held():
     missed = replace(
-        OUTCOME, verdict="ambiguous", models=(("dermis",), ("contact-slip",)),
+        OUTCOME,
+        verdict="ambiguous",
+        models=(("dermis",), ("contact-slip",)),
         statements=((("dermis",), False, 0.6), (("contact-slip",), False, 0.4)),
-        interval=(1.52, 1.7), c10=1.6,
-    )  # fmt: skip
-    null = replace(
-        OUTCOME, case="case-2", effects=(), verdict="consistent", models=(),
-        statements=(((), False, 0.9),),
-    )  # fmt: skip
-    rows = {
-        line.split(" | ")[0].strip("| "): line for line in page([OUTCOME, missed, null]).split("\n")
-    }
+        interval=(1.52, 1.7),
+        c10=1.6,
+    )
+    null = replace(OUTCOME, case="case-2", effects=(), verdict="consistent", models=(), statements=(((), False, 0.9),))
+    rows = {line.split(" | ")[0].strip("| "): line for line in page([OUTCOME, missed, null]).split("\n")}
     assert "| 1/2 = 50%" in rows["case-1"] and "| 2/2 = 100%" in rows["case-1"]
     assert "contact-slip: 1, dermis: 1" in rows["case-1"]
     assert "nothing that shows: 1" in rows["case-2"]

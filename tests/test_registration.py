@@ -111,10 +111,9 @@ def test_points_that_correspond_find_it_within_the_error_that_is_told(leg):
     assert np.square(errors).mean() == pytest.approx(1.0, abs=4 * np.sqrt(2 / 120))
     itk = SimpleITK.VersorRigid3DTransform(
         SimpleITK.LandmarkBasedTransformInitializer(
-            SimpleITK.VersorRigid3DTransform(), PLANTED(points).ravel().tolist(),
-            points.ravel().tolist(),
+            SimpleITK.VersorRigid3DTransform(), PLANTED(points).ravel().tolist(), points.ravel().tolist()
         )
-    )  # fmt: skip
+    )
     exact = register_points(points, PLANTED(points)).transform
     assert exact.inverse()(PLANTED(points)) == pytest.approx(points, abs=1e-9)
     moved = np.array([itk.TransformPoint(p.tolist()) for p in PLANTED(points)])

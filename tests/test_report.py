@@ -81,9 +81,7 @@ def test_the_correction_is_named_with_its_size_and_error(both, subject):
 def test_who_reads_a_corrected_c10_is_told_what_fibres_would_do_to_it(both, tmp_path):
     leg = replace(load_subject(write_subject(tmp_path)), plane_strain=False)
     one, own = both[0], AppliedCorrection("own", np.zeros(3), np.full(3, 0.1))
-    finding = Finding(
-        leg, one.law, one.parameters, one.cost, False, True, (), own, one.measured, ""
-    )  # fmt: skip
+    finding = Finding(leg, one.law, one.parameters, one.cost, False, True, (), own, one.measured, "")
     for correction, told in ((own, True), (None, False)):
         texts = warnings_about(replace(finding, correction=correction))
         assert any("alike in all directions" in text for text in texts) == told
@@ -100,9 +98,7 @@ def test_origin_of_the_data_comes_first(both, subject, origin):
     other = replace(both[1], subject_origin=origin)
     page = identification_page([other], replace(subject, origin=origin), None)
     for text in (plain_page(page, []), brief(page)):
-        assert text.index(f"*** {origin.upper()} DATA ***") < text.index(
-            page.headline.sentence[:20]
-        )
+        assert text.index(f"*** {origin.upper()} DATA ***") < text.index(page.headline.sentence[:20])
     assert f"{origin} data" in fit_figure([other]).get_suptitle()
     assert f"{origin} data" in cost_figure(other).get_suptitle()
 
@@ -157,10 +153,7 @@ def test_figures_are_written_and_not_empty(both, tmp_path):
 def test_region_is_that_of_the_covariance(both):
     found = both[1]
     c10, c20 = (estimate.shown for estimate in found.parameters.values())
-    apart = (confidence_ellipse(found) - [c10.value, c20.value]) / [
-        c10.standard_error,
-        c20.standard_error,
-    ]
+    apart = (confidence_ellipse(found) - [c10.value, c20.value]) / [c10.standard_error, c20.standard_error]
     r = found.correlation("deep.C10", "deep.C20")
     distance = np.einsum("ni,ij,nj->n", apart, np.linalg.inv([[1, r], [r, 1]]), apart)
     np.testing.assert_allclose(distance, chi2.ppf(0.95, 2), rtol=1e-6)

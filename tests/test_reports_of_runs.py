@@ -8,10 +8,7 @@ from typer.testing import CliRunner
 
 from legfem.commands.identify import app
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(browser.browser() is None, reason="no Chromium here"),
-]
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(browser.browser() is None, reason="no Chromium here")]
 
 
 @pytest.fixture(scope="module")

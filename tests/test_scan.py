@@ -39,11 +39,10 @@ def errors(
     wanted = true.at_levels(found.levels)
     return {
         part: np.stack(
-            [signed_distances(*pair) for pair in zip(wanted.contours[part], found.contours[part],
-                                                     strict=True)]
+            [signed_distances(*pair) for pair in zip(wanted.contours[part], found.contours[part], strict=True)]
         )
         for part in parts or true.parts
-    }  # fmt: skip
+    }
 
 
 def test_coverage_is_the_area_of_what_is_covered():
@@ -70,9 +69,7 @@ def test_a_perfect_segmentation_gives_the_leg_back_to_a_tenth_of_a_voxel():
 def test_segmentation_noise_is_as_large_and_as_long_as_asked_for():
     noise = SegmentationNoise(boundary_sd=0.4, correlation_length=8.0, voxel_sd=0.0)
     raw = OutlineSettings(around=0.0, along=0.0)
-    error = errors(shape_of_volume(simulated_scan(leg(), 5, noise), raw), leg(), ("skin",), 1)[
-        "skin"
-    ]
+    error = errors(shape_of_volume(simulated_scan(leg(), 5, noise), raw), leg(), ("skin",), 1)["skin"]
     error = error - error.mean()
     assert error.std() == pytest.approx(0.42, abs=0.06)
     around = 2 * np.pi * 46 / 120
@@ -90,9 +87,7 @@ def test_the_same_seed_makes_the_same_scan():
     noise = SegmentationNoise()
     scans = [simulated_scan(leg(20.0), seed, noise) for seed in (1, 1, 2)]
     assert np.array_equal(scans[0].labels, scans[1].labels)
-    assert scans[0].labels.shape != scans[2].labels.shape or not np.array_equal(
-        scans[0].labels, scans[2].labels
-    )
+    assert scans[0].labels.shape != scans[2].labels.shape or not np.array_equal(scans[0].labels, scans[2].labels)
 
 
 def test_a_leg_that_moved_in_the_scanner_is_found_where_it_is():

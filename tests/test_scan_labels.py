@@ -49,9 +49,7 @@ def test_a_scan_without_a_skin_is_refused(tmp_path, leg_files):
     entry = entry_of(leg_files, "stl").replace(f'skin = "{leg_files}/skin.stl", ', "")
     with pytest.raises(InputError, match="skin: the part is missing"):
         subject_of_scan(tmp_path / "leg", f"{entry}\nlevel_mm = 50.0")
-    entry = entry_of(leg_files, "stl").replace(
-        f"{leg_files}/skin.stl", f"{leg_files}/muscle_hull.stl"
-    )
+    entry = entry_of(leg_files, "stl").replace(f"{leg_files}/skin.stl", f"{leg_files}/muscle_hull.stl")
     with pytest.raises(InputError, match="skin: lies on the muscles' hull along 100 %"):
         subject_of_scan(tmp_path / "leg", f"{entry}\nlevel_mm = 50.0")
 
@@ -66,11 +64,14 @@ def _write_series(folder: Path, found: np.ndarray, origin: np.ndarray) -> Path:
         cut = image[:, :, k]
         cut.SetSpacing((0.8, 0.9))
         for tag, value in (
-            ("0008|0060", "OT"), ("0020|000d", "1.2.3"), ("0020|000e", "1.2.3.4"),
-            ("0008|0018", f"1.2.3.4.{k + 1}"), ("0020|0013", str(k)),
+            ("0008|0060", "OT"),
+            ("0020|000d", "1.2.3"),
+            ("0020|000e", "1.2.3.4"),
+            ("0008|0018", f"1.2.3.4.{k + 1}"),
+            ("0020|0013", str(k)),
             ("0020|0037", r"1\0\0\0\1\0"),
             ("0020|0032", f"{origin[0]}\\{origin[1]}\\{origin[2] + SPACING[2] * k}"),
-        ):  # fmt: skip
+        ):
             cut.SetMetaData(tag, value)
         writer.SetFileName(str(folder / f"{k:03d}.dcm"))
         writer.Execute(cut)

@@ -76,19 +76,27 @@ def test_landmarks_bring_a_pose_from_the_tracker_into_the_scan(tmp_path, leg_fil
     [
         ("level_mm = 500.0", PLACE, "leaves the scan|levels between"),
         ("", PLACE, "section.level_mm: missing"),
-        ("level_mm = 50.0", "position_mm = [0.0, 70.0, 50.0]\ndirection = [0.0, -1.0, 0.0]",
-         "beside indenter.position_mm"),
+        (
+            "level_mm = 50.0",
+            "position_mm = [0.0, 70.0, 50.0]\ndirection = [0.0, -1.0, 0.0]",
+            "beside indenter.position_mm",
+        ),
         ("", "position_mm = [0.0, 70.0, 50.0]\ndirection_deg = 270.0", "belong together"),
-        ("", "position_mm = [0.0, 70.0, 50.0]\ndirection = [0.0, 0.1, 1.0]",
-         "doesn't lie across the leg"),
-        ("", "position_mm = [0.0, 70.0, 50.0]\ndirection = [0.0, -1.0, 0.0]\n"
-         "axis = [0.0, -1.0, 1.0]", "axis: stands at 45 degrees"),
-        ("", "position_mm = [0.0, 70.0, 90.0]\ndirection = [0.0, -1.0, 0.3]",
-         "ends within the section|leaves the scan"),
+        ("", "position_mm = [0.0, 70.0, 50.0]\ndirection = [0.0, 0.1, 1.0]", "doesn't lie across the leg"),
+        (
+            "",
+            "position_mm = [0.0, 70.0, 50.0]\ndirection = [0.0, -1.0, 0.0]\naxis = [0.0, -1.0, 1.0]",
+            "axis: stands at 45 degrees",
+        ),
+        (
+            "",
+            "position_mm = [0.0, 70.0, 90.0]\ndirection = [0.0, -1.0, 0.3]",
+            "ends within the section|leaves the scan",
+        ),
         ("level_mm = 50.0", f"{PLACE}\naxis = [0.0, 0.0, 1.0]", "of use with position_mm alone"),
         ("level_mm = 50.0\nseries = 'dicom'", PLACE, "series: is given without a scan"),
     ],
-)  # fmt: skip
+)
 @pytest.mark.parametrize("kind", ["stl", "csv"])
 def test_planes_that_cut_no_leg_give_one_line(tmp_path, leg_files, kind, section, place, words):
     if kind == "csv" and not section and "aim_mm" in place:

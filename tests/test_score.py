@@ -9,10 +9,7 @@ from scipy.stats import kstest
 from legfem.diagnose.mechanisms import mechanism_named
 from legfem.diagnose.score import assess
 
-SOUGHT = [
-    mechanism_named(name)
-    for name in ("contact-onset", "force-drift", "preconditioning", "support-compliance")
-]
+SOUGHT = [mechanism_named(name) for name in ("contact-onset", "force-drift", "preconditioning", "support-compliance")]
 
 
 def test_p_values_without_effect_are_uniform():

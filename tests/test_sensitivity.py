@@ -49,18 +49,13 @@ def test_sensitivities_of_a_leg():
 def test_the_penalty_s_dependence_on_the_tissue_counts(normal):
     """A soft contact, whose penalty grows with the tissue's stiffness as the settings say."""
     settings = PlaneStrainSettings(
-        mesh=COARSE,
-        contact=ContactSettings(normal, stiffness=10.0, onset=0.05),
-        newton=PRECISE,
-        steps=fixed_steps(0.5),
+        mesh=COARSE, contact=ContactSettings(normal, stiffness=10.0, onset=0.05), newton=PRECISE, steps=fixed_steps(0.5)
     )
     test = PlaneStrainIndentation(*subject_3(), settings)
     values = {"deep.C10": 0.7e-3, "deep.C20": 0.8e-3, "superficial.C10": 2e-3, "fascia.C10": 0.1}
     exact = test.solve(values, 3.0, tuple(values)).path
     for name, value in values.items():
-        ahead, behind = (
-            test.solve({**values, name: value * (1 + by)}, 3.0).path.force for by in (1e-4, -1e-4)
-        )
+        ahead, behind = (test.solve({**values, name: value * (1 + by)}, 3.0).path.force for by in (1e-4, -1e-4))
         difference = (ahead - behind) / (2e-4 * value)
         error = np.abs(exact.sensitivities[name] - difference).max() / np.abs(difference).max()
         print(name, f"{error:.1e}")

@@ -92,9 +92,7 @@ def test_what_is_wrong_alike_is_not_widened(tmp_path):
 def correction_known_to(sd):
     d = np.linspace(0.0, DEPTH, 5)
     errors = {"length": np.full(5, sd)}
-    return TabulatedCorrection(
-        "made", d, np.array([1.0]), np.array([0.0]), np.zeros((1, 1, 5)), errors
-    )
+    return TabulatedCorrection("made", d, np.array([1.0]), np.array([0.0]), np.zeros((1, 1, 5)), errors)
 
 
 def test_the_corrections_error_does_not_average_out(tmp_path):
@@ -104,18 +102,14 @@ def test_the_corrections_error_does_not_average_out(tmp_path):
     error = found.parameters[C10].standard_error
     # C10 in series with fat follows a factor of 1 on the force by 1 + C10 / 3 fat.
     expected = 0.1 * 1e-3 * (1 + 1 / 6)
-    assert error == pytest.approx(
-        np.hypot(expected, without.parameters[C10].standard_error), rel=0.1
-    )
+    assert error == pytest.approx(np.hypot(expected, without.parameters[C10].standard_error), rel=0.1)
     # Nor does what is wrong alike make sites disagree.
     assert found.agreement.p_value == pytest.approx(without.agreement.p_value, abs=0.1)
 
 
 def test_a_prior_is_weighed_against_the_corrections_error(tmp_path):
     leg, table = sited_leg(tmp_path, 1.0), correction_known_to(0.2)
-    known = replace(
-        parameter_of(C10, sites_model().nominal), prior=Prior(0.8e-3, 0.04e-3, "linear")
-    )
+    known = replace(parameter_of(C10, sites_model().nominal), prior=Prior(0.8e-3, 0.04e-3, "linear"))
     (without,) = joint(leg, corrections=[table] * 3)
     (found,) = joint(leg, corrections=[table] * 3, parameters=(known,))
     # Of what the recordings say with the correction's error, and of the prior, by their weights.
@@ -132,9 +126,7 @@ def test_a_prior_is_weighed_against_the_corrections_error(tmp_path):
 def test_instruments_of_sites_err_each_of_their_own(tmp_path):
     leg = sited_leg(tmp_path, 1.0)
     nominal = sites_model().nominal
-    gain = replace(
-        parameter_of("instrument.gain", nominal), role="nuisance", prior=Prior(1.0, 0.05, "linear")
-    )
+    gain = replace(parameter_of("instrument.gain", nominal), role="nuisance", prior=Prior(1.0, 0.05, "linear"))
     (without,) = joint(leg)
     (found,) = joint(leg, parameters=(parameter_of(C10, nominal), gain))
     assert set(found.parameters) == {C10}
@@ -144,9 +136,7 @@ def test_instruments_of_sites_err_each_of_their_own(tmp_path):
 
 
 def test_both_laws_are_fitted_and_stiffening_is_found(tmp_path):
-    neo, stiffening = joint(
-        sited_leg(tmp_path, 0.6, 1.5), laws=("neo-hookean", "reduced-polynomial")
-    )
+    neo, stiffening = joint(sited_leg(tmp_path, 0.6, 1.5), laws=("neo-hookean", "reduced-polynomial"))
     assert neo.misfit.p_value < 1e-6 < stiffening.misfit.p_value
     low, high = stiffening.parameters["deep.C20"].ci95
     assert low < 1.5e-3 < high
@@ -166,9 +156,7 @@ def test_one_site_gives_what_the_leg_by_itself_gives(tmp_path):
 
 
 def test_report_has_a_panel_a_site_and_the_numbers(tmp_path):
-    results = joint(
-        sited_leg(tmp_path / "leg", 1.0, 0.4), laws=("neo-hookean", "reduced-polynomial")
-    )
+    results = joint(sited_leg(tmp_path / "leg", 1.0, 0.4), laws=("neo-hookean", "reduced-polynomial"))
     path, report = write_sites_report(results, tmp_path / "out", "")
     documents = json.loads(path.read_text())
     assert [list(one["sites"]) for one in documents] == [list(SITES)] * 2
@@ -204,16 +192,14 @@ WRONG = {
     "twice": (('name = "back"', 'name = "medial"'), "site.name"),
     "a path for a name": (('name = "back"', 'name = "../back"'), "site.0.name"),
     "leaves the folder": (('"back"', '"back"\nrecordings = "../other"'), "site.recordings"),
-    "same recordings": (
-        ('"back"', '"back"\nrecordings = "recordings/medial"'), "site.recordings",
-    ),
+    "same recordings": (('"back"', '"back"\nrecordings = "recordings/medial"'), "site.recordings"),
     "no recordings": (('"back"', '"back"\nrecordings = "elsewhere"'), "site back"),
     "unknown key of the indenter": (("direction_deg", "direction_dge"), "site medial, indenter"),
     "no number": (("180.0", '"left"'), "site medial, indenter.direction_deg"),
     "misses the leg": (("direction_deg = 180.0", "aim_mm = [500.0, 500.0]"), "site medial"),
-    "no table": (('[site.indenter]\ndirection_deg = 180.0', "indenter = 3"), "site.1.indenter"),
-    "one table": (("[[site]]\nname = \"back\"\n\n[[site]]", "[site]"), "site"),
-}  # fmt: skip
+    "no table": (("[site.indenter]\ndirection_deg = 180.0", "indenter = 3"), "site.1.indenter"),
+    "one table": (('[[site]]\nname = "back"\n\n[[site]]', "[site]"), "site"),
+}
 
 
 @pytest.mark.parametrize("wrong", WRONG)
@@ -221,9 +207,7 @@ def test_what_is_wrong_with_a_site_is_one_line_with_its_name(tmp_path, wrong):
     change, field = WRONG[wrong]
     assert change[0] in SITE_TABLES
     folder = write_sites(tmp_path / "leg", broken(change))
-    done = CliRunner().invoke(
-        identify_app, ["--subject-dir", str(folder), "--out", str(tmp_path / "out")]
-    )
+    done = CliRunner().invoke(identify_app, ["--subject-dir", str(folder), "--out", str(tmp_path / "out")])
     assert done.exit_code == 2
     (line,) = done.output.strip().splitlines()
     assert field in line
@@ -286,10 +270,7 @@ def test_a_leg_without_sites_has_none(tmp_path):
 def test_the_command_fits_two_sites_of_a_folder(tmp_path):
     folder = write_sites(tmp_path / "leg")
     out = tmp_path / "out"
-    arguments = [
-        "--subject-dir", str(folder), "--out", str(out), "--law", "neo-hookean", "--depth", "5",
-        "--jobs", "1",
-    ]  # fmt: skip
+    arguments = ["--subject-dir", str(folder), "--out", str(out), "--law", "neo-hookean", "--depth", "5", "--jobs", "1"]
     done = CliRunner().invoke(identify_app, arguments)
     assert done.exit_code == 0, done.output
     found = json.loads((out / "result.json").read_text())

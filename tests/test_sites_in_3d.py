@@ -12,15 +12,7 @@ import pytest
 from making import write_subject
 from making_identification import Killed
 from making_sites import SITES, write_sites
-from making_sites_in_3d import (
-    IN_TENSION,
-    RISES,
-    TRUE_C10,
-    TRUE_RATIO,
-    leg_of,
-    models_as_deep_as_asked,
-    models_of,
-)
+from making_sites_in_3d import IN_TENSION, RISES, TRUE_C10, TRUE_RATIO, leg_of, models_as_deep_as_asked, models_of
 from typer.testing import CliRunner
 
 from legfem.commands.identify import app as identify_app
@@ -127,10 +119,7 @@ def test_cylinders_that_lie_unlike_and_other_shapes_are_ways_of_pressing(tmp_pat
     (site,) = leg_of(tmp_path, ("along",)).sites
 
     def ways(*poses: tuple[str, float]) -> int:
-        sites = [
-            replace(site, indenter=replace(site.indenter, shape=shape, axis_deg=turn))
-            for shape, turn in poses
-        ]
+        sites = [replace(site, indenter=replace(site.indenter, shape=shape, axis_deg=turn)) for shape, turn in poses]
         return ways_of_pressing(SitedLeg("leg", "", tuple(sites), tmp_path))
 
     assert ways(("cylinder", 0.0), ("cylinder", 180.0), ("cylinder", -10.0)) == 1
@@ -165,9 +154,7 @@ def test_a_section_in_plane_strain_knows_no_fibres(tmp_path):
 
 
 @pytest.mark.parametrize(("sited", "names"), [(True, SITES[:2]), (False, ("leg",))])
-def test_the_command_identifies_fibres_of_a_leg_with_sites_and_of_one_without(
-    tmp_path, monkeypatch, sited, names
-):
+def test_the_command_identifies_fibres_of_a_leg_with_sites_and_of_one_without(tmp_path, monkeypatch, sited, names):
     folder = write_sites(tmp_path / "leg") if sited else write_subject(tmp_path / "leg")
     toml = folder / "subject.toml"
     toml.write_text(toml.read_text() + "\n[recordings]\nplane_strain = false\n")

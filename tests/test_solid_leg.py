@@ -26,8 +26,7 @@ def measure(leg: LegMesh, tag: int) -> float:
     tags, kind = (leg.cell_tags, "dx") if tag in (SUPERFICIAL, DEEP) else (leg.facet_tags, "ds")
     measure = ufl.Measure(kind, domain=leg.mesh, subdomain_data=tags)(tag)
     one = dolfinx.fem.Constant(leg.mesh, 1.0)
-    return float(leg.mesh.comm.allreduce(
-        dolfinx.fem.assemble_scalar(dolfinx.fem.form(one * measure)), op=MPI.SUM))  # fmt: skip
+    return float(leg.mesh.comm.allreduce(dolfinx.fem.assemble_scalar(dolfinx.fem.form(one * measure)), op=MPI.SUM))
 
 
 def calf() -> LegShape:
@@ -61,8 +60,7 @@ def enclosed(leg: LegMesh, tag: int) -> float:
     """Volume (mm3) within tagged facets about the z axis, by the divergence theorem."""
     x, n = ufl.SpatialCoordinate(leg.mesh), ufl.FacetNormal(leg.mesh)
     facets = ufl.Measure("ds", domain=leg.mesh, subdomain_data=leg.facet_tags)(tag)
-    return abs(dolfinx.fem.assemble_scalar(
-        dolfinx.fem.form((x[0] * n[0] + x[1] * n[1]) / 2 * facets)))  # fmt: skip
+    return abs(dolfinx.fem.assemble_scalar(dolfinx.fem.form((x[0] * n[0] + x[1] * n[1]) / 2 * facets)))
 
 
 def test_flat_facets_may_enclose_what_the_surfaces_do():
@@ -70,11 +68,7 @@ def test_flat_facets_may_enclose_what_the_surfaces_do():
     coarse = SolidMeshSettings(skin_size=16, inside_size=20, bone_size=12, turn_elements=7)
     inscribed, enclosing, finer = (
         mesh_solid_leg(shape, settings)
-        for settings in (
-            coarse,
-            replace(coarse, enclosing=True),
-            replace(coarse.refined(2), enclosing=True),
-        )
+        for settings in (coarse, replace(coarse, enclosing=True), replace(coarse.refined(2), enclosing=True))
     )
     for tag, radius in ((SKIN, 50), (BONE, 12)):
         off = [enclosed(leg, tag) / (np.pi * radius**2 * 40) - 1 for leg in (inscribed, enclosing)]
@@ -97,10 +91,7 @@ def test_facets_and_cells_stand_where_their_tags_say(round_mesh):
         corners = node[np.concatenate([vertices.links(f) for f in facets])]
         assert np.linalg.norm(x[corners, :2], axis=1) == pytest.approx(radius, abs=1e-4)
     ends = round_mesh.facet_tags.find(END)
-    assert set(np.round(x[node[np.concatenate([vertices.links(f) for f in ends])], 2], 9)) == {
-        0,
-        40,
-    }
+    assert set(np.round(x[node[np.concatenate([vertices.links(f) for f in ends])], 2], 9)) == {0, 40}
     for tag, low, high in ((SUPERFICIAL, 42, 50), (DEEP, 12, 42)):
         radius = np.linalg.norm(x[cell_nodes(mesh)[round_mesh.cell_tags.find(tag)], :2], axis=-1)
         assert radius.min() >= low - 0.01 * low
@@ -132,9 +123,7 @@ def test_part_of_the_leg_may_be_meshed():
 
 def test_bad_shapes_and_settings_give_one_line():
     shape = calf()
-    crossing = LegShape(
-        shape.levels, {**shape.contours, "tibia": shape.contours["tibia"] + [0, -8]}
-    )
+    crossing = LegShape(shape.levels, {**shape.contours, "tibia": shape.contours["tibia"] + [0, -8]})
     with pytest.raises(InputError, match="tibia, level 0 mm: is not inside the hull"):
         mesh_solid_leg(crossing)
     with pytest.raises(InputError, match="not within the segment"):

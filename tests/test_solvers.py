@@ -18,8 +18,7 @@ SMALL = SolverCase(3000, "iterative")
 
 
 @pytest.mark.parametrize(
-    ("cells", "size"),
-    [pytest.param("hexahedra", 20_000, marks=pytest.mark.slow), ("tetrahedra", 60_000)],
+    ("cells", "size"), [pytest.param("hexahedra", 20_000, marks=pytest.mark.slow), ("tetrahedra", 60_000)]
 )
 def test_meshes_have_about_the_size_asked_for(cells, size):
     case, leg, cylinder = SolverCase(size, "iterative", cells), IdealisedLeg(), Cylinder()
@@ -32,9 +31,7 @@ def test_meshes_have_about_the_size_asked_for(cells, size):
 
 
 def test_factors_and_iterations_are_measured_at_the_same_state():
-    direct, iterative = (
-        measure(replace(SMALL, solver=solver), MPI.COMM_SELF) for solver in ("direct", "iterative")
-    )
+    direct, iterative = (measure(replace(SMALL, solver=solver), MPI.COMM_SELF) for solver in ("direct", "iterative"))
     assert direct.complete and iterative.complete
     assert iterative.force_N == pytest.approx(direct.force_N, rel=1e-7)
     assert len(iterative.iterations) == iterative.solves == iterative.tangents
@@ -53,9 +50,7 @@ def test_cases_are_the_smallest_first_without_factors_of_the_largest():
 
 
 def made(iterations: int, seconds: float) -> SolverWork:
-    return SolverWork(
-        20_000, 900, 3_500_000, True, 8, 8, [iterations] * 8, 1.0, seconds, seconds, 0.3, 0.6, 0.2
-    )
+    return SolverWork(20_000, 900, 3_500_000, True, 8, 8, [iterations] * 8, 1.0, seconds, seconds, 0.3, 0.6, 0.2)
 
 
 def test_the_report_tells_growth_and_what_is_cheaper():
@@ -72,9 +67,7 @@ def test_the_report_tells_growth_and_what_is_cheaper():
 
 
 def test_measured_cases_are_not_measured_again(tmp_path, capsys):
-    Store(tmp_path / "cases", SolverWork, modules=("studies.solvers.case",)).put(
-        SMALL, made(15, 10.0)
-    )
+    Store(tmp_path / "cases", SolverWork, modules=("studies.solvers.case",)).put(SMALL, made(15, 10.0))
     run([SMALL], tmp_path)
     assert "20000" in capsys.readouterr().out
     found = json.loads((tmp_path / "result.json").read_text())["cases"]

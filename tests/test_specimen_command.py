@@ -13,8 +13,20 @@ from legfem.commands.identify import app
 
 def test_the_command_predicts_what_it_leaves_out(bars: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    asked = ["--specimen-dir", str(bars), "--law", "neo-hookean", "--leave-out", "slow",
-             "--prior", "deep.C10=7 x/ 1.5 kPa", "--out", str(out), "--jobs", "1"]  # fmt: skip
+    asked = [
+        "--specimen-dir",
+        str(bars),
+        "--law",
+        "neo-hookean",
+        "--leave-out",
+        "slow",
+        "--prior",
+        "deep.C10=7 x/ 1.5 kPa",
+        "--out",
+        str(out),
+        "--jobs",
+        "1",
+    ]
     done = CliRunner().invoke(app, asked)
     assert done.exit_code == 0, done.output
     assert "left out, slow: predicted with R2 0.9" in done.output

@@ -113,10 +113,7 @@ def test_one_solution_serves_every_stiffness(sizes, depth: float) -> None:
 
     def direct(first: float, second: float, of=sizes) -> np.ndarray:
         law = specimen_law("reduced-polynomial", REFERENCE_MPA, None)
-        values = {
-            "deep.C10": first, "deep.C20": second,
-            "deep.D1": law.parameters["D1"] * REFERENCE_MPA / first,
-        }  # fmt: skip
+        values = {"deep.C10": first, "deep.C20": second, "deep.D1": law.parameters["D1"] * REFERENCE_MPA / first}
         return experiment_of(of, {"deep": law}, depth).solve(values, depth).curve(at)
 
     np.testing.assert_allclose(found.force_at(at), direct(c10, c20), rtol=2e-5)
@@ -158,9 +155,7 @@ def test_a_bad_recording_and_a_bad_specimen_cost_themselves_alone(tmp_path: Path
             ("short", 3.05, '["recordings/ccc.csv"]'),
         )
     )
-    (tmp_path / "specimen.toml").write_text(
-        BAR.replace("length_mm = 10.0\n", "") + STATED + entries
-    )
+    (tmp_path / "specimen.toml").write_text(BAR.replace("length_mm = 10.0\n", "") + STATED + entries)
     out = tmp_path / "out"
     asked = ["--specimen-dir", str(tmp_path), "--jobs", "1", "--library", str(tmp_path / "kept")]
     done = CliRunner().invoke(app, [*asked, "--out", str(out)])
@@ -185,9 +180,7 @@ def test_a_specimen_pressed_to_a_tenth_of_its_length_ends_with_a_verdict(tmp_pat
     """A more compressible law has no force left there, and no ratio to tabulate."""
     law = NeoHookean(5e-3, 1.0)
     repeats(tmp_path, lambda d: compressed(law, d))
-    (tmp_path / "specimen.toml").write_text(
-        BAR.replace("length_mm = 10.0", "length_mm = 3.3") + STATED
-    )
+    (tmp_path / "specimen.toml").write_text(BAR.replace("length_mm = 10.0", "length_mm = 3.3") + STATED)
     assert diagnosed(tmp_path).diagnosis is not None
 
 

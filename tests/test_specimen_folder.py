@@ -47,10 +47,9 @@ sign = -1
     plain = lf.load_specimen(bars)
     for one in plain.recordings:
         table = pd.read_csv(bars / "recordings" / f"{one.name}.csv")
-        written = pd.DataFrame({
-            "Load": -table["force_N"], "Time": 1e3 * table["time_s"],
-            "Crosshead": 1e-3 * table["displacement_mm"],
-        })  # fmt: skip
+        written = pd.DataFrame(
+            {"Load": -table["force_N"], "Time": 1e3 * table["time_s"], "Crosshead": 1e-3 * table["displacement_mm"]}
+        )
         path = tmp_path / "recordings" / one.name
         if one.name == "slow":
             written.to_excel(path.with_suffix(".xlsx"), index=False)
@@ -72,20 +71,32 @@ sign = -1
         (("[uniaxial]", "[unaxial]"), "did you mean 'uniaxial'?"),
         (("[uniaxial]", "[plates]\n[uniaxial]"), "2 tests are given"),
         (("length_mm = 10.0\n", ""), "length_mm: missing"),
-        (("[recordings]", '[[specimen]]\nname = "a"\nrecordings = ["none.csv"]\n[recordings]'),
-         "there is no file 'none.csv'"),
-        (("[recordings]", '[[specimen]]\nname = "a"\nlenth_mm = 3.0\nrecordings = ["*"]\n'
-          "[recordings]"), "did you mean 'length_mm'?"),
-        (("[recordings]", '[[specimen]]\nname = "a"\nwidth_mm = 3.0\nrecordings = '
-          '["recordings/*"]\n[recordings]'), "width_mm: is no size of this test"),
-        (("[recordings]", 2 * '[[specimen]]\nname = "a"\nrecordings = ["recordings/*"]\n'
-          + "[recordings]"), "2 specimens are called 'a'"),
-        (("[recordings]", '[[specimen]]\nname = "a"\nrecordings = ["recordings/*", '
-          '"recordings/slow.csv"]\n[recordings]'), "slow.csv is named 2 times"),
-        (("[recordings]", '[[specimen]]\nname = "a"\nrecordings = ["../*"]\n[recordings]'),
-         "leaves the folder"),
+        (
+            ("[recordings]", '[[specimen]]\nname = "a"\nrecordings = ["none.csv"]\n[recordings]'),
+            "there is no file 'none.csv'",
+        ),
+        (
+            ("[recordings]", '[[specimen]]\nname = "a"\nlenth_mm = 3.0\nrecordings = ["*"]\n[recordings]'),
+            "did you mean 'length_mm'?",
+        ),
+        (
+            ("[recordings]", '[[specimen]]\nname = "a"\nwidth_mm = 3.0\nrecordings = ["recordings/*"]\n[recordings]'),
+            "width_mm: is no size of this test",
+        ),
+        (
+            ("[recordings]", 2 * '[[specimen]]\nname = "a"\nrecordings = ["recordings/*"]\n' + "[recordings]"),
+            "2 specimens are called 'a'",
+        ),
+        (
+            (
+                "[recordings]",
+                '[[specimen]]\nname = "a"\nrecordings = ["recordings/*", "recordings/slow.csv"]\n[recordings]',
+            ),
+            "slow.csv is named 2 times",
+        ),
+        (("[recordings]", '[[specimen]]\nname = "a"\nrecordings = ["../*"]\n[recordings]'), "leaves the folder"),
     ],
-)  # fmt: skip
+)
 def test_what_is_wrong_in_a_folder_is_one_line(bars: Path, tmp_path: Path, change, words) -> None:
     (tmp_path / "specimen.toml").write_text(BAR.replace(*change))
     (tmp_path / "recordings").symlink_to(bars / "recordings")

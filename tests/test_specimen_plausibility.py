@@ -89,7 +89,8 @@ WRONG: dict[str, tuple[Change, str]] = {
     "displacement of the other sign": (_times("displacement_mm", -1.0), "displacement_mm"),
     "displacement from another zero": (
         _each(lambda table: table.assign(displacement_mm=table["displacement_mm"] + 90.0)),
-        "displacement_mm"),
+        "displacement_mm",
+    ),
     "strain in percent": (_times("displacement_mm", 10.0), "displacement_mm"),
     "time in ms": (_times("time_s", 1e3), "time_s"),
     "time in minutes": (_times("time_s", 1 / 60), "time_s"),
@@ -103,7 +104,7 @@ WRONG: dict[str, tuple[Change, str]] = {
     "a recording copied and thinned": (_thinned, "force_N"),
     "a file that isn't read": (_of_another_kind, "recordings"),
     "a name that is a path": (_in_toml('id = "bar"', 'id = "../../x"'), "id"),
-}  # fmt: skip
+}
 
 
 def _told(folder: Path) -> list[str]:

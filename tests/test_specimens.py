@@ -97,9 +97,7 @@ def test_what_another_unit_or_size_would_do_is_said_and_so_it_is(tmp_path: Path)
     deeper = c10(1.0, 1.02).values["deep.C10"] / one.value - 1
     assert one.moves["displacement_mm"] == pytest.approx(5 * deeper, rel=0.1)
     write_specimen_report([found], tmp_path)
-    assert "an area_mm2 of half the true one makes it twice" in " ".join(
-        (tmp_path / "report.txt").read_text().split()
-    )
+    assert "an area_mm2 of half the true one makes it twice" in " ".join((tmp_path / "report.txt").read_text().split())
 
 
 def test_a_value_at_its_bound_is_told(bars: Path) -> None:
@@ -115,8 +113,7 @@ def test_a_test_that_stops_costs_itself_alone(tmp_path: Path) -> None:
     """Of a bar said to be 0.5 mm long, 3 mm of compression are more than there is."""
     several = BAR.replace("length_mm = 10.0\n", "").replace("[recordings]", "[given]")
     entries = "".join(
-        f'[[specimen]]\nname = "{name}"\nlength_mm = {length}\n'
-        f'recordings = ["recordings/{name}.csv"]\n'
+        f'[[specimen]]\nname = "{name}"\nlength_mm = {length}\nrecordings = ["recordings/{name}.csv"]\n'
         for name, length in (("fast", 10.0), ("middle", 10.0), ("slow", 0.5))
     )
     write_bars(tmp_path, PLANTED, several.replace("[given]", "[recordings]") + entries)
@@ -144,9 +141,7 @@ def test_specimens_of_several_sizes_are_one_tissue(tmp_path: Path) -> None:
     assert predicted.scale == pytest.approx(1.0, abs=0.01)
 
 
-def test_a_solve_that_makes_it_worse_is_no_sign_of_convergence(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_solve_that_makes_it_worse_is_no_sign_of_convergence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every proposal after the first is solved to a worse fit than the emulator promised."""
     assert is_settled(5e-5) and not is_settled(5e-3) and not is_settled(-5e-3)
     solve, gains = Search.solve, list[float]()

@@ -80,26 +80,21 @@ def stockings_study(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
             (legs / kind / leg).mkdir(parents=True)
             (legs / kind / leg / "leg.toml").write_text("id = 1")
     study = Study(
-        lambda cells: stockings.identify(legs, folder, StockingSettings(20_000 + cells), 1),
-        4,
-        folder / "recovery.json",
+        lambda cells: stockings.identify(legs, folder, StockingSettings(20_000 + cells), 1), 4, folder / "recovery.json"
     )
 
     def identified(context: object, task: tuple[str, str]) -> Recovery:
         study.calls.append(task)
         kind, leg = task
         both = 1.0, 2.0 + len(study.calls)
-        return Recovery(leg, kind, (3.0, 8.0), both, both, both, (4, 5), True, 0.1, 1.0, None,
-                        None, None, 0.1, 7.0)  # fmt: skip
+        return Recovery(leg, kind, (3.0, 8.0), both, both, both, (4, 5), True, 0.1, 1.0, None, None, None, 0.1, 7.0)
 
     monkeypatch.setattr(stockings, "_identify", identified)
     return study
 
 
 def claims_study(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
-    study = Study(
-        lambda cells: stockings.claims(folder, 15_000 + cells, 1), 30, folder / "claims.json"
-    )
+    study = Study(lambda cells: stockings.claims(folder, 15_000 + cells, 1), 30, folder / "claims.json")
 
     def solved(cells: int, variant: Variant) -> Pressures:
         study.calls.append(variant)
@@ -111,9 +106,7 @@ def claims_study(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
 
 
 def scans_study(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
-    study = Study(
-        lambda seed: stockings.make(folder, seed, 1), len(TRUTHS), folder / "perfect" / "1" / "made"
-    )
+    study = Study(lambda seed: stockings.make(folder, seed, 1), len(TRUTHS), folder / "perfect" / "1" / "made")
 
     def made(context: object, leg: str) -> str:
         study.calls.append(leg)
@@ -132,9 +125,7 @@ def concealed_study(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
         (folder / "cases" / f"case{k:03d}" / "contours.csv").write_text(f"{k}")
     diagnoser = Diagnoser(folder / "library", read_correction(REFERENCE), 1)
     study = Study(
-        lambda seed: running.run_cases(folder, diagnoser, 1, Silent(), seed),
-        3,
-        folder / "diagnoses" / "case000.json",
+        lambda seed: running.run_cases(folder, diagnoser, 1, Silent(), seed), 3, folder / "diagnoses" / "case000.json"
     )
 
     def diagnosed(context: object, case: Path) -> dict[str, object]:
@@ -147,14 +138,8 @@ def concealed_study(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
     return study
 
 
-@pytest.fixture(
-    params=[
-        planted_study, solvers_study, stockings_study, claims_study, scans_study, concealed_study,
-    ]
-)  # fmt: skip
-def study(
-    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[Study]:
+@pytest.fixture(params=[planted_study, solvers_study, stockings_study, claims_study, scans_study, concealed_study])
+def study(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Study]:
     return request.param(tmp_path, monkeypatch)
 
 
@@ -195,9 +180,7 @@ def test_an_interrupted_study_goes_on(study: Study, monkeypatch: pytest.MonkeyPa
     assert study.done() == 1
 
 
-def test_legs_and_cases_that_changed_are_done_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_legs_and_cases_that_changed_are_done_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     identified = stockings_study(tmp_path / "a", monkeypatch)
     identified.done()
     (tmp_path / "a" / "legs" / "noisy" / "2" / "leg.toml").write_text("id = 2")
@@ -212,9 +195,7 @@ def test_legs_and_cases_that_changed_are_done_again(
     assert scans.done() == 1
 
 
-def test_scores_want_diagnoses_by_this_code(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_scores_want_diagnoses_by_this_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     concealed_study(tmp_path, monkeypatch).done(option=0)
     diagnoser = Diagnoser(tmp_path / "library", read_correction(REFERENCE), 1)
     monkeypatch.setattr(scoring, "read_sealed", lambda *_: {})

@@ -76,9 +76,7 @@ def test_a_failed_step_leaves_the_last_good_state(stuck):
 def test_every_step_is_reported(stuck):
     report, _, accepted = stuck
     assert all(isinstance(step, Step) for step in report.steps)
-    assert [step.displacement for step in report.steps if step.accepted] == [
-        at for at, _, _ in accepted
-    ]
+    assert [step.displacement for step in report.steps if step.accepted] == [at for at, _, _ in accepted]
     assert report.rejected == sum(step.reason == "told to fail" for step in report.steps) > 2
     assert report.factorisations == sum(step.factorisations for step in report.steps)
     assert report.seconds > 0 and report.unknowns == stuck[1].spaces.unknowns
@@ -215,9 +213,7 @@ def _solved(monkeypatch, reach: Callable[[Attempt], float], defences: bool) -> S
     return PlaneStrainIndentation(*subject_3(), settings).solve(depth=3.0)
 
 
-STIFF = 0.5 * ContactSettings().penalty(
-    {"deep.C10": 0.70e-3, "deep.C20": 0.80e-3, "superficial.C10": 2e-3}, 15.0
-)
+STIFF = 0.5 * ContactSettings().penalty({"deep.C10": 0.70e-3, "deep.C20": 0.80e-3, "superficial.C10": 2e-3}, 15.0)
 """Below subject 3's own contact and above the softer one (MPa/mm)."""
 
 

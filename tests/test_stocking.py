@@ -53,11 +53,21 @@ def truth(shape: LegShape) -> tuple[LegModel3D, Worn]:
 def result(shape: LegShape, truth: tuple[LegModel3D, Worn]) -> StockingResult:
     slices = calf_levels(shape)
     leg = StockingLeg(
-        "t", "Test", "simulated", shape, shape, truth[1].shape, None,
+        "t",
+        "Test",
+        "simulated",
+        shape,
+        shape,
+        truth[1].shape,
+        None,
         fitted_stocking(shape, ClassFit(CompressionClass.STRONG)),
         ACCURACY,
-        laws(3.0, 3.0), False, "held", slices, default_veins(shape, float(slices[2])),
-    )  # fmt: skip
+        laws(3.0, 3.0),
+        False,
+        "held",
+        slices,
+        default_veins(shape, float(slices[2])),
+    )
     settings = StockingSettings(search=SearchSettings(starts_kPa=((3.0, 3.0),)))
     return run_leg(leg, settings, Silent(), mesh=COARSE)
 
@@ -104,9 +114,8 @@ def test_an_equilibrium_that_was_kept_is_as_it_was_found(result, tmp_path, monke
     assert leg.states == len(found.changes)
     shape, tissues = result.model.shape, result.model.tissues
     again = WornLeg(
-        LegModel3D(shape, tissues, COARSE, CompressionSettings(ends="held")),
-        result.leg.stocking, folder=tmp_path,
-    )  # fmt: skip
+        LegModel3D(shape, tissues, COARSE, CompressionSettings(ends="held")), result.leg.stocking, folder=tmp_path
+    )
     with monkeypatch.context() as patched:
         patched.setattr(LegModel3D, "solve", None)
         kept = again.find(at, (name,))
@@ -279,9 +288,7 @@ def test_a_finer_mesh_has_the_same_pressures(shape, truth, result):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(
-    not (SHARED / "data" / "leg_geometry").is_dir(), reason="needs ../shared/data/leg_geometry"
-)
+@pytest.mark.skipif(not (SHARED / "data" / "leg_geometry").is_dir(), reason="needs ../shared/data/leg_geometry")
 def test_a_real_leg_s_surfaces_can_wear_a_stocking(tmp_path):
     from legfem.stocking.loading import load_leg
 

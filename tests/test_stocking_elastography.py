@@ -71,17 +71,28 @@ def test_known_fat_narrows_both_intervals_and_a_wrong_modulus_is_told(tmp_path):
     model = LegModel3D(shape, laws(*PLANTED_KPA), FINE, CompressionSettings(stabilisation=0.3))
     worn = WornLeg(model, stocking).find()
     leg = StockingLeg(
-        "t", "Test", "simulated", shape, shape, worn.shape, None, stocking, ACCURACY,
-        laws(3.0, 3.0), False, "held", calf_levels(shape), (),
-    )  # fmt: skip
+        "t",
+        "Test",
+        "simulated",
+        shape,
+        shape,
+        worn.shape,
+        None,
+        stocking,
+        ACCURACY,
+        laws(3.0, 3.0),
+        False,
+        "held",
+        calf_levels(shape),
+        (),
+    )
     muscle = ShearModulus("deep", "across", 15e-3, 0.75e-3, "five frames")
     every = {"neither": (), "fat": (replace(FAT, value=12.9e-3),), "wrong": (muscle,)}
     settings = StockingSettings(search=SearchSettings(starts_kPa=((3.0, 3.0),)))
     found = {
-        name: run_leg(replace(leg, elastography=moduli), settings, Silent(), mesh=COARSE,
-                      folder=tmp_path / "kept")
+        name: run_leg(replace(leg, elastography=moduli), settings, Silent(), mesh=COARSE, folder=tmp_path / "kept")
         for name, moduli in every.items()
-    }  # fmt: skip
+    }
     width = {}
     for name in ("neither", "fat"):
         interval = 1e3 * found[name].best.interval95
@@ -93,9 +104,7 @@ def test_known_fat_narrows_both_intervals_and_a_wrong_modulus_is_told(tmp_path):
     assert narrower[1] < 0.5 and narrower[0] < 0.95
     # Six standard deviations of the prior's off the truth.
     said = plain_page(stocking_web_page(found["wrong"]), [])
-    assert "Elastography finds a higher c10_deep than the fit of both scans does" in " ".join(
-        said.split()
-    )
+    assert "Elastography finds a higher c10_deep than the fit of both scans does" in " ".join(said.split())
     stiffness = stocking_document(found["fat"])["stiffness"]
     assert stiffness["c10_superficial"]["prior"]["sd"] == pytest.approx(0.9)
     assert stiffness["c10_deep"]["prior"] is None

@@ -78,12 +78,8 @@ def test_a_leg_in_metres_is_refused(folder, shape):
 
 
 def test_without_the_second_scan_known_stiffness_serves(folder):
-    toml = (
-        (folder / "leg.toml").read_text().replace('[compressed]\ncontours = "compressed.csv"', "")
-    )
-    (folder / "leg.toml").write_text(
-        toml + "[tissues.deep]\nC10_kPa = 3.25\n[tissues.superficial]\nC10_kPa = 8.17\n"
-    )
+    toml = (folder / "leg.toml").read_text().replace('[compressed]\ncontours = "compressed.csv"', "")
+    (folder / "leg.toml").write_text(toml + "[tissues.deep]\nC10_kPa = 3.25\n[tissues.superficial]\nC10_kPa = 8.17\n")
     leg = load_leg(folder)
     assert leg.compressed is None and leg.known
     assert leg.tissues["superficial"].C10 == pytest.approx(8.17e-3)

@@ -123,8 +123,6 @@ def test_a_fascia_that_the_model_lacks_is_named(shape, models):
     found = _diagnosed(shape, models, accuracy=accuracy, **{TERMS["fascia"]: 0.16})
     print(found)
     assert "fascia" in found.named
-    stiffness, error = next(s for s in found.scores if s.name == "fascia").strengths[
-        "stiffness (N/mm)"
-    ]
+    stiffness, error = next(s for s in found.scores if s.name == "fascia").strengths["stiffness (N/mm)"]
     assert stiffness > 2 * error
     assert found.rms_after is not None and found.rms_after < found.rms_before

@@ -36,9 +36,21 @@ def leg() -> StockingLeg:
     shape = parametric_leg(read_legs(LEGS)["1"], n_points=90)
     stocking = Stocking(0.3, shape.levels, perimeter(shape) / 1.5)
     return StockingLeg(
-        "a", "A leg", "simulated", shape, shape, _scaled(shape, 0.99), None, stocking,
-        ContourAccuracy(), laws(3.0, 8.0), True, "held", shape.levels[[5, 6]], (),
-    )  # fmt: skip
+        "a",
+        "A leg",
+        "simulated",
+        shape,
+        shape,
+        _scaled(shape, 0.99),
+        None,
+        stocking,
+        ContourAccuracy(),
+        laws(3.0, 8.0),
+        True,
+        "held",
+        shape.levels[[5, 6]],
+        (),
+    )
 
 
 def test_a_usual_leg_in_a_usual_stocking_is_not_doubted(leg):
@@ -68,9 +80,7 @@ def _compressed(factor: float) -> Change:
 
 
 def _fabric(stretch: float = 1.5, stiffness: float = 0.3) -> Change:
-    return lambda leg: replace(
-        leg, stocking=Stocking(stiffness, leg.bare.levels, perimeter(leg.bare) / stretch)
-    )
+    return lambda leg: replace(leg, stocking=Stocking(stiffness, leg.bare.levels, perimeter(leg.bare) / stretch))
 
 
 def _table(low: float, high: float) -> Change:

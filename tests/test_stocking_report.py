@@ -48,9 +48,7 @@ from legfem.stocking.worn import WornLeg
 from studies.legs.parametric_leg import parametric_leg, read_legs, round_leg
 
 LEGS = Path(__file__).resolve().parents[1] / "studies" / "stockings" / "legs.toml"
-MESH = SolidMeshSettings(
-    skin_size=12, inside_size=16, bone_size=10, layer_elements=0.4, turn_elements=10
-)
+MESH = SolidMeshSettings(skin_size=12, inside_size=16, bone_size=10, layer_elements=0.4, turn_elements=10)
 ACCURACY = ContourAccuracy(correlation=16.0, around=30.0, along=40.0)
 """Alike over a longer way than by default: fewer modes to learn the leg's answers to."""
 
@@ -63,15 +61,25 @@ def result():
     true = {"deep": NeoHookean(2.6e-3, 2.0), "superficial": NeoHookean(6e-3, 2.0)}
     made = WornLeg(LegModel3D(bare, true, MESH), stocking).find()
     registration = Registration(
-        RigidTransform(), 0.11, 2000, 120, np.array([0.012, 0.011, 0.05]),
-        np.array([0.03, 0.02, 0.09]), 23, True,
-    )  # fmt: skip
+        RigidTransform(), 0.11, 2000, 120, np.array([0.012, 0.011, 0.05]), np.array([0.03, 0.02, 0.09]), 23, True
+    )
     slices = calf_levels(bare)
     leg = StockingLeg(
-        "s1", "leg of the tests", "simulated", bare, bare, made.shape, registration, stocking,
-        ACCURACY, {name: NeoHookean(3e-3, 2.0) for name in true}, False, "held", slices,
+        "s1",
+        "leg of the tests",
+        "simulated",
+        bare,
+        bare,
+        made.shape,
+        registration,
+        stocking,
+        ACCURACY,
+        {name: NeoHookean(3e-3, 2.0) for name in true},
+        False,
+        "held",
+        slices,
         default_veins(bare, float(np.median(slices))),
-    )  # fmt: skip
+    )
     search = SearchSettings(starts_kPa=((3.0, 3.0),), max_steps=4, max_evaluations=3)
     return run_leg(leg, StockingSettings(nelder_mead=True, search=search), Silent(), mesh=MESH)
 
@@ -168,9 +176,7 @@ def test_page_says_who_what_and_that_it_is_simulated(result, folder):
 
 def test_page_gives_stiffness_with_intervals_and_every_search(result, folder):
     text = " ".join((folder / "report.txt").read_text().split())
-    for known, tissue in zip(
-        judge(result.best, result.leg.accuracy), ("muscle", "fat"), strict=True
-    ):
+    for known, tissue in zip(judge(result.best, result.leg.accuracy), ("muscle", "fat"), strict=True):
         low, high = mpa_to_kpa(np.array(known.interval95))
         assert (
             f"C10 of the {tissue}: {mpa_to_kpa(known.value):.3g} kPa (95 % {low:.3g} to "
@@ -200,8 +206,7 @@ def test_page_gives_pressures_in_both_units(result, folder):
 
 
 @pytest.mark.parametrize(
-    "half_width, verdict",
-    [(0.05, "identifiable"), (0.3, "weakly identifiable"), (0.8, "not identifiable")],
+    "half_width, verdict", [(0.05, "identifiable"), (0.3, "weakly identifiable"), (0.8, "not identifiable")]
 )
 def test_verdict_follows_the_interval(result, half_width, verdict):
     other = widened(result, half_width)
@@ -249,9 +254,7 @@ def test_a_stiffness_at_a_bound_is_not_known(result):
     best = widened(result, 0.05).best
     at_bound = replace(best, parameters=np.array([best.parameters[0], 0.1]))
     muscle, fat = judge(at_bound, result.leg.accuracy)
-    assert (muscle.verdict, fat.verdict, fat.at_bound) == (
-        "identifiable", "not identifiable", "upper",
-    )  # fmt: skip
+    assert (muscle.verdict, fat.verdict, fat.at_bound) == ("identifiable", "not identifiable", "upper")
     assert "upper bound" in verdict_sentence(fat)
 
 
@@ -319,9 +322,12 @@ def test_document_has_every_number_with_its_unit(result, fat):
 
 def test_a_leg_without_a_scan_in_its_stocking_is_reported(result, fat):
     given = replace(
-        result, leg=replace(result.leg, compressed=None, registration=None, known=True),
-        searches=(), misfit=None, scan_load=None,
-    )  # fmt: skip
+        result,
+        leg=replace(result.leg, compressed=None, registration=None, known=True),
+        searches=(),
+        misfit=None,
+        scan_load=None,
+    )
     page = words_on(given, fat)
     assert "Not identified: the leg was not scanned in its stocking" in page
     document = stocking_document(given, fat)
@@ -374,9 +380,7 @@ def test_directions_round_the_leg():
     bare = parametric_leg(read_legs(LEGS)["1"])
     directions = Directions.of(bare)
     # A right leg: the fibula is at the patient's right, x < 0.
-    assert [directions.at(a) for a in (0, 90, 180, -90)] == [
-        "anterior", "medial", "posterior", "lateral",
-    ]  # fmt: skip
+    assert [directions.at(a) for a in (0, 90, 180, -90)] == ["anterior", "medial", "posterior", "lateral"]
     assert directions.at(-130) == "posterior-lateral"
     assert directions.at(40) == "anterior-medial"
     assert Directions.of(round_leg()).at(91) == "left"

@@ -38,9 +38,7 @@ TENSION = 0.12
 """By which the true fabric pulls more than the one that is given; known beforehand to as much."""
 SENSOR = 0.04
 """Relative error of a sensor."""
-ACCURACY = ContourAccuracy(
-    sd=0.1, correlation=16.0, around=30.0, along=40.0, pressure_sd=0.003, tension_sd=TENSION
-)
+ACCURACY = ContourAccuracy(sd=0.1, correlation=16.0, around=30.0, along=40.0, pressure_sd=0.003, tension_sd=TENSION)
 
 
 def sensor(shape, point, pressure, sd=None, diameter=30.0):
@@ -150,9 +148,22 @@ def test_two_sensors_of_4_percent_narrow_what_an_uncertain_fabric_leaves_open(tm
     )
     slices = calf_levels(shape)
     leg = StockingLeg(
-        "t", "Test", "simulated", shape, shape, worn.shape, None, given, ACCURACY,
-        laws(3.0, 3.0), False, "held", slices, (), sensors,
-    )  # fmt: skip
+        "t",
+        "Test",
+        "simulated",
+        shape,
+        shape,
+        worn.shape,
+        None,
+        given,
+        ACCURACY,
+        laws(3.0, 3.0),
+        False,
+        "held",
+        slices,
+        (),
+        sensors,
+    )
     settings = StockingSettings(search=SearchSettings(starts_kPa=((3.0, 3.0),)))
     found = {}
     for name, one in (("without", replace(leg, sensors=())), ("with", leg)):

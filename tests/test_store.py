@@ -53,9 +53,20 @@ def test_what_is_kept_comes_back_to_the_last_bit(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["", "{", "[]", "3", "{}", '{"kept": {}}', '{"key": KEY}', '{"key": KEY, "kept": {}}',
-     '{"key": KEY, "kept": {"force": ["a"]}}', '{"key": "0", "kept": {"force": [1.0]}}', "\xff"],
-)  # fmt: skip
+    [
+        "",
+        "{",
+        "[]",
+        "3",
+        "{}",
+        '{"kept": {}}',
+        '{"key": KEY}',
+        '{"key": KEY, "kept": {}}',
+        '{"key": KEY, "kept": {"force": ["a"]}}',
+        '{"key": "0", "kept": {"force": [1.0]}}',
+        "\xff",
+    ],
+)
 def test_a_malformed_or_foreign_file_is_absent(tmp_path: Path, text: str) -> None:
     store = Store(tmp_path, Curve)
     store.put(0.1, made())
@@ -111,10 +122,28 @@ def test_keys_tell_values_apart(tmp_path: Path) -> None:
     (folder / "b").write_text("x")
     file.write_text("1")
     different = [
-        None, True, 1, 1.0, np.nextafter(1.0, 2.0), "1", [1], [[1]], {"a": 1}, {"a": 2}, {"b": 1},
-        {1, 2}, Soft(1.0), Stiff(1.0), Soft(2.0), np.zeros(3), np.zeros((3, 1)), np.zeros(4),
-        Contents(file), Contents(folder), Contents(tmp_path / "none"),
-    ]  # fmt: skip
+        None,
+        True,
+        1,
+        1.0,
+        np.nextafter(1.0, 2.0),
+        "1",
+        [1],
+        [[1]],
+        {"a": 1},
+        {"a": 2},
+        {"b": 1},
+        {1, 2},
+        Soft(1.0),
+        Stiff(1.0),
+        Soft(2.0),
+        np.zeros(3),
+        np.zeros((3, 1)),
+        np.zeros(4),
+        Contents(file),
+        Contents(folder),
+        Contents(tmp_path / "none"),
+    ]
     assert len({key_of(value) for value in different}) == len(different)
     assert key_of({"a": 1, "b": 2}) == key_of({"b": 2, "a": 1})
     assert key_of((1, np.float64(2.5))) == key_of([np.int64(1), 2.5])

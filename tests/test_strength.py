@@ -51,9 +51,7 @@ def log_likelihood(problem, evidence, values, shares):
     observed = problem.predictor.observed
     residual = observed.force - problem.predictor(values, [mechanism_named("prestress")])
     none = np.zeros(0)
-    return evidence.of(
-        Linearised(residual, np.zeros((len(residual), 0)), none, none, none), shares
-    ).log_evidence
+    return evidence.of(Linearised(residual, np.zeros((len(residual), 0)), none, none, none), shares).log_evidence
 
 
 def inside(fitted):
@@ -93,9 +91,7 @@ def summed(problem, evidence, fitted, shares):
 def test_evidence_and_stiffness_are_those_of_sums_where_a_strength_is_far_from_linear(seed):
     problem, _, fitted, evidence = tense(seed)
     shares = [0.0 if f.unknown.covariance is None else -np.inf for f in evidence._factors]
-    conditional = partial(
-        posterior_of, evidence, observed=problem.predictor.observed, shares=shares
-    )
+    conditional = partial(posterior_of, evidence, observed=problem.predictor.observed, shares=shares)
     linear = conditional(fitted)
     found = integrated(problem, fitted, linear, conditional)
     total, mean, sd = summed(problem, evidence, fitted, shares)
@@ -116,9 +112,7 @@ def test_a_strength_that_acts_in_proportion_is_as_a_line_has_it():
     fitted = fit(problem, [mechanism_named("force-drift")], base.values)
     evidence = Evidence(problem.errors, unknown_errors(problem.predictor.observed, base.prediction))
     shares = [0.0 if f.unknown.covariance is None else -np.inf for f in evidence._factors]
-    conditional = partial(
-        posterior_of, evidence, observed=problem.predictor.observed, shares=shares
-    )
+    conditional = partial(posterior_of, evidence, observed=problem.predictor.observed, shares=shares)
     linear = conditional(fitted)
     found = integrated(problem, fitted, linear, conditional)
     of_any_width = linear.log_evidence + gained_by_width(fitted, linear)
@@ -138,15 +132,11 @@ def test_a_strength_s_usual_size_decides_little_between_what_does_the_same(monke
     problem, base = problem_of(ramps(), {"force-drift.rate": 0.004}, seed=2)
     evidence = Evidence(problem.errors, unknown_errors(problem.predictor.observed, base.prediction))
     shares = [0.0 if f.unknown.covariance is None else -np.inf for f in evidence._factors]
-    conditional = partial(
-        posterior_of, evidence, observed=problem.predictor.observed, shares=shares
-    )
+    conditional = partial(posterior_of, evidence, observed=problem.predictor.observed, shares=shares)
 
     def gap() -> float:
         fits = [fit(problem, [one], base.values) for one in (ForceDrift(), VaguerDrift())]
-        one, other = (
-            integrated(problem, own, conditional(own), conditional).log_evidence for own in fits
-        )
+        one, other = (integrated(problem, own, conditional(own), conditional).log_evidence for own in fits)
         return one - other
 
     of_any_width = gap()

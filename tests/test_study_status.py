@@ -77,9 +77,7 @@ def test_planted_truths_whose_solver_never_converges_end_in_one_line(tmp_path, m
         ("fibrous_specimens", "identified", ["--n", "1", "--jobs", "1"]),
     ],
 )
-def test_a_study_that_cannot_be_solved_ends_in_one_line(
-    tmp_path, monkeypatch, study, work, options
-):
+def test_a_study_that_cannot_be_solved_ends_in_one_line(tmp_path, monkeypatch, study, work, options):
     def failing(*_: object) -> None:
         raise UnsolvedError("it stops at 1 mm")
 

@@ -55,9 +55,13 @@ def written(folder: Path, made, unit: str = "kPa", header: str | None = None, na
     (folder / "specimen.toml").write_text(CUP)
     rows = np.column_stack([time, height, suction / UNITS[unit]])
     np.savetxt(
-        folder / "recordings" / f"{name}.csv", rows, "%.6g", ",", comments="",
+        folder / "recordings" / f"{name}.csv",
+        rows,
+        "%.6g",
+        ",",
+        comments="",
         header=header or f"time_s,displacement_mm,pressure_{unit}",
-    )  # fmt: skip
+    )
     return folder
 
 
@@ -73,9 +77,11 @@ def test_an_instrument_s_suction_is_read_in_its_unit(tmp_path: Path, suctions) -
     channels = "".join(
         f'[recordings.{quantity}]\ncolumn = "{column}"\nunit = "{unit}"\n'
         for quantity, column, unit in (
-            ("time", "Time", "s"), ("displacement", "Height", "mm"), ("force", "Vacuum", "mbar"),
+            ("time", "Time", "s"),
+            ("displacement", "Height", "mm"),
+            ("force", "Vacuum", "mbar"),
         )
-    )  # fmt: skip
+    )
     (tmp_path / "specimen.toml").write_text(CUP + channels)
     (one,) = lf.load_specimen(tmp_path).recordings
     assert one.course.peak == pytest.approx(4e-3 * np.pi * 25.0, rel=0.02)

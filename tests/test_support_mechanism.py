@@ -40,12 +40,16 @@ def test_between_a_frame_and_bones_the_force_lies_between(solved):
     compliance = 0.5
     forces = {
         share: predictor(
-            {"C10": SOFT[0], "C20": SOFT[1], "support-compliance.compliance": compliance,
-             "support-compliance.at_bones": share},
+            {
+                "C10": SOFT[0],
+                "C20": SOFT[1],
+                "support-compliance.compliance": compliance,
+                "support-compliance.at_bones": share,
+            },
             (SUPPORT,),
         )[within]
         for share in (0.0, 0.5, 1.0)
-    }  # fmt: skip
+    }
     at, frame = observed.displacement[within], forces[0.0]
     held = np.interp(at - compliance * frame, [0.0, *solved.grid], [0.0, *solved.curve(*SOFT)])
     np.testing.assert_allclose(frame, held, rtol=0.01, atol=0.002)
@@ -65,9 +69,7 @@ def test_without_compliance_nothing_changes(solved):
 @pytest.mark.slow
 def test_its_table_stands_in_for_solutions_between_the_strengths(solved):
     observed, _ = observations(ramps(1))
-    library = build_library(
-        solved, solved, observed, [SUPPORT], None, 1, Silent(), 0.8, rounded(SOFT[0])
-    )
+    library = build_library(solved, solved, observed, [SUPPORT], None, 1, Silent(), 0.8, rounded(SOFT[0]))
     assert library.missing == {}
     c10 = library.middle * float(np.exp(CHANGES_AT[1]))
     at = c10, c10 * float(np.expm1(0.8))
@@ -91,9 +93,7 @@ def test_where_springs_stop_the_frame_is_left(variants, solved, monkeypatch):
     monkeypatch.setattr(Variants, "follow", stops)
     observed, _ = observations(ramps(1))
     shallow = SolvedResponses(variants, 2.0, None, {"test": 2})
-    library = build_library(
-        shallow, shallow, observed, [SUPPORT], None, 1, Silent(), 0.8, rounded(SOFT[0])
-    )
+    library = build_library(shallow, shallow, observed, [SUPPORT], None, 1, Silent(), 0.8, rounded(SOFT[0]))
     assert library.missing == {}
     values = {"compliance": 0.3, "at_bones": 0.7}
     assert not np.any(library.relative_change(SUPPORT, values, SOFT, observed))

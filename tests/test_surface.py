@@ -17,9 +17,7 @@ def test_a_closed_tube_has_outward_triangles_of_its_area():
     surface = _tube(around=200)
     a, b, c = (surface.points[surface.triangles[:, i]] for i in range(3))
     normal = np.cross(b - a, c - a)
-    np.testing.assert_allclose(
-        0.5 * np.linalg.norm(normal, axis=1).sum(), 2 * np.pi * 20 * 30, rtol=1e-3
-    )
+    np.testing.assert_allclose(0.5 * np.linalg.norm(normal, axis=1).sum(), 2 * np.pi * 20 * 30, rtol=1e-3)
     assert (np.einsum("ij,ij->i", normal[:, :2], (a + b + c)[:, :2]) > 0).all()
 
 

@@ -16,12 +16,7 @@ from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.plane import CuttingPlane
 from legfem.geometry.shape_measures import fat_thickness_around, largest_girth, perimeter
-from legfem.imaging.surfaces import (
-    outlines_of_surfaces,
-    read_surface,
-    read_surfaces,
-    shape_of_surfaces,
-)
+from legfem.imaging.surfaces import outlines_of_surfaces, read_surface, read_surfaces, shape_of_surfaces
 
 REAL = SHARED / "data" / "leg_geometry"
 real_leg = pytest.mark.skipif(not REAL.is_dir(), reason="needs ../shared/data/leg_geometry")
@@ -82,9 +77,8 @@ def test_surfaces_of_other_programs_are_read(tmp_path, kind):
 
 @pytest.mark.parametrize(
     ("kind", "how"),
-    [("vtk", "ascii"), ("vtk", "binary"),
-     *(("vtp", how) for how in ("ascii", "binary", "zlib", "raw", "raw zlib"))],
-)  # fmt: skip
+    [("vtk", "ascii"), ("vtk", "binary"), *(("vtp", how) for how in ("ascii", "binary", "zlib", "raw", "raw zlib"))],
+)
 def test_vtk_s_polydata_is_the_surface_that_was_written(tmp_path, kind, how):
     stl = surface("tibia")
     read = read_surface(write_polydata(tmp_path / f"s.{kind}", stl, how))
@@ -103,9 +97,7 @@ def test_polygons_strips_and_slicer_s_axes_of_polydata_are_read(tmp_path):
     # The four sides as one strip round the box, its ends as polygons.
     strip = "TRIANGLE_STRIPS 1 11\n10 0 4 1 5 2 6 3 7 0 4\n"
     ends = "POLYGONS 2 10\n4 0 3 2 1\n4 4 5 6 7\n"
-    (tmp_path / "strip.vtk").write_text(
-        f"{head.replace('SPACE=RAS', '')}POINTS 8 float\n{corners}\n{ends}{strip}"
-    )
+    (tmp_path / "strip.vtk").write_text(f"{head.replace('SPACE=RAS', '')}POINTS 8 float\n{corners}\n{ends}{strip}")
     found = read_surface(tmp_path / "strip.vtk")
     assert found.is_watertight and abs(found.volume) == pytest.approx(1.0)
 
@@ -126,11 +118,7 @@ def test_outlines_are_cut_at_any_level_also_through_vertices(tmp_path):
         ({"scale": 0.1}, LEVELS, "look like centimetres; multiply the coordinates by 10"),
         ({"scale": 10.0}, LEVELS, "not a leg's"),
         ({"scale": 0.001}, LEVELS, "look like metres"),
-        (
-            {},
-            LEVELS + 60,
-            r"skin: no closed outline at level 100 mm; choose levels between 0.0 and",
-        ),
+        ({}, LEVELS + 60, r"skin: no closed outline at level 100 mm; choose levels between 0.0 and"),
     ],
 )
 def test_bad_surfaces_give_one_line(tmp_path, change, levels, message):

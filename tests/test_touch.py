@@ -33,9 +33,7 @@ def fitted_to(observed: Observations):
     return Evidence(problem.errors, ALONE), fit(problem, (), TRUTH)
 
 
-@pytest.mark.parametrize(
-    ("airs", "stated"), [((0.0, 0.0), True), ((2.0, 1.0), False)], ids=["stated", "air"]
-)
+@pytest.mark.parametrize(("airs", "stated"), [((0.0, 0.0), True), ((2.0, 1.0), False)], ids=["stated", "air"])
 def test_what_is_stated_or_seen_leaves_one_reading(airs, stated):
     observed = seen(airs, stated)
     evidence, fitted = fitted_to(observed)
@@ -57,12 +55,13 @@ def in_full(fitted, errors, priors) -> float:
     gain_shares, zero_shares = (logs - logsumexp(logs) for logs in shares)
     logs = [
         multivariate_normal.logpdf(
-            centred, np.zeros(len(centred)),
-            replace(errors, gain_sd=gain, zero_sd=zero).covariance + model @ model.T,
-        ) + gain_share + zero_share
+            centred, np.zeros(len(centred)), replace(errors, gain_sd=gain, zero_sd=zero).covariance + model @ model.T
+        )
+        + gain_share
+        + zero_share
         for gain, gain_share in zip(GAIN_SDS, gain_shares, strict=True)
         for zero, zero_share in zip(errors.zero_sds, zero_shares, strict=True)
-    ]  # fmt: skip
+    ]
     return float(logsumexp(logs))
 
 

@@ -67,12 +67,13 @@ def recorded(folder: Path, c10: float, seed: int = 0) -> Subject:
     rng = np.random.default_rng(seed)
     trials = tuple(
         Recording(
-            one.time, one.displacement,
+            one.time,
+            one.displacement,
             curve(0.4 * one.time.clip(max=DEPTH / 0.4)) + 0.03 * rng.standard_normal(len(one.time)),
             one.trial,
         )
         for one in flat.recordings
-    )  # fmt: skip
+    )
     return replace(flat, recordings=trials, plane_strain=False)
 
 
@@ -94,14 +95,16 @@ def identified(
 ):
     section = AnalyticLeg()
     models = models or LegModels(
-        solid or AnalyticSolid(), AnalyticSolid(level=0.01), AnalyticSolid(level=0.014),
-        spatial_leg(subject), DEPTH, kept,
-    )  # fmt: skip
+        solid or AnalyticSolid(),
+        AnalyticSolid(level=0.01),
+        AnalyticSolid(level=0.014),
+        spatial_leg(subject),
+        DEPTH,
+        kept,
+    )
     chosen = laws_of(subject, laws, section.nominal)
     with FullSolver(section, None, 1, Silent(), sensitivities_of(chosen)) as solver:
-        found = Identification(
-            subject, measured_curve(subject), chosen, solver, IdentificationSettings()
-        )
+        found = Identification(subject, measured_curve(subject), chosen, solver, IdentificationSettings())
         return TwoFidelities(found, models, Silent(), start).identify(laws)
 
 
@@ -145,9 +148,13 @@ class FibrousSolid(AnalyticSolid):
 def test_the_error_of_the_fibres_ratio_is_that_of_the_leg_s_own_derivatives(tmp_path):
     subject = replace(recorded(tmp_path, 1.3), fibres=FibreRatio(2.0, 0.25, "measured", "waves"))
     models = LegModels(
-        AnalyticSolid(), FibrousSolid(level=0.01), AnalyticSolid(level=0.014),
-        spatial_leg(subject), DEPTH, fibres=subject.fibres,
-    )  # fmt: skip
+        AnalyticSolid(),
+        FibrousSolid(level=0.01),
+        AnalyticSolid(level=0.014),
+        spatial_leg(subject),
+        DEPTH,
+        fibres=subject.fibres,
+    )
     (result,) = identified(subject, table(0.0), models=models)
     expected = 0.25 * 2 * 1.3e-3 * (FibrousSolid.BY_SHEAR + 4 * FibrousSolid.BY_EXTENSION)
     assert result.spatial.errors["fibres: ratio"] == pytest.approx(1.27 * expected, rel=0.1)
@@ -172,9 +179,7 @@ class Values:
 
 def test_fibres_of_the_leg_in_3d_stiffen_with_c10():
     given = Values()
-    forward = SpatialForward(
-        given, {"fascia.C10": 0.1, "fascia.D1": 22.5, "deep.C10": 1e-3}, 0.6, 20.0, 2.5
-    )
+    forward = SpatialForward(given, {"fascia.C10": 0.1, "fascia.D1": 22.5, "deep.C10": 1e-3}, 0.6, 20.0, 2.5)
     with pytest.raises(Killed):
         forward.solve({"deep.C10": 3e-3})
     assert given.values["deep.fibres.shear"] == pytest.approx(2 * 3e-3 * 1.5)

@@ -43,9 +43,8 @@ def test_an_excess_everywhere_is_a_stiffer_muscle(variants):
 
     def force(values, *terms):
         experiment = PlaneStrainIndentation(
-            variants.section, variants.indenter, variants.tissues, variants.settings,
-            mechanisms=terms,
-        )  # fmt: skip
+            variants.section, variants.indenter, variants.tissues, variants.settings, mechanisms=terms
+        )
         return experiment.solve(values, DEPTH).curve(np.linspace(0.5, DEPTH, 12))
 
     everywhere = UnevenStiffness("deep", variants.tissues.deep, ((0.0, 0.0),), EVERYWHERE_MM)
@@ -70,9 +69,7 @@ def test_its_derivatives_are_those_of_the_force(solved, mechanism):
     step, far = 1e-3, slice(3, None)
     for k in (1, 4):
         name = mechanism.derivatives[k]
-        up, down = (
-            solved.ramp(MUSCLE, Solution("uneven", {name: sign * step})) for sign in (1, -1)
-        )
+        up, down = (solved.ramp(MUSCLE, Solution("uneven", {name: sign * step})) for sign in (1, -1))
         slope = (up - down) / (2 * step) / solved.ramp(MUSCLE, PLAIN)
         np.testing.assert_allclose(rows[k][far], slope[far], rtol=2e-3)
 
@@ -81,9 +78,7 @@ def test_its_derivatives_are_those_of_the_force(solved, mechanism):
 def test_its_table_is_near_full_solutions_between_the_places(solved, mechanism):
     """A full solution confirms what is reported; the table has to find it."""
     observed, _ = observations(ramps(1))
-    library = build_library(
-        solved, solved, observed, [mechanism], None, 1, Silent(), 0.8, rounded(MUSCLE[0])
-    )
+    library = build_library(solved, solved, observed, [mechanism], None, 1, Silent(), 0.8, rounded(MUSCLE[0]))
     assert library.missing == {}
     at = library.middle, library.middle * float(np.expm1(0.8))
     deep = (observed.displacement > 0.3 * DEPTH) & (observed.displacement < DEPTH)
@@ -98,7 +93,6 @@ def test_its_table_is_near_full_solutions_between_the_places(solved, mechanism):
 def test_a_place_is_shared_out_among_its_neighbours(mechanism):
     for depth, side in ((0.0, -20.0), (6.0, 0.0), (21.0, 9.0), (36.0, 20.0)):
         shares = mechanism.shares({"factor": 2.0, "depth": depth, "side": side})
-        excess = sum(mechanism.solution({"factor": 2.0, "depth": depth, "side": side})
-                     .parameters.values())  # fmt: skip
+        excess = sum(mechanism.solution({"factor": 2.0, "depth": depth, "side": side}).parameters.values())
         assert np.all(shares >= 0)
         assert excess == pytest.approx(1.0)

@@ -17,10 +17,18 @@ from legfem.subjects.subject import Subject
 TABLE_4 = (2.11, 1.72, 1.21, 0.51)
 """kPa, neo-Hookean: Frauziols et al. (2015)."""
 MISTAKES = {
-    "lbf": 1 / 4.448, "kgf": 1 / 9.807, "gf": 1 / 9.807e-3, "ozf": 1 / 0.278, "mN": 1e3,
-    "halved": 0.5, "doubled": 2.0, "2.2046": 2.2046, "1 / 2.2046": 1 / 2.2046, "25.4": 25.4,
+    "lbf": 1 / 4.448,
+    "kgf": 1 / 9.807,
+    "gf": 1 / 9.807e-3,
+    "ozf": 1 / 0.278,
+    "mN": 1e3,
+    "halved": 0.5,
+    "doubled": 2.0,
+    "2.2046": 2.2046,
+    "1 / 2.2046": 1 / 2.2046,
+    "25.4": 25.4,
     "1 / 25.4": 1 / 25.4,
-}  # fmt: skip
+}
 """By what a stiffness is wrong then."""
 
 

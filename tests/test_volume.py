@@ -71,8 +71,15 @@ def _dicom_segmentation(made: LabelVolume) -> highdicom.seg.Segmentation:
         slice_.SOPClassUID, slice_.SOPInstanceUID = CTImageStorage, generate_uid()
         slice_.StudyInstanceUID, slice_.SeriesInstanceUID, slice_.FrameOfReferenceUID = uids
         slice_.PatientID, slice_.PatientName, slice_.Modality = "made", "Made^", "CT"
-        for empty in ("PatientBirthDate", "PatientSex", "StudyDate", "StudyTime", "StudyID",
-                      "AccessionNumber", "ReferringPhysicianName"):  # fmt: skip
+        for empty in (
+            "PatientBirthDate",
+            "PatientSex",
+            "StudyDate",
+            "StudyTime",
+            "StudyID",
+            "AccessionNumber",
+            "ReferringPhysicianName",
+        ):
             setattr(slice_, empty, "")
         slice_.InstanceNumber = k + 1
         slice_.Rows, slice_.Columns = made.labels.shape[1], made.labels.shape[0]
@@ -83,17 +90,26 @@ def _dicom_segmentation(made: LabelVolume) -> highdicom.seg.Segmentation:
         frames.append(slice_)
     segments = [
         highdicom.seg.SegmentDescription(
-            number, name, codes.SCT.Tissue, codes.SCT.Tissue,
-            highdicom.seg.SegmentAlgorithmTypeValues.MANUAL,
+            number, name, codes.SCT.Tissue, codes.SCT.Tissue, highdicom.seg.SegmentAlgorithmTypeValues.MANUAL
         )
         for number, name in ((1, "Bone"), (2, "Superficial"), (3, "Deep"))
-    ]  # fmt: skip
+    ]
     # Segments in another order than our labels.
     numbers = np.array([0, 2, 3, 1], dtype=np.uint8)[made.labels]
     return highdicom.seg.Segmentation(
-        frames, numbers.transpose(2, 1, 0), highdicom.seg.SegmentationTypeValues.BINARY, segments,
-        generate_uid(), 1, generate_uid(), 1, "made", "made", "1", "1",
-    )  # fmt: skip
+        frames,
+        numbers.transpose(2, 1, 0),
+        highdicom.seg.SegmentationTypeValues.BINARY,
+        segments,
+        generate_uid(),
+        1,
+        generate_uid(),
+        1,
+        "made",
+        "made",
+        "1",
+        "1",
+    )
 
 
 def test_a_dicom_segmentation_is_read_by_its_segments_names(tmp_path):
@@ -138,10 +154,8 @@ def _affine_sheared(by: float) -> np.ndarray:
 @pytest.mark.parametrize(
     ("array", "affine", "meaning", "message"),
     [
-        (np.where(volume().labels == 3, 2, volume().labels), np.eye(4), None,
-         r"no voxel is labelled 3 \(bone\)"),
-        (np.where(volume().labels == 3, 7, volume().labels), np.eye(4), None,
-         "no voxel is labelled 3"),
+        (np.where(volume().labels == 3, 2, volume().labels), np.eye(4), None, r"no voxel is labelled 3 \(bone\)"),
+        (np.where(volume().labels == 3, 7, volume().labels), np.eye(4), None, "no voxel is labelled 3"),
         (volume().labels.astype(int) - 1000, np.eye(4), None, "give a label volume, not an image"),
         (np.pad(volume().labels, 1, constant_values=9), np.eye(4), None, "labelled 9, which"),
         (volume().labels, _affine_sheared(0.2), None, "the grid is sheared"),
@@ -150,10 +164,9 @@ def _affine_sheared(by: float) -> np.ndarray:
         (volume().labels[0], np.eye(4), None, "is not a volume's"),
         (volume().labels, np.eye(4), {"superficial": 1, "deep": 2}, "bone has no label given"),
         (volume().labels, np.eye(4), {"fat": 1}, "unknown tissue 'fat'"),
-        (volume().labels, np.eye(4), {"superficial": 1, "deep": 2, "bone": 4},
-         "3 has no meaning given"),
+        (volume().labels, np.eye(4), {"superficial": 1, "deep": 2, "bone": 4}, "3 has no meaning given"),
     ],
-)  # fmt: skip
+)
 def test_what_is_no_label_volume_gives_one_line(array, affine, meaning, message):
     with pytest.raises(InputError, match=message) as caught:
         volume_of_array(array, affine, "leg.nii", meaning)

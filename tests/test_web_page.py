@@ -138,11 +138,7 @@ def test_a_sound_model_whose_stiffness_may_be_moved_unseen_is_a_range_and_says_b
     k = wide.fit.free.index("C10")
     covariance = wide.posterior.covariance.copy()
     covariance[k, k] = (0.5 / wide.fit.parameters[k].prior.sd) ** 2
-    moved = replace(
-        wide,
-        probability=0.3,
-        posterior=replace(wide.posterior, covariance=covariance, strands=None),
-    )
+    moved = replace(wide, probability=0.3, posterior=replace(wide.posterior, covariance=covariance, strands=None))
     every = tuple(moved if e is wide else e for e in found.explained.every)
     found = replace(found, explained=replace(found.explained, every=every))
     headline = diagnosis_web_page(found, subject).headline
@@ -210,10 +206,17 @@ def test_a_band_over_loading_hold_and_unloading_is_drawn_in_two_ways():
 
 @pytest.mark.parametrize(
     ("low", "high", "said"),
-    [(0.3, None, "Softer than"), (0.68, None, "At the soft end of"), (3.0, None, "Within"),
-     (12.0, None, "At the stiff end of"), (20.0, None, "Stiffer than"),
-     (0.3, 0.8, "Partly outside of"), (0.6, 3.0, "Within"), (0.6, 0.9, "At the soft end of")],
-)  # fmt: skip
+    [
+        (0.3, None, "Softer than"),
+        (0.68, None, "At the soft end of"),
+        (3.0, None, "Within"),
+        (12.0, None, "At the stiff end of"),
+        (20.0, None, "Stiffer than"),
+        (0.3, 0.8, "Partly outside of"),
+        (0.6, 3.0, "Within"),
+        (0.6, 0.9, "At the soft end of"),
+    ],
+)
 def test_a_stiffness_is_set_beside_what_was_published_with_its_source(low, high, said):
     ((_, answer),) = high_or_low("deep", low, high)
     assert answer.startswith(f"{said} what was published for muscle: 0.5 to 15 kPa (Frauziols")
@@ -237,9 +240,7 @@ in_browser = pytest.mark.skipif(browser.browser() is None, reason="no Chromium h
 
 
 @in_browser
-def test_a_browser_opens_the_page_without_fault_or_request_and_its_controls_work(
-    subject, both, pressed, tmp_path
-):
+def test_a_browser_opens_the_page_without_fault_or_request_and_its_controls_work(subject, both, pressed, tmp_path):
     path = tmp_path / "report.html"
     path.write_text(rendered(identification_page(both, subject, pressed)), encoding="utf-8")
     seen = browser.seen(path, browser.browser(), browser.axe())
@@ -248,8 +249,7 @@ def test_a_browser_opens_the_page_without_fault_or_request_and_its_controls_work
     assert seen["paths_off"] < seen["paths"]
     assert "displacement (mm)" in seen["cursor"]
     force = f"{json.loads(pressed.data)['force'][-1]:.2f} N"
-    assert seen["readings"] == [f"{DEPTH:.1f} mm, {force}", *seen["readings"][1:2],
-                                "0.0 mm, 0.00 N"]  # fmt: skip
+    assert seen["readings"] == [f"{DEPTH:.1f} mm, {force}", *seen["readings"][1:2], "0.0 mm, 0.00 N"]
     assert seen["spoken"] == seen["readings"][1]
     assert seen["pictures"] == 3, "deep, half, none"
     assert seen["colours"] == [4, 4], "by pressure, movement, stretch and tissue"
@@ -264,8 +264,13 @@ def test_a_page_that_errs_or_asks_or_cannot_be_read_aloud_is_found_out(tmp_path)
         '<div style="width: 3000px">wide</div></main></body></html>'
     )
     found = browser.faults(browser.seen(path, browser.browser(), browser.axe()))
-    wanted = ("error: told", "error: Uncaught ReferenceError", f"request: {asked}",
-              "the page is wider", "critical: image-alt")  # fmt: skip
+    wanted = (
+        "error: told",
+        "error: Uncaught ReferenceError",
+        f"request: {asked}",
+        "the page is wider",
+        "critical: image-alt",
+    )
     assert [any(one.startswith(words) for one in found) for words in wanted] == [True] * 5
     with Driven(browser.browser()) as page:
         page.seconds_to_open(path.as_uri())

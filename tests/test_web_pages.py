@@ -146,8 +146,14 @@ def test_a_correction_says_how_large_it_is_and_in_which_direction():
 
 def test_specimens_say_how_stiff_what_was_left_out_and_when_not_to_trust(tmp_path):
     page = specimen_web_page(pages.specimens(tmp_path), pages.COMMAND)
-    checked(page, "C10 of the tissue 5.00 kPa", "95 % 4.80 to 5.20", "torn: it <never> touched",
-            "left out, predicted", "a bar: length 10 mm, area 100 mm²")  # fmt: skip
+    checked(
+        page,
+        "C10 of the tissue 5.00 kPa",
+        "95 % 4.80 to 5.20",
+        "torn: it <never> touched",
+        "left out, predicted",
+        "a bar: length 10 mm, area 100 mm²",
+    )
     assert page.headline.tone == "caution", "a recording was left out"
     wrong = specimen_web_page(pages.specimens(tmp_path, p_value=1e-9))
     assert wrong.headline.tone == "wrong" and "does not describe" in wrong.headline.sentence
@@ -177,13 +183,18 @@ def unpacked(text, kind):
 def test_the_turned_leg_holds_what_was_computed(shrunk):
     bare, moved = shrunk
     half = {part: np.stack([0 * by, 0.5 * by, by]) for part, by in moved.items()}
-    values = np.stack(
-        [0.0 * bare.points(SKIN)[..., 0], *(inward(bare, half[SKIN][k]) for k in (1, 2))]
-    )
+    values = np.stack([0.0 * bare.points(SKIN)[..., 0], *(inward(bare, half[SKIN][k]) for k in (1, 2))])
     made = turned_leg(
-        bare, half, [SkinField("inward", "mm", values)], Slider("Shrink", (0.0, 40.0, 100.0), " %"),
-        View("abcdefgh"), ["a"], [["1"]], "A leg", [Marked("a vein", np.array([1.0, 2.0, 3.0]))],
-    )  # fmt: skip
+        bare,
+        half,
+        [SkinField("inward", "mm", values)],
+        Slider("Shrink", (0.0, 40.0, 100.0), " %"),
+        View("abcdefgh"),
+        ["a"],
+        [["1"]],
+        "A leg",
+        [Marked("a vein", np.array([1.0, 2.0, 3.0]))],
+    )
     data = json.loads(made.data)
     assert data["stops"] == [0.0, 40.0, 100.0]
     skin = next(part for part in data["parts"] if part["name"] == SKIN)
@@ -216,14 +227,11 @@ def test_a_leg_pressed_in_3d_is_turned_so_that_the_cylinder_is_in_front():
     sideways = replace(
         pressed,
         shape=LegShape(
-            pressed.shape.levels,
-            {part: xy @ turn[:2, :2].T for part, xy in pressed.shape.contours.items()},
+            pressed.shape.levels, {part: xy @ turn[:2, :2].T for part, xy in pressed.shape.contours.items()}
         ),
         touch=turn @ pressed.touch,
         posed=posed(pressed.posed.given, replace(pose, direction_deg=pose.direction_deg + 90.0)),
-        states=tuple(
-            replace(one, skin=one.skin @ turn.T, hull=one.hull @ turn.T) for one in pressed.states
-        ),
+        states=tuple(replace(one, skin=one.skin @ turn.T, hull=one.hull @ turn.T) for one in pressed.states),
     )
     first, second = (json.loads(pressed_leg(one, "").data) for one in (pressed, sideways))
     for one, other in zip(first["parts"], second["parts"], strict=True):
@@ -246,14 +254,10 @@ def test_a_leg_pressed_in_3d_is_turned_so_that_the_cylinder_is_in_front():
 
 def test_a_solve_whose_states_were_not_kept_shows_the_section_alone(tmp_path):
     page = pages.identified_in_3d(tmp_path)
-    kinds = [
-        block.kind for c in page.chapters for block in c.blocks if c.title == "The leg, pressed"
-    ]
+    kinds = [block.kind for c in page.chapters for block in c.blocks if c.title == "The leg, pressed"]
     assert kinds == ["turned", "still"]
     words = read(rendered(page)).words
-    assert (
-        "The leg in 3D (the section, extruded) with the reduced polynomial law at C10 0.8" in words
-    )
+    assert "The leg in 3D (the section, extruded) with the reduced polynomial law at C10 0.8" in words
     found = pages.result("reduced-polynomial", pages.measured_curve(depth=pages.DEPTH))
     plain = pages.identification_page([found], pages.subject_in(tmp_path / "other"), None)
     assert not any(b.kind == "turned" for c in plain.chapters for b in c.blocks)
@@ -280,13 +284,7 @@ def test_files_that_were_looked_at_say_their_grades_and_how_they_were_read(tmp_p
     (warning,) = page.warnings
     assert warning.startswith("saturated.csv: ") and "saturated" in warning
     assert words.index(page.headline.sentence) < words.index(warning) < words.index("To repeat it")
-    for said in (
-        "displacement from 'displacement' (mm)",
-        "good.csv",
-        "after air",
-        "[recordings.force]",
-        pages.COMMAND,
-    ):
+    for said in ("displacement from 'displacement' (mm)", "good.csv", "after air", "[recordings.force]", pages.COMMAND):
         assert said in words, said
 
 

@@ -63,10 +63,20 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def pip(command: str, *arguments: str | Path, python: Path | None = None) -> None:
     which = ["--python", python] if python else []
     subprocess.run(
-        [sys.executable, "-m", "pip", *which, command, "--quiet", "--no-deps", "--no-index",
-         "--disable-pip-version-check", *arguments],
+        [
+            sys.executable,
+            "-m",
+            "pip",
+            *which,
+            command,
+            "--quiet",
+            "--no-deps",
+            "--no-index",
+            "--disable-pip-version-check",
+            *arguments,
+        ],
         check=True,
-    )  # fmt: skip
+    )
 
 
 def test_the_wheel_holds_every_module_and_resource(wheel):
@@ -86,10 +96,7 @@ def test_the_wheel_works_from_an_empty_folder(wheel, tmp_path):
     """In a bare venv over this interpreter's packages, without the checkout on any path."""
     environment, empty = tmp_path / "venv", tmp_path / "empty"
     empty.mkdir()
-    subprocess.run(
-        [sys.executable, "-m", "venv", "--system-site-packages", "--without-pip", environment],
-        check=True,
-    )
+    subprocess.run([sys.executable, "-m", "venv", "--system-site-packages", "--without-pip", environment], check=True)
     python = environment / "bin" / "python"
     # A venv made in a venv passes over its packages.
     (site,) = environment.glob("lib/python*/site-packages")
@@ -100,9 +107,13 @@ def test_the_wheel_works_from_an_empty_folder(wheel, tmp_path):
 
     def run(*words: str | Path) -> str:
         done = subprocess.run(
-            words, cwd=empty, capture_output=True, text=True, check=False,
+            words,
+            cwd=empty,
+            capture_output=True,
+            text=True,
+            check=False,
             env={key: value for key, value in os.environ.items() if key != "PYTHONPATH"},
-        )  # fmt: skip
+        )
         assert done.returncode == 0, done.stderr
         return done.stdout
 

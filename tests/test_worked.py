@@ -106,8 +106,16 @@ def test_a_base_model_that_holds_has_no_repair():
 
 @pytest.mark.slow
 def test_end_effects_are_named_end_to_end(tmp_path):
-    asked = ["--example", "end-effects", "--out", str(tmp_path / "out"),
-             "--library", str(tmp_path / "library"), "--jobs", "1"]  # fmt: skip
+    asked = [
+        "--example",
+        "end-effects",
+        "--out",
+        str(tmp_path / "out"),
+        "--library",
+        str(tmp_path / "library"),
+        "--jobs",
+        "1",
+    ]
     ran = CliRunner().invoke(app, asked)
     assert ran.exit_code == 0, ran.output
     row = json.loads((tmp_path / "out" / "result.json").read_text())["examples"][0]

@@ -46,10 +46,21 @@ class Server:
                 free.bind(("127.0.0.1", 0))
                 self.port = free.getsockname()[1]
         self.process = subprocess.Popen(
-            [*self.python, "-m", "legfem.app", "--workspace", str(self.workspace), "--port",
-             str(self.port), "--no-browser"],
-            stdout=subprocess.PIPE, text=True, cwd=ROOT, start_new_session=True,
-        )  # fmt: skip
+            [
+                *self.python,
+                "-m",
+                "legfem.app",
+                "--workspace",
+                str(self.workspace),
+                "--port",
+                str(self.port),
+                "--no-browser",
+            ],
+            stdout=subprocess.PIPE,
+            text=True,
+            cwd=ROOT,
+            start_new_session=True,
+        )
         assert self.process.stdout is not None
         address = ""
         for line in self.process.stdout:
@@ -134,10 +145,13 @@ class Walk:
         page.sees("grade B")
         self.look("loose")
         page.click("Describe")
-        for label, number in (("diameter (mm)", "30"), ("aim y (mm)", "0"),
-                              ("cylinder's length (mm)", "50"),
-                              ("aim x (mm): a point on its way", "0"),
-                              ("direction of travel (degrees from +x)", "90")):  # fmt: skip
+        for label, number in (
+            ("diameter (mm)", "30"),
+            ("aim y (mm)", "0"),
+            ("cylinder's length (mm)", "50"),
+            ("aim x (mm): a point on its way", "0"),
+            ("direction of travel (degrees from +x)", "90"),
+        ):
             page.type(label, number)
         self.look("describe")
         page.click("It is a pressed leg")
@@ -148,8 +162,7 @@ class Walk:
         page.click("Read them so")
         page.sees("instrument: missing", 3 * _MINUTES)
         page.click("Assumed")
-        for label, number in (("force_sd_N", "0.14"), ("displacement_sd_mm", "0.14"),
-                              ("aim_sd_mm", "1.5")):  # fmt: skip
+        for label, number in (("force_sd_N", "0.14"), ("displacement_sd_mm", "0.14"), ("aim_sd_mm", "1.5")):
             page.type(label, number)
         self.look("assumed")
         page.click("Save")

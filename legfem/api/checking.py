@@ -21,9 +21,7 @@ def check_whole(name: str, value: object, least: int) -> None:
         If it isn't.
     """
     if not isinstance(value, Integral) or value < least:
-        raise InputError(
-            name, repr(value), "is no such whole number", f"give one from {least:g} on"
-        )
+        raise InputError(name, repr(value), "is no such whole number", f"give one from {least:g} on")
 
 
 def check_unused(what: str, given: Mapping[str, bool]) -> None:
@@ -64,9 +62,7 @@ def check_folder(name: str, folder: object) -> None:
 
 def wrong_mesh(mesh: object, problem: str, remedy: str) -> InputError:
     """Return what is wrong with a call's ``mesh`` that is of another model's elements."""
-    return InputError(
-        "mesh", mesh if isinstance(mesh, str) else type(mesh).__name__, problem, remedy
-    )
+    return InputError("mesh", mesh if isinstance(mesh, str) else type(mesh).__name__, problem, remedy)
 
 
 def check_names(name: str, given: object) -> None:
@@ -81,9 +77,7 @@ def check_names(name: str, given: object) -> None:
         raise _of_kind(name, given, "a list of names")
 
 
-def check_search(
-    parameters: Any, fixed: Any, depth: object, settings: object, out: object, jobs: object
-) -> None:
+def check_search(parameters: Any, fixed: Any, depth: object, settings: object, out: object, jobs: object) -> None:
     """Check arguments that legs and specimens share.
 
     Raises
@@ -103,9 +97,8 @@ def check_search(
         known = get_args(Weighting)
         if settings.weighting not in (None, *known):
             raise InputError(
-                "settings.weighting", repr(settings.weighting), "is unknown",
-                f"give one of {', '.join(known)}, None",
-            )  # fmt: skip
+                "settings.weighting", repr(settings.weighting), "is unknown", f"give one of {', '.join(known)}, None"
+            )
     if out is not None:
         check_folder("out", out)
     free = _checked_names(parameters)
@@ -147,9 +140,8 @@ def _check_fixed(fixed: Any) -> None:
         endless = value == math.inf and str(name).endswith(".D2")
         if not isinstance(value, Real) or not (math.isfinite(value) or endless):
             raise InputError(
-                "fixed", str(name), f"{value!r} is no value",
-                "give a number in MPa, 1/MPa, N or mm, without its unit",
-            )  # fmt: skip
+                "fixed", str(name), f"{value!r} is no value", "give a number in MPa, 1/MPa, N or mm, without its unit"
+            )
         check_held("fixed", f"{name}={value:g}", str(name), float(value))
 
 

@@ -64,11 +64,7 @@ class LegInStocking(Found):
 
 
 def stocking(
-    leg: StockingLeg | Given,
-    *,
-    cells: int = 15_000,
-    nelder_mead: bool = False,
-    progress: bool = False,
+    leg: StockingLeg | Given, *, cells: int = 15_000, nelder_mead: bool = False, progress: bool = False
 ) -> LegInStocking:
     """Find the stiffness of a leg's tissues from its scans, and the pressures inside it.
 
@@ -99,9 +95,11 @@ def stocking(
     known = load_leg(leg) if isinstance(leg, str | Path) else leg
     if not isinstance(known, StockingLeg):
         raise InputError(
-            "leg", type(known).__name__, "is no leg that was scanned in a stocking",
+            "leg",
+            type(known).__name__,
+            "is no leg that was scanned in a stocking",
             "give an id, a folder, or what load_leg returned",
-        )  # fmt: skip
+        )
     check_whole("cells", cells, 1)
     with progress_on(quiet=not progress) as told:
         return LegInStocking(run_leg(known, StockingSettings(cells, nelder_mead), told))

@@ -137,34 +137,37 @@ def identify(
 
     check_search(parameters, fixed, depth, settings, out, jobs)
     if isinstance(leg, SpecimenFolder):
-        check_unused("specimens", {
-            "correction": correction != "auto", "depth": depth is not None,
-            "mesh": mesh is not None, "model": model != "2d", "site": site != "",
-        })  # fmt: skip
-        check_names("leave_out", leave_out)
-        return identify_folder(
-            leg, law, leave_out, settings, out, jobs, progress, parameters, fixed
+        check_unused(
+            "specimens",
+            {
+                "correction": correction != "auto",
+                "depth": depth is not None,
+                "mesh": mesh is not None,
+                "model": model != "2d",
+                "site": site != "",
+            },
         )
+        check_names("leave_out", leave_out)
+        return identify_folder(leg, law, leave_out, settings, out, jobs, progress, parameters, fixed)
     if law not in (*LAWS, "both", None):
         raise InputError("law", repr(law), "unknown law", f"give one of {', '.join(LAWS)}, both")
     if model not in ("2d", "3d"):
         raise InputError("model", repr(model), "unknown model", "give 2d or 3d")
     if not isinstance(correction, str | Path):
-        raise InputError(
-            "correction", repr(correction), "is no correction", "give own, none, auto or a file"
-        )
+        raise InputError("correction", repr(correction), "is no correction", "give own, none, auto or a file")
     check_unused("a leg", {"leave_out": bool(leave_out)})
     given, in_3d = opened(leg, site), model == "3d"
     for one in given.sites if isinstance(given, SitedLeg) else (given,):
         if not one.instrument.stated:
             raise InputError(
-                one.directory / SUBJECTS.file, "instrument", "missing",
+                one.directory / SUBJECTS.file,
+                "instrument",
+                "missing",
                 "add force_sd_N and displacement_sd_mm, or accuracies",
-            )  # fmt: skip
+            )
     request = SearchRequest(
-        None, fixed or {}, depth, settings or IdentificationSettings(),
-        None if out is None else Path(out), jobs,
-    )  # fmt: skip
+        None, fixed or {}, depth, settings or IdentificationSettings(), None if out is None else Path(out), jobs
+    )
     asked = IdentifyCall(law, request, parameters, str(correction), in_3d, mesh, progress)
     if (joint := joint_leg(given, asked.names, in_3d)) is not None:
         return identify_together(joint, asked)

@@ -65,9 +65,7 @@ class IdentifiedLeg(ByLaw["IdentificationResult"]):
         from legfem.report.identification import write_identification_report
 
         write_results(self.results, Path(folder), as_list=len(self.results) > 1)
-        return write_identification_report(
-            self.results, self.subject, self._experiment, Path(folder)
-        )
+        return write_identification_report(self.results, self.subject, self._experiment, Path(folder))
 
 
 def identify_section(subject: Subject, asked: IdentifyCall) -> IdentifiedLeg:
@@ -90,9 +88,7 @@ def identify_section(subject: Subject, asked: IdentifyCall) -> IdentifiedLeg:
         if asked.in_3d:
             kept = None if request.out is None else request.out / SOLVES
             leg = LegModels.of_subject(subject, section.depth, kept, progress=told)
-        results = identify_subject(
-            subject, laws, replace(request, progress=told), correction, section, leg
-        )
+        results = identify_subject(subject, laws, replace(request, progress=told), correction, section, leg)
     return IdentifiedLeg(subject, tuple(results), section.experiment)
 
 

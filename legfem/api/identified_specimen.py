@@ -87,7 +87,6 @@ def identify_folder(
     )
     with progress_on(quiet=not progress) as told:
         results = identify_specimen(
-            folder, laws_named(law), asked, leave_out, settings,
-            None if out is None else Path(out), jobs, told,
-        )  # fmt: skip
+            folder, laws_named(law), asked, leave_out, settings, None if out is None else Path(out), jobs, told
+        )
     return IdentifiedSpecimen(folder, tuple(results))

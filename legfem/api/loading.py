@@ -22,9 +22,7 @@ if TYPE_CHECKING:
 
 type Given = str | Path
 """Id of a subject that comes with legfem, or the path of a folder."""
-_LOADED_BY = {
-    "subject.toml": "load_subject", "leg.toml": "load_leg", "specimen.toml": "load_specimen",
-}  # fmt: skip
+_LOADED_BY = {"subject.toml": "load_subject", "leg.toml": "load_leg", "specimen.toml": "load_specimen"}
 
 
 @in_calls_words()
@@ -65,9 +63,7 @@ def load_sites(leg: Given) -> SitedLeg:
     folder = folder_of(leg, SUBJECTS)
     loaded = load_sites_folder(folder)
     if loaded is None:
-        raise InputError(
-            folder / SUBJECTS.file, "site", "the leg has none", "load it with load_subject"
-        )
+        raise InputError(folder / SUBJECTS.file, "site", "the leg has none", "load it with load_subject")
     for site in loaded.sites:
         say(doubts_about(site))
     return loaded
@@ -88,9 +84,11 @@ def opened(leg: Subject | SitedLeg | Given, site: str = "") -> Subject | SitedLe
         return load_sites(leg) if several else load_subject(leg, site)
     if not isinstance(leg, Subject | SitedLeg):
         raise InputError(
-            "leg", type(leg).__name__, "is no leg that was indented",
+            "leg",
+            type(leg).__name__,
+            "is no leg that was indented",
             "give an id, a folder, or what load_subject or load_sites returned",
-        )  # fmt: skip
+        )
     if not site:
         return leg
     sites = leg.sites if isinstance(leg, SitedLeg) else (leg,)
@@ -116,9 +114,11 @@ def one_of(leg: Subject | SitedLeg | Given, site: str = "") -> Subject:
     if isinstance(found, SitedLeg):
         names = ", ".join(each.site for each in found.sites)
         raise InputError(
-            "site", "missing", f"the leg has {len(found.sites)} ({names}), and here one is taken",
+            "site",
+            "missing",
+            f"the leg has {len(found.sites)} ({names}), and here one is taken",
             f'give site="{found.sites[0].site}"',
-        )  # fmt: skip
+        )
     return found
 
 
@@ -179,9 +179,7 @@ def folder_of(given: Given, catalogue: Catalogue) -> Path:
         return catalogue.find(given)
     if not Path(given).is_dir():
         known = ", ".join(catalogue.names)
-        raise InputError(
-            str(given), "subject", "not found", f"give one of {known}, or the path of a folder"
-        )
+        raise InputError(str(given), "subject", "not found", f"give one of {known}, or the path of a folder")
     folder = Path(given)
     _check_kind(folder, catalogue.file)
     return folder
@@ -189,14 +187,10 @@ def folder_of(given: Given, catalogue: Catalogue) -> Path:
 
 def _check_path(given: object) -> None:
     if not isinstance(given, str | Path):
-        raise InputError(
-            "folder", type(given).__name__, "is no path", "give an id, or the path of a folder"
-        )
+        raise InputError("folder", type(given).__name__, "is no path", "give an id, or the path of a folder")
 
 
 def _check_kind(folder: Path, wanted: str) -> None:
     for file, load in _LOADED_BY.items():
         if (folder / file).exists() and not (folder / wanted).exists():
-            raise InputError(
-                folder, file, f"is there, and no {wanted}", f"load the folder with lf.{load}"
-            )
+            raise InputError(folder, file, f"is there, and no {wanted}", f"load the folder with lf.{load}")

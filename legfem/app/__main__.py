@@ -17,13 +17,11 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 
 @app.command()
 def serve(
-    workspace: Annotated[
-        Path, typer.Option(help="Folder that holds everything that the app does.")
-    ] = Path("legfem-workspace"),
+    workspace: Annotated[Path, typer.Option(help="Folder that holds everything that the app does.")] = Path(
+        "legfem-workspace"
+    ),
     port: Annotated[int, typer.Option(min=1024, max=65535, help="On 127.0.0.1.")] = 8765,
-    browser: Annotated[
-        bool, typer.Option("--browser/--no-browser", help="Whether to open a browser's window.")
-    ] = True,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Whether to open a browser's window.")] = True,
 ) -> None:
     """Use legfem in a browser window: drop a folder, look at it, run the commands, read reports.
 
@@ -49,8 +47,9 @@ def serve(
         print("Ctrl-C ends the server; runs go on.", flush=True)
         if browser:
             webbrowser.open(address)
-        uvicorn.run(guarded, host=ADDRESS, port=port, log_level="warning", access_log=False,
-                    timeout_graceful_shutdown=2)  # fmt: skip
+        uvicorn.run(
+            guarded, host=ADDRESS, port=port, log_level="warning", access_log=False, timeout_graceful_shutdown=2
+        )
 
 
 def _check_free(port: int) -> None:
@@ -60,9 +59,11 @@ def _check_free(port: int) -> None:
             tried.bind(("127.0.0.1", port))
         except OSError:
             raise InputError(
-                "--port", f"{port}", "another program has it (legfem's app already?)",
+                "--port",
+                f"{port}",
+                "another program has it (legfem's app already?)",
                 "give another, or use the window that is open",
-            ) from None  # fmt: skip
+            ) from None
 
 
 if __name__ == "__main__":

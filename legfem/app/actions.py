@@ -55,9 +55,7 @@ class Action:
         """What ``python -m`` starts."""
         return f"legfem.{self.name}"
 
-    def options(
-        self, folder: Path, out: Path, chosen: Mapping[str, str], more: str = ""
-    ) -> list[str]:
+    def options(self, folder: Path, out: Path, chosen: Mapping[str, str], more: str = "") -> list[str]:
         """Return the command's options.
 
         Parameters
@@ -88,46 +86,56 @@ class Action:
 _DEPTH = Choice("--depth", "use recordings down to (mm)")
 _LEG = (
     Action(
-        "identify", "--subject-dir", "Find C10 and C20 of the muscle, with intervals.",
+        "identify",
+        "--subject-dir",
+        "Find C10 and C20 of the muscle, with intervals.",
         (
-            Choice("--law", "law", ("both", "neo-hookean", "reduced-polynomial")), _DEPTH,
+            Choice("--law", "law", ("both", "neo-hookean", "reduced-polynomial")),
+            _DEPTH,
             Choice("--model", "model", ("2d", "3d")),
         ),
     ),
     Action(
-        "diagnose", "--subject-dir",
+        "diagnose",
+        "--subject-dir",
         "Say whether the model describes the recordings, and which physics is missing if not. "
         "The first of a leg takes long.",
     ),
     Action(
-        "plan", "--subject-dir",
+        "plan",
+        "--subject-dir",
         "Say which tests of this leg would show which effects, before any is made.",
         (
-            Choice("--c10", "expected C10 (kPa)"), Choice("--c20", "expected C20 (kPa)"),
-            Choice("--depth", "to press to (mm)"), Choice("--rate", "rate (mm/s)"),
+            Choice("--c10", "expected C10 (kPa)"),
+            Choice("--c20", "expected C20 (kPa)"),
+            Choice("--depth", "to press to (mm)"),
+            Choice("--rate", "rate (mm/s)"),
         ),
     ),
-)  # fmt: skip
+)
 ACTIONS: Mapping[str, Sequence[Action]] = {
     "subject.toml": _LEG,
     "leg.toml": (
         Action(
-            "stocking", "--subject-dir",
+            "stocking",
+            "--subject-dir",
             "Find the stiffness of fat and muscle, and the pressures in the leg.",
             (Choice("--cells", "about how many tetrahedra"),),
         ),
     ),
     "specimen.toml": (
         Action(
-            "identify", "--specimen-dir", "Fit one law to all recordings together.",
+            "identify",
+            "--specimen-dir",
+            "Fit one law to all recordings together.",
             (Choice("--law", "law", ("neo-hookean", "reduced-polynomial", "yeoh", "exponential")),),
         ),
         Action(
-            "diagnose", "--specimen-dir",
-            "Say of each specimen whether the model describes its recordings, and which physics is "
-            "missing if not.",
+            "diagnose",
+            "--specimen-dir",
+            "Say of each specimen whether the model describes its recordings, and which physics is missing if not.",
             (Choice("--specimen", "one specimen alone (its name)"),),
         ),
     ),
-}  # fmt: skip
+}
 """By the file that says what a folder is."""

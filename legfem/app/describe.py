@@ -51,9 +51,7 @@ class PressedLeg:
         InputError
             As the file does; nothing is written or moved then.
         """
-        text = subject_text(
-            plain_id(folder.name), self.title, "measured", 0.6, self.aim, self.direction
-        )
+        text = subject_text(plain_id(folder.name), self.title, "measured", 0.6, self.aim, self.direction)
         stated: dict[tuple[str, ...], Value] = {
             ("section", "contours"): None,
             ("section", "scan" if is_scan(folder / self.source) else "contours"): self.source,
@@ -129,11 +127,7 @@ def known_tests() -> dict[str, list[Setting]]:
     every: dict[str, list[Setting]] = {}
     for name in SpecimenFile.alternatives:
         found = settings_of(SpecimenFile, f"[{name}]\n")
-        every[name] = [
-            replace(one, needed=one.needed or one.key[-1] in SIZES)
-            for one in found
-            if one.key[0] == name
-        ]
+        every[name] = [replace(one, needed=one.needed or one.key[-1] in SIZES) for one in found if one.key[0] == name]
     return every
 
 

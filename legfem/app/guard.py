@@ -63,10 +63,7 @@ class Guard:
         elif scope["type"] == "http" and scope["method"] == "GET" and self._shown(scope):
             await self._let_in(scope)(scope, receive, send)
         else:
-            await _refused(
-                "no token: open the address that legfem printed when it was started",
-                scope, receive, send,
-            )  # fmt: skip
+            await _refused("no token: open the address that legfem printed when it was started", scope, receive, send)
 
     def _foreign(self, headers: Headers) -> str:
         own = {f"{name}:{self.port}" for name in (ADDRESS, "localhost")}
@@ -99,9 +96,7 @@ class Guard:
         # A path that begins with two slashes would lead to another machine.
         path = "/" + scope["path"].lstrip("/\\")
         response = RedirectResponse(path + (f"?{urlencode(query, True)}" if query else ""), 303)
-        response.set_cookie(
-            self.cookie, self.token, httponly=True, samesite="strict", max_age=30 * 86400
-        )
+        response.set_cookie(self.cookie, self.token, httponly=True, samesite="strict", max_age=30 * 86400)
         return response
 
     @staticmethod
@@ -112,8 +107,7 @@ class Guard:
                 if not any(name.lower() == b"content-security-policy" for name, _ in given):
                     policy = _POLICY.format(host=host).encode()
                     given.append((b"content-security-policy", policy))
-                given += [(b"x-content-type-options", b"nosniff"),
-                          (b"referrer-policy", b"no-referrer")]  # fmt: skip
+                given += [(b"x-content-type-options", b"nosniff"), (b"referrer-policy", b"no-referrer")]
                 message = {**message, "headers": given}
             await send(message)
 

@@ -53,10 +53,8 @@ def sentence_of(run: Run) -> str:
     """Return what a run found in a sentence; empty where it found nothing yet."""
     found = [one for one in found_by(run) if one.verdict]
     return "; ".join(
-        ", ".join(part for part in (one.law, f"C10 {one.c10}" if one.c10 else "", one.verdict)
-                  if part)
-        for one in found
-    )  # fmt: skip
+        ", ".join(part for part in (one.law, f"C10 {one.c10}" if one.c10 else "", one.verdict) if part) for one in found
+    )
 
 
 def _identified(document: Mapping[str, Any]) -> Iterator[dict[str, str]]:
@@ -85,12 +83,7 @@ def _in_stocking(document: Mapping[str, Any]) -> Iterator[dict[str, str]]:
         verdicts.append(f"pressure on the skin {mean:.0f} mmHg on average")
     deep = next((one for name, one in found.items() if "deep" in name), {})
     fat = next((one for name, one in found.items() if "superficial" in name), {})
-    yield {
-        "origin": document["origin"],
-        "c10": _number(deep),
-        "fat": _number(fat),
-        "verdict": ", ".join(verdicts),
-    }
+    yield {"origin": document["origin"], "c10": _number(deep), "fat": _number(fat), "verdict": ", ".join(verdicts)}
 
 
 def _diagnosed(document: Mapping[str, Any]) -> Iterator[dict[str, str]]:

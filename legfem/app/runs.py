@@ -54,9 +54,7 @@ class Run:
     def begun(cls, folder: Path, module: str, options: Sequence[str], about: str) -> Run:
         """Start ``python -m MODULE OPTIONS`` for what is called ``about``; return the run."""
         arguments = [sys.executable, "-m", module, *options]
-        document = {
-            "about": about, "arguments": arguments, "cwd": str(Path.cwd()), "began": time.time()
-        }  # fmt: skip
+        document = {"about": about, "arguments": arguments, "cwd": str(Path.cwd()), "began": time.time()}
         write_document(folder / "run.json", document)
         run = cls(folder)
         run.resume()
@@ -77,9 +75,12 @@ class Run:
             supervisor = [sys.executable, "-m", "legfem.app.supervise"]
             subprocess.Popen(
                 [*supervisor, str(self.folder), str(lock.fileno())],
-                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-                start_new_session=True, pass_fds=(lock.fileno(),),
-            )  # fmt: skip
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
+                pass_fds=(lock.fileno(),),
+            )
         return True
 
     def cancel(self, at_once: bool = False) -> bool:

@@ -48,15 +48,10 @@ def application(workspace: Workspace) -> FastAPI:
 
     @server.get("/assets/app/{name}")
     async def asset(name: str) -> Response:
-        return (
-            FileResponse(_ASSETS / name) if name in ("app.js", "app.css") else Response(None, 404)
-        )
+        return FileResponse(_ASSETS / name) if name in ("app.js", "app.css") else Response(None, 404)
 
     add_pages(workspace)
-    ui.run_with(
-        server, title="legfem", show_welcome_message=False, tailwind=False,
-        reconnect_timeout=_AWAY_S,
-    )  # fmt: skip
+    ui.run_with(server, title="legfem", show_welcome_message=False, tailwind=False, reconnect_timeout=_AWAY_S)
     return server
 
 

@@ -116,9 +116,7 @@ def _parsed(text: str) -> tomlkit.TOMLDocument:
         raise InputError("TOML", "syntax", str(error), "correct it in the file's text") from None
 
 
-def _settings(
-    schema: type[FileTable], given: Mapping[str, Any], above: tuple[str, ...]
-) -> Iterator[Setting]:
+def _settings(schema: type[FileTable], given: Mapping[str, Any], above: tuple[str, ...]) -> Iterator[Setting]:
     for name, field in schema.model_fields.items():
         found = given.get(name)
         plain, choices = _plain(field.annotation)
@@ -133,9 +131,7 @@ def _settings(
         elif plain in (float, str, bool, list):
             default = None if field.is_required() else field.get_default()
             unwrapped = found.unwrap() if isinstance(found, Item) else found
-            yield Setting(
-                key, plain, choices, unwrapped, default, field.is_required(), _help(field)
-            )
+            yield Setting(key, plain, choices, unwrapped, default, field.is_required(), _help(field))
 
 
 _COLUMNS = ("time", "displacement", "force")
@@ -181,7 +177,9 @@ def read_value(setting: Setting, text: str) -> Value:
         numbers = [math.nan]
     if not all(math.isfinite(number) for number in numbers):
         raise InputError(
-            setting.name, "value", f"{text!r} is no number",
+            setting.name,
+            "value",
+            f"{text!r} is no number",
             "write decimals with points, and coordinates with a comma between",
-        )  # fmt: skip
+        )
     return numbers if setting.kind is list else numbers[0]

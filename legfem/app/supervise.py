@@ -34,9 +34,8 @@ def main(folder: Path, lock: int) -> None:
         _written(folder / "session.json", session)
         try:
             process = subprocess.Popen(
-                given["arguments"], stdin=subprocess.DEVNULL, stdout=out, stderr=log,
-                cwd=given["cwd"], pass_fds=(lock,),
-            )  # fmt: skip
+                given["arguments"], stdin=subprocess.DEVNULL, stdout=out, stderr=log, cwd=given["cwd"], pass_fds=(lock,)
+            )
         except OSError as error:
             log.write(f"{error.filename}: {error.strerror}\n".encode())
             status = 1

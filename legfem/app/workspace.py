@@ -27,8 +27,10 @@ from legfem.stocking.leg_file import LegFile
 from legfem.subjects.schema import SubjectFile
 
 DESCRIPTIONS: dict[str, type[FileTable]] = {
-    "subject.toml": SubjectFile, "leg.toml": LegFile, "specimen.toml": SpecimenFile,
-}  # fmt: skip
+    "subject.toml": SubjectFile,
+    "leg.toml": LegFile,
+    "specimen.toml": SpecimenFile,
+}
 """Files that say what a folder is, and their schemas. No schema stands on the finite elements: they
 bring MPI, which this process must not start."""
 SCANS = (".nii", ".nii.gz", ".nrrd", ".seg.nrrd", ".dcm")
@@ -49,9 +51,11 @@ def plain_name(name: str) -> str:
     bad = re.search(r"[/\\:\x00-\x1f\x7f]", name) or name[:1] in ("", ".", "-", " ", "~")
     if bad or len(name.encode()) > _LONGEST:
         raise InputError(
-            "upload", "name", f"{name[:80]!r} is no plain name",
+            "upload",
+            "name",
+            f"{name[:80]!r} is no plain name",
             "name files and folders without separators, and begin with a letter or a digit",
-        )  # fmt: skip
+        )
     return name
 
 
@@ -83,9 +87,11 @@ class Workspace:
             folder.chmod(0o700)
         except OSError as error:
             raise InputError(
-                "--workspace", str(folder), f"can't be made or written to ({error.strerror})",
+                "--workspace",
+                str(folder),
+                f"can't be made or written to ({error.strerror})",
                 "give a folder of your own",
-            ) from None  # fmt: skip
+            ) from None
         return cls(folder)
 
     def token(self) -> str:
@@ -96,9 +102,7 @@ class Workspace:
         except FileExistsError:
             found = path.read_text(encoding="ascii").strip()
             if len(found) < 32:
-                raise InputError(
-                    path, "token", "isn't one that legfem wrote", "delete the file"
-                ) from None
+                raise InputError(path, "token", "isn't one that legfem wrote", "delete the file") from None
             return found
         with os.fdopen(handle, "w") as file:
             file.write(token := secrets.token_urlsafe(32))
@@ -156,9 +160,7 @@ class Workspace:
         """
         parts = path.split("/")
         if len(parts) > _MOST_PARTS:
-            raise InputError(
-                "upload", path, "is too deep", f"give at most {_MOST_PARTS - 1} folders"
-            )
+            raise InputError("upload", path, "is too deep", f"give at most {_MOST_PARTS - 1} folders")
         return self.input(name).joinpath(*(plain_name(part) for part in parts))
 
     async def receive(self, name: str, path: str, content: AsyncIterable[bytes]) -> Path:
@@ -198,12 +200,7 @@ class Workspace:
         given = self.input(name)
         stats = [(str(path.relative_to(given)), path.stat()) for path in files_of(given)]
         seen = sorted((path, stat.st_size, stat.st_mtime_ns) for path, stat in stats)
-        folder = (
-            self.folder
-            / "previews"
-            / name
-            / sha256(repr((legfem_version(), seen)).encode()).hexdigest()[:16]
-        )
+        folder = self.folder / "previews" / name / sha256(repr((legfem_version(), seen)).encode()).hexdigest()[:16]
         folder.mkdir(parents=True, exist_ok=True)
         return folder
 
@@ -235,9 +232,7 @@ def may_be_recording(path: Path) -> bool:
 def _existing(parent: Path, name: str) -> Path:
     folder = parent / plain_name(name)
     if not folder.is_dir():
-        raise InputError(
-            "workspace", name, f"there is none in {parent}", "choose one that is there"
-        )
+        raise InputError("workspace", name, f"there is none in {parent}", "choose one that is there")
     return folder
 
 
@@ -263,7 +258,4 @@ def _latest_first(parent: Path) -> list[str]:
 
 
 def _unwritten(path: str, error: OSError) -> InputError:
-    return InputError(
-        "upload", path, f"can't be written ({error.strerror})",
-        "free the disk, or give it another name",
-    )  # fmt: skip
+    return InputError("upload", path, f"can't be written ({error.strerror})", "free the disk, or give it another name")

@@ -27,19 +27,13 @@ def data() -> None:
 def look(
     files: Annotated[
         list[Path] | None,
-        typer.Argument(
-            help="CSV, text, xlsx, TDMS, LVM, MAT or HDF5; one trial each.", show_default=False
-        ),
+        typer.Argument(help="CSV, text, xlsx, TDMS, LVM, MAT or HDF5; one trial each.", show_default=False),
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for results; results/look by default.")
-    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for results; results/look by default.")] = None,
     time: Annotated[str | None, typer.Option(help="NAME or NAME:UNIT of the column.")] = None,
     displacement: Annotated[str | None, typer.Option(help="NAME or NAME:UNIT.")] = None,
     force: Annotated[str | None, typer.Option(help="NAME or NAME:UNIT.")] = None,
-    sheet: Annotated[
-        str | None, typer.Option(help="Sheet or group, where several hold one.")
-    ] = None,
+    sheet: Annotated[str | None, typer.Option(help="Sheet or group, where several hold one.")] = None,
     specimens: Annotated[
         bool, typer.Option("--specimens", help="Of specimens, not of a leg: any depth will do.")
     ] = False,
@@ -86,9 +80,7 @@ def look(
         for path in files:
             sheets = [s for s in read_sheets(path) if sheet is None or s.name == sheet]
             if not sheets:
-                raise InputError(
-                    path, "--sheet", f"there is no '{sheet}'", "leave it out to see all"
-                )
+                raise InputError(path, "--sheet", f"there is no '{sheet}'", "leave it out to see all")
             proposal = propose(path, sheets, named, sheet)
             recording = recording_of(path, sheets, proposal.channels)
             seen.append(Looked(recording, proposal, quality_of(recording, minimal_depth)))
@@ -97,9 +89,11 @@ def look(
         other = next((path for path in files if tomls[path] != tomls[first]), None)
         if other is not None:
             raise InputError(
-                other, "recordings", f"is laid out otherwise than {first.name}",
+                other,
+                "recordings",
+                f"is laid out otherwise than {first.name}",
                 "look at files of each layout by themselves, and keep them in folders of their own",
-            )  # fmt: skip
+            )
         folder.mkdir(parents=True, exist_ok=True)
         text = "\n".join(look_text(*parts) for parts in seen)
         pictures = [draw_look(recording, quality, folder) for recording, _, quality in seen]
@@ -119,9 +113,7 @@ def look(
 @app.command()
 def preview(
     folder: Annotated[Path, typer.Argument(help="Of a leg, a leg in a stocking, or specimens.")],
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for results; results/preview by default.")
-    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for results; results/preview by default.")] = None,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:

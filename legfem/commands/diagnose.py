@@ -11,10 +11,7 @@ import typer
 
 from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir
 from legfem.commands.specimens import specimens_for
-from legfem.common.command_edge import (
-    check_out_folder,
-    work_edge,
-)
+from legfem.common.command_edge import check_out_folder, work_edge
 from legfem.common.doubts import say
 from legfem.common.errors import InputError
 from legfem.common.outcome_options import AsJson, Quiet
@@ -36,28 +33,21 @@ def diagnose(
     specimen: Annotated[
         list[str] | None,
         typer.Option(
-            help="Of several specimens the one to diagnose; may be given again. All by default.",
-            show_default=False,
+            help="Of several specimens the one to diagnose; may be given again. All by default.", show_default=False
         ),
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for results; results/diagnose-ID by default.")
-    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for results; results/diagnose-ID by default.")] = None,
     library: Annotated[
         Path | None,
         typer.Option(
-            help="Folder of the legs' responses, shared by all diagnoses; "
-            "~/.cache/legfem/responses by default."
+            help="Folder of the legs' responses, shared by all diagnoses; ~/.cache/legfem/responses by default."
         ),
     ] = None,
     correction: Annotated[
-        Path | None,
-        typer.Option(help="3D correction behind end-effects; the one in legfem by default."),
+        Path | None, typer.Option(help="3D correction behind end-effects; the one in legfem by default.")
     ] = None,
     jobs: Jobs = None,
-    seed: Annotated[
-        int, typer.Option(help="Of the draws behind p-values; 0 by default.", show_default=False)
-    ] = 0,
+    seed: Annotated[int, typer.Option(help="Of the draws behind p-values; 0 by default.", show_default=False)] = 0,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
@@ -77,13 +67,13 @@ def diagnose(
             raise InputError("--seed", f"{seed}", "is negative", "give 0 or more")
         if specimen_dir is not None:
             legs_alone = {
-                "--subject": subject, "--subject-dir": subject_dir, "--site": site,
+                "--subject": subject,
+                "--subject-dir": subject_dir,
+                "--site": site,
                 "--correction": correction,
-            }  # fmt: skip
+            }
             found_specimens = specimens_for("diagnose", specimen_dir, out, legs_alone)
-            _run_specimens(
-                *found_specimens, specimen or (), library, processes, seed, quiet, as_json
-            )
+            _run_specimens(*found_specimens, specimen or (), library, processes, seed, quiet, as_json)
             return
         if specimen:
             raise InputError("--specimen", specimen[0], "is for specimens", "give --specimen-dir")
@@ -119,9 +109,7 @@ def diagnose(
         if ranked:
             content["next_experiment_ranked"] = plan_document(ranked, found.id)["tests"]
         path = write_document(folder / "diagnosis.json", content)
-        report = write_diagnosis_report(
-            diagnosis, found, folder, plan_lines(ranked), command_line()
-        )
+        report = write_diagnosis_report(diagnosis, found, folder, plan_lines(ranked), command_line())
         print_outcome([report.read_text(encoding="utf-8")], path, report, quiet, as_json)
 
 

@@ -26,27 +26,18 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 
 @app.command()
 def convert(
-    cross_sections: Annotated[
-        Path | None, typer.Option(help="CSV file: level_mm,part,loop,i,x_mm,y_mm.")
-    ] = None,
+    cross_sections: Annotated[Path | None, typer.Option(help="CSV file: level_mm,part,loop,i,x_mm,y_mm.")] = None,
     scan: Annotated[
-        Path | None,
-        typer.Option(help="Label volume (NIfTI, NRRD, DICOM-SEG, folder of a DICOM series)."),
+        Path | None, typer.Option(help="Label volume (NIfTI, NRRD, DICOM-SEG, folder of a DICOM series).")
     ] = None,
     label: Annotated[
-        list[str] | None,
-        typer.Option(help="TISSUE=NUMBER of the scan; repeat it. superficial=1, deep=2, bone=3."),
+        list[str] | None, typer.Option(help="TISSUE=NUMBER of the scan; repeat it. superficial=1, deep=2, bone=3.")
     ] = None,
     surface: Annotated[
-        list[str] | None,
-        typer.Option(help="PART=FILE (STL, PLY, OBJ, VTU); repeat it, for single muscles too."),
+        list[str] | None, typer.Option(help="PART=FILE (STL, PLY, OBJ, VTU); repeat it, for single muscles too.")
     ] = None,
-    level: Annotated[
-        float | None, typer.Option(help="Level of the section, mm.", show_default=False)
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Subject folder to make.", show_default=False)
-    ] = None,
+    level: Annotated[float | None, typer.Option(help="Level of the section, mm.", show_default=False)] = None,
+    out: Annotated[Path | None, typer.Option(help="Subject folder to make.", show_default=False)] = None,
     subject_dir: SubjectDir = None,
     site: Site = None,
     fascia_thickness: Annotated[float, typer.Option(help="mm.")] = 0.6,
@@ -54,9 +45,7 @@ def convert(
         tuple[float, float] | None,
         typer.Option(help="Point on the line of travel, mm; by default the one that faces it."),
     ] = None,
-    direction: Annotated[
-        float, typer.Option(help="Direction of travel, degrees from +x; 270 is along -y.")
-    ] = 270.0,
+    direction: Annotated[float, typer.Option(help="Direction of travel, degrees from +x; 270 is along -y.")] = 270.0,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
@@ -81,13 +70,13 @@ def convert(
         given = [source for source in (cross_sections, scan, surface, subject_dir) if source]
         if len(given) != 1:
             raise InputError(
-                "--cross-sections", f"{len(given)} legs", "one is needed",
+                "--cross-sections",
+                f"{len(given)} legs",
+                "one is needed",
                 "give one of --cross-sections, --scan, --surface and --subject-dir",
-            )  # fmt: skip
-        if site is not None and subject_dir is None:
-            raise InputError(
-                "--site", site, "is of a folder", "give --subject-dir, or leave it out"
             )
+        if site is not None and subject_dir is None:
+            raise InputError("--site", site, "is of a folder", "give --subject-dir, or leave it out")
         scanned = None
         if subject_dir is not None:
             folder = subject_dir
@@ -103,9 +92,7 @@ def convert(
             scanned = source.outlines(CuttingPlane.at_level(level))
             if cross_sections is None:
                 write_outlines(source.outlines_about(level), folder / "cross-sections.csv")
-        subject = load_subject(
-            folder, need_recordings=False, need_instrument=False, site=site or ""
-        )
+        subject = load_subject(folder, need_recordings=False, need_instrument=False, site=site or "")
         say(doubts_about(subject))
         name = "section" if site is None else f"section-{site}"
         picture = save(placement_figure(subject, scanned), folder, name)[0]
@@ -113,9 +100,12 @@ def convert(
     fat = fat_thickness(section, indenter.aim, indenter.direction)
     if as_json:
         document = {
-            "schema": 1, "folder": str(folder), "girth_mm": girth(section),
-            "fat_under_indenter_mm": fat, "picture": str(picture),
-        }  # fmt: skip
+            "schema": 1,
+            "folder": str(folder),
+            "girth_mm": girth(section),
+            "fat_under_indenter_mm": fat,
+            "picture": str(picture),
+        }
         print(json.dumps(document, indent=1))
         return
     if not quiet:
@@ -128,9 +118,7 @@ def convert(
     print(f"picture: {picture}")
 
 
-def _source(
-    cross_sections: Path | None, scan: Path | None, label: Sequence[str], surface: Sequence[str]
-) -> LegSource:
+def _source(cross_sections: Path | None, scan: Path | None, label: Sequence[str], surface: Sequence[str]) -> LegSource:
     from legfem.imaging.leg_source import LegSource
     from legfem.imaging.surfaces import read_surfaces
     from legfem.imaging.volume_file import read_volume
@@ -151,9 +139,8 @@ def _by_name(options: Sequence[str]) -> dict[str, list[str]]:
         name, sign, value = option.partition("=")
         if not (sign and name and value):
             raise InputError(
-                "--label, --surface", option, "is no NAME=VALUE",
-                "write --label deep=2 or --surface skin=skin.stl",
-            )  # fmt: skip
+                "--label, --surface", option, "is no NAME=VALUE", "write --label deep=2 or --surface skin=skin.stl"
+            )
         found.setdefault(name, []).append(value)
     return found
 

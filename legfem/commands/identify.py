@@ -14,11 +14,7 @@ import typer
 
 from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir
 from legfem.commands.specimens import specimens_for
-from legfem.common.command_edge import (
-    FAILED,
-    check_out_folder,
-    work_edge,
-)
+from legfem.common.command_edge import FAILED, check_out_folder, work_edge
 from legfem.common.doubts import say
 from legfem.common.errors import InputError
 from legfem.common.outcome_options import AsJson, Quiet
@@ -66,8 +62,7 @@ def run(
     site: Site = None,
     specimen_dir: SpecimenDir = None,
     leave_out: Annotated[
-        list[str] | None,
-        _option("Recording or specimen to predict and not to fit; may be given again."),
+        list[str] | None, _option("Recording or specimen to predict and not to fit; may be given again.")
     ] = None,
     law: Annotated[
         LawChoice | None,
@@ -95,17 +90,12 @@ def run(
         ),
     ] = None,
     fix: Annotated[
-        list[str] | None,
-        _option("Value to hold in place of the folder's: 'deep.D1=28 1/MPa'; may be given again."),
+        list[str] | None, _option("Value to hold in place of the folder's: 'deep.D1=28 1/MPa'; may be given again.")
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for results; results/identify-ID by default.")
-    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for results; results/identify-ID by default.")] = None,
     jobs: Jobs = None,
     seed: Annotated[int, _option("Of the genetic algorithm; 1 by default.")] = 1,
-    depth: Annotated[
-        float | None, typer.Option(help="Use the recordings down to this depth only, mm.")
-    ] = None,
+    depth: Annotated[float | None, typer.Option(help="Use the recordings down to this depth only, mm.")] = None,
     correction: Annotated[
         str,
         _option(
@@ -125,21 +115,17 @@ def run(
     weighting: Annotated[
         WeightingChoice | None,
         _option(
-            "Plain sum of squares (Eq. 12; the default), or weighted with the covariance (the "
-            "default with a prior)."
+            "Plain sum of squares (Eq. 12; the default), or weighted with the covariance (the default with a prior)."
         ),
     ] = None,
     c10_bounds: Annotated[
-        tuple[float, float] | None,
-        _option("Of the search for deep.C10, kPa; 0.02 30 by default."),
+        tuple[float, float] | None, _option("Of the search for deep.C10, kPa; 0.02 30 by default.")
     ] = None,
     c20_bounds: Annotated[
-        tuple[float, float] | None,
-        _option("Of the search for deep.C20, kPa; 0 50 by default."),
+        tuple[float, float] | None, _option("Of the search for deep.C20, kPa; 0 50 by default.")
     ] = None,
     emulator: Annotated[
-        bool,
-        _option("Search on an emulator (the default), or call the full model each time (slow)."),
+        bool, _option("Search on an emulator (the default), or call the full model each time (slow).")
     ] = True,
     quiet: Quiet = False,
     as_json: AsJson = False,
@@ -158,18 +144,25 @@ def run(
     with _edge(model, jobs, resume, quiet) as processes:
         if specimen_dir is not None:
             legs_alone = {
-                "--subject": subject, "--subject-dir": subject_dir, "--site": site,
+                "--subject": subject,
+                "--subject-dir": subject_dir,
+                "--site": site,
                 "--depth": depth,
-                "--weighting": weighting, "--correction": None if correction == "auto" else 1,
+                "--weighting": weighting,
+                "--correction": None if correction == "auto" else 1,
                 "--no-emulator": None if emulator else 1,
                 "--model": None if model is ModelChoice.SECTION else 1,
-            }  # fmt: skip
+            }
             _run_specimens(
                 *specimens_for("identify", specimen_dir, out, legs_alone),
                 None if law is None else law.value,
                 (identify or (), prior or (), fix or (), c10_bounds, c20_bounds),
-                leave_out or (), processes, seed, quiet, as_json,
-            )  # fmt: skip
+                leave_out or (),
+                processes,
+                seed,
+                quiet,
+                as_json,
+            )
             return
         if leave_out:
             raise InputError("--leave-out", leave_out[0], "is for specimens", "give --specimen-dir")
@@ -199,27 +192,31 @@ def run(
         given_folder = SUBJECTS.named(subject, subject_dir)
         written = Written(identify or (), prior or (), fix or (), c10_bounds, c20_bounds)
         in_3d = model is ModelChoice.LEG
-        settings = IdentificationSettings(
-            None if weighting is None else weighting.value, seed, emulator
-        )
+        settings = IdentificationSettings(None if weighting is None else weighting.value, seed, emulator)
         sites = load_sites(given_folder) if site is None else None
         found = sites or load_subject(given_folder, site=site or "")
         if (joint := joint_leg(found, written.names, in_3d)) is not None:
             from legfem.commands.sites import run_joint
 
             run_joint(
-                joint, None if law is None else law.value, written, correction,
-                out or Path("results") / f"identify-{joint.id}", processes, settings, depth, quiet,
-                as_json, in_3d,
-            )  # fmt: skip
+                joint,
+                None if law is None else law.value,
+                written,
+                correction,
+                out or Path("results") / f"identify-{joint.id}",
+                processes,
+                settings,
+                depth,
+                quiet,
+                as_json,
+                in_3d,
+            )
             return
         assert isinstance(found, Leg)
         say(doubts_about(found))
         nominal = values_of(tissues_of(found))
         parameters, fixed = written.parameters(nominal), written.held(nominal)
-        chosen = written.laws(
-            None if law is None else law.value, parameters, found.tissues["deep"].C20, fixed
-        )
+        chosen = written.laws(None if law is None else law.value, parameters, found.tissues["deep"].C20, fixed)
         laws_of(found, chosen, nominal, parameters, fixed)
         folder = out or Path("results") / f"identify-{found.id}"
         check_out_folder(folder)
@@ -232,27 +229,26 @@ def run(
                 leg = None
                 if model is ModelChoice.LEG:
                     leg = LegModels.of_subject(
-                        found, section.depth, folder / SOLVES, progress=progress,
-                        comm=MPI.COMM_WORLD,
-                    )  # fmt: skip
+                        found, section.depth, folder / SOLVES, progress=progress, comm=MPI.COMM_WORLD
+                    )
                 results = identify_subject(
-                    found, chosen, replace(request, progress=progress),
-                    choose_correction(correction, found), section, leg,
-                )  # fmt: skip
+                    found,
+                    chosen,
+                    replace(request, progress=progress),
+                    choose_correction(correction, found),
+                    section,
+                    leg,
+                )
         except SearchError as failure:
             print(f"{found.id}: {failure}", file=sys.stderr)
             raise typer.Exit(FAILED) from None
         path = write_results(results, folder, as_list=len(chosen) > 1)
-        report = write_identification_report(
-            results, found, section.experiment, folder, command_line(), processes
-        )
+        report = write_identification_report(results, found, section.experiment, folder, command_line(), processes)
         texts = [brief(identification_page(results, found, None))]
         print_outcome(texts, path, report, quiet, as_json)
 
 
-def _edge(
-    model: ModelChoice, jobs: int | None, resume: str, quiet: bool
-) -> AbstractContextManager[int]:
+def _edge(model: ModelChoice, jobs: int | None, resume: str, quiet: bool) -> AbstractContextManager[int]:
     if model is ModelChoice.SECTION:
         return work_edge(jobs, resume, quiet)
     from legfem.commands.spread import spread_edge
@@ -286,9 +282,8 @@ def _run_specimens(
     try:
         with progress_on(quiet=quiet) as progress:
             results = identify_specimen(
-                found, laws_named(law), asked, leave_out, IdentificationSettings(seed=seed),
-                folder, jobs, progress,
-            )  # fmt: skip
+                found, laws_named(law), asked, leave_out, IdentificationSettings(seed=seed), folder, jobs, progress
+            )
     except SearchError as failure:
         print(f"{found.id}: {failure}", file=sys.stderr)
         raise typer.Exit(FAILED) from None

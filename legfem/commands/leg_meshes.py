@@ -35,15 +35,18 @@ def section_mesh(folder: Path, finer: float = 1.0) -> MadeMesh:
     return MadeMesh(
         named_mesh(made.mesh, made.cell_tags, made.facet_tags, REGIONS),
         {
-            "shape": "section", "subject": subject.id, "origin": subject.origin,
+            "shape": "section",
+            "subject": subject.id,
+            "origin": subject.origin,
             "fascia_thickness": section.fascia_thickness,
             "indenter": {
-                "radius": indenter.radius, "aim": indenter.aim.tolist(),
+                "radius": indenter.radius,
+                "aim": indenter.aim.tolist(),
                 "direction_deg": indenter.direction_deg,
             },
             "sizes": asdict(sizes),
         },
-    )  # fmt: skip
+    )
 
 
 def stocking_mesh(folder: Path, finer: float = 1.0) -> MadeMesh:
@@ -53,9 +56,14 @@ def stocking_mesh(folder: Path, finer: float = 1.0) -> MadeMesh:
     made = mesh_solid_leg(leg.bare, sizes)
     return MadeMesh(
         named_mesh(made.mesh, made.cell_tags, made.facet_tags, made.regions),
-        {"shape": "solid", "subject": leg.id, "origin": leg.origin,
-         "levels": leg.bare.levels.tolist(), "sizes": asdict(sizes)},
-    )  # fmt: skip
+        {
+            "shape": "solid",
+            "subject": leg.id,
+            "origin": leg.origin,
+            "levels": leg.bare.levels.tolist(),
+            "sizes": asdict(sizes),
+        },
+    )
 
 
 def idealised_mesh(finer: float = 1.0) -> MadeMesh:
@@ -64,6 +72,5 @@ def idealised_mesh(finer: float = 1.0) -> MadeMesh:
     made = mesh_leg(leg, cylinder.radius, cylinder.length, sizes)
     return MadeMesh(
         named_mesh(made.mesh, made.cell_tags, made.facet_tags, made.regions),
-        {"shape": "quarter", "leg": asdict(leg), "cylinder": asdict(cylinder),
-         "sizes": asdict(sizes)},
-    )  # fmt: skip
+        {"shape": "quarter", "leg": asdict(leg), "cylinder": asdict(cylinder), "sizes": asdict(sizes)},
+    )

@@ -26,18 +26,12 @@ def export(
     subject_dir: Annotated[
         Path | None, typer.Option(help="Folder of a leg of your own: subject.toml or leg.toml.")
     ] = None,
-    stocking: Annotated[
-        str | None, typer.Option(help="Leg of legfem's that wears a stocking, bare and in 3D.")
-    ] = None,
+    stocking: Annotated[str | None, typer.Option(help="Leg of legfem's that wears a stocking, bare and in 3D.")] = None,
     idealised: Annotated[
         bool, typer.Option("--idealised", help="A quarter of the 3D correction's reference leg.")
     ] = False,
-    finer: Annotated[
-        float, typer.Option(min=0.2, max=5.0, help="Divides the sizes of the elements.")
-    ] = 1.0,
-    extrude: Annotated[
-        float, typer.Option(min=0.0, help="Makes a slab of a section, so thick (mm).")
-    ] = 0.0,
+    finer: Annotated[float, typer.Option(min=0.2, max=5.0, help="Divides the sizes of the elements.")] = 1.0,
+    extrude: Annotated[float, typer.Option(min=0.0, help="Makes a slab of a section, so thick (mm).")] = 0.0,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
@@ -56,9 +50,7 @@ def export(
         format_of(out)
         mesh = _asked(subject, subject_dir, stocking, idealised, finer)
         if extrude and mesh.dimension == 3:
-            raise InputError(
-                "--extrude", f"{extrude:g}", "the leg is in 3D already", "leave it out"
-            )
+            raise InputError("--extrude", f"{extrude:g}", "the leg is in 3D already", "leave it out")
         mesh = extruded(mesh, extrude) if extrude else mesh
         written = write_mesh(mesh, out)
         if as_json:
@@ -98,15 +90,15 @@ def summary(mesh: NamedMesh) -> list[str]:
     return lines
 
 
-def _asked(
-    subject: str | None, folder: Path | None, stocking: str | None, idealised: bool, finer: float
-) -> NamedMesh:
+def _asked(subject: str | None, folder: Path | None, stocking: str | None, idealised: bool, finer: float) -> NamedMesh:
     given = [subject is not None, folder is not None, stocking is not None, idealised]
     if sum(given) != 1:
         raise InputError(
-            "--subject", "leg", f"{'none' if not any(given) else 'more than one'} is given",
+            "--subject",
+            "leg",
+            f"{'none' if not any(given) else 'more than one'} is given",
             "give one of --subject, --subject-dir, --stocking and --idealised",
-        )  # fmt: skip
+        )
     from legfem.commands.leg_meshes import idealised_mesh, section_mesh, stocking_mesh
     from legfem.stocking.loading import LEGS
     from legfem.subjects.loading import SUBJECTS

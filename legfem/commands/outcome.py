@@ -8,9 +8,7 @@ from pathlib import Path
 from legfem.report.web.page import PAGE
 
 
-def print_outcome(
-    texts: Sequence[str], result: Path, report: Path, quiet: bool, as_json: bool
-) -> None:
+def print_outcome(texts: Sequence[str], result: Path, report: Path, quiet: bool, as_json: bool) -> None:
     """Print what was found and where it lies.
 
     Parameters

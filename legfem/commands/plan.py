@@ -9,10 +9,7 @@ import typer
 
 from legfem.commands.options import Jobs, Site, Subject, SubjectDir
 from legfem.common.checks import check_finite
-from legfem.common.command_edge import (
-    check_out_folder,
-    work_edge,
-)
+from legfem.common.command_edge import check_out_folder, work_edge
 from legfem.common.doubts import say
 from legfem.common.outcome_options import AsJson, Quiet
 from legfem.common.progress import progress_on
@@ -30,13 +27,8 @@ def plan(
     c20: Annotated[float, typer.Option(min=0.0, max=50.0, help="Expected C20 (kPa).")] = 0.0,
     depth: Annotated[float, typer.Option(min=5.0, max=60.0, help="To press to (mm).")] = 20.0,
     rate: Annotated[float, typer.Option(min=0.01, max=50.0, help="mm/s.")] = 0.5,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for results; results/plan-ID by default.")
-    ] = None,
-    library: Annotated[
-        Path | None,
-        typer.Option(help="Folder of the legs' responses, shared with diagnoses."),
-    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for results; results/plan-ID by default.")] = None,
+    library: Annotated[Path | None, typer.Option(help="Folder of the legs' responses, shared with diagnoses.")] = None,
     jobs: Jobs = None,
     quiet: Quiet = False,
     as_json: AsJson = False,
@@ -70,9 +62,8 @@ def plan(
 
         check_finite(c10=c10, c20=c20, depth=depth, rate=rate)
         found = load_subject(
-            SUBJECTS.named(subject, subject_dir), need_recordings=False, need_instrument=False,
-            site=site or "",
-        )  # fmt: skip
+            SUBJECTS.named(subject, subject_dir), need_recordings=False, need_instrument=False, site=site or ""
+        )
         doubts = doubts_about(found)
         say(doubts)
         folder = out or Path("results") / f"plan-{found.id}"

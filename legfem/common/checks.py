@@ -42,6 +42,4 @@ def check_finite(**options: float | None) -> None:
     """
     for name, value in options.items():
         if value is not None and not math.isfinite(value):
-            raise InputError(
-                f"--{name.replace('_', '-')}", f"{value}", "is not a finite number", "give a number"
-            )
+            raise InputError(f"--{name.replace('_', '-')}", f"{value}", "is not a finite number", "give a number")

@@ -21,9 +21,7 @@ BAD_INPUT, INTERRUPTED, FAILED = 2, 130, 1
 
 
 @contextmanager
-def command_edge(
-    resume: str = "run the same command again to go on", quiet: bool = False
-) -> Iterator[None]:
+def command_edge(resume: str = "run the same command again to go on", quiet: bool = False) -> Iterator[None]:
     """Turn a user's mistake, Ctrl-C and what the machine lacks into a line and an exit status.
 
     Parameters
@@ -48,8 +46,7 @@ def command_edge(
         raise typer.Exit(INTERRUPTED) from None
     except BrokenProcessPool:
         print(
-            f"a worker process was ended from outside (out of memory?): {resume}; --jobs 1 takes "
-            "the least memory",
+            f"a worker process was ended from outside (out of memory?): {resume}; --jobs 1 takes the least memory",
             file=sys.stderr,
         )
         raise typer.Exit(FAILED) from None
@@ -77,9 +74,7 @@ _FREED = "free the disk or give a place that can be read and written"
 
 @contextmanager
 def work_edge(
-    jobs: int | None = None,
-    resume: str = "run the same command again to go on",
-    quiet: bool = False,
+    jobs: int | None = None, resume: str = "run the same command again to go on", quiet: bool = False
 ) -> Iterator[int]:
     """Yield a number of processes on the first rank alone, with `command_edge` around it.
 
@@ -168,9 +163,7 @@ def check_out_folder(out: Path) -> None:
     if not nearest.is_dir():
         raise InputError("--out", str(out), f"{nearest} is a file", "give a folder")
     if not os.access(nearest, os.W_OK | os.X_OK):
-        raise InputError(
-            "--out", str(out), f"{nearest} can't be written to", "give a folder of your own"
-        )
+        raise InputError("--out", str(out), f"{nearest} can't be written to", "give a folder of your own")
 
 
 def process_count(jobs: int | None, ranks: int) -> int:

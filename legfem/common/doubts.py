@@ -69,9 +69,7 @@ class PhysicalRange:
     basis: str
     units: Mapping[str, float] = field(default_factory=dict)
 
-    def doubts(
-        self, source: str | PathLike[str], name: str, value: float, remedy: str = ""
-    ) -> Iterator[Doubt]:
+    def doubts(self, source: str | PathLike[str], name: str, value: float, remedy: str = "") -> Iterator[Doubt]:
         """Yield a doubt if a value is unlikely.
 
         Raises
@@ -84,17 +82,13 @@ class PhysicalRange:
                 raise found.error()
             yield found
 
-    def likely(
-        self, source: str | PathLike[str], name: str, value: float, remedy: str = ""
-    ) -> Iterator[Doubt]:
+    def likely(self, source: str | PathLike[str], name: str, value: float, remedy: str = "") -> Iterator[Doubt]:
         """Yield a doubt if a value is unlikely, however impossible it is."""
         low, high = self.usual
         if low <= value <= high:
             return
         unit = f" {self.unit}" if self.unit else ""
-        problem = (
-            f"{self.what} of {value:.4g}{unit} where {low:g} to {high:g} is usual ({self.basis})"
-        )
+        problem = f"{self.what} of {value:.4g}{unit} where {low:g} to {high:g} is usual ({self.basis})"
         mend = [
             f"if the value is in {other}, multiply it by {factor:g}"
             for other, factor in self.units.items()

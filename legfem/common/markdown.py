@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 
-def markdown_table(
-    header: Sequence[str], rows: Sequence[Sequence[str]], aligned: bool = False
-) -> str:
+def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]], aligned: bool = False) -> str:
     """Return a table, its columns aligned if asked for; a bar within a cell becomes "or"."""
     lines = [[cell.replace("|", "or") for cell in line] for line in (header, *rows)]
     widths = [max(map(len, column)) if aligned else 0 for column in zip(*lines, strict=True)]

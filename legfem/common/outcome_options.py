@@ -10,12 +10,8 @@ from typing import Annotated
 
 import typer
 
-Quiet = Annotated[
-    bool, typer.Option("--quiet", help="No progress; print only where the results are.")
-]
-AsJson = Annotated[
-    bool, typer.Option("--json", help="Print the result's JSON, and nothing else, to stdout.")
-]
+Quiet = Annotated[bool, typer.Option("--quiet", help="No progress; print only where the results are.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result's JSON, and nothing else, to stdout.")]
 
 
 @contextmanager

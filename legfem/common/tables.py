@@ -64,9 +64,7 @@ def read_table(
         found = [name.strip() for name in next(csv.reader([header]))]
         rows = list(csv.reader(lines[1:]))
     except csv.Error as error:
-        raise InputError(
-            path, "rows", f"can't be split: {error}", f"give rows of {wanted}"
-        ) from None
+        raise InputError(path, "rows", f"can't be split: {error}", f"give rows of {wanted}") from None
     if found != list(columns):
         raise InputError(path, "header", *_header_problem(found, columns))
     numbers = [i + 2 for i, row in enumerate(rows) if any(cell.strip() for cell in row)]
@@ -75,9 +73,7 @@ def read_table(
     for n in numbers:
         _check_width(path, n, rows[n - 2], len(columns), wanted)
     table = pd.DataFrame(
-        [[cell.strip() for cell in rows[n - 2]] for n in numbers],
-        columns=pd.Index(columns),
-        index=pd.Index(numbers),
+        [[cell.strip() for cell in rows[n - 2]] for n in numbers], columns=pd.Index(columns), index=pd.Index(numbers)
     )
     for name in columns:
         if name not in text:
@@ -88,12 +84,7 @@ def read_table(
 def _lines(path: Path) -> list[str]:
     lines = text_of(path, "check the path", "save it as CSV text").splitlines()
     if not lines or not lines[0].strip():
-        raise InputError(
-            path,
-            "header",
-            "missing (the first line is empty)",
-            "put the column names in the first line",
-        )
+        raise InputError(path, "header", "missing (the first line is empty)", "put the column names in the first line")
     return lines
 
 
@@ -148,14 +139,7 @@ def _numbers(path: Path, column: pd.Series[str]) -> pd.Series[float]:
     field = f"{column.name}, line {line}"
     others = f" (and {int(bad.sum()) - 1} more)" if bad.sum() > 1 else ""
     if _DECIMAL_COMMA.match(cell):
-        raise InputError(
-            path, field, f"'{cell}' has a decimal comma{others}", "write decimals with points"
-        )
+        raise InputError(path, field, f"'{cell}' has a decimal comma{others}", "write decimals with points")
     if cell.lower() in ("", "nan", "na", "n/a", "null", "none", "inf", "-inf", "+inf"):
-        raise InputError(
-            path,
-            field,
-            f"'{cell}' is not a finite number{others}",
-            "remove the row or record it again",
-        )
+        raise InputError(path, field, f"'{cell}' is not a finite number{others}", "remove the row or record it again")
     raise InputError(path, field, f"'{cell[:40]}' is not a number{others}", "write a number")

@@ -48,6 +48,4 @@ def check_shown(*paths: Path) -> None:
     """
     for path in paths:
         if not path.name.isprintable():
-            raise InputError(
-                path, "name", f"{path.name!a} can't be shown", "rename it: letters and digits"
-            )
+            raise InputError(path, "name", f"{path.name!a} can't be shown", "rename it: letters and digits")

@@ -26,9 +26,7 @@ PlainName = Annotated[str, Field(pattern=r"^\w[\w. -]*$", max_length=100)]
 class FileTable(BaseModel):
     """A table of a file: no unknown keys, no conversion of types."""
 
-    model_config = ConfigDict(
-        extra="forbid", strict=True, frozen=True, use_attribute_docstrings=True
-    )
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, use_attribute_docstrings=True)
     alternatives: ClassVar[tuple[str, ...]] = ()
     """Tables in it of which one is given."""
 
@@ -88,9 +86,7 @@ def checked[File: BaseModel](path: Path, content: object, schema: type[File]) ->
 
 def trouble(key: str, problem: str, remedy: str) -> PydanticCustomError:
     """Return an error that a validator raises for one of its table's keys."""
-    return PydanticCustomError(
-        "legfem", "{problem}", {"key": key, "problem": problem, "remedy": remedy}
-    )
+    return PydanticCustomError("legfem", "{problem}", {"key": key, "problem": problem, "remedy": remedy})
 
 
 def _in_words(path: Path, error: ValidationError, schema: type[BaseModel]) -> InputError:
@@ -101,24 +97,18 @@ def _in_words(path: Path, error: ValidationError, schema: type[BaseModel]) -> In
     keys = [str(part) for part in first["loc"]]
     context: dict[str, Any] = first.get("ctx") or {}
     if first["type"] == "legfem":
-        return InputError(
-            path, ".".join([*keys, context["key"]]), context["problem"], context["remedy"]
-        )
+        return InputError(path, ".".join([*keys, context["key"]]), context["problem"], context["remedy"])
     problem, remedy = _explain(first, keys, context, schema)
     return InputError(path, ".".join(keys), problem, remedy)
 
 
-def _explain(
-    error: ErrorDetails, keys: list[str], context: dict[str, Any], schema: type[BaseModel]
-) -> tuple[str, str]:
+def _explain(error: ErrorDetails, keys: list[str], context: dict[str, Any], schema: type[BaseModel]) -> tuple[str, str]:
     given = error["input"]
     match error["type"]:
         case "extra_forbidden":
             known = _known_keys(keys[:-1], schema)
             near = difflib.get_close_matches(keys[-1], known, n=1, cutoff=0.5)
-            return "unknown key", (
-                f"did you mean '{near[0]}'?" if near else f"known keys here: {', '.join(known)}"
-            )
+            return "unknown key", (f"did you mean '{near[0]}'?" if near else f"known keys here: {', '.join(known)}")
         case "missing":
             return "missing", "add it"
         case "greater_than" | "greater_than_equal" | "less_than_equal":
@@ -130,9 +120,7 @@ def _explain(
             return f"{given!r} is not a finite number", "write a number without quotes"
         case "literal_error":
             near = difflib.get_close_matches(str(given), _choices(context), n=1)
-            return f"unknown value {given!r}", (
-                f"did you mean '{near[0]}'?" if near else f"use {context['expected']}"
-            )
+            return f"unknown value {given!r}", (f"did you mean '{near[0]}'?" if near else f"use {context['expected']}")
         case "string_pattern_mismatch" if context["pattern"].startswith("^[^"):
             return f"{given!r} holds a line's end or another control character", "take it out"
         case "string_pattern_mismatch":

@@ -36,7 +36,4 @@ def versions_of(*names: str) -> dict[str, str]:
     """Return versions of ``legfem``, ``python`` and packages, by name; ``dolfinx`` is DOLFINx."""
     own = {"legfem": legfem_version, "python": platform.python_version}
     packages = {"dolfinx": "fenics-dolfinx"}
-    return {
-        name: own[name]() if name in own else package_version(packages.get(name, name))
-        for name in names
-    }
+    return {name: own[name]() if name in own else package_version(packages.get(name, name)) for name in names}

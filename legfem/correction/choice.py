@@ -42,9 +42,7 @@ class Correction(Protocol):
         """Return the covariance (n, n) of the factor's relative error, for the intervals."""
         ...
 
-    def relative_errors(
-        self, displacement: FloatArray, c10: float, c20: float
-    ) -> Mapping[str, FloatArray]:
+    def relative_errors(self, displacement: FloatArray, c10: float, c20: float) -> Mapping[str, FloatArray]:
         """Return the modes (n,) that the covariance is made of, by what causes them."""
         ...
 
@@ -105,10 +103,7 @@ def _of_muscle(subject: Subject, correction: TabulatedCorrection) -> TabulatedCo
 def size_of(subject: Subject) -> tuple[float, float]:
     """Return a leg's girth over 2 pi, and how deep its bones lie under the cylinder (mm)."""
     section, indenter = subject.section, subject.indenter
-    return (
-        girth(section) / (2 * np.pi),
-        depth_to_bone(section, indenter.aim, indenter.direction),
-    )
+    return (girth(section) / (2 * np.pi), depth_to_bone(section, indenter.aim, indenter.direction))
 
 
 def why_uncorrected(subject: Subject) -> str | None:

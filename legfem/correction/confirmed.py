@@ -45,13 +45,9 @@ def confirmed_correction(
     c10, c20 = stiffness
     if trend is None:
         return TabulatedCorrection(
-            name, displacement, np.array([c10]), np.array([c20 / (c10 + c20)]),
-            P[None, None, :], errors,
-        )  # fmt: skip
+            name, displacement, np.array([c10]), np.array([c20 / (c10 + c20)]), P[None, None, :], errors
+        )
     across, q = trend.c10[:, None], trend.stiffening[None, :]
     table = trend.correction(displacement, across + 0 * q, across * q / (1 - q))
     there = trend.correction(displacement, np.asarray(c10), np.asarray(c20))
-    return replace(
-        trend, name=name, displacement=displacement, values=P + table - there, errors=errors,
-        given={},
-    )  # fmt: skip
+    return replace(trend, name=name, displacement=displacement, values=P + table - there, errors=errors, given={})

@@ -68,10 +68,7 @@ class FibreTable:
 
     def errors_at(self, displacement: FloatArray) -> dict[str, FloatArray]:
         """Return its errors (n,) by cause, as shares of itself."""
-        return {
-            name: np.interp(displacement, self.displacement, share)
-            for name, share in self.errors.items()
-        }
+        return {name: np.interp(displacement, self.displacement, share) for name, share in self.errors.items()}
 
     @cached_property
     def _by_ratio(self) -> PchipInterpolator:
@@ -89,9 +86,7 @@ class FibreTable:
                 "ratio": self.ratio.tolist(),
                 "displacement_mm": self.displacement.tolist(),
                 "log_factor": np.round(self.log_factor, 5).tolist(),
-                "errors": {
-                    name: np.round(share, 4).tolist() for name, share in self.errors.items()
-                },
+                "errors": {name: np.round(share, 4).tolist() for name, share in self.errors.items()},
             },
         )
 
@@ -109,9 +104,7 @@ def read_fibres(path: Path = TABLE) -> FibreTable:
     return FibreTable(ratio, displacement, log, errors, given)
 
 
-def with_fibres(
-    correction: TabulatedCorrection, table: FibreTable, fibres: FibreRatio
-) -> TabulatedCorrection:
+def with_fibres(correction: TabulatedCorrection, table: FibreTable, fibres: FibreRatio) -> TabulatedCorrection:
     """Return a correction of muscle with fibres, given that of muscle alike in all directions.
 
     Its errors stay what they are of the force, and those of the ratio and of the table join them.

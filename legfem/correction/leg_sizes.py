@@ -61,17 +61,13 @@ class LegCorrections:
         """Return the change for a leg's radius and depth to bone (mm), as a table of its own."""
         at = self._inside(radius, depth_to_bone)
         change = RegularGridInterpolator((self.radius, self.depth), self.change)(at)
-        return TabulatedCorrection(
-            "change", self.displacement, self.c10, self.stiffening, change, self.errors
-        )
+        return TabulatedCorrection("change", self.displacement, self.c10, self.stiffening, change, self.errors)
 
     def covers(self, radius: float, depth_to_bone: float) -> bool:
         """Tell whether the table holds a leg of these sizes (mm)."""
         return self._inside(radius, depth_to_bone) == (radius, depth_to_bone / radius)
 
-    def of_leg(
-        self, base: TabulatedCorrection, radius: float, depth_to_bone: float
-    ) -> TabulatedCorrection:
+    def of_leg(self, base: TabulatedCorrection, radius: float, depth_to_bone: float) -> TabulatedCorrection:
         """Return the correction of a leg, given that of the reference leg.
 
         Parameters
@@ -85,14 +81,9 @@ class LegCorrections:
         c10, q = base.c10[:, None], base.stiffening[None, :]
         at = np.minimum(base.displacement, self.displacement[-1])
         values = base.values + change.correction(at, c10 + 0 * q, c10 * q / (1 - q))
-        modes = {
-            name: np.interp(base.displacement, self.displacement, mode)
-            for name, mode in self.errors.items()
-        }
+        modes = {name: np.interp(base.displacement, self.displacement, mode) for name, mode in self.errors.items()}
         beyond = "" if self.covers(radius, depth_to_bone) else ", beyond the table: its nearest leg"
-        name = (
-            f"{base.name}, radius {radius:.1f} mm, {depth_to_bone:.1f} mm of tissue before the bone"
-        )
+        name = f"{base.name}, radius {radius:.1f} mm, {depth_to_bone:.1f} mm of tissue before the bone"
         return replace(base, name=name + beyond, values=values, errors={**base.errors, **modes})
 
     def write(self, path: Path) -> Path:
@@ -122,9 +113,13 @@ class LegCorrections:
 
 
 _KNOWN = (
-    "radius_mm", "depth_to_bone_over_radius", "displacement_mm", "c10_kPa",
-    "c20_over_c10_plus_c20", "change_of_P",
-)  # fmt: skip
+    "radius_mm",
+    "depth_to_bone_over_radius",
+    "displacement_mm",
+    "c10_kPa",
+    "c20_over_c10_plus_c20",
+    "change_of_P",
+)
 
 
 def read_leg_corrections(path: Path) -> LegCorrections:
@@ -147,9 +142,5 @@ def read_leg_corrections(path: Path) -> LegCorrections:
     radius, depth, displacement, c10, stiffening = axes
     if change.shape != tuple(map(len, (radius, depth, c10, stiffening, displacement))):
         raise InputError(path, "change_of_P", f"has shape {change.shape}", remedy)
-    given = {
-        name: value
-        for name, value in content.items()
-        if name not in (*_KNOWN, "schema", "kind", "errors")
-    }
+    given = {name: value for name, value in content.items() if name not in (*_KNOWN, "schema", "kind", "errors")}
     return LegCorrections(radius, depth, displacement, c10, stiffening, change, errors, given)

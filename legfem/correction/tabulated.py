@@ -150,18 +150,13 @@ class TabulatedCorrection:
             total += np.outer(relative, relative)
         return total
 
-    def relative_errors(
-        self, displacement: FloatArray, c10: float, c20: float
-    ) -> dict[str, FloatArray]:
+    def relative_errors(self, displacement: FloatArray, c10: float, c20: float) -> dict[str, FloatArray]:
         """Return the modes (n,) of P's error, relative to the corrected force.
 
         The force's relative error is that of P over the factor.
         """
         factor = self.factor(displacement, np.asarray(c10), np.asarray(c20))
-        return {
-            name: np.interp(displacement, self.displacement, mode) / factor
-            for name, mode in self.errors.items()
-        }
+        return {name: np.interp(displacement, self.displacement, mode) / factor for name, mode in self.errors.items()}
 
     def standard_deviation(self, displacement: FloatArray) -> FloatArray:
         """Return that of P's error at displacements (n,) in mm."""
@@ -207,35 +202,28 @@ def read_correction(path: Path) -> TabulatedCorrection:
         content = json.loads(path.read_text())
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(
-            path, "--correction", f"can't be read ({error})",
+            path,
+            "--correction",
+            f"can't be read ({error})",
             "give a file that python -m legfem.study correction wrote, or none",
-        ) from None  # fmt: skip
+        ) from None
     if not isinstance(content, dict) or content.get("kind") != KIND:
-        raise InputError(
-            path, "kind", f"is not {KIND}", "give a file that legfem.study correction wrote"
-        )
+        raise InputError(path, "kind", f"is not {KIND}", "give a file that legfem.study correction wrote")
     if content.get("schema") != SCHEMA:
-        raise InputError(
-            path, "schema", f"is {content.get('schema')}", f"this legfem reads schema {SCHEMA}"
-        )
+        raise InputError(path, "schema", f"is {content.get('schema')}", f"this legfem reads schema {SCHEMA}")
     try:
-        displacement, c10, stiffening, values = (
-            np.array(content[name], dtype=float) for name in _KNOWN[:-1]
-        )
+        displacement, c10, stiffening, values = (np.array(content[name], dtype=float) for name in _KNOWN[:-1])
         errors = {name: np.array(mode, dtype=float) for name, mode in content["errors"].items()}
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise InputError(
-            path, "P", f"is not a whole correction ({error!r})", "calibrate it again"
-        ) from None
+        raise InputError(path, "P", f"is not a whole correction ({error!r})", "calibrate it again") from None
     shape = (len(c10), len(stiffening), len(displacement))
     fits = values.shape == shape and all(len(mode) == shape[2] for mode in errors.values())
     axes = (c10, stiffening, displacement)
     sound = all(len(axis) > 0 and np.all(np.diff(axis) > 0) for axis in axes) and np.all(c10 > 0)
     if not (fits and sound and np.all(np.isfinite(values)) and np.all(values < 1)):
         raise InputError(
-            path, "P", f"has shape {values.shape} on axes of {shape}, or values that can't be",
-            "calibrate it again",
-        )  # fmt: skip
+            path, "P", f"has shape {values.shape} on axes of {shape}, or values that can't be", "calibrate it again"
+        )
     given = {
         name: value
         for name, value in content.items()

@@ -16,9 +16,7 @@ _STAYS = 0.25
 """Of a trial's noise: a refit that moves the prediction by less stays."""
 
 
-def base_about_solution(
-    problem: Problem, base: Fit, solved: Responses | None
-) -> tuple[Problem, Fit, float]:
+def base_about_solution(problem: Problem, base: Fit, solved: Responses | None) -> tuple[Problem, Fit, float]:
     """Refit the base model about a full solution; return also the emulator's error there.
 
     Parameters
@@ -40,9 +38,7 @@ def base_about_solution(
     return problem, ordinary_fit(problem, [base.values]), error
 
 
-def refitted_about_solutions(
-    solved: Responses, problem: Problem, fitted: Fit
-) -> tuple[Problem, Fit, bool]:
+def refitted_about_solutions(solved: Responses, problem: Problem, fitted: Fit) -> tuple[Problem, Fit, bool]:
     """Refit about full solutions until the refit stays; return also whether there was one.
 
     Fat that slides folds in one way or in another, so that a model may have solutions on several

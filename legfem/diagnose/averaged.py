@@ -40,9 +40,7 @@ class HiddenPair:
     distribution: Mixture
 
 
-def averaged_interval(
-    explained: Explained, name: str, share: float = 0.95
-) -> tuple[float, float] | None:
+def averaged_interval(explained: Explained, name: str, share: float = 0.95) -> tuple[float, float] | None:
     """Return a parameter's interval over all that may be left out, each with its probability.
 
     None where no explanation that counts has the parameter.
@@ -56,9 +54,7 @@ def averaged_interval(
     parameter = next(p for p in every[0].fit.parameters if p.name == name)
     assert parameter.prior is not None
     tail = (1 - share) / 2
-    ends = [
-        parameter.inside(parameter.prior.value_at(mixture.quantile(p))) for p in (tail, 1 - tail)
-    ]
+    ends = [parameter.inside(parameter.prior.value_at(mixture.quantile(p))) for p in (tail, 1 - tail)]
     return min(ends), max(ends)
 
 

@@ -131,9 +131,7 @@ def cut_trial(recording: Recording, contact: Contact) -> Trial:
         whole = float(recording.time[end - 1] - recording.time[start])
         stops = float(smooth[-1])
         if phase != HOLD:
-            stops += (smooth[-1] - smooth[0]) * float(
-                (recording.time[end - 1] - time[-1]) / (time[-1] - time[0])
-            )
+            stops += (smooth[-1] - smooth[0]) * float((recording.time[end - 1] - time[-1]) / (time[-1] - time[0]))
         made = Segment(phase, time - start_time, smooth, force, leverage, whole, stops)
         if left:
             segments.append(_in_air(segments[-1], made))
@@ -144,9 +142,11 @@ def cut_trial(recording: Recording, contact: Contact) -> Trial:
             segments.append(made)
     if not segments or segments[0].phase != LOADING:
         raise InputError(
-            recording.source or recording.trial, "displacement_mm",
-            "the trial does not begin with loading", "take it out, or start it at first contact",
-        )  # fmt: skip
+            recording.source or recording.trial,
+            "displacement_mm",
+            "the trial does not begin with loading",
+            "take it out, or start it at first contact",
+        )
     if segments[-1].phase == AIR:
         segments.pop()
     return Trial(

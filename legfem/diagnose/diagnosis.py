@@ -199,15 +199,10 @@ def starts(law: LawName, middle: float) -> list[dict[str, float]]:
     """Return where searches for the base parameters begin, kPa."""
     if law == "neo-hookean":
         return [{"C10": factor * middle, "C20": 0.0} for factor in (0.6, 1.5)]
-    return [
-        {"C10": factor * middle, "C20": share * middle}
-        for factor, share in ((0.6, 1.0), (1.0, 0.3), (1.4, 0.1))
-    ]
+    return [{"C10": factor * middle, "C20": share * middle} for factor, share in ((0.6, 1.0), (1.0, 0.3), (1.4, 0.1))]
 
 
-def _fitted(
-    predictor: Predictor, instrument: Instrument, library: Library, accuracy: Accuracy
-) -> tuple[Problem, Fit]:
+def _fitted(predictor: Predictor, instrument: Instrument, library: Library, accuracy: Accuracy) -> tuple[Problem, Fit]:
     """Fit the base model plainly, and reckon errors that are shares of its force.
 
     The noise is estimated anew once the trials' first contacts are fitted.
@@ -221,15 +216,11 @@ def _fitted(
     return problem.with_errors(_errors(problem, found, noise, library, accuracy)), found
 
 
-def _errors(
-    problem: Problem, base: Fit, noise: Noise, library: Library, accuracy: Accuracy
-) -> ErrorModel:
+def _errors(problem: Problem, base: Fit, noise: Noise, library: Library, accuracy: Accuracy) -> ErrorModel:
     predictor = problem.predictor
     ends = predictor.ends if isinstance(predictor.ends, TabulatedCorrection) else None
     stiffness = base.values["C10"], base.values.get("C20", 0.0)
-    effects = library.nuisances.effects(
-        predictor.observed, base.prediction, accuracy, ends, stiffness
-    )
+    effects = library.nuisances.effects(predictor.observed, base.prediction, accuracy, ends, stiffness)
     return error_model(predictor.observed, noise, base.prediction, effects)
 
 
@@ -244,11 +235,7 @@ def _verdict(explained: Explained) -> tuple[Verdict, tuple[Explanation, ...]]:
 
 
 def _located(
-    explained: Explained,
-    base: Fit,
-    models: tuple[Explanation, ...],
-    assessment: Assessment,
-    errors: ErrorModel,
+    explained: Explained, base: Fit, models: tuple[Explanation, ...], assessment: Assessment, errors: ErrorModel
 ) -> NDArray[np.bool_]:
     """Return where the base model errs by more than a trial's noise.
 

@@ -66,11 +66,7 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
             "verdict": found.verdict,
             "probability_that_nothing_shows": found.explained.soundness,
             "statements": [
-                {
-                    "mechanisms": list(one.names),
-                    "unknown": one.unknown,
-                    "probability": one.probability,
-                }
+                {"mechanisms": list(one.names), "unknown": one.unknown, "probability": one.probability}
                 for one in found.explained.statements()
                 if one.nothing_shows or one.probability > 1e-4
             ],
@@ -180,11 +176,7 @@ def mismatches(found: Diagnosis) -> list[dict[str, Any]]:
             here = np.flatnonzero((observed.trial == k) & (observed.segment == segment))
             for first, end in runs(found.located[here].astype(int)):
                 run = here[first:end]
-                touching = [
-                    w.p_value
-                    for w in found.assessment.windows
-                    if set(w.stations) & set(map(int, run))
-                ]
+                touching = [w.p_value for w in found.assessment.windows if set(w.stations) & set(map(int, run))]
                 d, t = observed.displacement[run], observed.time[run]
                 result.append(
                     {
@@ -202,9 +194,7 @@ def mismatches(found: Diagnosis) -> list[dict[str, Any]]:
 def _contact(found: Diagnosis, k: int) -> dict[str, Any]:
     """Return where a trial was touched: as found in the recording, moved by the fit."""
     at, interval = found.first_contact(k)
-    return {
-        "trial": found.observed.trials[k], "displacement_mm": at, "ci95": list(interval),
-    }  # fmt: skip
+    return {"trial": found.observed.trials[k], "displacement_mm": at, "ci95": list(interval)}
 
 
 def _physics(found: Diagnosis, model: Explanation, held: HeldOut) -> list[dict[str, Any]]:
@@ -219,8 +209,7 @@ def _physics(found: Diagnosis, model: Explanation, held: HeldOut) -> list[dict[s
                 "together_with": [n for n in model.names if n != mechanism.name],
                 "probability": model.probability,
                 "parameters": {
-                    p.name: _parameter(model, f"{mechanism.name}.{p.name}", p.unit)
-                    for p in mechanism.parameters
+                    p.name: _parameter(model, f"{mechanism.name}.{p.name}", p.unit) for p in mechanism.parameters
                 },
                 "evidence": {
                     # Twice the logarithm of the Bayes factor: what BIC estimates.
@@ -246,9 +235,7 @@ def indistinguishable(models: Sequence[Explanation]) -> list[list[str]]:
 
 def parameters(model: Explanation) -> dict[str, Any]:
     """Return an explanation's parameters with units and intervals."""
-    result = {
-        f"{name.lower()}_deep": _parameter(model, name, "kPa") for name in model.fit.stiffness
-    }
+    result = {f"{name.lower()}_deep": _parameter(model, name, "kPa") for name in model.fit.stiffness}
     for mechanism in model.fit.mechanisms:
         for p in mechanism.parameters:
             name = f"{mechanism.name}.{p.name}"
@@ -259,11 +246,7 @@ def parameters(model: Explanation) -> dict[str, Any]:
 def _averaged(found: Diagnosis) -> dict[str, Any]:
     """Return the stiffness with intervals over all explanations."""
     return {
-        f"{name.lower()}_deep": {
-            "value": found.best.value(name),
-            "unit": "kPa",
-            "ci95": list(ends),
-        }
+        f"{name.lower()}_deep": {"value": found.best.value(name), "unit": "kPa", "ci95": list(ends)}
         for name, ends in found.intervals.items()
     }
 

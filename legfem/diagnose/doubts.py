@@ -36,12 +36,13 @@ def _doubts_about_repeats(found: Diagnosis) -> Iterator[Doubt]:
     for size, most, column, unit in told:
         if size > 0:
             yield Doubt(
-                ", ".join(found.observed.trials), column,
+                ", ".join(found.observed.trials),
+                column,
                 f"trials differ slowly by {size:.2g} {unit}, gain, zero and first contact allowed "
                 f"for, where noise of the stated accuracy makes {most:.2g} {unit} at most",
                 "lay the trials over each other and look for what differs: a leg or a rig that "
                 "moved, a ripple of the drive; or state the accuracy that the rig has",
-            )  # fmt: skip
+            )
 
 
 class _Found(NamedTuple):
@@ -52,9 +53,7 @@ class _Found(NamedTuple):
 def _found(found: Diagnosis) -> dict[str, _Found]:
     """Return the deep tissue's stiffness (MPa), as far as all explanations leave it open."""
     return {
-        f"deep.{name}": _Found(
-            kpa_to_mpa(found.best.value(name)), kpa_to_mpa(high - low) / (2 * 1.96)
-        )
+        f"deep.{name}": _Found(kpa_to_mpa(found.best.value(name)), kpa_to_mpa(high - low) / (2 * 1.96))
         for name, (low, high) in found.intervals.items()
         if name in found.best.fit.free
     }

@@ -14,14 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from legfem.diagnose.explanation import (
-    INEXACT,
-    Explained,
-    Explanation,
-    counts_for,
-    gain_over,
-    singles_of,
-)
+from legfem.diagnose.explanation import INEXACT, Explained, Explanation, counts_for, gain_over, singles_of
 from legfem.diagnose.fit import Fit, Problem, fit
 from legfem.diagnose.mechanisms import Mechanism
 from legfem.diagnose.strength import gained_by_width, integrated
@@ -69,23 +62,24 @@ def explain(
     found.append(_base(problem, base, evidence, unknowns, True))
     priors = Priors.among(mechanisms)
     singles = [
-        _explanation(
-            problem, fit(problem, [m], start or base.values), base, evidence, unknowns,
-            priors.log_of(m.name),
-        )
+        _explanation(problem, fit(problem, [m], start or base.values), base, evidence, unknowns, priors.log_of(m.name))
         for m in mechanisms
-    ]  # fmt: skip
+    ]
     singles.sort(key=lambda e: -e.log_weight)
     found += singles
     pairs = _pairs(singles) if _open(found) else []
     while True:
         found += [
             _explanation(
-                one.problem, _joint(one.problem, one, other), base, evidence, unknowns,
+                one.problem,
+                _joint(one.problem, one, other),
+                base,
+                evidence,
+                unknowns,
                 priors.log_of(*one.names, *other.names),
             )
             for one, other in pairs
-        ]  # fmt: skip
+        ]
         found = weighed(found)
         if confirm is not None:
             found = _confirmed(found, base, evidence, unknowns, confirm)
@@ -105,19 +99,13 @@ def _open(found: Sequence[Explanation]) -> bool:
 
 
 def _base(
-    problem: Problem,
-    base: Fit,
-    evidence: Evidence,
-    unknowns: Sequence[Unknown],
-    unknown: bool,
-    confirmed: bool = False,
+    problem: Problem, base: Fit, evidence: Evidence, unknowns: Sequence[Unknown], unknown: bool, confirmed: bool = False
 ) -> Explanation:
     """Return the base model alone, or with something unknown."""
     shares = [
-        (-np.inf if unknown else 0.0) if u.covariance is None
-        else (u.log_prior if unknown else -np.inf)
+        (-np.inf if unknown else 0.0) if u.covariance is None else (u.log_prior if unknown else -np.inf)
         for u in unknowns
-    ]  # fmt: skip
+    ]
     posterior = told_of(problem, evidence, base, shares)
     prior = float(np.log(PRIOR_UNKNOWN if unknown else PRIOR_NONE))
     return Explanation(problem, base, posterior, prior, unknown, confirmed)
@@ -143,14 +131,18 @@ def _explanation(
             fitted, posterior = aware, again
     of_any_width = posterior.log_evidence + gained_by_width(fitted, posterior)
     return Explanation(
-        problem, fitted, replace(posterior, log_evidence=of_any_width), log_prior, False, confirmed,
-        shares=tuple(shares), fit_alone=None if fitted is plain else plain,
-    )  # fmt: skip
+        problem,
+        fitted,
+        replace(posterior, log_evidence=of_any_width),
+        log_prior,
+        False,
+        confirmed,
+        shares=tuple(shares),
+        fit_alone=None if fitted is plain else plain,
+    )
 
 
-def _shares_beside(
-    problem: Problem, fitted: Fit, base: Fit, unknowns: Sequence[Unknown]
-) -> list[float]:
+def _shares_beside(problem: Problem, fitted: Fit, base: Fit, unknowns: Sequence[Unknown]) -> list[float]:
     """Return the logarithms of the shares of unknown errors beside a model with mechanisms."""
     shown = shown_effect(problem, fitted, base)
     largest = float(np.abs(base.prediction).max())
@@ -163,21 +155,16 @@ def _shares_beside(
     ]
 
 
-def _integrated(
-    found: list[Explanation], evidence: Evidence, unknowns: Sequence[Unknown]
-) -> list[Explanation]:
+def _integrated(found: list[Explanation], evidence: Evidence, unknowns: Sequence[Unknown]) -> list[Explanation]:
     """Integrate out the strength of every explanation that may be what was left out."""
-    while waiting := [
-        e for e in found if e.names and not e.whole and e.probability >= CONFIRMED_FROM
-    ]:
+    while waiting := [e for e in found if e.names and not e.whole and e.probability >= CONFIRMED_FROM]:
         for one in waiting:
             problem = one.problem
             # Steps are fitted as the fit itself was, or they begin at another minimum.
             aware = None if one.fit_alone is None else _aware(problem, one.posterior, unknowns)
             posterior = integrated(
-                aware or problem, one.fit, one.posterior,
-                partial(told_of, problem, evidence, shares=one.shares),
-            )  # fmt: skip
+                aware or problem, one.fit, one.posterior, partial(told_of, problem, evidence, shares=one.shares)
+            )
             found[found.index(one)] = replace(one, posterior=posterior, whole=True)
         found = weighed(found)
     return found
@@ -192,9 +179,7 @@ def _aware(problem: Problem, posterior: Posterior, unknowns: Sequence[Unknown]) 
 def _beside(problem: Problem, fitted: Fit, aware: Problem) -> Fit:
     """Refit with something unknown among the errors; its misfit is told by the errors alone."""
     refit = fit(aware, fitted.mechanisms, fitted.values)
-    return replace(
-        refit, whitened=problem.whitened(refit.residual), jacobian=problem.whitened(refit.change)
-    )
+    return replace(refit, whitened=problem.whitened(refit.residual), jacobian=problem.whitened(refit.change))
 
 
 def shown_effect(problem: Problem, fitted: Fit, base: Fit) -> float:
@@ -202,11 +187,7 @@ def shown_effect(problem: Problem, fitted: Fit, base: Fit) -> float:
     change = fitted.prediction - base.prediction
     basis = np.linalg.qr(base.jacobian)[0]
     white = problem.whitened(change)
-    rest = (
-        problem.errors.lower @ (white - basis @ (basis.T @ white))
-        if problem.kept is None
-        else change
-    )
+    rest = problem.errors.lower @ (white - basis @ (basis.T @ white)) if problem.kept is None else change
     return float(np.sqrt(np.mean(rest**2)))
 
 
@@ -246,11 +227,7 @@ def _joint(problem: Problem, one: Explanation, other: Explanation) -> Fit:
 
 
 def _confirmed(
-    found: list[Explanation],
-    base: Fit,
-    evidence: Evidence,
-    unknowns: Sequence[Unknown],
-    confirm: Confirm,
+    found: list[Explanation], base: Fit, evidence: Evidence, unknowns: Sequence[Unknown], confirm: Confirm
 ) -> list[Explanation]:
     """Refit the leading explanations about full solutions, until none of them is emulated.
 
@@ -259,10 +236,14 @@ def _confirmed(
     nothing = _nothing(found)
     for _ in range(3):
         waiting = [
-            e for e in found[:CONFIRMED_MOST] if not e.confirmed and e.names
-            and e.probability >= CONFIRMED_FROM and gain_over(e, nothing) > 0.0
+            e
+            for e in found[:CONFIRMED_MOST]
+            if not e.confirmed
+            and e.names
+            and e.probability >= CONFIRMED_FROM
+            and gain_over(e, nothing) > 0.0
             and counts_for(e, singles_of(found)) is e
-        ]  # fmt: skip
+        ]
         if not waiting:
             break
         for one in waiting:
@@ -272,9 +253,7 @@ def _confirmed(
             for pair in led:
                 # Its second effect hardly matters: the first one's solution serves both.
                 about = fit(shifted, pair.fit.mechanisms, pair.fit.values)
-                found[found.index(pair)] = _explanation(
-                    shifted, about, base, evidence, unknowns, pair.log_prior
-                )
+                found[found.index(pair)] = _explanation(shifted, about, base, evidence, unknowns, pair.log_prior)
             found[found.index(one)] = again if made else _as_confirmed(one)
         found = weighed(found)
     return found

@@ -197,9 +197,7 @@ class Explained:
 
         Misfits are sums of squares over the errors', beyond the one that noise makes a value.
         """
-        return one.misfit_left <= max(
-            self.base.misfit_left - one.misfit_left, float(len(one.fit.residual))
-        )
+        return one.misfit_left <= max(self.base.misfit_left - one.misfit_left, float(len(one.fit.residual)))
 
     @property
     def soundness(self) -> float:
@@ -218,10 +216,7 @@ class Explained:
         """
         noise = float(self.base.problem.errors.trial_sd.max())
         largest = float(np.abs(self.base.fit.prediction).max())
-        return tuple(
-            e for e in self.every
-            if e.nothing or (e.unknown and e.posterior.unknown_size * largest < noise)
-        )  # fmt: skip
+        return tuple(e for e in self.every if e.nothing or (e.unknown and e.posterior.unknown_size * largest < noise))
 
     def _adds(self, one: Explanation) -> bool:
         most = max(self.plain, key=lambda e: e.posterior.log_evidence)
@@ -252,7 +247,5 @@ def unknown_course(explanation: Explanation, unknowns: Sequence[Unknown]) -> Flo
     shares = explanation.posterior.of_unknown
     for unknown, share in zip(unknowns, shares, strict=True):
         if unknown.covariance is not None and share > _COUNTS * shares.max():
-            course += (
-                share * unknown.covariance @ np.linalg.solve(total + unknown.covariance, residual)
-            )
+            course += share * unknown.covariance @ np.linalg.solve(total + unknown.covariance, residual)
     return np.asarray(course / max(explanation.posterior.unknown, _COUNTS))

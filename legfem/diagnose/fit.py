@@ -179,19 +179,12 @@ class Problem:
 
     def parameters(self, mechanisms: Sequence[Mechanism]) -> tuple[Parameter, ...]:
         """Return what is fitted: the base model's parameters and the mechanisms'."""
-        own = [
-            replace(p, name=f"{mechanism.name}.{p.name}")
-            for mechanism in mechanisms
-            for p in mechanism.parameters
-        ]
+        own = [replace(p, name=f"{mechanism.name}.{p.name}") for mechanism in mechanisms for p in mechanism.parameters]
         return (*self.predictor.parameters, *own)
 
 
 def fit(
-    problem: Problem,
-    mechanisms: Sequence[Mechanism],
-    start: Mapping[str, float],
-    held: Collection[str] = (),
+    problem: Problem, mechanisms: Sequence[Mechanism], start: Mapping[str, float], held: Collection[str] = ()
 ) -> Fit:
     """Fit the base parameters and the mechanisms', from each of the mechanisms' starts.
 
@@ -240,21 +233,14 @@ def _fit_from(
     free = tuple(p for p in every if p.name not in held)
     fixed = {p.name: start.get(p.name, null_of(p)) for p in every if p.name in held}
     priors = [prior_of(p) for p in free]
-    ends = np.array(
-        [[q.departure(end) for end in p.bounds] for p, q in zip(free, priors, strict=True)]
-    )
+    ends = np.array([[q.departure(end) for end in p.bounds] for p, q in zip(free, priors, strict=True)])
     ends = np.clip(ends, -40.0, 40.0)
     inside = 1e-9 * (ends[:, 1] - ends[:, 0])
-    at = np.array(
-        [q.departure(start.get(p.name, q.centre)) for p, q in zip(free, priors, strict=True)]
-    )
+    at = np.array([q.departure(start.get(p.name, q.centre)) for p, q in zip(free, priors, strict=True)])
     at = np.clip(at, ends[:, 0] + inside, ends[:, 1] - inside)
 
     def values_at(z: FloatArray) -> dict[str, float]:
-        return {
-            **fixed,
-            **{p.name: q.value_at(float(x)) for p, q, x in zip(free, priors, z, strict=True)},
-        }
+        return {**fixed, **{p.name: q.value_at(float(x)) for p, q, x in zip(free, priors, z, strict=True)}}
 
     def misfit(z: FloatArray) -> FloatArray:
         left = predictor.observed.force - predictor(values_at(z), mechanisms)
@@ -265,9 +251,8 @@ def _fit_from(
         return np.vstack([-columns, np.eye(len(z))])
 
     found = least_squares(
-        misfit, at, jac=slopes, bounds=(ends[:, 0], ends[:, 1]), xtol=1e-7, ftol=1e-8, gtol=1e-9,
-        max_nfev=evaluations,
-    )  # fmt: skip
+        misfit, at, jac=slopes, bounds=(ends[:, 0], ends[:, 1]), xtol=1e-7, ftol=1e-8, gtol=1e-9, max_nfev=evaluations
+    )
     values = values_at(found.x)
     prediction = predictor(values, mechanisms)
     change = _change(predictor, mechanisms, values_at, found.x, ends)

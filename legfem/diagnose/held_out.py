@@ -40,9 +40,7 @@ def folds_of(observed: Observations) -> tuple[str, list[NDArray[np.bool_]]]:
             how = "each trial in turn, but for the first"
             folds = [observed.trial == k for k in range(1, len(observed.trials))]
     elif len(observed.protocols) > 1:
-        how, folds = "each protocol in turn", [
-            observed.protocol == p for p in range(len(observed.protocols))
-        ]  # fmt: skip
+        how, folds = "each protocol in turn", [observed.protocol == p for p in range(len(observed.protocols))]
     elif len(observed.phases) > 1:
         how, folds = "hold and unloading", [observed.phase != "loading"]
     else:
@@ -76,6 +74,4 @@ def held_out(problem: Problem, fitted: Fit, errors: ErrorModel | None = None) ->
 
 def _between_trials(errors: ErrorModel) -> NDArray[np.float64]:
     """Return the variance (n,), N^2, of what differs from trial to trial."""
-    return np.asarray(
-        errors.trial_sd**2 + errors.gain_sd**2 * np.sum(errors.gains**2, axis=1) + errors.zero_sd**2
-    )
+    return np.asarray(errors.trial_sd**2 + errors.gain_sd**2 * np.sum(errors.gains**2, axis=1) + errors.zero_sd**2)

@@ -31,20 +31,14 @@ def library_folder() -> Path:
 
 
 def solved_responses(
-    subject: Subject,
-    observed: Observations,
-    folder: Path | None,
-    correction: TabulatedCorrection | None = None,
+    subject: Subject, observed: Observations, folder: Path | None, correction: TabulatedCorrection | None = None
 ) -> tuple[SolvedResponses, SolvedResponses]:
     """Return a leg's responses by full solutions, on the default mesh and on coarser ones.
 
     Elastic curves go to the next mm beyond the recordings, so that recordings of one leg share
     them whatever their depths.
     """
-    from legfem.experiments.plane_strain import (
-        PlaneStrainIndentation,
-        PlaneStrainSettings,
-    )
+    from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
     from legfem.experiments.tissues import tissues_of
 
     depth = _DEPTH_STEP_MM * -(-(observed.depth + 0.3) // _DEPTH_STEP_MM)

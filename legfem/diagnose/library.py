@@ -73,13 +73,9 @@ class Library:
     """Mechanisms that have no table, and why."""
     reach: float = _REACH
     """Of ln C10 from the middle, where it holds."""
-    _curves: dict[tuple[str, str], list[PchipInterpolator]] = field(
-        default_factory=dict, init=False, repr=False
-    )
+    _curves: dict[tuple[str, str], list[PchipInterpolator]] = field(default_factory=dict, init=False, repr=False)
     """Over the strength, at each of a table's stiffnesses."""
-    _weights: list[tuple[Observations, FloatArray]] = field(
-        default_factory=list, init=False, repr=False
-    )
+    _weights: list[tuple[Observations, FloatArray]] = field(default_factory=list, init=False, repr=False)
     """Of the recordings last asked for: see `_to_stations`."""
 
     @property
@@ -116,9 +112,7 @@ class Library:
             return observed.spread([mechanism.shares(values) @ row for row in rows])
         return observed.spread([self._at_strength(mechanism, k, values, at[0]) for k in keys])
 
-    def _at_strength(
-        self, mechanism: TissueMechanism, key: str, values: Values, c10: float
-    ) -> FloatArray:
+    def _at_strength(self, mechanism: TissueMechanism, key: str, values: Values, c10: float) -> FloatArray:
         """Return a table's row at a strength: smooth between, in proportion beyond."""
         first, table = mechanism.parameters[0], self.changes[mechanism.name, key]
         prior = prior_of(first)
@@ -127,8 +121,7 @@ class Library:
             nodes = np.array([prior.departure(v) for v in (null_of(first), *mechanism.strengths)])
             order = np.argsort(nodes)
             self._curves[place] = [
-                PchipInterpolator(nodes[order], np.vstack([np.zeros(row.shape[1]), row])[order])
-                for row in table.values
+                PchipInterpolator(nodes[order], np.vstack([np.zeros(row.shape[1]), row])[order]) for row in table.values
             ]
         curves, at = self._curves[place], prior.departure(mechanism.tabulated(values))
         inside = float(np.clip(at, curves[0].x[0], curves[0].x[-1]))

@@ -167,15 +167,9 @@ def _assembled(
     middle: float,
 ) -> Library:
     done = [(t, o) for t, o in zip(tasks, outcomes, strict=True) if o is not None]
-    elastic = [
-        (t.point, o)
-        for t, o in done
-        if t.mechanism is None and t.geometry is None and not t.material
-    ]
+    elastic = [(t.point, o) for t, o in done if t.mechanism is None and t.geometry is None and not t.material]
     c10, c20 = (np.array(values) for values in zip(*(p for p, _ in elastic), strict=True))
-    force, by_c10, by_c20 = (
-        np.array([o[name] for _, o in elastic]) for name in ("force", "deep.C10", "deep.C20")
-    )
+    force, by_c10, by_c20 = (np.array([o[name] for _, o in elastic]) for name in ("force", "deep.C10", "deep.C20"))
     samples = _samples(c10, c20, force, by_c10 / 1e3, by_c20 / 1e3)
     changes: dict[tuple[str, str], Table] = {}
     missing: dict[str, str] = {}
@@ -221,9 +215,7 @@ def smoothed(grid: FloatArray, change: FloatArray) -> FloatArray:
     return found if np.abs(found - change).max() < _WIGGLE * np.abs(change).max() else change
 
 
-def _samples(
-    c10: FloatArray, c20: FloatArray, force: FloatArray, by_c10: FloatArray, by_c20: FloatArray
-) -> Samples:
+def _samples(c10: FloatArray, c20: FloatArray, force: FloatArray, by_c10: FloatArray, by_c20: FloatArray) -> Samples:
     """Return solved curves (n, m) with their derivatives (N/kPa) by the coordinates."""
     first = c10[:, None] * by_c10 + c20[:, None] * by_c20
     second = (c10 + c20)[:, None] * by_c20
@@ -231,10 +223,7 @@ def _samples(
 
 
 def _table(
-    mechanism: TissueMechanism,
-    key: str,
-    tasks: Sequence[Task],
-    outcomes: Sequence[Mapping[str, FloatArray] | None],
+    mechanism: TissueMechanism, key: str, tasks: Sequence[Task], outcomes: Sequence[Mapping[str, FloatArray] | None]
 ) -> Table | None:
     ratios = bool(mechanism.strengths) and not mechanism.along_path
     rows: dict[float, list[Mapping[str, FloatArray] | None]] = {}

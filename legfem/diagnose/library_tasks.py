@@ -49,17 +49,13 @@ class Task:
         return f"{what}{at} at C10 {self.point[0]:.3g}, C20 {self.point[1]:.3g} kPa"
 
 
-def _work(
-    responses: tuple[SolvedResponses, SolvedResponses], task: Task
-) -> Mapping[str, FloatArray] | None:
+def _work(responses: tuple[SolvedResponses, SolvedResponses], task: Task) -> Mapping[str, FloatArray] | None:
     """Return an entry; None where its solution stopped."""
     found = _solved(*responses, task)
     return None if any(np.isnan(values).any() for values in found.values()) else found
 
 
-def _solved(
-    solved: SolvedResponses, coarse: SolvedResponses, task: Task
-) -> Mapping[str, FloatArray]:
+def _solved(solved: SolvedResponses, coarse: SolvedResponses, task: Task) -> Mapping[str, FloatArray]:
     if task.geometry is not None:
         own = task.geometry
         return {"change": coarse.displaced(own.moved, own.placement, task.point)}
@@ -119,10 +115,7 @@ def tasks_for(
 
 
 def outcomes_of(
-    responses: tuple[SolvedResponses, SolvedResponses],
-    tasks: Sequence[Task],
-    jobs: int,
-    progress: Progress,
+    responses: tuple[SolvedResponses, SolvedResponses], tasks: Sequence[Task], jobs: int, progress: Progress
 ) -> dict[int, Mapping[str, FloatArray] | None]:
     """Return tasks' outcomes by their places; processes are started for what isn't kept only."""
     found: dict[int, Mapping[str, FloatArray] | None] = {}

@@ -39,13 +39,8 @@ def limits_of(explained: Explained) -> tuple[Limit, ...]:
         stronger = max((low, high), key=lambda value: abs(value - null))
         values = {**one.fit.moved(one.posterior.mean), full: stronger}
         predict = one.problem.predictor
-        change = predict(values, one.fit.mechanisms) - predict(
-            {**values, full: null}, one.fit.mechanisms
-        )
+        change = predict(values, one.fit.mechanisms) - predict({**values, full: null}, one.fit.mechanisms)
         found.append(
-            Limit(
-                mechanism.name, first.name, first.unit, null if sided else low, high,
-                float(np.abs(change).max()),
-            )
-        )  # fmt: skip
+            Limit(mechanism.name, first.name, first.unit, null if sided else low, high, float(np.abs(change).max()))
+        )
     return tuple(sorted(found, key=lambda limit: limit.name))

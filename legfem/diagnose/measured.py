@@ -40,9 +40,7 @@ class MeasuredStrength:
         return f"{self.mechanism.name}.{self.mechanism.parameters[0].name}"
 
 
-def measured_strength(
-    mechanism: Mechanism, value: float, sd: float, accuracy: Accuracy
-) -> MeasuredStrength:
+def measured_strength(mechanism: Mechanism, value: float, sd: float, accuracy: Accuracy) -> MeasuredStrength:
     """Return a reading as a departure, and how well it tells what the recordings felt.
 
     Parameters
@@ -61,16 +59,11 @@ def measured_strength(
     return MeasuredStrength(mechanism, prior.departure(value), whole / prior.sd)
 
 
-def measured_strengths(
-    accuracy: Accuracy, able: Sequence[Mechanism]
-) -> tuple[MeasuredStrength, ...]:
+def measured_strengths(accuracy: Accuracy, able: Sequence[Mechanism]) -> tuple[MeasuredStrength, ...]:
     """Return the readings of those mechanisms that are weighed; of others they tell nothing."""
     weighed = {m.name: m for m in able}
     pairs = [(weighed[one.effect], one) for one in accuracy.effects if one.effect in weighed]
-    return tuple(
-        measured_strength(mechanism, one.value, _sd_of(mechanism, one), accuracy)
-        for mechanism, one in pairs
-    )
+    return tuple(measured_strength(mechanism, one.value, _sd_of(mechanism, one), accuracy) for mechanism, one in pairs)
 
 
 def check_measured(toml: Path, effects: Sequence[MeasuredEffect]) -> None:
@@ -86,17 +79,20 @@ def check_measured(toml: Path, effects: Sequence[MeasuredEffect]) -> None:
         field = f"measured.{number}"
         if one.effect not in every:
             raise InputError(
-                toml, f"{field}.effect", f"{one.effect!r} is no effect that legfem knows",
+                toml,
+                f"{field}.effect",
+                f"{one.effect!r} is no effect that legfem knows",
                 f"give one of {', '.join(every)}",
-            )  # fmt: skip
+            )
         first = every[one.effect].parameters[0]
         low, high = first.bounds
         if not low <= one.value <= high:
             raise InputError(
-                toml, f"{field}.value", f"{one.value:g} is impossible ({first.unit})",
-                f"give {first.statement}: {low:g} to {high:g}, {null_of(first):g} without the "
-                "effect",
-            )  # fmt: skip
+                toml,
+                f"{field}.value",
+                f"{one.value:g} is impossible ({first.unit})",
+                f"give {first.statement}: {low:g} to {high:g}, {null_of(first):g} without the effect",
+            )
 
 
 def _sd_of(mechanism: Mechanism, one: MeasuredEffect) -> float:

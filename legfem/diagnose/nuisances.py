@@ -131,9 +131,7 @@ def _cause_of(unknown: str) -> tuple[str, float]:
     return unknown, MATERIAL_DOF if unknown in _WORDS.values() else math.inf
 
 
-def variance_degrees(
-    covariance: FloatArray, estimator: FloatArray, errors: ErrorModel
-) -> FloatArray:
+def variance_degrees(covariance: FloatArray, estimator: FloatArray, errors: ErrorModel) -> FloatArray:
     """Return the degrees of freedom (p,) of the variances of estimated departures.
 
     Parameters
@@ -152,10 +150,12 @@ def variance_degrees(
         cause = _cause_of(name)
         by_cause[cause] = by_cause.get(cause, np.zeros(len(covariance)))
         by_cause[cause] = by_cause[cause] + (estimator @ effect) ** 2
-    return np.array([
-        effective_degrees(whole, [(part[k], dof) for (_, dof), part in by_cause.items()])
-        for k, whole in enumerate(np.diag(covariance))
-    ])  # fmt: skip
+    return np.array(
+        [
+            effective_degrees(whole, [(part[k], dof) for (_, dof), part in by_cause.items()])
+            for k, whole in enumerate(np.diag(covariance))
+        ]
+    )
 
 
 @dataclass(frozen=True)
@@ -234,16 +234,16 @@ class Nuisances:
             for name, change in self.material.items()
             if accuracy.log_sd(name) > 0
         ]
-        scale = {"aim": accuracy.aim_sd / AIM_SD_MM,
-                 "direction": accuracy.direction_sd / DIRECTION_SD_DEG,
-                 "depth of the bones": accuracy.contour_sd / CONTOUR_SD_MM}  # fmt: skip
+        scale = {
+            "aim": accuracy.aim_sd / AIM_SD_MM,
+            "direction": accuracy.direction_sd / DIRECTION_SD_DEG,
+            "depth of the bones": accuracy.contour_sd / CONTOUR_SD_MM,
+        }
         for name, factor in scale.items():
             if name in self.geometric and factor > 0:
                 found.append((name, factor * along(self.geometric[name])))
         for part in OUTLINES:
-            rows = [
-                (n, c) for n, c in self.geometric.items() if n.startswith(f"outline of the {part}")
-            ]
+            rows = [(n, c) for n, c in self.geometric.items() if n.startswith(f"outline of the {part}")]
             if rows and accuracy.contour_sd > 0:
                 found += self._outline(part, [along(c) for _, c in rows], accuracy.contour_sd)
         if ends is not None:
@@ -253,9 +253,7 @@ class Nuisances:
                 found.append((f"3D correction: {name}", force * relative))
         return found
 
-    def _outline(
-        self, part: str, effects: Sequence[FloatArray], sd: float
-    ) -> list[tuple[str, FloatArray]]:
+    def _outline(self, part: str, effects: Sequence[FloatArray], sd: float) -> list[tuple[str, FloatArray]]:
         """Return the modes of an outline's error, correlated along its arc."""
         apart = np.subtract.outer(_HATS, _HATS)
         covariance = np.exp(-0.5 * (apart / CONTOUR_ARC_MM) ** 2)

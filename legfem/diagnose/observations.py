@@ -12,13 +12,7 @@ from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
 from legfem.diagnose.cut import Trial, changes_speed, cut_trial
-from legfem.diagnose.stations import (
-    Stations,
-    group_trials,
-    read_at,
-    stations_along,
-    stations_of,
-)
+from legfem.diagnose.stations import Stations, group_trials, read_at, stations_along, stations_of
 from legfem.recording import Instrument, Recording
 from legfem.recording.contact import Contact, contact_at_start, find_first_contact
 from legfem.recording.phases import HOLD, LOADING, UNLOADING
@@ -218,9 +212,7 @@ def _on_driving(trial: Trial) -> list[str]:
     return remarks
 
 
-def observe(
-    recordings: Sequence[Recording], instrument: Instrument, starts_at_contact: bool
-) -> Observations:
+def observe(recordings: Sequence[Recording], instrument: Instrument, starts_at_contact: bool) -> Observations:
     """Bring recordings to stations.
 
     Raises
@@ -246,9 +238,7 @@ def observe(
         trials.append(trial)
     groups = group_trials(trials)
     protocols = tuple(stations_of([trials[k] for k in group]) for group in groups)
-    protocol_of = tuple(
-        next(g for g, group in enumerate(groups) if k in group) for k in range(len(trials))
-    )
+    protocol_of = tuple(next(g for g, group in enumerate(groups) if k in group) for k in range(len(trials)))
     readings = [read_at(t, protocols[p]) for t, p in zip(trials, protocol_of, strict=True)]
     white = [t.white_force_sd**2 * r.white_leverage for t, r in zip(trials, readings, strict=True)]
     jitter = [t.jitter_sd**2 * r.jitter_leverage for t, r in zip(trials, readings, strict=True)]

@@ -99,9 +99,7 @@ class Predictor:
     ends: Ends | None = None
     measured: Prior | None = None
     offset: FloatArray | float = 0.0
-    _splines: dict[tuple[int, float, float], CubicSpline | None] = field(
-        default_factory=dict, repr=False
-    )
+    _splines: dict[tuple[int, float, float], CubicSpline | None] = field(default_factory=dict, repr=False)
 
     def corrected(self, offset: FloatArray) -> Predictor:
         """Return the predictor shifted to agree with a full solution."""
@@ -113,14 +111,10 @@ class Predictor:
         low, high = self.responses.c10_bounds
         middle = float(np.sqrt(low * high))
         known = self.measured or Prior(middle, 1.5, "log", "nothing is known")
-        found = [
-            Parameter("C10", "kPa", (low, high), known, scale="log", statement="of the deep tissue")
-        ]
+        found = [Parameter("C10", "kPa", (low, high), known, scale="log", statement="of the deep tissue")]
         if self.law == "reduced-polynomial":
             prior = Prior(0.0, 4.0 * middle, "linear", "nothing is known")
-            found.append(
-                Parameter("C20", "kPa", self.responses.c20_bounds, prior, statement="likewise")
-            )
+            found.append(Parameter("C20", "kPa", self.responses.c20_bounds, prior, statement="likewise"))
         return (*found, *(self._onset(k) for k in range(len(self.observed.trials))))
 
     def _onset(self, trial: int) -> Parameter:
@@ -129,13 +123,15 @@ class Predictor:
         if self.observed.shows_air:
             prior = detected_onset(self.observed, trial)
         return Parameter(
-            onset_name(trial), "mm", _ONSETS_MM, prior, role="nuisance",
+            onset_name(trial),
+            "mm",
+            _ONSETS_MM,
+            prior,
+            role="nuisance",
             statement="first contact, after that found in the recording",
-        )  # fmt: skip
+        )
 
-    def __call__(
-        self, values: Mapping[str, float], mechanisms: Sequence[Mechanism] = ()
-    ) -> FloatArray:
+    def __call__(self, values: Mapping[str, float], mechanisms: Sequence[Mechanism] = ()) -> FloatArray:
         """Return the forces (n,), N; NaN where a full solution stopped."""
         observed = self.observed
         own = {m.name: values_of(values, m) for m in mechanisms}
@@ -150,10 +146,7 @@ class Predictor:
         elastic = self._elastic(c10, c20, factor)
 
         def loss(force: FloatArray) -> FloatArray:
-            return sum(
-                (m.displacement_loss(own[m.name], observed, force) for m in mechanisms),
-                onset[observed.trial],
-            )
+            return sum((m.displacement_loss(own[m.name], observed, force) for m in mechanisms), onset[observed.trial])
 
         force = _pressed(elastic, observed.displacement, loss)
         if self.ends is not None:
@@ -243,9 +236,7 @@ def _pressed(elastic: _Elastic, displacement: FloatArray, loss) -> FloatArray:  
 
 def values_of(values: Mapping[str, float], mechanism: Mechanism) -> dict[str, float]:
     """Return a mechanism's own values by their short names."""
-    return {
-        p.name: values.get(f"{mechanism.name}.{p.name}", null_of(p)) for p in mechanism.parameters
-    }
+    return {p.name: values.get(f"{mechanism.name}.{p.name}", null_of(p)) for p in mechanism.parameters}
 
 
 def detected_onset(observed: Observations, trial: int) -> Prior:

@@ -43,10 +43,7 @@ def remains_of(found: Diagnosis, model: Explanation) -> list[Remains]:
         return []
     observed, base = found.observed, found.alone.fit
     course = unknown_course(model, unknown_errors(observed, base.prediction))
-    least = np.maximum(
-        _LEAST_OF_NOISE * found.errors.trial_sd,
-        _LEAST_OF_FORCE * np.abs(base.prediction).max(),
-    )
+    least = np.maximum(_LEAST_OF_NOISE * found.errors.trial_sd, _LEAST_OF_FORCE * np.abs(base.prediction).max())
     marked = np.where(np.abs(course) > least, np.sign(course), 0).astype(int)
     result = []
     for k, trial in enumerate(observed.trials):
@@ -58,10 +55,7 @@ def remains_of(found: Diagnosis, model: Explanation) -> list[Remains]:
                 largest = run[int(np.argmax(np.abs(course[run])))]
                 result.append(
                     Remains(
-                        trial,
-                        str(observed.phase[run[0]]),
-                        (float(d.min()), float(d.max())),
-                        float(course[largest]),
+                        trial, str(observed.phase[run[0]]), (float(d.min()), float(d.max())), float(course[largest])
                     )
                 )
     return sorted(result, key=lambda one: -abs(one.size_N))

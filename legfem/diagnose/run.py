@@ -43,9 +43,7 @@ class Diagnoser:
     folder: Path
     correction: TabulatedCorrection | None
     jobs: int = 1
-    _legs: dict[str, tuple[SolvedResponses, SolvedResponses]] = field(
-        default_factory=dict, repr=False
-    )
+    _legs: dict[str, tuple[SolvedResponses, SolvedResponses]] = field(default_factory=dict, repr=False)
     _libraries: dict[str, Library] = field(default_factory=dict, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -74,9 +72,7 @@ class Diagnoser:
             )
         return replace(observed, remarks=tuple(remarks))
 
-    def library(
-        self, subject: Subject, observed: Observations, progress: Progress
-    ) -> tuple[Library, SolvedResponses]:
+    def library(self, subject: Subject, observed: Observations, progress: Progress) -> tuple[Library, SolvedResponses]:
         """Return the library for recordings, and full solutions of the leg."""
         fine, coarse = solved_responses(subject, observed, self.folder, self.correction)
         leg = repr(sorted(fine.fingerprint.items()))
@@ -85,9 +81,15 @@ class Diagnoser:
         if keys not in self._libraries:
             able, _ = shown_mechanisms(observed, self.correction)
             self._libraries[keys] = build_library(
-                fine, coarse, observed, able, self.correction, self.jobs, progress,
+                fine,
+                coarse,
+                observed,
+                able,
+                self.correction,
+                self.jobs,
+                progress,
                 STIFFENING[subject.tissues["deep"].law],
-            )  # fmt: skip
+            )
         return self._libraries[keys], fine
 
     def diagnose(self, subject: Subject, progress: Progress, seed: int = 0) -> Diagnosis:
@@ -96,9 +98,17 @@ class Diagnoser:
         library, solved = self.library(subject, observed, progress)
         law, ends = subject.tissues["deep"].law, choose_correction("auto", subject)
         return diagnose(
-            observed, subject.instrument, law, library, solved, progress, accuracy, ends, seed,
+            observed,
+            subject.instrument,
+            law,
+            library,
+            solved,
+            progress,
+            accuracy,
+            ends,
+            seed,
             ruled_out_of(subject, ends),
-        )  # fmt: skip
+        )
 
 
 def ruled_out_of(subject: Subject, ends: TabulatedCorrection | None) -> dict[str, str]:
@@ -108,10 +118,7 @@ def ruled_out_of(subject: Subject, ends: TabulatedCorrection | None) -> dict[str
             return dict(WITHOUT_ENDS)
         why = "the folder says that the recordings are of plane strain, which has no ends"
         return dict.fromkeys((EndEffects.name, MuscleFibres.name), why)
-    found = {
-        EndEffects.name: "the base model has the cylinder's ends, with the errors of that "
-        "correction"
-    }
+    found = {EndEffects.name: "the base model has the cylinder's ends, with the errors of that correction"}
     why_not = why_without_fibres(subject)
     if why_not is None and subject.fibres is not None:
         why_not = f"the base model has fibres of a ratio of {subject.fibres}, with its errors"

@@ -112,9 +112,7 @@ def signatures_of(
     return found, hidden
 
 
-def assess(
-    problem: Problem, fitted: Fit, mechanisms: Sequence[Mechanism], seed: int = 0
-) -> Assessment:
+def assess(problem: Problem, fitted: Fit, mechanisms: Sequence[Mechanism], seed: int = 0) -> Assessment:
     """Test a fit's residual against errors, mechanisms and windows; no solution is needed."""
     found, hidden = signatures_of(problem, fitted, mechanisms)
     basis = np.linalg.qr(fitted.span)[0]
@@ -139,11 +137,13 @@ def assess(
     joint = np.minimum(np.minimum(misfit, family), scan)
     scores = [
         Score(
-            name, float(row[0]), float(p[0]),
+            name,
+            float(row[0]),
+            float(p[0]),
             float(min(h for s, h in zip(found, hidden, strict=True) if s.mechanism.name == name)),
         )
         for name, row, p in zip(names, table, each, strict=False)
-    ]  # fmt: skip
+    ]
     threshold = np.sort(window_scores[1:].max(axis=1))
     return Assessment(
         float(misfit[0]),

@@ -10,13 +10,9 @@ from legfem.diagnose.mechanisms import Mechanism
 from legfem.diagnose.mechanisms.viscoelasticity import Viscoelasticity
 from legfem.diagnose.remains import explained_share, remains_of
 
-_HOLDS_RECORDED = (
-    "hold at half the depth too, and for several minutes: relaxation takes the same time at every "
-    "depth"
-)
+_HOLDS_RECORDED = "hold at half the depth too, and for several minutes: relaxation takes the same time at every depth"
 _NO_MECHANISM = (
-    "repeat the test on another day and rig; record at two rates with a hold, and look at the "
-    "located intervals on film"
+    "repeat the test on another day and rig; record at two rates with a hold, and look at the located intervals on film"
 )
 _AIR_FROM_MM = 0.2
 _CERTAIN = 0.95
@@ -44,8 +40,7 @@ def verdict_sentence(found: Diagnosis) -> str:
             f"{stiffness_sentence(found.base, first)} {air(found)}"
         ).strip()
     candidates = "; or ".join(
-        f"({k}) {statements(model)}, {percent(model.probability)}"
-        for k, model in enumerate(found.models, 1)
+        f"({k}) {statements(model)}, {percent(model.probability)}" for k, model in enumerate(found.models, 1)
     )
     return (
         f"{_contradiction(found)} What it left out is one of these, and the recordings can't tell "
@@ -142,10 +137,7 @@ def next_experiments(found: Diagnosis) -> list[str]:
         return [_NO_MECHANISM]
     known = {reading.mechanism.name for reading in found.alone.problem.measured}
     wanted = dict.fromkeys(
-        _wanted(found, m)
-        for model in found.models
-        for m in model.fit.mechanisms
-        if m.name not in known
+        _wanted(found, m) for model in found.models for m in model.fit.mechanisms if m.name not in known
     )
     rate = any("rate" in why for why in found.untested.values())
     if found.verdict == "consistent" and rate:

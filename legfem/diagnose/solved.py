@@ -171,9 +171,7 @@ class SolvedResponses:
         before = np.maximum(_in_series(self.grid, null, solution.null_in_series), _SMALLEST_FORCE_N)
         return self.ramp(stiffness, solution) / before - 1.0
 
-    def path_change(
-        self, solution: Solution, stations: Stations, stiffness: Stiffness
-    ) -> FloatArray:
+    def path_change(self, solution: Solution, stations: Stations, stiffness: Stiffness) -> FloatArray:
         """Return the relative change at a protocol's stations (m,)."""
         # A porous leg has another formulation: compared with itself, its own error cancels.
         porous = solution.variant == "porous"
@@ -183,9 +181,7 @@ class SolvedResponses:
         changed = self._solve(asked)["force"]
         return changed / np.maximum(before, _SMALLEST_FORCE_N) - 1.0
 
-    def by_derivatives(
-        self, mechanism: TissueMechanism, stations: Stations | None, stiffness: Stiffness
-    ) -> FloatArray:
+    def by_derivatives(self, mechanism: TissueMechanism, stations: Stations | None, stiffness: Stiffness) -> FloatArray:
         """Return the relative change by each of a mechanism's derivatives at its null.
 
         (k, stations); (k, grid) of a mechanism that doesn't follow a path.
@@ -205,9 +201,7 @@ class SolvedResponses:
         own = self.variants.parameters(PLAIN.variant)
         return {name: own[name] * columns[name] / force for name in names}
 
-    def displaced(
-        self, moved: MeshMotion | None, placement: Placement | None, stiffness: Stiffness
-    ) -> FloatArray:
+    def displaced(self, moved: MeshMotion | None, placement: Placement | None, stiffness: Stiffness) -> FloatArray:
         """Return the relative change of the elastic force at the grid by another geometry."""
         if self.rougher is not None:
             return self.rougher.displaced(moved, placement, stiffness)
@@ -246,9 +240,7 @@ class SolvedResponses:
         deep = {"deep.C10": kpa_to_mpa(c10), "deep.C20": kpa_to_mpa(c20)}
         moved = asked.moved
         variants = self.variants if moved is None else self.variants.moved_to(moved)
-        path = variants.follow(
-            asked.protocol, deep, asked.solution, asked.derivatives, asked.placement
-        )
+        path = variants.follow(asked.protocol, deep, asked.solution, asked.derivatives, asked.placement)
         if isinstance(path, Stopped):
             return {"stopped": np.zeros(0)}
         slopes = {name: path.sensitivity_at(name, asked.at) for name in asked.derivatives}
@@ -256,10 +248,7 @@ class SolvedResponses:
 
 
 def end_effect(
-    correction: TabulatedCorrection | None,
-    values: Values,
-    stiffness: Stiffness,
-    observed: Observations,
+    correction: TabulatedCorrection | None, values: Values, stiffness: Stiffness, observed: Observations
 ) -> FloatArray:
     """Return the relative change (n,) by a share of the idealised leg's correction."""
     if correction is None:
@@ -281,9 +270,7 @@ def _in_series(grid: FloatArray, force: FloatArray, compliance: float) -> FloatA
     return np.asarray(CubicSpline(np.concatenate([[0.0], grid]) + compliance * whole, whole)(grid))
 
 
-def _at_displacement(
-    grid: FloatArray, values: FloatArray, at: FloatArray, level: bool = False
-) -> FloatArray:
+def _at_displacement(grid: FloatArray, values: FloatArray, at: FloatArray, level: bool = False) -> FloatArray:
     """Interpolate from the grid; towards zero to nothing, or level from the first point on."""
     if np.isnan(values).any():
         return np.full(len(at), np.nan)

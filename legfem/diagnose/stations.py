@@ -54,8 +54,7 @@ class Stations:
     def label(self) -> str:
         """What a reader knows it by."""
         return ", ".join(
-            f"{p.rate:.2g} mm/s to {p.last:.3g} mm" if p.phase == LOADING else p.phase
-            for p in self.protocol.segments
+            f"{p.rate:.2g} mm/s to {p.last:.3g} mm" if p.phase == LOADING else p.phase for p in self.protocol.segments
         )
 
 
@@ -79,8 +78,7 @@ def _alike(a: Trial, b: Trial) -> bool:
         a.phases == b.phases
         and deep
         and all(
-            _same_pace(x, y)
-            and abs(x.end - y.end) <= _END_TOLERANCE * a.depth + abs(a.depth - b.depth)
+            _same_pace(x, y) and abs(x.end - y.end) <= _END_TOLERANCE * a.depth + abs(a.depth - b.depth)
             for x, y in zip(a.segments, b.segments, strict=True)
         )
     )
@@ -159,11 +157,7 @@ def stations_along(protocol: Protocol) -> Stations:
     counts = {LOADING: LOADING_STATIONS, HOLD: HOLD_STATIONS}
     for k, part in enumerate(protocol.segments):
         count = counts.get(part.phase, UNLOADING_STATIONS)
-        share = (
-            np.geomspace(1 / 150, 0.97, count)
-            if part.phase == HOLD
-            else (np.arange(count) + 0.6) / count
-        )
+        share = np.geomspace(1 / 150, 0.97, count) if part.phase == HOLD else (np.arange(count) + 0.6) / count
         time += list(part.start + share * part.duration)
         phase += [part.phase] * count
         number += [k] * count
@@ -194,9 +188,7 @@ def read_at(trial: Trial, stations: Stations) -> Readings:
         if segment.phase == HOLD:
             since = stations.time[here] - starts[number]
             for k, at in zip(np.flatnonzero(here), since, strict=True):
-                line = local_line(
-                    segment.time - segment.time[0], segment.force, np.array([at]), 0.15 * at, 5
-                )
+                line = local_line(segment.time - segment.time[0], segment.force, np.array([at]), 0.15 * at, 5)
                 force[k], leverage[k] = line.value[0], line.leverage[0]
             jitter[here] = segment.leverage[0]
             continue

@@ -97,8 +97,7 @@ def integrated(problem: Problem, fitted: Fit, posterior: Posterior, of: Conditio
     # Between points the strength is spread evenly.
     parts = [_whole(step, k, (fine[1] - fine[0]) ** 2 / 12) for step in steps]
     means, covariances = (
-        PchipInterpolator(z, np.array([getattr(part, name) for part in parts]))(fine)
-        for name in ("mean", "covariance")
+        PchipInterpolator(z, np.array([getattr(part, name) for part in parts]))(fine) for name in ("mean", "covariance")
     )
     mean, covariance = moments_of(shares, means, covariances)
     strands = Strands(shares, means, np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)))
@@ -106,9 +105,7 @@ def integrated(problem: Problem, fitted: Fit, posterior: Posterior, of: Conditio
     return replace(found, mean=mean, covariance=covariance, strands=strands)
 
 
-def _steps(
-    problem: Problem, fitted: Fit, k: int, of: Conditional, ends: tuple[float, float]
-) -> list[_Step]:
+def _steps(problem: Problem, fitted: Fit, k: int, of: Conditional, ends: tuple[float, float]) -> list[_Step]:
     """Return steps in order, from the fit to either side."""
     sd = float(np.sqrt(fitted.covariance[k, k]))
     first = _held(problem, fitted, k, float(np.clip(fitted.departure[k], *ends)), of)

@@ -26,9 +26,7 @@ from legfem.inference.evidence import Evidence
 from legfem.inference.posterior import Posterior
 
 
-def told_of(
-    problem: Problem, evidence: Evidence, fitted: Fit, shares: Sequence[float]
-) -> Posterior:
+def told_of(problem: Problem, evidence: Evidence, fitted: Fit, shares: Sequence[float]) -> Posterior:
     """Return what the recordings and all readings of strengths say of a model.
 
     Parameters

@@ -24,9 +24,7 @@ AT_TOUCH = 0.5
 """Prior probability that trials which show no air begin at first touch."""
 
 
-def posterior_of(
-    evidence: Evidence, fitted: Fit, observed: Observations, shares: Sequence[float]
-) -> Posterior:
+def posterior_of(evidence: Evidence, fitted: Fit, observed: Observations, shares: Sequence[float]) -> Posterior:
     """Return what the data say of a model, whether its trials begin at the skin or not.
 
     Parameters
@@ -49,11 +47,7 @@ def posterior_of(
     logs += np.log([1 - AT_TOUCH, AT_TOUCH])
     total = float(np.logaddexp(*logs))
     weights = np.exp(logs - total)
-    back = replace(
-        free,
-        mean=scale * free.mean + shift,
-        covariance=np.outer(scale, scale) * free.covariance,
-    )
+    back = replace(free, mean=scale * free.mean + shift, covariance=np.outer(scale, scale) * free.covariance)
     return mixed(total, weights, (back, touching))
 
 

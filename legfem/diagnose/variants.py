@@ -12,10 +12,7 @@ from legfem.solve.protocol import Protocol
 
 if TYPE_CHECKING:
     from legfem.experiments.placement import Placement
-    from legfem.experiments.plane_strain import (
-        PlaneStrainIndentation,
-        PlaneStrainSettings,
-    )
+    from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
     from legfem.experiments.tissues import Tissues
     from legfem.geometry.section import LegSection
     from legfem.meshing.motion import MeshMotion
@@ -123,10 +120,7 @@ class Variants:
             values[name] = factor * values.get(name, model.model.parameters[name])
         values |= solution.parameters
         solved = model.solve(
-            values,
-            protocol,
-            sensitivities,
-            placement=replace(at, tilt_deg=at.tilt_deg + solution.tilt_deg),
+            values, protocol, sensitivities, placement=replace(at, tilt_deg=at.tilt_deg + solution.tilt_deg)
         )
         self.tally.add(solved.report)
         return solved.path if solved.report.complete else Stopped(str(solved.report))

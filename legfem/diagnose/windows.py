@@ -43,9 +43,7 @@ class Windows:
     members: Sequence[tuple[str, FloatArray]]
     """Trials' names and observations of each."""
 
-    def significant(
-        self, scores: FloatArray, largest: FloatArray, residual: FloatArray
-    ) -> tuple[Window, ...]:
+    def significant(self, scores: FloatArray, largest: FloatArray, residual: FloatArray) -> tuple[Window, ...]:
         """Return non-overlapping significant windows, the strongest first.
 
         Parameters
@@ -98,10 +96,7 @@ def windows_of(observed: Observations) -> tuple[Windows, FloatArray]:
             for length in sorted({*(n for n in _LENGTHS if n < len(here)), len(here)}):
                 for first in range(0, len(here) - length + 1, max(1, length // 3)):
                     part = here[first : first + length]
-                    members += [
-                        (name, np.concatenate([start + part for start in at]))
-                        for name, at in groups
-                    ]
+                    members += [(name, np.concatenate([start + part for start in at])) for name, at in groups]
     boxes = np.zeros((len(observed.force), len(members)))
     for k, (_, where) in enumerate(members):
         boxes[where, k] = 1.0

@@ -193,14 +193,14 @@ class AxisymmetricBody[Sizes]:
         tops = np.cumsum([layer.thickness for layer in self.law])
         if abs(tops[-1] - height) > 1e-9 * height:
             raise InputError(
-                "layers", "thickness", f"{tops[-1]:g} mm together, and the body is {height:g} mm",
+                "layers",
+                "thickness",
+                f"{tops[-1]:g} mm together, and the body is {height:g} mm",
                 "give layers that fill it",
-            )  # fmt: skip
+            )
         return tuple(tops[:-1].tolist())
 
-    def spaces_on(
-        self, meshed: MeridianMesh, held: Sequence[Support], symmetry: Symmetry = "axial"
-    ) -> LegSpaces:
+    def spaces_on(self, meshed: MeridianMesh, held: Sequence[Support], symmetry: Symmetry = "axial") -> LegSpaces:
         """Return the spaces of the body on its mesh."""
         return build_spaces(
             meshed.mesh,
@@ -240,9 +240,8 @@ class AxisymmetricTest[Sizes](AxisymmetricBody[Sizes], PressingTest):
     def _made(self) -> Pressing:
         given, settings = self.arrangement, self.settings
         meshed = mesh_meridian(
-            given.radius, given.height, given.fine, given.mesh, given.side, self.comm,
-            self.interfaces,
-        )  # fmt: skip
+            given.radius, given.height, given.fine, given.mesh, given.side, self.comm, self.interfaces
+        )
         spaces = self.spaces_on(meshed, given.held, given.symmetry)
         start, direction = np.array([0.0, given.centre]), np.array([0.0, -1.0])
         system = System(spaces, self.model, start, direction, settings.quadrature_degree)
@@ -287,9 +286,7 @@ class CylinderCompression(AxisymmetricTest[CylinderBetweenPlates]):
         test, half = self.test, self.test.height / 2
         # Flat on flat the pressure has no edge to resolve: the penalty may be as stiff as a wall.
         wall = ContactSettings(
-            tangential="rough" if test.ends == "bonded" else "frictionless",
-            stiffness=1e6,
-            onset=1e-6 * half,
+            tangential="rough" if test.ends == "bonded" else "frictionless", stiffness=1e6, onset=1e-6 * half
         )
         return Arrangement(
             RigidPlate(),

@@ -37,9 +37,7 @@ class Experiment[Load, Outcome: Reported](Protocol):
     def parameters(self) -> Mapping[str, float]:
         """Every number of the model by full name, at the value it has unless another is given."""
 
-    def solve(
-        self, values: Mapping[str, float] | None, load: Load, sensitivities: Sequence[str] = (), /
-    ) -> Outcome:
+    def solve(self, values: Mapping[str, float] | None, load: Load, sensitivities: Sequence[str] = (), /) -> Outcome:
         """Solve.
 
         Parameters

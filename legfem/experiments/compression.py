@@ -59,22 +59,18 @@ class CompressionSettings:
     stabilisation: float = 1.0
     newton: NewtonSettings = field(default_factory=lambda: NewtonSettings(relative_tolerance=1e-8))
     linear: LinearSettings = field(
-        default_factory=lambda: LinearSettings(
-            tolerance=1e-6, kept_iterations=15, direct_limit=100_000
-        )
+        default_factory=lambda: LinearSettings(tolerance=1e-6, kept_iterations=15, direct_limit=100_000)
     )
     first: float = 1.0
 
     def __post_init__(self) -> None:
         """Check the choices."""
         check_positive(self, "first", "stabilisation")
-        for name, choices in (("ends", ("held", "free")),
-                              ("formulation", ("continuous", "displacement"))):  # fmt: skip
+        for name, choices in (("ends", ("held", "free")), ("formulation", ("continuous", "displacement"))):
             if getattr(self, name) not in choices:
                 raise InputError(
-                    "compression", name, f"unknown kind {getattr(self, name)!r}",
-                    f"choose {' or '.join(choices)}",
-                )  # fmt: skip
+                    "compression", name, f"unknown kind {getattr(self, name)!r}", f"choose {' or '.join(choices)}"
+                )
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,9 +124,7 @@ class LegCompression:
             leg_mesh.regions,
             tuple(supports),
         )
-        self.system = System(
-            self.spaces, self._model(tissues), quadrature_degree=2 * self.settings.degree
-        )
+        self.system = System(self.spaces, self._model(tissues), quadrature_degree=2 * self.settings.degree)
         self.solver = NewtonSolver(self.system, self.settings.newton, self.settings.linear)
         self._trackers = Trackers(self.system)
         self._tangent_of: Compressed | None = None

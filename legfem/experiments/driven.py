@@ -51,9 +51,7 @@ class DrivenTest(Homebound, ABC):
         return self._driven(values, motion(protocol if depth is None else depth), sensitivities)
 
     @abstractmethod
-    def _driven(
-        self, values: Mapping[str, float] | None, protocol: Protocol, sensitivities: Sequence[str]
-    ) -> Solved:
+    def _driven(self, values: Mapping[str, float] | None, protocol: Protocol, sensitivities: Sequence[str]) -> Solved:
         """Return the outcome of a protocol."""
 
 

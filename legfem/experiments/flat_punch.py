@@ -10,11 +10,7 @@ import ufl
 
 from legfem.common.checks import check_positive
 from legfem.common.errors import InputError
-from legfem.experiments.axisymmetric import (
-    Arrangement,
-    AxisymmetricTest,
-    Faces,
-)
+from legfem.experiments.axisymmetric import Arrangement, AxisymmetricTest, Faces
 from legfem.mechanics.contact import rounded_gap, rounded_normal
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.kinematics import Expr
@@ -49,9 +45,8 @@ class RigidPunch:
         numbers = isinstance(self.edge, Real) and isinstance(self.radius, Real)
         if numbers and self.edge >= self.radius:
             raise InputError(
-                "punch", "edge", f"a rounding of {self.edge:g} mm leaves no flat face",
-                "give less than its radius",
-            )  # fmt: skip
+                "punch", "edge", f"a rounding of {self.edge:g} mm leaves no flat face", "give less than its radius"
+            )
 
     def gap(self, y: Expr) -> Expr:
         """Return the signed distance (mm) of a point from the face's middle, positive outside."""
@@ -99,9 +94,11 @@ class PunchOnLayer:
         RigidPunch(self.radius, self.edge)
         if self.layer_radius <= self.radius:
             raise InputError(
-                "layer", "layer_radius", f"the punch of {self.radius:g} mm covers the layer",
+                "layer",
+                "layer_radius",
+                f"the punch of {self.radius:g} mm covers the layer",
                 "give more than the punch's radius",
-            )  # fmt: skip
+            )
 
 
 class FlatPunchIndentation(AxisymmetricTest[PunchOnLayer]):

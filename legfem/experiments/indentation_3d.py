@@ -20,13 +20,7 @@ from legfem.mechanics.contact import FiniteCylinder, RigidCylinder, RigidIndente
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import LegModel, Term
-from legfem.meshing.idealised_leg import (
-    IdealisedLeg,
-    LegMesh,
-    LegMeshSettings,
-    mesh_leg,
-    mesh_leg_section,
-)
+from legfem.meshing.idealised_leg import IdealisedLeg, LegMesh, LegMeshSettings, mesh_leg, mesh_leg_section
 from legfem.solve.linear import LinearSettings
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.newton_settings import NewtonSettings
@@ -116,9 +110,8 @@ class IdealisedLegIndentation(PressingTest):
         mesh = self.settings.mesh
         if mesh.cells == "tetrahedra" and self.settings.formulation == "mixed":
             raise InputError(
-                "mesh", "cells", "tetrahedra have no mixed form here",
-                "choose the displacement form with them",
-            )  # fmt: skip
+                "mesh", "cells", "tetrahedra have no mixed form here", "choose the displacement form with them"
+            )
         if self.dimension == 3:
             _check_ends(self.leg, self.cylinder, mesh)
 
@@ -160,16 +153,17 @@ class IdealisedLegIndentation(PressingTest):
 def _check_ends(leg: IdealisedLeg, cylinder: Cylinder, mesh: LegMeshSettings) -> None:
     if cylinder.length >= leg.length and leg.ends == "free":
         raise InputError(
-            "cylinder", "length",
-            f"{cylinder.length:g} mm is no shorter than the leg of {leg.length:g} mm, whose ends "
-            "are free",
+            "cylinder",
+            "length",
+            f"{cylinder.length:g} mm is no shorter than the leg of {leg.length:g} mm, whose ends are free",
             "make the leg longer, or hold its ends",
-        )  # fmt: skip
+        )
     if cylinder.length < leg.length and mesh.edge_size > 2 * cylinder.edge_radius * mesh.degree:
         raise InputError(
-            "cylinder", "edge_radius",
+            "cylinder",
+            "edge_radius",
             f"{cylinder.edge_radius:g} mm is not resolved by elements of {mesh.edge_size:g} mm "
             f"and degree {mesh.degree}",
             f"give a mesh size at the cylinder's end of {2 * cylinder.edge_radius * mesh.degree:g}"
             " mm or less, or a larger radius",
-        )  # fmt: skip
+        )

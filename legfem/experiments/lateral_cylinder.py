@@ -43,9 +43,8 @@ class CylinderOnBlock:
         check_positive(self, "thickness", "width", "length", "cylinder_radius")
         if self.width < self.cylinder_radius:
             raise InputError(
-                "block", "width", f"{self.width:g} mm end under the cylinder",
-                "give more than the cylinder's radius",
-            )  # fmt: skip
+                "block", "width", f"{self.width:g} mm end under the cylinder", "give more than the cylinder's radius"
+            )
 
 
 class LateralCylinder(AxisymmetricTest[CylinderOnBlock]):

@@ -69,6 +69,4 @@ def compress[Sizes](
     seen = next((one for one in attempts if list(one) == steps), {})
     sunk = np.array([np.zeros(len(dofs)), *seen.values()])
     lost = np.diff(sunk, axis=1, prepend=0.0).T
-    return Compressed(
-        solved.path.force[: len(sunk)], dict(zip(test.laws, lost, strict=True)), solved.report
-    )
+    return Compressed(solved.path.force[: len(sunk)], dict(zip(test.laws, lost, strict=True)), solved.report)

@@ -50,12 +50,7 @@ class SolidLegSettings:
 
     mesh: SolidMeshSettings = field(
         default_factory=lambda: SolidMeshSettings(
-            skin_size=18.0,
-            inside_size=26.0,
-            bone_size=14.0,
-            layer_elements=0.3,
-            turn_elements=7.0,
-            enclosing=True,
+            skin_size=18.0, inside_size=26.0, bone_size=14.0, layer_elements=0.3, turn_elements=7.0, enclosing=True
         )
     )
     contact_size: float = 4.5
@@ -148,11 +143,12 @@ class LegIndentation3D(PressingTest):
         low, high = self._span
         if low < self.shape.levels[0] or high > self.shape.levels[-1]:
             raise InputError(
-                "indenter", "level",
+                "indenter",
+                "level",
                 f"it reaches from {low:g} to {high:g} mm and leaves the leg, "
                 f"{self.shape.levels[0]:g} to {self.shape.levels[-1]:g} mm",
                 "scan a longer part of the leg, or give another level",
-            )  # fmt: skip
+            )
 
     @cached_property
     def posed(self) -> Posed[Any]:
@@ -185,9 +181,11 @@ class LegIndentation3D(PressingTest):
             way = points @ frame[2] - self.posed.ahead(points @ frame[:2].T)
             if np.all(np.isnan(way)):
                 raise InputError(
-                    "indenter", "aim", "the line of travel misses the leg",
+                    "indenter",
+                    "aim",
+                    "the line of travel misses the leg",
                     "give a point inside the leg, and check the direction",
-                )  # fmt: skip
+                )
             turn, level = np.unravel_index(np.nanargmin(way), way.shape)
             turns = _beside(round_it, int(turn))
             low, high = _beside(along, int(level))
@@ -216,9 +214,8 @@ class LegIndentation3D(PressingTest):
             (*meshed.supports, Support(END, (2,))),
         )
         system = System(
-            spaces, self.model, self.touch, self.pose.direction, settings.quadrature_degree,
-            self._skin.beside,
-        )  # fmt: skip
+            spaces, self.model, self.touch, self.pose.direction, settings.quadrature_degree, self._skin.beside
+        )
         solver = NewtonSolver(system, settings.newton, settings.linear)
         radius = self.indenter.radius
         return Pressing(system, solver, settings.contact, radius, 1.0, settings.steps)

@@ -39,9 +39,7 @@ class Placement:
             if not math.isfinite(getattr(self, field)):
                 raise InputError("placement", field, "is not finite", "give a finite number")
         if abs(self.tilt_deg) >= 60:
-            raise InputError(
-                "placement", "tilt_deg", f"is {self.tilt_deg:g}", "give less than 60 degrees"
-            )
+            raise InputError("placement", "tilt_deg", f"is {self.tilt_deg:g}", "give less than 60 degrees")
 
     def aim(self, aim: FloatArray, direction: FloatArray) -> FloatArray:
         """Return a point on the shifted line, from one on the line stated (mm)."""
@@ -51,9 +49,4 @@ class Placement:
         """Return the turned unit vector of travel."""
         angle = math.radians(self.tilt_deg)
         x, y = direction
-        return np.array(
-            [
-                math.cos(angle) * x - math.sin(angle) * y,
-                math.sin(angle) * x + math.cos(angle) * y,
-            ]
-        )
+        return np.array([math.cos(angle) * x - math.sin(angle) * y, math.sin(angle) * x + math.cos(angle) * y])

@@ -17,15 +17,7 @@ from legfem.common.errors import InputError
 from legfem.experiments.base import Solved, made_when_needed
 from legfem.experiments.driven import motion
 from legfem.experiments.placement import Placement
-from legfem.experiments.pressing import (
-    SOFTER,
-    Attempt,
-    OnStep,
-    Pressed,
-    Pressing,
-    PressingTest,
-    leg_model,
-)
+from legfem.experiments.pressing import SOFTER, Attempt, OnStep, Pressed, Pressing, PressingTest, leg_model
 from legfem.experiments.replay import Replays
 from legfem.experiments.tissues import Tissues, tissues_of
 from legfem.fem.distortion import most_drawn_out
@@ -69,9 +61,7 @@ class PlaneStrainSettings:
     contact: ContactSettings = field(default_factory=ContactSettings)
     newton: NewtonSettings = field(default_factory=lambda: NewtonSettings(reuse=0.7))
     # The same steps at about any stiffness: curves are compared, and differences of them taken.
-    steps: StepSettings = field(
-        default_factory=lambda: StepSettings.regular(first=0.125, curve_tolerance=2e-3)
-    )
+    steps: StepSettings = field(default_factory=lambda: StepSettings.regular(first=0.125, curve_tolerance=2e-3))
     formulation: Formulation = "mixed"
     drained_skin: bool = False
     """Whether the fat's fluid can leave through the skin, in a porous form."""
@@ -125,9 +115,11 @@ class PlaneStrainIndentation(PressingTest):
         self.indenter.check_lies_along("subject.toml")
         if self._bones_give_way and {t.region for t in self._springs} != set(BONES):
             raise InputError(
-                "mechanisms", "BoneSprings", "one bone is on springs and the other isn't",
+                "mechanisms",
+                "BoneSprings",
+                "one bone is on springs and the other isn't",
                 f"give one for each of {' and '.join(BONES)}; stiff springs hold a bone",
-            )  # fmt: skip
+            )
 
     @classmethod
     def of_subject(
@@ -165,9 +157,14 @@ class PlaneStrainIndentation(PressingTest):
             return self.meshed
         indenter = self.indenter
         meshed = mesh_section(
-            self.section, indenter.radius, indenter.aim, indenter.direction,
-            self.settings.mesh, self.comm, self._bones_give_way,
-        )  # fmt: skip
+            self.section,
+            indenter.radius,
+            indenter.aim,
+            indenter.direction,
+            self.settings.mesh,
+            self.comm,
+            self._bones_give_way,
+        )
         if self.moved is None:
             return meshed
         return moved_section_mesh(meshed, self.moved, self.section, indenter.radius, indenter.aim)
@@ -264,12 +261,8 @@ class PlaneStrainIndentation(PressingTest):
         found = most_drawn_out(self.system)
         tissue = next(name for name, tag in REGIONS.items() if tag == found.region)
         x, y = found.place
-        text = (
-            f"the {tissue} tissue is drawn out {found.stretch:.2g} times at ({x:.0f}, {y:.0f}) mm"
-        )
-        gap, bone = min(
-            (self.section.polygon(bone).distance(Point(x, y)), bone) for bone in BONES
-        )  # fmt: skip
+        text = f"the {tissue} tissue is drawn out {found.stretch:.2g} times at ({x:.0f}, {y:.0f}) mm"
+        gap, bone = min((self.section.polygon(bone).distance(Point(x, y)), bone) for bone in BONES)
         if tissue == "deep" and gap < _NEAR_MM:
             text += f", {gap:.0f} mm from the {bone}, onto which what lies above presses it"
         return f"{text}; use less depth, or check how soft it is beside its neighbours"

@@ -35,10 +35,7 @@ OnStep = Callable[[float], None]
 
 
 def leg_model(
-    tissues: Mapping[str, Hyperelastic],
-    indenter: RigidIndenter,
-    contact: ContactSettings,
-    formulation: Formulation,
+    tissues: Mapping[str, Hyperelastic], indenter: RigidIndenter, contact: ContactSettings, formulation: Formulation
 ) -> LegModel:
     """Return the sum of tissues (law by region) and contact, the latter of unit stiffness."""
     normal = NormalContact(indenter, contact.pressure_law(1.0))
@@ -85,9 +82,7 @@ class Pressing(Meshed):
         """The same that goes on from a path's end to another equilibrium."""
         return replace(self, steps=replace(self.steps, relaxes=True))
 
-    def run(
-        self, asked: Pressed, softness: float = 1.0, keep_in: tuple[FilePath, str] | None = None
-    ) -> Solved:
+    def run(self, asked: Pressed, softness: float = 1.0, keep_in: tuple[FilePath, str] | None = None) -> Solved:
         """Follow a protocol, with a contact softened by a factor.
 
         States are kept in a folder, with the hash of what else they depend on, if one is given;
@@ -118,9 +113,14 @@ class Pressing(Meshed):
             given = key, values, protocol.time, protocol.displacement, self.steps
             checkpoint = Checkpoint(folder, key_of(given), self.system.comm)
         report = follow(
-            self.system, self.solver, protocol, self.steps, record, checkpoint,
+            self.system,
+            self.solver,
+            protocol,
+            self.steps,
+            record,
+            checkpoint,
             {"time": time, "displacement": displacement, "force": force},
-        )  # fmt: skip
+        )
         if checkpoint is not None:
             checkpoint.clear()
         report = replace(report, contact_stiffness_factor=softness)
@@ -257,9 +257,7 @@ class PressingTest(Homebound, ABC):
             Also where the end wasn't reached: that of the attempt that came farthest.
         """
         given = motion(protocol if depth is None else depth)
-        return self._farthest(
-            self.attempts(), Pressed(values, given, sensitivities, on_step, keep_in)
-        )
+        return self._farthest(self.attempts(), Pressed(values, given, sensitivities, on_step, keep_in))
 
     def _farthest(self, attempts: Iterator[Attempt], asked: Pressed) -> Solved:
         made = (self._tried(one, number, asked) for number, one in enumerate(attempts))
@@ -269,11 +267,7 @@ class PressingTest(Homebound, ABC):
         folder = asked.keep_in
         kept = None if folder is None else (folder, key_of((self.fingerprint(), number)))
         solved = attempt.pressing.run(asked, attempt.softness, kept)
-        report = replace(
-            solved.report,
-            more_points=attempt.more_points,
-            without_pressures=attempt.without_pressures,
-        )
+        report = replace(solved.report, more_points=attempt.more_points, without_pressures=attempt.without_pressures)
         return replace(solved, report=report)
 
     def _trusted(self, made: Iterator[Solved]) -> Iterator[Solved]:

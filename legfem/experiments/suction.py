@@ -80,9 +80,11 @@ class CupOnLayer:
         outer = self.opening_radius + self.rim_width
         if self.layer_radius <= outer:
             raise InputError(
-                "cup", "layer_radius", f"the cup of {outer:g} mm covers the layer",
+                "cup",
+                "layer_radius",
+                f"the cup of {outer:g} mm covers the layer",
                 "give more than the opening's radius and the rim",
-            )  # fmt: skip
+            )
 
     @property
     def opening(self) -> float:
@@ -121,10 +123,15 @@ class SuctionTest(AxisymmetricBody[CupOnLayer], DrivenTest):
         test, settings = self.test, self.settings
         opening, outer = test.opening_radius, test.opening_radius + test.rim_width
         meshed = mesh_meridian(
-            test.layer_radius, test.thickness, (opening, outer),
-            settings.mesh or MeridianMeshSettings(opening / 16), "free", self.comm,
-            self.interfaces_within(test.thickness), ((SKIN, opening), (RIM, outer)),
-        )  # fmt: skip
+            test.layer_radius,
+            test.thickness,
+            (opening, outer),
+            settings.mesh or MeridianMeshSettings(opening / 16),
+            "free",
+            self.comm,
+            self.interfaces_within(test.thickness),
+            ((SKIN, opening), (RIM, outer)),
+        )
         spaces = self.spaces_on(meshed, self.held)
         system = System(spaces, self.model, quadrature_degree=settings.quadrature_degree)
         return _Drawn(system, NewtonSolver(system, settings.newton, settings.linear))
@@ -134,9 +141,7 @@ class SuctionTest(AxisymmetricBody[CupOnLayer], DrivenTest):
         """The model on its mesh, in the state last solved for."""
         return self._drawn.system
 
-    def _driven(
-        self, values: Mapping[str, float] | None, protocol: Protocol, sensitivities: Sequence[str]
-    ) -> Solved:
+    def _driven(self, values: Mapping[str, float] | None, protocol: Protocol, sensitivities: Sequence[str]) -> Solved:
         """Draw the dome along a protocol of its height.
 
         What the tissue remembers doesn't count: returns and holds are those of its first rise.
@@ -184,16 +189,23 @@ class _Drawn(Meshed):
             rise = float(system.unknown.x.array[self._apex])
             converged = outcome.converged and rise > risen[-1]
             reason = "the dome falls as the suction rises" if outcome.converged else outcome.reason
-            steps.append(Step(rise if converged else risen[-1], at[-1] + size, size, converged,
-                              outcome.reason if converged else reason, outcome.factorisations,
-                              outcome.iterations, outcome.residual))  # fmt: skip
+            steps.append(
+                Step(
+                    rise if converged else risen[-1],
+                    at[-1] + size,
+                    size,
+                    converged,
+                    outcome.reason if converged else reason,
+                    outcome.factorisations,
+                    outcome.iterations,
+                    outcome.residual,
+                )
+            )
             if not converged:
                 system.unknown.x.array[:] = before
                 size *= _CUT
                 if size < _LEAST * usual:
-                    stopped = (
-                        f"no step of the suction above {1e3 * usual * _LEAST:.2g} kPa: {reason}"
-                    )
+                    stopped = f"no step of the suction above {1e3 * usual * _LEAST:.2g} kPa: {reason}"
                     break
                 continue
             at.append(at[-1] + size)
@@ -211,13 +223,19 @@ class _Drawn(Meshed):
             usual = height / _STEPS / float(change[self._apex])
             size = usual if len(at) == 2 else min(usual, _GREATEST * size)
         curve = ForceCurve(
-            np.array(risen), opening * np.array(at),
+            np.array(risen),
+            opening * np.array(at),
             {name: opening * np.array(slopes)[:, k] for k, name in enumerate(names)},
-        )  # fmt: skip
+        )
         return curve, SolveReport(
-            min(risen[-1], height), height, not stopped, stopped or "the target is reached",
-            tuple(steps), time.perf_counter() - started, system.spaces.unknowns,
-        )  # fmt: skip
+            min(risen[-1], height),
+            height,
+            not stopped,
+            stopped or "the target is reached",
+            tuple(steps),
+            time.perf_counter() - started,
+            system.spaces.unknowns,
+        )
 
     def _by_suction(self, suction: float) -> FloatArray:
         """Return the unknown's derivative by the suction (1/MPa) at the state just found."""

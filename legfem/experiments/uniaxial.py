@@ -95,9 +95,7 @@ class UniaxialTest(DrivenTest):
     def __post_init__(self) -> None:
         """Check that the bar isn't sheared."""
         if self.fibres is not None and sorted(map(abs, self.fibres.axis)) != [0.0, 0.0, 1.0]:
-            raise InputError(
-                "bar", "fibres", "are oblique: the bar would shear", "turn them along or across"
-            )
+            raise InputError("bar", "fibres", "are oblique: the bar would shear", "turn them along or across")
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -105,9 +103,7 @@ class UniaxialTest(DrivenTest):
         own = {f"deep.{name}": value for name, value in self.law.parameters.items()}
         return own | ({} if self.fibres is None else self.fibres.parameters)
 
-    def _driven(
-        self, values: Mapping[str, float] | None, protocol: Protocol, sensitivities: Sequence[str]
-    ) -> Solved:
+    def _driven(self, values: Mapping[str, float] | None, protocol: Protocol, sensitivities: Sequence[str]) -> Solved:
         """Move the ends along a protocol.
 
         Derivatives are exact, by a complex step (J. N. Lyness, C. B. Moler, SIAM J. Numer. Anal. 4

@@ -74,7 +74,5 @@ def _gathered(spaces: LegSpaces, triangles: NDArray[np.int32]) -> BodySurface:
     counts = comm.allgather(len(nodes))
     first = sum(counts[: comm.rank])
     numbered = local.reshape(-1, 3).astype(np.int64) + first
-    surface = TriangleSurface(
-        np.concatenate(comm.allgather(points)), np.concatenate(comm.allgather(numbered))
-    )
+    surface = TriangleSurface(np.concatenate(comm.allgather(points)), np.concatenate(comm.allgather(numbered)))
     return BodySurface(surface, nodes.astype(np.int32), comm)

@@ -34,7 +34,4 @@ def most_drawn_out(system: System) -> DrawnOut:
     after = np.swapaxes(now[:, 1:] - now[:, :1], 1, 2)
     stretch = np.linalg.svd(after @ np.linalg.inv(before), compute_uv=False)[:, 0]
     worst = int(np.argmax(stretch))
-    return DrawnOut(
-        int(spaces.cell_tags.values[worst]), float(stretch[worst]),
-        places[corners[worst]].mean(axis=0),
-    )  # fmt: skip
+    return DrawnOut(int(spaces.cell_tags.values[worst]), float(stretch[worst]), places[corners[worst]].mean(axis=0))

@@ -164,9 +164,7 @@ class FieldReader:
                 continue
             cells = spaces.cell_tags.find(tag).astype(np.int32)
             sigma = cauchy_stress(sum(term.nominal_stress(body) for term in telling), F)
-            both = ufl.as_tensor([
-                [[m[i, j] for j in range(3)] for i in range(3)] for m in (F, sigma)
-            ])  # fmt: skip
+            both = ufl.as_tensor([[[m[i, j] for j in range(3)] for i in range(3)] for m in (F, sigma)])
             found.append((cells, _at_points(both, spaces.mesh, body.quadrature_degree)))
         return found
 

@@ -31,22 +31,14 @@ class DomainForms:
     forms are left out while all such numbers are zero.
     """
 
-    def __init__(
-        self, domain: IntegrationDomain, before: Any, model_terms: Any, degree: int
-    ) -> None:
+    def __init__(self, domain: IntegrationDomain, before: Any, model_terms: Any, degree: int) -> None:
         self.domain, self.before = domain, before
         mesh = domain.unknown.function_space.mesh
-        shapes = {
-            f"{term.name}.{name}": shape
-            for term in model_terms
-            for name, shape in term.history(domain).items()
-        }
+        shapes = {f"{term.name}.{name}": shape for term in model_terms for name, shape in term.history(domain).items()}
         self.history = History(mesh, degree, shapes)
 
         def of(term: Any) -> dict[str, Any]:
-            return {
-                name: self.history.variables[f"{term.name}.{name}"] for name in term.history(domain)
-            }
+            return {name: self.history.variables[f"{term.name}.{name}"] for name in term.history(domain)}
 
         works = [(getattr(t, "strength", None), t.residual(domain, of(t))) for t in model_terms]
         self.residual_form = sum(work for _, work in works)
@@ -104,10 +96,7 @@ def body_forms(
     space = spaces.space
     before, test = fem.Function(space), ufl.TestFunction(space)
     measure = ufl.Measure(
-        "dx",
-        domain=spaces.mesh,
-        subdomain_data=spaces.cell_tags,
-        metadata={"quadrature_degree": degree},
+        "dx", domain=spaces.mesh, subdomain_data=spaces.cell_tags, metadata={"quadrature_degree": degree}
     )
     radius = _radius(spaces, spaces.mesh)
     mixed = spaces.formulation != "displacement"

@@ -35,9 +35,7 @@ class History:
         self._points = scalar.custom_quadrature()[0]
         self.variables = {
             name: fem.Function(
-                fem.functionspace(
-                    mesh, basix.ufl.quadrature_element(cell, value_shape=shape, degree=degree)
-                )
+                fem.functionspace(mesh, basix.ufl.quadrature_element(cell, value_shape=shape, degree=degree))
             )
             for name, shape in shapes.items()
         }

@@ -114,9 +114,8 @@ def build_spaces(
     """
     if drained and formulation != "porous":
         raise InputError(
-            "formulation", "drained", f"a {formulation} form has no fluid to drain",
-            'choose the formulation "porous"',
-        )  # fmt: skip
+            "formulation", "drained", f"a {formulation} form has no fluid to drain", 'choose the formulation "porous"'
+        )
     dimension = mesh.geometry.dim
     lagrange = basix.ufl.element("Lagrange", mesh.basix_cell(), degree, shape=(dimension,))
     displacement = fem.functionspace(mesh, lagrange)
@@ -157,9 +156,7 @@ def build_spaces(
         dofs[_blocks(_trace_nodes(displacement, skin_space), dimension)],
         dofs,
         displacement,
-        np.unique(
-            np.concatenate([none, *(held for _, held in found), *map(dry, drained), *dropped])
-        ),
+        np.unique(np.concatenate([none, *(held for _, held in found), *map(dry, drained), *dropped])),
         np.unique(np.concatenate([none, *bone])),
         regions,
         symmetry,

@@ -74,13 +74,16 @@ class System:
         self._centre = fem.Constant(spaces.skin, start.copy())
         self._centre_before = fem.Constant(spaces.skin, start.copy())
         self.applied_pressure = fem.Function(fem.functionspace(spaces.skin, ("Lagrange", 1)))
-        self.body = body_forms(
-            spaces, model, self.unknown, self.body_symbols, self._clocks[0], quadrature_degree
-        )
+        self.body = body_forms(spaces, model, self.unknown, self.body_symbols, self._clocks[0], quadrature_degree)
         self.skin = skin_forms(
-            spaces, model, self.skin_symbols, self._clocks[1], (self._centre, self._centre_before),
-            self.applied_pressure, rounding,
-        )  # fmt: skip
+            spaces,
+            model,
+            self.skin_symbols,
+            self._clocks[1],
+            (self._centre, self._centre_before),
+            self.applied_pressure,
+            rounding,
+        )
         self.tangent_matrix = fem_petsc.create_matrix(self.body.tangent)
         self._skin_matrix = fem.create_matrix(self.skin.tangent)
         self._skin_force = fem.Function(spaces.skin_space)
@@ -210,9 +213,7 @@ class System:
     def _state(self) -> dict[str, Any]:
         both = {"body": self.body, "skin": self.skin}
         remembered = {
-            f"{name}.{key}": function
-            for name, forms in both.items()
-            for key, function in forms.remembered.items()
+            f"{name}.{key}": function for name, forms in both.items() for key, function in forms.remembered.items()
         }
         return {"unknown": self.unknown, **remembered}
 
@@ -276,7 +277,4 @@ class System:
         size = space.dofmap.index_map_bs
         if size == 1:
             return [fem.dirichletbc(self._pinned, pinned)]
-        return [
-            fem.dirichletbc(PETSc.ScalarType(0), pinned[pinned % size == k], space.sub(k))
-            for k in range(size)
-        ]
+        return [fem.dirichletbc(PETSc.ScalarType(0), pinned[pinned % size == k], space.sub(k)) for k in range(size)]

@@ -24,9 +24,7 @@ MUSCLE_HULL = "muscle_hull"
 type Loops = dict[str, list[FloatArray]]
 
 
-def read_loops(
-    path: Path, between: tuple[float, float] = (-np.inf, np.inf)
-) -> tuple[FloatArray, list[Loops]]:
+def read_loops(path: Path, between: tuple[float, float] = (-np.inf, np.inf)) -> tuple[FloatArray, list[Loops]]:
     """Read the outlines of every part at every level.
 
     Parameters
@@ -71,10 +69,7 @@ def check_levels(levels: FloatArray, source: str | Path) -> None:
         If they span more.
     """
     if (span := float(np.ptp(levels))) > _LONGEST_MM:
-        raise InputError(
-            source, "level_mm", f"the levels span {span:.4g} mm, more than a leg",
-            "give levels in mm",
-        )  # fmt: skip
+        raise InputError(source, "level_mm", f"the levels span {span:.4g} mm, more than a leg", "give levels in mm")
 
 
 def write_outlines(outlines: Mapping[float, Mapping[str, Polygon]], path: Path) -> None:

@@ -15,15 +15,7 @@ from legfem.common.units import FloatArray
 from legfem.geometry.contour_table import HEADER as LEVELS_HEADER
 from legfem.geometry.section import PARTS, LegSection, fat_thickness, girth, minimal_fat_thickness
 
-__all__ = [
-    "LegSection",
-    "check_girth",
-    "check_section",
-    "fat_thickness",
-    "girth",
-    "read_contours",
-    "write_contours",
-]
+__all__ = ["LegSection", "check_girth", "check_section", "fat_thickness", "girth", "read_contours", "write_contours"]
 
 HEADER = ("part", "x_mm", "y_mm")
 MINIMAL_POINTS = 8
@@ -53,9 +45,11 @@ def read_contours(path: Path, fascia_thickness: float) -> LegSection:
     table = read_table(path, LEVELS_HEADER, text=("part",), optional=("level_mm", "loop", "i"))
     if "level_mm" in table:
         raise InputError(
-            path, "level_mm", "these are contours at several levels",
+            path,
+            "level_mm",
+            "these are contours at several levels",
             "say which to take: level_mm under [section] of subject.toml",
-        )  # fmt: skip
+        )
     for line, part in table["part"].items():
         if part not in PARTS:
             near = difflib.get_close_matches(part, PARTS, n=1)
@@ -100,18 +94,17 @@ def check_section(section: LegSection, source: str | Path) -> None:
     for part in PARTS:
         if (points := len(section.contour(part))) < MINIMAL_POINTS:
             raise InputError(
-                source, part, f"only {points} of its points lie apart",
+                source,
+                part,
+                f"only {points} of its points lie apart",
                 f"give at least {MINIMAL_POINTS} around the part",
-            )  # fmt: skip
+            )
     polygons = {part: section.polygon(part) for part in PARTS}
     for part, polygon in polygons.items():
         if not polygon.is_valid:
             where = explain_validity(polygon).replace("[", " at (").replace("]", ")")
             raise InputError(
-                source,
-                part,
-                f"the contour crosses itself ({where})",
-                "give its points in order around it, once",
+                source, part, f"the contour crosses itself ({where})", "give its points in order around it, once"
             )
     check_girth(girth(section), source)
     _check_inside(source, polygons, "fascia", "skin")
@@ -128,10 +121,7 @@ def _check_contour(path: Path, part: str, points: FloatArray) -> None:
         raise InputError(path, part, "the part is missing", f"add rows '{part},x,y' around it")
     if len(points) < MINIMAL_POINTS:
         raise InputError(
-            path,
-            part,
-            f"{len(points)} points are too few",
-            f"give at least {MINIMAL_POINTS} around the part",
+            path, part, f"{len(points)} points are too few", f"give at least {MINIMAL_POINTS} around the part"
         )
     spacing = np.linalg.norm(np.diff(points, axis=0), axis=1)
     gap = float(np.linalg.norm(points[-1] - points[0]))
@@ -189,18 +179,14 @@ def _check_fascia(section: LegSection, polygons: dict[str, Polygon], source: str
     field, thickness = "fascia_thickness_mm", section.fascia_thickness
     if not thickness > 0:
         raise InputError(
-            source,
-            field,
-            f"{thickness:g} mm is not positive",
-            "give the fascia's thickness in mm (0.2-1.0 is usual)",
+            source, field, f"{thickness:g} mm is not positive", "give the fascia's thickness in mm (0.2-1.0 is usual)"
         )
     thinnest = minimal_fat_thickness(section)
     if thickness >= thinnest:
         raise InputError(
             source,
             field,
-            f"the fascia ({thickness:g} mm) is thicker than the fat at its thinnest "
-            f"({thinnest:.2f} mm)",
+            f"the fascia ({thickness:g} mm) is thicker than the fat at its thinnest ({thinnest:.2f} mm)",
             "reduce the thickness or move the fascia inwards there",
         )
     for bone in ("tibia", "fibula"):
@@ -209,7 +195,6 @@ def _check_fascia(section: LegSection, polygons: dict[str, Polygon], source: str
             raise InputError(
                 source,
                 field,
-                f"the fascia's inner face ({thickness:g} mm inwards) meets the {bone} "
-                f"({room:.2f} mm away)",
+                f"the fascia's inner face ({thickness:g} mm inwards) meets the {bone} ({room:.2f} mm away)",
                 f"reduce the thickness or leave room between fascia and {bone}",
             )

@@ -68,21 +68,15 @@ def polygons_of(loops: Loops, path: Path, where: str) -> dict[str, Polygon]:
     outlines = {}
     for part in SURFACES:
         if part not in named:
-            raise InputError(
-                path, part, f"missing at {where}", "choose another level or add the outline"
-            )
+            raise InputError(path, part, f"missing at {where}", "choose another level or add the outline")
         pieces = [_polygon(path, part, points) for points in named[part]]
         outlines[part] = (
-            joined(pieces, path, where)
-            if part == MUSCLE_HULL
-            else max(pieces, key=lambda piece: piece.area)
+            joined(pieces, path, where) if part == MUSCLE_HULL else max(pieces, key=lambda piece: piece.area)
         )
     return outlines
 
 
-def joined(
-    pieces: Sequence[Polygon], source: str | Path, where: str, bridge: float = BRIDGE
-) -> Polygon:
+def joined(pieces: Sequence[Polygon], source: str | Path, where: str, bridge: float = BRIDGE) -> Polygon:
     """Return the hull of muscles that were segmented apart from each other.
 
     Where they touch nothing is moved; else the hull spans their gaps, as a taut sheet does.
@@ -99,18 +93,16 @@ def joined(
         apart = [p for p in getattr(muscles, "geoms", [muscles]) if p.area > least]
         if len(apart) > 1:
             raise InputError(
-                source, MUSCLE_HULL,
+                source,
+                MUSCLE_HULL,
                 f"is in {len(apart)} pieces at {where}, more than {2 * bridge:g} mm apart",
                 "segment what lies between them as muscle too",
-            )  # fmt: skip
+            )
     return largest_polygon(muscles, source, MUSCLE_HULL)
 
 
 def section_from_outlines(
-    outlines: Mapping[str, Polygon],
-    fascia_thickness: float,
-    source: str | Path,
-    clearances: Clearances | None = None,
+    outlines: Mapping[str, Polygon], fascia_thickness: float, source: str | Path, clearances: Clearances | None = None
 ) -> LegSection:
     """Make a leg section of outlines of skin, muscle hull, tibia and fibula.
 
@@ -137,10 +129,7 @@ def section_from_outlines(
     room = clearances or Clearances()
     if not fascia_thickness > 0:
         raise InputError(
-            source,
-            "fascia_thickness_mm",
-            f"{fascia_thickness:g} is not positive",
-            "give it in mm (0.2-1.0 is usual)",
+            source, "fascia_thickness_mm", f"{fascia_thickness:g} is not positive", "give it in mm (0.2-1.0 is usual)"
         )
     parts = nested_outlines(outlines, fascia_thickness, source, room)
     section = LegSection(
@@ -156,10 +145,7 @@ def section_from_outlines(
 
 
 def nested_outlines(
-    outlines: Mapping[str, Polygon],
-    fascia_thickness: float,
-    source: str | Path,
-    room: Clearances,
+    outlines: Mapping[str, Polygon], fascia_thickness: float, source: str | Path, room: Clearances
 ) -> dict[str, Polygon]:
     """Return smoothed outlines that nest with clearances: bones in the muscle's hull in the skin.
 
@@ -183,9 +169,8 @@ def nested_outlines(
         return _nested(outlines, fascia_thickness, source, room)
     except GEOSException as error:
         raise InputError(
-            source, "x_mm, y_mm", f"an outline crosses itself ({error})",
-            "give points in order around each part",
-        ) from None  # fmt: skip
+            source, "x_mm, y_mm", f"an outline crosses itself ({error})", "give points in order around each part"
+        ) from None
 
 
 def _nested(
@@ -207,14 +192,10 @@ def _nested(
             # Near the knee and the ankle the fibula meets the tibia.
             if other.distance(outlines[bone]) < apart:
                 inside = inside - other.buffer(apart)
-        bones[bone] = _smooth(
-            largest_polygon(_opened(outlines[bone] & inside, 1.0), source, bone), room
-        )
+        bones[bone] = _smooth(largest_polygon(_opened(outlines[bone] & inside, 1.0), source, bone), room)
         sheath = sheath | bones[bone].buffer(around)
     sheath = largest_polygon(_closed(sheath, room.fascia_bridge), source, "muscle_hull")
-    sheath = largest_polygon(
-        _opened(sheath, room.corner) & skin.buffer(-(fat + slack)), source, "muscle_hull"
-    )
+    sheath = largest_polygon(_opened(sheath, room.corner) & skin.buffer(-(fat + slack)), source, "muscle_hull")
     # Bones may stick out of the hull's rounded corners; and cutting made new corners.
     for bone in bones.values():
         sheath = sheath | bone.buffer(around)
@@ -228,9 +209,11 @@ def _check_fat(outlines: Mapping[str, Polygon], source: str | Path) -> None:
     bare = float((skin & hull).length / skin.length)
     if bare > _BARE:
         raise InputError(
-            source, "skin", f"lies on the muscles' hull along {100 * bare:.0f} % of its length",
+            source,
+            "skin",
+            f"lies on the muscles' hull along {100 * bare:.0f} % of its length",
             "give the skin's outline, outside the fat: a scan without it can't be used",
-        )  # fmt: skip
+        )
 
 
 def _check_order(outlines: Mapping[str, Polygon], source: str | Path) -> None:
@@ -240,14 +223,9 @@ def _check_order(outlines: Mapping[str, Polygon], source: str | Path) -> None:
     _check_fat(outlines, source)
     for part, outline in outlines.items():
         if part != "skin" and (outline & skin).area < _INSIDE * outline.area:
-            raise InputError(
-                source, part, "lies outside the skin", f"are skin and {part} exchanged?"
-            )
+            raise InputError(source, part, "lies outside the skin", f"are skin and {part} exchanged?")
         if part not in ("skin", "muscle_hull") and outline.area > hull.area:
-            raise InputError(
-                source, part, "is larger than the muscle's hull",
-                f"are muscle_hull and {part} exchanged?",
-            )  # fmt: skip
+            raise InputError(source, part, "is larger than the muscle's hull", f"are muscle_hull and {part} exchanged?")
 
 
 def facing_point(section: LegSection, direction: FloatArray) -> FloatArray:
@@ -264,11 +242,7 @@ def facing_point(section: LegSection, direction: FloatArray) -> FloatArray:
 
 def _check_clearances(section: LegSection, bone: float, fat: float, source: str | Path) -> None:
     fascia = section.polygon("fascia").exterior
-    found = {
-        f"fascia to {part}": fascia.distance(section.polygon(part).exterior)
-        for part in PARTS
-        if part != "fascia"
-    }
+    found = {f"fascia to {part}": fascia.distance(section.polygon(part).exterior) for part in PARTS if part != "fascia"}
     wanted = {
         "fascia to skin": fat,
         "fascia to tibia": bone + section.fascia_thickness,

@@ -58,9 +58,7 @@ class LegShape:
         object.__setattr__(self, "levels", levels)
         object.__setattr__(self, "contours", MappingProxyType(contours))
         if levels.ndim != 1 or len(levels) < 2 or not (np.diff(levels) > 0).all():
-            raise InputError(
-                "shape", "levels", "two or more increasing levels are needed", "sort them"
-            )
+            raise InputError("shape", "levels", "two or more increasing levels are needed", "sort them")
         for part in (SKIN, HULL):
             if part not in contours:
                 raise InputError("shape", part, "the part is missing", "give its contours")
@@ -69,10 +67,11 @@ class LegShape:
         for part, xy in contours.items():
             if xy.ndim != 3 or xy.shape[0] != len(levels) or xy.shape[2] != 2 or xy.shape[1] < 8:
                 raise InputError(
-                    "shape", part,
+                    "shape",
+                    part,
                     f"contours of shape {xy.shape} do not fit {len(levels)} levels",
                     "give one closed contour of 8 or more points a level",
-                )  # fmt: skip
+                )
             if not np.isfinite(xy).all():
                 raise InputError("shape", part, "a coordinate is not finite", "remove the point")
 
@@ -94,10 +93,7 @@ class LegShape:
     @cached_property
     def _splines(self) -> dict[str, Any]:
         degree = min(3, len(self.levels) - 1)
-        return {
-            part: make_interp_spline(self.levels, xy, k=degree, axis=0)
-            for part, xy in self.contours.items()
-        }
+        return {part: make_interp_spline(self.levels, xy, k=degree, axis=0) for part, xy in self.contours.items()}
 
     def at(self, part: str, level: ArrayLike, slope: int = 0) -> FloatArray:
         """Return the contour of a part at a level, or at several.
@@ -125,11 +121,12 @@ class LegShape:
         slack = 1e-9 * self.length
         if z.size and (z.min() < self.levels[0] - slack or z.max() > self.levels[-1] + slack):
             raise InputError(
-                "shape", "level",
+                "shape",
+                "level",
                 f"{z.min():g} to {z.max():g} mm is not within the segment, "
                 f"{self.levels[0]:g} to {self.levels[-1]:g} mm",
                 "choose levels within it",
-            )  # fmt: skip
+            )
         z = np.clip(z, self.levels[0], self.levels[-1])
         return np.asarray(self._splines[part](z, nu=slope), dtype=np.float64)
 
@@ -205,9 +202,7 @@ def _even_turns(turns: FloatArray, fine: FloatArray, n_points: int) -> FloatArra
 
 
 def shape_of_contours(
-    levels: ArrayLike,
-    contours: Mapping[str, list[FloatArray]],
-    n_points: int | Mapping[str, int] = 180,
+    levels: ArrayLike, contours: Mapping[str, list[FloatArray]], n_points: int | Mapping[str, int] = 180
 ) -> LegShape:
     """Make a shape of contours that do not correspond yet.
 

@@ -21,9 +21,7 @@ _AROUND, _ALONG = 10.0, 12.0
 """Wavelengths (mm) below which undulations are smoothed away."""
 
 
-def shape_of_outlines(
-    levels: ArrayLike, outlines: Sequence[Mapping[str, Polygon]], n_points: int = 180
-) -> LegShape:
+def shape_of_outlines(levels: ArrayLike, outlines: Sequence[Mapping[str, Polygon]], n_points: int = 180) -> LegShape:
     """Return the shape of outlines as they are; ``muscle_hull`` becomes the hull."""
     contours: dict[str, list[FloatArray]] = {}
     for here in outlines:

@@ -44,9 +44,7 @@ class CuttingPlane:
         return CuttingPlane(level * _UP, _UP)
 
     @staticmethod
-    def of_cylinder(
-        position: FloatArray, direction: FloatArray, axis: FloatArray | None, source: str
-    ) -> CuttingPlane:
+    def of_cylinder(position: FloatArray, direction: FloatArray, axis: FloatArray | None, source: str) -> CuttingPlane:
         """Return the plane in which a cylinder travels: through its position, across its axis.
 
         Parameters
@@ -71,9 +69,11 @@ class CuttingPlane:
         length = float(np.linalg.norm(normal))
         if length < 1e-6 or abs(normal[2]) / length < _ACROSS:
             raise InputError(
-                source, "indenter.direction", "the plane of travel doesn't lie across the leg (z)",
+                source,
+                "indenter.direction",
+                "the plane of travel doesn't lie across the leg (z)",
                 "give the direction of travel, and the cylinder's axis along the leg",
-            )  # fmt: skip
+            )
         return CuttingPlane(position, normal)
 
     @property
@@ -139,9 +139,11 @@ def turn_about_travel(direction: FloatArray, axis: FloatArray, source: str) -> f
     if abs(along @ travel) > _SQUARE:
         angle = np.degrees(np.arccos(np.clip(along @ travel, -1, 1)))
         raise InputError(
-            source, "indenter.axis", f"stands at {angle:.0f} degrees to the direction",
+            source,
+            "indenter.axis",
+            f"stands at {angle:.0f} degrees to the direction",
             "a cylinder travels square to its axis: correct axis or direction",
-        )  # fmt: skip
+        )
     upright = _UP - (_UP @ travel) * travel
     turn = float(np.degrees(np.arctan2(along @ np.cross(travel, upright), along @ upright)))
     return (turn + 90.0) % 180.0 - 90.0

@@ -38,13 +38,13 @@ class RigidTransform:
         R, t = self.rotation, self.translation
         if R.shape != (3, 3) or t.shape != (3,) or not np.isfinite(t).all():
             raise InputError(
-                "transform", "shape", "is not a 3 x 3 rotation and a translation of 3 lengths (mm)",
+                "transform",
+                "shape",
+                "is not a 3 x 3 rotation and a translation of 3 lengths (mm)",
                 "give R and t of x -> R x + t",
-            )  # fmt: skip
-        if not np.allclose(R @ R.T, np.eye(3), atol=1e-6) or np.linalg.det(R) < 0:
-            raise InputError(
-                "transform", "rotation", "is not a rotation", "give an orthogonal matrix, det 1"
             )
+        if not np.allclose(R @ R.T, np.eye(3), atol=1e-6) or np.linalg.det(R) < 0:
+            raise InputError("transform", "rotation", "is not a rotation", "give an orthogonal matrix, det 1")
 
     @staticmethod
     def of_angles(degrees: tuple[float, float, float], translation: FloatArray) -> RigidTransform:
@@ -63,6 +63,4 @@ class RigidTransform:
 
     def after(self, first: RigidTransform) -> RigidTransform:
         """Return the motion that does ``first`` and then this one."""
-        return RigidTransform(
-            self.rotation @ first.rotation, self.rotation @ first.translation + self.translation
-        )
+        return RigidTransform(self.rotation @ first.rotation, self.rotation @ first.translation + self.translation)

@@ -61,9 +61,7 @@ def girth(section: LegSection) -> float:
     return float(section.polygon("skin").length)
 
 
-def fat_thickness(
-    section: LegSection, point: FloatArray, direction: FloatArray | None = None
-) -> float:
+def fat_thickness(section: LegSection, point: FloatArray, direction: FloatArray | None = None) -> float:
     """Return the thickness of the fat, skin to the fascia's outer face, in mm.
 
     Parameters

@@ -14,9 +14,7 @@ from legfem.geometry.contours import check_girth
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 
 
-def check_shape(
-    shape: LegShape, source: str | Path, clearance: float = 0.0, leg_sized: bool = True
-) -> None:
+def check_shape(shape: LegShape, source: str | Path, clearance: float = 0.0, leg_sized: bool = True) -> None:
     """Check that the parts of a shape nest at every level.
 
     Parameters
@@ -45,9 +43,8 @@ def check_shape(
         for part, polygon in here.items():
             if not polygon.is_valid:
                 raise InputError(
-                    source, f"{part}, {where}", "the contour crosses itself",
-                    "give its points in order, or smooth it",
-                )  # fmt: skip
+                    source, f"{part}, {where}", "the contour crosses itself", "give its points in order, or smooth it"
+                )
         if leg_sized:
             check_girth(float(here[SKIN].length), source)
         for inner, outer in pairs:
@@ -55,31 +52,23 @@ def check_shape(
         for i, bone in enumerate(shape.bones):
             for other in shape.bones[:i]:
                 if here[bone].distance(here[other]) < max(clearance, 1e-9):
-                    raise InputError(
-                        source, f"{bone}, {where}", f"touches or crosses the {other}",
-                        "separate the two",
-                    )  # fmt: skip
+                    raise InputError(source, f"{bone}, {where}", f"touches or crosses the {other}", "separate the two")
 
 
 def _check_room(
-    source: str | Path,
-    here: Mapping[str, Polygon],
-    inner: str,
-    outer: str,
-    where: str,
-    clearance: float,
+    source: str | Path, here: Mapping[str, Polygon], inner: str, outer: str, where: str, clearance: float
 ) -> None:
     if not here[outer].contains_properly(here[inner]):
         at = shapely.get_coordinates(here[inner].difference(here[outer]).representative_point())
         near = f" near ({at[0, 0]:.1f}, {at[0, 1]:.1f})" if len(at) else ""
         raise InputError(
-            source, f"{inner}, {where}", f"is not inside the {outer}{near}",
-            f"bring the {inner} inside the {outer}",
-        )  # fmt: skip
+            source, f"{inner}, {where}", f"is not inside the {outer}{near}", f"bring the {inner} inside the {outer}"
+        )
     gap = here[outer].exterior.distance(here[inner].exterior)
     if gap < clearance:
         raise InputError(
-            source, f"{inner}, {where}",
+            source,
+            f"{inner}, {where}",
             f"{gap:.2f} mm left to the {outer} where {clearance:.2f} are needed",
             "correct the contours or ask for less room",
-        )  # fmt: skip
+        )

@@ -65,9 +65,11 @@ def read_shape(path: Path, between: tuple[float, float] = (-np.inf, np.inf)) -> 
         for level, loop in zip(levels, loops, strict=True):
             if len(loop) < 8:
                 raise InputError(
-                    path, f"{part}, level {level:g} mm", f"{len(loop)} points are too few",
+                    path,
+                    f"{part}, level {level:g} mm",
+                    f"{len(loop)} points are too few",
                     "give the contour of every part at every level, 8 points or more",
-                )  # fmt: skip
+                )
         contours[part] = loops
         points[part] = max(len(loop) for loop in loops)
     for part in (SKIN, HULL):
@@ -84,6 +86,5 @@ def read_shape(path: Path, between: tuple[float, float] = (-np.inf, np.inf)) -> 
 def not_closed(path: Path, error: ValueError) -> InputError:
     """Return the error of a file with a contour that no closed curve goes through."""
     return InputError(
-        path, "x_mm, y_mm", f"a contour is no closed outline: {error}",
-        "give its points in order around it, once",
-    )  # fmt: skip
+        path, "x_mm, y_mm", f"a contour is no closed outline: {error}", "give its points in order around it, once"
+    )

@@ -31,9 +31,7 @@ def horizontal_curvature(shape: LegShape, part: str = SKIN) -> FloatArray:
         (n_levels, n_points), 1/mm; positive where the contour is convex.
     """
     xy = shape.contours[part]
-    one, two = (
-        (np.roll(xy, -k, axis=1), np.roll(xy, k, axis=1)) for k in (1, 2)
-    )  # after and before
+    one, two = ((np.roll(xy, -k, axis=1), np.roll(xy, k, axis=1)) for k in (1, 2))  # after and before
     first = (8 * (one[0] - one[1]) - (two[0] - two[1])) / 12
     second = (16 * (one[0] + one[1]) - (two[0] + two[1]) - 30 * xy) / 12
     turning = first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]

@@ -39,9 +39,7 @@ def resliced(points: Mapping[str, FloatArray], levels: ArrayLike | None = None) 
     return LegShape(z, {part: _cut(xyz, z, part) for part, xyz in points.items()})
 
 
-def displaced(
-    shape: LegShape, displacement: Mapping[str, FloatArray], levels: ArrayLike | None = None
-) -> LegShape:
+def displaced(shape: LegShape, displacement: Mapping[str, FloatArray], levels: ArrayLike | None = None) -> LegShape:
     """Return a deformed shape.
 
     Parameters
@@ -55,10 +53,9 @@ def displaced(
     """
     points = {part: shape.points(part) + displacement.get(part, 0.0) for part in shape.contours}
     z = _levels_to_cut(points, levels)
-    return LegShape(z, {
-        part: _cut(xyz, z, part) if part in displacement else shape.at(part, z)
-        for part, xyz in points.items()
-    })  # fmt: skip
+    return LegShape(
+        z, {part: _cut(xyz, z, part) if part in displacement else shape.at(part, z) for part, xyz in points.items()}
+    )
 
 
 def rigidly_moved(
@@ -81,10 +78,7 @@ def without_layer(shape: LegShape, thickness: float) -> LegShape:
     thickness : float
         mm.
     """
-    moved = {
-        part: shape.contours[part] - thickness * outward_normals(shape.contours[part])
-        for part in (SKIN, HULL)
-    }
+    moved = {part: shape.contours[part] - thickness * outward_normals(shape.contours[part]) for part in (SKIN, HULL)}
     return LegShape(shape.levels, {**shape.contours, **moved})
 
 
@@ -102,11 +96,11 @@ def _levels_to_cut(points: Mapping[str, FloatArray], levels: ArrayLike | None) -
     slack = 1e-9 * (abs(highest) + abs(lowest))
     if z.min() < lowest - slack or z.max() > highest + slack:
         raise InputError(
-            "shape", "level",
-            f"{z.min():g} to {z.max():g} mm is not within what moved, {lowest:.4g} to "
-            f"{highest:.4g} mm",
+            "shape",
+            "level",
+            f"{z.min():g} to {z.max():g} mm is not within what moved, {lowest:.4g} to {highest:.4g} mm",
             "choose levels farther from the ends",
-        )  # fmt: skip
+        )
     return z
 
 

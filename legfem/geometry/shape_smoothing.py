@@ -19,10 +19,7 @@ from legfem.geometry.leg_shape import LegShape, corresponding_loops
 
 
 def smoothed(
-    shape: LegShape,
-    around: float = 0.0,
-    along: float = 0.0,
-    parts: Collection[str] | None = None,
+    shape: LegShape, around: float = 0.0, along: float = 0.0, parts: Collection[str] | None = None
 ) -> LegShape:
     """Return the shape without its short undulations.
 
@@ -72,9 +69,11 @@ def _along(xy: FloatArray, levels: FloatArray, wavelength: float) -> FloatArray:
     steps = np.diff(levels)
     if np.ptp(steps) > 1e-6 * steps.mean():
         raise InputError(
-            "shape", "levels", "are not evenly spaced, so the leg can't be smoothed along them",
+            "shape",
+            "levels",
+            "are not evenly spaced, so the leg can't be smoothed along them",
             "resample the shape first",
-        )  # fmt: skip
+        )
     n = len(levels)
     if n < 3:
         return xy

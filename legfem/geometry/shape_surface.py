@@ -36,8 +36,7 @@ class PartSurface:
         wrapped = np.take(xy, np.arange(-_WRAPPED, n + _WRAPPED) % n, axis=1)
         degree = min(3, len(shape.levels) - 1)
         self._coordinates = [
-            RectBivariateSpline(shape.levels, turns, wrapped[..., k], kx=degree, ky=3)
-            for k in range(2)
+            RectBivariateSpline(shape.levels, turns, wrapped[..., k], kx=degree, ky=3) for k in range(2)
         ]
         steps = np.linalg.norm(xy - np.roll(xy, 1, axis=1), axis=2)
         self.perimeter = float(steps.sum(axis=1).mean())
@@ -59,8 +58,6 @@ class PartSurface:
         u = around[nearest // len(along)]
         for _ in range(_CORRECTIONS):
             missed = xy - self(u, z)[:, :2]
-            slope = np.column_stack(
-                [coordinate.ev(z, np.mod(u, 1.0), dy=1) for coordinate in self._coordinates]
-            )
+            slope = np.column_stack([coordinate.ev(z, np.mod(u, 1.0), dy=1) for coordinate in self._coordinates])
             u = u + np.einsum("ij,ij->i", missed, slope) / np.einsum("ij,ij->i", slope, slope)
         return self(u, z)

@@ -64,9 +64,7 @@ class SliceSet:
         return contours
 
 
-def calf_levels(
-    shape: LegShape, count: int = 5, height: float = 30.0, centre: float | None = None
-) -> FloatArray:
+def calf_levels(shape: LegShape, count: int = 5, height: float = 30.0, centre: float | None = None) -> FloatArray:
     """Return the levels of slices spread over a height of the calf, (count,), mm.
 
     Parameters
@@ -89,17 +87,21 @@ def calf_levels(
     low, high = float(shape.levels[0]), float(shape.levels[-1])
     if high - low < height:
         raise InputError(
-            "shape", "levels", f"{high - low:g} mm of leg cannot hold slices over {height:g} mm",
+            "shape",
+            "levels",
+            f"{high - low:g} mm of leg cannot hold slices over {height:g} mm",
             "give a longer segment, or spread the slices less",
-        )  # fmt: skip
+        )
     if centre is None:
         centre = float(np.clip(largest_girth(shape), low + height / 2, high - height / 2))
     levels = centre + np.linspace(-height / 2, height / 2, count)
     if levels[0] < low or levels[-1] > high:
         raise InputError(
-            "slices", "centre", f"{levels[0]:g} to {levels[-1]:g} mm is not within the leg, "
-            f"{low:g} to {high:g} mm", "move the centre",
-        )  # fmt: skip
+            "slices",
+            "centre",
+            f"{levels[0]:g} to {levels[-1]:g} mm is not within the leg, {low:g} to {high:g} mm",
+            "move the centre",
+        )
     return levels
 
 
@@ -157,24 +159,17 @@ def slice_distances(reference: SliceSet, other: SliceSet) -> dict[str, FloatArra
     ValueError
         If the two stand at different levels.
     """
-    if reference.levels.shape != other.levels.shape or not np.allclose(
-        reference.levels, other.levels
-    ):
+    if reference.levels.shape != other.levels.shape or not np.allclose(reference.levels, other.levels):
         raise ValueError("slices at different levels can't be compared")
     return {
         name: np.stack(
-            [
-                signed_distances(*pair)
-                for pair in zip(reference.contours(name), other.contours(name), strict=True)
-            ]
+            [signed_distances(*pair) for pair in zip(reference.contours(name), other.contours(name), strict=True)]
         )
         for name in CONTOURS
     }
 
 
-def distance_rates(
-    reference: SliceSet, shape: LegShape, rates: Mapping[str, FloatArray]
-) -> FloatArray:
+def distance_rates(reference: SliceSet, shape: LegShape, rates: Mapping[str, FloatArray]) -> FloatArray:
     """Return the rates of the signed distances of a moving shape.
 
     To first order in its distance from the reference and in the difference of their normals.

@@ -14,28 +14,12 @@ from legfem.common.units import FloatArray, mpa_to_kpa, readable_unit
 from legfem.common.versions import versions_of
 from legfem.correction.choice import Correction
 from legfem.identify.applied_correction import AppliedCorrection
-from legfem.identify.catalogue import (
-    DEEP_C10,
-    DEEP_C20,
-    DEEP_D2,
-    Values,
-    key_of,
-    short_key_of,
-    unit_suffix,
-    with_units,
-)
+from legfem.identify.catalogue import DEEP_C10, DEEP_C20, DEEP_D2, Values, key_of, short_key_of, unit_suffix, with_units
 from legfem.identify.error_sources import source_of_mode, total_of
 from legfem.identify.estimates import Optimum, correlations_of, estimates
 from legfem.identify.laws import IdentifiedLaw
 from legfem.identify.misfit import Misfit
-from legfem.identify.result import (
-    Cost,
-    CostMap,
-    FullSolve,
-    IdentificationResult,
-    PredictedCurve,
-    SearchPath,
-)
+from legfem.identify.result import Cost, CostMap, FullSolve, IdentificationResult, PredictedCurve, SearchPath
 from legfem.identify.search import Search
 from legfem.identify.searches import Found
 from legfem.identify.trial import Trial
@@ -82,17 +66,29 @@ def assess(given: Assessment) -> IdentificationResult:
     covariances = search.misfit.covariances_at(best.values)
     cost = _cost(given, total_of(covariances))
     optimum = Optimum(
-        linear, given.found.residual, covariances, quantile(given.measured.noise.repeat_dof),
-        cost.p_value >= LEAST_CHANCE, assumed_stiffness(law),
-    )  # fmt: skip
+        linear,
+        given.found.residual,
+        covariances,
+        quantile(given.measured.noise.repeat_dof),
+        cost.p_value >= LEAST_CHANCE,
+        assumed_stiffness(law),
+    )
     found = estimates(optimum)
     solves = tuple(_full_solve(trial, search) for trial in given.found.trials)
     outcomes = given.found.outcomes
     applied = applied_correction(given.correction, given.measured.displacement, best.values)
     finding = Finding(
-        given.subject, law.name, found, cost, limit, search.converged, solves,
-        applied, given.measured, best.outcome.compromise,
-    )  # fmt: skip
+        given.subject,
+        law.name,
+        found,
+        cost,
+        limit,
+        search.converged,
+        solves,
+        applied,
+        given.measured,
+        best.outcome.compromise,
+    )
     return IdentificationResult(
         subject_id=given.subject.id,
         subject_title=given.subject.title,
@@ -184,9 +180,14 @@ def _full_solve(trial: Trial, search: Search) -> FullSolve:
     if trial.prediction is not None:
         cost = float(search.misfit.cost(trial.prediction.force))
     return FullSolve(
-        MappingProxyType(dict(trial.values)), cost, trial.stage, outcome.complete, outcome.reason,
-        outcome.factorisations, outcome.seconds,
-    )  # fmt: skip
+        MappingProxyType(dict(trial.values)),
+        cost,
+        trial.stage,
+        outcome.complete,
+        outcome.reason,
+        outcome.factorisations,
+        outcome.seconds,
+    )
 
 
 def _cost_map(search: Search) -> CostMap | None:

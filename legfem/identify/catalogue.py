@@ -19,14 +19,7 @@ RATIO = "fibre_ratio"
 """What the ratio of a tissue's shear moduli along its fibres and across is called after it."""
 DEEP_RATIO = f"deep.{RATIO}"
 RATIO_BOUNDS = (1.0, 10.0)
-UNITS = {
-    "C10": "MPa",
-    "C20": "MPa",
-    "C30": "MPa",
-    "stiffening": "MPa",
-    "D1": "1/MPa",
-    "D2": "1/MPa",
-}
+UNITS = {"C10": "MPa", "C20": "MPa", "C30": "MPa", "stiffening": "MPa", "D1": "1/MPa", "D2": "1/MPa"}
 _BOUNDS_KPA = {"C10": (0.02, 30.0), "C20": (0.0, 50.0)}
 # The designs' greatest extent: legs lie within, and the extremes take longest to solve.
 _USUAL_KPA = {DEEP_C10: (0.15, 4.0), DEEP_C20: (0.0, 6.0)}
@@ -70,9 +63,11 @@ def check_known(names: Collection[str], nominal: Values, source: str) -> None:
         if name not in known:
             nearest = difflib.get_close_matches(name, known, 1, 0.0)
             raise InputError(
-                source, name, "is no parameter of this model",
+                source,
+                name,
+                "is no parameter of this model",
                 f"did you mean {nearest[0]}? There are {', '.join(known)}",
-            )  # fmt: skip
+            )
 
 
 def check_held(source: str, text: str, name: str, value: float) -> None:
@@ -169,14 +164,15 @@ def within_prior(parameter: Parameter) -> Parameter:
     bounds = max(low, parameter.bounds[0]), min(high, parameter.bounds[1])
     if not bounds[0] < bounds[1]:
         raise InputError(
-            "--prior", parameter.name,
+            "--prior",
+            parameter.name,
             f"lies outside the bounds of the search, {parameter.bounds[0]:g} to "
-            f"{parameter.bounds[1]:g} {parameter.unit}", "widen the bounds, or doubt the prior",
-        )  # fmt: skip
+            f"{parameter.bounds[1]:g} {parameter.unit}",
+            "widen the bounds, or doubt the prior",
+        )
     return Parameter(
-        parameter.name, parameter.unit, bounds, prior, parameter.role, parameter.scale,
-        parameter.statement,
-    )  # fmt: skip
+        parameter.name, parameter.unit, bounds, prior, parameter.role, parameter.scale, parameter.statement
+    )
 
 
 def key_of(name: str) -> str:

@@ -9,15 +9,7 @@ from legfem.common.documents import json_types
 from legfem.common.doubts import doubt_documents
 from legfem.common.units import readable_unit
 from legfem.identify.applied_correction import AppliedCorrection, SpatialEvidence
-from legfem.identify.catalogue import (
-    DEEP_C10,
-    DEEP_C20,
-    Values,
-    key_of,
-    short_key_of,
-    unit_of,
-    unit_suffix,
-)
+from legfem.identify.catalogue import DEEP_C10, DEEP_C20, Values, key_of, short_key_of, unit_of, unit_suffix
 from legfem.identify.estimates import DISPLACEMENT, FORCE
 from legfem.identify.result import (
     Cost,
@@ -200,12 +192,7 @@ def _search(search: SearchPath) -> dict[str, Any]:
             for solve in search.solves
         ],
         "generations": [
-            {
-                "round": best.round,
-                "generation": best.number,
-                **_values(best.values, free),
-                "cost_N2": best.cost,
-            }
+            {"round": best.round, "generation": best.number, **_values(best.values, free), "cost_N2": best.cost}
             for best in search.generations
         ],
         "cost_map": None if search.cost_map is None else _cost_map(search.cost_map),

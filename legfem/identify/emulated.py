@@ -44,9 +44,7 @@ class Emulated:
         by = np.array([[one.model_sensitivities[name] for name in names] for one in predictions])
         coordinates = Coordinates(law)
         slopes = np.einsum(
-            "nkm,nkj->njm",
-            by.reshape(len(force), len(names), force.shape[1]),
-            coordinates.derivatives(points),
+            "nkm,nkj->njm", by.reshape(len(force), len(names), force.shape[1]), coordinates.derivatives(points)
         )
         return cls(law, misfit, Emulator(Samples(coordinates.of(points), force, slopes)))
 

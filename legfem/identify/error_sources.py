@@ -58,15 +58,13 @@ def shares_of_error(gain: FloatArray, covariances: Covariances) -> list[dict[Err
     n = len(total_of(covariances))
     of_forces, of_priors = gain[:, :n], gain[:, n:]
     parts: dict[ErrorSource, FloatArray] = {
-        source: np.asarray(np.diag(sandwich(of_forces, covariance)))
-        for source, covariance in covariances.items()
+        source: np.asarray(np.diag(sandwich(of_forces, covariance))) for source, covariance in covariances.items()
     }
     if of_priors.shape[1]:
         parts["priors"] = np.asarray(np.sum(of_priors**2, axis=1))
     whole = np.sum(list(parts.values()), axis=0)
     return [
-        {source: float(part[k] / whole[k]) for source, part in parts.items() if whole[k] > 0}
-        for k in range(len(gain))
+        {source: float(part[k] / whole[k]) for source, part in parts.items() if whole[k] > 0} for k in range(len(gain))
     ]
 
 

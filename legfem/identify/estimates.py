@@ -10,13 +10,7 @@ import numpy as np
 
 from legfem.common.units import FloatArray, readable_unit
 from legfem.identify.catalogue import DEEP_C10, symbol_of
-from legfem.identify.error_sources import (
-    Covariances,
-    ErrorSource,
-    greatest,
-    shares_of_error,
-    total_of,
-)
+from legfem.identify.error_sources import Covariances, ErrorSource, greatest, shares_of_error, total_of
 from legfem.identify.result import Estimate
 from legfem.identify.trial import Linearised
 from legfem.inference.domain import Domain
@@ -95,11 +89,7 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
     sensitivities = linear.prediction.sensitivities
     # By which measured forces would differ less from the model's, were each a tenth higher.
     tenths = {
-        **{
-            name: -value * sensitivities[name]
-            for name, value in optimum.assumed.items()
-            if name in sensitivities
-        },
+        **{name: -value * sensitivities[name] for name, value in optimum.assumed.items() if name in sensitivities},
         FORCE: misfit.measured_force,
         DISPLACEMENT: misfit.if_deeper,
     }
@@ -120,9 +110,8 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
         if optimum.plane and parameter.name == DEEP_C10:
             why += "; a constant 3D factor can't be told from it"
         found[parameter.name] = Estimate(
-            parameter, known.value, error, interval, known.verdict(optimum.law_fits), why, own,
-            shares[k],
-        )  # fmt: skip
+            parameter, known.value, error, interval, known.verdict(optimum.law_fits), why, own, shares[k]
+        )
     return found
 
 
@@ -149,8 +138,7 @@ def _trade(names: tuple[str, ...], k: int, correlations: FloatArray) -> str:
         return ""
     first, second = sorted((k, most))
     return (
-        f"{symbol_of(names[first])} and {symbol_of(names[second])} trade off "
-        f"(correlation {correlations[k, most]:.2f})"
+        f"{symbol_of(names[first])} and {symbol_of(names[second])} trade off (correlation {correlations[k, most]:.2f})"
     )
 
 

@@ -44,9 +44,11 @@ def check_in_plane(names: Collection[str]) -> None:
     """
     if DEEP_RATIO in names:
         raise InputError(
-            "--identify", DEEP_RATIO, "fibres along the leg do no work in plane strain",
+            "--identify",
+            DEEP_RATIO,
+            "fibres along the leg do no work in plane strain",
             "solve the leg in 3D: --model 3d",
-        )  # fmt: skip
+        )
 
 
 def moduli(values: Mapping[str, float], tissues: Collection[str]) -> dict[str, float]:
@@ -69,10 +71,7 @@ def moduli_needed(tissues: Collection[str], sensitivities: Collection[str]) -> l
 
 
 def at_ratios(
-    curve: ForceCurve,
-    values: Mapping[str, float],
-    tissues: Collection[str],
-    sensitivities: Sequence[str],
+    curve: ForceCurve, values: Mapping[str, float], tissues: Collection[str], sensitivities: Sequence[str]
 ) -> ForceCurve:
     """Return a curve with derivatives by ratios, and by C10 along which the ratio stays.
 

@@ -16,10 +16,7 @@ from legfem.solve.force_curve import ForceCurve
 from legfem.subjects.subject import Indenter, Subject
 
 if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import (
-        PlaneStrainIndentation,
-        PlaneStrainSettings,
-    )
+    from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
     from legfem.experiments.tissues import Tissues
     from legfem.mechanics.model import Term
 
@@ -117,13 +114,7 @@ class PlaneStrainForward:
         from legfem.experiments.plane_strain import PlaneStrainSettings
         from legfem.experiments.tissues import tissues_of
 
-        return cls(
-            subject.section,
-            subject.indenter,
-            tissues_of(subject),
-            settings or PlaneStrainSettings(),
-            depth,
-        )
+        return cls(subject.section, subject.indenter, tissues_of(subject), settings or PlaneStrainSettings(), depth)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the finite-element model out: it can't leave its process."""
@@ -136,9 +127,8 @@ class PlaneStrainForward:
             from legfem.experiments.plane_strain import PlaneStrainIndentation
 
             self._experiment = PlaneStrainIndentation(
-                self.section, self.indenter, self.tissues, self.settings,
-                mechanisms=self.mechanisms,
-            )  # fmt: skip
+                self.section, self.indenter, self.tissues, self.settings, mechanisms=self.mechanisms
+            )
         return self._experiment
 
     def prepare(self) -> None:
@@ -180,12 +170,7 @@ class PlaneStrainForward:
             "contours": contours.hexdigest(),
             "fascia_thickness_mm": self.section.fascia_thickness,
             "indenter": repr(
-                (
-                    self.indenter.radius,
-                    self.indenter.length,
-                    self.indenter.aim.tolist(),
-                    self.indenter.direction_deg,
-                )
+                (self.indenter.radius, self.indenter.length, self.indenter.aim.tolist(), self.indenter.direction_deg)
             ),
             "superficial": repr(self.tissues.superficial),
             "fascia": repr(self.tissues.fascia),
@@ -200,7 +185,5 @@ class PlaneStrainForward:
 def values_of(tissues: Tissues) -> dict[str, float]:
     """Return the tissues' values by full name (MPa, 1/MPa)."""
     return {
-        f"{tissue}.{key}": value
-        for tissue in _TISSUES
-        for key, value in getattr(tissues, tissue).parameters.items()
+        f"{tissue}.{key}": value for tissue in _TISSUES for key, value in getattr(tissues, tissue).parameters.items()
     }

@@ -32,14 +32,13 @@ def measured_curve(subject: Subject, depth: float | None = None) -> LoadingCurve
     InputError
         If the depth leaves too little to identify from.
     """
-    curve = mean_loading_curve(
-        subject.recordings, subject.instrument, starts_at_contact=subject.starts_at_contact
-    )
+    curve = mean_loading_curve(subject.recordings, subject.instrument, starts_at_contact=subject.starts_at_contact)
     if depth is None:
         return curve
     if not depth >= MINIMAL_DEPTH_MM:
-        raise InputError("--depth", f"{depth:g} mm", "is too little to identify from",
-                         f"give at least {MINIMAL_DEPTH_MM:g} mm")  # fmt: skip
+        raise InputError(
+            "--depth", f"{depth:g} mm", "is too little to identify from", f"give at least {MINIMAL_DEPTH_MM:g} mm"
+        )
     n = int((curve.displacement <= depth + 1e-9).sum())
     return replace(
         curve,
@@ -86,8 +85,7 @@ class Identification:
             about = self._searches(self._misfit).nearest(names)
         searches = self._searches(partial(self._misfit, about=about))
         return [
-            assess(Assessment(self.subject, found, self.measured, self.correction))
-            for found in searches.find(names)
+            assess(Assessment(self.subject, found, self.measured, self.correction)) for found in searches.find(names)
         ]
 
     @property
@@ -100,9 +98,13 @@ class Identification:
 
     def _misfit(self, law: IdentifiedLaw, about: tuple[Values, FloatArray] | None = None) -> Misfit:
         return Misfit(
-            self.measured, weighting_of(law, self.settings.weighting), self.correction,
-            beyond_of(law.parameters, law.fixed), law.reads, about,
-        )  # fmt: skip
+            self.measured,
+            weighting_of(law, self.settings.weighting),
+            self.correction,
+            beyond_of(law.parameters, law.fixed),
+            law.reads,
+            about,
+        )
 
 
 def weighting_of(law: IdentifiedLaw, asked: Weighting | None) -> Weighting:
@@ -117,9 +119,11 @@ def weighting_of(law: IdentifiedLaw, asked: Weighting | None) -> Weighting:
         return asked or "paper"
     if asked == "paper":
         raise InputError(
-            "--weighting", "paper", "has no errors that a prior could be weighed against",
+            "--weighting",
+            "paper",
+            "has no errors that a prior could be weighed against",
             "leave it out, or give covariance",
-        )  # fmt: skip
+        )
     return "covariance"
 
 

@@ -168,16 +168,16 @@ def law_of(
             continue
         if value is None:
             raise InputError(
-                "--identify", key, f"is neither identified nor given for the {name} law",
+                "--identify",
+                key,
+                f"is neither identified nor given for the {name} law",
                 f"add --identify {key}, or --fix '{key}=VALUE kPa'",
-            )  # fmt: skip
+            )
         held[key] = value
     return IdentifiedLaw(name, free, held, nominal)
 
 
-def _with_what_is_known(
-    given: Sequence[Parameter], subject: Subject, nominal: Values
-) -> list[Parameter]:
+def _with_what_is_known(given: Sequence[Parameter], subject: Subject, nominal: Values) -> list[Parameter]:
     """Return parameters with what was measured of them, and what was measured of others."""
     known = {one.name: one for one in given}
     priors, fibres = elastography_priors(subject.elastography), subject.fibres

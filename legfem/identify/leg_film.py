@@ -61,9 +61,7 @@ def seen(shape: LegShape) -> LegShape:
     """Return a leg's shape at the levels and points at which it is looked at."""
     levels = np.linspace(shape.levels[0], shape.levels[-1], _LEVELS)
     fine = shape.at_levels(levels)
-    return LegShape(
-        levels, {part: xy[:, :: -(-xy.shape[1] // _POINTS)] for part, xy in fine.contours.items()}
-    )
+    return LegShape(levels, {part: xy[:, :: -(-xy.shape[1] // _POINTS)] for part, xy in fine.contours.items()})
 
 
 @dataclass(eq=False)
@@ -117,10 +115,9 @@ class LegCamera:
         self.film.add(
             key,
             LegState(
-                at, skin.reshape(levels, points, 3), hull.reshape(levels, -1, 3),
-                on_points.reshape(levels, points),
+                at, skin.reshape(levels, points, 3), hull.reshape(levels, -1, 3), on_points.reshape(levels, points)
             ),
-        )  # fmt: skip
+        )
 
     @cached_property
     def shape(self) -> LegShape:
@@ -151,10 +148,7 @@ class LegCamera:
 
 
 def _write(path: Path, states: list[LegState]) -> None:
-    columns = {
-        name: np.array([getattr(state, name) for state in states], dtype=np.float32)
-        for name in _FIELDS
-    }
+    columns = {name: np.array([getattr(state, name) for state in states], dtype=np.float32) for name in _FIELDS}
     displacement = np.array([state.displacement for state in states])
     write_arrays(path, {"displacement": displacement, **columns}, compressed=True)
 

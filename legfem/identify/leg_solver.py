@@ -9,12 +9,7 @@ import numpy as np
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.correction.fibres import FIBRES
-from legfem.correction.tabulated import (
-    FIRST_RATIO,
-    first_contact_error,
-    mesh_error,
-    smooth_ratio,
-)
+from legfem.correction.tabulated import FIRST_RATIO, first_contact_error, mesh_error, smooth_ratio
 from legfem.experiments.leg_3d import FIBRE_PARAMETERS, fibres_of
 from legfem.identify.catalogue import DEEP_C10, Values
 from legfem.identify.forward import ForwardModel, ForwardOutcome
@@ -98,9 +93,7 @@ class LegSolver:
         curves = [self._solve(one, values).curve for one in (self._rough, self._shorter)]
         rough, shorter = (smooth_ratio(curve, flat, self.grid) for curve in curves)
         self.rough_solves = ROUGH_SOLVES
-        self._lasting = {
-            "mesh": mesh_error(P, rough, 1 / ROUGHER), "leg's length": shorter - rough,
-        }  # fmt: skip
+        self._lasting = {"mesh": mesh_error(P, rough, 1 / ROUGHER), "leg's length": shorter - rough}
         if self.models.fibres is not None:
             errors = fibre_errors(curves[0], self.models.fibres, values[DEEP_C10], self.grid)
             self._lasting |= {name: (P - 1) * share for name, share in errors.items()}
@@ -123,9 +116,7 @@ class LegSolver:
         return FullSolver(model, store, 1, self.progress, sensitivities)
 
 
-def fibre_errors(
-    curve: ForceCurve, fibres: FibreRatio, c10: float, displacement: FloatArray
-) -> dict[str, FloatArray]:
+def fibre_errors(curve: ForceCurve, fibres: FibreRatio, c10: float, displacement: FloatArray) -> dict[str, FloatArray]:
     """Return errors (n,) as shares of a leg's force: of the ratio, and of fibres in tension.
 
     How stiff fibres are in tension isn't known: a standard deviation is a factor of 2.
@@ -147,7 +138,4 @@ def fibre_errors(
     by_ratio = Fibres.slope_by_ratio(at_two.region, c10, by)
     by_extension = at_two.extension * by[f"{at_two.name}.extension"]
     in_tension = by_extension * (fibres.value - 1) * np.log(2.0)
-    return {
-        f"{FIBRES}ratio": by_ratio * fibres.sd / curve(at),
-        f"{FIBRES}stiffness in tension": in_tension / curve(at),
-    }
+    return {f"{FIBRES}ratio": by_ratio * fibres.sd / curve(at), f"{FIBRES}stiffness in tension": in_tension / curve(at)}

@@ -218,9 +218,7 @@ class Misfit(Compared):
             **covariances_of_modes(self.modes_of_correction(values, force)),
         }
 
-    def modes_of_correction(
-        self, values: Mapping[str, float], force: FloatArray
-    ) -> dict[str, FloatArray]:
+    def modes_of_correction(self, values: Mapping[str, float], force: FloatArray) -> dict[str, FloatArray]:
         """Return the correction's errors (n,), N, of a force (n,) at the model's values."""
         if self.correction is None:
             return {}

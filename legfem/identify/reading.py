@@ -97,8 +97,6 @@ class Reading:
         third, second, first, value = coefficients[:, piece, np.arange(len(whole))[:, None]]
         t = at - knots[piece]
         result = (
-            (3 * third * t + 2 * second) * t + first
-            if derivative
-            else ((third * t + second) * t + first) * t + value
+            (3 * third * t + 2 * second) * t + first if derivative else ((third * t + second) * t + first) * t + value
         )
         return np.where(at > 0, result, 0.0).reshape(*shape, len(self.displacement))

@@ -64,18 +64,14 @@ class Estimate:
     @property
     def relative_half_width(self) -> float:
         """Half the interval over the value; see `legfem.inference.identifiability.Estimated`."""
-        return Estimated(
-            self.parameter, self.value, self.standard_error, self.ci95
-        ).relative_half_width
+        return Estimated(self.parameter, self.value, self.standard_error, self.ci95).relative_half_width
 
     @property
     def shown(self) -> Shown:
         """The numbers as people read them: stresses in kPa."""
         unit, factor = readable_unit(self.unit)
         low, high = self.ci95
-        return Shown(
-            factor * self.value, factor * self.standard_error, (factor * low, factor * high), unit
-        )
+        return Shown(factor * self.value, factor * self.standard_error, (factor * low, factor * high), unit)
 
 
 @dataclass(frozen=True)
@@ -236,12 +232,9 @@ class IdentificationResult(IdentifiedParameters):
     @property
     def identifiability(self) -> tuple[Identifiability, str]:
         """The worst of the parameters' verdicts, and why."""
-        worst = max(
-            self.parameters.values(), key=lambda found: VERDICTS.index(found.identifiability)
-        )
+        worst = max(self.parameters.values(), key=lambda found: VERDICTS.index(found.identifiability))
         return worst.identifiability, "; ".join(
-            f"{key_of(name)}: {found.identifiability}: {found.why}"
-            for name, found in self.parameters.items()
+            f"{key_of(name)}: {found.identifiability}: {found.why}" for name, found in self.parameters.items()
         )
 
     @property

@@ -13,12 +13,7 @@ from legfem.correction.tabulated import TabulatedCorrection
 from legfem.identify.catalogue import DEEP_C20, Values
 from legfem.identify.document import result_document
 from legfem.identify.forward import PlaneStrainForward
-from legfem.identify.identification import (
-    Identification,
-    beyond_of,
-    measured_curve,
-    weighting_of,
-)
+from legfem.identify.identification import Identification, beyond_of, measured_curve, weighting_of
 from legfem.identify.laws import IdentifiedLaw, LawName, law_of
 from legfem.identify.request import SearchRequest
 from legfem.identify.result import IdentificationResult

@@ -104,9 +104,7 @@ class Search[Comparison: Compared]:
         self.trials += trials
         return trials
 
-    def _trial(
-        self, point: FloatArray, values: Values, outcome: ForwardOutcome, stage: Stage
-    ) -> Trial:
+    def _trial(self, point: FloatArray, values: Values, outcome: ForwardOutcome, stage: Stage) -> Trial:
         # A curve that stops short says nothing about the greatest forces.
         if not (outcome.complete and self.misfit.reached_by(outcome)):
             return Trial(point, values, outcome, stage, None, math.inf)
@@ -116,12 +114,8 @@ class Search[Comparison: Compared]:
 
     def beside(self, misfit: Comparison) -> Search[Comparison]:
         """Return a search beside another reading of the recordings, with what was solved so far."""
-        other = replace(
-            self, misfit=misfit, trials=[], generations=list(self.generations), converged=False
-        )
-        other.trials += [
-            other._trial(one.point, one.values, one.outcome, one.stage) for one in self.trials
-        ]
+        other = replace(self, misfit=misfit, trials=[], generations=list(self.generations), converged=False)
+        other.trials += [other._trial(one.point, one.values, one.outcome, one.stage) for one in self.trials]
         return other
 
     def emulated(self) -> Emulated:

@@ -151,14 +151,11 @@ class Searches[Comparison: Compared]:
         return Search(law, misfit, self.settings, self.solver)
 
 
-def _at_limit[Comparison: Compared](
-    search: Search[Comparison], best: Trial
-) -> tuple[Search[Comparison], Trial]:
+def _at_limit[Comparison: Compared](search: Search[Comparison], best: Trial) -> tuple[Search[Comparison], Trial]:
     """Return a search and its neo-Hookean limit, as points of the search's own law."""
     law = search.law
     parameters = tuple(
-        replace(one, bounds=(0.0, one.bounds[1])) if one.name == DEEP_C20 else one
-        for one in law.parameters
+        replace(one, bounds=(0.0, one.bounds[1])) if one.name == DEEP_C20 else one for one in law.parameters
     )
     law = replace(law, parameters=parameters)
     point = Domain(parameters).inside(law.point({**law.fixed, **best.values}))

@@ -36,6 +36,4 @@ class IdentificationSettings:
     emulator: bool = True
     most_solves: int = 25
     minimiser: Minimiser = field(default_factory=Genetic)
-    plain_minimiser: Minimiser = field(
-        default_factory=lambda: Genetic(population=12, generations=25)
-    )
+    plain_minimiser: Minimiser = field(default_factory=lambda: Genetic(population=12, generations=25))

@@ -21,11 +21,7 @@ def run_together[Comparison: Compared](searches: Sequence[Search[Comparison]]) -
         with suppress(StopIteration):
             asked[k] = next(asking)
     while asked:
-        points = [
-            model_values(searches[k].law.values(point))
-            for k, (several, _) in asked.items()
-            for point in several
-        ]
+        points = [model_values(searches[k].law.values(point)) for k, (several, _) in asked.items() for point in several]
         searches[0].solver.solve(points)
         # Known by now, these cost nothing.
         answered = {k: searches[k].solve(*one) for k, one in asked.items()}

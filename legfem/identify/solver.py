@@ -44,9 +44,7 @@ class FullSolver:
         self.model, self.store, self.jobs, self.progress = model, store, jobs, progress
         self.sensitivities = sensitivities
         self.reused: set[Key] = set()
-        self._workers: Workers[ForwardModel, _Task, ForwardOutcome] = Workers(
-            _solve, model, jobs, along=True
-        )
+        self._workers: Workers[ForwardModel, _Task, ForwardOutcome] = Workers(_solve, model, jobs, along=True)
         self._known: dict[Key, ForwardOutcome] = {}
 
     def __enter__(self) -> FullSolver:

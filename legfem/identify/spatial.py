@@ -12,11 +12,7 @@ from mpi4py import MPI
 
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, Silent
-from legfem.experiments.leg_3d import (
-    LegIndentation3D,
-    SolidLegSettings,
-    membrane_of,
-)
+from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membrane_of
 from legfem.experiments.pressing import OnStep
 from legfem.experiments.tissues import tissues_of
 from legfem.identify.catalogue import DEEP_RATIO, Values, stiffness_in_words
@@ -106,23 +102,21 @@ class SpatialForward:
             every = {DEEP_RATIO: self.fibre_ratio, **every}
         fibrous = ("deep",) if DEEP_RATIO in every else ()
         fascia = NeoHookean(every["fascia.C10"], every["fascia.D1"])
-        own = {
-            name: value
-            for name, value in every.items()
-            if not name.startswith(_FASCIA) and name != DEEP_RATIO
-        }
+        own = {name: value for name, value in every.items() if not name.startswith(_FASCIA) and name != DEEP_RATIO}
         own |= membrane_of(fascia, self.fascia_thickness).parameters | moduli(every, fibrous)
         solved = self.experiment.solve(
-            own, self.depth, _asked(sensitivities, fibrous), on_step=self._on_step(values),
-            keep_in=self.states,
-        )  # fmt: skip
+            own, self.depth, _asked(sensitivities, fibrous), on_step=self._on_step(values), keep_in=self.states
+        )
         curve = _of_fascia(solved.curve, fascia, self.fascia_thickness, sensitivities)
         report = solved.report
         return ForwardOutcome(
-            values, (at_ratios(curve, every, fibrous, sensitivities),), bool(report.complete),
-            report.reason, report.factorisations,
+            values,
+            (at_ratios(curve, every, fibrous, sensitivities),),
+            bool(report.complete),
+            report.reason,
+            report.factorisations,
             float(report.seconds) + sum(before.seconds for before in report.earlier_attempts),
-        )  # fmt: skip
+        )
 
     def prepare(self) -> None:
         """Mesh and compile now, on one rank alone; several do when they first solve together."""
@@ -160,10 +154,7 @@ class SpatialForward:
 
     def fingerprint(self) -> Mapping[str, Any]:
         """Return leg, cylinder, tissues, settings, depth and code."""
-        return {
-            "model": "3D", "depth_mm": self.depth, "fibre_ratio": self.fibre_ratio,
-            **self.experiment.fingerprint(),
-        }  # fmt: skip
+        return {"model": "3D", "depth_mm": self.depth, "fibre_ratio": self.fibre_ratio, **self.experiment.fingerprint()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,9 +208,7 @@ class LegModels:
         """
         settings, leg = settings or SolidLegSettings(), spatial_leg(subject)
         larger = replace(
-            settings,
-            mesh=settings.mesh.refined(1 / ROUGHER),
-            contact_size=ROUGHER * settings.contact_size,
+            settings, mesh=settings.mesh.refined(1 / ROUGHER), contact_size=ROUGHER * settings.contact_size
         )
         trimmed = leg.trimmed(subject.indenter.extent, TRIMMED)
         states = None if kept is None else kept / "states"
@@ -233,9 +222,7 @@ class LegModels:
             nominal[DEEP_RATIO] = fibres.value
         ratio = None if fibres is None else fibres.value
 
-        def pressed(
-            shape: SpatialLeg, numbers: SolidLegSettings, film: LegFilm | None = None
-        ) -> SpatialForward:
+        def pressed(shape: SpatialLeg, numbers: SolidLegSettings, film: LegFilm | None = None) -> SpatialForward:
             test = LegIndentation3D.of_subject(subject, shape, numbers, comm)
             return SpatialForward(test, nominal, thickness, depth, ratio, states, told, film)
 
@@ -256,9 +243,7 @@ def _asked(sensitivities: Sequence[str], fibrous: Collection[str]) -> list[str]:
     return list(dict.fromkeys([*own, *moduli_needed(fibrous, sensitivities)]))
 
 
-def _of_fascia(
-    curve: ForceCurve, fascia: NeoHookean, thickness: float, sensitivities: Sequence[str]
-) -> ForceCurve:
+def _of_fascia(curve: ForceCurve, fascia: NeoHookean, thickness: float, sensitivities: Sequence[str]) -> ForceCurve:
     """Return a curve whose derivatives by the membrane are by the fascia's C10 and D1."""
     by = dict(curve.sensitivities)
     membrane = Fascia()
@@ -292,6 +277,8 @@ def check_has_ends(subject: Subject) -> None:
     """
     if subject.plane_strain:
         raise InputError(
-            "--model", "3d", "the recordings are simulated in plane strain, without ends",
+            "--model",
+            "3d",
+            "the recordings are simulated in plane strain, without ends",
             "leave it out, or give plane_strain = false in [recordings] if they have ends",
-        )  # fmt: skip
+        )

@@ -39,9 +39,7 @@ type Asking = Generator[tuple[FloatArray, Stage], list[Trial]]
 """Asks for full solves of points (n, p) as often as it needs, and is sent their trials."""
 
 
-def objective_of(
-    law: IdentifiedLaw, misfit: Compared, force: FloatArray, points: FloatArray
-) -> FloatArray:
+def objective_of(law: IdentifiedLaw, misfit: Compared, force: FloatArray, points: FloatArray) -> FloatArray:
     """Return what is minimised (...) for forces (..., n), N, at points (..., p)."""
     departures = law.priors.residual(points)
     return np.asarray(misfit.objective(force) + np.sum(departures**2, axis=-1))

@@ -47,7 +47,5 @@ class Trust:
             gap = one - nearest
             along = np.sum(direction * gap, axis=-1)
             half = 0.5 * np.sum(gap**2, axis=-1)
-            share = np.where(
-                along > half, np.minimum(share, half / np.maximum(along, 1e-300)), share
-            )
+            share = np.where(along > half, np.minimum(share, half / np.maximum(along, 1e-300)), share)
         return nearest, share

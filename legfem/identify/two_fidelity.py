@@ -18,10 +18,7 @@ import numpy as np
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.correction.confirmed import confirmed_correction
-from legfem.correction.tabulated import (
-    FIRST_RATIO,
-    TabulatedCorrection,
-)
+from legfem.correction.tabulated import FIRST_RATIO, TabulatedCorrection
 from legfem.identify.applied_correction import CLOSE, Confirmation, SpatialEvidence
 from legfem.identify.catalogue import DEEP_C10, DEEP_C20
 from legfem.identify.identification import Identification
@@ -94,9 +91,7 @@ class TwoFidelities:
                 break
         return self._told(result, confirmations, time.perf_counter() - started)
 
-    def _fitted(
-        self, name: LawName, correction: TabulatedCorrection | None
-    ) -> IdentificationResult:
+    def _fitted(self, name: LawName, correction: TabulatedCorrection | None) -> IdentificationResult:
         (result,) = replace(self.section, correction=correction).identify([name])
         return result
 
@@ -119,8 +114,12 @@ class TwoFidelities:
         prediction = missed if near else 0 * missed
         self._last = confirmed_correction(
             f"this leg's own, solved in 3D at C10 {c10:.3g} kPa, C20 {c20:.3g} kPa",
-            self.table, stiffness, grid, solved.P, {"prediction": prediction, **solved.errors},
-        )  # fmt: skip
+            self.table,
+            stiffness,
+            grid,
+            solved.P,
+            {"prediction": prediction, **solved.errors},
+        )
         outcome = solved.outcome
         self._seen = self.models.pressed(outcome)
         told = Confirmation(c10, c20, outcome.seconds, outcome.factorisations, share)
@@ -140,9 +139,16 @@ class TwoFidelities:
             for name, mode in self._last.errors.items()
         }
         evidence = SpatialEvidence(
-            leg.source, leg.extruded, leg.shape.length, tuple(confirmations),
-            self._leg.full_solves, self._leg.rough_solves, errors, table, self._seen,
-        )  # fmt: skip
+            leg.source,
+            leg.extruded,
+            leg.shape.length,
+            tuple(confirmations),
+            self._leg.full_solves,
+            self._leg.rough_solves,
+            errors,
+            table,
+            self._seen,
+        )
         warnings = []
         if not evidence.converged:
             warnings.append(
@@ -155,9 +161,7 @@ class TwoFidelities:
                 "along the cylinder is left out. Give a scan, surfaces or contours at several "
                 "levels as [section]."
             )
-        return replace(
-            result, spatial=evidence, warnings=(*result.warnings, *warnings), wall_s=seconds
-        )
+        return replace(result, spatial=evidence, warnings=(*result.warnings, *warnings), wall_s=seconds)
 
 
 def _stiffness(values: Mapping[str, float]) -> tuple[float, float]:

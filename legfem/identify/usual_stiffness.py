@@ -66,10 +66,12 @@ def doubts_about_stiffness(subject: Subject, parameters: Mapping[str, Found]) ->
         for name, one in parameters.items()
         if name.endswith(".C10") and key_of(name) not in (*said, *subject.confirmed)
         for doubt in ranges.C10[name.partition(".")[0]].likely(
-            toml, key_of(name), mpa_to_kpa(one.value),
+            toml,
+            key_of(name),
+            mpa_to_kpa(one.value),
             "doubt the units of force_N, displacement_mm, length_mm and the other tissues' C10_kPa",
         )
-    )  # fmt: skip
+    )
     return (*of_people, *published)
 
 
@@ -94,12 +96,13 @@ def _doubts_beside_people(subject: Subject, parameters: Mapping[str, Found]) -> 
             continue
         low, high = (usual.centre * math.exp(k * _OUTSIDE * usual.sd) for k in (-1, 1))
         yield Doubt(
-            str(subject.directory / "subject.toml"), key_of(name),
+            str(subject.directory / "subject.toml"),
+            key_of(name),
             f"{mpa_to_kpa(found):.3g} kPa is {'stiffer' if away > 0 else 'softer'} than in 99 of "
             f"100 people, {mpa_to_kpa(low):.2g} to {mpa_to_kpa(high):.2g} kPa at the "
             f"{_PLACES[site]} ({population().source})",
             "; ".join([*_explained(found, usual), "check units, gain and sizes"]),
-        )  # fmt: skip
+        )
 
 
 def _explained(found: float, usual: Prior) -> list[str]:

@@ -84,8 +84,7 @@ def warnings_about(found: Finding) -> tuple[str, ...]:
 
 
 UNCONVERGED = (
-    "The search ended before it converged: the optimum may lie elsewhere. Rerun with another "
-    "--seed or narrower bounds."
+    "The search ended before it converged: the optimum may lie elsewhere. Rerun with another --seed or narrower bounds."
 )
 
 
@@ -112,9 +111,7 @@ def begun_in_air(measured: LoadingCurve) -> Iterator[str]:
         )
 
 
-def at_limits(
-    law: LawName, parameters: Mapping[str, Estimate], neo_hookean_limit: bool
-) -> Iterator[str]:
+def at_limits(law: LawName, parameters: Mapping[str, Estimate], neo_hookean_limit: bool) -> Iterator[str]:
     """Yield which parameters stand at a bound of the search."""
     for name, one in parameters.items():
         if one.at_bound and not (name == DEEP_C20 and neo_hookean_limit):
@@ -184,9 +181,7 @@ def disagreement(
 
 def doubts_of(found: Finding) -> tuple[Doubt, ...]:
     """Return what is unlikely in the input, and in stiffnesses that nobody has found so."""
-    return (
-        *doubts_about(found.subject), *doubts_about_stiffness(found.subject, found.parameters)
-    )  # fmt: skip
+    return (*doubts_about(found.subject), *doubts_about_stiffness(found.subject, found.parameters))
 
 
 def _of_fibres(subject: Subject, in_correction: bool) -> Iterator[str]:

@@ -31,8 +31,7 @@ _WRITTEN = re.compile(
 )
 _FACTORS = {"kPa": ("MPa", MPA_PER_KPA), "1/kPa": ("1/MPa", 1 / MPA_PER_KPA)}
 _PRIOR_EXAMPLES = (
-    "'superficial.C10=2±1 kPa', 'superficial.C10=2 x/ 1.5 kPa' for a factor, or "
-    "'superficial.C10=population'"
+    "'superficial.C10=2±1 kPa', 'superficial.C10=2 x/ 1.5 kPa' for a factor, or 'superficial.C10=population'"
 )
 _POPULATION = "population"
 _FIX_EXAMPLE = "'deep.D1=28 1/MPa'"
@@ -105,11 +104,7 @@ class Written:
         return held
 
     def laws(
-        self,
-        asked: str | None,
-        parameters: Sequence[Parameter],
-        given_c20: float | None,
-        held: Values,
+        self, asked: str | None, parameters: Sequence[Parameter], given_c20: float | None, held: Values
     ) -> list[LawName]:
         """Return the laws to identify: ``both``, one, or without a word those of the names.
 
@@ -146,9 +141,8 @@ def read_prior(text: str, nominal: Values) -> tuple[str, Prior]:
         check_known([name], nominal, "--prior")
         if name not in TISSUES:
             raise InputError(
-                "--prior", name, "is not in the population's table",
-                f"there is one of {' and '.join(TISSUES)}",
-            )  # fmt: skip
+                "--prior", name, "is not in the population's table", f"there is one of {' and '.join(TISSUES)}"
+            )
         return name, population_prior(name)
     found = _WRITTEN.fullmatch(text)
     if found is None or found["how"] is None:
@@ -157,9 +151,7 @@ def read_prior(text: str, nominal: Values) -> tuple[str, Prior]:
     centre, width = float(found["value"]), float(found["width"])
     logarithmic = re.fullmatch(_FACTOR, found["how"]) is not None
     if logarithmic and not (width > 1 and centre > 0):
-        raise InputError(
-            "--prior", text, "is no factor about a positive value", "give a factor over 1"
-        )
+        raise InputError("--prior", text, "is no factor about a positive value", "give a factor over 1")
     if not logarithmic and not width > 0:
         raise InputError("--prior", text, "has no width", "give a standard deviation over 0")
     sd = math.log(width) if logarithmic else width * factor
@@ -192,9 +184,8 @@ def _known(found: re.Match[str], nominal: Values, source: str, example: str) -> 
     if own != wanted:
         others = " or ".join([wanted, *(u for u, (o, _) in _FACTORS.items() if o == wanted)])
         raise InputError(
-            source, name, f"has the unit {unit!r}" if unit else "has no unit",
-            f"give it in {others}, as in {example}",
-        )  # fmt: skip
+            source, name, f"has the unit {unit!r}" if unit else "has no unit", f"give it in {others}, as in {example}"
+        )
     return name, factor
 
 
@@ -202,7 +193,9 @@ def _bounds(option: str, bounds: tuple[float, float], least: float) -> tuple[flo
     low, high = bounds
     if not least <= low < high < float("inf"):
         raise InputError(
-            option, f"{low:g} {high:g}", "is no range of stiffnesses",
+            option,
+            f"{low:g} {high:g}",
+            "is no range of stiffnesses",
             "give two values in kPa, the lower one first; C10 must be positive",
-        )  # fmt: skip
+        )
     return kpa_to_mpa(low), kpa_to_mpa(high)

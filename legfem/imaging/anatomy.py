@@ -26,15 +26,19 @@ def check_anatomy(volume: LabelVolume) -> None:
     outermost = names[int(np.argmax(np.bincount(at_air, minlength=4)[1:])) + 1]
     if outermost != "superficial":
         raise InputError(
-            volume.source, "labels", f"what is labelled {outermost} lies outermost, where fat is",
+            volume.source,
+            "labels",
+            f"what is labelled {outermost} lies outermost, where fat is",
             f"exchange superficial and {outermost} under [labels]",
-        )  # fmt: skip
+        )
     bone, deep = (int((volume.labels == label).sum()) for label in (BONE, DEEP))
     if bone > deep:
         raise InputError(
-            volume.source, "labels", f"there is more bone ({bone} voxels) than muscle ({deep})",
+            volume.source,
+            "labels",
+            f"there is more bone ({bone} voxels) than muscle ({deep})",
             "exchange deep and bone under [labels]",
-        )  # fmt: skip
+        )
 
 
 def cropped(volume: LabelVolume, low: float, high: float) -> LabelVolume:
@@ -44,7 +48,4 @@ def cropped(volume: LabelVolume, low: float, high: float) -> LabelVolume:
         return volume
     first, last = int(kept[0]), int(kept[-1])
     origin = volume.origin + np.array([0.0, 0.0, first * volume.spacing[2]])
-    return LabelVolume(
-        volume.labels[:, :, first : last + 1], volume.spacing, origin, volume.source,
-        volume.transform,
-    )  # fmt: skip
+    return LabelVolume(volume.labels[:, :, first : last + 1], volume.spacing, origin, volume.source, volume.transform)

@@ -48,9 +48,7 @@ class LegSource:
     """Between which it is looked at, and checked (mm)."""
 
     @classmethod
-    def opened(
-        cls, directory: Path, toml: Path, field: str, entry: ShapeEntry, labels: LabelsEntry
-    ) -> LegSource:
+    def opened(cls, directory: Path, toml: Path, field: str, entry: ShapeEntry, labels: LabelsEntry) -> LegSource:
         """Read what a table of a folder's file names.
 
         Raises
@@ -95,18 +93,18 @@ class LegSource:
         within, levels = self.between(low, high), None
         if self.surfaces is not None:
             ends = np.array(
-                [[f(s.bounds[k, 2] for s in every) for f, k in ((min, 0), (max, 1))]
-                 for every in self.surfaces.values()]
-            )  # fmt: skip
+                [
+                    [f(s.bounds[k, 2] for s in every) for f, k in ((min, 0), (max, 1))]
+                    for every in self.surfaces.values()
+                ]
+            )
             # A plane through a surface's very end cuts nothing.
             first = max(low, float(ends[:, 0].max()) + 1.0)
             last = min(high, float(ends[:, 1].min()) - 1.0)
             levels = np.linspace(first, last, max(2, 1 + round((last - first) / _APART)))
         return within.shape(OutlineSettings(), levels, Clearances())
 
-    def shape(
-        self, settings: OutlineSettings, levels: FloatArray | None, room: Clearances | None = None
-    ) -> LegShape:
+    def shape(self, settings: OutlineSettings, levels: FloatArray | None, room: Clearances | None = None) -> LegShape:
         """Return the leg's shape, its parts moved apart where they lack room.
 
         Parameters
@@ -174,12 +172,12 @@ def _outlines_of_contours(path: Path, plane: CuttingPlane) -> dict[str, Polygon]
         return polygons_of(loops[nearest], path, f"level {level:g} mm")
     if len(levels) < 2:
         raise InputError(
-            path, "level", f"there is no level {level:g} mm, and {levels[0]:g} mm alone",
+            path,
+            "level",
+            f"there is no level {level:g} mm, and {levels[0]:g} mm alone",
             "choose that level, or give contours at several",
-        )  # fmt: skip
-    outlines = [
-        polygons_of(here, path, f"level {at:g} mm") for at, here in zip(levels, loops, strict=True)
-    ]
+        )
+    outlines = [polygons_of(here, path, f"level {at:g} mm") for at, here in zip(levels, loops, strict=True)]
     try:
         shape = shape_of_outlines(levels, outlines, _FINE.n_points)
     except ValueError as error:

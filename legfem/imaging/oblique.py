@@ -13,9 +13,7 @@ _SHEAR = 1e-3
 _HALF = 0.5
 
 
-def along_axes(
-    array: NDArray[np.integer], affine: FloatArray, source: str
-) -> tuple[NDArray[np.integer], FloatArray]:
+def along_axes(array: NDArray[np.integer], affine: FloatArray, source: str) -> tuple[NDArray[np.integer], FloatArray]:
     """Return labels resampled on a grid along the coordinates' axes, and its affine (4, 4).
 
     Every label's share is interpolated linearly, and the largest wins, so that outlines move by a
@@ -41,9 +39,11 @@ def along_axes(
     cosines = affine[:3, :3] / spacing
     if np.abs(cosines.T @ cosines - np.eye(3)).max() > _SHEAR:
         raise InputError(
-            source, "affine", "the grid is sheared: its axes aren't square to each other",
+            source,
+            "affine",
+            "the grid is sheared: its axes aren't square to each other",
             "resample the volume along the scanner's axes",
-        )  # fmt: skip
+        )
     ends = np.array(np.meshgrid(*([0, n - 1] for n in array.shape), indexing="ij")).reshape(3, -1)
     corners = affine[:3, :3] @ ends + affine[:3, 3:]
     origin = corners.min(axis=1)
@@ -54,10 +54,9 @@ def along_axes(
     def moved(values: NDArray[np.generic], outside: float) -> NDArray[np.float32]:
         return np.asarray(
             affine_transform(
-                values.astype(np.float32), matrix, offset, shape, np.float32, 1, "constant",
-                outside, prefilter=False,
+                values.astype(np.float32), matrix, offset, shape, np.float32, 1, "constant", outside, prefilter=False
             )
-        )  # fmt: skip
+        )
 
     best = np.zeros(shape, dtype=np.float32)
     found = np.zeros(shape, dtype=array.dtype)
@@ -70,9 +69,11 @@ def along_axes(
     first, last = _longest(~cut & (found > 0).any(axis=(0, 1)))
     if last - first < 2:
         raise InputError(
-            source, "affine", "the grid is oblique, and no level holds the leg's whole section",
+            source,
+            "affine",
+            "the grid is oblique, and no level holds the leg's whole section",
             "scan or label more of the leg",
-        )  # fmt: skip
+        )
     straight = np.diag([*spacing, 1.0])
     straight[:3, 3] = origin
     straight[2, 3] += first * spacing[2]

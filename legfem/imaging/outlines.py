@@ -66,9 +66,7 @@ class OutlineSettings:
 
 
 def shape_of_volume(
-    volume: LabelVolume,
-    settings: OutlineSettings | None = None,
-    clearances: Clearances | None = None,
+    volume: LabelVolume, settings: OutlineSettings | None = None, clearances: Clearances | None = None
 ) -> LegShape:
     """Return the shape of a leg in a label volume, at the levels of its slices.
 
@@ -121,9 +119,7 @@ def _check_one_leg(skin: NDArray[np.bool_], volume: LabelVolume) -> None:
     pieces, _ = ndimage.label(skin[:, :, k])
     sizes = np.sort(np.bincount(pieces.ravel())[1:])
     if len(sizes) > 1 and sizes[-2] > _LEAST_LEG * sizes[-1]:
-        raise InputError(
-            volume.source, f"slice {k}", "shows two legs", "give one: take the other's labels out"
-        )
+        raise InputError(volume.source, f"slice {k}", "shows two legs", "give one: take the other's labels out")
 
 
 def _bones(volume: LabelVolume) -> dict[str, NDArray[np.bool_]]:
@@ -133,9 +129,8 @@ def _bones(volume: LabelVolume) -> dict[str, NDArray[np.bool_]]:
     order = [int(i) for i in np.argsort(-sizes) if sizes[i] > _LEAST_BONE * sizes.max()]
     if len(order) > len(BONE_NAMES):
         raise InputError(
-            volume.source, "bone", f"is in {len(order)} pieces",
-            "close the gaps in the tibia's and the fibula's labels",
-        )  # fmt: skip
+            volume.source, "bone", f"is in {len(order)} pieces", "close the gaps in the tibia's and the fibula's labels"
+        )
     return {name: pieces == i + 1 for name, i in zip(BONE_NAMES, order, strict=False)}
 
 
@@ -144,31 +139,30 @@ def _slices_with(masks: dict[str, NDArray[np.bool_]], volume: LabelVolume) -> ND
     holds: dict[str, Any] = {part: mask.any(axis=(0, 1)) for part, mask in masks.items()}
     every = np.flatnonzero(np.all(list(holds.values()), axis=0))
     if len(every) < 2:
-        raise InputError(
-            volume.source, "slices", "none holds skin, deep tissue and bones together",
-            "check the labels",
-        )  # fmt: skip
+        raise InputError(volume.source, "slices", "none holds skin, deep tissue and bones together", "check the labels")
     between = np.arange(every[0], every[-1] + 1)
     if len(between) > len(every):
         gap = int(np.setdiff1d(between, every)[0])
         part = next(part for part, has in holds.items() if not has[gap])
         what = "is empty" if part == SKIN else f"lacks the {part}"
         raise InputError(
-            volume.source, f"slice {gap}", f"{what} (z = {volume.levels[gap]:.1f} mm)",
+            volume.source,
+            f"slice {gap}",
+            f"{what} (z = {volume.levels[gap]:.1f} mm)",
             "segment it, or cut the volume there",
-        )  # fmt: skip
+        )
     return between
 
 
-def _outline(
-    mask: Any, volume: LabelVolume, part: str, k: int, settings: OutlineSettings
-) -> Polygon:
+def _outline(mask: Any, volume: LabelVolume, part: str, k: int, settings: OutlineSettings) -> Polygon:
     """Return the outline of a part in a slice, without holes, mm; muscles apart are joined."""
     if mask[[0, -1]].any() or mask[:, [0, -1]].any():
         raise InputError(
-            volume.source, f"slice {k}", f"the {part} is cut off by the volume's edge",
+            volume.source,
+            f"slice {k}",
+            f"the {part} is cut off by the volume's edge",
             "give the whole leg, with background around it",
-        )  # fmt: skip
+        )
     pieces, number = ndimage.label(mask)
     if number <= 1:
         return _outline_of_piece(mask, volume, part, k, settings)
@@ -179,9 +173,7 @@ def _outline(
     return joined(found, volume.source, f"slice {k}", settings.bridge)
 
 
-def _outline_of_piece(
-    mask: Any, volume: LabelVolume, part: str, k: int, settings: OutlineSettings
-) -> Polygon:
+def _outline_of_piece(mask: Any, volume: LabelVolume, part: str, k: int, settings: OutlineSettings) -> Polygon:
     window = ndimage.find_objects(mask.astype(np.int8))[0]
     low = [max(0, s.start - 4) for s in window]
     around = tuple(slice(a, s.stop + 4) for a, s in zip(low, window, strict=True))
@@ -192,9 +184,11 @@ def _outline_of_piece(
     closed = [line for line in lines if len(line) > 4 and np.allclose(line[0], line[-1])]
     if not closed:
         raise InputError(
-            volume.source, f"slice {k}", f"the {part} is too small to have an outline",
+            volume.source,
+            f"slice {k}",
+            f"the {part} is too small to have an outline",
             "remove the specks, or use a finer volume",
-        )  # fmt: skip
+        )
     index = max(closed, key=lambda line: abs(area_and_centroid(line)[0]))
     outline = Polygon(volume.origin[:2] + volume.spacing[:2] * (index + np.array(low) - 4))
     blurred = settings.blur**2 * float(volume.spacing[0] * volume.spacing[1])

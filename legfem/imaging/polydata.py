@@ -24,14 +24,31 @@ type Triangles = NDArray[np.intp]
 _Any = NDArray[np.generic]
 
 _LEGACY = {
-    "float": "f4", "double": "f8", "int": "i4", "unsigned_int": "u4", "short": "i2",
-    "unsigned_short": "u2", "char": "i1", "unsigned_char": "u1", "long": "i8",
-    "unsigned_long": "u8", "vtktypeint64": "i8", "vtkidtype": "i8",
-}  # fmt: skip
+    "float": "f4",
+    "double": "f8",
+    "int": "i4",
+    "unsigned_int": "u4",
+    "short": "i2",
+    "unsigned_short": "u2",
+    "char": "i1",
+    "unsigned_char": "u1",
+    "long": "i8",
+    "unsigned_long": "u8",
+    "vtktypeint64": "i8",
+    "vtkidtype": "i8",
+}
 _XML = {
-    "Int8": "i1", "Int16": "i2", "Int32": "i4", "Int64": "i8", "UInt8": "u1", "UInt16": "u2",
-    "UInt32": "u4", "UInt64": "u8", "Float32": "f4", "Float64": "f8",
-}  # fmt: skip
+    "Int8": "i1",
+    "Int16": "i2",
+    "Int32": "i4",
+    "Int64": "i8",
+    "UInt8": "u1",
+    "UInt16": "u2",
+    "UInt32": "u4",
+    "UInt64": "u8",
+    "Float32": "f4",
+    "Float64": "f8",
+}
 _UNPACKED: dict[str, Callable[[bytes], bytes]] = {
     "vtkZLibDataCompressor": zlib.decompress,
     "vtkLZMADataCompressor": lzma.decompress,
@@ -253,8 +270,7 @@ def _of_xml(content: bytes) -> tuple[FloatArray, Triangles]:
         raise ValueError(f"its compression {packer} is not known")
     order = ">" if root.attrib.get("byte_order") == "BigEndian" else "<"
     header = np.dtype(order + _XML[root.attrib.get("header_type", "UInt32")])
-    coded = _Coded(order, header, _UNPACKED.get(packer), appended.rstrip() if not raw else appended,
-                   raw)  # fmt: skip
+    coded = _Coded(order, header, _UNPACKED.get(packer), appended.rstrip() if not raw else appended, raw)
     points, faces, before = list[FloatArray](), list[Triangles](), 0
     for piece in grid.iter("Piece"):
         at = piece.find("Points/DataArray")

@@ -85,9 +85,7 @@ class IterationSettings:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        check_positive(
-            self, "radius", "spacing", "reach", "outlier", "tolerance", "pairings", "iterations"
-        )
+        check_positive(self, "radius", "spacing", "reach", "outlier", "tolerance", "pairings", "iterations")
 
 
 def register_points(moving: FloatArray, fixed: FloatArray) -> Registration:
@@ -110,9 +108,7 @@ def register_points(moving: FloatArray, fixed: FloatArray) -> Registration:
     left = transform(moving) - fixed
     rows = [_rows(moving @ turn.T - turn @ here, np.tile(e, (len(moving), 1))) for e in np.eye(3)]
     residual = float(np.sqrt((left**2).sum(axis=1).mean()))
-    return _report(
-        transform, left.T.ravel(), np.vstack(rows), residual, len(moving), 0, 1, converged=True
-    )
+    return _report(transform, left.T.ravel(), np.vstack(rows), residual, len(moving), 0, 1, converged=True)
 
 
 def register_surfaces(
@@ -159,9 +155,11 @@ def register_surfaces(
                 used &= np.abs(off) < settings.outlier * spread
         if used.sum() < max(6, len(moving) // 10):
             raise InputError(
-                "registration", "bones", f"only {int(used.sum())} of {len(moving)} points find "
-                "a partner", "give both scans in about the same posture, or a start",
-            )  # fmt: skip
+                "registration",
+                "bones",
+                f"only {int(used.sum())} of {len(moving)} points find a partner",
+                "give both scans in about the same posture, or a start",
+            )
         pivot = moved[used].mean(axis=0)
         rows = _rows(moved[used] - pivot, normal[used])
         step = np.linalg.lstsq(rows, -off[used], rcond=None)[0]
@@ -173,13 +171,19 @@ def register_surfaces(
             break
     left = off[used] + rows @ step
     # Patches share points: as many as a patch has carry the information of one.
-    return _report(transform, left, rows / np.sqrt(share), float(np.sqrt((left**2).mean())),
-                   int(used.sum()), int((~used).sum()), iteration, converged)  # fmt: skip
+    return _report(
+        transform,
+        left,
+        rows / np.sqrt(share),
+        float(np.sqrt((left**2).mean())),
+        int(used.sum()),
+        int((~used).sum()),
+        iteration,
+        converged,
+    )
 
 
-def register_shapes(
-    moving: LegShape, fixed: LegShape, settings: IterationSettings | None = None
-) -> Registration:
+def register_shapes(moving: LegShape, fixed: LegShape, settings: IterationSettings | None = None) -> Registration:
     """Register a leg on another by the surfaces of all bones.
 
     The start makes the bones' axes and their order round the leg the same, and the middles of what
@@ -192,13 +196,13 @@ def register_shapes(
     """
     if set(moving.bones) != set(fixed.bones):
         raise InputError(
-            "registration", "bones", f"{', '.join(moving.bones)} and {', '.join(fixed.bones)} "
-            "are not the same", "segment the same bones in both scans",
-        )  # fmt: skip
+            "registration",
+            "bones",
+            f"{', '.join(moving.bones)} and {', '.join(fixed.bones)} are not the same",
+            "segment the same bones in both scans",
+        )
     there, here = _frame(fixed), _frame(moving)
-    return register_surfaces(
-        bone_points(moving), bone_points(fixed), there.after(here.inverse()), settings
-    )
+    return register_surfaces(bone_points(moving), bone_points(fixed), there.after(here.inverse()), settings)
 
 
 def bone_points(shape: LegShape) -> FloatArray:
@@ -222,9 +226,7 @@ def _frame(shape: LegShape) -> RigidTransform:
     return RigidTransform(np.column_stack([np.cross(across, axis), across, axis]), middle)
 
 
-def _patches(
-    points: FloatArray, settings: IterationSettings
-) -> tuple[FloatArray, FloatArray, float]:
+def _patches(points: FloatArray, settings: IterationSettings) -> tuple[FloatArray, FloatArray, float]:
     """Return centres and unit normals of the patches round all points, and points a patch."""
     cells = np.floor(points / settings.spacing).astype(np.int64)
     points = points[np.sort(np.unique(cells, axis=0, return_index=True)[1])]
@@ -237,9 +239,11 @@ def _patches(
     kept = counts >= LEAST_PATCH
     if kept.sum() < LEAST_SURFACE:
         raise InputError(
-            "registration", "points", f"{len(points)} are too few or too far apart",
+            "registration",
+            "points",
+            f"{len(points)} are too few or too far apart",
             f"give the bones' surfaces, a point every {settings.spacing:g} mm or so",
-        )  # fmt: skip
+        )
     return centres[kept], normals[kept], float(counts[kept].mean())
 
 
@@ -276,16 +280,7 @@ def _report(
     variance = float((left**2).sum()) / max(len(left) - 6, 1)
     covariance = variance * np.linalg.pinv(rows.T @ rows)
     error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    return Registration(
-        transform,
-        residual,
-        pairs,
-        left_out,
-        error[3:],
-        np.degrees(error[:3]),
-        iterations,
-        converged,
-    )
+    return Registration(transform, residual, pairs, left_out, error[3:], np.degrees(error[:3]), iterations, converged)
 
 
 def _points(points: FloatArray, name: str) -> FloatArray:
@@ -294,7 +289,5 @@ def _points(points: FloatArray, name: str) -> FloatArray:
         raise InputError("registration", name, "is not (n, 3) finite coordinates", "check them")
     spread = np.linalg.svd(xyz - xyz.mean(axis=0), compute_uv=False) if len(xyz) > 2 else [0, 0]
     if len(xyz) < 3 or spread[1] <= 1e-6 * spread[0]:
-        raise InputError(
-            "registration", name, "fewer than three points, or all on a line", "give more points"
-        )
+        raise InputError("registration", name, "fewer than three points, or all on a line", "give more points")
     return xyz

@@ -28,9 +28,11 @@ def outlines_of_shape(shape: LegShape, plane: CuttingPlane, source: str) -> dict
         name = HULL if part == MUSCLE_HULL else part
         if name not in shape.contours:
             raise InputError(
-                source, part, f"missing at {plane}",
+                source,
+                part,
+                f"missing at {plane}",
                 "label tibia and fibula apart from each other, or cut the leg elsewhere",
-            )  # fmt: skip
+            )
         outlines[part] = Polygon(_contour(shape, name, plane, source))
     return outlines
 
@@ -44,9 +46,11 @@ def _contour(shape: LegShape, part: str, plane: CuttingPlane, source: str) -> Fl
     passes = (above[:-1] <= 0) & (above[1:] >= 0)
     if not passes.any(axis=0).all():
         raise InputError(
-            source, part, f"{plane} leaves the scan, {z[0]:.4g} to {z[-1]:.4g} mm",
+            source,
+            part,
+            f"{plane} leaves the scan, {z[0]:.4g} to {z[-1]:.4g} mm",
             "choose a level or a position within it",
-        )  # fmt: skip
+        )
     at, along = np.argmax(passes, axis=0), np.arange(points.shape[1])
     low, high = above[at, along], above[at + 1, along]
     share = (-low / np.where(high > low, high - low, 1.0))[:, None]

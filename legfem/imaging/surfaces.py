@@ -64,13 +64,9 @@ def read_surface(path: Path) -> Any:
         else:
             surface = trimesh.load(path, force="mesh")
     except ImportError:  # trimesh looks for the encoding of what it takes for text
-        raise InputError(
-            path, "file", "is neither a whole binary STL nor text", "save it again"
-        ) from None
+        raise InputError(path, "file", "is neither a whole binary STL nor text", "save it again") from None
     except Exception as error:  # the readers raise all kinds
-        raise InputError(
-            path, "file", f"is no surface that can be read ({error})", "save it as STL"
-        ) from None
+        raise InputError(path, "file", f"is no surface that can be read ({error})", "save it as STL") from None
     if len(surface.faces) == 0:
         raise InputError(path, "file", "holds no triangles", "save it as STL, PLY or OBJ")
     if not surface.is_watertight:
@@ -79,9 +75,11 @@ def read_surface(path: Path) -> Any:
         near = surface.vertices[free[0]].mean(axis=0) if len(free) else surface.centroid
         at = ", ".join(f"{c:.1f}" for c in near)
         raise InputError(
-            path, "surface", f"has holes: {len(free)} free edges, one near ({at})",
+            path,
+            "surface",
+            f"has holes: {len(free)} free edges, one near ({at})",
             "close it in the program that made it",
-        )  # fmt: skip
+        )
     return surface
 
 
@@ -110,13 +108,10 @@ def outlines_of_surfaces(
         low, high = (f([s.bounds[k, 2] for s in every]) for f, k in ((min, 0), (max, 1)))
         if not pieces:
             raise InputError(
-                source, part, f"no closed outline at {plane}",
-                f"choose levels between {low:.1f} and {high:.1f} mm",
-            )  # fmt: skip
+                source, part, f"no closed outline at {plane}", f"choose levels between {low:.1f} and {high:.1f} mm"
+            )
         outlines[part] = (
-            joined(pieces, source, str(plane))
-            if part == MUSCLE_HULL
-            else max(pieces, key=lambda piece: piece.area)
+            joined(pieces, source, str(plane)) if part == MUSCLE_HULL else max(pieces, key=lambda piece: piece.area)
         )
         if part == SKIN:
             _check_ends(outlines[part], plane, low, high, source)
@@ -124,10 +119,7 @@ def outlines_of_surfaces(
 
 
 def shape_of_surfaces(
-    surfaces: Mapping[str, Sequence[Any]],
-    levels: ArrayLike,
-    source: str | Path,
-    clearances: Clearances | None = None,
+    surfaces: Mapping[str, Sequence[Any]], levels: ArrayLike, source: str | Path, clearances: Clearances | None = None
 ) -> LegShape:
     """Make a leg's shape of the closed surfaces of its parts.
 
@@ -165,17 +157,17 @@ def _pieces(surface: Any, plane: CuttingPlane) -> list[Polygon]:
     ]
 
 
-def _check_ends(
-    skin: Polygon, plane: CuttingPlane, low: float, high: float, source: str | Path
-) -> None:
+def _check_ends(skin: Polygon, plane: CuttingPlane, low: float, high: float, source: str | Path) -> None:
     """Check that a plane cuts the skin all around, and not its closed end."""
     corners = np.asarray(skin.exterior.coords)
     z = corners @ plane.axes[:, 2] + (plane.point @ plane.normal) * plane.normal[2]
     if z.min() < low + _END or z.max() > high - _END:
         raise InputError(
-            source, SKIN, f"ends within the section at {plane}",
+            source,
+            SKIN,
+            f"ends within the section at {plane}",
             f"the surface reaches from {low:.1f} to {high:.1f} mm: cut it elsewhere",
-        )  # fmt: skip
+        )
 
 
 def _check_units(skin: Any, path: Path) -> None:

@@ -49,27 +49,29 @@ class LabelVolume:
         for name in ("spacing", "origin"):
             object.__setattr__(self, name, frozen_array(getattr(self, name)))
         if self.labels.ndim != 3:
-            raise InputError(
-                self.source, "shape", f"is {self.labels.ndim}-dimensional", "give one volume"
-            )
+            raise InputError(self.source, "shape", f"is {self.labels.ndim}-dimensional", "give one volume")
         if not (self.spacing > 0).all():
             raise InputError(self.source, "spacing", "is not positive", "correct the header")
         present = np.bincount(self.labels.ravel(), minlength=4)
         for name, label in TISSUES.items():
             if not present[label]:
                 raise InputError(
-                    self.source, "labels", f"no voxel is labelled {label} ({name})",
+                    self.source,
+                    "labels",
+                    f"no voxel is labelled {label} ({name})",
                     "segment fat and skin: without them the leg's surface isn't known"
                     if label == SUPERFICIAL
                     else "segment it, or say which label it has",
-                )  # fmt: skip
+                )
         if len(present) > 4 and present[4:].any():
             other = 4 + int(np.argmax(present[4:] > 0))
             raise InputError(
-                self.source, "labels", f"{present[other]} voxels are labelled {other}, which is "
+                self.source,
+                "labels",
+                f"{present[other]} voxels are labelled {other}, which is "
                 "none of " + ", ".join(f"{v} ({k})" for k, v in TISSUES.items()),
                 "say which tissue it is",
-            )  # fmt: skip
+            )
 
     @property
     def affine(self) -> FloatArray:
@@ -86,10 +88,7 @@ class LabelVolume:
 
 
 def volume_of_array(
-    array: NDArray[np.integer],
-    affine: FloatArray,
-    source: str,
-    meaning: Mapping[str, int | list[int]] | None = None,
+    array: NDArray[np.integer], affine: FloatArray, source: str, meaning: Mapping[str, int | list[int]] | None = None
 ) -> LabelVolume:
     """Make a volume of labels in any order and orientation along the axes.
 
@@ -114,9 +113,11 @@ def volume_of_array(
     if meaning is None:
         if array.min(initial=0) < 0 or array.max(initial=0) > 255:
             raise InputError(
-                source, "labels", f"range from {array.min()} to {array.max()}",
+                source,
+                "labels",
+                f"range from {array.min()} to {array.max()}",
                 "give a label volume, not an image; 0 background, 1 superficial, 2 deep, 3 bone",
-            )  # fmt: skip
+            )
         labels = array.astype(np.uint8)
     else:
         _check_meaning(meaning, source)
@@ -126,9 +127,8 @@ def volume_of_array(
             labels[np.isin(array, given)] = TISSUES[name]
         if (labels == 255).any():
             raise InputError(
-                source, "labels", f"{array[labels == 255][0]} has no meaning given",
-                "say which tissue it is",
-            )  # fmt: skip
+                source, "labels", f"{array[labels == 255][0]} has no meaning given", "say which tissue it is"
+            )
     return LabelVolume(labels, np.diag(affine)[:3], affine[:3, 3], source)
 
 
@@ -145,15 +145,14 @@ def check_same_spacing(first: LabelVolume, second: LabelVolume) -> None:
     if not np.allclose(first.spacing, second.spacing, rtol=1e-3):
         given = [" x ".join(f"{s:.4g}" for s in v.spacing) for v in (first, second)]
         raise InputError(
-            second.source, "spacing",
+            second.source,
+            "spacing",
             f"{given[1]} mm, but {given[0]} mm in {first.source}, and a header states no transform",
             "save the volumes with their transforms, or correct the spacing",
-        )  # fmt: skip
+        )
 
 
-def _along_axes(
-    array: NDArray[np.integer], affine: FloatArray, source: str
-) -> tuple[NDArray[np.integer], FloatArray]:
+def _along_axes(array: NDArray[np.integer], affine: FloatArray, source: str) -> tuple[NDArray[np.integer], FloatArray]:
     """Permute and flip an array so that its affine is diagonal and positive.
 
     One that is turned otherwise is resampled; see `legfem.imaging.oblique`.
@@ -168,9 +167,11 @@ def _along_axes(
     aligned = np.abs(cosines[range(3), order])
     if len(set(order)) < 3:
         raise InputError(
-            source, "affine", "the grid's axes can't be told apart: it is sheared, or turned by 45 "
-            "degrees", "resample the volume along the scanner's axes",
-        )  # fmt: skip
+            source,
+            "affine",
+            "the grid's axes can't be told apart: it is sheared, or turned by 45 degrees",
+            "resample the volume along the scanner's axes",
+        )
     array = array.transpose(order)
     columns = affine[:3, order].copy()
     origin = affine[:3, 3].copy()
@@ -191,9 +192,7 @@ def _along_axes(
 def _check_meaning(meaning: Mapping[str, int | list[int]], source: str) -> None:
     for name in meaning:
         if name not in TISSUES:
-            raise InputError(
-                source, "labels", f"unknown tissue '{name}'", f"tissues are {', '.join(TISSUES)}"
-            )
+            raise InputError(source, "labels", f"unknown tissue '{name}'", f"tissues are {', '.join(TISSUES)}")
     for name in TISSUES:
         if name not in meaning:
             raise InputError(source, "labels", f"{name} has no label given", "give one")

@@ -26,9 +26,7 @@ _NIFTI, _ITK, _DICOM = (".nii", ".nii.gz"), (".nrrd", ".nhdr", ".mha", ".mhd"), 
 type Meaning = Mapping[str, int | list[int]]
 
 
-def read_volume(
-    path: Path, meaning: Meaning | None = None, series: Path | None = None
-) -> LabelVolume:
+def read_volume(path: Path, meaning: Meaning | None = None, series: Path | None = None) -> LabelVolume:
     """Read a label volume.
 
     Parameters
@@ -57,9 +55,8 @@ def read_volume(
         reader = _read_series
     if reader is None:
         raise InputError(
-            path, "file", "is of an unknown kind",
-            f"give one of {', '.join(e for endings in readers for e in endings)}",
-        )  # fmt: skip
+            path, "file", "is of an unknown kind", f"give one of {', '.join(e for endings in readers for e in endings)}"
+        )
     try:
         with _locale_kept():
             array, affine, named, transform = reader(path)
@@ -115,24 +112,20 @@ def _series(path: Path) -> SimpleITK.Image:
     found = reader.GetGDCMSeriesIDs(str(path))
     if len(found) != 1:
         raise InputError(
-            path, "series", f"the folder holds {len(found)} DICOM series",
-            "give a folder with the slices of one",
-        )  # fmt: skip
+            path, "series", f"the folder holds {len(found)} DICOM series", "give a folder with the slices of one"
+        )
     reader.SetFileNames(reader.GetGDCMSeriesFileNames(str(path), found[0]))
     return reader.Execute()
 
 
-def _placed(
-    array: NDArray[np.integer], path: Path, series: Path
-) -> tuple[NDArray[np.integer], FloatArray, bool]:
+def _placed(array: NDArray[np.integer], path: Path, series: Path) -> tuple[NDArray[np.integer], FloatArray, bool]:
     """Return labels with the place of the series on whose voxels they lie."""
     image = _series(series)
     if image.GetSize() != array.shape:
         sizes = [" x ".join(map(str, size)) for size in (array.shape, image.GetSize())]
         raise InputError(
-            path, "shape", f"{sizes[0]} voxels, but {sizes[1]} in {series}",
-            "give the series that was labelled",
-        )  # fmt: skip
+            path, "shape", f"{sizes[0]} voxels, but {sizes[1]} in {series}", "give the series that was labelled"
+        )
     return array, _affine(image), True
 
 
@@ -166,7 +159,5 @@ def _read_dicom(path: Path) -> _Raw:
 def _integers(array: NDArray[np.generic], path: Path) -> NDArray[np.integer]:
     rounded = np.rint(array).astype(np.int64)
     if not np.array_equal(rounded, array):
-        raise InputError(
-            path, "labels", "are not whole numbers", "give a label volume, not an image"
-        )
+        raise InputError(path, "labels", "are not whole numbers", "give a label volume, not an image")
     return rounded

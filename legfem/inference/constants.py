@@ -22,11 +22,7 @@ WEAKLY_WITHIN = 0.5
 """The same for weakly identifiable: the interval then still tells soft from stiff."""
 
 Identifiability = Literal["identifiable", "weakly identifiable", "not identifiable"]
-VERDICTS: tuple[Identifiability, ...] = (
-    "identifiable",
-    "weakly identifiable",
-    "not identifiable",
-)
+VERDICTS: tuple[Identifiability, ...] = ("identifiable", "weakly identifiable", "not identifiable")
 """From best to worst."""
 
 

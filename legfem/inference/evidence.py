@@ -150,9 +150,7 @@ class Evidence:
             log_dets = np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)
             log_det = factor.log_det + 2 * log_dets
             squares = square - np.sum(half**2, axis=1)
-            logs += list(
-                -0.5 * (squares + log_det + n * np.log(2 * np.pi)) + prior + np.array(log_sizes)
-            )
+            logs += list(-0.5 * (squares + log_det + n * np.log(2 * np.pi)) + prior + np.array(log_sizes))
             mean = np.einsum("sji,sj->si", inverse, half)
             means += list(mean[:, :p])
             effects += list(mean[:, p : p + k])

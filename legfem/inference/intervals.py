@@ -44,12 +44,7 @@ def cut_height(times: float, variance: float, inverse_curvature: float) -> float
 
 
 def profile_interval(
-    residual: Residual,
-    at: FloatArray,
-    k: int,
-    rise: float,
-    bounds: FloatArray,
-    half_width: float,
+    residual: Residual, at: FloatArray, k: int, rise: float, bounds: FloatArray, half_width: float
 ) -> tuple[float, float]:
     """Return where the profile of a sum of squares stays within ``rise`` of its least.
 
@@ -88,12 +83,7 @@ def profile_interval(
 
 
 def profile_point(
-    residual: Residual,
-    at: FloatArray,
-    k: int,
-    value: float,
-    bounds: FloatArray,
-    half_width: float,
+    residual: Residual, at: FloatArray, k: int, value: float, bounds: FloatArray, half_width: float
 ) -> FloatArray:
     """Return all values (p,) where one of them is held and the others are refitted.
 
@@ -105,9 +95,7 @@ def profile_point(
 class _Profile:
     """The least sum of squares with one parameter held, the others refitted."""
 
-    def __init__(
-        self, residual: Residual, at: FloatArray, k: int, bounds: FloatArray, step: float
-    ) -> None:
+    def __init__(self, residual: Residual, at: FloatArray, k: int, bounds: FloatArray, step: float) -> None:
         self.residual, self.at, self.k, self.bounds = residual, at, k, bounds
         self.others = [j for j in range(len(at)) if j != k]
         self.units = _units(at, bounds)

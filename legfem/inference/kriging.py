@@ -40,9 +40,7 @@ class Kriging:
         By how much samples may contradict each other: a variance over the process'.
     """
 
-    def __init__(
-        self, at: FloatArray, values: FloatArray, slopes: FloatArray, nugget: float
-    ) -> None:
+    def __init__(self, at: FloatArray, values: FloatArray, slopes: FloatArray, nugget: float) -> None:
         self._at, self._nugget = at, nugget
         self._values = np.vstack([values, *(slopes[:, j, :] for j in range(self.dimensions))])
         self._trend = _trend(at, derivatives=True)
@@ -74,9 +72,12 @@ class Kriging:
         start = max(alike, key=lambda fit: fit.log_likelihood)
         bounds = [(np.log(_LENGTHS[0]), np.log(_LENGTHS[-1]))] * self.dimensions
         found = minimize(
-            lambda logs: -self._likelihood(np.exp(logs)), np.log(start.lengths),
-            method="L-BFGS-B", bounds=bounds, options={"maxiter": 40},
-        )  # fmt: skip
+            lambda logs: -self._likelihood(np.exp(logs)),
+            np.log(start.lengths),
+            method="L-BFGS-B",
+            bounds=bounds,
+            options={"maxiter": 40},
+        )
         best = self._fitted(np.exp(found.x))
         return max(start, best, key=lambda fit: fit.log_likelihood)
 

@@ -121,11 +121,7 @@ def with_unit_errors(matrix: FloatArray, count: int) -> FloatArray:
 
 
 def least_residual(
-    residual: Residual,
-    start: FloatArray,
-    bounds: FloatArray,
-    most: int = 60,
-    jacobian: Residual | None = None,
+    residual: Residual, start: FloatArray, bounds: FloatArray, most: int = 60, jacobian: Residual | None = None
 ) -> FloatArray:
     """Return where the sum of squares of a smooth residual is least, near a start.
 
@@ -143,7 +139,14 @@ def least_residual(
         Derivatives (n, p) of the residual; differences without it.
     """
     fit = least_squares(
-        residual, start, bounds=tuple(bounds.T), method="dogbox", jac=jacobian or "3-point",
-        xtol=1e-12, ftol=1e-14, gtol=1e-14, max_nfev=most,
-    )  # fmt: skip
+        residual,
+        start,
+        bounds=tuple(bounds.T),
+        method="dogbox",
+        jac=jacobian or "3-point",
+        xtol=1e-12,
+        ftol=1e-14,
+        gtol=1e-14,
+        max_nfev=most,
+    )
     return np.asarray(fit.x)

@@ -41,10 +41,7 @@ class Mixture:
         total = sum(weights)
         return cls(
             np.concatenate([w / total * m.weights for w, m in zip(weights, every, strict=True)]),
-            *(
-                np.concatenate([getattr(m, name) for m in every])
-                for name in ("means", "sds", "degrees")
-            ),
+            *(np.concatenate([getattr(m, name) for m in every]) for name in ("means", "sds", "degrees")),
         )
 
     @property

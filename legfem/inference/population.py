@@ -21,9 +21,7 @@ CALF = "LL_P"
 """The site of a leg's indentation."""
 SHIN = "LL_A"
 """The front of a lower leg."""
-TISSUES: dict[str, Literal["superficial", "deep"]] = {
-    "superficial.C10": "superficial", "deep.C10": "deep",
-}  # fmt: skip
+TISSUES: dict[str, Literal["superficial", "deep"]] = {"superficial.C10": "superficial", "deep.C10": "deep"}
 """Parameters that the table knows, by full name."""
 
 

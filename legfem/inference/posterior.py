@@ -58,9 +58,7 @@ def mixed(total: float, weights: FloatArray, parts: Sequence[Posterior]) -> Post
     parts
         m of the same parameters.
     """
-    mean, spread = moments_of(
-        weights, np.array([p.mean for p in parts]), np.array([p.covariance for p in parts])
-    )
+    mean, spread = moments_of(weights, np.array([p.mean for p in parts]), np.array([p.covariance for p in parts]))
 
     def average(name: str) -> float:
         return float(sum(w * getattr(p, name) for w, p in zip(weights, parts, strict=True)))
@@ -78,9 +76,7 @@ def mixed(total: float, weights: FloatArray, parts: Sequence[Posterior]) -> Post
     )
 
 
-def moments_of(
-    weights: FloatArray, means: FloatArray, covariances: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def moments_of(weights: FloatArray, means: FloatArray, covariances: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return mean (p,) and covariance (p, p) of a mixture of m, of means (m, p)."""
     mean = weights @ means
     apart = means - mean

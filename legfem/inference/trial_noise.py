@@ -123,10 +123,7 @@ class Noise:
 
 
 def estimate_noise(
-    observed: Observed,
-    instrument: Instrument,
-    slowest: float,
-    residual: FloatArray | None = None,
+    observed: Observed, instrument: Instrument, slowest: float, residual: FloatArray | None = None
 ) -> Noise:
     """Estimate the sizes of a trial's errors from repeats and instruments.
 
@@ -146,11 +143,7 @@ def estimate_noise(
         are each trial's own; the recorded force without it.
     """
     white = observed.white_sd
-    figures = (
-        "the instrument's stated accuracy"
-        if instrument.stated
-        else "differences from sample to sample"
-    )
+    figures = "the instrument's stated accuracy" if instrument.stated else "differences from sample to sample"
     few = f"{figures} only (there are no repeats)"
     expected = Noise(
         white_sd=white,
@@ -210,27 +203,20 @@ def _one_trial(observed: Observed, noise: Noise, here: NDArray[np.int_]) -> Floa
     return result
 
 
-def _from_repeats(
-    observed: Observed, expected: Noise, values: FloatArray, vague: FloatArray
-) -> Noise:
+def _from_repeats(observed: Observed, expected: Noise, values: FloatArray, vague: FloatArray) -> Noise:
     def noise_at(sizes: FloatArray) -> Noise:
         slow, length, wander = (float(size) for size in sizes)
         return replace(expected, slow_sd=slow, correlation_time=length, wander_sd=wander)
 
     differences = [
-        _differences(observed, list(members), values, noise_at)
-        for members in observed.repeated
-        if len(members) > 1
+        _differences(observed, list(members), values, noise_at) for members in observed.repeated if len(members) > 1
     ]
     centre = np.array([expected.slow_sd, expected.correlation_time, expected.wander_sd])
     return noise_at(sizes_from_repeats(centre, vague, differences))
 
 
 def _differences(
-    observed: Observed,
-    members: list[int],
-    values: FloatArray,
-    noise_at: Callable[[FloatArray], Noise],
+    observed: Observed, members: list[int], values: FloatArray, noise_at: Callable[[FloatArray], Noise]
 ) -> Differences:
     """Return what repeats differ by, without smooth changes."""
     rows = [np.flatnonzero(observed.trial == k) for k in members]

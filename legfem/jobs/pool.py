@@ -64,10 +64,7 @@ class Workers[Context, Task, Outcome]:
         return self
 
     def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """End the processes; after an error without waiting for the task in hand."""
         if self._executor is None:
@@ -97,9 +94,7 @@ class Workers[Context, Task, Outcome]:
         """Yield tasks' places in the list with their outcomes as they become known."""
         if self.comm.size > 1:
             yield from over_ranks(self.comm, self.work, self.context, tasks)
-        elif not self.fresh and (
-            self.jobs == 1 or (len(tasks) < 2 and (self.along or self._executor is None))
-        ):
+        elif not self.fresh and (self.jobs == 1 or (len(tasks) < 2 and (self.along or self._executor is None))):
             for place, task in enumerate(tasks):
                 yield place, self._done_here(task)
         elif self.along:

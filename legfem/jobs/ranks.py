@@ -74,9 +74,7 @@ class Together[Context, Task, Outcome]:
         Picklable; all of it that is collective has to be made by tasks.
     """
 
-    def __init__(
-        self, comm: MPI.Intracomm, work: Callable[[Context, Task], Outcome], context: Context
-    ) -> None:
+    def __init__(self, comm: MPI.Intracomm, work: Callable[[Context, Task], Outcome], context: Context) -> None:
         self._comm, self._work, self._context = comm, work, context
         self._name = uuid.uuid4().hex
         self._sent = False
@@ -98,9 +96,7 @@ def lead(comm: MPI.Intracomm, work: Callable[[], None]) -> None:
 
 
 @contextmanager
-def leading(
-    comm: MPI.Intracomm, told: tuple[type[Exception], ...] = (InputError,)
-) -> Iterator[bool]:
+def leading(comm: MPI.Intracomm, told: tuple[type[Exception], ...] = (InputError,)) -> Iterator[bool]:
     """Yield True on the first rank, whose `Workers` and `Together` the others serve.
 
     On the others False, after that. Ctrl-C and errors end all ranks; those that are ``told`` are

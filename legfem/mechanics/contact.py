@@ -109,9 +109,11 @@ class FiniteCylinder:
         numbers = (self.edge, self.radius, self.half_length)
         if all(isinstance(n, Real) for n in numbers) and self.edge >= min(numbers[1:]):
             raise InputError(
-                "cylinder", "edge", f"a rounding of {self.edge:g} mm doesn't fit the cylinder",
+                "cylinder",
+                "edge",
+                f"a rounding of {self.edge:g} mm doesn't fit the cylinder",
                 "give less than its radius and half its length",
-            )  # fmt: skip
+            )
 
     def gap(self, y: Expr) -> Expr:
         """Return the signed distance (mm), positive outside."""
@@ -121,9 +123,7 @@ class FiniteCylinder:
         """Return the gradient of the gap, a unit vector out of the indenter."""
         radial, axial = rounded_normal(*self._beyond(y))
         s = _norm(y[0], y[1])
-        return ufl.as_vector(
-            [radial * y[0] / s, radial * y[1] / s, axial * ufl.conditional(ufl.lt(y[2], 0), -1, 1)]
-        )
+        return ufl.as_vector([radial * y[0] / s, radial * y[1] / s, axial * ufl.conditional(ufl.lt(y[2], 0), -1, 1)])
 
     def _beyond(self, y: Expr) -> tuple[Expr, Expr]:
         a = _norm(y[0], y[1]) - (self.radius - self.edge)

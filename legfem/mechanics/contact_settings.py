@@ -49,15 +49,11 @@ class ContactSettings:
 
     def __post_init__(self) -> None:
         """Check the names of the laws."""
-        for field, known in (
-            ("normal", ("stiff", "exponential")),
-            ("tangential", get_args(TangentialName)),
-        ):
+        for field, known in (("normal", ("stiff", "exponential")), ("tangential", get_args(TangentialName))):
             if getattr(self, field) not in known:
                 raise InputError(
-                    "contact", field, f"unknown law {getattr(self, field)!r}",
-                    f"choose one of {', '.join(known)}",
-                )  # fmt: skip
+                    "contact", field, f"unknown law {getattr(self, field)!r}", f"choose one of {', '.join(known)}"
+                )
 
     def penalty(self, parameters: Mapping[str, float], radius: float) -> float:
         """Return the penalty (MPa/mm) for a leg's parameters and the indenter's radius (mm)."""

@@ -92,9 +92,7 @@ def surface_vector(position: Expr, displacement: Expr | None = None) -> Expr:
     return crossed(tangents) / ufl.sqrt(ufl.dot(before, before))
 
 
-def sheet_invariants(
-    position: Expr, displacement: Expr, radius: Expr | None = None
-) -> tuple[Expr, Expr]:
+def sheet_invariants(position: Expr, displacement: Expr, radius: Expr | None = None) -> tuple[Expr, Expr]:
     r"""Return trace and determinant of a surface's own right Cauchy-Green tensor :math:`C_s`.
 
     With the tangents of the facet's own coordinates before and after, :math:`T` and

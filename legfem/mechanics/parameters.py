@@ -28,6 +28,4 @@ class SymbolTable(Protocol):
 
 def named(prefix: str, given: Any) -> dict[str, float]:
     """Return the fields of a dataclass of numbers by full name, ``prefix.field``."""
-    return {
-        f"{prefix}.{field.name}": getattr(given, field.name) for field in dataclasses.fields(given)
-    }
+    return {f"{prefix}.{field.name}": getattr(given, field.name) for field in dataclasses.fields(given)}

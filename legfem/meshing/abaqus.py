@@ -11,18 +11,15 @@ import numpy as np
 
 from legfem.meshing.named_mesh import NamedMesh
 
-_TYPES = {"triangle": "CPE3", "quad": "CPE4", "tetra": "C3D4", "wedge": "C3D6",
-          "hexahedron": "C3D8"}  # fmt: skip
+_TYPES = {"triangle": "CPE3", "quad": "CPE4", "tetra": "C3D4", "wedge": "C3D6", "hexahedron": "C3D8"}
 # Nodes of the faces S1, S2, ... (Abaqus Elements Guide, "Element faces").
 _FACES = {
     "triangle": ((0, 1), (1, 2), (2, 0)),
     "quad": ((0, 1), (1, 2), (2, 3), (3, 0)),
     "tetra": ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
     "wedge": ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)),
-    "hexahedron": (
-        (0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0),
-    ),
-}  # fmt: skip
+    "hexahedron": ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)),
+}
 
 
 def abaqus_text(mesh: NamedMesh) -> str:

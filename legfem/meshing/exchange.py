@@ -59,9 +59,11 @@ def format_of(path: Path) -> Callable[[NamedMesh, Path], None]:
     """
     if path.suffix not in _FORMATS:
         raise InputError(
-            "--out", str(path), f"there is no format {path.suffix or 'without an ending'}",
+            "--out",
+            str(path),
+            f"there is no format {path.suffix or 'without an ending'}",
             f"give a file that ends in {', '.join(_FORMATS)}",
-        )  # fmt: skip
+        )
     return _FORMATS[path.suffix]
 
 
@@ -87,14 +89,9 @@ def _write_vtu(mesh: NamedMesh, path: Path) -> None:
 
 def _write_xdmf(mesh: NamedMesh, path: Path) -> None:
     surfaces = path.with_name(f"{path.stem}-surfaces{path.suffix}")
-    parts: tuple[tuple[Path, Sequence[Elements]], ...] = (
-        (path, [mesh.cells]),
-        (surfaces, mesh.facets),
-    )
+    parts: tuple[tuple[Path, Sequence[Elements]], ...] = ((path, [mesh.cells]), (surfaces, mesh.facets))
     for file, blocks in parts:
-        made = _meshio(
-            mesh.points[:, : mesh.dimension], blocks, {"tag": [block.tags for block in blocks]}
-        )
+        made = _meshio(mesh.points[:, : mesh.dimension], blocks, {"tag": [block.tags for block in blocks]})
         # Not every HDF5 that comes with DOLFINx can decompress.
         made.write(file, "xdmf", compression=None)
 
@@ -104,8 +101,11 @@ def _write_inp(mesh: NamedMesh, path: Path) -> None:
 
 
 _FORMATS: dict[str, Callable[[NamedMesh, Path], None]] = {
-    ".msh": _write_msh, ".xdmf": _write_xdmf, ".vtu": _write_vtu, ".inp": _write_inp,
-}  # fmt: skip
+    ".msh": _write_msh,
+    ".xdmf": _write_xdmf,
+    ".vtu": _write_vtu,
+    ".inp": _write_inp,
+}
 
 
 def _by_tag(blocks: Sequence[Elements]) -> list[Elements]:

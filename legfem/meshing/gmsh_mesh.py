@@ -42,9 +42,7 @@ def gmsh_model(name: str) -> Iterator[Any]:
         If it is still at work on a mesh that was given up.
     """
     if _at_work():
-        raise InputError(
-            "mesh", "gmsh", "still works on a mesh that was given up", "start the program again"
-        )
+        raise InputError("mesh", "gmsh", "still works on a mesh that was given up", "start the program again")
     gmsh.initialize(interruptible=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
@@ -89,9 +87,11 @@ def generate(model: Any, dimension: int, seconds: float | None = None) -> None:
     thread.join(most)
     if thread.is_alive():
         raise InputError(
-            "contours", "mesh", f"gmsh was given up after {most:g} s",
+            "contours",
+            "mesh",
+            f"gmsh was given up after {most:g} s",
             "check the contours for kinks and near contacts, or ask for a coarser mesh",
-        )  # fmt: skip
+        )
     if failed:
         raise failed[0]
 

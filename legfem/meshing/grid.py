@@ -12,9 +12,7 @@ from dolfinx import mesh as dolfinx_mesh
 from legfem.common.units import FloatArray
 
 
-def spaced(
-    length: float, size: Callable[[FloatArray], FloatArray], stops: tuple[float, ...] = ()
-) -> FloatArray:
+def spaced(length: float, size: Callable[[FloatArray], FloatArray], stops: tuple[float, ...] = ()) -> FloatArray:
     """Return nodes from 0 to a length, spaced by ``size``, with nodes at the stops."""
     ends = [0.0, *(stop for stop in stops if 1e-9 < stop < length - 1e-9), length]
     nodes = [np.zeros(1)]

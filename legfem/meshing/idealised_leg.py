@@ -70,11 +70,12 @@ class IdealisedLeg:
         inner = self.radius - self.fat - self.fascia
         if abs(self.bone_offset) + self.bone_radius >= 0.98 * inner:
             raise InputError(
-                "leg", "bone_radius",
+                "leg",
+                "bone_radius",
                 f"a bone of radius {self.bone_radius:g} mm, {self.bone_offset:g} mm off the axis, "
                 f"is not inside the deep tissue of radius {inner:g} mm",
                 "make the bone smaller or the leg thicker",
-            )  # fmt: skip
+            )
 
     @property
     def depth_to_bone(self) -> float:
@@ -131,9 +132,7 @@ class LegMeshSettings:
         """Check the sizes and names."""
         check_positive(self, "contact_size", "depth_size", "edge_size", "growth", "far_size")
         if self.cells not in ("hexahedra", "tetrahedra"):
-            raise InputError(
-                "mesh", "cells", f"unknown kind {self.cells!r}", "choose hexahedra or tetrahedra"
-            )
+            raise InputError("mesh", "cells", f"unknown kind {self.cells!r}", "choose hexahedra or tetrahedra")
 
     def refined(self, factor: float) -> LegMeshSettings:
         """Return settings with all lengths divided by ``factor``."""
@@ -185,8 +184,14 @@ def mesh_leg(
         kinds.hexahedron if hexahedra else kinds.tetrahedron,
         ghost_mode=dolfinx_mesh.GhostMode.none,
     )
-    tags = {(0, 0): MIRROR_X, (0, counts[0]): MIRROR_X, (1, 0): BONE, (1, counts[1]): SKIN,
-            (2, 0): MIRROR_Z, (2, counts[2]): END}  # fmt: skip
+    tags = {
+        (0, 0): MIRROR_X,
+        (0, counts[0]): MIRROR_X,
+        (1, 0): BONE,
+        (1, counts[1]): SKIN,
+        (2, 0): MIRROR_Z,
+        (2, counts[2]): END,
+    }
     supports = [Support(BONE, (0, 1, 2)), Support(MIRROR_X, (0,)), Support(MIRROR_Z, (2,))]
     if leg.ends == "held":
         supports.append(Support(END, (2,)))
@@ -259,12 +264,8 @@ def _section_grid(
     for name, outer in leg.layers:
         inner, start = radius[-1], centre[-1]
 
-        def along_ray(
-            t: FloatArray, outer: float = outer, above: float = leg.radius - outer
-        ) -> FloatArray:
-            return np.minimum(
-                settings.depth_size + settings.growth * (above + t), settings.far_size
-            )
+        def along_ray(t: FloatArray, outer: float = outer, above: float = leg.radius - outer) -> FloatArray:
+            return np.minimum(settings.depth_size + settings.growth * (above + t), settings.far_size)
 
         inward = spaced(outer - inner, along_ray)
         fraction = 1 - inward[::-1] / (outer - inner)

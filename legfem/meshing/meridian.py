@@ -47,9 +47,7 @@ class MeridianMeshSettings:
 
     def refined(self, factor: float) -> MeridianMeshSettings:
         """Return settings with all lengths divided by ``factor``."""
-        return MeridianMeshSettings(
-            self.size / factor, self.growth / factor, self.far_size / factor
-        )
+        return MeridianMeshSettings(self.size / factor, self.growth / factor, self.far_size / factor)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,8 +110,7 @@ def mesh_meridian(
         dolfinx_mesh.CellType.quadrilateral,
         ghost_mode=dolfinx_mesh.GhostMode.none,
     )
-    sides = {(0, 0): AXIS, (0, counts[0]): SKIN if side == "skin" else SIDE,
-             (1, 0): BASE, (1, counts[1]): SKIN}  # fmt: skip
+    sides = {(0, 0): AXIS, (0, counts[0]): SKIN if side == "skin" else SIDE, (1, 0): BASE, (1, counts[1]): SKIN}
     middles = 0.5 * (z[1:] + z[:-1])
     rows = [DEEP + int(number) for number in np.searchsorted(list(interfaces), middles)]
     cell_tags, facet_tags = tagged(made, rows, sides)

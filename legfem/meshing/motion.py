@@ -63,9 +63,7 @@ class MeshMotion:
         at = shapely.points(points)
         skin, fascia = (section.polygon(part).exterior for part in ("skin", "fascia"))
         bones = shapely.union_all([section.polygon(part).exterior for part in BONES])
-        to_skin, to_fascia, to_bones = (
-            shapely.distance(at, line) for line in (skin, fascia, bones)
-        )
+        to_skin, to_fascia, to_bones = (shapely.distance(at, line) for line in (skin, fascia, bones))
         inside = shapely.contains_properly(section.polygon("fascia"), at)
         if self.outline == "bones":
             share = np.where(inside, _share(to_fascia, to_bones), 0.0)
@@ -73,9 +71,7 @@ class MeshMotion:
         if self.outline == "skin":
             share = np.where(inside, 0.0, _share(to_fascia, to_skin))
         else:
-            share = np.where(
-                inside, _share(to_bones, _beyond(to_fascia, section)), _share(to_skin, to_fascia)
-            )
+            share = np.where(inside, _share(to_bones, _beyond(to_fascia, section)), _share(to_skin, to_fascia))
         arc, normal = _arc_and_normal(skin, points, touch)
         hat = np.maximum(0.0, 1.0 - np.abs(arc - self.arc) / self.width)
         return (self.size * share * hat)[:, None] * normal
@@ -90,17 +86,14 @@ def _beyond(to_fascia: FloatArray, section: LegSection) -> FloatArray:
     return np.maximum(to_fascia - section.fascia_thickness, 0.0)
 
 
-def _arc_and_normal(
-    skin: shapely.LinearRing, points: FloatArray, touch: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _arc_and_normal(skin: shapely.LinearRing, points: FloatArray, touch: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the arc from first touch of the skin's nearest points, and outward normals there."""
     length = skin.length
     at = shapely.line_locate_point(skin, shapely.points(points))
     first = shapely.line_locate_point(skin, shapely.Point(*touch))
     arc = (at - first + 0.5 * length) % length - 0.5 * length
     ahead, behind = (
-        shapely.get_coordinates(shapely.line_interpolate_point(skin, (at + step) % length))
-        for step in (2.0, -2.0)
+        shapely.get_coordinates(shapely.line_interpolate_point(skin, (at + step) % length)) for step in (2.0, -2.0)
     )
     tangent = ahead - behind
     tangent /= np.linalg.norm(tangent, axis=1)[:, None]

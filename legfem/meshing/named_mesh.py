@@ -15,10 +15,7 @@ from legfem.common.units import FloatArray
 from legfem.meshing.idealised_leg import END, MIRROR_X, MIRROR_Z
 from legfem.meshing.section import BONE, HULL, SKIN
 
-SURFACES = {
-    "skin": SKIN, "bone": BONE, "mirror_x": MIRROR_X, "mirror_z": MIRROR_Z, "end": END,
-    "hull": HULL,
-}  # fmt: skip
+SURFACES = {"skin": SKIN, "bone": BONE, "mirror_x": MIRROR_X, "mirror_z": MIRROR_Z, "end": END, "hull": HULL}
 """Tags of facets by name; ``hull`` lies between deep and superficial tissue."""
 
 # Kinds by the numbers that DOLFINx gives them, VTK's of Lagrange elements.
@@ -28,17 +25,10 @@ _SIMPLICES = {
     "quad": ((0, 1, 2), (0, 2, 3)),
     "tetra": ((0, 1, 2, 3),),
     "wedge": ((0, 1, 2, 3), (1, 2, 3, 4), (2, 3, 4, 5)),
-    "hexahedron": (
-        (0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6),
-    ),
-}  # fmt: skip
-"""Simplices that fill an element whose faces are flat."""
-_MIRRORED = {
-    "triangle": (0, 2, 1),
-    "quad": (0, 3, 2, 1),
-    "tetra": (0, 2, 1, 3),
-    "hexahedron": (4, 5, 6, 7, 0, 1, 2, 3),
+    "hexahedron": ((0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6)),
 }
+"""Simplices that fill an element whose faces are flat."""
+_MIRRORED = {"triangle": (0, 2, 1), "quad": (0, 3, 2, 1), "tetra": (0, 2, 1, 3), "hexahedron": (4, 5, 6, 7, 0, 1, 2, 3)}
 """Order of the nodes that turns an element inside out."""
 
 
@@ -84,9 +74,7 @@ class NamedMesh:
     def measures(self) -> dict[str, float]:
         """Return the area (mm2) or the volume (mm3) of each region."""
         sizes = measure(self.points, self.cells.kind, self.cells.nodes)
-        return {
-            name: float(sizes[self.cells.tags == tag].sum()) for name, tag in self.regions.items()
-        }
+        return {name: float(sizes[self.cells.tags == tag].sum()) for name, tag in self.regions.items()}
 
 
 def named_mesh(mesh: Any, cell_tags: Any, facet_tags: Any, regions: Mapping[str, int]) -> NamedMesh:
@@ -136,16 +124,10 @@ def extruded(section: NamedMesh, thickness: float) -> NamedMesh:
     )
     sides = Elements("quad", np.hstack([lines.nodes, lines.nodes[:, ::-1] + count]), lines.tags)
     ends = Elements(
-        cells.kind,
-        np.vstack([cells.nodes[:, ::-1], cells.nodes + count]),
-        np.full(2 * len(cells.nodes), END),
+        cells.kind, np.vstack([cells.nodes[:, ::-1], cells.nodes + count]), np.full(2 * len(cells.nodes), END)
     )
     return NamedMesh(
-        np.vstack([section.points, above]),
-        solid,
-        (sides, ends),
-        section.regions,
-        {**section.surfaces, "end": END},
+        np.vstack([section.points, above]), solid, (sides, ends), section.regions, {**section.surfaces, "end": END}
     )
 
 
@@ -159,9 +141,7 @@ def measure(points: FloatArray, kind: str, nodes: NDArray[np.int64]) -> FloatArr
     return total
 
 
-def _entities(
-    mesh: Any, dimension: int, entities: NDArray[np.int32]
-) -> tuple[str, NDArray[np.int64]]:
+def _entities(mesh: Any, dimension: int, entities: NDArray[np.int32]) -> tuple[str, NDArray[np.int64]]:
     topology, kinds, _ = vtk_mesh(mesh, dimension, entities)
     nodes = topology.reshape(len(entities), -1)[:, 1:].astype(np.int64)
     return _KINDS[int(kinds[0])], nodes

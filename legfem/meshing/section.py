@@ -21,12 +21,7 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.curve import ClosedCurve, smooth_closed_curve
 from legfem.geometry.section import LegSection
-from legfem.meshing.gmsh_mesh import (
-    generate,
-    gmsh_model,
-    mesh_from_gmsh,
-    raise_everywhere,
-)
+from legfem.meshing.gmsh_mesh import generate, gmsh_model, mesh_from_gmsh, raise_everywhere
 from legfem.meshing.motion import MeshMotion
 from legfem.meshing.quality import MeshQuality, element_quality
 
@@ -63,10 +58,7 @@ class SectionMeshSettings:
     def refined(self, factor: float) -> SectionMeshSettings:
         """Return settings with all lengths divided by ``factor``."""
         return SectionMeshSettings(
-            self.contact_size / factor,
-            self.growth / factor,
-            self.far_size / factor,
-            self.layer_size / factor,
+            self.contact_size / factor, self.growth / factor, self.far_size / factor, self.layer_size / factor
         )
 
 
@@ -153,16 +145,12 @@ def moved_section_mesh(
     x = meshed.mesh.geometry.x
     shift = motion.displacement(x[:, :2].copy(), section, meshed.touch, meshed.direction)
     x[:, :2] += shift
-    outline = meshed.outline + motion.displacement(
-        meshed.outline, section, meshed.touch, meshed.direction
-    )
+    outline = meshed.outline + motion.displacement(meshed.outline, section, meshed.touch, meshed.direction)
     touch = first_touch(outline, radius, aim, meshed.direction)
     return replace(meshed, outline=outline, touch=touch)
 
 
-def first_touch(
-    outline: FloatArray, radius: float, aim: FloatArray, direction: FloatArray
-) -> FloatArray:
+def first_touch(outline: FloatArray, radius: float, aim: FloatArray, direction: FloatArray) -> FloatArray:
     """Return the centre of a disk that, travelling along a line, just touches a closed polygon.
 
     Parameters
@@ -201,9 +189,7 @@ def first_touch(
     return aim + position * direction
 
 
-def _skin_within_reach(
-    skin: ClosedCurve, radius: float, aim: FloatArray, direction: FloatArray
-) -> FloatArray:
+def _skin_within_reach(skin: ClosedCurve, radius: float, aim: FloatArray, direction: FloatArray) -> FloatArray:
     """Return skin points that an indenter pressed by its own diameter will touch, (n, 2)."""
     turns = np.linspace(0, 1, 4000, endpoint=False)
     points = skin(turns)
@@ -239,12 +225,7 @@ def _out_of_chords(corners: FloatArray) -> FloatArray:
 
 
 def _build(
-    model: Any,
-    section: LegSection,
-    skin: ClosedCurve,
-    reached: cKDTree,
-    settings: SectionMeshSettings,
-    bones: bool,
+    model: Any, section: LegSection, skin: ClosedCurve, reached: cKDTree, settings: SectionMeshSettings, bones: bool
 ) -> FloatArray:
     """Draw and mesh the section in gmsh; return the skin's corners."""
     contact, growth = settings.contact_size, settings.growth
@@ -270,8 +251,7 @@ def _build(
     geometry = model.geo
     points = {name: [geometry.addPoint(x, y, 0) for x, y in xy] for name, xy in loops.items()}
     lines = {
-        name: [geometry.addLine(a, b) for a, b in zip(p, p[1:] + p[:1], strict=True)]
-        for name, p in points.items()
+        name: [geometry.addLine(a, b) for a, b in zip(p, p[1:] + p[:1], strict=True)] for name, p in points.items()
     }
     rungs = [geometry.addLine(a, b) for a, b in zip(points["outer"], points["inner"], strict=True)]
     for line in [*rungs, *(line for loop in lines.values() for line in loop)]:
@@ -295,11 +275,7 @@ def _build(
     model.addPhysicalGroup(1, lines["skin"], SKIN)
     model.addPhysicalGroup(1, lines["tibia"] + lines["fibula"], BONE)
 
-    near = [
-        line
-        for line, xy in zip(lines["skin"], corners, strict=True)
-        if reached.query(xy)[0] < contact
-    ]
+    near = [line for line, xy in zip(lines["skin"], corners, strict=True) if reached.query(xy)[0] < contact]
     field = model.mesh.field
     distance = field.add("Distance")
     field.setNumbers(distance, "CurvesList", near)

@@ -64,12 +64,7 @@ def mesh_shell(shape: LegShape, sizes: SizeField, enclosing: bool = False) -> Sh
     if enclosing:
         for part, tube in tubes.items():
             points += _enclosing(surfaces[part], points, tube)
-    return Shell(
-        points,
-        tubes,
-        np.vstack(faces[n : n + 2]),
-        np.vstack(faces[n + 2 :]),
-    )
+    return Shell(points, tubes, np.vstack(faces[n : n + 2]), np.vstack(faces[n + 2 :]))
 
 
 def _enclosing(surface: PartSurface, points: FloatArray, tube: Triangles) -> FloatArray:
@@ -83,9 +78,7 @@ def _enclosing(surface: PartSurface, points: FloatArray, tube: Triangles) -> Flo
     # Edge midpoints integrate what is quadratic exactly.
     inside = (surface.beside(middles.reshape(-1, 3)) - middles.reshape(-1, 3)).reshape(-1, 3, 3)
     inside[..., 2] = 0.0
-    area = np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     moved, weight = np.zeros_like(points), np.zeros(len(points))
     for k in range(3):
         np.add.at(moved, tube[:, k], area[:, None] * inside.mean(axis=1))
@@ -117,8 +110,7 @@ def _unrolled(
     model: Any, width: float, low: float, high: float, size: Callable[[float, float], float]
 ) -> tuple[FloatArray, Triangles]:
     geometry = model.geo
-    corners = [geometry.addPoint(x, z, 0)
-               for x, z in ((0, low), (width, low), (width, high), (0, high))]  # fmt: skip
+    corners = [geometry.addPoint(x, z, 0) for x, z in ((0, low), (width, low), (width, high), (0, high))]
     lines = [geometry.addLine(corners[k], corners[(k + 1) % 4]) for k in range(4)]
     sides = lines[3], lines[1]
     geometry.addPlaneSurface([geometry.addCurveLoop(lines)])
@@ -132,9 +124,7 @@ def _unrolled(
     return points[:, :2], triangles
 
 
-def _end_face(
-    outer: FloatArray, inner: list[FloatArray], sizes: SizeField
-) -> tuple[FloatArray, Triangles]:
+def _end_face(outer: FloatArray, inner: list[FloatArray], sizes: SizeField) -> tuple[FloatArray, Triangles]:
     """Triangulate the plane between closed rings of nodes, which stay."""
     level = float(outer[0, 2])
     low, high = outer[:, :2].min(axis=0), outer[:, :2].max(axis=0)
@@ -147,9 +137,7 @@ def _end_face(
         geometry, loops = model.geo, []
         for ring in (outer, *inner):
             points = [geometry.addPoint(*xyz) for xyz in ring]
-            lines = [
-                geometry.addLine(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)
-            ]
+            lines = [geometry.addLine(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)]
             for line in lines:
                 geometry.mesh.setTransfiniteCurve(line, 2)
             loops.append(geometry.addCurveLoop(lines))

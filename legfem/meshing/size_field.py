@@ -53,15 +53,10 @@ class SizeField:
     def _trees(self) -> list[tuple[float, cKDTree]]:
         """Trees of the points with about the same size."""
         group = np.floor(np.log(self.sizes) / np.log(_ALIKE)).astype(int)
-        return [
-            (float(self.sizes[group == g].mean()), cKDTree(self.points[group == g]))
-            for g in np.unique(group)
-        ]
+        return [(float(self.sizes[group == g].mean()), cKDTree(self.points[group == g])) for g in np.unique(group)]
 
 
-def bilinear(
-    grid: FloatArray, low: tuple[float, float], step: tuple[float, float]
-) -> Callable[..., float]:
+def bilinear(grid: FloatArray, low: tuple[float, float], step: tuple[float, float]) -> Callable[..., float]:
     """Return a fast function of (x, y) that interpolates values on a regular grid."""
     values: Any = grid.tolist()
     (x0, y0), (dx, dy) = low, step
@@ -72,9 +67,7 @@ def bilinear(
         i, j = min(max(int(a), 0), last_x), min(max(int(b), 0), last_y)
         a, b = min(max(a - i, 0.0), 1.0), min(max(b - j, 0.0), 1.0)
         here, following = values[i], values[i + 1]
-        return (1 - a) * ((1 - b) * here[j] + b * here[j + 1]) + a * (
-            (1 - b) * following[j] + b * following[j + 1]
-        )
+        return (1 - a) * ((1 - b) * here[j] + b * here[j + 1]) + a * ((1 - b) * following[j] + b * following[j + 1])
 
     return interpolated
 

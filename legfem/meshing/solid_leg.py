@@ -25,12 +25,7 @@ from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.shape_checks import check_shape
 from legfem.geometry.shape_measures import perimeter
 from legfem.geometry.shape_surface import PartSurface
-from legfem.meshing.gmsh_mesh import (
-    generate,
-    gmsh_model,
-    mesh_from_gmsh,
-    raise_everywhere,
-)
+from legfem.meshing.gmsh_mesh import generate, gmsh_model, mesh_from_gmsh, raise_everywhere
 from legfem.meshing.idealised_leg import END, LegMesh
 from legfem.meshing.quality import MeshQuality, element_quality
 from legfem.meshing.section import BONE, DEEP, SUPERFICIAL
@@ -117,9 +112,8 @@ class SolidMeshSettings:
     def __post_init__(self) -> None:
         """Check the sizes."""
         check_positive(
-            self, "skin_size", "inside_size", "bone_size", "layer_elements", "turn_elements",
-            "growth", "clearance",
-        )  # fmt: skip
+            self, "skin_size", "inside_size", "bone_size", "layer_elements", "turn_elements", "growth", "clearance"
+        )
 
     def refined(self, factor: float) -> SolidMeshSettings:
         """Return settings with all edges ``factor`` times shorter."""
@@ -134,9 +128,7 @@ class SolidMeshSettings:
         )
 
 
-def settings_for_cells(
-    shape: LegShape, cells: int, settings: SolidMeshSettings | None = None
-) -> SolidMeshSettings:
+def settings_for_cells(shape: LegShape, cells: int, settings: SolidMeshSettings | None = None) -> SolidMeshSettings:
     """Return settings, refined or coarsened, that give about a number of tetrahedra.
 
     Raises
@@ -156,16 +148,16 @@ def settings_for_cells(
     least, most = (cells * math.exp(excess(end)) for end in (low, high))
     if not least <= cells <= most:
         raise InputError(
-            "mesh", "cells", f"{cells} tetrahedra can't be had for this leg",
+            "mesh",
+            "cells",
+            f"{cells} tetrahedra can't be had for this leg",
             f"choose from {1000 * math.ceil(least / 1000)} to {1000 * math.floor(most / 1000)}",
-        )  # fmt: skip
+        )
     return settings.refined(math.exp(brentq(excess, low, high, xtol=0.01)))
 
 
 def mesh_solid_leg(
-    shape: LegShape,
-    settings: SolidMeshSettings | None = None,
-    comm: MPI.Intracomm = MPI.COMM_SELF,
+    shape: LegShape, settings: SolidMeshSettings | None = None, comm: MPI.Intracomm = MPI.COMM_SELF
 ) -> LegMesh:
     """Mesh a segment of a leg.
 
@@ -225,18 +217,16 @@ def _unsound(quality: MeshQuality) -> InputError | None:
     if quality.worst > WORST_QUALITY:
         return None
     return InputError(
-        "shape", quality.worst_region,
+        "shape",
+        quality.worst_region,
         f"cannot be meshed soundly (worst element quality {quality.worst:.2g})",
         "smooth the shape, leave more room between its parts, or ask for a finer mesh",
-    )  # fmt: skip
+    )
 
 
-def _fill(
-    model: Any, shape: LegShape, shell: Shell, settings: SolidMeshSettings
-) -> InputError | None:
+def _fill(model: Any, shape: LegShape, shell: Shell, settings: SolidMeshSettings) -> InputError | None:
     """Fill the shell with tetrahedra; return what went wrong."""
-    model.mesh.addNodes(2, model.addDiscreteEntity(2), np.arange(1, len(shell.points) + 1),
-                        shell.points.ravel())  # fmt: skip
+    model.mesh.addNodes(2, model.addDiscreteEntity(2), np.arange(1, len(shell.points) + 1), shell.points.ravel())
     tubes = {part: _add(model, triangles) for part, triangles in shell.tubes.items()}
     fat_ends, deep_ends = _add(model, shell.fat_ends), _add(model, shell.deep_ends)
     bones = [tubes[bone] for bone in shape.bones]
@@ -254,15 +244,19 @@ def _fill(
         return error
     except Exception as error:  # gmsh raises nothing more specific
         return InputError(
-            "shape", "mesh", f"gmsh cannot fill the surfaces ({error})",
+            "shape",
+            "mesh",
+            f"gmsh cannot fill the surfaces ({error})",
             "smooth the shape, leave more room between its parts, or ask for a finer mesh",
-        )  # fmt: skip
+        )
     for volume, tag in ((fat, SUPERFICIAL), (deep, DEEP)):
         model.addPhysicalGroup(3, [volume], tag)
     for surfaces, tag in (
-        ([tubes[SKIN]], SKIN_TAG), ([tubes[HULL]], HULL_TAG), (bones, BONE),
+        ([tubes[SKIN]], SKIN_TAG),
+        ([tubes[HULL]], HULL_TAG),
+        (bones, BONE),
         ([fat_ends, deep_ends], END),
-    ):  # fmt: skip
+    ):
         model.addPhysicalGroup(2, surfaces, tag)
     return None
 
@@ -289,17 +283,13 @@ def _size_field(shape: LegShape, settings: SolidMeshSettings, spacing: float) ->
         if part == SKIN and settings.strip is not None:
             fine = settings.strip.holds(xyz)
             sizes[-1] = np.where(fine, np.minimum(sizes[-1], settings.strip.size), sizes[-1])
-    return SizeField(
-        np.vstack(points), np.concatenate(sizes), settings.growth, settings.inside_size
-    )
+    return SizeField(np.vstack(points), np.concatenate(sizes), settings.growth, settings.inside_size)
 
 
 def _sampled(shape: LegShape, part: str, spacing: float) -> FloatArray:
     surface = PartSurface(shape, part)
     turns = np.arange(0.0, 1.0, min(spacing / surface.perimeter, 1 / 16))
-    levels = np.linspace(
-        shape.levels[0], shape.levels[-1], max(4, math.ceil(shape.length / spacing) + 1)
-    )
+    levels = np.linspace(shape.levels[0], shape.levels[-1], max(4, math.ceil(shape.length / spacing) + 1))
     return surface(turns[:, None], levels[None, :]).reshape(-1, 3)
 
 
@@ -318,8 +308,7 @@ class _Grid:
     def over(shape: LegShape, spacing: float) -> _Grid:
         skin = shape.points(SKIN).reshape(-1, 3)
         low, high = skin.min(axis=0), skin.max(axis=0)
-        axes = [np.linspace(low[k], high[k], max(3, math.ceil((high[k] - low[k]) / spacing) + 1))
-                for k in range(3)]  # fmt: skip
+        axes = [np.linspace(low[k], high[k], max(3, math.ceil((high[k] - low[k]) / spacing) + 1)) for k in range(3)]
         step = np.array([axis[1] - axis[0] for axis in axes])
         z, x, y = np.meshgrid(axes[2], axes[0], axes[1], indexing="ij")
         inside = np.zeros(z.shape, dtype=bool)

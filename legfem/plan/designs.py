@@ -74,18 +74,13 @@ def designs(depth: float, rate: float, deepest: float, in_air: bool = False) -> 
     fast = Protocol.cycle(depth, _FASTER * rate, _HOLD_S)
     found = [
         Design(f"repeat the same test {REPEATS} times", (same,) * REPEATS),
+        Design(f"hold the deepest position for {_HOLD_S:g} s, and record the unloading", (held,) * REPEATS),
         Design(
-            f"hold the deepest position for {_HOLD_S:g} s, and record the unloading",
-            (held,) * REPEATS,
-        ),
-        Design(
-            f"press at two rates ({rate:.2g} and {_FASTER * rate:.2g} mm/s), each with a hold and "
-            "unloading",
+            f"press at two rates ({rate:.2g} and {_FASTER * rate:.2g} mm/s), each with a hold and unloading",
             (held,) * REPEATS + (fast,) * REPEATS,
         ),
         Design(
-            "measure the outlines of skin and fascia under the indenter (ultrasound), and press "
-            "again",
+            "measure the outlines of skin and fascia under the indenter (ultrasound), and press again",
             (same,) * REPEATS,
             outlines_known=True,
         ),
@@ -105,7 +100,5 @@ def designs(depth: float, rate: float, deepest: float, in_air: bool = False) -> 
         )
     deeper = min(depth + _DEEPER_MM, deepest)
     if deeper > depth + 1.0:
-        found.append(
-            Design(f"press {deeper:.0f} mm deep", (Protocol.ramp(deeper, rate),) * REPEATS)
-        )
+        found.append(Design(f"press {deeper:.0f} mm deep", (Protocol.ramp(deeper, rate),) * REPEATS))
     return found

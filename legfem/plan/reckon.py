@@ -138,16 +138,11 @@ def told_apart(apart: FloatArray, total: FloatArray) -> float:
 
 
 def reckoned(
-    design: Design | Readings,
-    chances: Mapping[tuple[str, str], float],
-    candidates: Sequence[Candidate],
+    design: Design | Readings, chances: Mapping[tuple[str, str], float], candidates: Sequence[Candidate]
 ) -> Reckoned:
     """Return what a test is worth, from the chances that it tells each from each."""
     weights = np.array([c.probability for c in candidates])
-    each = [
-        min((chances[c.name, o.name] for o in candidates if o is not c), default=1.0)
-        for c in candidates
-    ]
+    each = [min((chances[c.name, o.name] for o in candidates if o is not c), default=1.0) for c in candidates]
     return Reckoned(design, chances, float(weights @ each / weights.sum()))
 
 
@@ -193,9 +188,7 @@ def _inexact(blank: Observations, force: FloatArray, shown: FloatArray) -> Float
     return largest.covariance
 
 
-def _force(
-    new: Predictor, mechanisms: Sequence[Mechanism], values: Mapping[str, float], design: Design
-) -> FloatArray:
+def _force(new: Predictor, mechanisms: Sequence[Mechanism], values: Mapping[str, float], design: Design) -> FloatArray:
     """Return the force (n,), N; a longer cylinder's ends count less, the rest more."""
     given = dict(values)
     for k in range(len(new.observed.trials)):
@@ -239,9 +232,7 @@ def _known(candidate: Candidate, design: Design) -> FloatArray:
     return total
 
 
-def before_any_test(
-    problem: Problem, base: Fit, mechanisms: Sequence[Mechanism]
-) -> list[Candidate]:
+def before_any_test(problem: Problem, base: Fit, mechanisms: Sequence[Mechanism]) -> list[Candidate]:
     """Return nothing and every mechanism at a usual strength, all as probable.
 
     Parameters

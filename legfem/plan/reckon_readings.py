@@ -45,9 +45,7 @@ def reckon_readings(
     return [*single, most] if most is not None and most.chance > best + _WORTH else single
 
 
-def _worth(
-    mechanisms: tuple[Mechanism, ...], candidates: Sequence[Candidate], accuracy: Accuracy
-) -> Reckoned:
+def _worth(mechanisms: tuple[Mechanism, ...], candidates: Sequence[Candidate], accuracy: Accuracy) -> Reckoned:
     errors = np.diag([_error(m, accuracy) ** 2 for m in mechanisms])
     means, spreads = zip(*(_strengths(c, mechanisms) for c in candidates), strict=True)
     chances = {
@@ -64,9 +62,7 @@ def _error(mechanism: Mechanism, accuracy: Accuracy) -> float:
     return measured_strength(mechanism, null, mechanism.measured_sd, accuracy).sd
 
 
-def _strengths(
-    candidate: Candidate, mechanisms: Sequence[Mechanism]
-) -> tuple[FloatArray, FloatArray]:
+def _strengths(candidate: Candidate, mechanisms: Sequence[Mechanism]) -> tuple[FloatArray, FloatArray]:
     """Return mean (k,) and covariance (k, k) of departures: none of effects that it hasn't."""
     free = candidate.fit.free
     pick = np.zeros((len(mechanisms), len(free)))

@@ -47,9 +47,7 @@ class Expected:
     rate: float
 
 
-def plan_after(
-    found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progress: Progress
-) -> list[Reckoned]:
+def plan_after(found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progress: Progress) -> list[Reckoned]:
     """Return what could be done next, the best first; nothing unless the verdict is ambiguous.
 
     Parameters
@@ -68,9 +66,7 @@ def plan_after(
     models = found.models
     rates = found.observed.rates
     library, _ = diagnoser.library(subject, found.observed, progress)
-    tests = designs(
-        found.observed.depth, rates[0], float(library.grid[-1]), found.observed.shows_air
-    )
+    tests = designs(found.observed.depth, rates[0], float(library.grid[-1]), found.observed.shows_air)
     asked = list(dict.fromkeys(m for model in models for m in model.fit.mechanisms))
     wider = _library(diagnoser, subject, tests, asked, library.middle, progress)
     plain = replace(found.base.problem.predictor, responses=wider, offset=0.0)
@@ -84,12 +80,7 @@ def plan_after(
     return ranked([*found_by_tests, *by_readings])
 
 
-def plan_before(
-    subject: Subject,
-    diagnoser: Diagnoser,
-    expected: Expected,
-    progress: Progress,
-) -> list[Reckoned]:
+def plan_before(subject: Subject, diagnoser: Diagnoser, expected: Expected, progress: Progress) -> list[Reckoned]:
     """Return what tests of a leg would tell, the most telling first.
 
     Parameters
@@ -132,10 +123,7 @@ def _reckoned(
 ) -> list[Reckoned]:
     """Return what tests are worth whose responses are known."""
     accuracy = accuracy_of(subject)
-    found = [
-        reckon(test, candidates, predictor, library.nuisances, accuracy, noise, gain_sd)
-        for test in tests
-    ]
+    found = [reckon(test, candidates, predictor, library.nuisances, accuracy, noise, gain_sd) for test in tests]
     return [one for one in found if one is not None]
 
 
@@ -153,9 +141,16 @@ def _library(
     blank = blank_observations(list(dict.fromkeys(p for t in tests for p in t.protocols)))
     fine, coarse = solved_responses(subject, blank, diagnoser.folder, diagnoser.correction)
     return build_library(
-        fine, coarse, blank, asked, diagnoser.correction, diagnoser.jobs, progress,
-        STIFFENING[subject.tissues["deep"].law], middle,
-    )  # fmt: skip
+        fine,
+        coarse,
+        blank,
+        asked,
+        diagnoser.correction,
+        diagnoser.jobs,
+        progress,
+        STIFFENING[subject.tissues["deep"].law],
+        middle,
+    )
 
 
 def _candidate(model: Explanation) -> Candidate:
@@ -168,17 +163,19 @@ def _stated(subject: Subject, observed: Observations) -> Noise:
     instrument = subject.instrument
     each = instrument.force_sd / float(np.sqrt(2))
     return Noise(
-        each, each, slowest_of(observed), instrument.force_sd, instrument.displacement_sd,
+        each,
+        each,
+        slowest_of(observed),
+        instrument.force_sd,
+        instrument.displacement_sd,
         "the instrument's stated accuracy only (nothing was recorded)",
-    )  # fmt: skip
+    )
 
 
 def _at(problem: Problem, values: dict[str, float]) -> Fit:
     """Return a fit that stands at values."""
     parameters = problem.parameters(())
-    departure = np.array(
-        [prior_of(p).departure(values.get(p.name, prior_of(p).centre)) for p in parameters]
-    )
+    departure = np.array([prior_of(p).departure(values.get(p.name, prior_of(p).centre)) for p in parameters])
     prediction = problem.predictor(values)
     nothing = np.zeros(len(prediction))
     slopes = np.zeros((len(prediction), len(parameters)))

@@ -57,9 +57,7 @@ def loading_branch(recording: Recording, contact: Contact) -> Branch:
     for start, end in edges.reshape(-1, 2):
         if end - start >= 5:
             part = slice(start, end)
-            smooth[part], leverage[part] = smooth_displacement(
-                recording.time[part], recording.displacement[part]
-            )
+            smooth[part], leverage[part] = smooth_displacement(recording.time[part], recording.displacement[part])
         else:
             approach[start:end] = False
     depth = smooth - contact.displacement
@@ -117,18 +115,14 @@ def align_branches(
     for _ in range(3):
         onto = [_onto(b, placed[:k] + placed[k + 1 :], step) for k, b in enumerate(placed)]
         # Half the way, lest two trials swap places.
-        placed = [
-            b.moved(0.5 * float(b.depth[0] - c.depth[0])) for b, c in zip(placed, onto, strict=True)
-        ]
+        placed = [b.moved(0.5 * float(b.depth[0] - c.depth[0])) for b, c in zip(placed, onto, strict=True)]
     common = _common_contact(placed, displacement_sd)
     if common.in_air:
         by, offset, error = common.displacement, common.baseline, common.displacement_error
     else:
         # Together they show no air: then those that began at contact say where it is.
         at_contact = [
-            float(b.depth[0] - a.depth[0])
-            for a, b, air in zip(branches, placed, in_air, strict=True)
-            if not air
+            float(b.depth[0] - a.depth[0]) for a, b, air in zip(branches, placed, in_air, strict=True) if not air
         ]
         by = float(np.mean(at_contact)) if at_contact else 0.0
         offset, error = 0.0, max(displacement_sd, float(np.mean(errors)))
@@ -176,7 +170,5 @@ def _common_contact(branches: Sequence[Branch], displacement_sd: float) -> Conta
     end = min(float(b.depth[-1]) for b in branches)
     spacing = max(0.02, *(float(b.depth[-1] - b.depth[0]) / len(b.depth) for b in branches))
     grid = np.arange(start, end, spacing)
-    mean = np.mean(
-        [local_line(b.depth, b.force, grid, 0.5 * spacing, 2).value for b in branches], axis=0
-    )
+    mean = np.mean([local_line(b.depth, b.force, grid, 0.5 * spacing, 2).value for b in branches], axis=0)
     return fit_onset(grid, mean, 0.0, displacement_sd)

@@ -57,9 +57,7 @@ class Proposal:
     reasons: tuple[str, ...]
 
 
-def recording_of(
-    path: Path, sheets: Sequence[Sheet], channels: Channels, area: float | None = None
-) -> Recording:
+def recording_of(path: Path, sheets: Sequence[Sheet], channels: Channels, area: float | None = None) -> Recording:
     """Return the recording in a file's tables.
 
     With an area (mm2) the force's channel is of a pressure on it.
@@ -86,10 +84,7 @@ def recording_of(
 
 
 def propose(
-    path: Path,
-    sheets: Sequence[Sheet],
-    given: dict[Quantity, str] | None = None,
-    named: str | None = None,
+    path: Path, sheets: Sequence[Sheet], given: dict[Quantity, str] | None = None, named: str | None = None
 ) -> Proposal:
     """Find the columns, units and directions of a pressing test in a file's tables.
 
@@ -127,9 +122,11 @@ def propose(
     if len(usable) > 1:
         names = ", ".join(f"'{sheet.name}'" for sheet, _ in usable)
         raise InputError(
-            path, "recordings.sheet", f"{len(usable)} tables hold recordings: {names}",
+            path,
+            "recordings.sheet",
+            f"{len(usable)} tables hold recordings: {names}",
             "keep one trial a file, or name one with --sheet",
-        )  # fmt: skip
+        )
     sheet, found = usable[0]
     (time, _), (displacement, _), (force, _) = found
     reasons = [*sheet.remarks, *(reason for _, reason in found)]
@@ -152,36 +149,35 @@ def _sheet_named(path: Path, sheets: Sequence[Sheet], name: str | None) -> Sheet
     if len(found) == 1:
         return found[0]
     names = ", ".join(f"'{sheet.name}'" for sheet in sheets)
-    raise InputError(
-        path, "recordings.sheet", f"there is no one table {name!r}", f"name of {names}"
-    )
+    raise InputError(path, "recordings.sheet", f"there is no one table {name!r}", f"name of {names}")
 
 
-def _converted(
-    path: Path, sheet: Sheet, quantity: Quantity, channel: Channel, area: float | None
-) -> FloatArray:
+def _converted(path: Path, sheet: Sheet, quantity: Quantity, channel: Channel, area: float | None) -> FloatArray:
     unit = unit_named(channel.unit)
     field = f"recordings.{quantity}"
     measured: Quantity = "pressure" if quantity == "force" and area is not None else quantity
     if unit is None or unit.quantity != measured:
         raise InputError(
-            path, f"{field}.unit", f"'{channel.unit}' is no unit of {measured}",
+            path,
+            f"{field}.unit",
+            f"'{channel.unit}' is no unit of {measured}",
             f"give {OWN[measured]} or a multiple of it",
-        )  # fmt: skip
+        )
     columns = [c for c in sheet.columns if c.name == channel.column]
     if len(columns) != 1:
         names = ", ".join(f"'{c.name}'" for c in sheet.columns)
         many = f"{len(columns)} columns '{channel.column}'" if columns else "there is no column "
         raise InputError(
-            path, f"{field}.column", many if columns else f"{many}'{channel.column}'",
-            f"give one of {names}",
-        )  # fmt: skip
+            path, f"{field}.column", many if columns else f"{many}'{channel.column}'", f"give one of {names}"
+        )
     stated = unit_named(columns[0].unit) if columns[0].unit else None
     if stated is not None and stated != unit:
         raise InputError(
-            path, f"{field}.unit", f"'{channel.unit}', but the file says '{columns[0].unit}'",
+            path,
+            f"{field}.unit",
+            f"'{channel.unit}', but the file says '{columns[0].unit}'",
             "give the file's unit, or correct the file",
-        )  # fmt: skip
+        )
     size = area if measured == "pressure" and area is not None else 1.0
     return columns[0].values * size * unit.factor * channel.sign
 
@@ -193,9 +189,7 @@ def _found(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> t
         if len(columns) != 1 or not (unit or columns[0].unit):
             names = ", ".join(f"'{c.name}'" for c in sheet.columns)
             missing = "has no unit" if columns else "is no column of the file"
-            raise InputError(
-                path, f"--{quantity}", f"'{name}' {missing}", f"give NAME:UNIT of {names}"
-            )
+            raise InputError(path, f"--{quantity}", f"'{name}' {missing}", f"give NAME:UNIT of {names}")
         channel = Channel(name, unit or str(columns[0].unit))
         return channel, f"{quantity}: '{name}' in {channel.unit}, as you say"
     candidates = [c for c in sheet.columns if _may_be(c, quantity)]
@@ -205,37 +199,38 @@ def _found(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> t
         why = f"no column is named, or has a unit, like it (of {names})"
         if alike:
             why = f"'{alike[0].unit}' of '{alike[0].name}' is no unit of {quantity}"
-        raise InputError(
-            path, f"recordings.{quantity}", why,
-            f"name it with --{quantity} NAME:UNIT",
-        )  # fmt: skip
+        raise InputError(path, f"recordings.{quantity}", why, f"name it with --{quantity} NAME:UNIT")
     named = [c for c in candidates if re.search(_WORDS[quantity], c.name, re.IGNORECASE)]
     chosen, others = (named or candidates)[0], (named or candidates)[1:]
     differing = [c.name for c in others if not _same_signal(c.values, chosen.values)]
     if differing:
         told = ", ".join(f"'{n}'" for n in (chosen.name, *differing))
         raise InputError(
-            path, f"recordings.{quantity}", f"may be any of {told}, which differ",
+            path,
+            f"recordings.{quantity}",
+            f"may be any of {told}, which differ",
             f"name it with --{quantity} NAME:UNIT",
-        )  # fmt: skip
+        )
     if not chosen.unit:
         raise InputError(
-            path, f"recordings.{quantity}.unit", f"column '{chosen.name}' states no unit",
+            path,
+            f"recordings.{quantity}.unit",
+            f"column '{chosen.name}' states no unit",
             f"give it with --{quantity} '{chosen.name}:{OWN[quantity]}', if it is that",
-        )  # fmt: skip
+        )
     if unit_named(chosen.unit) is None:
         raise InputError(
-            path, f"recordings.{quantity}.unit", f"'{chosen.unit}' of '{chosen.name}' isn't known",
+            path,
+            f"recordings.{quantity}.unit",
+            f"'{chosen.unit}' of '{chosen.name}' isn't known",
             f"give it with --{quantity} '{chosen.name}:UNIT' in multiples of {OWN[quantity]}",
-        )  # fmt: skip
+        )
     same = f"; {len(others)} more say the same" if others else ""
     why = "name and unit" if named else "unit"
     passed = [c.name for c in candidates if named and c not in named]
     if passed:
         same += "; passed over, by their names: " + ", ".join(f"'{name}'" for name in passed)
-    return Channel(chosen.name, chosen.unit), (
-        f"{quantity}: '{chosen.name}' in {chosen.unit}, by its {why}{same}"
-    )
+    return Channel(chosen.name, chosen.unit), (f"{quantity}: '{chosen.name}' in {chosen.unit}, by its {why}{same}")
 
 
 def _may_be(column: Column, quantity: Quantity) -> bool:
@@ -261,16 +256,15 @@ def _directions(path: Path, recording: Recording) -> tuple[int, int, str]:
     change = f - np.median(f[:few])
     turned = int(np.argmax(np.abs(away) > 0.9 * np.abs(away).max())) + 1
     if turned < 5 or np.ptp(away[:turned]) == 0 or np.ptp(change[:turned]) == 0:
-        raise InputError(
-            path, "recordings", "displacement or force doesn't change", "record a whole press"
-        )
+        raise InputError(path, "recordings", "displacement or force doesn't change", "record a whole press")
     together = float(np.corrcoef(away[:turned], change[:turned])[0, 1])
     if abs(together) < _LEAST_CORRELATION:
         raise InputError(
-            path, "recordings.force", "it doesn't follow the displacement (correlation "
-            f"{together:.2f}), so that directions can't be told",
+            path,
+            "recordings.force",
+            f"it doesn't follow the displacement (correlation {together:.2f}), so that directions can't be told",
             "look at the file: does the indenter touch, and are these the right columns?",
-        )  # fmt: skip
+        )
     d_sign = int(np.sign(away[turned - 1]))
     f_sign = int(np.sign(together)) * d_sign
     moves = f"it moves by {away[turned - 1]:+.3g} mm"

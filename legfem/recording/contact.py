@@ -50,9 +50,7 @@ def contact_at_start() -> Contact:
     return Contact(0.0, 0.0, 0.0, float("inf"), 0.0, in_air=False)
 
 
-def find_first_contact(
-    recording: Recording, force_sd: float = 0.0, displacement_sd: float = 0.0
-) -> Contact:
+def find_first_contact(recording: Recording, force_sd: float = 0.0, displacement_sd: float = 0.0) -> Contact:
     """Find the displacement at first contact and the force read before it.
 
     F = b + a (x + k x^2) with x = max(0, d - d0), a >= 0 and 0 <= k <= 0.4/mm is fitted to the
@@ -179,9 +177,7 @@ def _blocks(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
     return x[:whole].reshape(-1, size).mean(axis=1), y[:whole].reshape(-1, size).mean(axis=1)
 
 
-def _profile(
-    x: FloatArray, y: FloatArray, onsets: FloatArray
-) -> tuple[float, FloatArray, FloatArray]:
+def _profile(x: FloatArray, y: FloatArray, onsets: FloatArray) -> tuple[float, FloatArray, FloatArray]:
     """Return the best onset, its residual (n,), and the least cost at each onset."""
     depth = np.maximum(x[None, :] - onsets[:, None], 0.0)
     force = y - y.mean()

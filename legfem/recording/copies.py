@@ -30,10 +30,11 @@ def refuse_copies(other: Recording, recordings: Sequence[Recording]) -> None:
     for one in recordings:
         if _copied(one, other):
             raise InputError(
-                str(other.source or other.trial), "force_N",
+                str(other.source or other.trial),
+                "force_N",
                 f"is a copy of {one.trial}: the two have the same noise, which no repeat has",
                 "remove one of them; a copy makes the result look surer than it is",
-            )  # fmt: skip
+            )
 
 
 def _copied(one: Recording, other: Recording) -> bool:

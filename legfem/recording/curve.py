@@ -53,10 +53,7 @@ class LoadingCurve:
 
 
 def mean_loading_curve(
-    recordings: Sequence[Recording],
-    instrument: Instrument,
-    step: float = 0.25,
-    starts_at_contact: bool = False,
+    recordings: Sequence[Recording], instrument: Instrument, step: float = 0.25, starts_at_contact: bool = False
 ) -> LoadingCurve:
     """Bring repeated trials to one loading curve.
 
@@ -123,18 +120,11 @@ def mean_loading_curve(
     white_variance = white**2 * np.mean([fit.leverage for fit in fits], axis=0)
     readings = [sample_noise(r.displacement) ** 2 for r in recordings]
     jitter = np.mean(
-        [
-            np.interp(grid, b.depth, b.leverage) * variance
-            for b, variance in zip(branches, readings, strict=True)
-        ],
+        [np.interp(grid, b.depth, b.leverage) * variance for b, variance in zip(branches, readings, strict=True)],
         axis=0,
     )
     noise = estimate_noise(
-        grid,
-        curves,
-        slope,
-        white_variance + jitter * slope**2,
-        _expected(contacts, instrument, white, common),
+        grid, curves, slope, white_variance + jitter * slope**2, _expected(contacts, instrument, white, common)
     )
     apart = np.abs(grid[:, None] - grid[None, :])
     drift = np.sqrt(jitter) * slope
@@ -158,17 +148,13 @@ def mean_loading_curve(
     )
 
 
-def _expected(
-    contacts: Sequence[Contact], instrument: Instrument, white: float, common_shift: float
-) -> Expectation:
+def _expected(contacts: Sequence[Contact], instrument: Instrument, white: float, common_shift: float) -> Expectation:
     aligned = any(c.in_air for c in contacts) and len(contacts) > 1
     offsets = [c.baseline_error if c.in_air else instrument.force_sd for c in contacts]
     return Expectation(
         offset_sd=float(np.sqrt(np.mean(np.square(offsets)))),
         # Aligned trials lie to each other far better than each one's contact is known.
-        shift_sd=max(0.2 * common_shift, 0.2 * instrument.displacement_sd)
-        if aligned
-        else instrument.displacement_sd,
+        shift_sd=max(0.2 * common_shift, 0.2 * instrument.displacement_sd) if aligned else instrument.displacement_sd,
         common_shift_sd=common_shift,
         slow_sd=instrument.slow_force_sd(white),
         white_sd=white,

@@ -47,20 +47,12 @@ class NoiseEstimate:
     source: str
     """``repeats and instrument``, or ``instrument`` for a single trial."""
 
-    def trial_covariance(
-        self, displacement: FloatArray, force: FloatArray, slope: FloatArray
-    ) -> FloatArray:
+    def trial_covariance(self, displacement: FloatArray, force: FloatArray, slope: FloatArray) -> FloatArray:
         """Return the covariance (n, n), N^2, of one trial's curve without its white part."""
         few = self.small_sample_factor
         return _covariance(
             np.array(
-                [
-                    few * self.offset_sd,
-                    few * self.gain_sd,
-                    few * self.shift_sd,
-                    self.slow_sd,
-                    self.correlation_length,
-                ]
+                [few * self.offset_sd, few * self.gain_sd, few * self.shift_sd, self.slow_sd, self.correlation_length]
             ),
             displacement,
             force,
@@ -96,11 +88,7 @@ class Expectation:
 
 
 def estimate_noise(
-    displacement: FloatArray,
-    curves: FloatArray,
-    slope: FloatArray,
-    known_variance: FloatArray,
-    expected: Expectation,
+    displacement: FloatArray, curves: FloatArray, slope: FloatArray, known_variance: FloatArray, expected: Expectation
 ) -> NoiseEstimate:
     """Estimate the components of the trials' errors from their differences, see `repeats`.
 
@@ -118,22 +106,13 @@ def estimate_noise(
         Scales expected of the components.
     """
     repeats = len(curves)
-    centre = np.array(
-        [
-            expected.offset_sd,
-            EXPECTED_GAIN_SD,
-            expected.shift_sd,
-            expected.slow_sd,
-            _EXPECTED_LENGTH_MM,
-        ]
-    )
+    centre = np.array([expected.offset_sd, EXPECTED_GAIN_SD, expected.shift_sd, expected.slow_sd, _EXPECTED_LENGTH_MM])
     found = centre
     if repeats > 1:
         mean = curves.mean(axis=0)
         ridge = np.diag(known_variance + 1e-12 * float(np.max(mean**2)))
         differences = Differences(
-            contrasts_of(curves),
-            lambda sizes: _covariance(sizes, displacement, mean, slope) + ridge,
+            contrasts_of(curves), lambda sizes: _covariance(sizes, displacement, mean, slope) + ridge
         )
         found = sizes_from_repeats(centre, _VAGUENESS, [differences])
     offset, gain, shift, slow, length = (float(v) for v in found)
@@ -151,9 +130,7 @@ def estimate_noise(
     )
 
 
-def _covariance(
-    components: FloatArray, displacement: FloatArray, force: FloatArray, slope: FloatArray
-) -> FloatArray:
+def _covariance(components: FloatArray, displacement: FloatArray, force: FloatArray, slope: FloatArray) -> FloatArray:
     offset, gain, shift, slow, length = components
     apart = np.abs(displacement[:, None] - displacement[None, :])
     total: FloatArray = (

@@ -80,10 +80,11 @@ def spike_doubts(source: str, recording: Recording) -> Iterator[Doubt]:
     at = spike(recording.force)
     if at is not None:
         yield Doubt(
-            source, "force_N",
+            source,
+            "force_N",
             f"one reading, {recording.force[at]:.4g} N at {recording.time[at]:.4g} s, stands alone",
             "remove the row if it is a disturbance",
-        )  # fmt: skip
+        )
 
 
 def spike(force: FloatArray) -> int | None:

@@ -102,9 +102,7 @@ def _without_blips(motion: NDArray[np.int_], shortest: int) -> NDArray[np.int_]:
     return motion
 
 
-def _fitted_corners(
-    t: FloatArray, d: FloatArray, motion: NDArray[np.int_], window: int
-) -> NDArray[np.int_]:
+def _fitted_corners(t: FloatArray, d: FloatArray, motion: NDArray[np.int_], window: int) -> NDArray[np.int_]:
     motion = motion.copy()
     corners = np.flatnonzero(np.diff(motion)) + 1
     bounds = [0, *(int(c) for c in corners), len(t)]
@@ -131,9 +129,7 @@ def _corner(t: FloatArray, d: FloatArray) -> int:
     return int(inner[np.argmax(np.sum(lines[..., 0] * (across @ left), axis=1))])
 
 
-def _mark_separation(
-    recording: Recording, labels: NDArray[np.str_], smooth: FloatArray, contact: Contact
-) -> None:
+def _mark_separation(recording: Recording, labels: NDArray[np.str_], smooth: FloatArray, contact: Contact) -> None:
     """Call air what follows the force's return to a constant, until the skin is pressed again.
 
     Unloading is read backwards for it. Where the first loading met no force there either, first
@@ -146,12 +142,7 @@ def _mark_separation(
         start = max(start, start + int(np.argmax(recording.displacement[start:end])) + 1)
         part = slice(start, end)
         smooth_part, _ = smooth_displacement(recording.time[part], recording.displacement[part])
-        onset = fit_onset(
-            smooth_part[::-1],
-            recording.force[part][::-1],
-            0.0,
-            sample_noise(recording.displacement),
-        )
+        onset = fit_onset(smooth_part[::-1], recording.force[part][::-1], 0.0, sample_noise(recording.displacement))
         left = start + np.flatnonzero(smooth_part < onset.displacement)
         if not onset.in_air or len(left) == 0:
             continue
@@ -160,21 +151,14 @@ def _mark_separation(
             return
         # The way back to the start, in air, is no press.
         pressed = onset.displacement + 0.05 * (float(smooth.max()) - contact.displacement)
-        again = next(
-            (a for a, b in runs[k + 1 :] if labels[a] == LOADING and smooth[a:b].max() > pressed),
-            len(labels),
-        )
+        again = next((a for a, b in runs[k + 1 :] if labels[a] == LOADING and smooth[a:b].max() > pressed), len(labels))
         labels[left[0] : again] = AIR
         deeper = np.flatnonzero(smooth[again:] >= contact.displacement)
         labels[again : again + deeper[0] if len(deeper) else len(labels)] = AIR
 
 
 def _in_vain(
-    recording: Recording,
-    labels: NDArray[np.str_],
-    smooth: FloatArray,
-    contact: Contact,
-    left: Contact,
+    recording: Recording, labels: NDArray[np.str_], smooth: FloatArray, contact: Contact, left: Contact
 ) -> bool:
     """Tell whether the first loading met no force on the way from contact to where skin was left.
 

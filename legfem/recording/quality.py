@@ -97,11 +97,14 @@ def quality_of(recording: Recording, minimal_depth: float = MINIMAL_DEPTH_MM) ->
     edges = [0, *(int(k) + 1 for k in np.flatnonzero(labels[1:] != labels[:-1])), len(labels)]
     parts = tuple(
         Part(
-            str(labels[a]), float(recording.time[a]), float(recording.time[b - 1]),
-            float(smooth[a]), float(smooth[b - 1]),
+            str(labels[a]),
+            float(recording.time[a]),
+            float(recording.time[b - 1]),
+            float(smooth[a]),
+            float(smooth[b - 1]),
         )
         for a, b in pairwise(edges)
-    )  # fmt: skip
+    )
     steps = np.diff(recording.time)
     step = float(np.median(steps))
     # Beside their neighbours: an instrument may sample a hold more slowly than the loading.
@@ -111,9 +114,10 @@ def quality_of(recording: Recording, minimal_depth: float = MINIMAL_DEPTH_MM) ->
     force_noise = sample_noise(recording.force)
     in_loading = labels == LOADING
     saturated = max(
-        _at_rail(recording.force, 1.0), _at_rail(recording.force, -1.0),
+        _at_rail(recording.force, 1.0),
+        _at_rail(recording.force, -1.0),
         _level_at_end(smooth[in_loading], recording.force[in_loading]),
-    )  # fmt: skip
+    )
     found = (_smallest_step(recording.force), _smallest_step(recording.displacement))
     drops = _drops(recording, in_loading, force_noise)
     loading = int(np.count_nonzero(in_loading))
@@ -134,20 +138,31 @@ def quality_of(recording: Recording, minimal_depth: float = MINIMAL_DEPTH_MM) ->
     share = dropped / (len(recording) + dropped)
     judge(share, 0.0, _MANY_DROPPED, f"{dropped} samples dropped ({100 * share:.2g} %)")
     judge(
-        found[0] / span, _COARSE, _VERY_COARSE,
+        found[0] / span,
+        _COARSE,
+        _VERY_COARSE,
         f"the force comes in steps of {found[0]:.2g} N, {100 * found[0] / span:.2g} % of its range",
-    )  # fmt: skip
+    )
     judge(
-        force_noise / span, _NOISY, _VERY_NOISY,
+        force_noise / span,
+        _NOISY,
+        _VERY_NOISY,
         f"the force's noise is {force_noise:.2g} N, {100 * force_noise / span:.2g} % of its range",
-    )  # fmt: skip
+    )
     judge(-loading, -_FEW_SAMPLES, -_VERY_FEW_SAMPLES, f"only {loading} samples of loading")
     return Quality(
-        parts, contact, 1 / step, dropped, *found, force_noise,
-        sample_noise(recording.displacement), saturated, drops,
+        parts,
+        contact,
+        1 / step,
+        dropped,
+        *found,
+        force_noise,
+        sample_noise(recording.displacement),
+        saturated,
+        drops,
         max((grade for grade, _ in judged), default=BEST_GRADE),
         tuple(f"{grade}: {reason}" for grade, reason in judged) or ("A: nothing to say",),
-    )  # fmt: skip
+    )
 
 
 def _smallest_step(values: FloatArray) -> float:

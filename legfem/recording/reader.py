@@ -45,9 +45,7 @@ def read_recording(path: Path, minimal_depth: float = MINIMAL_DEPTH_MM) -> Recor
     return recording
 
 
-def read_samples(
-    path: Path, channels: Channels | None = None, area: float | None = None
-) -> Recording:
+def read_samples(path: Path, channels: Channels | None = None, area: float | None = None) -> Recording:
     """Read one trial whatever it holds, only that time increases.
 
     Parameters
@@ -94,16 +92,12 @@ def read_samples(
 def _pressure_column(path: Path) -> tuple[str, float]:
     """Return the name of the column of pressures, and the factor to MPa."""
     factors = {"kPa": MPA_PER_KPA, "mbar": 0.1 * MPA_PER_KPA, "mmHg": MPA_PER_MMHG}
-    first = (
-        path.read_bytes()[:200].split(b"\n")[0].decode("utf-8", "replace") if path.is_file() else ""
-    )
+    first = path.read_bytes()[:200].split(b"\n")[0].decode("utf-8", "replace") if path.is_file() else ""
     unit = next((unit for unit in factors if f"pressure_{unit}" in first), "kPa")
     return f"pressure_{unit}", factors[unit]
 
 
-def read_instrument_file(
-    path: Path, channels: Channels, minimal_depth: float = MINIMAL_DEPTH_MM
-) -> Recording:
+def read_instrument_file(path: Path, channels: Channels, minimal_depth: float = MINIMAL_DEPTH_MM) -> Recording:
     """Read one trial from an instrument's file and check that it can be used.
 
     Raises
@@ -129,10 +123,7 @@ def check_recording(recording: Recording, minimal_depth: float = MINIMAL_DEPTH_M
     source = recording.source or recording.trial
     if len(recording) < MINIMAL_SAMPLES:
         raise InputError(
-            source,
-            "rows",
-            f"{len(recording)} samples are too few",
-            f"record at least {MINIMAL_SAMPLES} during loading",
+            source, "rows", f"{len(recording)} samples are too few", f"record at least {MINIMAL_SAMPLES} during loading"
         )
     _check_motion(recording, source)
     _check_touch(recording, source)

@@ -35,9 +35,7 @@ def contrasts_of(values: FloatArray) -> FloatArray:
     return np.asarray((helmert(len(values)) @ values).T)
 
 
-def sizes_from_repeats(
-    expected: FloatArray, vagueness: ArrayLike, differences: Sequence[Differences]
-) -> FloatArray:
+def sizes_from_repeats(expected: FloatArray, vagueness: ArrayLike, differences: Sequence[Differences]) -> FloatArray:
     """Return the sizes (k,) that maximise the differences' likelihood times what is expected.
 
     Expectations are log-normal: they keep two or three repeats that happen to agree from claiming

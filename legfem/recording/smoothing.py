@@ -28,11 +28,7 @@ class LocalLine:
 
 
 def local_line(
-    x: FloatArray,
-    y: FloatArray,
-    at: FloatArray,
-    half_width: float | FloatArray,
-    min_points: int = 4,
+    x: FloatArray, y: FloatArray, at: FloatArray, half_width: float | FloatArray, min_points: int = 4
 ) -> LocalLine:
     """Fit a straight line to the samples within ``half_width`` of each point.
 
@@ -155,9 +151,7 @@ def pace(time: FloatArray, displacement: FloatArray) -> Pace:
     return Pace(float(np.percentile(np.abs(fit.slope), 90.0)), local)
 
 
-def velocity_window(
-    time: FloatArray, displacement: FloatArray, speed: float, accuracy: float = 0.05
-) -> float:
+def velocity_window(time: FloatArray, displacement: FloatArray, speed: float, accuracy: float = 0.05) -> float:
     """Return the half-width in s over which a velocity (mm/s) is known to ``accuracy`` of it."""
     step = float(np.median(np.diff(time)))
     noise = sample_noise(displacement)

@@ -36,9 +36,7 @@ class Recording:
         """Keep read-only copies; raise ValueError if the arrays' shapes differ."""
         for name in ("time", "displacement", "force"):
             object.__setattr__(self, name, frozen_array(getattr(self, name)))
-        if not (
-            self.time.ndim == 1 and self.time.shape == self.displacement.shape == self.force.shape
-        ):
+        if not (self.time.ndim == 1 and self.time.shape == self.displacement.shape == self.force.shape):
             raise ValueError("time, displacement and force must be (n,) arrays of one length")
 
     def __len__(self) -> int:

@@ -16,9 +16,7 @@ _NEARLY_ZERO = 0.1
 """kPa: below, a logarithmic axis that holds 0 goes on linearly to it."""
 
 
-def draw_contours(
-    figure: Figure, axes: Axes, x: FloatArray, y: FloatArray, cost: FloatArray
-) -> None:
+def draw_contours(figure: Figure, axes: Axes, x: FloatArray, y: FloatArray, cost: FloatArray) -> None:
     """Draw contours of a cost (k, m), N2, with its colour bar."""
     low, high = np.log10(np.nanmin(cost)), np.log10(np.nanmax(cost))
     levels = np.logspace(low, high, 16)

@@ -53,10 +53,7 @@ class _Axis:
 
 
 def _axes(result: IdentificationResult) -> list[_Axis]:
-    return [
-        _Axis(name, found.shown, readable_unit(found.unit)[1])
-        for name, found in result.parameters.items()
-    ]
+    return [_Axis(name, found.shown, readable_unit(found.unit)[1]) for name, found in result.parameters.items()]
 
 
 @styled
@@ -144,8 +141,9 @@ def _draw_map(figure: Figure, whole: Axes, near: Axes, result: IdentificationRes
     for axes in (whole, near):
         axes.plot(*best.T, color=_GENETIC, linewidth=1.2, marker=".", markersize=5)
         axes.fill(*region.T, facecolor="none", edgecolor=_BEST, linewidth=1.6, zorder=4)
-        axes.plot(first.found.value, second.found.value, "*", color=_BEST, markersize=13,
-                  markeredgecolor="white", zorder=6)  # fmt: skip
+        axes.plot(
+            first.found.value, second.found.value, "*", color=_BEST, markersize=13, markeredgecolor="white", zorder=6
+        )
         axes.set_xlabel(first.label)
         axes.set_ylabel(second.label)
         places = [(first.of(s.values), second.of(s.values)) for s in result.search.solves]
@@ -172,33 +170,27 @@ def _draw_curve(whole: Axes, near: Axes, result: IdentificationResult) -> None:
     for axes in (whole, near):
         axes.plot(*best.reshape(-1, 2).T, color=_GENETIC, linewidth=1.2, marker=".", markersize=5)
         axes.axvspan(*found.ci95, color=_BEST, alpha=0.2, linewidth=0)
-        axes.plot(found.value, result.cost.value, "*", color=_BEST, markersize=13,
-                  markeredgecolor="white", zorder=6)  # fmt: skip
+        axes.plot(found.value, result.cost.value, "*", color=_BEST, markersize=13, markeredgecolor="white", zorder=6)
         axes.set_xlabel(axis.label)
         axes.set_ylabel("cost E (N$^2$)")
         places = [(axis.of(solve.values), solve.cost) for solve in result.search.solves]
         _mark_solves(axes, result, places)
 
 
-def _mark_solves(
-    axes: Axes, result: IdentificationResult, places: list[tuple[float, float]]
-) -> None:
+def _mark_solves(axes: Axes, result: IdentificationResult, places: list[tuple[float, float]]) -> None:
     """Draw the full solves with their numbers; those too close together share a label."""
     axes.set(xlim=axes.get_xlim(), ylim=axes.get_ylim())
     frame = axes.get_window_extent()
     labels: list[tuple[FloatArray, FloatArray, list[int]]] = []
-    for number, (solve, where) in enumerate(
-        zip(result.search.solves, places, strict=True), start=1
-    ):
+    for number, (solve, where) in enumerate(zip(result.search.solves, places, strict=True), start=1):
         marker = _STAGES[solve.stage][0] if solve.complete else "x"
         at = np.array(where)
         seen = axes.transData.transform(at)
         if not (np.isfinite(seen).all() and frame.padded(1.0).contains(*seen)):
             continue
         axes.plot(
-            *at, marker, color="black", markersize=6, fillstyle="none", zorder=5,
-            path_effects=_HALO, clip_on=False,
-        )  # fmt: skip
+            *at, marker, color="black", markersize=6, fillstyle="none", zorder=5, path_effects=_HALO, clip_on=False
+        )
         for _, label, numbers in labels:
             if np.linalg.norm(seen - label) < _CROWDED:
                 numbers.append(number)
@@ -238,9 +230,7 @@ def _legend(result: IdentificationResult) -> tuple[list[Any], list[str]]:
 
     used = {solve.stage for solve in result.search.solves if solve.complete}
     entries: list[tuple[Any, str]] = [
-        (point(marker), f"full solve, {what}")
-        for stage, (marker, what) in _STAGES.items()
-        if stage in used
+        (point(marker), f"full solve, {what}") for stage, (marker, what) in _STAGES.items() if stage in used
     ]
     if any(not solve.complete for solve in result.search.solves):
         entries.append((point("x"), "full solve that stopped short"))
@@ -252,13 +242,9 @@ def _legend(result: IdentificationResult) -> tuple[list[Any], list[str]]:
             )
         )
     two = len(result.parameters) == 2
+    entries.append((Line2D([], [], marker="*", color=_BEST, linestyle="", markersize=11), "optimum"))
     entries.append(
-        (Line2D([], [], marker="*", color=_BEST, linestyle="", markersize=11), "optimum")
-    )
-    entries.append(
-        (Line2D([], [], color=_BEST), "joint 95 % region")
-        if two
-        else (Patch(color=_BEST, alpha=0.2), "95 % interval")
+        (Line2D([], [], color=_BEST), "joint 95 % region") if two else (Patch(color=_BEST, alpha=0.2), "95 % interval")
     )
     handles, labels = zip(*entries, strict=True)
     return list(handles), list(labels)

@@ -33,11 +33,7 @@ _RESULT = ReportFile([Path("diagnosis.json")], NUMBERS)
 
 
 def write_diagnosis_report(
-    diagnosis: Diagnosis,
-    subject: Recorded,
-    out: Path,
-    plan: Sequence[str] = (),
-    command: str = "",
+    diagnosis: Diagnosis, subject: Recorded, out: Path, plan: Sequence[str] = (), command: str = ""
 ) -> Path:
     """Write report.txt, report.html and the figures of a diagnosis; return report.txt's path.
 

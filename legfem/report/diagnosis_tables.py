@@ -7,13 +7,7 @@ from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.held_out import HeldOut
 from legfem.diagnose.remains import explained_share
 from legfem.diagnose.sentences import percent
-from legfem.report.diagnosis_style import (
-    BASE_NAME,
-    determined,
-    model_name,
-    plain,
-    statement_name,
-)
+from legfem.report.diagnosis_style import BASE_NAME, determined, model_name, plain, statement_name
 from legfem.report.located import Place, places_of
 from legfem.report.words import number, short_probability
 
@@ -37,10 +31,8 @@ def places_cells(found: Diagnosis) -> Cells:
     rows = [
         [
             place.phase,
-            f"{place.displacement[0]:.1f}"
-            + (f" to {place.displacement[1]:.1f}" if len(place.stations) > 1 else ""),
-            f"{place.time[0]:.1f}"
-            + (f" to {place.time[1]:.1f}" if len(place.stations) > 1 else ""),
+            f"{place.displacement[0]:.1f}" + (f" to {place.displacement[1]:.1f}" if len(place.stations) > 1 else ""),
+            f"{place.time[0]:.1f}" + (f" to {place.time[1]:.1f}" if len(place.stations) > 1 else ""),
             f"{place.size:+.3f}",
             f"{place.noise:.3f}",
             "-" if place.p_value is None else short_probability(place.p_value),
@@ -69,10 +61,7 @@ def evidence_cells(found: Diagnosis) -> Cells:
     """Return how probable each reported explanation is, and what it leaves."""
     base = found.alone
     rows = [
-        [
-            BASE_NAME, percent(found.explained.soundness), "-", "-",
-            f"{found.base_held_out.rmse:.3f}", "-",
-        ],
+        [BASE_NAME, percent(found.explained.soundness), "-", "-", f"{found.base_held_out.rmse:.3f}", "-"],
         *(
             [
                 f"with {model_name(model)}",
@@ -84,20 +73,14 @@ def evidence_cells(found: Diagnosis) -> Cells:
             ]
             for model, held in zip(found.models, found.held_out, strict=True)
         ),
-    ]  # fmt: skip
-    header = [
-        "explanation", "probability", "ln Bayes factor", "of the misfit", "held-out (N)",
-        "full solutions",
-    ]  # fmt: skip
+    ]
+    header = ["explanation", "probability", "ln Bayes factor", "of the misfit", "held-out (N)", "full solutions"]
     return header, rows
 
 
 def explanation_cells(found: Diagnosis, most: int = 8) -> Cells:
     """Return what may have been left out, the most probable first; nothing that shows, too."""
-    rows = [
-        [statement_name(one), percent(one.probability)]
-        for one in found.explained.statements()[:most]
-    ]
+    rows = [[statement_name(one), percent(one.probability)] for one in found.explained.statements()[:most]]
     return ["left out", "probability"], rows
 
 

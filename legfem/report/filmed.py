@@ -44,12 +44,14 @@ class Filmed:
         if self.film is None or not self.is_final:
             return None
         return pressed_section(
-            self.film, self.solved.curve.displacement, self.solved.curve.force,
+            self.film,
+            self.solved.curve.displacement,
+            self.solved.curve.force,
             f"Section of the leg with {what} while the cylinder is pressed in (model): its mesh, "
             "coloured by the hydrostatic pressure, by how far the tissue moved, by its greatest "
             "stretch (1 is none) or by tissue. Dashed: the skin before. The force is that of plane "
             "strain times the cylinder's length, without a correction for its ends.",
-        )  # fmt: skip
+        )
 
 
 def filmed(experiment: PlaneStrainIndentation, values: Mapping[str, float], depth: float) -> Filmed:

@@ -13,16 +13,7 @@ from legfem.identify.catalogue import symbol_of
 from legfem.identify.laws import LawName
 from legfem.identify.result import Estimate, IdentificationResult
 from legfem.recording import LoadingCurve
-from legfem.report.style import (
-    DATA_COLOUR,
-    FAINT,
-    LAW_COLOURS,
-    LAW_NAMES,
-    new_figure,
-    panel,
-    styled,
-    title,
-)
+from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES, new_figure, panel, styled, title
 
 
 @styled
@@ -37,18 +28,19 @@ def fit_figure(results: Sequence[IdentificationResult]) -> Figure:
     figure = new_figure(5.2 * len(results) + 0.6, 6.4)
     first = results[0]
     title(figure, "Measured and simulated force", first.subject_title, first.subject_origin)
-    grid = figure.subplots(
-        2, len(results), sharex=True, sharey=False, squeeze=False, height_ratios=(2.2, 1)
-    )
+    grid = figure.subplots(2, len(results), sharex=True, sharey=False, squeeze=False, height_ratios=(2.2, 1))
     top = 1.05 * max(_highest(result) for result in results)
     for column, result in enumerate(results):
         above, below = grid[:, column]
         above.set_ylim(0, top)
         force, cost = result.predicted.force, result.cost
-        draw_fit(above, result.measured, force, result.law, [
-            *estimate_lines(result.parameters),
-            f"cost E = {cost.value:.3g} N$^2$, rms {cost.rms:.3g} N",
-        ])  # fmt: skip
+        draw_fit(
+            above,
+            result.measured,
+            force,
+            result.law,
+            [*estimate_lines(result.parameters), f"cost E = {cost.value:.3g} N$^2$, rms {cost.rms:.3g} N"],
+        )
         panel(above, "ABCDEFGH"[column], LAW_NAMES[result.law])
         draw_residual(below, result.measured, force, result.law)
     label_axes(grid)
@@ -67,8 +59,7 @@ def estimate_lines(parameters: Mapping[str, Estimate]) -> list[str]:
     """Return a line a parameter: value and interval."""
     shown = {symbol_of(name): found.shown for name, found in parameters.items()}
     return [
-        f"{symbol} = {one.value:.3g} {one.unit} [{one.ci95[0]:.3g}, {one.ci95[1]:.3g}]"
-        for symbol, one in shown.items()
+        f"{symbol} = {one.value:.3g} {one.unit} [{one.ci95[0]:.3g}, {one.ci95[1]:.3g}]" for symbol, one in shown.items()
     ]
 
 
@@ -76,19 +67,13 @@ def _highest(result: IdentificationResult) -> float:
     return float(max(result.measured.trial_force.max(), result.predicted.force.max()))
 
 
-def draw_fit(
-    axes: Axes, measured: LoadingCurve, predicted: FloatArray, law: LawName, lines: Sequence[str]
-) -> None:
+def draw_fit(axes: Axes, measured: LoadingCurve, predicted: FloatArray, law: LawName, lines: Sequence[str]) -> None:
     """Draw a measured curve, its trials and what the model predicts (n,), N, with some lines."""
     depth, force, error = measured.displacement, measured.force, measured.force_sd
     trials = axes.plot(depth, measured.trial_force.T, color=FAINT, linewidth=0.6, alpha=0.8)
-    band = axes.fill_between(
-        depth, force - 2 * error, force + 2 * error, color=FAINT, alpha=0.35, linewidth=0
-    )
+    band = axes.fill_between(depth, force - 2 * error, force + 2 * error, color=FAINT, alpha=0.35, linewidth=0)
     every = max(1, len(depth) // 40)
-    (mean,) = axes.plot(
-        depth[::every], force[::every], "o", color=DATA_COLOUR, markersize=3.2, fillstyle="none"
-    )
+    (mean,) = axes.plot(depth[::every], force[::every], "o", color=DATA_COLOUR, markersize=3.2, fillstyle="none")
     (model,) = axes.plot(depth, predicted, color=LAW_COLOURS[law], linewidth=1.8)
     many = measured.n_trials > 1
     axes.legend(

@@ -60,10 +60,7 @@ def write_identification_report(
         return out / REPORT
     note, entries, pressed = "", list[ReportFile](), None
     apart = jobs > 1 and experiment is not None and comm.size == 1
-    with (
-        made_in_place(out, comm) as folder,
-        aside(lambda: _figures(results, subject, folder), apart) as figures,
-    ):
+    with made_in_place(out, comm) as folder, aside(lambda: _figures(results, subject, folder), apart) as figures:
         if experiment is not None:
             note, entries, pressed = _deformed_state(results, subject, experiment, folder)
         if comm.rank == 0:
@@ -73,9 +70,7 @@ def write_identification_report(
     return out / REPORT
 
 
-def _figures(
-    results: Sequence[IdentificationResult], subject: Subject, folder: Path
-) -> list[ReportFile]:
+def _figures(results: Sequence[IdentificationResult], subject: Subject, folder: Path) -> list[ReportFile]:
     entries = [
         ReportFile(
             save(fit_figure(results), folder, "fit", svg=True),
@@ -92,16 +87,12 @@ def _figures(
                 ". The 95 % region follows the noise, which is correlated along the curve, "
                 "so its axes need not be those of the cost's contours"
             )
-        entries.append(
-            ReportFile(save(cost_figure(result), folder, f"cost-{result.law}", svg=not two), shows)
-        )
+        entries.append(ReportFile(save(cost_figure(result), folder, f"cost-{result.law}", svg=not two), shows))
     entries.append(ReportFile(save(placement_figure(subject), folder, "section"), SECTION_SHOWS))
     return entries
 
 
-def pressed_leg(
-    results: Sequence[IdentificationResult], experiment: PlaneStrainIndentation
-) -> PressedSection | None:
+def pressed_leg(results: Sequence[IdentificationResult], experiment: PlaneStrainIndentation) -> PressedSection | None:
     """Solve the best law once more; return its section to press, None where that fails."""
     best = _best(results)
     shot = filmed(experiment, best.model_values, float(best.measured.displacement[-1]))
@@ -113,10 +104,7 @@ def _best(results: Sequence[IdentificationResult]) -> IdentificationResult:
 
 
 def _deformed_state(
-    results: Sequence[IdentificationResult],
-    subject: Subject,
-    experiment: PlaneStrainIndentation,
-    folder: Path,
+    results: Sequence[IdentificationResult], subject: Subject, experiment: PlaneStrainIndentation, folder: Path
 ) -> tuple[str, list[ReportFile], PressedSection | None]:
     """Solve the best law once more; return a note on that, what was written of it, and the film."""
     best = _best(results)

@@ -22,10 +22,7 @@ def comparison(results: Sequence[IdentificationResult]) -> list[str]:
         return lines
     better, worse = sorted(results, key=lambda result: result.cost.value)[:2]
     if better.neo_hookean_limit or worse.cost.value <= better.cost.value * (1 + 1e-9):
-        return [
-            *lines,
-            "Both laws fit alike: the best reduced polynomial is neo-Hookean (C20 = 0).",
-        ]
+        return [*lines, "Both laws fit alike: the best reduced polynomial is neo-Hookean (C20 = 0)."]
     ratio = _number(worse.cost.value / max(better.cost.value, 1e-300))
     costs = (
         f"cost is {ratio} times smaller ({better.cost.value:.3g} against "
@@ -39,8 +36,7 @@ def comparison(results: Sequence[IdentificationResult]) -> list[str]:
         return [
             *lines,
             f"The {name} law fits better: its {costs}.",
-            "The data ask for its further parameter: chi-square falls by "
-            f"{_number(gain)} ({fit_probability(chance)}).",
+            f"The data ask for its further parameter: chi-square falls by {_number(gain)} ({fit_probability(chance)}).",
         ]
     return [
         *lines,

@@ -26,9 +26,7 @@ class Directions:
         """Return the names, as far as the leg's parts tell."""
         sides = ("left", "right")
         if {"tibia", "fibula"} <= set(shape.bones):
-            apart = shape.contours["fibula"].mean(axis=(0, 1)) - shape.contours["tibia"].mean(
-                axis=(0, 1)
-            )
+            apart = shape.contours["fibula"].mean(axis=(0, 1)) - shape.contours["tibia"].mean(axis=(0, 1))
             sides = ("lateral", "medial") if apart[0] > 0 else ("medial", "lateral")
         return cls(("anterior", sides[0], "posterior", sides[1]))
 

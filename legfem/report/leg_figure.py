@@ -19,26 +19,14 @@ from legfem.common.units import FloatArray
 from legfem.fem.fields import LegFields
 from legfem.geometry.section import LegSection
 from legfem.meshing.section import REGIONS
-from legfem.report.style import (
-    BONE_COLOUR,
-    REGION_COLOURS,
-    REGION_NAMES,
-    TOOL_COLOUR,
-    new_figure,
-    panel,
-    styled,
-    title,
-)
+from legfem.report.style import BONE_COLOUR, REGION_COLOURS, REGION_NAMES, TOOL_COLOUR, new_figure, panel, styled, title
 
 # A second-order cell as linear triangles, and its edges, in the order of DOLFINx' nodes.
 _TRIANGLES = {
     6: ((0, 5, 4), (5, 1, 3), (4, 3, 2), (3, 4, 5)),
     9: ((0, 4, 8), (0, 8, 5), (4, 1, 6), (4, 6, 8), (5, 8, 7), (5, 7, 2), (8, 6, 3), (8, 3, 7)),
 }
-_EDGES = {
-    6: ((0, 5, 1), (1, 3, 2), (2, 4, 0)),
-    9: ((0, 4, 1), (1, 6, 3), (3, 7, 2), (2, 5, 0)),
-}
+_EDGES = {6: ((0, 5, 1), (1, 3, 2), (2, 4, 0)), 9: ((0, 4, 1), (1, 6, 3), (3, 7, 2), (2, 5, 0))}
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,22 +81,16 @@ class DrawnSection:
             for edge in _EDGES[len(numbers)]:
                 key = tuple(sorted(int(numbers[k]) for k in edge))
                 sides.setdefault(key, []).append((cell, edge))
-        drawn = [
-            both[0] for both in sides.values() if len({self.region[cell] for cell, _ in both}) > 1
-        ] + [both[0] for both in sides.values() if len(both) == 1]
+        drawn = [both[0] for both in sides.values() if len({self.region[cell] for cell, _ in both}) > 1] + [
+            both[0] for both in sides.values() if len(both) == 1
+        ]
         at = self.nodes + self.displacement if deformed else self.nodes
         return np.array([at[cell, list(edge)] for cell, edge in drawn])
 
 
 @styled
 def leg_figure(
-    fields: LegFields,
-    section: LegSection,
-    radius: float,
-    depth: float,
-    force: float,
-    subject: str,
-    origin: str,
+    fields: LegFields, section: LegSection, radius: float, depth: float, force: float, subject: str, origin: str
 ) -> Figure:
     """Return the undeformed section with its mesh beside the deformed one with the pressure.
 
@@ -165,19 +147,13 @@ def _draw_mesh(axes: Axes, drawn: DrawnSection, section: LegSection) -> None:
     for name, tag in REGIONS.items():
         axes.add_collection(
             PolyCollection(
-                cells[drawn.region == tag],
-                facecolor=REGION_COLOURS[name],
-                edgecolor="#00000055",
-                linewidth=0.25,
+                cells[drawn.region == tag], facecolor=REGION_COLOURS[name], edgecolor="#00000055", linewidth=0.25
             )
         )
     _draw_bones(axes, section)
-    axes.add_collection(
-        LineCollection(list(drawn.interfaces(False)), colors="black", linewidths=0.6)
-    )
+    axes.add_collection(LineCollection(list(drawn.interfaces(False)), colors="black", linewidths=0.6))
     handles: list[Any] = [
-        Patch(facecolor=REGION_COLOURS[name], edgecolor="#555555", label=REGION_NAMES[name])
-        for name in REGIONS
+        Patch(facecolor=REGION_COLOURS[name], edgecolor="#555555", label=REGION_NAMES[name]) for name in REGIONS
     ]
     handles.append(Patch(facecolor=BONE_COLOUR, edgecolor="black", label="bone (fixed)"))
     axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.11), ncols=2)
@@ -201,9 +177,7 @@ def _draw_pressure(axes: Axes, drawn: DrawnSection, section: LegSection) -> Any:
     )
     edges = LineCollection(list(at[:, drawn.cell_outlines]), colors="#00000040", linewidths=0.2)
     axes.add_collection(edges)
-    axes.add_collection(
-        LineCollection(list(drawn.interfaces(True)), colors="black", linewidths=0.6)
-    )
+    axes.add_collection(LineCollection(list(drawn.interfaces(True)), colors="black", linewidths=0.6))
     _draw_bones(axes, section)
     outer = np.vstack([section.skin, section.skin[:1]])
     axes.plot(*outer.T, color="#666666", linewidth=0.8, linestyle="--", zorder=3.5)

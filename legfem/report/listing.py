@@ -24,7 +24,4 @@ RESULT = ReportFile([Path("result.json")], NUMBERS)
 
 def listing(files: Sequence[ReportFile]) -> str:
     """Return a report's files and what each shows."""
-    return "\n".join(
-        f"{', '.join(path.name for path in entry.paths)}\n{fill(entry.shows, ' ' * 4)}"
-        for entry in files
-    )
+    return "\n".join(f"{', '.join(path.name for path in entry.paths)}\n{fill(entry.shows, ' ' * 4)}" for entry in files)

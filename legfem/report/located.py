@@ -70,13 +70,7 @@ def _signs(found: Diagnosis) -> NDArray[np.int_]:
     return np.where(found.located, signs, 0)
 
 
-def _place(
-    found: Diagnosis,
-    protocol: int,
-    segment: int,
-    stations: NDArray[np.int_],
-    trials: tuple[int, ...],
-) -> Place:
+def _place(found: Diagnosis, protocol: int, segment: int, stations: NDArray[np.int_], trials: tuple[int, ...]) -> Place:
     observed, base = found.observed, found.base
     starts = [int(np.flatnonzero(observed.trial == k)[0]) for k in trials]
     where = np.concatenate([start + stations for start in starts])

@@ -59,22 +59,21 @@ def look_text(recording: Recording, proposal: Proposal, quality: Quality) -> str
         ("sampling", f"{quality.sampling:.4g} Hz, {quality.dropped} samples dropped"),
         ("first contact", contact_text(quality)),
         ("force", f"steps of {quality.force_step:.2g} N, noise {quality.force_noise:.2g} N"),
-        (
-            "displacement",
-            f"steps of {quality.displacement_step:.2g} mm, noise "
-            f"{quality.displacement_noise:.2g} mm",
-        ),
-        (
-            "saturation",
-            f"{quality.saturated} samples at the limit" if quality.saturated else "none",
-        ),
+        ("displacement", f"steps of {quality.displacement_step:.2g} mm, noise {quality.displacement_noise:.2g} mm"),
+        ("saturation", f"{quality.saturated} samples at the limit" if quality.saturated else "none"),
         ("drops", ", ".join(f"{t:.4g} s" for t in quality.drops[:5]) or "none"),
     ]
     phases = [
-        (p.phase, f"{p.start:.4g}", f"{p.end:.4g}", f"{p.first:.2f}", f"{p.last:.2f}",
-         "" if p.phase == HOLD else f"{p.rate:.3g}")
+        (
+            p.phase,
+            f"{p.start:.4g}",
+            f"{p.end:.4g}",
+            f"{p.first:.2f}",
+            f"{p.last:.2f}",
+            "" if p.phase == HOLD else f"{p.rate:.3g}",
+        )
         for p in quality.parts[:_MOST_PARTS]
-    ]  # fmt: skip
+    ]
     more = len(quality.parts) - len(phases)
     return "\n".join(
         [
@@ -84,9 +83,7 @@ def look_text(recording: Recording, proposal: Proposal, quality: Quality) -> str
             *(f"  {reason}" for reason in proposal.reasons),
             "",
             markdown_table(("what", "seen"), rows, aligned=True),
-            markdown_table(
-                ("phase", "from s", "to s", "from mm", "to mm", "mm/s"), phases, aligned=True
-            )
+            markdown_table(("phase", "from s", "to s", "from mm", "to mm", "mm/s"), phases, aligned=True)
             + (f"and {more} more phases\n" if more > 0 else ""),
         ]
     )
@@ -102,10 +99,7 @@ def look_document(seen: Sequence[tuple[Recording, Proposal, Quality]]) -> dict[s
                 "grade": quality.grade,
                 "reasons": list(quality.reasons),
                 "read_as": list(proposal.reasons),
-                "columns": {
-                    quantity: asdict(getattr(proposal.channels, quantity))
-                    for quantity in QUANTITIES
-                },
+                "columns": {quantity: asdict(getattr(proposal.channels, quantity)) for quantity in QUANTITIES},
                 "samples": len(recording),
                 "sampling_Hz": quality.sampling,
                 "dropped_samples": quality.dropped,
@@ -118,14 +112,13 @@ def look_document(seen: Sequence[tuple[Recording, Proposal, Quality]]) -> dict[s
                 "displacement_noise_mm": quality.displacement_noise,
                 "drops_s": list(quality.drops),
                 "phases": [
-                    {"phase": p.phase, "from_s": p.start, "to_s": p.end, "from_mm": p.first,
-                     "to_mm": p.last}
+                    {"phase": p.phase, "from_s": p.start, "to_s": p.end, "from_mm": p.first, "to_mm": p.last}
                     for p in quality.parts
                 ],
             }
             for recording, proposal, quality in seen
         ],
-    }  # fmt: skip
+    }
 
 
 @styled
@@ -145,9 +138,12 @@ def draw_look(recording: Recording, quality: Quality, out: Path) -> Path:
         shown = set()
         for part in quality.parts:
             axes.axvspan(
-                part.start, part.end, color=_PHASE_COLOURS[part.phase], lw=0,
+                part.start,
+                part.end,
+                color=_PHASE_COLOURS[part.phase],
+                lw=0,
                 label=None if part.phase in shown or part.phase == AIR else part.phase,
-            )  # fmt: skip
+            )
             shown.add(part.phase)
         axes.plot(recording.time, values, color=DATA_COLOUR, lw=0.8)
         axes.set_ylabel(label)

@@ -11,14 +11,7 @@ from matplotlib.figure import Figure
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.mechanisms.base import null_of
-from legfem.report.diagnosis_style import (
-    BASE_COLOUR,
-    BASE_NAME,
-    REPAIRED_COLOUR,
-    determined,
-    plain,
-    shown_models,
-)
+from legfem.report.diagnosis_style import BASE_COLOUR, BASE_NAME, REPAIRED_COLOUR, determined, plain, shown_models
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, styled, title
 from legfem.report.words import number
 
@@ -53,10 +46,7 @@ def parameter_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
                 panels.append((what, name, mine, null_of(p) if k == 0 else None))
     columns = len(stiffness)
     lines = -(-len(panels) // columns)
-    most = [
-        max(len(shown) for _, _, shown, _ in panels[k : k + columns])
-        for k in range(0, len(panels), columns)
-    ]
+    most = [max(len(shown) for _, _, shown, _ in panels[k : k + columns]) for k in range(0, len(panels), columns)]
     heights = [0.5 + 0.42 * count for count in most]
     figure = new_figure(max(5.4 * columns, 7.6), 1.3 + 1.15 * sum(heights))
     before = "Stiffness" if len(rows) == 1 else "Parameters before and after"
@@ -83,9 +73,7 @@ def _draw(axes: Axes, name: str, rows: list[EstimateRow], null: float | None) ->
             low, high = row.explanation.interval(name)
             axes.plot([low, high], [k, k], color=row.colour, linewidth=2.2, solid_capstyle="butt")
             ends += [low, high]
-        axes.plot(
-            value, k, "o", color=row.colour, markersize=6, fillstyle="full" if seen else "none"
-        )
+        axes.plot(value, k, "o", color=row.colour, markersize=6, fillstyle="full" if seen else "none")
         ends_of = row.explanation.interval(name)
         text = number(value, (ends_of[1] - ends_of[0]) / 4 if seen else np.nan)
         if name in row.explanation.fit.at_bound:
@@ -93,15 +81,18 @@ def _draw(axes: Axes, name: str, rows: list[EstimateRow], null: float | None) ->
         elif not seen:
             text += ", not seen by the data"
         axes.annotate(
-            text, (value, k), (0, 7), textcoords="offset points", ha="center", fontsize=9,
+            text,
+            (value, k),
+            (0, 7),
+            textcoords="offset points",
+            ha="center",
+            fontsize=9,
             bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8},
-        )  # fmt: skip
+        )
     if null is not None:
         axes.axvline(null, color=DATA_COLOUR, linewidth=0.8, linestyle=":")
     if len(rows) > 1 and not rows[0].explanation.fit.mechanisms:
-        axes.axvline(
-            rows[0].explanation.value(name), color=BASE_COLOUR, linewidth=0.8, linestyle=":"
-        )
+        axes.axvline(rows[0].explanation.value(name), color=BASE_COLOUR, linewidth=0.8, linestyle=":")
     span = max(ends) - min(ends) or abs(max(ends)) or 1.0
     axes.set_xlim(min(ends) - 0.25 * span, max(ends) + 0.25 * span)
     several = len(rows) > 1 or not rows[0].explanation.fit.mechanisms

@@ -61,9 +61,7 @@ def write_fields(fields: LegFields, out: Path, displacement: float = 0.0) -> lis
 def _interpolated(function: Any, element: tuple[Any, ...]) -> Any:
     """Return a function on another element; onto constants this takes the cells' averages."""
     shape = function.function_space.value_shape
-    space = fem.functionspace(
-        function.function_space.mesh, (*element, shape) if len(shape) else element
-    )
+    space = fem.functionspace(function.function_space.mesh, (*element, shape) if len(shape) else element)
     other = fem.Function(space, name=function.name)
     other.interpolate(function)
     return other

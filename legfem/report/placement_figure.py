@@ -12,16 +12,7 @@ from shapely import Polygon
 
 from legfem.common.units import FloatArray
 from legfem.geometry.section import fat_thickness, first_crossing, girth
-from legfem.report.style import (
-    BONE_COLOUR,
-    FAINT,
-    REGION_COLOURS,
-    REGION_NAMES,
-    TOOL_COLOUR,
-    new_figure,
-    styled,
-    title,
-)
+from legfem.report.style import BONE_COLOUR, FAINT, REGION_COLOURS, REGION_NAMES, TOOL_COLOUR, new_figure, styled, title
 from legfem.subjects.plausibility import room_before
 from legfem.subjects.subject import Indenter, Subject
 
@@ -41,23 +32,24 @@ def placement_figure(subject: Subject, scanned: Mapping[str, Polygon] | None = N
     """
     section, indenter = subject.section, subject.indenter
     figure = new_figure(6.4, 6.9)
-    title(figure, "Section of the leg and the cylinder at first touch", subject.title,
-          subject.origin)  # fmt: skip
+    title(figure, "Section of the leg and the cylinder at first touch", subject.title, subject.origin)
     axes = figure.subplots()
     fascia = section.polygon("fascia")
     inner = np.asarray(fascia.buffer(-section.fascia_thickness).exterior.coords)
-    for name, ring in (
-        ("superficial", section.skin), ("fascia", section.fascia), ("deep", inner)
-    ):  # fmt: skip
-        axes.fill(*ring.T, facecolor=REGION_COLOURS[name], edgecolor="black", linewidth=0.6,
-                  label=REGION_NAMES[name])  # fmt: skip
+    for name, ring in (("superficial", section.skin), ("fascia", section.fascia), ("deep", inner)):
+        axes.fill(*ring.T, facecolor=REGION_COLOURS[name], edgecolor="black", linewidth=0.6, label=REGION_NAMES[name])
     for bone in ("tibia", "fibula"):
         contour = section.contour(bone)
         axes.fill(*contour.T, facecolor=BONE_COLOUR, edgecolor="black", linewidth=0.8)
         axes.annotate(bone, contour.mean(axis=0), ha="center", va="center", fontsize=8)
     for number, outline in enumerate((scanned or {}).values()):
-        axes.plot(*np.asarray(outline.exterior.coords).T, color=FAINT, linestyle="--",
-                  linewidth=1.0, label="as scanned" if number == 0 else None)  # fmt: skip
+        axes.plot(
+            *np.asarray(outline.exterior.coords).T,
+            color=FAINT,
+            linestyle="--",
+            linewidth=1.0,
+            label="as scanned" if number == 0 else None,
+        )
     aim, direction = indenter.aim, indenter.direction
     way = first_crossing(section.polygon("skin").buffer(indenter.radius).exterior, aim, direction)
     room = room_before(subject)

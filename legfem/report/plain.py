@@ -111,13 +111,11 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     widths = [max(len(row[k]) for row in cells) for k in range(len(header))]
     if sum(widths) + 2 * len(widths) > (_WIDE if max(widths) <= _SHORT else WIDTH):
         labels = [f"{name}: " if len(header) > 2 else "" for name in header[1:]]
-        return bullets([
-            f"{name}: " + "; ".join(f"{h}{c}" for h, c in zip(labels, more, strict=True) if c)
-            for name, *more in rows
-        ])  # fmt: skip
+        return bullets(
+            [f"{name}: " + "; ".join(f"{h}{c}" for h, c in zip(labels, more, strict=True) if c) for name, *more in rows]
+        )
     return "\n".join(
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in cells
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in cells
     )
 
 

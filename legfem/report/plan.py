@@ -25,10 +25,7 @@ def effects_of(ranked: Sequence[Reckoned]) -> list[str]:
 
 def plan_lines(ranked: Sequence[Reckoned]) -> list[str]:
     """Return tests as sentences, each with the chance that it ends an ambiguity."""
-    return [
-        f"{one.design.name}: {percent(one.chance)} chance of telling the candidates apart"
-        for one in ranked
-    ]
+    return [f"{one.design.name}: {percent(one.chance)} chance of telling the candidates apart" for one in ranked]
 
 
 def plan_document(ranked: Sequence[Reckoned], subject: str) -> dict[str, Any]:
@@ -41,9 +38,7 @@ def plan_document(ranked: Sequence[Reckoned], subject: str) -> dict[str, Any]:
             {
                 "test": one.design.name,
                 "chance": one.chance,
-                "told_apart": [
-                    {"if": a, "from": b, "chance": chance} for (a, b), chance in one.chances.items()
-                ],
+                "told_apart": [{"if": a, "from": b, "chance": chance} for (a, b), chance in one.chances.items()],
             }
             for one in ranked
         ],

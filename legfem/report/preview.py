@@ -95,11 +95,11 @@ def preview_of(folder: Path, out: Path) -> Preview:
     seen = _recordings(recordings, out, None, ANY_DEPTH)
     readable = any(one.columns or not one.trouble for one in seen)
     error = InputError(
-        folder, "folder",
-        f"holds no {SUBJECTS.file}, {LEGS.file} or {FILE}"
-        + ("" if readable else ", nor a recording that can be read"),
+        folder,
+        "folder",
+        f"holds no {SUBJECTS.file}, {LEGS.file} or {FILE}" + ("" if readable else ", nor a recording that can be read"),
         "say what it is: the file describes leg, test and instruments",
-    )  # fmt: skip
+    )
     return Preview(folder.name, "", str(error), recordings=seen)
 
 
@@ -117,9 +117,7 @@ def _leg(folder: Path, out: Path) -> Preview:
         next(iter(sites.values())).origin,
         next((site.trouble for site in sites.values() if site.trouble), ""),
         tuple(f"{name}: {line}" for name, site in sites.items() for line in site.doubts),
-        tuple(
-            (f"{name}: {what}", fact) for name, site in sites.items() for what, fact in site.facts
-        ),
+        tuple((f"{name}: {what}", fact) for name, site in sites.items() for what, fact in site.facts),
         tuple(picture for site in sites.values() for picture in site.pictures),
         tuple(recording for site in sites.values() for recording in site.recordings),
     )
@@ -146,29 +144,28 @@ def _site(folder: Path, out: Path, name: str = "") -> Preview:
     picture = f"section-{name}" if name else "section"
     drawn = save(placement_figure(subject), out, picture)[0].name
     return Preview(
-        subject.title, subject.origin, trouble, tuple(doubt_lines(doubts_about(subject))),
-        tuple(_leg_facts(subject)), ((drawn, SECTION_SHOWS),), seen,
-    )  # fmt: skip
+        subject.title,
+        subject.origin,
+        trouble,
+        tuple(doubt_lines(doubts_about(subject))),
+        tuple(_leg_facts(subject)),
+        ((drawn, SECTION_SHOWS),),
+        seen,
+    )
 
 
 def _leg_facts(subject: Subject) -> list[tuple[str, str]]:
     section, indenter, known = subject.section, subject.indenter, subject.accuracy
     fat = fat_thickness(section, indenter.aim, indenter.direction)
     stated = {
-        "outlines": (known.contour_sd, "mm"), "aim": (known.aim_sd, "mm"),
+        "outlines": (known.contour_sd, "mm"),
+        "aim": (known.aim_sd, "mm"),
         "direction": (known.direction_sd, "degrees"),
-        "fat, fascia, compressibility": (
-            None if known.assumed_sd is None else 100 * known.assumed_sd, "%"
-        ),
-    }  # fmt: skip
-    accuracy = "; ".join(
-        f"{what} ± {value:g} {unit}" for what, (value, unit) in stated.items() if value is not None
-    )
+        "fat, fascia, compressibility": (None if known.assumed_sd is None else 100 * known.assumed_sd, "%"),
+    }
+    accuracy = "; ".join(f"{what} ± {value:g} {unit}" for what, (value, unit) in stated.items() if value is not None)
     read, trials = subject.instrument, len(subject.recordings)
-    given = [
-        ("trials", f"{trials}"),
-        ("errors of a reading", f"{read.force_sd:.2g} N, {read.displacement_sd:.2g} mm"),
-    ]
+    given = [("trials", f"{trials}"), ("errors of a reading", f"{read.force_sd:.2g} N, {read.displacement_sd:.2g} mm")]
     return [
         *((("section", f"cut from {subject.cut_from}"),) if subject.cut_from else ()),
         ("girth", f"{girth(section):.0f} mm"),
@@ -177,7 +174,7 @@ def _leg_facts(subject: Subject) -> list[tuple[str, str]]:
         ("indenter", f"{indenter}"),
         *(given if trials else ()),
         ("how well the leg is known", accuracy or "not stated: what is usual is assumed"),
-    ]  # fmt: skip
+    ]
 
 
 def _stocking(folder: Path, out: Path) -> Preview:
@@ -194,9 +191,7 @@ def _stocking(folder: Path, out: Path) -> Preview:
     if leg.registration is not None:
         facts.append(("scans' bones agree within", f"{leg.registration.residual:.2f} mm"))
     shown = "Outlines of skin and muscle at three heights, of the bare leg and in the stocking."
-    return Preview(
-        leg.title, leg.origin, "", tuple(doubt_lines(leg.doubts)), tuple(facts), ((picture, shown),)
-    )
+    return Preview(leg.title, leg.origin, "", tuple(doubt_lines(leg.doubts)), tuple(facts), ((picture, shown),))
 
 
 def _specimen(folder: Path, out: Path) -> Preview:
@@ -210,10 +205,9 @@ def _specimen(folder: Path, out: Path) -> Preview:
     except InputError as error:
         return Preview(folder.name, "", str(error), recordings=seen)
     facts = [
-        (one.name, f"{one.course.depth:.3g} mm at {one.course.rate:.3g} mm/s, "
-                   f"up to {one.course.peak:.3g} N")
+        (one.name, f"{one.course.depth:.3g} mm at {one.course.rate:.3g} mm/s, up to {one.course.peak:.3g} N")
         for one in found.recordings
-    ]  # fmt: skip
+    ]
     left = tuple(f"NOT USED: {one.name}: {one.reason}" for one in found.left_out)
     return Preview(found.title, found.origin, "", left, tuple(facts), recordings=seen)
 
@@ -228,30 +222,20 @@ def _is_contours(path: Path) -> bool:
 
 
 def _recordings(
-    files: Sequence[Path],
-    out: Path,
-    channels: Channels | None,
-    minimal_depth: float = MINIMAL_DEPTH_MM,
-    site: str = "",
+    files: Sequence[Path], out: Path, channels: Channels | None, minimal_depth: float = MINIMAL_DEPTH_MM, site: str = ""
 ) -> tuple[SeenRecording, ...]:
     return tuple(_recording(path, out, channels, minimal_depth, site) for path in files)
 
 
-def _recording(
-    path: Path, out: Path, channels: Channels | None, minimal_depth: float, site: str
-) -> SeenRecording:
+def _recording(path: Path, out: Path, channels: Channels | None, minimal_depth: float, site: str) -> SeenRecording:
     columns: tuple[SeenColumn, ...] = ()
     try:
         sheets = read_sheets(path)
         columns = tuple(
-            SeenColumn(sheet.name or "", column.name, column.unit or "")
-            for sheet in sheets
-            for column in sheet.columns
+            SeenColumn(sheet.name or "", column.name, column.unit or "") for sheet in sheets for column in sheet.columns
         )
         proposal = (
-            propose(path, sheets)
-            if channels is None
-            else Proposal(channels, ("as the folder's [recordings] say",))
+            propose(path, sheets) if channels is None else Proposal(channels, ("as the folder's [recordings] say",))
         )
         recording = recording_of(path, sheets, proposal.channels)
         quality = quality_of(recording, minimal_depth)
@@ -261,10 +245,13 @@ def _recording(
     drawn = replace(recording, trial=f"{site}-{recording.trial}" if site else recording.trial)
     picture = draw_look(drawn, quality, out).name
     text = look_text(recording, proposal, quality)
-    reasons = tuple(
-        reason.partition(": ")[2] for reason in quality.reasons if quality.grade != BEST_GRADE
-    )
+    reasons = tuple(reason.partition(": ")[2] for reason in quality.reasons if quality.grade != BEST_GRADE)
     return SeenRecording(
-        f"{site}/{path.name}" if site else path.name, quality.grade, reasons, text, picture,
-        channels=proposal.channels, columns=columns,
-    )  # fmt: skip
+        f"{site}/{path.name}" if site else path.name,
+        quality.grade,
+        reasons,
+        text,
+        picture,
+        channels=proposal.channels,
+        columns=columns,
+    )

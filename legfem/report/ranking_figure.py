@@ -35,9 +35,14 @@ def ranking_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
         axes.barh(row, max(one.probability, _LEAST), height=0.72, color=colour)
         text = percent(one.probability) + (", in part" if model and model.in_part else "")
         axes.annotate(
-            text, (max(one.probability, _LEAST), row), (4, 0), textcoords="offset points",
-            va="center", fontsize=8, bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6},
-        )  # fmt: skip
+            text,
+            (max(one.probability, _LEAST), row),
+            (4, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize=8,
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6},
+        )
     axes.set_yticks(range(len(every)), [statement_name(one) for one in every])
     axes.set_ylim(len(every) - 0.4, -0.7)
     axes.set_xlim(0.0, 1.18)

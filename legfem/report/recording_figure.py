@@ -16,14 +16,7 @@ from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.fit import Fit
 from legfem.diagnose.stations import Stations
 from legfem.recording.phases import HOLD, LOADING
-from legfem.report.diagnosis_style import (
-    BASE_COLOUR,
-    BASE_NAME,
-    LOCATED_COLOUR,
-    REPAIRED_COLOUR,
-    Shown,
-    shown_models,
-)
+from legfem.report.diagnosis_style import BASE_COLOUR, BASE_NAME, LOCATED_COLOUR, REPAIRED_COLOUR, Shown, shown_models
 from legfem.report.located import Place, places_of
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, styled, title
 
@@ -65,17 +58,13 @@ def recording_figure(found: Diagnosis, number: int, subject: str, origin: str) -
         panel(force[1], "B", "force over time")
         force[1].set_xlabel("time after first contact (s)")
     above.legend(
-        handles=_handles(found, number, models, bool(places)),
-        loc="outside lower center",
-        ncols=4 if several else 2,
+        handles=_handles(found, number, models, bool(places)), loc="outside lower center", ncols=4 if several else 2
     )
     widths = [_RESIDUAL_WIDTHS[str(stations.phase[stations.segment == s][0])] for s in segments]
     fits = [(found.base.fit, BASE_COLOUR, "-")]
     fits += [(shown.model.fit, REPAIRED_COLOUR, "--") for shown in models]
     rows = [fits, fits[1:]] if apart else [fits]
-    grid = below.subplots(
-        len(rows), len(segments), squeeze=False, sharey="row", sharex="col", width_ratios=widths
-    )
+    grid = below.subplots(len(rows), len(segments), squeeze=False, sharey="row", sharex="col", width_ratios=widths)
     letters = iter("CDEFGHIJKLMNOP" if several else "BC")
     for line, drawn in zip(grid, rows, strict=True):
         for axes, segment in zip(line, segments, strict=True):
@@ -94,10 +83,7 @@ def _on_own_scale(found: Diagnosis, number: int, models: Sequence[Shown]) -> boo
     """Return whether the base model misses so much that what another misses can't be seen."""
     if not models:
         return False
-    missed = [
-        np.abs(_rows(found, number, f.residual)).max()
-        for f in (found.base.fit, models[0].model.fit)
-    ]
+    missed = [np.abs(_rows(found, number, f.residual)).max() for f in (found.base.fit, models[0].model.fit)]
     return bool(missed[0] > 5 * missed[1])
 
 
@@ -107,9 +93,7 @@ def _rows(found: Diagnosis, number: int, values: FloatArray) -> FloatArray:
     return np.array([values[observed.trial == k] for k in observed.trials_of(number)])
 
 
-def _draw_force(
-    axes: Axes, found: Diagnosis, number: int, models: Sequence[Shown], x: FloatArray
-) -> None:
+def _draw_force(axes: Axes, found: Diagnosis, number: int, models: Sequence[Shown], x: FloatArray) -> None:
     stations = found.observed.protocols[number]
     recorded = _rows(found, number, found.observed.force)
     located = _rows(found, number, found.located.astype(float)).max(axis=0) > 0
@@ -118,14 +102,17 @@ def _draw_force(
     for segment in np.unique(stations.segment):
         here = stations.segment == segment
         marked = np.where(located[here], mean[here], np.nan)
+        axes.plot(x[here], marked, color=LOCATED_COLOUR, linewidth=11, alpha=0.75, zorder=1, solid_capstyle="round")
         axes.plot(
-            x[here], marked, color=LOCATED_COLOUR, linewidth=11, alpha=0.75, zorder=1,
-            solid_capstyle="round",
-        )  # fmt: skip
-        axes.plot(
-            x[here], recorded[:, here].T, _MARKERS[str(stations.phase[here][0])],
-            color=DATA_COLOUR, markersize=3.4, fillstyle="none", markeredgewidth=0.6, zorder=2,
-        )  # fmt: skip
+            x[here],
+            recorded[:, here].T,
+            _MARKERS[str(stations.phase[here][0])],
+            color=DATA_COLOUR,
+            markersize=3.4,
+            fillstyle="none",
+            markeredgewidth=0.6,
+            zorder=2,
+        )
     axes.plot(x, base, color=BASE_COLOUR, linewidth=1.4, zorder=3)
     for model in models:
         mine = _rows(found, number, model.model.fit.prediction).mean(axis=0)
@@ -175,28 +162,29 @@ def _abscissa(stations: Stations, segment: int) -> FloatArray:
     return np.asarray(stations.displacement[here])
 
 
-def _handles(
-    found: Diagnosis, number: int, models: Sequence[Shown], located: bool
-) -> list[Line2D | Patch]:
+def _handles(found: Diagnosis, number: int, models: Sequence[Shown], located: bool) -> list[Line2D | Patch]:
     stations = found.observed.protocols[number]
     count = len(found.observed.trials_of(number))
     trials = f"{count} trial{'s' * (count > 1)}"
     handles: list[Line2D | Patch] = [
         Line2D(
-            [], [], color=DATA_COLOUR, marker=_MARKERS[phase], linestyle="none",
-            markersize=4, fillstyle="none", label=f"recorded, {phase} ({trials})",
+            [],
+            [],
+            color=DATA_COLOUR,
+            marker=_MARKERS[phase],
+            linestyle="none",
+            markersize=4,
+            fillstyle="none",
+            label=f"recorded, {phase} ({trials})",
         )
         for phase in dict.fromkeys(str(p) for p in stations.phase)
-    ]  # fmt: skip
+    ]
     handles.append(Line2D([], [], color=BASE_COLOUR, label=BASE_NAME))
     handles += [
-        Line2D([], [], color=REPAIRED_COLOUR, linestyle="--",
-               label=f"with {model.name}" if model.suits else model.name)
+        Line2D([], [], color=REPAIRED_COLOUR, linestyle="--", label=f"with {model.name}" if model.suits else model.name)
         for model in models
-    ]  # fmt: skip
+    ]
     handles.append(Patch(color=FAINT, alpha=0.3, label="± 2 sd of a trial's noise"))
     if located:
-        handles.append(
-            Patch(color=LOCATED_COLOUR, alpha=0.6, label="where the base model is wrong")
-        )
+        handles.append(Patch(color=LOCATED_COLOUR, alpha=0.6, label="where the base model is wrong"))
     return handles

@@ -12,11 +12,7 @@ from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.score import Signature
 from legfem.diagnose.stations import Stations
 from legfem.recording.phases import HOLD
-from legfem.report.diagnosis_style import (
-    CONTRADICTED_COLOUR,
-    REPAIRED_COLOUR,
-    plain,
-)
+from legfem.report.diagnosis_style import CONTRADICTED_COLOUR, REPAIRED_COLOUR, plain
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, styled, title
 from legfem.report.words import probability
 
@@ -40,12 +36,7 @@ def signature_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
     names = leading(found)
     protocols = found.observed.protocols
     figure = new_figure(max(7.6, 5.6 * len(protocols)), 1.2 + 2.1 * len(names))
-    title(
-        figure,
-        "Does the misfit look like what a mechanism would leave after a refit?",
-        subject,
-        origin,
-    )
+    title(figure, "Does the misfit look like what a mechanism would leave after a refit?", subject, origin)
     grid = figure.subplots(len(names), len(protocols), sharex="col", sharey=True, squeeze=False)
     for row, name in enumerate(names):
         signature = strongest(found, name)
@@ -88,9 +79,7 @@ def signature_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
 def leading(found: Diagnosis) -> list[str]:
     """Return the mechanisms that are shown: those reported, then those with the strongest sign."""
     reported = [name for model in found.models for name in model.names]
-    strongest_first = [
-        score.name for score in sorted(found.assessment.scores, key=lambda s: -s.statistic)
-    ]
+    strongest_first = [score.name for score in sorted(found.assessment.scores, key=lambda s: -s.statistic)]
     known = {signature.mechanism.name for signature in found.assessment.signatures}
     names = dict.fromkeys([*reported, *strongest_first])
     return [name for name in names if name in known][:SHOWN]

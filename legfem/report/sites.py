@@ -18,9 +18,7 @@ from legfem.report.web.sites import sites_web_page
 from legfem.sites.result import SitesResult
 
 
-def write_sites_report(
-    results: Sequence[SitesResult], out: Path, command: str = ""
-) -> tuple[Path, Path]:
+def write_sites_report(results: Sequence[SitesResult], out: Path, command: str = "") -> tuple[Path, Path]:
     """Write result.json, the figures, report.html and report.txt; return the JSON's and last path.
 
     Parameters

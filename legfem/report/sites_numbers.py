@@ -28,10 +28,7 @@ def sites_document(result: SitesResult) -> dict[str, Any]:
         "own_errors_of_sites_sd": with_units(result.own_errors),
         "sites": {one.name: _site(one) for one in result.sites},
         "misfit": asdict(result.misfit),
-        "agreement_of_sites": {
-            **asdict(result.agreement),
-            "intervals_widened_by": result.agreement.birge_ratio,
-        },
+        "agreement_of_sites": {**asdict(result.agreement), "intervals_widened_by": result.agreement.birge_ratio},
         "neo_hookean_limit": result.neo_hookean_limit,
         "failed_solves": result.failed_solves,
         "model": "2d" if result.spatial is None else "3d",

@@ -26,11 +26,7 @@ SCHEMA = 1
 
 
 def write_specimen_diagnoses(
-    found: Iterable[DiagnosedSpecimen],
-    folder: SpecimenFolder,
-    out: Path,
-    seed: int,
-    command: str = "",
+    found: Iterable[DiagnosedSpecimen], folder: SpecimenFolder, out: Path, seed: int, command: str = ""
 ) -> tuple[Path, Path]:
     """Write every diagnosis as it comes; return the paths of the document and the report.
 
@@ -72,14 +68,16 @@ def write_specimen_diagnoses(
         return out / DOCUMENT, out / REPORT
     path = write_document(
         out / DOCUMENT,
-        json_types({
-            "schema": SCHEMA,
-            "folder": folder.id,
-            "origin": folder.origin,
-            "specimens": [_row(one) for one in made],
-            "recordings_not_used": [asdict(one) for one in folder.left_out],
-        }),
-    )  # fmt: skip
+        json_types(
+            {
+                "schema": SCHEMA,
+                "folder": folder.id,
+                "origin": folder.origin,
+                "specimens": [_row(one) for one in made],
+                "recordings_not_used": [asdict(one) for one in folder.left_out],
+            }
+        ),
+    )
     with made_in_place(out) as hidden:
         (hidden / REPORT).write_text(specimens_page(made, folder), encoding="utf-8")
     return path, out / REPORT
@@ -102,10 +100,7 @@ def _row(one: DiagnosedSpecimen) -> dict[str, Any]:
     return {
         "specimen": one.id,
         "verdict": found.verdict,
-        "explanations": [
-            {"mechanisms": list(model.names), "probability": model.probability}
-            for model in found.models
-        ],
+        "explanations": [{"mechanisms": list(model.names), "probability": model.probability} for model in found.models],
         "parameters_before": parameters(found.base),
         "parameters_after": parameters(found.best),
         "recordings_not_used": [asdict(each) for each in one.left_out],

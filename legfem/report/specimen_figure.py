@@ -55,16 +55,16 @@ def _over_displacement(axes: Axes, result: SpecimenResult, names: bool) -> None:
         d = one.course.displacement[loading]
         dots = "o" if one.fitted else "x"
         label = f"{one.name}{'' if one.fitted else ' (left out)'}: $R^2$ {one.r_squared:.3f}"
-        axes.plot(d, one.course.force[loading], dots, color=colour, markersize=3, fillstyle="none",
-                  label=label)  # fmt: skip
+        axes.plot(d, one.course.force[loading], dots, color=colour, markersize=3, fillstyle="none", label=label)
         line = "-" if one.fitted else "--"
         axes.plot(np.append(0.0, d), np.append(0.0, one.predicted[loading]), line, color=colour)
     axes.set_xlabel("displacement after first contact, loading (mm)")
     if len(result.recordings) <= _NAMED:
         axes.legend(loc="upper left", fontsize=8)
     elif names:
-        axes.text(0.02, 0.95, f"{len(result.recordings)} recordings; x, dashed: left out",
-                  transform=axes.transAxes, va="top")  # fmt: skip
+        axes.text(
+            0.02, 0.95, f"{len(result.recordings)} recordings; x, dashed: left out", transform=axes.transAxes, va="top"
+        )
 
 
 def _over_time(axes: Axes, result: SpecimenResult) -> None:

@@ -81,8 +81,7 @@ def _of_fibres(result: SpecimenResult) -> str:
         else f"the shape of a curve counts as known to {100 * SHAPE_SD_OF_LAYERS:.0f} %"
     )
     typical = (
-        "Typical specimens of each direction count as of one stiffness, one that was turned as "
-        "the same. "
+        "Typical specimens of each direction count as of one stiffness, one that was turned as the same. "
         if sought and result.stiffness and not result.untold
         else ""
     )
@@ -103,8 +102,7 @@ def _of_a_cup(tests: Sequence[Sizes]) -> str:
 
 
 _FOLLOWED: dict[type, str] = {
-    BallOnLayer: "a ball_diameter_mm of half the true one makes it about 1.4 times, or twice on a "
-    "thin layer",
+    BallOnLayer: "a ball_diameter_mm of half the true one makes it about 1.4 times, or twice on a thin layer",
     PunchOnLayer: "a punch_diameter_mm of half the true one makes it at least twice",
     CylinderBetweenPlates: "a diameter_mm of half the true one makes it at least four times",
     CylinderOnBlock: "a length_mm of half the true one makes it twice",

@@ -78,10 +78,7 @@ def _sample(result: StockingResult) -> _Sampled:
     probe, shape = PressureProbe(result.model.compression), result.leg.bare
     level = float(np.median(result.leg.slices))
     return _Sampled(
-        section_pressures(shape, level, result.worn, probe),
-        fat_pressures(shape, result.worn, probe),
-        simulated,
-        moved,
+        section_pressures(shape, level, result.worn, probe), fat_pressures(shape, result.worn, probe), simulated, moved
     )
 
 
@@ -98,8 +95,7 @@ def _figures(result: StockingResult, sampled: _Sampled, folder: Path) -> list[Re
         entries = [
             ReportFile(
                 save(stocking_pressure_figure(result), folder, "interface-pressure"),
-                "pressure of the stocking on the skin, unrolled and on the leg (the second paper's "
-                "Fig. 4)",
+                "pressure of the stocking on the skin, unrolled and on the leg (the second paper's Fig. 4)",
             ),
             ReportFile(
                 save(stocking_section_figure(result, sampled.section), folder, "mid-calf"),
@@ -107,9 +103,7 @@ def _figures(result: StockingResult, sampled: _Sampled, folder: Path) -> list[Re
                 "the outlines before and in the stocking",
             ),
             ReportFile(
-                save(
-                    stocking_fat_figure(result, sampled.fat, sampled.section.level), folder, "fat"
-                ),
+                save(stocking_fat_figure(result, sampled.fat, sampled.section.level), folder, "fat"),
                 "fat thickness round the leg against the pressures over it and in it",
             ),
         ]

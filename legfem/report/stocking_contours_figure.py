@@ -24,9 +24,7 @@ NAMES = {"outer": "skin", "inner": "hull of the muscle"}
 
 
 @styled
-def stocking_contours_figure(
-    result: StockingResult, found: Identified, simulated: LegShape
-) -> Figure:
+def stocking_contours_figure(result: StockingResult, found: Identified, simulated: LegShape) -> Figure:
     """Return outlines and distances of the best fit, slice by slice.
 
     Parameters
@@ -43,10 +41,7 @@ def stocking_contours_figure(
     target = misfit.target
     fitted, bare = (_rounds(misfit, found, shape) for shape in (simulated, leg.bare))
     figure = new_figure(3.0 * len(target.levels) + 0.6, 9.4)
-    title(
-        figure, "Contours that were compared: model of the compressed leg against its scan",
-        leg.title, leg.origin,
-    )  # fmt: skip
+    title(figure, "Contours that were compared: model of the compressed leg against its scan", leg.title, leg.origin)
     axes = figure.subplots(3, len(target.levels), sharey="row", height_ratios=(1.35, 1, 1))
     sides, words = Directions.of(leg.bare).sides()
     names = [SHORT.get(word, word) for word in words]
@@ -66,12 +61,10 @@ def stocking_contours_figure(
             _distances(panel, target, name, column, (bare, fitted), error)
             panel.set(xlim=(-180, 180), ylim=(-reach, reach))
             panel.set_xticks(sides, names if row == 2 else [""] * len(names))
-            for label, side in zip(panel.get_xticklabels(), ("left", *3 * ["center"], "right"),
-                                   strict=True):  # fmt: skip
+            for label, side in zip(panel.get_xticklabels(), ("left", *3 * ["center"], "right"), strict=True):
                 label.set_horizontalalignment(side)
             rms = float(np.sqrt(np.mean(fitted[name][column] ** 2)))
-            panel.text(0.97, 0.04, f"rms {rms:.2f} mm", transform=panel.transAxes, ha="right",
-                       color=MODEL, fontsize=9)  # fmt: skip
+            panel.text(0.97, 0.04, f"rms {rms:.2f} mm", transform=panel.transAxes, ha="right", color=MODEL, fontsize=9)
     axes[0, 0].set_ylabel("y (mm), front at the top")
     for row, name in enumerate(CONTOURS, 1):
         axes[row, 0].set_ylabel(f"{NAMES[name]}:\ndistance outside the scan (mm)")
@@ -79,9 +72,8 @@ def stocking_contours_figure(
         Line2D([], [], color=DATA_COLOUR, linewidth=2.2, label="scan in the stocking"),
         Line2D([], [], color=MODEL, label="model, best fit"),
         Line2D([], [], color=BARE, label="bare leg: what the stocking did"),
-        Patch(color=BAND, alpha=0.6,
-              label=f"errors of the contours, 95 % (±{error:.2f} mm)"),
-    ]  # fmt: skip
+        Patch(color=BAND, alpha=0.6, label=f"errors of the contours, 95 % (±{error:.2f} mm)"),
+    ]
     figure.legend(handles=handles, loc="outside lower center", ncols=4)
     return figure
 
@@ -93,18 +85,14 @@ def _rounds(misfit: ContourMisfit, found: Identified, shape: LegShape) -> dict[s
         distances = distances + misfit.rigid_slopes(shape) @ found.rigid
     shapes = [misfit.target.contours(name).shape[:2] for name in CONTOURS]
     parts = np.split(distances, [shapes[0][0] * shapes[0][1]])
-    return {
-        name: part.reshape(shape) for name, part, shape in zip(CONTOURS, parts, shapes, strict=True)
-    }
+    return {name: part.reshape(shape) for name, part, shape in zip(CONTOURS, parts, shapes, strict=True)}
 
 
 def _outlines(axes: Axes, slices: dict[str, tuple[SliceSet, str, str, float]], column: int) -> None:
     for found, colour, style, width in slices.values():
         for name in CONTOURS:
             contour = found.contours(name)[column]
-            axes.plot(
-                *np.vstack([contour, contour[:1]]).T, color=colour, linestyle=style, linewidth=width
-            )
+            axes.plot(*np.vstack([contour, contour[:1]]).T, color=colour, linestyle=style, linewidth=width)
     axes.set_aspect("equal")
     axes.set_xlabel("x (mm)")
     if column == 0:

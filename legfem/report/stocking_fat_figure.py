@@ -37,12 +37,24 @@ def stocking_fat_figure(result: StockingResult, fat: FatPressures, level: float)
     thick.spines["right"].set_visible(True)
     around.set_zorder(thick.get_zorder() + 1)
     around.patch.set_visible(False)
-    around.plot(grid, at_level(mpa_to_mmhg(fat.greatest)), color=GREATEST, linewidth=1.6,
-                label="hydrostatic in the fat, greatest in its depth")  # fmt: skip
-    around.plot(grid, at_level(mpa_to_mmhg(fat.mean)), color=GREATEST, linewidth=1.2,
-                linestyle="--", label="hydrostatic in the fat, mean over its depth")  # fmt: skip
-    around.plot(grid, at_level(mpa_to_mmhg(fat.interface)), color=INTERFACE, linewidth=1.6,
-                linestyle="-.", label="on the skin")  # fmt: skip
+    around.plot(
+        grid,
+        at_level(mpa_to_mmhg(fat.greatest)),
+        color=GREATEST,
+        linewidth=1.6,
+        label="hydrostatic in the fat, greatest in its depth",
+    )
+    around.plot(
+        grid,
+        at_level(mpa_to_mmhg(fat.mean)),
+        color=GREATEST,
+        linewidth=1.2,
+        linestyle="--",
+        label="hydrostatic in the fat, mean over its depth",
+    )
+    around.plot(
+        grid, at_level(mpa_to_mmhg(fat.interface)), color=INTERFACE, linewidth=1.6, linestyle="-.", label="on the skin"
+    )
     around.set(xlim=(-180, 180), ylabel="pressure (mmHg)")
     around.set_ylim(0.0, 1.3 * around.get_ylim()[1])
     around.set_xticks(*Directions.of(leg.bare).sides())
@@ -55,10 +67,12 @@ def stocking_fat_figure(result: StockingResult, fat: FatPressures, level: float)
     image = by_thickness.scatter(thickness, greatest, c=interface, cmap="viridis", **dots)
     bar = figure.colorbar(image, ax=by_thickness, location="bottom", shrink=0.9)
     bar.set_label("pressure on the skin there (mmHg)")
-    by_thickness.set(xlabel="fat thickness (mm)", xlim=(0, None),
-                     ylabel="greatest hydrostatic pressure\nin the fat (mmHg)")  # fmt: skip
-    panel(by_thickness, "B", f"all columns: rank correlation "
-          f"{number(fat.rank_correlation(fat.greatest, fat.thickness))}")  # fmt: skip
+    by_thickness.set(
+        xlabel="fat thickness (mm)", xlim=(0, None), ylabel="greatest hydrostatic pressure\nin the fat (mmHg)"
+    )
+    panel(
+        by_thickness, "B", f"all columns: rank correlation {number(fat.rank_correlation(fat.greatest, fat.thickness))}"
+    )
     image = by_interface.scatter(interface, greatest, c=thickness, cmap="cividis", **dots)
     bar = figure.colorbar(image, ax=by_interface, location="bottom", shrink=0.9)
     bar.set_label("fat thickness there (mm)")
@@ -68,8 +82,9 @@ def stocking_fat_figure(result: StockingResult, fat: FatPressures, level: float)
     by_interface.set(xlabel="pressure on the skin (mmHg)")
     for axes in (by_thickness, by_interface):
         axes.set_ylim(low, top)
-    panel(by_interface, "C", f"all columns: rank correlation "
-          f"{number(fat.rank_correlation(fat.greatest, fat.interface))}")  # fmt: skip
+    panel(
+        by_interface, "C", f"all columns: rank correlation {number(fat.rank_correlation(fat.greatest, fat.interface))}"
+    )
     mean = mpa_to_mmhg(result.worn.load.mean_pressure)
     for axes in (by_thickness, by_interface):
         axes.axhline(mean, color=DATA_COLOUR, linewidth=0.8, linestyle=":")

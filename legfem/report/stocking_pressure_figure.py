@@ -55,9 +55,14 @@ def stocking_pressure_figure(result: StockingResult) -> Figure:
         handles.append(Line2D([], [], label="slices that were compared with the scan", **heights))
     if (pressure < NO_PRESSURE * pressure.max()).any():
         handles.append(
-            Patch(facecolor=BARE_COLOUR, edgecolor="#777777", hatch="///", linewidth=0.5,
-                  label="no pressure: the fabric spans a hollow or a flat")
-        )  # fmt: skip
+            Patch(
+                facecolor=BARE_COLOUR,
+                edgecolor="#777777",
+                hatch="///",
+                linewidth=0.5,
+                label="no pressure: the fabric spans a hollow or a flat",
+            )
+        )
     if handles:
         flat.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.1))
     for place, (letter, side, angle) in enumerate((("B", 0, -90), ("C", 2, 90)), 1):
@@ -70,25 +75,16 @@ def stocking_pressure_figure(result: StockingResult) -> Figure:
     return figure
 
 
-def _unrolled(
-    axes: Axes, levels: FloatArray, skin: FloatArray, pressure: FloatArray, norm: Normalize
-) -> Any:
+def _unrolled(axes: Axes, levels: FloatArray, skin: FloatArray, pressure: FloatArray, norm: Normalize) -> Any:
     """Draw the pressure over the angle round the leg and the height."""
     angle = np.linspace(-180.0, 180.0, _MAP_POINTS)
     rows = np.stack(
-        [
-            np.interp(angle, around, value, period=360.0)
-            for around, value in zip(unwrapped(skin), pressure, strict=True)
-        ]
+        [np.interp(angle, around, value, period=360.0) for around, value in zip(unwrapped(skin), pressure, strict=True)]
     )
-    image = axes.pcolormesh(
-        angle, levels, rows, cmap=COLOURS, norm=norm, shading="gouraud", rasterized=True
-    )
+    image = axes.pcolormesh(angle, levels, rows, cmap=COLOURS, norm=norm, shading="gouraud", rasterized=True)
     least = NO_PRESSURE * float(pressure.max())
     axes.contourf(angle, levels, rows, levels=[-1.0, least], colors=[BARE_COLOUR])
-    hatched = axes.contourf(
-        angle, levels, rows, levels=[-1.0, least], colors="none", hatches=["//"]
-    )
+    hatched = axes.contourf(angle, levels, rows, levels=[-1.0, least], colors="none", hatches=["//"])
     hatched.set_edgecolor("#777777")
     hatched.set_linewidth(0.0)
     apart = 5.0 if pressure.max() < 35.0 else 10.0
@@ -98,9 +94,7 @@ def _unrolled(
     return image
 
 
-def _solid(
-    axes: Any, points: FloatArray, pressure: FloatArray, norm: Normalize, angle: float
-) -> None:
+def _solid(axes: Any, points: FloatArray, pressure: FloatArray, norm: Normalize, angle: float) -> None:
     """Draw the skin, closed, coloured by its pressure."""
     closed = np.concatenate([points, points[:, :1]], axis=1)
     values = np.concatenate([pressure, pressure[:, :1]], axis=1)
@@ -108,9 +102,15 @@ def _solid(
     colours = matplotlib.colormaps[COLOURS](norm(faces))
     colours[faces < NO_PRESSURE * values.max()] = matplotlib.colors.to_rgba(BARE_COLOUR)
     axes.plot_surface(
-        *np.moveaxis(closed, -1, 0), facecolors=colours, rstride=1, cstride=1, shade=False,
-        linewidth=0, antialiased=False, rasterized=True,
-    )  # fmt: skip
+        *np.moveaxis(closed, -1, 0),
+        facecolors=colours,
+        rstride=1,
+        cstride=1,
+        shade=False,
+        linewidth=0,
+        antialiased=False,
+        rasterized=True,
+    )
     axes.set_proj_type("ortho")
     axes.set_aspect("equal")
     axes.set_box_aspect(np.ptp(points.reshape(-1, 3), axis=0), zoom=1.5)

@@ -13,15 +13,7 @@ from matplotlib.patches import Patch
 from legfem.common.units import FloatArray, mpa_to_mmhg
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.report.leg_directions import Directions
-from legfem.report.style import (
-    BONE_COLOUR,
-    DATA_COLOUR,
-    new_figure,
-    panel,
-    scale_in_kpa,
-    styled,
-    title,
-)
+from legfem.report.style import BONE_COLOUR, DATA_COLOUR, new_figure, panel, scale_in_kpa, styled, title
 from legfem.stocking.run import StockingResult
 from legfem.stocking.section_pressures import SectionPressures
 
@@ -48,25 +40,28 @@ def stocking_section_figure(result: StockingResult, section: SectionPressures) -
         axes.set_xlabel("x (mm), to the patient's left")
         frame = dict(transform=axes.transAxes, color="#444444", ha="center", va="center")
         for name, place, turn in zip(
-            names, ((0.5, 0.985), (0.985, 0.5), (0.5, 0.015), (0.015, 0.5)), (0, 270, 0, 90),
-            strict=True,
-        ):  # fmt: skip
+            names, ((0.5, 0.985), (0.985, 0.5), (0.5, 0.015), (0.015, 0.5)), (0, 270, 0, 90), strict=True
+        ):
             axes.text(*place, name, rotation=turn, fontsize=9, **frame)
         axes.invert_yaxis()
     inside.set_ylabel("y (mm), to the back")
     return figure
 
 
-def _draw_pressure(
-    figure: Figure, axes: Axes, result: StockingResult, section: SectionPressures
-) -> list[Any]:
+def _draw_pressure(figure: Figure, axes: Axes, result: StockingResult, section: SectionPressures) -> list[Any]:
     """Draw the pressure and the veins; return what the keys are."""
     pressure = mpa_to_mmhg(section.pressure)
     low, high = np.nanpercentile(pressure, [0.5, 99.5])
     image = axes.pcolormesh(
-        section.x, section.y, pressure, cmap="viridis", vmin=min(low, 0.0), vmax=high,
-        shading="nearest", rasterized=True,
-    )  # fmt: skip
+        section.x,
+        section.y,
+        pressure,
+        cmap="viridis",
+        vmin=min(low, 0.0),
+        vmax=high,
+        shading="nearest",
+        rasterized=True,
+    )
     bare = result.leg.bare
     for part in (SKIN, HULL):
         axes.plot(*_closed(bare.at(part, section.level)), color="black", linewidth=1.0)
@@ -75,16 +70,13 @@ def _draw_pressure(
     assert result.pressures is not None
     veins = []
     dot: dict[str, Any] = dict(marker="o", color=VEIN_COLOUR, markeredgecolor="white")
-    for number, (vein, found) in enumerate(
-        zip(result.leg.veins, result.pressures.at_veins, strict=True), 1
-    ):
+    for number, (vein, found) in enumerate(zip(result.leg.veins, result.pressures.at_veins, strict=True), 1):
         value = f"{mpa_to_mmhg(found):.1f} mmHg" if np.isfinite(found) else "not in the tissues"
         x, y, _ = map(float, vein.position)
         axes.plot(x, y, markersize=13, zorder=5, **dot)
         axes.annotate(
-            f"{number}", (x, y), color="white", weight="bold", ha="center",
-            va="center_baseline", fontsize=9, zorder=6,
-        )  # fmt: skip
+            f"{number}", (x, y), color="white", weight="bold", ha="center", va="center_baseline", fontsize=9, zorder=6
+        )
         label = f"{number}  {vein.name} veins: {value}"
         veins.append(Line2D([], [], linestyle="", markersize=8, label=label, **dot))
     bar = figure.colorbar(image, ax=axes, shrink=0.7, pad=0.02, extend="both", location="left")
@@ -97,10 +89,9 @@ def _draw_pressure(
     handles = [
         Line2D([], [], color="black", linewidth=1.0, label="skin, and hull of the muscle (bare)"),
         Patch(facecolor=BONE_COLOUR, edgecolor="black", label="bone"),
-        Line2D([], [], color="black", linewidth=1.5,
-               label=f"on the scale: mean pressure on the skin, {mean:.1f} mmHg"),
+        Line2D([], [], color="black", linewidth=1.5, label=f"on the scale: mean pressure on the skin, {mean:.1f} mmHg"),
         *veins,
-    ]  # fmt: skip
+    ]
     return handles
 
 
@@ -128,16 +119,9 @@ def _draw_outlines(axes: Axes, result: StockingResult, level: float) -> list[Any
     handles = [
         Line2D([], [], color=BARE, linestyle="--", label="skin and hull, bare"),
         Line2D(
-            [],
-            [],
-            color=DATA_COLOUR,
-            label=f"skin and hull in the stocking: skin moved by up to {moved.max():.1f} mm",
+            [], [], color=DATA_COLOUR, label=f"skin and hull in the stocking: skin moved by up to {moved.max():.1f} mm"
         ),
-        Patch(
-            facecolor=WORN,
-            alpha=0.3,
-            label=f"pressure on the skin, up to {pressure.max():.0f} mmHg here",
-        ),
+        Patch(facecolor=WORN, alpha=0.3, label=f"pressure on the skin, up to {pressure.max():.0f} mmHg here"),
     ]
     _frame(axes, out)
     return handles

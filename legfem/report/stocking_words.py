@@ -37,9 +37,7 @@ def share_of(pressures: Sequence[float], mean: float) -> str:
 
 def stiffness_values(parameters: dict[str, float]) -> str:
     """Return stiffnesses (MPa) by name, in kPa."""
-    return ", ".join(
-        f"{TISSUES[name]} C10 = {mpa_to_kpa(value):.3g} kPa" for name, value in parameters.items()
-    )
+    return ", ".join(f"{TISSUES[name]} C10 = {mpa_to_kpa(value):.3g} kPa" for name, value in parameters.items())
 
 
 def stiffness_interval(interval: tuple[float, float]) -> str:

@@ -15,12 +15,7 @@ from matplotlib.figure import Figure
 from legfem.common.units import mmhg_to_mpa, mpa_to_kpa
 
 # Okabe and Ito's colours, which the colour-blind can tell apart.
-LAW_COLOURS = {
-    "neo-hookean": "#D55E00",
-    "reduced-polynomial": "#0072B2",
-    "yeoh": "#009E73",
-    "exponential": "#CC79A7",
-}
+LAW_COLOURS = {"neo-hookean": "#D55E00", "reduced-polynomial": "#0072B2", "yeoh": "#009E73", "exponential": "#CC79A7"}
 LAW_NAMES = {
     "neo-hookean": "neo-Hookean",
     "reduced-polynomial": "reduced polynomial",
@@ -28,11 +23,7 @@ LAW_NAMES = {
     "exponential": "exponential",
 }
 REGION_COLOURS = {"superficial": "#F3DFA2", "fascia": "#4D4D4D", "deep": "#D98880"}
-REGION_NAMES = {
-    "superficial": "superficial tissue (fat)",
-    "fascia": "fascia",
-    "deep": "deep tissue (muscle)",
-}
+REGION_NAMES = {"superficial": "superficial tissue (fat)", "fascia": "fascia", "deep": "deep tissue (muscle)"}
 BONE_COLOUR = "#FAFAF5"
 TOOL_COLOUR = "#B8C4CC"
 DATA_COLOUR = "#111111"
@@ -90,9 +81,7 @@ def panel(axes: Axes, letter: str, name: str) -> None:
 def scale_in_kpa(bar: Any, side: Literal["left", "right"]) -> None:
     """Add a scale in kPa to the other side of a colour bar in mmHg."""
     unit = mpa_to_kpa(mmhg_to_mpa(1.0))
-    scale = bar.ax.secondary_yaxis(
-        side, functions=(lambda p: np.asarray(p) * unit, lambda p: np.asarray(p) / unit)
-    )
+    scale = bar.ax.secondary_yaxis(side, functions=(lambda p: np.asarray(p) * unit, lambda p: np.asarray(p) / unit))
     scale.set_ylabel("kPa")
 
 

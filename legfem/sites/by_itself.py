@@ -116,11 +116,10 @@ class Apart:
             of_difference = np.sqrt(np.diag(apart @ self._errors @ apart.T))
             # Of a site alone there is no difference.
             of_difference = np.maximum(of_difference, 1e-9 * error)
-            sites.append({
-                name: ByItself(
-                    float(at[k]), float(error[k]),
-                    float((at[k] - linear.point[k]) / of_difference[k]),
-                )
-                for k, name in enumerate(law.names)
-            })  # fmt: skip
+            sites.append(
+                {
+                    name: ByItself(float(at[k]), float(error[k]), float((at[k] - linear.point[k]) / of_difference[k]))
+                    for k, name in enumerate(law.names)
+                }
+            )
         return sites

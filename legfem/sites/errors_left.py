@@ -60,11 +60,7 @@ class Left:
 
 
 def what_is_left(
-    leg: SitedLeg,
-    models: Sequence[LegModels],
-    found: Found[SitesMisfit],
-    progress: Progress,
-    jobs: int = 1,
+    leg: SitedLeg, models: Sequence[LegModels], found: Found[SitesMisfit], progress: Progress, jobs: int = 1
 ) -> Left:
     """Solve every site by larger elements and of a shorter leg, near an optimum.
 
@@ -106,15 +102,22 @@ def what_is_left(
             errors[f"{FIBRES}bend of the curve"] = SHAPE_SD_OF_FIBRES * grid / one.depth
         corrections.append(
             TabulatedCorrection(
-                "none: the leg itself is solved in 3D", grid, np.array([1.0]),
-                np.array([0.0]), np.zeros((1, 1, len(grid))), errors,
+                "none: the leg itself is solved in 3D",
+                grid,
+                np.array([1.0]),
+                np.array([0.0]),
+                np.zeros((1, 1, len(grid))),
+                errors,
             )
-        )  # fmt: skip
+        )
     legs = [one.leg for one in models]
     return Left(
-        leg, tuple(corrections), tuple(one.source for one in legs),
-        any(one.extruded for one in legs), sum(rough for _, _, rough in every),
-    )  # fmt: skip
+        leg,
+        tuple(corrections),
+        tuple(one.source for one in legs),
+        any(one.extruded for one in legs),
+        sum(rough for _, _, rough in every),
+    )
 
 
 @dataclass(frozen=True, eq=False)

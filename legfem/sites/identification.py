@@ -13,12 +13,7 @@ from scipy.stats import chi2
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.correction.tabulated import TabulatedCorrection
-from legfem.identify.assess import (
-    applied_correction,
-    assumed_stiffness,
-    held_values,
-    versions,
-)
+from legfem.identify.assess import applied_correction, assumed_stiffness, held_values, versions
 from legfem.identify.catalogue import Values
 from legfem.identify.error_sources import Covariances, ErrorSource, total_of
 from legfem.identify.estimates import Optimum, correlations_of, estimates
@@ -92,9 +87,11 @@ def asked_of(parameters: Sequence[Parameter] | None, fixed: Values) -> Asked:
         null, prior = INSTRUMENT[one.name].null, one.prior
         if not np.isclose(prior.centre, null):
             raise InputError(
-                "--prior", one.name, f"is not about {null:g}",
+                "--prior",
+                one.name,
+                f"is not about {null:g}",
                 "correct the recordings, or identify a site by itself with --site",
-            )  # fmt: skip
+            )
         own[one.name] = prior.sd
     free = None
     if parameters is not None:
@@ -162,12 +159,12 @@ def sites_model(
     leg: SitedLeg, depth: float | None = None, settings: PlaneStrainSettings | None = None
 ) -> SitesForward[PlaneStrainForward]:
     """Return a leg's forward model, every site pressed as deep as its recordings ask."""
-    return SitesForward(tuple(
-        PlaneStrainForward.of_subject(
-            site, float(measured_curve(site, depth).displacement[-1]), settings
+    return SitesForward(
+        tuple(
+            PlaneStrainForward.of_subject(site, float(measured_curve(site, depth).displacement[-1]), settings)
+            for site in leg.sites
         )
-        for site in leg.sites
-    ))  # fmt: skip
+    )
 
 
 def assessed(
@@ -184,9 +181,14 @@ def assessed(
     apart = Apart(found, covariance)
     agreement = apart.agreement
     optimum = Optimum(
-        linear, found.residual, _widened(covariances, agreement.birge_ratio), quantile(repeats),
-        whole.p_value >= LEAST_CHANCE, assumed_stiffness(law), plane=spatial is None,
-    )  # fmt: skip
+        linear,
+        found.residual,
+        _widened(covariances, agreement.birge_ratio),
+        quantile(repeats),
+        whole.p_value >= LEAST_CHANCE,
+        assumed_stiffness(law),
+        plane=spatial is None,
+    )
     outcomes = found.outcomes
     result = SitesResult(
         leg=leg,
@@ -217,14 +219,10 @@ def assessed(
 
 def _widened(covariances: Covariances, ratio: float) -> Covariances:
     """Return larger errors, but for those that all sites have alike."""
-    return {
-        source: part if source in ALIKE else ratio**2 * part for source, part in covariances.items()
-    }
+    return {source: part if source in ALIKE else ratio**2 * part for source, part in covariances.items()}
 
 
-def _chance(
-    left: FloatArray, covariance: FloatArray, law: IdentifiedLaw, point: FloatArray
-) -> Chance:
+def _chance(left: FloatArray, covariance: FloatArray, law: IdentifiedLaw, point: FloatArray) -> Chance:
     departures = law.priors.residual(point)
     statistic = float(left @ np.linalg.solve(covariance, left) + departures @ departures)
     degrees = len(left) + len(departures) - len(law.parameters)
@@ -235,14 +233,8 @@ def _fits(leg: SitedLeg, found: Found[SitesMisfit], apart: Apart) -> list[SiteFi
     """Return every site beside the joint fit."""
     force, misfit = found.linear.prediction.force, found.search.misfit
     fits = []
-    every = zip(
-        leg.sites, misfit.parts, misfit.spans, apart.misfits(), apart.by_itself(), strict=True
-    )
+    every = zip(leg.sites, misfit.parts, misfit.spans, apart.misfits(), apart.by_itself(), strict=True)
     for site, part, span, chance, by_itself in every:
         correction = applied_correction(part.correction, part.displacement, found.best.values)
-        fits.append(
-            SiteFit(
-                site, part.measured, force[span], correction, chance, MappingProxyType(by_itself)
-            )
-        )
+        fits.append(SiteFit(site, part.measured, force[span], correction, chance, MappingProxyType(by_itself)))
     return fits

@@ -54,9 +54,7 @@ def joint_leg(given: Subject | SitedLeg, names: Collection[str], in_3d: bool) ->
     return None
 
 
-def check_joint(
-    leg: SitedLeg, settings: IdentificationSettings, correction: str, in_3d: bool
-) -> None:
+def check_joint(leg: SitedLeg, settings: IdentificationSettings, correction: str, in_3d: bool) -> None:
     """Check that what is asked for can be had of all sites together, or of a leg in 3D.
 
     Raises
@@ -69,19 +67,14 @@ def check_joint(
     what = f"{len(leg.sites)} sites" if name else "the leg in 3D"
     for option, given, why in (
         ("--no-emulator", not settings.emulator, "is for one site in plane strain"),
-        (
-            "--weighting", settings.weighting == "paper",
-            "paper weighs no site's errors against another's",
-        ),
-    ):  # fmt: skip
+        ("--weighting", settings.weighting == "paper", "paper weighs no site's errors against another's"),
+    ):
         if given:
             raise InputError(option, what, why, one)
     if not in_3d:
         return
     if correction not in (AUTO, NONE):
-        raise InputError(
-            "--correction", correction, "nothing is left to correct in 3D", "leave it out"
-        )
+        raise InputError("--correction", correction, "nothing is left to correct in 3D", "leave it out")
     for site in leg.sites:
         check_has_ends(site)
 

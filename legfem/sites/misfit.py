@@ -63,9 +63,7 @@ class SitesMisfit(Compared):
             Of a solve near the recordings, (n,), N.
         """
         every = zip(self.parts, self.spans, strict=True)
-        return SitesMisfit(
-            tuple(replace(part, about=(values, force[span])) for part, span in every)
-        )
+        return SitesMisfit(tuple(replace(part, about=(values, force[span])) for part, span in every))
 
     @cached_property
     def spans(self) -> list[slice]:
@@ -101,10 +99,7 @@ class SitesMisfit(Compared):
         """Return complete full solves as they are read."""
         every = [part.predict(_of_site(outcome, k), readings) for k, part in enumerate(self.parts)]
         force = np.concatenate([one.force for one in every])
-        by = {
-            name: np.concatenate([one.sensitivities[name] for one in every])
-            for name in every[0].sensitivities
-        }
+        by = {name: np.concatenate([one.sensitivities[name] for one in every]) for name in every[0].sensitivities}
         return Prediction(force, by, force, by)
 
     def read(self, force: FloatArray, readings: FloatArray) -> FloatArray:
@@ -131,9 +126,7 @@ class SitesMisfit(Compared):
         """Return covariances (n, n), N2, at values, by source; the correction's is alike at all."""
         return self._covariances(values, [part.measured_force for part in self.parts])
 
-    def _covariances(
-        self, values: Mapping[str, float], forces: Sequence[FloatArray]
-    ) -> Covariances:
+    def _covariances(self, values: Mapping[str, float], forces: Sequence[FloatArray]) -> Covariances:
         modes: dict[str, FloatArray] = {}
         for part, span, force in zip(self.parts, self.spans, forces, strict=True):
             for name, error in part.modes_of_correction(values, force).items():

@@ -162,9 +162,7 @@ def leg_models(
     kept = None if request.out is None else request.out / SOLVES
     ratio = seeks_ratio(leg.sites[0], request)
     return [
-        LegModels.of_subject(
-            site, float(curve.displacement[-1]), kept, settings, request.progress, comm, ratio
-        )
+        LegModels.of_subject(site, float(curve.displacement[-1]), kept, settings, request.progress, comm, ratio)
         for site, curve in zip(leg.sites, curves, strict=True)
     ]
 

@@ -57,9 +57,7 @@ def warnings_about(result: SitesResult) -> tuple[str, ...]:
     if result.spatial is not None:
         return (*texts, *_in_3d(result, result.spatial))
     applied = [one for one in result.sites if one.correction is not None]
-    texts += dict.fromkeys(
-        text for one in result.sites for text in of_ends(one.subject, one.correction)
-    )
+    texts += dict.fromkeys(text for one in result.sites for text in of_ends(one.subject, one.correction))
     if len(applied) > 1:
         texts.append(
             "What is wrong with the 3D correction is taken to be wrong alike at all sites: it "
@@ -110,8 +108,7 @@ def _departures(result: SitesResult) -> list[str]:
     for name in result.parameters:
         far = result.farthest(name)
         found.append(
-            f"{key_of(name)} departs most at {far.name}, by {far.by_itself[name].departure:+.1f} "
-            "standard errors"
+            f"{key_of(name)} departs most at {far.name}, by {far.by_itself[name].departure:+.1f} standard errors"
         )
     return found
 

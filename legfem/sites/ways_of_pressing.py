@@ -12,11 +12,7 @@ def ways_of_pressing(leg: SitedLeg) -> int:
     """Return how many ways a leg is pressed in, by which its fibres are bent otherwise."""
     shapes = {site.indenter.shape for site in leg.sites}
     turns = sorted(
-        {
-            abs((site.indenter.axis_deg + 90.0) % 180.0 - 90.0)
-            for site in leg.sites
-            if site.indenter.shape == "cylinder"
-        }
+        {abs((site.indenter.axis_deg + 90.0) % 180.0 - 90.0) for site in leg.sites if site.indenter.shape == "cylinder"}
     )
     unlike = len(turns) > 1 and turns[-1] - turns[0] >= _UNLIKE_DEG
     return len(shapes) + unlike

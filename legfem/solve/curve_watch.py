@@ -85,9 +85,7 @@ def curve_error(displacement: FloatArray, force: FloatArray) -> float:
     differences = force
     for k in range(1, order + 1):
         differences = np.diff(differences) / (displacement[k:] - displacement[:-k])
-    growth = max(
-        (now / before for before, now in pairwise(differences) if now * before > 0), default=1.0
-    )
+    growth = max((now / before for before, now in pairwise(differences) if now * before > 0), default=1.0)
     within = np.linspace(displacement[-2], displacement[-1], 11)[1:-1]
     product = np.prod([within - d for d in displacement[-order:]], axis=0)
     between = np.interp(within, displacement[-2:], force[-2:])

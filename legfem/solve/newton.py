@@ -50,10 +50,7 @@ class NewtonSolver:
     """
 
     def __init__(
-        self,
-        system: System,
-        settings: NewtonSettings | None = None,
-        linear: LinearSettings | None = None,
+        self, system: System, settings: NewtonSettings | None = None, linear: LinearSettings | None = None
     ) -> None:
         linear = linear or LinearSettings()
         self._system = system

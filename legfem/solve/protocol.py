@@ -94,9 +94,7 @@ class Protocol:
         for k, (before, after) in enumerate(pairwise(self.time), 2):
             if after <= before:
                 raise _wrong(
-                    "time",
-                    f"waypoint {k} at {after:g} s is not after {before:g} s",
-                    "give times that increase",
+                    "time", f"waypoint {k} at {after:g} s is not after {before:g} s", "give times that increase"
                 )
         if self.displacement[0] > 0:
             raise _wrong(
@@ -126,9 +124,7 @@ class Protocol:
         return cls.ramp(depth, rate)._held(hold)
 
     @classmethod
-    def cycle(
-        cls, depth: float, rate: float, hold: float = 0.0, unloading_rate: float | None = None
-    ) -> Protocol:
+    def cycle(cls, depth: float, rate: float, hold: float = 0.0, unloading_rate: float | None = None) -> Protocol:
         """Return loading, a hold (s; 0 for none), and unloading to 0 mm (rates in mm/s)."""
         back = rate if unloading_rate is None else unloading_rate
         _check("unloading_rate", back)
@@ -144,15 +140,13 @@ class Protocol:
         if other.displacement[0] != self.displacement[-1]:
             raise _wrong(
                 "displacement",
-                f"ends at {self.displacement[-1]:g} mm, and what follows starts at "
-                f"{other.displacement[0]:g} mm",
+                f"ends at {self.displacement[-1]:g} mm, and what follows starts at {other.displacement[0]:g} mm",
                 "join protocols where they meet",
             )
         held = self if pause == 0 else self._held(pause)
         shift = held.time[-1] - other.time[0]
         return Protocol(
-            (*held.time, *(t + shift for t in other.time[1:])),
-            (*held.displacement, *other.displacement[1:]),
+            (*held.time, *(t + shift for t in other.time[1:])), (*held.displacement, *other.displacement[1:])
         )
 
     @property
@@ -187,9 +181,7 @@ class Protocol:
 
     def _held(self, hold: float) -> Protocol:
         _check("hold", hold)
-        return Protocol(
-            (*self.time, self.time[-1] + hold), (*self.displacement, self.displacement[-1])
-        )
+        return Protocol((*self.time, self.time[-1] + hold), (*self.displacement, self.displacement[-1]))
 
 
 def _check(field: str, value: float) -> None:

@@ -54,9 +54,7 @@ class RelaxationSettings:
     most: int = 110
 
 
-def relax(
-    system: System, solver: NewtonSolver, settings: RelaxationSettings | None = None
-) -> NewtonOutcome:
+def relax(system: System, solver: NewtonSolver, settings: RelaxationSettings | None = None) -> NewtonOutcome:
     """Creep from the system's present unknown to an equilibrium, which replaces it if found.
 
     Returns

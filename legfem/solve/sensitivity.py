@@ -134,22 +134,18 @@ class _PlaceSensitivity:
         self._action = compiled(ufl.derivative(residual, domain.unknown, self._rate))
         known = [name if name in domain.symbols else None for name in parameters]
         self._partials = [
-            _compiled_if_any(_by_symbol(residual, domain.symbols[name])) if name else None
-            for name in known
+            _compiled_if_any(_by_symbol(residual, domain.symbols[name])) if name else None for name in known
         ]
         self._updates = [
             {
                 key: forms.history.expression(total)
                 for key in old
-                if not isinstance(
-                    total := self._total(forms.updated[key], forms, domain, name), Zero
-                )
+                if not isinstance(total := self._total(forms.updated[key], forms, domain, name), Zero)
             }
             for name in known
         ]
         self._states = [
-            (np.zeros_like(self._before.x.array), {k: v.x.array.copy() for k, v in old.items()})
-            for _ in parameters
+            (np.zeros_like(self._before.x.array), {k: v.x.array.copy() for k, v in old.items()}) for _ in parameters
         ]
         self.reset()
 
@@ -234,10 +230,7 @@ def _felt(forms: DomainForms, residual: Any) -> tuple[dict[str, Any], frozenset[
 
 def _by_symbol(form: Any, variable: Any) -> Any:
     return ufl.Form(
-        [
-            integral.reconstruct(integrand=ufl.diff(integral.integrand(), variable))
-            for integral in form.integrals()
-        ]
+        [integral.reconstruct(integrand=ufl.diff(integral.integrand(), variable)) for integral in form.integrals()]
     )
 
 

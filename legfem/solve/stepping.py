@@ -148,9 +148,7 @@ class _Walk:
         arrays, plain = found
         self._system.restore(arrays, plain["displacement"])
         self._state = arrays["unknown"]
-        self._changes = {
-            unit: (arrays[f"change.{unit}"], over) for unit, over in plain["changes"].items()
-        }
+        self._changes = {unit: (arrays[f"change.{unit}"], over) for unit, over in plain["changes"].items()}
         self.steps = [Step(**step) for step in plain["steps"]]
         self.segment, self._size = plain["segment"], plain["motion_size"]
         self._resumed = plain["position"], plain["size"]

@@ -29,10 +29,7 @@ def seeks_ratio(names: Collection[str]) -> bool:
 def kinds_of(recordings: Sequence[SpecimenRecording]) -> dict[str, tuple[str, ...]]:
     """Return how the fibres of each specimen lay in its tests, by its name; "" without fibres."""
     names = dict.fromkeys(one.specimen for one in recordings)
-    return {
-        name: tuple(sorted({level_of(one.sizes) for one in recordings if one.specimen == name}))
-        for name in names
-    }
+    return {name: tuple(sorted({level_of(one.sizes) for one in recordings if one.specimen == name})) for name in names}
 
 
 def _directions(recordings: Sequence[SpecimenRecording]) -> list[str]:
@@ -66,10 +63,11 @@ def check_strained(folder: SpecimenFolder, recordings: Sequence[SpecimenRecordin
     """
     if _directions(recordings) == [WORDS["cylinder"]]:
         raise InputError(
-            folder.directory / FILE, "fibres.ratio",
+            folder.directory / FILE,
+            "fibres.ratio",
             f"no fitted test strains fibres {WORDS['cylinder']}",
             "state it (it changes nothing here), or test another direction too",
-        )  # fmt: skip
+        )
 
 
 def misfit_of(
@@ -99,11 +97,14 @@ def misfit_of(
     """
     parts = tuple(
         Part(
-            one.course, Onset.of(one.course, one.detected, slope), model.tests.index(one.sizes),
-            one.specimen, fibres_text(one.sizes),
+            one.course,
+            Onset.of(one.course, one.detected, slope),
+            model.tests.index(one.sizes),
+            one.specimen,
+            fibres_text(one.sizes),
         )
         for one, slope in zip(recordings, slopes or [None] * len(recordings), strict=True)
-    )  # fmt: skip
+    )
     told = tells_ratio(folder, recordings)
     bent = len(folder.tissues) > 1 or any(part.kind for part in parts)
     shape_sd = SHAPE_SD_OF_LAYERS if bent else 0.0
@@ -118,9 +119,13 @@ def misfit_of(
     specimen = np.repeat([names.index(part.specimen) for part in parts], stations)
     apart = seeks and told and not _turned(recordings)
     own = OwnStiffness(
-        names, specimen, misfit.expected_force, misfit.weighted, known,
+        names,
+        specimen,
+        misfit.expected_force,
+        misfit.weighted,
+        known,
         tuple(kind for (kind,) in kinds.values()) if apart else (),
-    )  # fmt: skip
+    )
     return replace(misfit, own=own)
 
 

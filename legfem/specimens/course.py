@@ -153,9 +153,8 @@ def course_of(
     source = given.source or given.trial
     if len(given) < _LEAST_SAMPLES:
         raise InputError(
-            source, "rows", f"{len(given)} samples are too few",
-            f"record at least {_LEAST_SAMPLES} during loading",
-        )  # fmt: skip
+            source, "rows", f"{len(given)} samples are too few", f"record at least {_LEAST_SAMPLES} during loading"
+        )
     recording = calmed(given)
     calm = recording.displacement
     noise = sample_noise(given.displacement)
@@ -193,15 +192,11 @@ def course_of(
     def mean(values: FloatArray) -> FloatArray:
         return np.asarray(np.bincount(numbers, values) / count)
 
-    found = Course(
-        mean(kept.time), mean(kept.displacement), mean(kept.force), count, errors, arrival, kept,
-        contact,
-    )  # fmt: skip
+    found = Course(mean(kept.time), mean(kept.displacement), mean(kept.force), count, errors, arrival, kept, contact)
     if len(found.time) < _LEAST_SEEN:
         raise InputError(
-            source, "rows", f"{len(found.time)} stations of loading are too few",
-            "sample faster or press more slowly",
-        )  # fmt: skip
+            source, "rows", f"{len(found.time)} stations of loading are too few", "sample faster or press more slowly"
+        )
     return found
 
 
@@ -234,37 +229,47 @@ def _check_motion(calm: FloatArray, starts_at_contact: bool, source: object) -> 
     begun, rise = float(calm[0]), float(calm.max() - calm[0])
     if rise < _LEAST_RISE * float(np.ptp(calm)):
         raise InputError(
-            f"{source}", "displacement_mm", f"falls by {np.ptp(calm):.3g} mm, and never grows",
+            f"{source}",
+            "displacement_mm",
+            f"falls by {np.ptp(calm):.3g} mm, and never grows",
             "change its sign: displacement and force are positive in the test's direction",
-        )  # fmt: skip
+        )
     if starts_at_contact and abs(begun) > rise:
         raise InputError(
-            f"{source}", "displacement_mm", f"starts at {begun:.4g} mm, and goes on by {rise:.3g} "
+            f"{source}",
+            "displacement_mm",
+            f"starts at {begun:.4g} mm, and goes on by {rise:.3g} "
             "mm, where starts_at_contact says that it counts from first touch",
             "subtract where it touches, or leave starts_at_contact out",
-        )  # fmt: skip
+        )
 
 
 def _check(loading: Recording, source: object) -> None:
     where = str(source)
     if len(loading) < _LEAST_SAMPLES:
         raise InputError(
-            where, "rows", f"{len(loading)} samples of loading are too few",
+            where,
+            "rows",
+            f"{len(loading)} samples of loading are too few",
             f"record at least {_LEAST_SAMPLES}: sample faster or press more slowly",
-        )  # fmt: skip
+        )
     few = max(2, len(loading) // 20)
     rise = float(np.median(loading.force[-few:]) - np.median(loading.force[:few]))
     noise = sample_noise(loading.force)
     if rise < -5 * noise:
         raise InputError(
-            where, "force_N", f"falls by {-rise:.3g} N in loading",
+            where,
+            "force_N",
+            f"falls by {-rise:.3g} N in loading",
             "change its sign: displacement and force are positive in the test's direction",
-        )  # fmt: skip
+        )
     if rise <= 5 * noise:
         raise InputError(
-            where, "force_N", f"never touches: rises by {rise:.3g} N, noise {noise:.2g} N",
+            where,
+            "force_N",
+            f"never touches: rises by {rise:.3g} N, noise {noise:.2g} N",
             "remove this recording, or press deeper",
-        )  # fmt: skip
+        )
 
 
 def _speed(time: FloatArray, displacement: FloatArray) -> float:
@@ -294,8 +299,5 @@ def _stations(kept: Recording, depth: float, arrival: float) -> NDArray[np.intp]
 
 def _part(recording: Recording, part: slice | NDArray[np.bool_]) -> Recording:
     return replace(
-        recording,
-        time=recording.time[part],
-        displacement=recording.displacement[part],
-        force=recording.force[part],
+        recording, time=recording.time[part], displacement=recording.displacement[part], force=recording.force[part]
     )

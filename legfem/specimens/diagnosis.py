@@ -58,12 +58,7 @@ class DiagnosedSpecimen:
 
 
 def diagnose_specimens(
-    folder: SpecimenFolder,
-    names: Sequence[str],
-    responses: Path | None,
-    jobs: int,
-    progress: Progress,
-    seed: int = 0,
+    folder: SpecimenFolder, names: Sequence[str], responses: Path | None, jobs: int, progress: Progress, seed: int = 0
 ) -> Iterator[DiagnosedSpecimen]:
     """Yield the diagnoses of a folder's specimens, each as it is made.
 
@@ -92,10 +87,7 @@ def diagnose_specimens(
     every = folder.specimens
     for name in names:
         if name not in every:
-            raise InputError(
-                "--specimen", name, "is no specimen of the folder",
-                f"give one of {', '.join(every)}",
-            )  # fmt: skip
+            raise InputError("--specimen", name, "is no specimen of the folder", f"give one of {', '.join(every)}")
     for name in names or every:
         started = time.perf_counter()
         title = folder.title if len(every) == 1 else f"{folder.title}: {name}"
@@ -105,9 +97,7 @@ def diagnose_specimens(
         except InputError as error:
             yield replace(found, problem=error)
         else:
-            yield replace(
-                found, diagnosis=diagnosis, left_out=left, seconds=time.perf_counter() - started
-            )
+            yield replace(found, diagnosis=diagnosis, left_out=left, seconds=time.perf_counter() - started)
 
 
 def _diagnosed(
@@ -129,45 +119,45 @@ def _diagnosed(
         else:
             used.append(one)
     if not used:
-        raise InputError(
-            folder.directory, left[0].name, f"no recording can be used: {left[0].reason}",
-            "mend them",
-        )  # fmt: skip
+        raise InputError(folder.directory, left[0].name, f"no recording can be used: {left[0].reason}", "mend them")
     observed, sizes = _observed(folder, used), used[0].sizes
     solved = solved_responses(folder, sizes, observed, responses)
     progress.stage(f"how stiff {used[0].specimen} is, roughly")
     stiffening = STIFFENING[folder.base_law]
     if np.isnan(solved.curve(1.0, 0.0)).any():
         raise InputError(
-            folder.directory, used[0].specimen,
+            folder.directory,
+            used[0].specimen,
             f"its test can't be solved to {solved.depth:.3g} mm",
             "check the sizes, or record less deep",
-        )  # fmt: skip
+        )
     middle = middle_of(observed, solved, stiffening)
     last = max(float(s.protocol.time[-1]) for s in observed.protocols)
-    scale = Scale(observed.depth, float(observed.force.max()), last, middle,
-                  asked.bulk_ratio)  # fmt: skip
+    scale = Scale(observed.depth, float(observed.force.max()), last, middle, asked.bulk_ratio)
     every, unable = mechanisms_of(sizes, scale)
     able, _ = shown_mechanisms(observed, None, every=every)
-    library = build_library(
-        solved, solved, observed, able, None, jobs, progress, stiffening, middle, _STIFFENINGS
-    )
+    library = build_library(solved, solved, observed, able, None, jobs, progress, stiffening, middle, _STIFFENINGS)
     library = replace(library, missing={**unable, **library.missing}, reach=_REACH)
     stiff = stiffness_doubts(folder, kpa_to_mpa(middle))
     doubts = (*folder.doubts, *(one for one in stiff if one.field not in folder.confirmed))
     observed = replace(observed, remarks=(*doubt_lines(doubts), *observed.remarks))
     accuracy = Accuracy() if folder.origin == "measured" else _DRAWN
     diagnosis = diagnose(
-        observed, _instrument(folder, used), folder.base_law, library, solved, progress, accuracy,
-        seed=seed, every=every,
-    )  # fmt: skip
+        observed,
+        _instrument(folder, used),
+        folder.base_law,
+        library,
+        solved,
+        progress,
+        accuracy,
+        seed=seed,
+        every=every,
+    )
     return diagnosis, tuple(left)
 
 
 def _observed(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Observations:
-    observed = observe(
-        [calmed(one.recording) for one in used], _instrument(folder, used), folder.starts_at_contact
-    )
+    observed = observe([calmed(one.recording) for one in used], _instrument(folder, used), folder.starts_at_contact)
     remarks = list(observed.remarks)
     if folder.instrument is None:
         remarks.append(
@@ -182,8 +172,7 @@ def _observed(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Obse
         )
     if observed.repeats < 2:
         remarks.append(
-            "No protocol was repeated: errors between trials aren't seen, and come from the "
-            "instruments' figures alone."
+            "No protocol was repeated: errors between trials aren't seen, and come from the instruments' figures alone."
         )
     return replace(observed, remarks=tuple(remarks))
 
@@ -201,23 +190,28 @@ def tissue_asked_for(folder: SpecimenFolder) -> SpecimenTissue:
         return open_ones[0]
     names = ", ".join(one.name for one in open_ones) or "none"
     raise InputError(
-        folder.directory / FILE, "layers", f"stiffness is open of {names}",
+        folder.directory / FILE,
+        "layers",
+        f"stiffness is open of {names}",
         "state C10_kPa of all layers but one, such as legfem.identify found, for a diagnosis",
-    )  # fmt: skip
+    )
 
 
 def _check_fibres(folder: SpecimenFolder, recordings: Sequence[SpecimenRecording]) -> None:
     if len({fibres_text(one.sizes) for one in recordings}) > 1:
         raise InputError(
-            folder.directory / FILE, f"specimen {recordings[0].specimen}",
+            folder.directory / FILE,
+            f"specimen {recordings[0].specimen}",
             "was tested in several directions of its fibres",
             "give each a name of its own, for a diagnosis",
-        )  # fmt: skip
+        )
     if any(one.fibrous and RATIO not in one.stated for one in folder.tissues):
         raise InputError(
-            folder.directory / FILE, "fibres.ratio", "is open",
+            folder.directory / FILE,
+            "fibres.ratio",
+            "is open",
             "state it, such as legfem.identify found, for a diagnosis",
-        )  # fmt: skip
+        )
 
 
 def _instrument(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Instrument:
@@ -226,9 +220,7 @@ def _instrument(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> In
     force = [one.course.instrument.force_sd for one in used]
     displacement = [one.course.instrument.displacement_sd for one in used]
     return Instrument(
-        float(np.sqrt(np.mean(np.square(force)))),
-        float(np.sqrt(np.mean(np.square(displacement)))),
-        stated=False,
+        float(np.sqrt(np.mean(np.square(force)))), float(np.sqrt(np.mean(np.square(displacement)))), stated=False
     )
 
 

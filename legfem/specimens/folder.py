@@ -23,12 +23,7 @@ from legfem.specimens.plausibility import (
     doubts_about_stiffness,
 )
 from legfem.specimens.recorded import LeftOut, SpecimenRecording
-from legfem.specimens.schema import (
-    BaseLaw,
-    SpecimenEntry,
-    SpecimenFile,
-    parse_specimen_file,
-)
+from legfem.specimens.schema import BaseLaw, SpecimenEntry, SpecimenFile, parse_specimen_file
 from legfem.specimens.sizes import SizeError, Sizes, opening_of, sizes_of
 from legfem.specimens.suctions import suction_doubts
 from legfem.specimens.tissues import SpecimenTissue, tissues_of
@@ -74,9 +69,7 @@ class SpecimenFolder:
     def specimens(self) -> dict[str, tuple[SpecimenRecording, ...]]:
         """Recordings by the specimen's name."""
         names = dict.fromkeys(one.specimen for one in self.recordings)
-        return {
-            name: tuple(one for one in self.recordings if one.specimen == name) for name in names
-        }
+        return {name: tuple(one for one in self.recordings if one.specimen == name) for name in names}
 
     def named(self, name: str) -> tuple[SpecimenRecording, ...]:
         """Return the recordings that are of a name, or of a specimen of that name.
@@ -90,9 +83,8 @@ class SpecimenFolder:
         if not found:
             known = sorted({text for one in self.recordings for text in (one.name, one.specimen)})
             raise InputError(
-                "--leave-out", name, "is no recording and no specimen of the folder",
-                f"give one of {', '.join(known)}",
-            )  # fmt: skip
+                "--leave-out", name, "is no recording and no specimen of the folder", f"give one of {', '.join(known)}"
+            )
         if len(found) == len(self.recordings):
             raise InputError("--leave-out", name, "leaves nothing to fit", "name fewer")
         return found
@@ -145,18 +137,26 @@ def load_specimen(directory: Path) -> SpecimenFolder:
             used.append(SpecimenRecording(name, specimen, sizes[entry], course, recording))
     if not used:
         raise InputError(
-            directory / "recordings", left[0].name, f"no recording can be used: {left[0].reason}",
-            "mend them",
-        )  # fmt: skip
+            directory / "recordings", left[0].name, f"no recording can be used: {left[0].reason}", "mend them"
+        )
     relaxes = given.tissue.relaxes
     return SpecimenFolder(
-        given.id, given.title, given.origin, tuple(used), tuple(left),
+        given.id,
+        given.title,
+        given.origin,
+        tuple(used),
+        tuple(left),
         any(one.course.holds for one in used) if relaxes is None else relaxes,
-        directory, errors, at_contact, given.tissue.one_stiffness, given.tissue.returns,
-        given.tissue.law, tissues_of(given),
+        directory,
+        errors,
+        at_contact,
+        given.tissue.one_stiffness,
+        given.tissue.returns,
+        given.tissue.law,
+        tissues_of(given),
         tuple(doubt for doubt in dict.fromkeys(doubts) if doubt.field not in given.confirmed),
         tuple(given.confirmed),
-    )  # fmt: skip
+    )
 
 
 def stiffness_doubts(folder: SpecimenFolder, c10: float) -> list[Doubt]:
@@ -186,11 +186,13 @@ def _unread(directory: Path, read: Sequence[Path]) -> list[Doubt]:
         return []
     return [
         Doubt(
-            str(directory / "recordings"), "recordings", f"{', '.join(others[:5])} are not read",
+            str(directory / "recordings"),
+            "recordings",
+            f"{', '.join(others[:5])} are not read",
             "name them with a specimen, remove them, or give [recordings] from "
             "`python -m legfem.data look --specimens`",
         )
-    ]  # fmt: skip
+    ]
 
 
 def _named(directory: Path, toml: Path, given: SpecimenFile) -> list[tuple[str, int | None, Path]]:
@@ -204,10 +206,7 @@ def _named(directory: Path, toml: Path, given: SpecimenFile) -> list[tuple[str, 
         patterns = ["recordings/*"] if entry is None else entry.recordings
         for pattern in patterns:
             if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
-                raise InputError(
-                    toml, "specimen.recordings", f"{pattern!r} leaves the folder",
-                    "name files within it",
-                )  # fmt: skip
+                raise InputError(toml, "specimen.recordings", f"{pattern!r} leaves the folder", "name files within it")
             files = sorted(
                 path
                 for path in directory.glob(pattern)
@@ -216,27 +215,22 @@ def _named(directory: Path, toml: Path, given: SpecimenFile) -> list[tuple[str, 
             if not files:
                 where = "recordings" if entry is None else f"specimen {entry.name}"
                 raise InputError(
-                    toml, where, f"there is no file {pattern!r}",
+                    toml,
+                    where,
+                    f"there is no file {pattern!r}",
                     "put one CSV file a recording there: time_s,displacement_mm,force_N; or give "
                     "the channels of your instrument's files, from `python -m legfem.data look`",
-                )  # fmt: skip
+                )
             found += [(number, path) for path in files]
     for path, times in Counter(path for _, path in found).items():
         if times > 1:
             raise InputError(
-                toml, "specimen.recordings", f"{path.name} is named {times} times",
-                "name every recording once",
-            )  # fmt: skip
+                toml, "specimen.recordings", f"{path.name} is named {times} times", "name every recording once"
+            )
     check_shown(*(path for _, path in found))
     stems = Counter(path.stem for _, path in found)
     return [
-        (
-            path.stem
-            if stems[path.stem] == 1
-            else path.relative_to(directory).with_suffix("").as_posix(),
-            number,
-            path,
-        )
+        (path.stem if stems[path.stem] == 1 else path.relative_to(directory).with_suffix("").as_posix(), number, path)
         for number, path in found
     ]
 
@@ -246,9 +240,8 @@ def _check_distinct(toml: Path, specimens: list[SpecimenEntry]) -> None:
     for (name, _), times in Counter((entry.name, entry.fibres) for entry in specimens).items():
         if times > 1:
             raise InputError(
-                toml, "specimen.name", f"{times} specimens are called {name!r}",
-                "give every specimen a name of its own",
-            )  # fmt: skip
+                toml, "specimen.name", f"{times} specimens are called {name!r}", "give every specimen a name of its own"
+            )
 
 
 def _sizes(toml: Path, given: SpecimenFile, number: int | None) -> Sizes:

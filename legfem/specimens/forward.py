@@ -39,9 +39,7 @@ _STEPS, _ELEMENTS = 20, 5
 """Of a shallow test: steps to its depth, and elements across half of its contact."""
 
 
-def experiment_of(
-    sizes: Sizes, laws: Mapping[str, Hyperelastic], depth: float, fibrous: str = ONE
-) -> Test:
+def experiment_of(sizes: Sizes, laws: Mapping[str, Hyperelastic], depth: float, fibrous: str = ONE) -> Test:
     """Return the experiment with a test's sizes, its mesh and steps fit for a depth (mm).
 
     Laws are by the tissue's name; that of a specimen of one is `legfem.specimens.tissues.ONE`.
@@ -133,11 +131,7 @@ class SpecimenForward(Homebound):
 
     @classmethod
     def of_tissues(
-        cls,
-        tests: tuple[Sizes, ...],
-        depths: tuple[float, ...],
-        tissues: Sequence[SpecimenTissue],
-        c10: float,
+        cls, tests: tuple[Sizes, ...], depths: tuple[float, ...], tissues: Sequence[SpecimenTissue], c10: float
     ) -> SpecimenForward:
         """Return the model of tissues whose stiffness is ``c10`` (MPa) if it isn't stated."""
         laws = {one.name: one.at(c10) for one in tissues}
@@ -158,9 +152,7 @@ class SpecimenForward(Homebound):
     def nominal(self) -> Values:
         """The law's numbers (MPa, 1/MPa) and the fibres' ratio by full name."""
         return {
-            f"{tissue}.{name}": value
-            for tissue, law in self.laws.items()
-            for name, value in law.parameters.items()
+            f"{tissue}.{name}": value for tissue, law in self.laws.items() for name, value in law.parameters.items()
         } | {ratio_of(tissue): ratio for tissue, ratio in self.fibre_ratios.items()}
 
     def with_compressibility(self, values: Values) -> dict[str, float]:
@@ -178,9 +170,7 @@ class SpecimenForward(Homebound):
         every = [self.solve_one(k, values, sensitivities) for k in range(len(self.tests))]
         return ForwardOutcome.joined(values, every)
 
-    def solve_one(
-        self, number: int, values: Values, sensitivities: Sequence[str] = ()
-    ) -> ForwardOutcome:
+    def solve_one(self, number: int, values: Values, sensitivities: Sequence[str] = ()) -> ForwardOutcome:
         """Solve one of the tests.
 
         A derivative by a stiffness is that at the same Poisson's ratio where the values have no D1,
@@ -204,18 +194,21 @@ class SpecimenForward(Homebound):
         try:
             solved: Solved = self.experiments[number].solve(given, self.depths[number], asked)
         except (ArithmeticError, ValueError, RuntimeError, np.linalg.LinAlgError) as error:
-            nothing = ForceCurve(
-                np.zeros(1), np.zeros(1), dict.fromkeys(sensitivities, np.zeros(1))
-            )
+            nothing = ForceCurve(np.zeros(1), np.zeros(1), dict.fromkeys(sensitivities, np.zeros(1)))
             reason = " ".join(str(error).split()) or type(error).__name__
             return ForwardOutcome(values, (nothing,), False, reason, 0, 0.0)
         report = solved.report
         seconds = report.seconds + sum(before.seconds for before in report.earlier_attempts)
         curve = _at_poissons_ratio(solved.curve, every, tied)
         return ForwardOutcome(
-            values, (at_ratios(curve, own, fibrous, sensitivities),), bool(report.complete),
-            report.reason, report.factorisations, float(seconds), report.compromise,
-        )  # fmt: skip
+            values,
+            (at_ratios(curve, own, fibrous, sensitivities),),
+            bool(report.complete),
+            report.reason,
+            report.factorisations,
+            float(seconds),
+            report.compromise,
+        )
 
     def fingerprint(self) -> Mapping[str, Any]:
         """Return tests, depths, law and code."""

@@ -87,12 +87,9 @@ def identify_specimen(
             check_strained(folder, [one for one in folder.recordings if one not in held])
     prepared = prepare(folder, held, out, jobs, progress)
     return [
-        _identify(
-            folder, name, prepared, held, asked, settings or IdentificationSettings(), out, jobs,
-            progress,
-        )
+        _identify(folder, name, prepared, held, asked, settings or IdentificationSettings(), out, jobs, progress)
         for name in laws
-    ]  # fmt: skip
+    ]
 
 
 def _identify(
@@ -108,9 +105,7 @@ def _identify(
 ) -> SpecimenResult:
     started = time.perf_counter()
     away = {one.name for one in held}
-    fitted = [
-        where_it_seems(one, folder.returns) for one in prepared.recordings if one.name not in away
-    ]
+    fitted = [where_it_seems(one, folder.returns) for one in prepared.recordings if one.name not in away]
     predicted = [one for one in prepared.recordings if one.name in away]
     tissues = [one.of_law(name) for one in folder.tissues]
     if not shows_quickening([one.course.rate for one in fitted]):
@@ -118,9 +113,7 @@ def _identify(
     free = identified_law(name, tissues, prepared.c10, folder.relaxes, asked)
     depth_of = dict(zip(prepared.tests, prepared.depths, strict=True))
     tests = tuple(dict.fromkeys(one.sizes for one in fitted))
-    model = SpecimenForward.of_tissues(
-        tests, tuple(depth_of[sizes] for sizes in tests), tissues, prepared.c10
-    )
+    model = SpecimenForward.of_tissues(tests, tuple(depth_of[sizes] for sizes in tests), tissues, prepared.c10)
     seeks = seeks_ratio(free.names)
     why = untold(folder, fitted) if seeks else ""
     misfit = misfit_of(fitted, model, folder, seeks)
@@ -162,9 +155,7 @@ def _identify(
     notes = []
     if predicted:
         others = tuple(dict.fromkeys(one.sizes for one in predicted))
-        beside = SpecimenForward.of_tissues(
-            others, tuple(depth_of[sizes] for sizes in others), tissues, prepared.c10
-        )
+        beside = SpecimenForward.of_tissues(others, tuple(depth_of[sizes] for sizes in others), tissues, prepared.c10)
         own = misfit_of(predicted, beside, folder, seeks, stiffness)
         outcome = beside.solve(model_values(best.values), ())
         if outcome.complete:
@@ -184,11 +175,7 @@ def _identify(
         parameters=found,
         correlations=correlations_of(optimum.spread),
         values=values,
-        assumed={
-            key: value
-            for key, value in values.items()
-            if key not in free.names and np.isfinite(value)
-        },
+        assumed={key: value for key, value in values.items() if key not in free.names and np.isfinite(value)},
         forward_solves=len(outcomes),
         reused_solves=sum(solver.was_reused(one.values) for one in outcomes.values()),
         wall_s=time.perf_counter() - started,
@@ -229,9 +216,7 @@ def _warnings(
 ) -> tuple[str, ...]:
     """Return a sentence a warning, the gravest first."""
     doubted = [
-        one
-        for one in (*prepared.doubts, *stiffness_doubts(folder, prepared.c10))
-        if one.field not in folder.confirmed
+        one for one in (*prepared.doubts, *stiffness_doubts(folder, prepared.c10)) if one.field not in folder.confirmed
     ]
     texts = [f"DOUBTFUL INPUT: {doubt}" for doubt in (*folder.doubts, *doubted)]
     if not search.converged:

@@ -90,32 +90,25 @@ def asked_in_writing(written: Written, tissues: Sequence[SpecimenTissue]) -> Ask
     if any(given.values()):
         if DEEP_C10 not in known:
             raise InputError(
-                "--c10-bounds", ", ".join(one.name for one in tissues), "are layers",
+                "--c10-bounds",
+                ", ".join(one.name for one in tissues),
+                "are layers",
                 "leave it out, or say by --prior LAYER.C10 what is known",
-            )  # fmt: skip
+            )
         checked = {one.name: one.bounds for one in replace(written, identify=()).parameters(known)}
         bounds = {name: checked[name] for name, limits in given.items() if limits is not None}
     held = written.held(known)
     for name, value in held.items():
         if is_ratio(name) and value < RATIO_BOUNDS[0]:
-            raise InputError(
-                "--fix", name, f"{value:g} is less along the fibres than across", "give at least 1"
-            )
-    return Asked(
-        tuple(written.identify),
-        dict(read_prior(text, known) for text in written.priors),
-        bounds,
-        held,
-    )
+            raise InputError("--fix", name, f"{value:g} is less along the fibres than across", "give at least 1")
+    return Asked(tuple(written.identify), dict(read_prior(text, known) for text in written.priors), bounds, held)
 
 
 def known_values(tissues: Sequence[SpecimenTissue], c10: float) -> dict[str, float]:
     """Return all numbers of tissues at a stiffness (MPa), and of relaxation, by full name."""
-    own = {
-        f"{one.name}.{key}": value
-        for one in tissues
-        for key, value in one.at(c10).parameters.items()
-    } | {ratio_of(one.name): one.fibre_ratio for one in tissues if one.fibrous}
+    own = {f"{one.name}.{key}": value for one in tissues for key, value in one.at(c10).parameters.items()} | {
+        ratio_of(one.name): one.fibre_ratio for one in tissues if one.fibrous
+    }
     return own | {name: number.null for name, number in RELAXATION.items()}
 
 
@@ -179,8 +172,11 @@ def identified_law(
     if not free:
         raise InputError("--identify", name, "nothing is left to identify", "name a parameter")
     tied = {f"{one.name}.D1" for one in tissues} - set(asked.fixed)
-    held = {key: value for key, value in {**known, **asked.fixed}.items()
-            if (key in known or key in INSTRUMENT) and key not in tied}  # fmt: skip
+    held = {
+        key: value
+        for key, value in {**known, **asked.fixed}.items()
+        if (key in known or key in INSTRUMENT) and key not in tied
+    }
     held = {key: value for key, value in held.items() if key not in wanted or key in asked.fixed}
     if not relaxes:
         held = {key: value for key, value in held.items() if key not in RELAXATION}
@@ -218,9 +214,7 @@ def _parameter(name: str, known: Values, far: float) -> Parameter:
     return Parameter(name, unit, (centre / far, centre * far), scale="log", statement=statement)
 
 
-def _usual(
-    tissue: str, known: Values, relaxes: bool, beside: bool
-) -> dict[str, tuple[float, float]]:
+def _usual(tissue: str, known: Values, relaxes: bool, beside: bool) -> dict[str, tuple[float, float]]:
     """Return where to look first: of a force that relaxes, the lasting part is less.
 
     Where other layers or fibres bear a part that isn't known, it is less or more.

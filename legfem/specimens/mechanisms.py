@@ -154,29 +154,30 @@ def mechanisms_of(sizes: Sizes, scale: Scale) -> tuple[list[Mechanism], dict[str
 
 
 def _of_specimen(mechanism: Mechanism, scale: Scale) -> Mechanism:
-    statement, next_experiment = _TOLD.get(
-        mechanism.name, (mechanism.statement, mechanism.next_experiment)
-    )
+    statement, next_experiment = _TOLD.get(mechanism.name, (mechanism.statement, mechanism.next_experiment))
     first, *rest = mechanism.parameters
     strengths = mechanism.strengths if isinstance(mechanism, TissueMechanism) else None
     if mechanism.name == "compressibility":
         most = max(_LEAST_FACTOR, scale.bulk / _LEAST_BULK)
         first = factor(
-            "factor", "on D1", (0.1, 1.5 * most), max(1.3, 0.5 * math.log(most)),
+            "factor",
+            "on D1",
+            (0.1, 1.5 * most),
+            max(1.3, 0.5 * math.log(most)),
             "gels hardly lose volume, foams and drained tissues lose much",
-        )  # fmt: skip
+        )
         strengths = (most ** (1 / 3), most ** (2 / 3), most)
     over = scale.over_a_leg.get(mechanism.name, 1.0)
     return mechanism.restated(
-        statement, next_experiment, (_times(first, over), *rest),
+        statement,
+        next_experiment,
+        (_times(first, over), *rest),
         None if strengths is None else tuple(over * value for value in strengths),
-    )  # fmt: skip
+    )
 
 
 def _times(parameter: Parameter, over: float) -> Parameter:
     if over == 1.0:
         return parameter
     prior, (low, high) = prior_of(parameter), parameter.bounds
-    return replace(
-        parameter, bounds=(over * low, over * high), prior=replace(prior, sd=over * prior.sd)
-    )
+    return replace(parameter, bounds=(over * low, over * high), prior=replace(prior, sd=over * prior.sd))

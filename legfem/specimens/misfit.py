@@ -95,10 +95,7 @@ class SpecimenMisfit(Compared):
 
     def reached_by(self, outcome: ForwardOutcome) -> bool:
         """Return whether every test came to its depth."""
-        return all(
-            curve.depth >= depth - 1e-9
-            for curve, depth in zip(outcome.curves, self.depths, strict=True)
-        )
+        return all(curve.depth >= depth - 1e-9 for curve, depth in zip(outcome.curves, self.depths, strict=True))
 
     @cached_property
     def grids(self) -> list[FloatArray]:
@@ -114,10 +111,7 @@ class SpecimenMisfit(Compared):
     @cached_property
     def _sd(self) -> list[float]:
         """What the stations of every recording count as erring by, N."""
-        return [
-            WEIGHT * part.course.peak * float(np.sqrt(len(part.course.time) / COUNTED))
-            for part in self.parts
-        ]
+        return [WEIGHT * part.course.peak * float(np.sqrt(len(part.course.time) / COUNTED)) for part in self.parts]
 
     def weighted(self, values: FloatArray) -> FloatArray:
         """Return values (n, ...) over what they count as erring by."""

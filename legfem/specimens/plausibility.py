@@ -27,14 +27,7 @@ _CUT_OFF = 0.1
 """Of the depth: a force that doesn't rise any more."""
 _UNITS: Mapping[str, Mapping[str, float]] = {
     "pressure": {"mbar": 0.1, "mmHg": 0.1333, "psi": 6.895, "Pa": 1e-3},
-    "force_N": {
-        "kgf": 9.80665,
-        "gf": 9.80665e-3,
-        "mN": 1e-3,
-        "kN": 1e3,
-        "lbf": 4.448,
-        "ozf": 0.278,
-    },
+    "force_N": {"kgf": 9.80665, "gf": 9.80665e-3, "mN": 1e-3, "kN": 1e3, "lbf": 4.448, "ozf": 0.278},
 }
 """Units that are taken for the right one by column, and by what they change a stiffness."""
 
@@ -78,31 +71,29 @@ def doubts_about_course(source: str, course: Course, sizes: Sizes) -> Iterator[D
         pressed = not isinstance(whole, Bar) or whole.pulled == "compression"
         share = course.depth / _along(whole)
         yield from ranges.SHARE[pressed].doubts(
-            source, "displacement_mm", share,
-            f"check that {course.depth:.3g} mm are right, and the specimen's sizes",
-        )  # fmt: skip
-    yield from ranges.SPEED.doubts(
-        source, "time_s", course.rate, "check that time is in s (not min or ms)"
-    )
+            source, "displacement_mm", share, f"check that {course.depth:.3g} mm are right, and the specimen's sizes"
+        )
+    yield from ranges.SPEED.doubts(source, "time_s", course.rate, "check that time is in s (not min or ms)")
     yield from spike_doubts(source, course.samples)
     loading = course.samples.time <= course.arrival
     time, force = course.samples.time[loading], course.samples.force[loading]
     if counts_samples(time):
         yield Doubt(
-            source, "time_s", "goes up by exactly 1 from row to row, as a count of samples",
+            source,
+            "time_s",
+            "goes up by exactly 1 from row to row, as a count of samples",
             "divide it by the sampling rate in Hz",
-        )  # fmt: skip
+        )
     if cut_off(course.samples.displacement[loading], force) > _CUT_OFF * course.depth:
         yield Doubt(
-            source, "force_N",
-            f"stays at {force.max():.3g} N while the drive goes on, as a load cell or an amplifier "
-            "at its limit does", "use a larger range, or remove what lies beyond",
-        )  # fmt: skip
+            source,
+            "force_N",
+            f"stays at {force.max():.3g} N while the drive goes on, as a load cell or an amplifier at its limit does",
+            "use a larger range, or remove what lies beyond",
+        )
 
 
-def doubts_about_stiffness(
-    source: Path, c10: float, names: Sequence[str], field: str
-) -> Iterator[Doubt]:
+def doubts_about_stiffness(source: Path, c10: float, names: Sequence[str], field: str) -> Iterator[Doubt]:
     """Yield a doubt about a stiffness that is stated, or that recordings ask for.
 
     Parameters
@@ -139,10 +130,11 @@ def doubts_about_differing(stiffness: Mapping[SpecimenRecording, float]) -> Iter
         ratio = c10 / statistics.median(same.values()) if same else 1.0
         if not 1 / _APART < ratio < _APART:
             yield Doubt(
-                str(one.recording.source or one.name), "force_N",
+                str(one.recording.source or one.name),
+                "force_N",
                 f"asks for {ratio:.3g} times the stiffness of the specimen's other recordings",
                 "check that units, gain and specimen are the same",
-            )  # fmt: skip
+            )
 
 
 def _range_of(names: Sequence[str]) -> PhysicalRange:

@@ -43,11 +43,7 @@ class Prepared:
 
 
 def prepare(
-    folder: SpecimenFolder,
-    held: set[SpecimenRecording],
-    out: Path | None,
-    jobs: int,
-    progress: Progress,
+    folder: SpecimenFolder, held: set[SpecimenRecording], out: Path | None, jobs: int, progress: Progress
 ) -> Prepared:
     """Solve every test once, and leave out or shorten what can't be modelled.
 
@@ -61,9 +57,8 @@ def prepare(
         deepest[one.sizes] = max(deepest.get(one.sizes, 0.0), _BEYOND * deepest_of(one.course))
     usual = begin_at(folder.tissues, REFERENCE_MPA)
     model = SpecimenForward.of_tissues(
-        tuple(deepest), tuple(deepest.values()),
-        [one.of_law("neo-hookean") for one in folder.tissues], usual,
-    )  # fmt: skip
+        tuple(deepest), tuple(deepest.values()), [one.of_law("neo-hookean") for one in folder.tissues], usual
+    )
     progress.stage("solving every test once; on a machine's first run, compiling", len(deepest))
     outcomes = _solved_once(model, out, jobs, progress)
     used, left, notes = list[SpecimenRecording](), list(folder.left_out), list[str]()
@@ -86,9 +81,11 @@ def prepare(
     fitted = [one for one in used if one.name not in {other.name for other in held}]
     if not fitted:
         raise InputError(
-            folder.directory, "recordings", f"none can be modelled: {left[0].reason}",
+            folder.directory,
+            "recordings",
+            f"none can be modelled: {left[0].reason}",
             "check the sizes, or record less deep",
-        )  # fmt: skip
+        )
     depths = dict[Sizes, float]()
     for one in used:
         needed = min(deepest_of(one.course), within[one.sizes])
@@ -99,25 +96,22 @@ def prepare(
         unit = outcomes[one.sizes].curve(course.displacement)
         stiffness[one] = usual * float(course.force @ unit / (unit @ unit))
     return Prepared(
-        tuple(used), tuple(left), tuple(notes), tuple(depths), tuple(depths.values()),
+        tuple(used),
+        tuple(left),
+        tuple(notes),
+        tuple(depths),
+        tuple(depths.values()),
         max(float(np.median(list(stiffness.values()))), 1e-9),
         tuple(doubts_about_differing(stiffness)),
-    )  # fmt: skip
+    )
 
 
 def _solved_once(
     model: SpecimenForward, out: Path | None, jobs: int, progress: Progress
 ) -> dict[Sizes, ForwardOutcome]:
-    store = (
-        None
-        if out is None
-        else Store(out / "solves", ForwardOutcome, (model.laws, model.fibre_ratios))
-    )
+    store = None if out is None else Store(out / "solves", ForwardOutcome, (model.laws, model.fibre_ratios))
     found: dict[Sizes, ForwardOutcome] = {}
-    asked = {
-        sizes: ("once", sizes, depth)
-        for sizes, depth in zip(model.tests, model.depths, strict=True)
-    }
+    asked = {sizes: ("once", sizes, depth) for sizes, depth in zip(model.tests, model.depths, strict=True)}
     for sizes in model.tests:
         kept = store.get(asked[sizes]) if store else None
         if kept is not None:

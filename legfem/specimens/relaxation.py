@@ -43,10 +43,12 @@ def relaxation_parameters() -> tuple[Parameter, ...]:
         for one in Viscoelasticity.parameters
     )
     quickening = Parameter(
-        QUICKENING, "-", (0.0, _MOST),
+        QUICKENING,
+        "-",
+        (0.0, _MOST),
         Prior(0.0, 1.0, "linear", "quasi-linear, unless two rates say otherwise"),
         statement="logarithm of how much faster what is pressed deepest relaxes",
-    )  # fmt: skip
+    )
     return (*spectral, quickening)
 
 

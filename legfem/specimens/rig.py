@@ -19,13 +19,9 @@ class RigCompliance(Mechanism):
     name: ClassVar[str] = SupportCompliance.name
     statement: ClassVar[str] = "the rig or the base gave way with the force"
     parameters: ClassVar[tuple[Parameter, ...]] = SupportCompliance.parameters[:1]
-    next_experiment: ClassVar[str] = (
-        "press a rigid block on the same rig, and subtract what that yields"
-    )
+    next_experiment: ClassVar[str] = "press a rigid block on the same rig, and subtract what that yields"
 
-    def displacement_loss(
-        self, values: Values, observed: Observations, force: FloatArray
-    ) -> FloatArray:
+    def displacement_loss(self, values: Values, observed: Observations, force: FloatArray) -> FloatArray:
         """Return what the rig takes up."""
         return values["compliance"] * force
 

@@ -7,16 +7,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from legfem.common.toml_file import (
-    FileTable,
-    NotNegative,
-    PlainName,
-    Positive,
-    Text,
-    Title,
-    parse_toml,
-    trouble,
-)
+from legfem.common.toml_file import FileTable, NotNegative, PlainName, Positive, Text, Title, parse_toml, trouble
 from legfem.identify.laws import LawName
 from legfem.specimens.fibre_directions import Direction
 from legfem.subjects.schema import InstrumentEntry, RecordingsEntry
@@ -209,9 +200,10 @@ class SpecimenFile(FileTable):
                 raise trouble("layers.name", f"{name!r} {problem}", "give another")
         if names and isinstance(self.test, PlatesEntry | BarEntry):
             raise trouble(
-                "layers", "are for a ball, a punch, a suction cup or a cylinder across a block",
+                "layers",
+                "are for a ball, a punch, a suction cup or a cylinder across a block",
                 "remove them, or the test",
-            )  # fmt: skip
+            )
         return self
 
     @model_validator(mode="after")
@@ -220,9 +212,7 @@ class SpecimenFile(FileTable):
         given = self.fibres
         if given is None:
             if any(one.fibres is not None for one in self.specimen):
-                raise trouble(
-                    "specimen.fibres", "are given without [fibres]", "add that table, or remove it"
-                )
+                raise trouble("specimen.fibres", "are given without [fibres]", "add that table, or remove it")
         elif names and given.layer not in names:
             what = "is missing" if given.layer is None else f"{given.layer!r} is no layer"
             raise trouble("fibres.layer", what, f"give one of {', '.join(names)}")

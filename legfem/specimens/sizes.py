@@ -6,12 +6,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from legfem.common.toml_file import FileTable
-from legfem.experiments.axisymmetric import (
-    BallIndentation,
-    BallOnLayer,
-    CylinderBetweenPlates,
-    CylinderCompression,
-)
+from legfem.experiments.axisymmetric import BallIndentation, BallOnLayer, CylinderBetweenPlates, CylinderCompression
 from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
 from legfem.experiments.lateral_cylinder import CylinderOnBlock, LateralCylinder
 from legfem.experiments.suction import CupOnLayer, SuctionTest
@@ -140,10 +135,7 @@ def resized(sizes: Sizes, name: str, value: float) -> Sizes:
         assert not isinstance(whole, FibrousTest)
         return replace(sizes, whole=whole)
     if isinstance(sizes, LayeredTest):
-        layers = tuple(
-            (layer, value if layer + _OF_LAYER == name else thickness)
-            for layer, thickness in sizes.layers
-        )
+        layers = tuple((layer, value if layer + _OF_LAYER == name else thickness) for layer, thickness in sizes.layers)
         own: dict[str, Any] = {"thickness": sum(thickness for _, thickness in layers)}
         if layers == sizes.layers:
             own[name] = value
@@ -186,9 +178,10 @@ def sizes_of(given: SpecimenFile, specimen: SpecimenEntry | None) -> Sizes:
     if direction not in known:
         names = " or ".join(f'"{one}"' for one in known)
         raise SizeError(
-            key, f'"{direction}" breaks the symmetry of {_WORDS[kind]}',
+            key,
+            f'"{direction}" breaks the symmetry of {_WORDS[kind]}',
             f"give {names}; other directions take a cylinder across a block, or bars",
-        )  # fmt: skip
+        )
     return FibrousTest(whole, direction)
 
 
@@ -212,15 +205,9 @@ def _layers(given: SpecimenFile, specimen: SpecimenEntry | None) -> tuple[tuple[
     """Return names and thicknesses of a specimen's layers, from the base up."""
     own = None if specimen is None else specimen.layers_mm
     if own is None:
-        own = [
-            _given(layer, "thickness_mm", "give it, or layers_mm with every [[specimen]]")
-            for layer in given.layers
-        ]
+        own = [_given(layer, "thickness_mm", "give it, or layers_mm with every [[specimen]]") for layer in given.layers]
     elif len(own) != len(given.layers):
-        raise SizeError(
-            "layers_mm", f"{len(own)} thicknesses of {len(given.layers)} [[layers]]",
-            "give one a layer",
-        )  # fmt: skip
+        raise SizeError("layers_mm", f"{len(own)} thicknesses of {len(given.layers)} [[layers]]", "give one a layer")
     names = [layer.name for layer in given.layers]
     return tuple(zip(reversed(names), reversed(own), strict=True))
 
@@ -244,36 +231,43 @@ def _sizes(test: TestEntry) -> OneTissue:
     match test:
         case BallEntry():
             return BallOnLayer(
-                _given(test, "thickness_mm"), test.ball_diameter_mm / 2,
-                _given(test, "diameter_mm") / 2, test.ball, test.base,
-            )  # fmt: skip
+                _given(test, "thickness_mm"),
+                test.ball_diameter_mm / 2,
+                _given(test, "diameter_mm") / 2,
+                test.ball,
+                test.base,
+            )
         case PunchEntry():
             radius = test.punch_diameter_mm / 2
             return PunchOnLayer(
-                _given(test, "thickness_mm"), radius, test.edge_mm or 0.05 * radius,
-                _given(test, "diameter_mm") / 2, test.punch, test.base,
-            )  # fmt: skip
+                _given(test, "thickness_mm"),
+                radius,
+                test.edge_mm or 0.05 * radius,
+                _given(test, "diameter_mm") / 2,
+                test.punch,
+                test.base,
+            )
         case PlatesEntry():
             diameter, height = _given(test, "diameter_mm"), _given(test, "height_mm")
             return CylinderBetweenPlates(diameter / 2, height, test.ends)
         case CylinderEntry():
-            thickness, width, length = (
-                _given(test, key) for key in ("thickness_mm", "width_mm", "length_mm")
-            )
+            thickness, width, length = (_given(test, key) for key in ("thickness_mm", "width_mm", "length_mm"))
             radius = test.cylinder_diameter_mm / 2
             return CylinderOnBlock(thickness, width, length, radius, test.cylinder, test.base)
         case BarEntry():
             return Bar(_given(test, "length_mm"), _given(test, "area_mm2"), test.direction)
         case SuctionEntry():
             return CupOnLayer(
-                _given(test, "thickness_mm"), test.opening_mm / 2, test.rim_mm,
-                _given(test, "diameter_mm") / 2, test.rim, test.base,
-            )  # fmt: skip
+                _given(test, "thickness_mm"),
+                test.opening_mm / 2,
+                test.rim_mm,
+                _given(test, "diameter_mm") / 2,
+                test.rim,
+                test.base,
+            )
 
 
-def _given(
-    entry: FileTable, key: str, remedy: str = "give it with the test, or with every [[specimen]]"
-) -> float:
+def _given(entry: FileTable, key: str, remedy: str = "give it with the test, or with every [[specimen]]") -> float:
     value: float | None = getattr(entry, key)
     if value is None:
         raise SizeError(key, "missing", remedy)

@@ -32,20 +32,26 @@ def suction_doubts(recording: Recording, opening: float) -> list[Doubt]:
     peak = mpa_to_kpa(float(np.abs(recording.force).max()) / opening)
     if peak > _SLACK * ATMOSPHERE_KPA:
         raise InputError(
-            source, "pressure", f"a suction of {peak:.4g} kPa is more than the atmosphere has",
+            source,
+            "pressure",
+            f"a suction of {peak:.4g} kPa is more than the atmosphere has",
             f"check the unit: as mbar it is {0.1 * peak:.3g} kPa, as mmHg {0.1333 * peak:.3g} kPa",
-        )  # fmt: skip
+        )
     radius, height = math.sqrt(opening / math.pi), float(np.ptp(recording.displacement))
     if height > _HIGHEST * radius:
         raise InputError(
-            source, "displacement", f"a dome of {height:.3g} mm over an opening of "
-            f"{2 * radius:.3g} mm", "check its unit, and opening_mm",
-        )  # fmt: skip
+            source,
+            "displacement",
+            f"a dome of {height:.3g} mm over an opening of {2 * radius:.3g} mm",
+            "check its unit, and opening_mm",
+        )
     if not _USUAL_KPA[0] <= peak <= _USUAL_KPA[1]:
         return [
             Doubt(
-                source, "pressure", f"a suction of {peak:.3g} kPa is unusual (it is "
-                f"{_USUAL_KPA[0]:g} to {_USUAL_KPA[1]:g} kPa)", "check its unit",
+                source,
+                "pressure",
+                f"a suction of {peak:.3g} kPa is unusual (it is {_USUAL_KPA[0]:g} to {_USUAL_KPA[1]:g} kPa)",
+                "check its unit",
             )
-        ]  # fmt: skip
+        ]
     return []

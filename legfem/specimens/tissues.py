@@ -10,13 +10,7 @@ from legfem.common.units import kpa_to_mpa
 from legfem.identify.catalogue import RATIO
 from legfem.identify.fibre_ratio import USUAL_RATIO
 from legfem.identify.laws import LawName
-from legfem.mechanics.materials import (
-    ExponentialStiffening,
-    Hyperelastic,
-    NeoHookean,
-    ReducedPolynomial,
-    Yeoh,
-)
+from legfem.mechanics.materials import ExponentialStiffening, Hyperelastic, NeoHookean, ReducedPolynomial, Yeoh
 from legfem.specimens.schema import FibresEntry, LayerEntry, SpecimenFile
 
 ONE = "deep"
@@ -89,9 +83,7 @@ class SpecimenTissue:
 
     def at(self, c10: float) -> Hyperelastic:
         """Return its law at a stiffness C10 (MPa) if none is stated."""
-        plain = specimen_law(
-            self.law or "neo-hookean", self.stated.get("C10", c10), self.poisson_ratio
-        )
+        plain = specimen_law(self.law or "neo-hookean", self.stated.get("C10", c10), self.poisson_ratio)
         known = plain.parameters
         return replace(plain, **{n: v for n, v in self.stated.items() if n in known})  # type: ignore[type-var]
 
@@ -104,10 +96,7 @@ def tissues_of(given: SpecimenFile) -> tuple[SpecimenTissue, ...]:
         return (one if given.fibres is None else _with_fibres(one, given.fibres),)
     every = (_layer(entry, poisson_ratio) for entry in reversed(given.layers))
     fibres = given.fibres
-    return tuple(
-        _with_fibres(one, fibres) if fibres is not None and fibres.layer == one.name else one
-        for one in every
-    )
+    return tuple(_with_fibres(one, fibres) if fibres is not None and fibres.layer == one.name else one for one in every)
 
 
 def _with_fibres(tissue: SpecimenTissue, fibres: FibresEntry) -> SpecimenTissue:
@@ -123,9 +112,7 @@ def _layer(entry: LayerEntry, poisson_ratio: float | None) -> SpecimenTissue:
     elif law is None and stated["C10"] is not None:
         law = "neo-hookean"
     own = poisson_ratio if entry.poisson_ratio is None else entry.poisson_ratio
-    return SpecimenTissue(
-        entry.name, law, own, {n: kpa_to_mpa(v) for n, v in stated.items() if v is not None}
-    )
+    return SpecimenTissue(entry.name, law, own, {n: kpa_to_mpa(v) for n, v in stated.items() if v is not None})
 
 
 def begin_at(tissues: Sequence[SpecimenTissue], usual: float) -> float:

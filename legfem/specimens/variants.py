@@ -28,15 +28,7 @@ from legfem.solve.path import Path
 from legfem.solve.protocol import Protocol
 from legfem.specimens.forward import experiment_of
 from legfem.specimens.relaxation import borne
-from legfem.specimens.sizes import (
-    FibrousTest,
-    LayeredTest,
-    Sizes,
-    Test,
-    bare,
-    lengths_of,
-    resized,
-)
+from legfem.specimens.sizes import FibrousTest, LayeredTest, Sizes, Test, bare, lengths_of, resized
 from legfem.specimens.slipping import slipping
 from legfem.specimens.tissues import ONE, REFERENCE_MPA, SpecimenTissue, specimen_law
 
@@ -120,9 +112,7 @@ class SpecimenVariants:
     def _named(self) -> list[SpecimenTissue]:
         """Tissues as the model's terms know them."""
         asked = self._asked
-        return [
-            replace(one, name=ONE if one is asked else _STATED + one.name) for one in self.tissues
-        ]
+        return [replace(one, name=ONE if one is asked else _STATED + one.name) for one in self.tissues]
 
     @property
     def _law(self) -> Hyperelastic:
@@ -212,13 +202,11 @@ class SpecimenVariants:
         factors = dict(solution.scaled)
         beside = factors.pop(_BESIDE, 1.0) / scale
         others = {
-            name: value / beside if name.endswith(".D1") else value * beside
-            for name, value in self._stated.items()
+            name: value / beside if name.endswith(".D1") else value * beside for name, value in self._stated.items()
         }
         own |= others | {name: factor * nominal[name] for name, factor in factors.items()}
         own |= {
-            name: value / scale if name.startswith("deep.C") else value
-            for name, value in solution.parameters.items()
+            name: value / scale if name.startswith("deep.C") else value for name, value in solution.parameters.items()
         }
         asked = {name for name in sensitivities if name not in (_C10, *self.measured)}
         if _C10 in sensitivities:
@@ -241,20 +229,14 @@ class SpecimenVariants:
                 return changed
             rise = changed.force_at(found.time) - scale * found.force
             by[name] = rise / (_RESIZED * self.measured[name])
-        return replace(
-            found, force=scale * found.force, sensitivities={n: by[n] for n in sensitivities}
-        )
+        return replace(found, force=scale * found.force, sensitivities={n: by[n] for n in sensitivities})
 
     def _resized(self, name: str) -> SpecimenVariants:
         value = (1 + _RESIZED) * self.measured[name]
         return replace(self, sizes=resized(self.sizes, name.removeprefix(SIZE), value))
 
     def _scaled(
-        self,
-        variant: str,
-        protocol: Protocol,
-        values: Mapping[str, float],
-        sensitivities: tuple[str, ...],
+        self, variant: str, protocol: Protocol, values: Mapping[str, float], sensitivities: tuple[str, ...]
     ) -> Path | Stopped:
         rounded = {name: float(f"{value:.12g}") for name, value in values.items()}
         asked = variant, protocol, tuple(sorted(rounded.items())), sensitivities
@@ -298,8 +280,6 @@ def _relaxing(path: Path, values: Mapping[str, float], sensitivities: Sequence[s
     if not any(name in values or name in sensitivities for name in names):
         return path
     held = [np.concatenate([[0.0], each]) for each in borne(path.time[1:], path.force[1:])]
-    total: FloatArray = path.force + sum(
-        values.get(name, 0.0) * each for name, each in zip(names, held, strict=True)
-    )
+    total: FloatArray = path.force + sum(values.get(name, 0.0) * each for name, each in zip(names, held, strict=True))
     by = {n: each for n, each in zip(names, held, strict=True) if n in sensitivities}
     return replace(path, force=total, sensitivities={**path.sensitivities, **by})

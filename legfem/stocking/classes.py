@@ -79,8 +79,9 @@ def fitted_stocking(shape: LegShape, fit: ClassFit) -> Stocking:
     strain = fit.pressure * perimeter / (2 * np.pi) / fit.stiffness
     if strain.max() > 2:
         raise InputError(
-            "stocking", "stiffness_N_per_mm",
+            "stocking",
+            "stiffness_N_per_mm",
             f"at {fit.stiffness:g} N/mm the fabric is stretched by {100 * strain.max():.0f} %",
             "give a stiffer fabric, in N/mm of tension per unit of strain",
-        )  # fmt: skip
+        )
     return Stocking(fit.stiffness, shape.levels, perimeter / (1 + strain))

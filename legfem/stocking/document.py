@@ -61,10 +61,7 @@ def stocking_document(result: StockingResult, fat: FatPressures | None = None) -
             },
             "warnings": list(stocking_warnings(result)),
             "model": _model(result),
-            "solves": {
-                "identification": solves,
-                "all": result.states,
-            },
+            "solves": {"identification": solves, "all": result.states},
             "wall_s": result.wall_s,
             "versions": versions(),
         }
@@ -94,10 +91,7 @@ def _stiffness(result: StockingResult) -> dict[str, Any]:
 def _prior(prior: Prior | None) -> dict[str, Any] | None:
     if prior is None:
         return None
-    return {
-        "value": mpa_to_kpa(prior.centre), "sd": mpa_to_kpa(prior.sd), "unit": "kPa",
-        "source": prior.source,
-    }  # fmt: skip
+    return {"value": mpa_to_kpa(prior.centre), "sd": mpa_to_kpa(prior.sd), "unit": "kPa", "source": prior.source}
 
 
 def _known(known: KnownStiffness) -> dict[str, Any]:
@@ -113,10 +107,7 @@ def _known(known: KnownStiffness) -> dict[str, Any]:
 
 def _search(search: Identified) -> dict[str, Any]:
     def both(values: FloatArray) -> dict[str, float]:
-        return {
-            f"{_key(name)}_kPa": mpa_to_kpa(float(value))
-            for name, value in zip(PARAMETERS, values, strict=True)
-        }
+        return {f"{_key(name)}_kPa": mpa_to_kpa(float(value)) for name, value in zip(PARAMETERS, values, strict=True)}
 
     return {
         "method": search.method,
@@ -131,10 +122,7 @@ def _search(search: Identified) -> dict[str, Any]:
         "weighted_misfit": search.chi_square,
         "rigid_motion": None
         if search.rigid is None
-        else {
-            "shift_mm": search.rigid[:3].tolist(),
-            "turn_rad": search.rigid[3:].tolist(),
-        },
+        else {"shift_mm": search.rigid[:3].tolist(), "turn_rad": search.rigid[3:].tolist()},
         "tension_error": None
         if search.tension is None
         else {"value": search.tension.value, "standard_error": search.tension.sd, "unit": "1"},
@@ -205,10 +193,7 @@ def _stocking(result: StockingResult) -> dict[str, Any]:
     return {
         "stiffness_N_per_mm": stocking.stiffness,
         "bending_length_mm": stocking.bending_length,
-        "unstretched": {
-            "levels_mm": stocking.levels.tolist(),
-            "perimeters_mm": stocking.unstretched.tolist(),
-        },
+        "unstretched": {"levels_mm": stocking.levels.tolist(), "perimeters_mm": stocking.unstretched.tolist()},
         "levels_mm": shape.levels.tolist(),
         "perimeter_mm": load.perimeter.tolist(),
         "strain": load.strain.tolist(),
@@ -247,9 +232,7 @@ def _pressures(result: StockingResult) -> dict[str, Any] | None:
                     for name, inside in posture.inside(float(vein.position[2])).items()
                 },
             }
-            for vein, pressure, sd in zip(
-                result.leg.veins, found.at_veins, found.at_veins_sd, strict=True
-            )
+            for vein, pressure, sd in zip(result.leg.veins, found.at_veins, found.at_veins_sd, strict=True)
         ],
     }
 
@@ -270,12 +253,14 @@ def _fat(result: StockingResult, fat: FatPressures | None) -> dict[str, Any]:
     shape = result.leg.bare
     middle = int(np.argmin(np.abs(shape.levels - np.median(result.leg.slices))))
     thickness = fat_thickness_around(shape)
-    pressed = {} if fat is None else {
-        "rank_correlation_of_greatest_pressure_with_thickness":
-            fat.rank_correlation(fat.greatest, fat.thickness),
-        "rank_correlation_of_greatest_pressure_with_interface":
-            fat.rank_correlation(fat.greatest, fat.interface),
-    }  # fmt: skip
+    pressed = (
+        {}
+        if fat is None
+        else {
+            "rank_correlation_of_greatest_pressure_with_thickness": fat.rank_correlation(fat.greatest, fat.thickness),
+            "rank_correlation_of_greatest_pressure_with_interface": fat.rank_correlation(fat.greatest, fat.interface),
+        }
+    )
     return {
         "level_mm": float(shape.levels[middle]),
         "mean_thickness_mm": float(thickness[middle].mean()),

@@ -72,16 +72,11 @@ class FatPressures:
 
 def fat_pressures(shape: LegShape, worn: Worn, probe: PressureProbe) -> FatPressures:
     """Return the fat's thickness and pressures in a worn state; all ranks call."""
-    inside = (shape.levels >= shape.levels[0] + END_ZONE) & (
-        shape.levels <= shape.levels[-1] - END_ZONE
-    )
+    inside = (shape.levels >= shape.levels[0] + END_ZONE) & (shape.levels <= shape.levels[-1] - END_ZONE)
     step = max(1, shape.contours[SKIN].shape[1] // AROUND)
     skin = shape.contours[SKIN][inside, ::step]
     foot = np.stack(
-        [
-            _nearest(contour, points)
-            for contour, points in zip(shape.contours[HULL][inside], skin, strict=True)
-        ]
+        [_nearest(contour, points) for contour, points in zip(shape.contours[HULL][inside], skin, strict=True)]
     )
     columns = skin[..., None, :] + DEPTHS[:, None] * (foot - skin)[..., None, :]
     z = np.broadcast_to(shape.levels[inside, None, None, None], (*columns.shape[:3], 1))

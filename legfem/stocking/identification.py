@@ -178,18 +178,28 @@ class StiffnessSearch:
 
         settings = self._settings
         done = minimize(
-            cost, np.log(START), method="Nelder-Mead",
+            cost,
+            np.log(START),
+            method="Nelder-Mead",
             options={
                 "initial_simplex": np.log(START) + np.array([[0, 0], [0.4, 0], [0, 0.4]]),
-                "xatol": settings.simplex_tolerance, "fatol": 1e-4,
+                "xatol": settings.simplex_tolerance,
+                "fatol": 1e-4,
                 "maxfev": settings.max_evaluations,
             },
-        )  # fmt: skip
+        )
         distances = self._misfit.distances(best.shape)
         return Identified(
-            "nelder-mead", found, START, bool(done.success), self._leg.states - before,
-            least / scale, _rms(distances), distances, best,
-        )  # fmt: skip
+            "nelder-mead",
+            found,
+            START,
+            bool(done.success),
+            self._leg.states - before,
+            least / scale,
+            _rms(distances),
+            distances,
+            best,
+        )
 
     def weighted(self) -> tuple[Identified, ...]:
         """Search from every start; the best first."""
@@ -206,17 +216,13 @@ class StiffnessSearch:
         sensor_sd = np.zeros(0) if self._sensing is None else self._sensing.sd
 
         def emulate() -> MisfitEmulator:
-            return MisfitEmulator(
-                self._beside, self._misfit, self.nuisances, sensor_sd, self._priors
-            )
+            return MisfitEmulator(self._beside, self._misfit, self.nuisances, sensor_sd, self._priors)
 
         def compare(parameters: FloatArray) -> BesideScan | None:
             worn = self._solve(parameters, differentiate=True)
             return self._compared(parameters, worn) if worn.state.report.complete else None
 
-        intervals = profile_intervals(
-            best.parameters, best.log_covariance, BOUNDS, emulate, compare
-        )
+        intervals = profile_intervals(best.parameters, best.log_covariance, BOUNDS, emulate, compare)
         return replace(best, profile95=intervals)
 
     def _learn(self) -> None:
@@ -262,11 +268,20 @@ class StiffnessSearch:
                 converged = True
                 break
         return Identified(
-            "weighted", parameters, start, converged, self._leg.states - before,
-            misfit.cost(here.distances), _rms(here.moved), here.distances, here.worn,
-            here.objective / (len(here.residual) - len(here.nuisance)), here.nuisance,
-            here.tension, np.linalg.pinv(here.jacobian.T @ here.jacobian),
-        )  # fmt: skip
+            "weighted",
+            parameters,
+            start,
+            converged,
+            self._leg.states - before,
+            misfit.cost(here.distances),
+            _rms(here.moved),
+            here.distances,
+            here.worn,
+            here.objective / (len(here.residual) - len(here.nuisance)),
+            here.nuisance,
+            here.tension,
+            np.linalg.pinv(here.jacobian.T @ here.jacobian),
+        )
 
     def _profiled(self, parameters: FloatArray, worn: Worn) -> Profiled:
         found = self._compared(parameters, worn)
@@ -279,9 +294,8 @@ class StiffnessSearch:
 
     def _unsolved(self, method: Method, start: FloatArray, before: int, worn: Worn) -> Identified:
         return Identified(
-            method, start, start, False, self._leg.states - before, np.inf, np.inf, np.array([]),
-            worn, np.inf,
-        )  # fmt: skip
+            method, start, start, False, self._leg.states - before, np.inf, np.inf, np.array([]), worn, np.inf
+        )
 
     def _solve(self, parameters: FloatArray, differentiate: bool = False) -> Worn:
         worn = self._leg.find(_by_name(parameters), PARAMETERS if differentiate else (), self._last)

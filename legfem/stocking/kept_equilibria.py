@@ -55,9 +55,7 @@ class KeptEquilibria:
         self._comm = model.comm
         leg = (model.shape, model.tissues, model.mesh, model.settings)
         part = (self._comm.rank, self._comm.size)
-        self._store = Store(
-            folder, dict[str, FloatArray], (leg, part, depends_on), ("legfem.stocking.worn",)
-        )
+        self._store = Store(folder, dict[str, FloatArray], (leg, part, depends_on), ("legfem.stocking.worn",))
 
     def get(self, asked: AskedEquilibrium) -> KeptEquilibrium | None:
         """Return an equilibrium; None where a rank has no part of it. All ranks call."""
@@ -69,17 +67,20 @@ class KeptEquilibria:
         rates = {name: np.array(kept[name]) for name in asked.sensitivities}
         state = Compressed(report, np.array(kept["unknown"]), rates)
         changes = tuple(map(float, kept["changes"]))
-        return KeptEquilibrium(
-            state, np.array(kept["pressure"]), changes, bool(kept["converged"][0])
-        )
+        return KeptEquilibrium(state, np.array(kept["pressure"]), changes, bool(kept["converged"][0]))
 
     def put(self, asked: AskedEquilibrium, found: KeptEquilibrium) -> None:
         """Keep a rank's part of an equilibrium; a very large one isn't."""
         state = found.state
         if len(state.unknown) * (1 + len(state.sensitivities)) > _LARGEST:
             return
-        self._store.put(asked, {
-            "unknown": state.unknown, "pressure": found.pressure,
-            "changes": np.array(found.changes), "converged": np.array([float(found.converged)]),
-            **state.sensitivities,
-        })  # fmt: skip
+        self._store.put(
+            asked,
+            {
+                "unknown": state.unknown,
+                "pressure": found.pressure,
+                "changes": np.array(found.changes),
+                "converged": np.array([float(found.converged)]),
+                **state.sensitivities,
+            },
+        )

@@ -64,14 +64,13 @@ class Stocking:
             object.__setattr__(self, name, frozen_array(np.atleast_1d(getattr(self, name))))
         if self.levels.shape != self.unstretched.shape or not (np.diff(self.levels) > 0).all():
             raise InputError(
-                "stocking", "levels",
+                "stocking",
+                "levels",
                 f"{len(self.levels)} levels and {len(self.unstretched)} perimeters",
                 "give as many of both, the levels increasing",
-            )  # fmt: skip
-        if not (np.isfinite(self.unstretched).all() and (self.unstretched > 0).all()):
-            raise InputError(
-                "stocking", "unstretched", "a perimeter is not positive", "give perimeters in mm"
             )
+        if not (np.isfinite(self.unstretched).all() and (self.unstretched > 0).all()):
+            raise InputError("stocking", "unstretched", "a perimeter is not positive", "give perimeters in mm")
 
     def strain(self, perimeter: FloatArray, levels: FloatArray) -> FloatArray:
         """Return the fabric's strain at heights of a leg with given perimeters (mm).
@@ -111,9 +110,7 @@ class StockingLoad:
 
     def times(self, factor: float) -> StockingLoad:
         """Return the load of a fabric under a tension by so much greater."""
-        return replace(
-            self, tension=factor * self.tension, pressure=factor * self.pressure
-        )  # fmt: skip
+        return replace(self, tension=factor * self.tension, pressure=factor * self.pressure)
 
     @property
     def mean_pressure(self) -> float:
@@ -134,11 +131,12 @@ def stocking_load(shape: LegShape, stocking: Stocking) -> StockingLoad:
     tension = stocking.tension(strain)
     if (tension == 0).all():
         raise InputError(
-            "stocking", "unstretched",
+            "stocking",
+            "unstretched",
             f"the stocking (narrowest {stocking.unstretched.min():g} mm) is wider than the leg "
             f"(widest {perimeter.max():g} mm) everywhere",
             "give the fabric's unstretched perimeters (not diameters or widths) in mm",
-        )  # fmt: skip
+        )
     return StockingLoad(perimeter, strain, tension, curvature, tension[:, None] * curvature)
 
 
@@ -184,9 +182,7 @@ def _spanned(contours: FloatArray, span: float) -> tuple[FloatArray, FloatArray]
     return perimeter, np.asarray(curvature)
 
 
-def _offsets(
-    at: FloatArray, place: FloatArray, perimeter: FloatArray, span: float
-) -> Iterator[tuple[int, FloatArray]]:
+def _offsets(at: FloatArray, place: FloatArray, perimeter: FloatArray, span: float) -> Iterator[tuple[int, FloatArray]]:
     """Yield how far points lie from the corners so many places before them, up to the span."""
     count = at.shape[1]
     for shifts in (range(count // 2 + 1), range(-1, -((count + 1) // 2), -1)):

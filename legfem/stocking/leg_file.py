@@ -109,9 +109,7 @@ class SensorEntry(FileTable):
     def _one_error(self) -> SensorEntry:
         if (self.instrument is None) == (self.sd_mmHg is None):
             what = "missing" if self.sd_mmHg is None else "given beside instrument"
-            raise trouble(
-                "sd_mmHg", what, f"give its standard deviation, or one of {', '.join(KINDS)}"
-            )
+            raise trouble("sd_mmHg", what, f"give its standard deviation, or one of {', '.join(KINDS)}")
         return self
 
 

@@ -82,9 +82,7 @@ class LegModel3D(Homebound):
 
         ``tolerance`` is that of the linear solutions, by default as in solving.
         """
-        return self.compression.pressure_rates(
-            state, [self._to_mesh @ change.ravel() for change in changes], tolerance
-        )
+        return self.compression.pressure_rates(state, [self._to_mesh @ change.ravel() for change in changes], tolerance)
 
     def displacement(self, part: str, unknown: FloatArray) -> FloatArray:
         """Return the displacement (mm) of the points of skin or hull, (n_levels, n_points, 3).
@@ -105,12 +103,7 @@ class LegModel3D(Homebound):
         moved = {part: self.displacement(part, unknown) for part in SURFACES}
         return displaced(self.shape, moved, levels)
 
-    def put_in(
-        self,
-        state: Compressed,
-        pressure: FloatArray,
-        parameters: Mapping[str, float] | None = None,
-    ) -> None:
+    def put_in(self, state: Compressed, pressure: FloatArray, parameters: Mapping[str, float] | None = None) -> None:
         """Bring the system into a state under its pressure, for what is evaluated there."""
         system = self.compression.system
         system.set_parameters(system.model.values(parameters))
@@ -126,8 +119,7 @@ class LegModel3D(Homebound):
     @made_when_needed
     def _from_mesh(self) -> dict[str, csr_matrix]:
         return {
-            part: body.surface.weights(self.shape.points(part).reshape(-1, 3))
-            for part, body in self._surfaces.items()
+            part: body.surface.weights(self.shape.points(part).reshape(-1, 3)) for part, body in self._surfaces.items()
         }
 
     @made_when_needed

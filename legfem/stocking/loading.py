@@ -25,12 +25,7 @@ from legfem.stocking.accuracy import ContourAccuracy
 from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
 from legfem.stocking.laplace import Stocking
 from legfem.stocking.leg import StockingLeg
-from legfem.stocking.leg_file import (
-    LegFile,
-    SegmentEntry,
-    StockingEntry,
-    parse_leg_file,
-)
+from legfem.stocking.leg_file import LegFile, SegmentEntry, StockingEntry, parse_leg_file
 from legfem.stocking.plausibility import check_scans_differ, doubts_about_leg
 from legfem.stocking.posture import Posture
 from legfem.stocking.sensors import KINDS, USUAL_DIAMETER, Sensor, off_skin
@@ -77,19 +72,27 @@ def load_leg(directory: Path) -> StockingLeg:
     slices = calf_levels(bare)
     tissues = {
         name: NeoHookean(kpa_to_mpa(entry.C10_kPa or 3.0), entry.D1_per_MPa)
-        for name, entry in (("deep", given.tissues.deep),
-                            ("superficial", given.tissues.superficial))
-    }  # fmt: skip
+        for name, entry in (("deep", given.tissues.deep), ("superficial", given.tissues.superficial))
+    }
     leg = StockingLeg(
-        given.id, given.title, given.origin, bare, scanned_bare, compressed, registration,
+        given.id,
+        given.title,
+        given.origin,
+        bare,
+        scanned_bare,
+        compressed,
+        registration,
         _stocking(directory, toml, given.stocking, bare),
         _accuracy(given, registration),
         tissues,
         None not in (given.tissues.deep.C10_kPa, given.tissues.superficial.C10_kPa),
-        given.segment.ends, slices, _veins(given, bare, float(np.median(slices))),
-        _sensors(toml, given, bare), _posture(given),
+        given.segment.ends,
+        slices,
+        _veins(given, bare, float(np.median(slices))),
+        _sensors(toml, given, bare),
+        _posture(given),
         tuple(map(ShearModulus.of, given.elastography)),
-    )  # fmt: skip
+    )
     return replace(leg, doubts=doubts_about_leg(leg, toml))
 
 
@@ -103,9 +106,7 @@ def _opened(
         return source, None
     low, high = given.segment.from_mm, given.segment.to_mm
     if low is None or high is None:
-        raise InputError(
-            toml, "segment", "surfaces need the part of the leg to model", "add from_mm and to_mm"
-        )
+        raise InputError(toml, "segment", "surfaces need the part of the leg to model", "add from_mm and to_mm")
     return source, np.linspace(low, high, max(1 + round((high - low) / LEVEL_SPACING), 2))
 
 
@@ -131,15 +132,15 @@ def _segment(toml: Path, given: LegFile, shapes: Sequence[LegShape]) -> list[Leg
     for name, value in (("from_mm", asked.from_mm), ("to_mm", asked.to_mm)):
         if value is not None and not low - 1e-6 <= value <= high + 1e-6:
             raise InputError(
-                toml, f"segment.{name}", f"{value:g} mm is not in what the scans share, "
-                f"{low:.4g} to {high:.4g} mm", "choose a level within it",
-            )  # fmt: skip
+                toml,
+                f"segment.{name}",
+                f"{value:g} mm is not in what the scans share, {low:.4g} to {high:.4g} mm",
+                "choose a level within it",
+            )
     low = low if asked.from_mm is None else max(low, asked.from_mm)
     high = high if asked.to_mm is None else min(high, asked.to_mm)
     if high - low < 40.0:
-        raise InputError(
-            toml, "segment", f"is {high - low:.3g} mm long", "give scans that share 40 mm or more"
-        )
+        raise InputError(toml, "segment", f"is {high - low:.3g} mm long", "give scans that share 40 mm or more")
     levels = np.linspace(low, high, 1 + max(2, round((high - low) / LEVEL_SPACING)))
     return [shape.at_levels(levels) for shape in shapes]
 
@@ -154,9 +155,7 @@ def _stocking(directory: Path, toml: Path, entry: StockingEntry, bare: LegShape)
     path = existing(directory, entry.unstretched, toml, "stocking.unstretched")
     table = read_table(path, ("level_mm", "perimeter_mm"))
     return Stocking(
-        entry.stiffness_N_per_mm,
-        table["level_mm"].to_numpy(np.float64),
-        table["perimeter_mm"].to_numpy(np.float64),
+        entry.stiffness_N_per_mm, table["level_mm"].to_numpy(np.float64), table["perimeter_mm"].to_numpy(np.float64)
     )
 
 
@@ -191,16 +190,20 @@ def _sensors(toml: Path, given: LegFile, bare: LegShape) -> tuple[Sensor, ...]:
         field, position = f"sensor {entry.name}", np.array(entry.position_mm)
         if not bare.levels[0] <= position[2] <= bare.levels[-1]:
             raise InputError(
-                toml, f"{field}, position_mm",
+                toml,
+                f"{field}, position_mm",
                 f"z = {position[2]:g} mm is not in the part of the leg that is modelled, "
-                f"{bare.levels[0]:.4g} to {bare.levels[-1]:.4g} mm", "model more, or leave it out",
-            )  # fmt: skip
+                f"{bare.levels[0]:.4g} to {bare.levels[-1]:.4g} mm",
+                "model more, or leave it out",
+            )
         away = off_skin(bare, position)
         if away > _OFF_SKIN:
             raise InputError(
-                toml, f"{field}, position_mm", f"lies {away:.0f} mm off the bare leg's skin",
+                toml,
+                f"{field}, position_mm",
+                f"lies {away:.0f} mm off the bare leg's skin",
                 "give a point of the skin in the bare scan's coordinates, mm",
-            )  # fmt: skip
+            )
         pressure = mmhg_to_mpa(entry.pressure_mmHg)
         if entry.instrument is None:
             assert entry.sd_mmHg is not None

@@ -47,9 +47,7 @@ class ContourMisfit:
     offset: FloatArray | float = 0.0
 
     @classmethod
-    def between(
-        cls, target: SliceSet, accuracy: ContourAccuracy, scanned: LegShape, meshed: LegShape
-    ) -> ContourMisfit:
+    def between(cls, target: SliceSet, accuracy: ContourAccuracy, scanned: LegShape, meshed: LegShape) -> ContourMisfit:
         """Return the misfit of a leg that was scanned bare, and meshed a little otherwise."""
         plain = cls(target, accuracy)
         return cls(target, accuracy, plain.distances(meshed) - plain.distances(scanned))
@@ -111,6 +109,4 @@ class ContourMisfit:
     def _errors(self) -> tuple[OutlineErrors, ...]:
         """Of the target, outer and inner contours."""
         target = self.target
-        return tuple(
-            outline_errors(self.accuracy, target.contours(name), target.levels) for name in CONTOURS
-        )
+        return tuple(outline_errors(self.accuracy, target.contours(name), target.levels) for name in CONTOURS)

@@ -104,9 +104,7 @@ class Mismatch:
     """C10 of muscle and fat then, MPa."""
 
 
-def mismatch_of(
-    leg: WornLeg, misfit: ContourMisfit, nuisances: NuisanceSlopes, best: Identified
-) -> Mismatch:
+def mismatch_of(leg: WornLeg, misfit: ContourMisfit, nuisances: NuisanceSlopes, best: Identified) -> Mismatch:
     """Locate and name what the best fit leaves.
 
     Parameters
@@ -124,9 +122,7 @@ def mismatch_of(
     base, mechanisms = _slopes(contours, nuisances.at(tested_at), tested_at)
     basis = np.vstack([misfit.whitened(base), np.diag(prior)])
     orthonormal = np.linalg.qr(basis)[0]
-    white = _projected(
-        np.concatenate([misfit.whitened(distances), np.zeros(len(prior))]), orthonormal
-    )
+    white = _projected(np.concatenate([misfit.whitened(distances), np.zeros(len(prior))]), orthonormal)
     scores = _scores(mechanisms, misfit, white, orthonormal)
     places = _places(misfit, white, orthonormal, distances)
     strongest = scores[0]
@@ -135,9 +131,7 @@ def mismatch_of(
     if strongest.p_value > SIGNIFICANT:
         return Mismatch("unexplained", (), scores, places, best.rms, None, None)
     penalty = float(np.log(len(white) - len(prior)))
-    alike = tuple(
-        s.name for s in scores if s.p_value < SIGNIFICANT and _as_good(s, strongest, penalty)
-    )
+    alike = tuple(s.name for s in scores if s.p_value < SIGNIFICANT and _as_good(s, strongest, penalty))
     chosen = next(m for m in mechanisms if m.name == strongest.name)
     after, parameters = _repaired(leg, misfit, tested_at, worn, base, prior, chosen, distances)
     verdict: Literal["named", "ambiguous"] = "named" if len(alike) == 1 else "ambiguous"
@@ -152,34 +146,40 @@ def _slopes(
     rigid, local = nuisances[:, :RIGID], nuisances[:, RIGID : RIGID + SECTORS]
     return np.column_stack([*stiffness, nuisances]), (
         MisfitMechanism(
-            "local-pressure", "the pressure on the skin is wrong on one side of the leg",
-            tuple(f"at {360 * k / SECTORS:.0f} degrees" for k in range(SECTORS)), local,
+            "local-pressure",
+            "the pressure on the skin is wrong on one side of the leg",
+            tuple(f"at {360 * k / SECTORS:.0f} degrees" for k in range(SECTORS)),
+            local,
         ),
         MisfitMechanism(
-            "volume-loss", "the deep tissue has lost volume: blood has drained from it",
-            ("share",), contours.by_parameter(TERMS["volume-loss"])[:, None],
+            "volume-loss",
+            "the deep tissue has lost volume: blood has drained from it",
+            ("share",),
+            contours.by_parameter(TERMS["volume-loss"])[:, None],
         ),
         MisfitMechanism(
-            "stiffness-gradient", "the muscle's stiffness changes along the leg",
-            ("gradient a 100 mm",), contours.by_parameter(TERMS["stiffness-gradient"])[:, None],
+            "stiffness-gradient",
+            "the muscle's stiffness changes along the leg",
+            ("gradient a 100 mm",),
+            contours.by_parameter(TERMS["stiffness-gradient"])[:, None],
         ),
         MisfitMechanism(
-            "fascia", "a sheet round the muscle, its fascia, holds it together",
-            ("stiffness (N/mm)",), contours.by_parameter(TERMS["fascia"])[:, None],
+            "fascia",
+            "a sheet round the muscle, its fascia, holds it together",
+            ("stiffness (N/mm)",),
+            contours.by_parameter(TERMS["fascia"])[:, None],
         ),
         MisfitMechanism(
-            "misregistration", "the two scans lie farther apart than the bones' registration says",
+            "misregistration",
+            "the two scans lie farther apart than the bones' registration says",
             ("x (mm)", "y (mm)", "z (mm)", "about x (rad)", "about y (rad)", "about z (rad)"),
             rigid,
         ),
-    )  # fmt: skip
+    )
 
 
 def _scores(
-    mechanisms: Sequence[MisfitMechanism],
-    misfit: ContourMisfit,
-    white: FloatArray,
-    orthonormal: FloatArray,
+    mechanisms: Sequence[MisfitMechanism], misfit: ContourMisfit, white: FloatArray, orthonormal: FloatArray
 ) -> tuple[MechanismScore, ...]:
     found = []
     for mechanism in mechanisms:
@@ -192,14 +192,15 @@ def _scores(
     corrected = multipletests(raw, method="holm")[1]
     scores = [
         MechanismScore(
-            mechanism.name, mechanism.statement, statistic, rank, float(p),
-            {
-                label: (float(s), float(e))
-                for label, s, e in zip(mechanism.labels, strengths, errors, strict=True)
-            },
+            mechanism.name,
+            mechanism.statement,
+            statistic,
+            rank,
+            float(p),
+            {label: (float(s), float(e)) for label, s, e in zip(mechanism.labels, strengths, errors, strict=True)},
         )
         for (mechanism, statistic, rank, strengths, errors), p in zip(found, corrected, strict=True)
-    ]  # fmt: skip
+    ]
     return tuple(sorted(scores, key=lambda s: (s.p_value, s.degrees - s.statistic)))
 
 
@@ -225,12 +226,15 @@ def _places(
     corrected = multipletests(chi2.sf(scores, 1), method="holm")[1]
     found = [
         MisfitPlace(
-            name, (float(levels[span][0]), float(levels[span][-1])), 360.0 * sector / SECTORS,
-            float(distances[box > 0].mean()), float(p),
+            name,
+            (float(levels[span][0]), float(levels[span][-1])),
+            360.0 * sector / SECTORS,
+            float(distances[box > 0].mean()),
+            float(p),
         )
         for (name, span, sector, box), p in zip(tests, corrected, strict=True)
         if p < SIGNIFICANT
-    ]  # fmt: skip
+    ]
     return tuple(sorted(found, key=lambda place: place.p_value))
 
 

@@ -79,8 +79,7 @@ class NuisanceSlopes:
         shape = leg.model.shape
         near = _near(shape.levels, misfit.target.levels)
         self.errors = {
-            part: outline_errors(misfit.accuracy, shape.contours[part], shape.levels, near)
-            for part in SURFACES
+            part: outline_errors(misfit.accuracy, shape.contours[part], shape.levels, near) for part in SURFACES
         }
         self._known: list[_Answer] = []
         self._rigid: FloatArray = np.empty((0, RIGID))
@@ -109,23 +108,19 @@ class NuisanceSlopes:
         bumps = [worn.pressure * bump for bump in sectors(model.shape)]
         changes = [*self._pressures(worn), *bumps]
         rates = model.pressure_rates(worn.state, changes, RATE_TOLERANCE)
-        moved = {
-            part: np.stack([model.displacement(part, rate) for rate in rates], axis=-1)
-            for part in SURFACES
-        }
-        outwards = np.einsum(
-            "lpd,lpdm->lpm", outward_normals(shape.contours[SKIN]), moved[SKIN][:, :, :2]
-        )
+        moved = {part: np.stack([model.displacement(part, rate) for rate in rates], axis=-1) for part in SURFACES}
+        outwards = np.einsum("lpd,lpdm->lpm", outward_normals(shape.contours[SKIN]), moved[SKIN][:, :, :2])
         if not self._known:
             self._rigid = self._misfit.rigid_slopes(shape)
             self._direct = self._as_they_are(shape)
         self._known.append(
             _Answer(
-                np.array(parameters), self.errors[SKIN].shares(outwards),
+                np.array(parameters),
+                self.errors[SKIN].shares(outwards),
                 distance_rates(self._misfit.target, shape, moved),
                 np.array([self._felt(change) for change in changes]).T,
             )
-        )  # fmt: skip
+        )
 
     def at(self, parameters: FloatArray) -> FloatArray:
         """Return the slopes at a stiffness of muscle and fat (MPa), (n, RIGID + SECTORS + k).
@@ -150,9 +145,7 @@ class NuisanceSlopes:
         """Return the slopes of what is read off the distances (n, k), linearly, (m, k)."""
         other = copy(self)
         other._rigid, other._direct = reading(self._rigid), reading(self._direct)
-        other._known = [
-            replace(answer, distances=reading(answer.distances)) for answer in self._known
-        ]
+        other._known = [replace(answer, distances=reading(answer.distances)) for answer in self._known]
         return other
 
     def felt(self, parameters: FloatArray) -> FloatArray:
@@ -206,11 +199,8 @@ class NuisanceSlopes:
         slopes = []
         for part in SURFACES:
             modes = self.errors[part].modes
-            rates = {p: np.zeros((*shape.contours[p].shape[:2], 3, modes.shape[-1]))
-                     for p in SURFACES}  # fmt: skip
-            rates[part][:, :, :2] = (
-                outward_normals(shape.contours[part])[..., None] * modes[:, :, None]
-            )
+            rates = {p: np.zeros((*shape.contours[p].shape[:2], 3, modes.shape[-1])) for p in SURFACES}
+            rates[part][:, :, :2] = outward_normals(shape.contours[part])[..., None] * modes[:, :, None]
             slopes.append(distance_rates(self._misfit.target, shape, rates))
         return np.hstack(slopes)
 

@@ -38,10 +38,7 @@ class OutlineErrors:
 
 
 def outline_errors(
-    accuracy: ContourAccuracy,
-    contours: FloatArray,
-    levels: FloatArray,
-    counts: FloatArray | float = 1.0,
+    accuracy: ContourAccuracy, contours: FloatArray, levels: FloatArray, counts: FloatArray | float = 1.0
 ) -> OutlineErrors:
     """Return the errors of a part in one scan, as `ContourAccuracy.covariance` has them.
 

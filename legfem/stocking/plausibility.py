@@ -22,13 +22,16 @@ if TYPE_CHECKING:
     from legfem.stocking.leg import StockingLeg
 
 STRETCH = PhysicalRange(
-    "a stretch of the fabric", "%", (5.0, 150.0), (0.0, 300.0),
-    "stockings are worn stretched by some 20 to 120 %",
-)  # fmt: skip
+    "a stretch of the fabric", "%", (5.0, 150.0), (0.0, 300.0), "stockings are worn stretched by some 20 to 120 %"
+)
 PRESSURE = PhysicalRange(
-    "a mean pressure of the stocking", "mmHg", (3.0, 80.0), (0.2, 300.0),
-    "18 to 49 mmHg and more at the ankle: RAL-GZ 387/1", {"N/m": 1e-3, "N/cm": 0.1},
-)  # fmt: skip
+    "a mean pressure of the stocking",
+    "mmHg",
+    (3.0, 80.0),
+    (0.2, 300.0),
+    "18 to 49 mmHg and more at the ankle: RAL-GZ 387/1",
+    {"N/m": 1e-3, "N/cm": 0.1},
+)
 _THICKER, _THICKER_BY_FAR = 1.001, 1.005
 """Mean perimeter in the stocking over that without: a stocking makes a leg thinner."""
 _BEYOND_MM = 10.0
@@ -44,10 +47,14 @@ def doubts_about_leg(leg: StockingLeg, toml: Path) -> tuple[Doubt, ...]:
         For what can't be; names file, field and remedy.
     """
     return tuple(
-        [*_girth(leg, toml), *_tissues(leg, toml), *_compressed(leg, toml),
-         *_stocking(leg.bare, leg.stocking, toml),
-         *doubts_about_elastography(toml, leg.elastography)]
-    )  # fmt: skip
+        [
+            *_girth(leg, toml),
+            *_tissues(leg, toml),
+            *_compressed(leg, toml),
+            *_stocking(leg.bare, leg.stocking, toml),
+            *doubts_about_elastography(toml, leg.elastography),
+        ]
+    )
 
 
 def check_scans_differ(bare: LegShape, compressed: LegShape, toml: Path) -> None:
@@ -66,9 +73,11 @@ def check_scans_differ(bare: LegShape, compressed: LegShape, toml: Path) -> None
     )
     if same:
         raise InputError(
-            toml, "compressed", "is the same scan as [bare]",
+            toml,
+            "compressed",
+            "is the same scan as [bare]",
             "give the scan of the leg in its stocking, or leave [compressed] out",
-        )  # fmt: skip
+        )
 
 
 def _girth(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
@@ -82,9 +91,7 @@ def _tissues(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
     for name, law in leg.tissues.items():
         yield from ranges.D1.doubts(toml, f"tissues.{name}.D1_per_MPa", float(law.D1))
         if leg.known:
-            yield from ranges.C10[name].doubts(
-                toml, f"tissues.{name}.C10_kPa", mpa_to_kpa(float(law.C10))
-            )
+            yield from ranges.C10[name].doubts(toml, f"tissues.{name}.C10_kPa", mpa_to_kpa(float(law.C10)))
 
 
 def _compressed(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
@@ -94,10 +101,11 @@ def _compressed(leg: StockingLeg, toml: Path) -> Iterator[Doubt]:
     if ratio <= _THICKER:
         return
     found = Doubt(
-        str(toml), "compressed",
+        str(toml),
+        "compressed",
         f"the leg is {100 * (ratio - 1):.2g} % thicker in its stocking than without",
         "are the scans of [bare] and [compressed] exchanged?",
-    )  # fmt: skip
+    )
     if ratio > _THICKER_BY_FAR:
         raise found.error()
     yield found
@@ -109,12 +117,11 @@ def _stocking(bare: LegShape, stocking: Stocking, toml: Path) -> Iterator[Doubt]
     if len(stocking.levels) > 1:
         beyond = max(first - low, high - last)
         found = Doubt(
-            str(toml), "stocking.unstretched",
-            f"the table of {first:g} to {last:g} mm leaves {beyond:.0f} mm of the leg's "
-            f"{low:.4g} to {high:.4g} mm out",
-            "give perimeters at the levels of the scan, in its coordinates and in mm, or restrict "
-            "[segment]",
-        )  # fmt: skip
+            str(toml),
+            "stocking.unstretched",
+            f"the table of {first:g} to {last:g} mm leaves {beyond:.0f} mm of the leg's {low:.4g} to {high:.4g} mm out",
+            "give perimeters at the levels of the scan, in its coordinates and in mm, or restrict [segment]",
+        )
         if last < low or first > high:
             raise found.error()
         if beyond > _BEYOND_MM:

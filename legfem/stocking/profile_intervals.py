@@ -65,9 +65,7 @@ class MisfitEmulator:
         self._white, self._sensor_sd = nuisances.of(misfit.whitened), sensor_sd
         self.at = _coordinates(np.log([one.parameters for one in found]))
         values = [np.concatenate([misfit.whitened(one.distances), one.felt]) for one in found]
-        slopes = np.stack(
-            [np.vstack([misfit.whitened(one.slopes), one.felt_slopes]).T for one in found]
-        )
+        slopes = np.stack([np.vstack([misfit.whitened(one.slopes), one.felt_slopes]).T for one in found])
         # Of q = exp(-x / 2) the derivative by x is -q / 2.
         slopes /= -0.5 * self.at[:, :, None]
         self._values = Kriging(self.at, np.array(values), slopes, _NUGGET)
@@ -117,14 +115,15 @@ def profile_intervals(
     for solved in range(MOST + 1):
         emulator = emulate()
         least = least_residual(emulator.residual, np.clip(np.log(best), *box.T), box)
-        ends = np.array([
-            profile_interval(emulator.residual, least, k, quantile(0) ** 2, box, half[k])
-            for k in range(len(best))
-        ])  # fmt: skip
-        points = np.array([
-            [profile_point(emulator.residual, least, k, end, box, half[k]) for end in ends[k]]
-            for k in range(len(best))
-        ])  # fmt: skip
+        ends = np.array(
+            [profile_interval(emulator.residual, least, k, quantile(0) ** 2, box, half[k]) for k in range(len(best))]
+        )
+        points = np.array(
+            [
+                [profile_point(emulator.residual, least, k, end, box, half[k]) for end in ends[k]]
+                for k in range(len(best))
+            ]
+        )
         away = _distances(points, emulator.at)
         unknown = away >= FAR
         tried = np.where(reach >= FAR, away, 0.0)

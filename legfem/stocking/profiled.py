@@ -80,11 +80,7 @@ class BesideScan:
 
 
 def beside_scan(
-    leg: WornLeg,
-    misfit: ContourMisfit,
-    parameters: FloatArray,
-    worn: Worn,
-    sensing: Sensing | None = None,
+    leg: WornLeg, misfit: ContourMisfit, parameters: FloatArray, worn: Worn, sensing: Sensing | None = None
 ) -> BesideScan:
     """Compare a worn leg with its scan and its sensors.
 
@@ -181,9 +177,7 @@ def profiled(
     nuisance = -solve_triangular(triangle, orthonormal.T @ right)
     by_stiffness = found.slopes.copy()
     for number in range(len(PARAMETERS)):
-        ahead, behind = (
-            nuisances.at(parameters * np.exp(sign * STEP * np.eye(2)[number])) for sign in (1, -1)
-        )
+        ahead, behind = (nuisances.at(parameters * np.exp(sign * STEP * np.eye(2)[number])) for sign in (1, -1))
         by_stiffness[:, number] += (ahead - behind) @ nuisance / (2 * STEP)
     rows = np.zeros((len(right), 2))
     rows[: len(white)] = misfit.whitened(by_stiffness)
@@ -197,8 +191,11 @@ def profiled(
         tension = Tension(float(nuisance[-1]), covariance)
     shown = [*range(RIGID + SECTORS), *([len(sd) - 1] if nuisances.of_tension else [])]
     return Profiled(
-        found.worn, found.distances, nuisance,
+        found.worn,
+        found.distances,
+        nuisance,
         found.distances + slopes[:, shown] @ nuisance[shown],
         right + basis @ nuisance,
-        rows - orthonormal @ (orthonormal.T @ rows), tension,
-    )  # fmt: skip
+        rows - orthonormal @ (orthonormal.T @ rows),
+        tension,
+    )

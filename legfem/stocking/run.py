@@ -122,9 +122,13 @@ def run_leg(
             SliceSet.of(leg.compressed, leg.slices), leg.accuracy, leg.scanned_bare, leg.bare
         )
         search = StiffnessSearch(
-            worn_leg, misfit, settings.search, progress.advance,
-            sensing if leg.sensors else None, stiffness_priors(leg.elastography),
-        )  # fmt: skip
+            worn_leg,
+            misfit,
+            settings.search,
+            progress.advance,
+            sensing if leg.sensors else None,
+            stiffness_priors(leg.elastography),
+        )
         progress.stage("identification, weighted")
         searches = search.weighted()
         if settings.nelder_mead:
@@ -150,14 +154,20 @@ def run_leg(
         covariance = None if leg.known or not searches else searches[0].log_covariance
         if tension is not None:
             covariance = tension.log_covariance
-        sd = vein_pressure_sd(
-            worn_leg, worn, probe, leg.veins, parameters, covariance, leg.accuracy.pressure_sd,
-            error,
-        )  # fmt: skip
+        sd = vein_pressure_sd(worn_leg, worn, probe, leg.veins, parameters, covariance, leg.accuracy.pressure_sd, error)
         pressures = replace(pressures, at_veins_sd=tuple(map(float, sd)))
         progress.advance("errors of the pressures at the veins")
     return StockingResult(
-        leg, model, load, misfit, searches, mismatch, parameters, replace(worn, load=borne),
-        pressures, sensing.compared(borne.pressure), worn_leg.states,
+        leg,
+        model,
+        load,
+        misfit,
+        searches,
+        mismatch,
+        parameters,
+        replace(worn, load=borne),
+        pressures,
+        sensing.compared(borne.pressure),
+        worn_leg.states,
         time.perf_counter() - started,
-    )  # fmt: skip
+    )

@@ -37,9 +37,7 @@ class SectionPressures:
     pressure: FloatArray
 
 
-def section_pressures(
-    shape: LegShape, level: float, worn: Worn, probe: PressureProbe
-) -> SectionPressures:
+def section_pressures(shape: LegShape, level: float, worn: Worn, probe: PressureProbe) -> SectionPressures:
     """Return the pressure at a level of the bare leg; all ranks call."""
     outline = shape.at(SKIN, level)
     x, y = (

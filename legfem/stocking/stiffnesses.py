@@ -18,6 +18,4 @@ BOUNDS = (kpa_to_mpa(0.1), kpa_to_mpa(100.0))
 def stiffness_priors(moduli: Iterable[ShearModulus] = ()) -> Priors:
     """Return what shear waves say of `PARAMETERS` (MPa); nothing without them."""
     known = elastography_priors(moduli)
-    return Priors(tuple(
-        Parameter(name, "MPa", BOUNDS, known.get(name), scale="log") for name in PARAMETERS
-    ))  # fmt: skip
+    return Priors(tuple(Parameter(name, "MPa", BOUNDS, known.get(name), scale="log") for name in PARAMETERS))

@@ -37,9 +37,11 @@ def default_veins(shape: LegShape, level: float) -> tuple[Vein, ...]:
     """
     if not {"tibia", "fibula"} <= set(shape.bones):
         raise InputError(
-            "veins", "positions", f"no default places beside {', '.join(shape.bones)}",
+            "veins",
+            "positions",
+            f"no default places beside {', '.join(shape.bones)}",
             "give positions, or name the bones tibia and fibula",
-        )  # fmt: skip
+        )
     bones = {name: shapely.Polygon(shape.at(name, level)) for name in ("tibia", "fibula")}
     tibia, fibula = (np.array(bones[name].centroid.coords[0]) for name in ("tibia", "fibula"))
     across = (fibula - tibia) / np.linalg.norm(fibula - tibia)

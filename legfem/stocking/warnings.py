@@ -11,13 +11,7 @@ from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.identify.warnings import disagreement
 from legfem.inference.elastography import elastography_priors
 from legfem.stocking.identification import Identified
-from legfem.stocking.judgement import (
-    MISSED_BEYOND,
-    expected_rms,
-    judge,
-    model_misses,
-    starts_agree,
-)
+from legfem.stocking.judgement import MISSED_BEYOND, expected_rms, judge, model_misses, starts_agree
 from legfem.stocking.laplace import StockingLoad
 from legfem.stocking.leg import StockingLeg
 from legfem.stocking.leg_model import PARAMETERS
@@ -37,18 +31,21 @@ REGISTERED_WITHIN = 0.5
 def stocking_warnings(result: StockingResult) -> tuple[str, ...]:
     """Return sentences, the gravest first."""
     return tuple(
-        [*_of_the_state(result), *_of_the_searches(result), *_of_the_scans(result),
-         *_of_the_load(result), *of_sensors(result.sensors)]
-    )  # fmt: skip
+        [
+            *_of_the_state(result),
+            *_of_the_searches(result),
+            *_of_the_scans(result),
+            *_of_the_load(result),
+            *of_sensors(result.sensors),
+        ]
+    )
 
 
 def of_sensors(sensors: Sequence[ComparedSensor]) -> Iterator[str]:
     """Yield which sensors the model misses."""
     for one in sensors:
         if abs(one.departure) > _FAR:
-            read, sd, model = (
-                mpa_to_mmhg(p) for p in (one.sensor.pressure, one.sensor.sd, one.pressure)
-            )
+            read, sd, model = (mpa_to_mmhg(p) for p in (one.sensor.pressure, one.sensor.sd, one.pressure))
             yield (
                 f"The sensor {one.sensor.name} read {read:.1f} ± {sd:.1f} mmHg, where the model "
                 f"has {model:.1f} mmHg ({abs(one.departure):.0f} standard deviations off): its "
@@ -95,17 +92,11 @@ def _of_the_searches(result: StockingResult) -> Iterator[str]:
             for parameter, value in zip(PARAMETERS, search.start, strict=True)
         )
         if not search.worn.state.report.complete:
-            yield (
-                f"{name} from {start} met a state that could not be computed "
-                f"({search.worn.state.report.reason})."
-            )
+            yield (f"{name} from {start} met a state that could not be computed ({search.worn.state.report.reason}).")
         elif not search.converged:
             yield f"{name} from {start} ended before it had settled."
     if not starts_agree(weighted):
-        yield (
-            "The starts did not all lead to the same stiffness: the one that fits the scan best "
-            "counts."
-        )
+        yield ("The starts did not all lead to the same stiffness: the one that fits the scan best counts.")
     if not best.worn.state.report.complete:
         return
     if model_misses(best, accuracy):
@@ -130,9 +121,7 @@ def _of_waves(best: Identified, leg: StockingLeg) -> Iterator[str]:
     priors, log_sds = elastography_priors(leg.elastography), np.sqrt(np.diag(best.log_covariance))
     for name, value, log_sd in zip(PARAMETERS, best.parameters, log_sds, strict=True):
         if (prior := priors.get(name)) is not None:
-            yield from disagreement(
-                name, prior, float(value), float(value * log_sd), "the fit of both scans"
-            )
+            yield from disagreement(name, prior, float(value), float(value * log_sd), "the fit of both scans")
 
 
 def _of_the_scans(result: StockingResult) -> Iterator[str]:
@@ -140,9 +129,7 @@ def _of_the_scans(result: StockingResult) -> Iterator[str]:
     if registration is None:
         return
     if not registration.converged:
-        yield (
-            f"The registration on the bones did not settle in {registration.iterations} iterations."
-        )
+        yield (f"The registration on the bones did not settle in {registration.iterations} iterations.")
     if registration.residual > REGISTERED_WITHIN:
         yield (
             f"The bones of the two scans are {registration.residual:.2f} mm apart after "

@@ -135,9 +135,7 @@ class WornLeg:
 
     def _restored(self, kept: KeptEquilibrium) -> Worn:
         shape = self.model.deformed_shape(kept.state.unknown)
-        return Worn(
-            kept.state, kept.pressure, shape, self.load(shape), kept.changes, kept.converged
-        )
+        return Worn(kept.state, kept.pressure, shape, self.load(shape), kept.changes, kept.converged)
 
     def _found(self, asked: AskedEquilibrium, start: Worn | None) -> Worn:
         parameters, sensitivities, error = asked.parameters, asked.sensitivities, asked.error
@@ -224,9 +222,7 @@ class Feedback:
         left, enough = change, tolerance * np.linalg.norm(change)
         moved, added = np.zeros_like(self._worn.state.unknown), np.zeros_like(change)
         number = 0
-        while number < len(self._directions) or (
-            np.linalg.norm(left) > enough and number < MAX_DIRECTIONS
-        ):
+        while number < len(self._directions) or (np.linalg.norm(left) > enough and number < MAX_DIRECTIONS):
             if number == len(self._directions):
                 self._directions.append(self._new(left))
             known = self._directions[number]

@@ -9,21 +9,17 @@ from typing import Annotated
 import typer
 
 from legfem.common.checks import check_finite
-from legfem.common.command_edge import (
-    check_out_folder,
-    command_edge,
-    end_without_a_solution,
-    study_edge,
-    usable_cores,
-)
+from legfem.common.command_edge import check_out_folder, command_edge, end_without_a_solution, study_edge, usable_cores
 from legfem.common.outcome_options import AsJson, Quiet, told_briefly
 from legfem.study.options import Jobs, Out
 
 app = typer.Typer(
-    add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
     no_args_is_help=True,
     help="Studies of the model. Example: python -m legfem.study convergence",
-)  # fmt: skip
+)
 
 
 @app.command()
@@ -47,18 +43,14 @@ def convergence(
         from legfem.study.convergence import command as convergence_command
 
         with told_briefly(quiet, as_json) as written:
-            convergence_command.run(
-                subject, subject_dir, (c10_kpa, c20_kpa), depth, folder, processes, quiet
-            )
+            convergence_command.run(subject, subject_dir, (c10_kpa, c20_kpa), depth, folder, processes, quiet)
             written.append(folder / "result.json")
 
 
 @app.command()
 def reproduce(
     seed: Annotated[int, typer.Option(min=0, help="Of the genetic algorithm.")] = 1,
-    corrected: Annotated[
-        bool, typer.Option("--corrected", help="Also with each leg's own 3D correction.")
-    ] = False,
+    corrected: Annotated[bool, typer.Option("--corrected", help="Also with each leg's own 3D correction.")] = False,
     out: Out = None,
     jobs: Jobs = None,
     quiet: Quiet = False,
@@ -102,8 +94,7 @@ def doe(
         ),
     ] = CountChoice.COEFFICIENTS,
     factorial_only: Annotated[
-        bool,
-        typer.Option("--factorial-only", help="No numerical error, Sobol indices, information."),
+        bool, typer.Option("--factorial-only", help="No numerical error, Sobol indices, information.")
     ] = False,
     seed: Annotated[int, typer.Option(min=0, help="Of the emulator's points.")] = 1,
     out: Out = None,
@@ -128,9 +119,16 @@ def doe(
         folder = out or Path("results") / "doe"
         check_out_folder(folder)
         options = DoeOptions(
-            tuple(factors or (PAPER, IDENTIFIED)), subject, subject_dir, folder,
-            jobs or usable_cores(), seed, count.value, not factorial_only, quiet,
-        )  # fmt: skip
+            tuple(factors or (PAPER, IDENTIFIED)),
+            subject,
+            subject_dir,
+            folder,
+            jobs or usable_cores(),
+            seed,
+            count.value,
+            not factorial_only,
+            quiet,
+        )
         with told_briefly(quiet, as_json) as written:
             solved = run(options, MPI.COMM_WORLD)
             if MPI.COMM_WORLD.rank == 0:
@@ -144,38 +142,23 @@ def correction(
     subject_dir: Annotated[
         Path | None,
         typer.Option(
-            "--subject",
-            help="Folder of a subject, whose own leg is solved in 3D and compared with the table.",
+            "--subject", help="Folder of a subject, whose own leg is solved in 3D and compared with the table."
         ),
     ] = None,
     length: Annotated[float, typer.Option(min=1.0, help="Of the leg's segment (mm).")] = 120.0,
     radius: Annotated[float, typer.Option(min=1.0, help="Of the leg (mm).")] = 57.0,
     bone_radius: Annotated[float, typer.Option(min=1.0, help="mm.")] = 15.0,
-    bone_offset: Annotated[
-        float, typer.Option(help="Of the bone towards the cylinder (mm).")
-    ] = 0.0,
+    bone_offset: Annotated[float, typer.Option(help="Of the bone towards the cylinder (mm).")] = 0.0,
     held: Annotated[bool, typer.Option("--held", help="Hold the end faces along the leg.")] = False,
     cylinder_length: Annotated[float, typer.Option(min=1.0, help="mm.")] = 50.0,
-    edge_radius: Annotated[
-        float, typer.Option(min=0.01, help="Rounding of the cylinder's end edges (mm).")
-    ] = 2.0,
+    edge_radius: Annotated[float, typer.Option(min=0.01, help="Rounding of the cylinder's end edges (mm).")] = 2.0,
     c10_kpa: Annotated[float, typer.Option("--c10", min=1e-3, help="Reference (kPa).")] = 2.0,
-    c20_kpa: Annotated[
-        float, typer.Option("--c20", min=0.0, help="Of the subject's leg (kPa).")
-    ] = 0.0,
+    c20_kpa: Annotated[float, typer.Option("--c20", min=0.0, help="Of the subject's leg (kPa).")] = 0.0,
     depth: Annotated[float, typer.Option(min=5.0, help="mm.")] = 25.0,
-    finer: Annotated[
-        float, typer.Option(min=0.1, help="Divides the sizes of the mesh's elements.")
-    ] = 1.0,
-    trends: Annotated[
-        bool, typer.Option("--trends", help="Also P against length, stiffness and radius.")
-    ] = False,
-    legs: Annotated[
-        bool, typer.Option("--legs", help="Also a table of P for legs of other girth and bone.")
-    ] = False,
-    fields: Annotated[
-        bool, typer.Option("--fields", help="Also the 3D model's fields for ParaView.")
-    ] = False,
+    finer: Annotated[float, typer.Option(min=0.1, help="Divides the sizes of the mesh's elements.")] = 1.0,
+    trends: Annotated[bool, typer.Option("--trends", help="Also P against length, stiffness and radius.")] = False,
+    legs: Annotated[bool, typer.Option("--legs", help="Also a table of P for legs of other girth and bone.")] = False,
+    fields: Annotated[bool, typer.Option("--fields", help="Also the 3D model's fields for ParaView.")] = False,
     out: Out = None,
     jobs: Jobs = None,
     quiet: Quiet = False,
@@ -197,10 +180,17 @@ def correction(
         from legfem.study.correction.cases import CorrectionCase, Material
 
         check_finite(
-            length=length, radius=radius, bone_radius=bone_radius, bone_offset=bone_offset,
-            cylinder_length=cylinder_length, edge_radius=edge_radius, c10=c10_kpa, depth=depth,
-            finer=finer, c20=c20_kpa,
-        )  # fmt: skip
+            length=length,
+            radius=radius,
+            bone_radius=bone_radius,
+            bone_offset=bone_offset,
+            cylinder_length=cylinder_length,
+            edge_radius=edge_radius,
+            c10=c10_kpa,
+            depth=depth,
+            finer=finer,
+            c20=c20_kpa,
+        )
         folder = out or Path("results") / "correction"
         check_out_folder(folder)
         if subject_dir is not None:

@@ -63,9 +63,7 @@ def run(seed: int, out: Path, jobs: int, corrected: bool = False, quiet: bool = 
     with progress_on(quiet=quiet) as progress:
         request = SearchRequest(settings=settings, jobs=jobs, progress=progress)
 
-        def identify(
-            name: str, correction: TabulatedCorrection | None
-        ) -> list[IdentificationResult]:
+        def identify(name: str, correction: TabulatedCorrection | None) -> list[IdentificationResult]:
             return identify_subject(
                 load_subject(SUBJECTS.find(name)),
                 ["neo-hookean", "reduced-polynomial"],
@@ -82,9 +80,7 @@ def run(seed: int, out: Path, jobs: int, corrected: bool = False, quiet: bool = 
     if corrected:
         tables += "\n" + correction_table(found, with_correction) + "\n" + own_corrections_table()
     documents: list[Any] = [
-        result_document(result)
-        for pair in (*found.values(), *with_correction.values())
-        for result in pair
+        result_document(result) for pair in (*found.values(), *with_correction.values()) for result in pair
     ]
     write_document(out / "result.json", documents)
     write_atomically(out / "tables.md", tables)
@@ -97,13 +93,24 @@ def neo_hookean_table(found: dict[str, list[IdentificationResult]]) -> str:
     rows = []
     for name, (neo_hookean, _) in found.items():
         paper, cost = PAPER[name], neo_hookean.cost
-        rows.append([
-            name, f"{paper.neo_hookean_c10:.2f}, {paper.neo_hookean_cost:g}",
-            _estimate(neo_hookean, DEEP_C10), f"{cost.value:.4g}", f"{cost.per_length:.3g}",
-            f"{cost.rms:.3f}",
-        ])  # fmt: skip
-    header = ["subject", "paper: C10 (kPa), cost (N2)", "legfem: C10 (kPa), 95 %", "cost (N2)",
-              "cost ((N/mm)2)", "rms (N)"]  # fmt: skip
+        rows.append(
+            [
+                name,
+                f"{paper.neo_hookean_c10:.2f}, {paper.neo_hookean_cost:g}",
+                _estimate(neo_hookean, DEEP_C10),
+                f"{cost.value:.4g}",
+                f"{cost.per_length:.3g}",
+                f"{cost.rms:.3f}",
+            ]
+        )
+    header = [
+        "subject",
+        "paper: C10 (kPa), cost (N2)",
+        "legfem: C10 (kPa), 95 %",
+        "cost (N2)",
+        "cost ((N/mm)2)",
+        "rms (N)",
+    ]
     return markdown_table(header, rows)
 
 
@@ -113,16 +120,30 @@ def polynomial_table(found: dict[str, list[IdentificationResult]]) -> str:
     for name, (_, polynomial) in found.items():
         paper, cost = PAPER[name], polynomial.cost
         c10, c20 = polynomial.parameters[DEEP_C10], polynomial.parameters[DEEP_C20]
-        rows.append([
-            name, f"{paper.c10:.2f}, {paper.c20:.2f}, {paper.cost:g}",
-            _estimate(polynomial, DEEP_C10), _estimate(polynomial, DEEP_C20),
-            f"{c10.shown.value / paper.c10 - 1:+.1%}, {c20.shown.value / paper.c20 - 1:+.1%}",
-            f"{cost.value:.4g}", f"{cost.per_length:.3g}", f"{cost.rms:.3f}",
-            f"{c10.identifiability}, {c20.identifiability}",
-        ])  # fmt: skip
-    header = ["subject", "paper: C10, C20 (kPa), cost (N2)", "legfem: C10 (kPa), 95 %",
-              "C20 (kPa), 95 %", "error of C10, C20", "cost (N2)", "cost ((N/mm)2)", "rms (N)",
-              "verdicts"]  # fmt: skip
+        rows.append(
+            [
+                name,
+                f"{paper.c10:.2f}, {paper.c20:.2f}, {paper.cost:g}",
+                _estimate(polynomial, DEEP_C10),
+                _estimate(polynomial, DEEP_C20),
+                f"{c10.shown.value / paper.c10 - 1:+.1%}, {c20.shown.value / paper.c20 - 1:+.1%}",
+                f"{cost.value:.4g}",
+                f"{cost.per_length:.3g}",
+                f"{cost.rms:.3f}",
+                f"{c10.identifiability}, {c20.identifiability}",
+            ]
+        )
+    header = [
+        "subject",
+        "paper: C10, C20 (kPa), cost (N2)",
+        "legfem: C10 (kPa), 95 %",
+        "C20 (kPa), 95 %",
+        "error of C10, C20",
+        "cost (N2)",
+        "cost ((N/mm)2)",
+        "rms (N)",
+        "verdicts",
+    ]
     return markdown_table(header, rows)
 
 
@@ -148,9 +169,14 @@ def correction_table(
             for result in (pair[law], corrected[name][law])
         ]
         rows.append([name, *cells, f"{pair[1].cost.rms:.3f}, {corrected[name][1].cost.rms:.3f}"])
-    header = ["subject", "neo-Hookean C10 (kPa), 95 %: without", "with",
-              "reduced polynomial C10, C20 (kPa), 95 %: without", "with",
-              "rms (N) without, with"]  # fmt: skip
+    header = [
+        "subject",
+        "neo-Hookean C10 (kPa), 95 %: without",
+        "with",
+        "reduced polynomial C10, C20 (kPa), 95 %: without",
+        "with",
+        "rms (N) without, with",
+    ]
     return markdown_table(header, rows)
 
 
@@ -162,9 +188,7 @@ def own_corrections_table() -> str:
         subject = load_subject(SUBJECTS.find(name), need_recordings=False)
         own = correction_of(subject)
         P = own.correction(depths, np.array(paper.c10), np.array(paper.c20))
-        cells = [
-            f"{p:+.2f} ({sd:.2f})" for p, sd in zip(P, own.standard_deviation(depths), strict=True)
-        ]
+        cells = [f"{p:+.2f} ({sd:.2f})" for p, sd in zip(P, own.standard_deviation(depths), strict=True)]
         radius, depth = size_of(subject)
         rows.append([name, f"{radius:.1f}, {depth:.1f}", *cells])
     at = (f"P at {d:g} mm (sd)" for d in depths)

@@ -44,10 +44,7 @@ class Catalogue:
         known = ", ".join(self.names)
         there = f"known subjects are {known}" if known else f"none are in {self.folder}"
         raise InputError(
-            "--subject",
-            name,
-            "unknown subject",
-            f"{there}; for a folder of your own give --subject-dir PATH",
+            "--subject", name, "unknown subject", f"{there}; for a folder of your own give --subject-dir PATH"
         )
 
     def named(self, subject: str | None, subject_dir: Path | None) -> Path:
@@ -63,12 +60,7 @@ class Catalogue:
         if subject_dir is not None:
             return subject_dir
         if subject is None:
-            raise InputError(
-                "--subject",
-                "missing",
-                "no subject is given",
-                "give --subject ID or --subject-dir PATH",
-            )
+            raise InputError("--subject", "missing", "no subject is given", "give --subject ID or --subject-dir PATH")
         return self.find(subject)
 
     def opened(self, directory: Path) -> Path:
@@ -80,7 +72,5 @@ class Catalogue:
             If there is no such folder.
         """
         if not directory.is_dir():
-            raise InputError(
-                directory, "subject folder", "not found", f"give a folder that holds {self.file}"
-            )
+            raise InputError(directory, "subject folder", "not found", f"give a folder that holds {self.file}")
         return directory / self.file

@@ -92,28 +92,29 @@ def check_once(entries: Sequence[ElastographyEntry], ratio_stated: bool) -> None
         plane = entry.plane if entry.tissue == "deep" else "any plane"
         if (entry.tissue, plane) in seen:
             raise trouble(
-                f"elastography.{number}", f"the {entry.tissue} tissue in {plane} is given twice",
+                f"elastography.{number}",
+                f"the {entry.tissue} tissue in {plane} is given twice",
                 "give the mean of the measurements, with its standard deviation",
-            )  # fmt: skip
+            )
         seen[entry.tissue, plane] = number
     along, across = (seen.get(("deep", plane)) for plane in ("along", "across"))
     if along is None:
         return
     if across is None:
         raise trouble(
-            f"elastography.{along}.plane", "along the leg without across says nothing of C10",
+            f"elastography.{along}.plane",
+            "along the leg without across says nothing of C10",
             "give the deep tissue across the leg too: the two make the fibres' ratio",
-        )  # fmt: skip
+        )
     if ratio_stated:
         raise trouble(
-            "tissues.deep.fibre_ratio", "is given beside elastography along and across",
+            "tissues.deep.fibre_ratio",
+            "is given beside elastography along and across",
             "leave it out: the two make the ratio",
-        )  # fmt: skip
+        )
 
 
-def fibre_ratio(
-    moduli: Sequence[ShearModulus], stated: float | None, stated_sd: float | None
-) -> FibreRatio | None:
+def fibre_ratio(moduli: Sequence[ShearModulus], stated: float | None, stated_sd: float | None) -> FibreRatio | None:
     """Return the fibres' ratio: measured along and across, else as stated; None where unknown."""
     by_plane = {one.plane: one for one in moduli if one.tissue == "deep"}
     if len(by_plane) == 2:
@@ -141,21 +142,19 @@ def doubts_about_elastography(toml: Path, moduli: Sequence[ShearModulus]) -> Ite
         value = mpa_to_kpa(one.value)
         yield from ranges.SHEAR_MODULUS.doubts(toml, f"{field}.shear_modulus_kPa", value)
         if one.sd > one.value:
-            yield Doubt(
-                str(toml), f"{field}.sd_kPa", "is larger than the modulus itself",
-                "check the units of both",
-            )  # fmt: skip
+            yield Doubt(str(toml), f"{field}.sd_kPa", "is larger than the modulus itself", "check the units of both")
     by_plane = {one.plane: one for one in moduli if one.tissue == "deep"}
     if len(by_plane) < 2:
         return
     value, relative = _quotient(by_plane["along"], by_plane["across"])
     low, high = (value * (1 + side * _FEW_SD * relative) for side in (-1, 1))
     found = Doubt(
-        str(toml), "elastography",
+        str(toml),
+        "elastography",
         f"the deep tissue's moduli make a ratio of {value:.2g} along the leg to across, which is "
         f"taken as {min(max(value, 1.0), HIGHEST_RATIO):g}",
         "check which plane is which: muscle is stiffer along its fibres",
-    )  # fmt: skip
+    )
     if high < 1.0 or low > HIGHEST_RATIO:
         raise found.error()
     if not 1.0 <= value <= HIGHEST_RATIO:

@@ -32,21 +32,13 @@ def force_range(subject: Subject, displacement: FloatArray) -> tuple[FloatArray,
     Of a fat and a fascia as the subject's folder states them.
     """
     fat, fascia = (1e3 * (subject.tissues[name].C10 or 0.0) for name in ("superficial", "fascia"))
-    about = features(
-        subject.section, subject.indenter, fat, fascia, subject.tissues["superficial"].D1,
-        displacement,
-    )  # fmt: skip
+    about = features(subject.section, subject.indenter, fat, fascia, subject.tissues["superficial"].D1, displacement)
     length = subject.indenter.length
     return length * np.exp(about @ _LEAST), length * np.exp(about @ _MOST)
 
 
 def features(
-    section: LegSection,
-    indenter: Indenter,
-    fat_kpa: float,
-    fascia_kpa: float,
-    fat_d1: float,
-    displacement: FloatArray,
+    section: LegSection, indenter: Indenter, fat_kpa: float, fascia_kpa: float, fat_d1: float, displacement: FloatArray
 ) -> FloatArray:
     """Return what the logarithm of the force per length (N/mm) is linear in, (n, 9)."""
     aim, direction = indenter.aim, indenter.direction

@@ -143,9 +143,17 @@ def write_subject_folder(
     out = Path(out)
     check_new_folder(out)
     text = subject_text(
-        plain_id(out.resolve().name), title, origin, section.fascia_thickness, aim, direction_deg,
-        starts_at_contact, instrument, deep_law, plane_strain,
-    )  # fmt: skip
+        plain_id(out.resolve().name),
+        title,
+        origin,
+        section.fascia_thickness,
+        aim,
+        direction_deg,
+        starts_at_contact,
+        instrument,
+        deep_law,
+        plane_strain,
+    )
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
@@ -193,8 +201,7 @@ def subject_text(
         deep=_DEEP[deep_law],
         instrument=_PAPER_INSTRUMENT
         if instrument is None
-        else f"force_sd_N = {instrument.force_sd}\n"
-        f"displacement_sd_mm = {instrument.displacement_sd}",
+        else f"force_sd_N = {instrument.force_sd}\ndisplacement_sd_mm = {instrument.displacement_sd}",
     )
 
 

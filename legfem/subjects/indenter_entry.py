@@ -58,14 +58,13 @@ class IndenterEntry(FileTable):
         for flat, spatial in (("aim_mm", "position_mm"), ("direction_deg", "direction")):
             if (getattr(self, flat) is None) == (getattr(self, spatial) is None):
                 what = "missing" if getattr(self, flat) is None else f"given beside {spatial}"
-                raise trouble(
-                    flat, what, f"give {flat} in the section's plane, or {spatial} in the scan"
-                )
+                raise trouble(flat, what, f"give {flat} in the section's plane, or {spatial} in the scan")
         if (self.position_mm is None) != (self.direction is None):
             raise trouble(
-                "direction", "position_mm and direction belong together",
+                "direction",
+                "position_mm and direction belong together",
                 "give both in the scan, or aim_mm and direction_deg in the section's plane",
-            )  # fmt: skip
+            )
         for key in ("axis", "landmarks"):
             if getattr(self, key) is not None and self.position_mm is None:
                 raise trouble(key, "is of use with position_mm alone", "leave it out")

@@ -11,14 +11,7 @@ from legfem.common.errors import InputError
 from legfem.common.text_file import check_shown
 from legfem.common.units import kpa_to_mpa
 from legfem.geometry.section import LegSection, first_crossing
-from legfem.recording import (
-    Channels,
-    Instrument,
-    Recording,
-    read_instrument_file,
-    read_recording,
-    seen_instrument,
-)
+from legfem.recording import Channels, Instrument, Recording, read_instrument_file, read_recording, seen_instrument
 from legfem.recording.formats import READERS
 from legfem.subjects.catalogue import RESOURCES, Catalogue
 from legfem.subjects.elastography import ShearModulus, fibre_ratio
@@ -26,14 +19,7 @@ from legfem.subjects.placement import placed
 from legfem.subjects.plausibility import doubts_about
 from legfem.subjects.schema import SubjectFile, TissueEntry
 from legfem.subjects.sites import site_names, subject_entry
-from legfem.subjects.subject import (
-    Indenter,
-    LegAccuracy,
-    MeasuredEffect,
-    SitedLeg,
-    Subject,
-    TissueParameters,
-)
+from legfem.subjects.subject import Indenter, LegAccuracy, MeasuredEffect, SitedLeg, Subject, TissueParameters
 
 SUBJECTS = Catalogue(RESOURCES / "frauziols" / "subjects", "subject.toml")
 
@@ -53,8 +39,7 @@ def load_sites(directory: Path) -> SitedLeg | None:
     sites = tuple(_site(directory, name) for name in names)
     first = sites[0]
     leg_id, title = (
-        text.removesuffix(f"{joint}{first.site}")
-        for text, joint in ((first.id, "-"), (first.title, ", "))
+        text.removesuffix(f"{joint}{first.site}") for text, joint in ((first.id, "-"), (first.title, ", "))
     )
     return SitedLeg(leg_id, title, sites, directory)
 
@@ -69,10 +54,7 @@ def _site(directory: Path, name: str) -> Subject:
 
 
 def load_subject(
-    directory: Path,
-    need_recordings: bool = True,
-    need_instrument: bool = True,
-    site: str = "",
+    directory: Path, need_recordings: bool = True, need_instrument: bool = True, site: str = ""
 ) -> Subject:
     """Load a subject folder: ``subject.toml``, contours or a scan, and ``recordings/*.csv``.
 
@@ -125,9 +107,7 @@ def load_subject(
         directory=directory,
         starts_at_contact=given.recordings.starts_at_contact,
         plane_strain=(
-            given.origin != "measured"
-            if given.recordings.plane_strain is None
-            else given.recordings.plane_strain
+            given.origin != "measured" if given.recordings.plane_strain is None else given.recordings.plane_strain
         ),
         plane_strain_stated=given.recordings.plane_strain is not None,
         accuracy=LegAccuracy(
@@ -154,9 +134,7 @@ def _relative(percent: float | None) -> float | None:
 
 def _tissues(given: SubjectFile, moduli: Sequence[ShearModulus]) -> dict[str, TissueParameters]:
     """Return the tissues' laws; what was measured of fat takes the place of what was assumed."""
-    tissues = {
-        name: _tissue(getattr(given.tissues, name)) for name in ("deep", "superficial", "fascia")
-    }
+    tissues = {name: _tissue(getattr(given.tissues, name)) for name in ("deep", "superficial", "fascia")}
     for one in moduli:
         if one.tissue == "superficial":
             tissues[one.tissue] = replace(tissues[one.tissue], C10=one.C10)
@@ -168,24 +146,16 @@ def _tissue(entry: TissueEntry) -> TissueParameters:
         return None if value is None else kpa_to_mpa(value)
 
     return TissueParameters(
-        law=entry.law,
-        C10=stress(entry.C10_kPa),
-        C20=stress(entry.C20_kPa),
-        D1=entry.D1_per_MPa,
-        D2=entry.D2_per_MPa,
+        law=entry.law, C10=stress(entry.C10_kPa), C20=stress(entry.C20_kPa), D1=entry.D1_per_MPa, D2=entry.D2_per_MPa
     )
 
 
-def _instrument(
-    toml: Path, given: SubjectFile, recordings: Sequence[Recording], needed: bool
-) -> Instrument:
+def _instrument(toml: Path, given: SubjectFile, recordings: Sequence[Recording], needed: bool) -> Instrument:
     entry = given.instrument
     if entry is not None:
         return Instrument(entry.force_sd(), entry.displacement_sd())
     if needed:
-        raise InputError(
-            toml, "instrument", "missing", "add force_sd_N and displacement_sd_mm, or accuracies"
-        )
+        raise InputError(toml, "instrument", "missing", "add force_sd_N and displacement_sd_mm, or accuracies")
     return seen_instrument(recordings)
 
 
@@ -205,9 +175,7 @@ def _recordings(folder: Path, channels: Channels | None) -> tuple[Recording, ...
     stems = [file.stem for file in files]
     twice = next((stem for stem in stems if stems.count(stem) > 1), None)
     if twice is not None:
-        raise InputError(
-            folder, twice, "two files have this name", "keep one file a trial, of one format"
-        )
+        raise InputError(folder, twice, "two files have this name", "keep one file a trial, of one format")
     if channels is None:
         return tuple(read_recording(file) for file in files)
     return tuple(read_instrument_file(file, channels) for file in files)

@@ -79,14 +79,15 @@ def placed(directory: Path, toml: Path, given: SubjectFile) -> Placement:
         cut = f"{Path(source.name).name}, {plane}"
         aim = np.array(indenter.aim_mm)
         return Placement(
-            section, aim, indenter.direction_deg, cut, source=source, plane=plane,
-            axis_deg=indenter.axis_deg or 0.0,
-        )  # fmt: skip
+            section, aim, indenter.direction_deg, cut, source=source, plane=plane, axis_deg=indenter.axis_deg or 0.0
+        )
     if source.volume is not None and not source.volume.transform:
         raise InputError(
-            source.name, "header", "says not where the volume lies, which a pose needs",
+            source.name,
+            "header",
+            "says not where the volume lies, which a pose needs",
             "save it with its transform, or give the DICOM series it was labelled on as series",
-        )  # fmt: skip
+        )
     motion, residual = _to_scan(directory, toml, indenter)
     position = motion(np.array(indenter.position_mm))
     direction = motion.rotation @ np.array(indenter.direction)
@@ -104,17 +105,13 @@ def placed(directory: Path, toml: Path, given: SubjectFile) -> Placement:
     return Placement(section, plane.flat(position), angle, cut, residual, source, plane, turn)
 
 
-def _to_scan(
-    directory: Path, toml: Path, indenter: IndenterEntry
-) -> tuple[RigidTransform, float | None]:
+def _to_scan(directory: Path, toml: Path, indenter: IndenterEntry) -> tuple[RigidTransform, float | None]:
     """Return the motion from where the pose was measured to the scan, and what it leaves (mm)."""
     if indenter.landmarks is None:
         return RigidTransform(), None
     path = existing(directory, indenter.landmarks, toml, "indenter.landmarks")
     table = read_table(path, _LANDMARKS, text=("name",))
-    here, there = (
-        table[list(columns)].to_numpy(np.float64) for columns in (_LANDMARKS[1:4], _LANDMARKS[4:])
-    )
+    here, there = (table[list(columns)].to_numpy(np.float64) for columns in (_LANDMARKS[1:4], _LANDMARKS[4:]))
     if len(table) < 3:
         raise InputError(path, "rows", f"{len(table)} landmarks are too few", "give three or more")
     found = register_points(here, there)
@@ -122,8 +119,9 @@ def _to_scan(
     if found.residual > _MOST_APART:
         worst = table.iloc[int(np.argmax(apart))]
         raise InputError(
-            path, str(worst["name"]),
+            path,
+            str(worst["name"]),
             f"lies {apart.max():.1f} mm off once registered ({found.residual:.1f} mm in the mean)",
             "are points exchanged, or x and y of another sign (RAS)? give both in mm",
-        )  # fmt: skip
+        )
     return found.transform, found.residual

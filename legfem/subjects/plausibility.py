@@ -45,19 +45,15 @@ def doubts_about(subject: Subject) -> tuple[Doubt, ...]:
     """
     toml = subject.directory / "subject.toml"
     found = [
-        *doubts_about_size(
-            toml, "section.contours", girth(subject.section), subject.section.tibia
-        ),
-        *ranges.FASCIA_THICKNESS.doubts(
-            toml, "section.fascia_thickness_mm", subject.section.fascia_thickness
-        ),
+        *doubts_about_size(toml, "section.contours", girth(subject.section), subject.section.tibia),
+        *ranges.FASCIA_THICKNESS.doubts(toml, "section.fascia_thickness_mm", subject.section.fascia_thickness),
         *(d for part in PARTS for d in _spike(toml, part, getattr(subject.section, part))),
         *_landmarks(toml, subject),
         *_indenter(toml, subject),
         *(d for name, t in subject.tissues.items() for d in _tissue(toml, f"tissues.{name}", t)),
         *doubts_about_elastography(toml, subject.elastography),
         *doubts_about_recordings(subject, toml, room_before(subject)),
-    ]  # fmt: skip
+    ]
     return tuple(doubt for doubt in found if doubt.field not in subject.confirmed)
 
 
@@ -80,10 +76,7 @@ def doubts_about_size(toml: Path, field: str, around: float, tibia: FloatArray) 
     """
     remedy = "check that the coordinates are whole lengths in mm, not halved, nor in pixels"
     width = math.sqrt(4 * Polygon(tibia).area / math.pi)
-    found = [
-        *ranges.GIRTH.doubts(toml, field, around, remedy),
-        *ranges.TIBIA.doubts(toml, field, width, remedy),
-    ]
+    found = [*ranges.GIRTH.doubts(toml, field, around, remedy), *ranges.TIBIA.doubts(toml, field, width, remedy)]
     low, high = ranges.LEG_MM2
     if not found and not low <= around * width <= high:
         size = "small" if around * width < low else "large"
@@ -134,50 +127,54 @@ def _spike(toml: Path, part: str, outline: FloatArray) -> Iterator[Doubt]:
     if out[worst] > _FAR_OUT * max(float(np.median(ways[1])), _FAR_OUT_MM):
         x, y = outline[worst]
         yield Doubt(
-            str(toml), "section.contours",
+            str(toml),
+            "section.contours",
             f"the {part} has a spike of {out[worst]:.2g} mm at ({x:.1f}, {y:.1f})",
             "remove the point",
-        )  # fmt: skip
+        )
 
 
 def _landmarks(toml: Path, subject: Subject) -> Iterator[Doubt]:
     apart = subject.landmark_residual
     if apart is not None and apart > _LANDMARKS_MM:
         yield Doubt(
-            str(toml), "indenter.landmarks",
+            str(toml),
+            "indenter.landmarks",
             f"registered landmarks lie {apart:.1f} mm apart in the mean",
             f"measure them again, or give accuracy.aim_sd_mm = {apart:.1f}",
-        )  # fmt: skip
+        )
 
 
 def _indenter(toml: Path, subject: Subject) -> Iterator[Doubt]:
     indenter = subject.indenter
     diameter = 2 * indenter.radius
-    yield from ranges.DIAMETER.doubts(
-        toml, "indenter.diameter_mm", diameter, "check that it isn't the radius"
-    )
+    yield from ranges.DIAMETER.doubts(toml, "indenter.diameter_mm", diameter, "check that it isn't the radius")
     if diameter > girth(subject.section) / math.pi:
         raise Doubt(
-            str(toml), "indenter.diameter_mm", f"{diameter:g} mm are more than the leg's own",
+            str(toml),
+            "indenter.diameter_mm",
+            f"{diameter:g} mm are more than the leg's own",
             "give the cylinder's diameter in mm",
-        ).error()  # fmt: skip
+        ).error()
     yield from ranges.LENGTH.doubts(
         toml, "indenter.length_mm", indenter.length, "give the contact's length along the leg"
     )
     angle = indenter.direction_deg
     if abs(angle) < 2 * math.pi + 0.01 and angle != round(angle):
         yield Doubt(
-            str(toml), "indenter.direction_deg", f"{angle:g} looks like radians",
+            str(toml),
+            "indenter.direction_deg",
+            f"{angle:g} looks like radians",
             f"if it is, give {math.degrees(angle):.4g} degrees",
-        )  # fmt: skip
+        )
     slant = _slant_deg(subject)
     if slant > _GRAZING_DEG:
         found = Doubt(
-            str(toml), "indenter.aim_mm",
-            f"the cylinder meets the skin at {slant:.0f} degrees from its normal, at the leg's "
-            "edge",
+            str(toml),
+            "indenter.aim_mm",
+            f"the cylinder meets the skin at {slant:.0f} degrees from its normal, at the leg's edge",
             "check aim_mm and direction_deg (degrees from +x, counter-clockwise) with a picture",
-        )  # fmt: skip
+        )
         if slant > _MISSING_DEG:
             raise found.error()
         yield found
@@ -206,7 +203,8 @@ def _tissue(toml: Path, field: str, tissue: TissueParameters) -> Iterator[Doubt]
     # A thin sheet's change of volume moves nothing: the published fascia's ratio is below zero.
     if name != "fascia" and ratio is not None and ratio < 0:
         yield Doubt(
-            str(toml), f"{field}.D1_per_MPa",
+            str(toml),
+            f"{field}.D1_per_MPa",
             f"Poisson's ratio is {ratio:.2f} with the C10 and D1 given",
             "soft tissues' is near 0.5: check the units of both",
-        )  # fmt: skip
+        )

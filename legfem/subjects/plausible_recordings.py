@@ -101,9 +101,7 @@ def doubts_about_recordings(subject: Subject, toml: Path, room: float) -> Iterat
         For what can't be.
     """
     if subject.instrument.stated:
-        yield from ranges.FORCE_SD.doubts(
-            toml, "instrument.force_sd_N", subject.instrument.force_sd
-        )
+        yield from ranges.FORCE_SD.doubts(toml, "instrument.force_sd_N", subject.instrument.force_sd)
         yield from ranges.DISPLACEMENT_SD.doubts(
             toml, "instrument.displacement_sd_mm", subject.instrument.displacement_sd
         )
@@ -127,10 +125,11 @@ def _refuse_far_start(recording: Recording, starts_at_contact: bool) -> None:
     start = float(recording.displacement[0])
     if starts_at_contact and abs(start) > MINIMAL_DEPTH_MM:
         raise Doubt(
-            str(recording.source or recording.trial), "displacement_mm",
-            f"starts at {start:.4g} mm, where starts_at_contact says that it counts from first "
-            "touch", "subtract where it touches, or set starts_at_contact = false",
-        ).error()  # fmt: skip
+            str(recording.source or recording.trial),
+            "displacement_mm",
+            f"starts at {start:.4g} mm, where starts_at_contact says that it counts from first touch",
+            "subtract where it touches, or set starts_at_contact = false",
+        ).error()
 
 
 def _unread(subject: Subject) -> Iterator[Doubt]:
@@ -144,35 +143,40 @@ def _unread(subject: Subject) -> Iterator[Doubt]:
     )
     if others:
         yield Doubt(
-            str(next(iter(folders))), "recordings", f"{', '.join(others[:5])} are not read",
+            str(next(iter(folders))),
+            "recordings",
+            f"{', '.join(others[:5])} are not read",
             "remove them, or give [recordings] from `python -m legfem.data look`",
-        )  # fmt: skip
+        )
 
 
 def _motion(loading: Loading, room: float) -> Iterator[Doubt]:
-    yield from ranges.SPEED.doubts(
-        loading.source, "time_s", loading.speed, "check that time is in s (not min or ms)"
-    )
+    yield from ranges.SPEED.doubts(loading.source, "time_s", loading.speed, "check that time is in s (not min or ms)")
     if counts_samples(loading.recording.time[: len(loading.force)]):
         yield Doubt(
-            loading.source, "time_s", "goes up by exactly 1 from row to row, as a count of samples",
+            loading.source,
+            "time_s",
+            "goes up by exactly 1 from row to row, as a count of samples",
             "divide it by the sampling rate in Hz, or confirm that there was one a second",
-        )  # fmt: skip
+        )
     if way := cut_off(loading.displacement, loading.force):
         yield Doubt(
-            loading.source, "force_N", f"stays at {loading.force.max():.3g} N for the last "
+            loading.source,
+            "force_N",
+            f"stays at {loading.force.max():.3g} N for the last "
             f"{way:.2g} mm of loading, as a load cell or an amplifier at its limit does",
             "use a larger range, or remove what lies beyond",
-        )  # fmt: skip
+        )
     yield from spike_doubts(loading.source, loading.recording)
     if loading.depth <= _LITTLE_ROOM * room:
         return
     found = Doubt(
-        loading.source, "displacement_mm",
+        loading.source,
+        "displacement_mm",
         f"the cylinder goes {loading.depth:.1f} mm deep where there is room for {room:.1f} mm "
         "before a bone or the leg's far side",
         "check the unit, and aim_mm, direction_deg and diameter_mm in subject.toml",
-    )  # fmt: skip
+    )
     if loading.depth > room + 0.5:
         raise found.error()
     yield found
@@ -193,10 +197,11 @@ def _differing(loadings: Sequence[Loading]) -> Iterator[Doubt]:
         return
     soft, stiff = worst
     found = Doubt(
-        stiff.source, "force_N",
+        stiff.source,
+        "force_N",
         f"is {most:.3g} times that of {soft.recording.trial} at {at:.1f} mm: no repeat",
         "keep one leg, posture, unit and gain in a folder, or remove the trial that is off",
-    )  # fmt: skip
+    )
     if most > _APART:
         raise found.error()
     yield found
@@ -210,9 +215,7 @@ def _force(subject: Subject, loadings: Sequence[Loading]) -> Iterator[Doubt]:
     force = np.array([np.median([one.force_near(d) for one in loadings]) for d in at])
     error = 2 * subject.instrument.force_sd / np.sqrt(len(loadings)) + 0.02
     low, high = force_range(subject, at)
-    quiet = (
-        subject.instrument.stated and _noise_seen(subject) < _QUIET * subject.instrument.force_sd
-    )
+    quiet = subject.instrument.stated and _noise_seen(subject) < _QUIET * subject.instrument.force_sd
     low, high = low * (_SOFT if quiet else 1 / SLACK), high * SLACK
     below, above = (force + error) / low, (force - error) / high
     if below.min() >= 1 and above.max() <= 1:
@@ -225,18 +228,15 @@ def _force(subject: Subject, loadings: Sequence[Loading]) -> Iterator[Doubt]:
         for unit, factor in units.items()
         if (low <= factor * force + error).all() and (factor * force - error <= high).all()
     ]
-    noise = (
-        f", and its noise is {_QUIET:g} times the stated force_sd_N or less"
-        if soft and quiet
-        else ""
-    )
+    noise = f", and its noise is {_QUIET:g} times the stated force_sd_N or less" if soft and quiet else ""
     found = Doubt(
-        str(subject.directory / "recordings"), "force_N",
+        str(subject.directory / "recordings"),
+        "force_N",
         f"{force[k]:.3g} N at {at[k]:.1f} mm are {'less' if soft else 'more'} than the "
         f"{(low if soft else high)[k]:.2g} N with which this leg would push back if it were very "
         f"{'soft' if soft else 'stiff'} inside{noise}",
         " or ".join([*hints, "check length_mm, C10_kPa and D1_per_MPa of the tissues, aim_mm"]),
-    )  # fmt: skip
+    )
     if not (1 / _IMPOSSIBLE < below.min() and above.max() < _IMPOSSIBLE):
         raise found.error()
     yield found
@@ -252,7 +252,8 @@ def _noise(subject: Subject, toml: Path) -> Iterator[Doubt]:
     stated = subject.instrument.force_sd
     if seen > _NOISE_FACTOR * stated + 0.01:
         yield Doubt(
-            str(toml), "instrument.force_sd_N",
+            str(toml),
+            "instrument.force_sd_N",
             f"{stated:.3g} N is stated, but force_N jumps by {seen:.3g} N from sample to sample",
             "check the unit of force_N, or the stated accuracy",
-        )  # fmt: skip
+        )

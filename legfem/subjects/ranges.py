@@ -32,58 +32,54 @@ _STRESS = {"Pa": 1e-3, "MPa": 1e3}
 _LENGTH = {"cm": 10.0, "m": 1e3, "micrometres": 1e-3}
 
 GIRTH = PhysicalRange(
-    "a girth", "mm", (230.0, 700.0), (100.0, 800.0),
-    "calves of adults and more: ANSUR II, Gordon et al. 2014",
-)  # fmt: skip
+    "a girth", "mm", (230.0, 700.0), (100.0, 800.0), "calves of adults and more: ANSUR II, Gordon et al. 2014"
+)
 TIBIA = PhysicalRange(
-    "a tibia's width, that of a circle as large,", "mm", (18.5, 60.0), (8.0, 90.0),
+    "a tibia's width, that of a circle as large,",
+    "mm",
+    (18.5, 60.0),
+    (8.0, 90.0),
     "20 to 30 mm along the shaft, 42 mm below the knee: pQCT, and the scanned leg of MULTIS",
-)  # fmt: skip
+)
 LEG_MM2 = (5300.0, 20000.0)
 """Girth times the tibia's width, beyond which both are small, or large, for one leg: calves have
 7500 to 11,000 mm², the scanned leg of MULTIS 5740 above the ankle and 15,300 below the knee."""
 FASCIA_THICKNESS = PhysicalRange(
-    "a fascia's thickness", "mm", (0.1, 3.0), (0.02, 10.0),
-    f"0.2 to 1.0 mm: {PAPER}, Table 2", _LENGTH,
-)  # fmt: skip
-DIAMETER = PhysicalRange(
-    "a cylinder's diameter", "mm", (20.0, 50.0), (2.0, 200.0), f"30 mm: {PAPER}", _LENGTH
+    "a fascia's thickness", "mm", (0.1, 3.0), (0.02, 10.0), f"0.2 to 1.0 mm: {PAPER}, Table 2", _LENGTH
 )
-LENGTH = PhysicalRange(
-    "a cylinder's length", "mm", (25.0, 150.0), (10.0, 500.0), f"50 mm: {PAPER}", _LENGTH
-)
+DIAMETER = PhysicalRange("a cylinder's diameter", "mm", (20.0, 50.0), (2.0, 200.0), f"30 mm: {PAPER}", _LENGTH)
+LENGTH = PhysicalRange("a cylinder's length", "mm", (25.0, 150.0), (10.0, 500.0), f"50 mm: {PAPER}", _LENGTH)
 DEEP_C10 = PhysicalRange(
-    "a deep tissue's C10", "kPa", (0.05, 30.0), (0.002, 600.0),
-    str(PUBLISHED_C10["deep"]), _STRESS,
-)  # fmt: skip
+    "a deep tissue's C10", "kPa", (0.05, 30.0), (0.002, 600.0), str(PUBLISHED_C10["deep"]), _STRESS
+)
 C10 = {
     "deep": DEEP_C10,
     "superficial": PhysicalRange(
-        "a superficial tissue's C10", "kPa", (0.1, 60.0), (0.005, 600.0),
-        str(PUBLISHED_C10["superficial"]), _STRESS,
+        "a superficial tissue's C10", "kPa", (0.1, 60.0), (0.005, 600.0), str(PUBLISHED_C10["superficial"]), _STRESS
     ),
-    "fascia": PhysicalRange(
-        "a fascia's C10", "kPa", (5.0, 5e4), (0.5, 1e6), f"100 kPa: {PAPER}, Table 1", _STRESS
-    ),
-}  # fmt: skip
+    "fascia": PhysicalRange("a fascia's C10", "kPa", (5.0, 5e4), (0.5, 1e6), f"100 kPa: {PAPER}, Table 1", _STRESS),
+}
 SHEAR_MODULUS = PhysicalRange(
-    "a shear modulus", "kPa", (0.5, 60.0), (0.3, 100.0),
-    "1 to 30 kPa: shear waves in resting muscle and fat", {"Pa": 1e-3, "MPa": 1e3},
-)  # fmt: skip
-STIFFENING = PhysicalRange(
-    "a ratio C20 / C10", "", (0.0, 20.0), (0.0, 1e4), f"up to 4: {PAPER}, Table 5"
+    "a shear modulus",
+    "kPa",
+    (0.5, 60.0),
+    (0.3, 100.0),
+    "1 to 30 kPa: shear waves in resting muscle and fat",
+    {"Pa": 1e-3, "MPa": 1e3},
 )
+STIFFENING = PhysicalRange("a ratio C20 / C10", "", (0.0, 20.0), (0.0, 1e4), f"up to 4: {PAPER}, Table 5")
 D1 = PhysicalRange(
-    "a D1", "1/MPa", (5e-4, 100.0), (1e-4, 2000.0),
-    "bulk modulus 2 / D1 of 20 kPa to water's", {"1/GPa": 1e-3, "1/Pa": 1e6, "1/kPa": 1e3},
-)  # fmt: skip
-SPEED = PhysicalRange(
-    "a speed of loading", "mm/s", (0.01, 20.0), (1e-6, 5000.0),
-    f"0.4 mm/s: {PAPER}; by hand some 10 mm/s",
-)  # fmt: skip
-FORCE_SD = PhysicalRange(
-    "an error of the force", "N", (1e-5, 3.0), (1e-8, 100.0), "data sheets of load cells"
+    "a D1",
+    "1/MPa",
+    (5e-4, 100.0),
+    (1e-4, 2000.0),
+    "bulk modulus 2 / D1 of 20 kPa to water's",
+    {"1/GPa": 1e-3, "1/Pa": 1e6, "1/kPa": 1e3},
 )
+SPEED = PhysicalRange(
+    "a speed of loading", "mm/s", (0.01, 20.0), (1e-6, 5000.0), f"0.4 mm/s: {PAPER}; by hand some 10 mm/s"
+)
+FORCE_SD = PhysicalRange("an error of the force", "N", (1e-5, 3.0), (1e-8, 100.0), "data sheets of load cells")
 DISPLACEMENT_SD = PhysicalRange(
     "an error of the displacement", "mm", (1e-5, 1.5), (1e-8, 20.0), "data sheets of sensors"
 )

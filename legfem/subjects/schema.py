@@ -7,16 +7,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from legfem.common.toml_file import (
-    FileTable,
-    Finite,
-    NotNegative,
-    PlainName,
-    Positive,
-    Text,
-    Title,
-    trouble,
-)
+from legfem.common.toml_file import FileTable, Finite, NotNegative, PlainName, Positive, Text, Title, trouble
 from legfem.imaging.shape_entry import LabelsEntry, ShapeEntry
 from legfem.recording import Channel, Channels
 from legfem.subjects.elastography import ElastographyEntry, StatedRatio, check_once
@@ -184,8 +175,7 @@ class RecordingsEntry(FileTable):
         if self.time is None or self.displacement is None or self.force is None:
             return None
         time, displacement, force = (
-            Channel(entry.column, entry.unit, entry.sign)
-            for entry in (self.time, self.displacement, self.force)
+            Channel(entry.column, entry.unit, entry.sign) for entry in (self.time, self.displacement, self.force)
         )
         return Channels(time, displacement, force, self.sheet)
 
@@ -243,9 +233,10 @@ class SubjectFile(FileTable):
         for number, effect in enumerate(effects):
             if effect in effects[:number]:
                 raise trouble(
-                    f"measured.{number}.effect", f"{effect} is given twice",
+                    f"measured.{number}.effect",
+                    f"{effect} is given twice",
                     "give the mean of the measurements, with its standard deviation",
-                )  # fmt: skip
+                )
         return self
 
     @model_validator(mode="after")
@@ -253,14 +244,16 @@ class SubjectFile(FileTable):
         level, position = self.section.level_mm, self.indenter.position_mm
         if level is not None and position is not None:
             raise trouble(
-                "section.level_mm", "is given beside indenter.position_mm",
+                "section.level_mm",
+                "is given beside indenter.position_mm",
                 "the position says where to cut: leave level_mm out",
-            )  # fmt: skip
+            )
         if "labels" in self.model_fields_set and self.section.scan is None:
             raise trouble("labels", "are given without a scan", "give the scan, or leave them out")
         if not self.is_cut and self.section.contours is None:
             raise trouble(
-                "section.level_mm", "missing: nothing says where to cut the scan",
+                "section.level_mm",
+                "missing: nothing says where to cut the scan",
                 "give it, or position_mm and direction of the indenter",
-            )  # fmt: skip
+            )
         return self

@@ -83,9 +83,11 @@ def subject_entry(toml: Path, site: str = "") -> SubjectEntry:
     names = ", ".join(sites)
     if not site:
         raise InputError(
-            toml, "site", f"the leg has {len(sites)} ({names}), and here one is taken by itself",
+            toml,
+            "site",
+            f"the leg has {len(sites)} ({names}), and here one is taken by itself",
             f"give --site {next(iter(sites))}; python -m legfem.identify fits them together",
-        )  # fmt: skip
+        )
     if site not in sites:
         raise InputError("--site", site, "is no site of the leg", f"give one of {names}")
     return _entry(toml, content, sites[site])
@@ -104,15 +106,15 @@ def _sites(toml: Path, content: Mapping[str, Any]) -> Sequence[SiteEntry]:
         value, times = Counter(values).most_common(1)[0]
         if times > 1:
             raise InputError(
-                toml, f"site.{what}", f"{times} sites have {value!r}",
+                toml,
+                f"site.{what}",
+                f"{times} sites have {value!r}",
                 "give every site its own" if what == "name" else "keep its recordings apart",
-            )  # fmt: skip
+            )
     for site in sites:
         path = PurePath(site.folder)
         if path.is_absolute() or ".." in path.parts:
-            raise InputError(
-                toml, "site.recordings", f"{site.folder!r} leaves the folder", "name one within it"
-            )
+            raise InputError(toml, "site.recordings", f"{site.folder!r} leaves the folder", "name one within it")
     return sites
 
 
@@ -126,9 +128,7 @@ def _entry(toml: Path, content: Mapping[str, Any], site: SiteEntry) -> SubjectEn
     if site.instrument:
         own["instrument"] = site.instrument
     if site.starts_at_contact is not None:
-        own["recordings"] = {
-            **content.get("recordings", {}), "starts_at_contact": site.starts_at_contact
-        }  # fmt: skip
+        own["recordings"] = {**content.get("recordings", {}), "starts_at_contact": site.starts_at_contact}
     for key, joint in (("id", "-"), ("title", ", ")):
         if isinstance(content.get(key), str):
             own[key] = f"{content[key]}{joint}{site.name}"

@@ -47,9 +47,7 @@ class SpatialLeg:
         """Return the leg with a share of what lies beyond the middle ``held`` (mm) cut away."""
         half = 0.5 * held
         low, high = self.shape.levels[0], self.shape.levels[-1]
-        z = np.linspace(
-            low + share * (-half - low), high - share * (high - half), len(self.shape.levels)
-        )
+        z = np.linspace(low + share * (-half - low), high - share * (high - half), len(self.shape.levels))
         return replace(self, shape=self.shape.at_levels(z))
 
 
@@ -70,9 +68,11 @@ def spatial_leg(subject: Subject) -> SpatialLeg:
     held = subject.indenter.extent
     if length <= held:
         raise InputError(
-            toml, "section.length_mm", f"{length:g} mm is no longer than the cylinder",
+            toml,
+            "section.length_mm",
+            f"{length:g} mm is no longer than the cylinder",
             f"give more than {held:g} mm, twice that or more",
-        )  # fmt: skip
+        )
     place = placed(subject.directory, toml, given)
     if place.source is None:
         words = f"the measured section, extruded over {length:g} mm (assumed)"
@@ -82,11 +82,11 @@ def spatial_leg(subject: Subject) -> SpatialLeg:
     half = 0.5 * held
     if low > -half or high < half:
         raise InputError(
-            place.source.name, "levels",
-            f"reach from {low:.4g} to {high:.4g} mm about the cylinder's middle, which "
-            f"takes {held:g} mm",
+            place.source.name,
+            "levels",
+            f"reach from {low:.4g} to {high:.4g} mm about the cylinder's middle, which takes {held:g} mm",
             "scan a longer part of the leg, or press elsewhere",
-        )  # fmt: skip
+        )
     words = f"{Path(place.source.name).name}, {low:.4g} to {high:+.4g} mm about the cylinder"
     if high - low < length - _SHORT:
         words += f" (all there is of {length:g} mm)"

@@ -12,10 +12,7 @@ import numpy as np
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
 from legfem.geometry.section import LegSection
-from legfem.recording import (
-    Instrument,
-    Recording,
-)
+from legfem.recording import Instrument, Recording
 from legfem.subjects.elastography import FibreRatio, ShearModulus
 
 Law = Literal["neo-hookean", "reduced-polynomial"]
@@ -100,9 +97,11 @@ class Indenter:
         """
         if not self.lies_along:
             raise InputError(
-                source, "indenter", f"a {self} isn't there in a section in plane strain",
+                source,
+                "indenter",
+                f"a {self} isn't there in a section in plane strain",
                 "solve the leg in 3D: python -m legfem.identify --model 3d",
-            )  # fmt: skip
+            )
 
 
 @dataclass(frozen=True)

@@ -15,17 +15,11 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 
 @app.command()
 def concealed(
-    make: Annotated[
-        int | None, typer.Option(min=1, help="Make so many sealed cases (simulated).")
-    ] = None,
+    make: Annotated[int | None, typer.Option(min=1, help="Make so many sealed cases (simulated).")] = None,
     run: Annotated[bool, typer.Option("--run", help="Diagnose the cases, blind.")] = False,
     score: Annotated[bool, typer.Option("--score", help="Open the keys and score.")] = False,
-    legs: Annotated[
-        int, typer.Option(min=1, help="True legs, each stated wrongly in its own way.")
-    ] = 6,
-    people: Annotated[
-        int, typer.Option(min=1, help="Stiffnesses of the muscle behind each leg.")
-    ] = 3,
+    legs: Annotated[int, typer.Option(min=1, help="True legs, each stated wrongly in its own way.")] = 6,
+    people: Annotated[int, typer.Option(min=1, help="Stiffnesses of the muscle behind each leg.")] = 3,
     seed: Annotated[int, typer.Option(min=0, help="Of the cases; opens the keys.")] = 1,
     library: Library = None,
     out: Out = None,
@@ -45,13 +39,10 @@ def concealed(
         from studies.concealed import command
 
         if make is None and not run and not score:
-            raise InputError(
-                "concealed", "step", "none is given",
-                "give --make N, --run or --score",
-            )  # fmt: skip
+            raise InputError("concealed", "step", "none is given", "give --make N, --run or --score")
         options = command.ConcealedOptions(
-            folder, library or library_folder(), make, legs, people, run, score, seed, processes,
-        )  # fmt: skip
+            folder, library or library_folder(), make, legs, people, run, score, seed, processes
+        )
         with progress_on() as progress:
             lines = command.run(options, progress)
         for line in lines:

@@ -14,8 +14,10 @@ from studies.concealed.forms import FORMS, NAMED, OUTSIDE, drawn_values
 
 DEPTH_MM, SLOW, FAST, HOLD_S, TRIALS = 20.0, 0.4, 1.0, 60.0, 3
 SUBJECTS_OF_LEGS: tuple[tuple[str, LawName], ...] = (
-    ("2", "neo-hookean"), ("1", "reduced-polynomial"), ("3", "reduced-polynomial"),
-)  # fmt: skip
+    ("2", "neo-hookean"),
+    ("1", "reduced-polynomial"),
+    ("3", "reduced-polynomial"),
+)
 """Whose sections the true legs have, and the base model's law."""
 C10_KPA, RATIO = (0.45, 1.8), (0.4, 3.0)
 PEOPLE = 3
@@ -26,17 +28,30 @@ type Kind = Literal["none", "single", "pair", "outside"]
 type Code = Literal["legfem", "felupe"]
 
 SINGLES: tuple[tuple[str, Code], ...] = (
-    ("viscoelasticity", "legfem"), ("preconditioning", "legfem"),
-    ("fascia-stiffness", "felupe"), ("strain-stiffening", "legfem"),
-    ("support-compliance", "felupe"), ("contact-slip", "legfem"),
-    ("superficial-stiffness", "felupe"), ("superficial-viscoelasticity", "legfem"),
-    ("muscle-contraction", "legfem"), ("compressibility", "felupe"),
-    ("force-drift", "felupe"), ("end-effects", "legfem"), ("strain-stiffening", "felupe"),
-    ("poroelastic-drainage", "legfem"), ("support-compliance", "legfem"),
-    ("contact-slip", "felupe"), ("preconditioning", "felupe"), ("fascia-stiffness", "legfem"),
-    ("superficial-stiffness", "legfem"), ("prestress", "legfem"),
-    ("dermis", "legfem"), ("superficial-stiffening", "legfem"), ("indenter-tilt", "legfem"),
-)  # fmt: skip
+    ("viscoelasticity", "legfem"),
+    ("preconditioning", "legfem"),
+    ("fascia-stiffness", "felupe"),
+    ("strain-stiffening", "legfem"),
+    ("support-compliance", "felupe"),
+    ("contact-slip", "legfem"),
+    ("superficial-stiffness", "felupe"),
+    ("superficial-viscoelasticity", "legfem"),
+    ("muscle-contraction", "legfem"),
+    ("compressibility", "felupe"),
+    ("force-drift", "felupe"),
+    ("end-effects", "legfem"),
+    ("strain-stiffening", "felupe"),
+    ("poroelastic-drainage", "legfem"),
+    ("support-compliance", "legfem"),
+    ("contact-slip", "felupe"),
+    ("preconditioning", "felupe"),
+    ("fascia-stiffness", "legfem"),
+    ("superficial-stiffness", "legfem"),
+    ("prestress", "legfem"),
+    ("dermis", "legfem"),
+    ("superficial-stiffening", "legfem"),
+    ("indenter-tilt", "legfem"),
+)
 """Effects and the code that solves them, taken in turn."""
 PAIRS = (
     ("viscoelasticity", "preconditioning"),
@@ -114,8 +129,7 @@ class SealedCase:
     def of(cls, document: Mapping[str, Any]) -> SealedCase:
         """Return the case of a document."""
         effects = tuple(
-            (str(name), tuple((str(key), float(v)) for key, v in values))
-            for name, values in document["effects"]
+            (str(name), tuple((str(key), float(v)) for key, v in values)) for name, values in document["effects"]
         )
         outside = tuple((str(name), float(size)) for name, size in document["outside"])
         return cls(**{**document, "effects": effects, "outside": outside})
@@ -137,10 +151,9 @@ def make_cases(number: int, seed: int, legs: int, each: int = PEOPLE) -> list[Se
     """
     generator = np.random.default_rng([seed, 20])
     people = [
-        [_stiffness(SUBJECTS_OF_LEGS[leg % len(SUBJECTS_OF_LEGS)][1], generator)
-         for _ in range(each)]
+        [_stiffness(SUBJECTS_OF_LEGS[leg % len(SUBJECTS_OF_LEGS)][1], generator) for _ in range(each)]
         for leg in range(legs)
-    ]  # fmt: skip
+    ]
     counts = {kind: round(share * number) for kind, share in SHARES.items()}
     counts["single"] += number - sum(counts.values())
     kinds = [kind for kind, count in counts.items() for _ in range(count)]
@@ -155,12 +168,7 @@ def make_cases(number: int, seed: int, legs: int, each: int = PEOPLE) -> list[Se
     ]
 
 
-def _case(
-    kind: Kind,
-    turn: int,
-    people: list[list[tuple[float, float]]],
-    generator: np.random.Generator,
-) -> SealedCase:
+def _case(kind: Kind, turn: int, people: list[list[tuple[float, float]]], generator: np.random.Generator) -> SealedCase:
     names: tuple[str, ...] = ()
     outside: tuple[tuple[str, float], ...] = ()
     code: Code = "felupe" if kind == "none" and turn % 3 == 0 else "legfem"
@@ -185,10 +193,18 @@ def _case(
         protocol = "holds"
     c10, c20 = people[leg][int(generator.integers(len(people[leg])))]
     return SealedCase(
-        0, kind, leg, law, protocol, code, c10, c20,
+        0,
+        kind,
+        leg,
+        law,
+        protocol,
+        code,
+        c10,
+        c20,
         tuple((name, drawn_values(name, code, law, c10, generator)) for name in names),
-        outside, int(generator.integers(2**31)),
-    )  # fmt: skip
+        outside,
+        int(generator.integers(2**31)),
+    )
 
 
 def _stiffness(law: str, generator: np.random.Generator) -> tuple[float, float]:

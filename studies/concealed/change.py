@@ -22,9 +22,7 @@ def recorded(courses: Sequence[Course], noise_seed: int) -> list[Recording]:
     return record(courses, drawn_errors(generator), generator)
 
 
-def recorded_change(
-    courses: Sequence[Course], others: Sequence[Course], noise_seed: int
-) -> list[list[float]]:
+def recorded_change(courses: Sequence[Course], others: Sequence[Course], noise_seed: int) -> list[list[float]]:
     """Return how far a lab's readings of trials are from those it would have of others (N).
 
     Both by the same air, gains, zeros and noise, sample by sample.

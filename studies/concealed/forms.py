@@ -44,19 +44,16 @@ class Form:
 
 FORMS: Mapping[str, Form] = {
     "viscoelasticity": Form(
-        (0.05, 0.4), "four branches, their shares a power of time", "ratio", True,
-        {"power": (0.0, 0.3)},
+        (0.05, 0.4), "four branches, their shares a power of time", "ratio", True, {"power": (0.0, 0.3)}
     ),
-    "superficial-viscoelasticity": Form(
-        (0.2, 0.8), "the same of the fat", "ratio", True, {"power": (0.0, 0.3)}
-    ),
-    "poroelastic-drainage": Form(
-        (4.0, 40.0), "the diagnosis' form", "permeability, mm4/(N s)", True
-    ),
+    "superficial-viscoelasticity": Form((0.2, 0.8), "the same of the fat", "ratio", True, {"power": (0.0, 0.3)}),
+    "poroelastic-drainage": Form((4.0, 40.0), "the diagnosis' form", "permeability, mm4/(N s)", True),
     "strain-stiffening": Form(
         (0.6, 2.5),
         "the law's next coefficient (the diagnosis' form); felupe: exponential",
-        "coefficient, kPa", False, {"beta": (0.4, 1.5)},
+        "coefficient, kPa",
+        False,
+        {"beta": (0.4, 1.5)},
     ),
     "fascia-stiffness": Form((6.0, 20.0), "the diagnosis' form", "factor"),
     "superficial-stiffness": Form((1.8, 3.5), "the diagnosis' form", "factor"),
@@ -67,23 +64,31 @@ FORMS: Mapping[str, Form] = {
     "prestress": Form((80.0, 250.0), "the diagnosis' form", "tension, kPa"),
     "contact-slip": Form((0.03, 0.25), "Coulomb's friction", "coefficient"),
     "support-compliance": Form(
-        (0.15, 0.7), "a series spring that hardens; felupe: each bone on springs",
-        "compliance, mm/N", False, {"hardening": (0.02, 0.15)},
+        (0.15, 0.7),
+        "a series spring that hardens; felupe: each bone on springs",
+        "compliance, mm/N",
+        False,
+        {"hardening": (0.02, 0.15)},
     ),
     "preconditioning": Form(
-        (0.05, 0.2), "an excess that falls with depth and fades from trial to trial",
-        "excess of the first trial", False, {"fading": (0.1, 0.6), "grading": (-0.4, 0.4)},
+        (0.05, 0.2),
+        "an excess that falls with depth and fades from trial to trial",
+        "excess of the first trial",
+        False,
+        {"fading": (0.1, 0.6), "grading": (-0.4, 0.4)},
     ),
     "muscle-contraction": Form(
-        (0.04, 0.2), "a tension that rises, then gives way by a third",
-        "rise of the force", False, {"onset": (0.2, 0.7), "rise": (0.03, 0.15)},
+        (0.04, 0.2),
+        "a tension that rises, then gives way by a third",
+        "rise of the force",
+        False,
+        {"onset": (0.2, 0.7), "rise": (0.03, 0.15)},
     ),
     "force-drift": Form(
-        (0.15, 0.6), "a load cell that warms up: it levels off", "whole drift, N", False,
-        {"time": (15.0, 80.0)},
+        (0.15, 0.6), "a load cell that warms up: it levels off", "whole drift, N", False, {"time": (15.0, 80.0)}
     ),
     "end-effects": Form((0.8, 2.0), "another leg's correction", "scale"),
-}  # fmt: skip
+}
 OUTSIDE: Mapping[str, str] = {
     "ripple": "a ripple over the drive's pitch",
     "lump": "a stiffer lump in the muscle, solved by felupe",
@@ -106,10 +111,7 @@ def drawn_values(
         # Of the stiffness' own size, as in the first paper's subjects.
         strength = c10 * float(generator.uniform(0.2, 1.0))
     others = form.others.items()
-    return (
-        ("strength", strength),
-        *((key, float(generator.uniform(*ends))) for key, ends in others),
-    )
+    return (("strength", strength), *((key, float(generator.uniform(*ends))) for key, ends in others))
 
 
 @dataclass(frozen=True, eq=False)

@@ -61,9 +61,7 @@ class Maker:
         return self._legs[number]
 
 
-def write_case(
-    folder: Path, title: str, case: SealedCase, stated: Subject, recordings: Sequence[Recording]
-) -> None:
+def write_case(folder: Path, title: str, case: SealedCase, stated: Subject, recordings: Sequence[Recording]) -> None:
     """Write a case's recordings with what the lab believes of the leg."""
     write_subject_folder(
         stated.section,
@@ -89,9 +87,7 @@ def _state_accuracy(path: Path, stated: Subject) -> None:
     )
 
 
-def key_of_case(
-    case: SealedCase, truth: SealedTruth, parts: Mapping[str, SealedTruth]
-) -> dict[str, Any]:
+def key_of_case(case: SealedCase, truth: SealedTruth, parts: Mapping[str, SealedTruth]) -> dict[str, Any]:
     """Return what is sealed: the case, and what its effects change of the recorded force.
 
     Parameters
@@ -107,8 +103,7 @@ def key_of_case(
         "case": case.document(),
         "recorded_change_N": recorded_change(truth.trials, truth.without, case.noise_seed),
         "recorded_part_change_N": {
-            name: recorded_change(truth.trials, less.trials, case.noise_seed)
-            for name, less in parts.items()
+            name: recorded_change(truth.trials, less.trials, case.noise_seed) for name, less in parts.items()
         },
         "greatest_force_N": max(float(course.force.max()) for course in truth.without),
     }
@@ -118,9 +113,7 @@ def make(cases: Sequence[SealedCase], maker: Maker, jobs: int, progress: Progres
     """Make cases that aren't made yet, on several processes."""
     progress.stage("simulating sealed cases", len(cases))
     # In the order of their numbers, which is random: whoever stops early has a fair sample.
-    order = sorted(
-        cases, key=lambda case: (case.number if case.twin_of is None else case.twin_of, case.number)
-    )
+    order = sorted(cases, key=lambda case: (case.number if case.twin_of is None else case.twin_of, case.number))
     with Workers(_make, maker, jobs) as workers:
         for case, what in workers.run(order):
             progress.advance(f"{case.name}: {what}")

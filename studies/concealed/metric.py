@@ -67,13 +67,17 @@ class Metric:
         observed, errors, base = found.observed, found.errors, found.alone.fit
         alone = [e for e in found.explained.every if len(e.names) == 1]
         return cls(
-            observed.force, errors.covariance,
-            _family(found.alone), base.change[:, len(base.stiffness) :],
-            found.base.problem.errors.covariance, found.base.fit.change,
-            errors.trial_sd, found.located,
+            observed.force,
+            errors.covariance,
+            _family(found.alone),
+            base.change[:, len(base.stiffness) :],
+            found.base.problem.errors.covariance,
+            found.base.fit.change,
+            errors.trial_sd,
+            found.located,
             np.reshape([_added(e) for e in alone], (-1, len(observed.trial))),
             np.array([e.names[0] for e in alone], dtype=np.str_),
-        )  # fmt: skip
+        )
 
     def size(self, change: FloatArray, *beside: FloatArray) -> float:
         """Return how many standard deviations an effect is away from what could stand for it.
@@ -171,8 +175,7 @@ def _family(base: Explanation) -> FloatArray:
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     names = [p.name for p in sought]
     forces = [
-        predictor({**fitted.values, **dict(zip(names, point, strict=True))})
-        for point in points.reshape(-1, len(names))
+        predictor({**fitted.values, **dict(zip(names, point, strict=True))}) for point in points.reshape(-1, len(names))
     ]
     return np.reshape(forces, (*points.shape[:-1], -1))
 

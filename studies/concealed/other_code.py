@@ -81,9 +81,7 @@ class OtherCode(OtherPressing):
         indenter = subject.indenter
         self.subject, self.case = subject, case
         self.radius, travel = indenter.radius, indenter.direction
-        self.start = np.asarray(
-            first_touch(subject.section.skin, indenter.radius, indenter.aim, travel)
-        )
+        self.start = np.asarray(first_touch(subject.section.skin, indenter.radius, indenter.aim, travel))
         at_skin = self.start + self.radius * travel
         self.mesh = mesh_leg(subject.section, at_skin, finer)
         bodies = list(self._made(at_skin, travel))
@@ -150,13 +148,9 @@ class OtherCode(OtherPressing):
         each = self.case.springs / self.subject.indenter.length
         own = np.zeros(len(free))
         own[-2 * len(self.mesh.bones) :] = each
-        return left + own * free, (matrix + coo_matrix(
-            (own, (np.arange(len(own)),) * 2), shape=matrix.shape
-        )).tocsc()  # fmt: skip
+        return left + own * free, (matrix + coo_matrix((own, (np.arange(len(own)),) * 2), shape=matrix.shape)).tocsc()
 
-    def _contact(
-        self, u: FloatArray, to: float, before: FloatArray
-    ) -> tuple[FloatArray, Any, FloatArray, FloatArray]:
+    def _contact(self, u: FloatArray, to: float, before: FloatArray) -> tuple[FloatArray, Any, FloatArray, FloatArray]:
         """Return the disk's force on the skin, its tangent, the resultant, and where points stick.
 
         ``before`` (k, 3) is the way along the disk's surface at which each Gauss point holds; NaN
@@ -172,9 +166,7 @@ class OtherCode(OtherPressing):
         pressed = np.maximum(self.radius - rho, 0.0)
         touching = pressed > 0
         pressure = self.penalty * pressed
-        s = self.radius * np.arctan2(
-            n @ np.array([-self.travel[1], self.travel[0]]), n @ self.travel
-        )
+        s = self.radius * np.arctan2(n @ np.array([-self.travel[1], self.travel[0]]), n @ self.travel)
         holding = touching & ~np.isnan(stuck)
         pull = np.where(holding, self.along * (s - np.where(holding, stuck, 0.0)), 0.0)
         limit = self.case.friction * pressure if np.isfinite(self.case.friction) else np.inf

@@ -117,14 +117,10 @@ def _tidied(points: FloatArray, cells: Mapping[str, Ints], section: LegSection) 
         turned[name] = flipped
     every = np.vstack(list(turned.values()))
     edges = np.vstack([every[:, [0, 1, 3]], every[:, [1, 2, 4]], every[:, [2, 0, 5]]])
-    _, index, count = np.unique(
-        np.sort(edges[:, :2], axis=1), axis=0, return_index=True, return_counts=True
-    )
+    _, index, count = np.unique(np.sort(edges[:, :2], axis=1), axis=0, return_index=True, return_counts=True)
     outer = edges[index[count == 1]]
     middle = shapely.points(points[outer[:, 2]])
-    apart = {
-        name: shapely.distance(middle, section.polygon(name).exterior) for name in ("skin", *BONES)
-    }
+    apart = {name: shapely.distance(middle, section.polygon(name).exterior) for name in ("skin", *BONES)}
     nearest = np.argmin(np.array(list(apart.values())), axis=0)
     bones = {bone: np.unique(outer[nearest == k + 1]) for k, bone in enumerate(BONES)}
     return TriangleMesh(points, turned, outer[nearest == 0], bones)

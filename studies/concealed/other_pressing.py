@@ -71,11 +71,7 @@ class OtherPressing(ABC):
     """
 
     def __init__(
-        self,
-        bodies: Sequence[tuple[Any, Any]],
-        reduction: csr_matrix,
-        travel: FloatArray,
-        whole: float,
+        self, bodies: Sequence[tuple[Any, Any]], reduction: csr_matrix, travel: FloatArray, whole: float
     ) -> None:
         self._bodies, self._reduction = bodies, reduction
         self.travel, self.whole = travel, whole
@@ -90,9 +86,7 @@ class OtherPressing(ABC):
         """Return what the contact remembers before the first touch."""
 
     @abstractmethod
-    def _contact(
-        self, u: FloatArray, to: float, before: Any
-    ) -> tuple[FloatArray, Any, FloatArray, Any]:
+    def _contact(self, u: FloatArray, to: float, before: Any) -> tuple[FloatArray, Any, FloatArray, Any]:
         """Return the indenter's force on the skin, its tangent, the resultant, what to remember."""
 
     def _held(self, free: FloatArray, left: FloatArray, matrix: Any) -> tuple[FloatArray, Any]:

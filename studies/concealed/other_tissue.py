@@ -29,9 +29,7 @@ class DeepTissue:
     beta: float
     second: float
     fourth: float
-    x: tuple[FloatArray, FloatArray] = field(
-        default_factory=lambda: (np.zeros((3, 3)), np.zeros(0)), repr=False
-    )
+    x: tuple[FloatArray, FloatArray] = field(default_factory=lambda: (np.zeros((3, 3)), np.zeros(0)), repr=False)
 
     def gradient(self, x: Sequence[FloatArray], **unused: Any) -> list[FloatArray]:
         """Return the first Piola-Kirchhoff stress (3, 3, ...) and no state."""
@@ -68,15 +66,12 @@ class DeepTissue:
     def _pressures(self, J: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the volumetric energy's derivatives by J."""
         e = J - 1
-        return 2 * self.second * e + 4 * self.fourth * e**3, (
-            2 * self.second + 12 * self.fourth * e**2
-        )
+        return 2 * self.second * e + 4 * self.fourth * e**3, (2 * self.second + 12 * self.fourth * e**2)
 
 
 def other_law(
-    c10: float, d1: float, c20: float = 0.0, d2: float | None = None,
-    exponential: tuple[float, float] = (0.0, 1.0),
-) -> Any:  # fmt: skip
+    c10: float, d1: float, c20: float = 0.0, d2: float | None = None, exponential: tuple[float, float] = (0.0, 1.0)
+) -> Any:
     """Return felupe's law of stiffnesses in MPa, of D1 and D2 in 1/MPa; D2 None is infinite."""
     import felupe as fem
 

@@ -50,30 +50,33 @@ def _summary(scored: Sequence[Scored], summary: Summary) -> str:
     codes = Counter(s.case.code for s in scored)
     rows = [
         ("cases, all simulated", f"{len(scored)}, {codes['felupe']} of them solved by felupe"),
-        ("median number of explanations that hold 90 %; of the report's statements",
-         f"{summary.median_set:g}; {summary.median_said:g}"),
+        (
+            "median number of explanations that hold 90 %; of the report's statements",
+            f"{summary.median_set:g}; {summary.median_said:g}",
+        ),
         ("false alarms without effect", str(summary.false_alarms)),
         ("effects outside the library: unexplained", str(summary.outside)),
         ("C10 within its 95 % interval, all cases", str(summary.covered)),
-        ("median error of C10 with an effect: base model, after",
-         f"{summary.bias_before:.1%}, {summary.bias_after:.1%}"),
+        (
+            "median error of C10 with an effect: base model, after",
+            f"{summary.bias_before:.1%}, {summary.bias_after:.1%}",
+        ),
         ("localisation F1", f"{summary.f1:.2f}"),
         ("twins: the same first name, or a tie said", str(summary.same_answer)),
-        ("processor seconds a diagnosis, median and longest",
-         f"{seconds[len(seconds) // 2]:.0f}, {seconds[-1]:.0f}"),
-    ]  # fmt: skip
+        ("processor seconds a diagnosis, median and longest", f"{seconds[len(seconds) // 2]:.0f}, {seconds[-1]:.0f}"),
+    ]
     return markdown_table(["", ""], rows)
 
 
 def _named(summary: Summary) -> str:
-    rows = [
-        [one.effects, one.asked, *map(str, (one.first, one.in_set, one.in_said))]
-        for one in summary.named
-    ]
+    rows = [[one.effects, one.asked, *map(str, (one.first, one.in_set, one.in_said))] for one in summary.named]
     header = [
-        f"effects of the library, size {VISIBLE:g} or more", "asked", "named first",
-        "in the explanations' 90 %", "in the statements' 90 %",
-    ]  # fmt: skip
+        f"effects of the library, size {VISIBLE:g} or more",
+        "asked",
+        "named first",
+        "in the explanations' 90 %",
+        "in the statements' 90 %",
+    ]
     return markdown_table(header, rows)
 
 
@@ -103,10 +106,9 @@ def _reliability(summary: Summary) -> str:
 
 def _reliability_table(title: str, found: Sequence[Reliability]) -> str:
     rows = [
-        [f"{one.low:g} to {one.high:g}", "" if not one.right.total else f"{one.stated:.2f}",
-         str(one.right)]
+        [f"{one.low:g} to {one.high:g}", "" if not one.right.total else f"{one.stated:.2f}", str(one.right)]
         for one in found
-    ]  # fmt: skip
+    ]
     return markdown_table([title, "mean", "right"], rows)
 
 
@@ -120,13 +122,27 @@ def _confusion(scored: Sequence[Scored]) -> str:
     for truth in sorted({truth_of(s) for s in scored}):
         mine = [s for s in scored if truth_of(s) == truth]
         called = Counter(_called(s) for s in mine)
-        counts = (len(mine), sum(s.visible for s in mine), sum(s.first for s in mine),
-                  sum(s.in_set for s in mine), sum(s.first_shows for s in mine),
-                  sum(s.in_said for s in mine))  # fmt: skip
+        counts = (
+            len(mine),
+            sum(s.visible for s in mine),
+            sum(s.first for s in mine),
+            sum(s.in_set for s in mine),
+            sum(s.first_shows for s in mine),
+            sum(s.in_said for s in mine),
+        )
         names = ", ".join(f"{name}: {count}" for name, count in called.most_common())
         rows.append([truth, _form(mine[0]), *map(str, counts), names])
-    header = ["concealed", "form", "cases", "visible", "named first", "in the 90 % set",
-              "what shows: first", "said", "called"]  # fmt: skip
+    header = [
+        "concealed",
+        "form",
+        "cases",
+        "visible",
+        "named first",
+        "in the 90 % set",
+        "what shows: first",
+        "said",
+        "called",
+    ]
     return markdown_table(header, rows)
 
 
@@ -137,15 +153,30 @@ def cases_page(everything: Sequence[Scored]) -> str:
     rows = []
     for s in scored:
         case = s.case
-        rows.append([
-            f"{case.number}", f"{case.leg}, {case.protocol}, {case.code}", truth_of(s),
-            f"{s.share:.1%}, {_sizes_of(s)}", _verdict(s), _verdict(again.get(case.number)),
-            f"{s.bias_before:+.1%}, {s.bias_after:+.1%}", "yes" if s.covered else "no",
-            "yes" if s.first else "in the set" if s.in_set else "no",
-        ])  # fmt: skip
-    header = ["case", "leg, protocol, code", "concealed",
-              "share of the force, size (each beside the other)", "verdict", "with other noise",
-              "C10 error before, after", "in its interval", "right"]  # fmt: skip
+        rows.append(
+            [
+                f"{case.number}",
+                f"{case.leg}, {case.protocol}, {case.code}",
+                truth_of(s),
+                f"{s.share:.1%}, {_sizes_of(s)}",
+                _verdict(s),
+                _verdict(again.get(case.number)),
+                f"{s.bias_before:+.1%}, {s.bias_after:+.1%}",
+                "yes" if s.covered else "no",
+                "yes" if s.first else "in the set" if s.in_set else "no",
+            ]
+        )
+    header = [
+        "case",
+        "leg, protocol, code",
+        "concealed",
+        "share of the force, size (each beside the other)",
+        "verdict",
+        "with other noise",
+        "C10 error before, after",
+        "in its interval",
+        "right",
+    ]
     return markdown_table(header, rows)
 
 
@@ -159,12 +190,9 @@ def figure(everything: Sequence[Scored], summary: Summary) -> Figure:
         if one.right.total:
             low, high = one.right.interval
             share = one.right.share
-            left.errorbar(one.stated, share, [[share - low], [high - share]], fmt="o",
-                          color="#0072B2", capsize=3)  # fmt: skip
-            left.annotate(f"{one.right.total}", (one.stated, share), (5, -11),
-                          textcoords="offset points", fontsize=8)  # fmt: skip
-    left.set(xlim=(0, 1), ylim=(0, 1.02), xlabel="probability of what is said first",
-             ylabel="share that is right")  # fmt: skip
+            left.errorbar(one.stated, share, [[share - low], [high - share]], fmt="o", color="#0072B2", capsize=3)
+            left.annotate(f"{one.right.total}", (one.stated, share), (5, -11), textcoords="offset points", fontsize=8)
+    left.set(xlim=(0, 1), ylim=(0, 1.02), xlabel="probability of what is said first", ylabel="share that is right")
     panel(left, "a", "are probabilities true?")
     inside = [s for s in everything if s.case.judged in ("single", "pair")]
     for level, (label, colour, holds) in enumerate(
@@ -179,8 +207,9 @@ def figure(everything: Sequence[Scored], summary: Summary) -> Figure:
         right.plot(sizes, level + spread, "o", ms=4, color=colour)
         right.text(0.02, level + 0.3, label, transform=right.get_yaxis_transform(), fontsize=9)
     right.axvline(VISIBLE, color=FAINT, lw=1)
-    right.set(xscale="log", yticks=[], ylim=(-0.5, 2.6),
-              xlabel="size of the effect over all errors (standard deviations)")  # fmt: skip
+    right.set(
+        xscale="log", yticks=[], ylim=(-0.5, 2.6), xlabel="size of the effect over all errors (standard deviations)"
+    )
     panel(right, "b", "what is named")
     drawn.suptitle("Sealed cases: simulated data", x=0.01, ha="left", fontsize=12)
     return drawn

@@ -36,9 +36,12 @@ def case_folders(out: Path) -> list[Path]:
 def diagnoses(out: Path, diagnoser: Diagnoser, seed: int = 0) -> Store[dict[str, Any]]:
     """Return the cases' diagnoses, by `asked`."""
     return Store(
-        out / "diagnoses", dict[str, Any], (diagnoser.correction, seed),
-        ("legfem.diagnose.run", "legfem.diagnose.document"), named=lambda one: one[0],
-    )  # fmt: skip
+        out / "diagnoses",
+        dict[str, Any],
+        (diagnoser.correction, seed),
+        ("legfem.diagnose.run", "legfem.diagnose.document"),
+        named=lambda one: one[0],
+    )
 
 
 def asked(folder: Path) -> tuple[str, Contents]:
@@ -51,9 +54,7 @@ def metric_file(out: Path, folder: Path) -> Path:
     return out / "diagnoses" / f"{folder.name}.npz"
 
 
-def run_cases(
-    out: Path, diagnoser: Diagnoser, jobs: int, progress: Progress, seed: int = 0
-) -> None:
+def run_cases(out: Path, diagnoser: Diagnoser, jobs: int, progress: Progress, seed: int = 0) -> None:
     """Diagnose all cases that aren't diagnosed yet, each in one process."""
     store = diagnoses(out, diagnoser, seed)
     folders = case_folders(out)

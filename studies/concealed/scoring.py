@@ -183,9 +183,11 @@ def score_cases(out: Path, seed: int, diagnoser: Diagnoser) -> list[Scored]:
 def _changes(folder: Path, key: Mapping[str, Any], diagnoser: Diagnoser) -> _Changes:
     if "recorded_change_N" not in key:
         raise InputError(
-            folder, "key", "was written by an earlier version",
+            folder,
+            "key",
+            "was written by an earlier version",
             "take the folder of keys away and make the cases again: nothing is solved anew",
-        )  # fmt: skip
+        )
     subject = load_subject(folder)
     observed = diagnoser.observations(subject)
 
@@ -194,14 +196,11 @@ def _changes(folder: Path, key: Mapping[str, Any], diagnoser: Diagnoser) -> _Cha
 
     parts = key["recorded_part_change_N"]
     return _Changes(
-        at_stations(key["recorded_change_N"]),
-        {name: at_stations(change) for name, change in parts.items()},
+        at_stations(key["recorded_change_N"]), {name: at_stations(change) for name, change in parts.items()}
     )
 
 
-def _scored(
-    found: dict[str, Any], key: dict[str, Any], metric: Metric, changes: _Changes
-) -> Scored:
+def _scored(found: dict[str, Any], key: dict[str, Any], metric: Metric, changes: _Changes) -> Scored:
     case, change = SealedCase.of(key["case"]), changes.whole
     size = metric.size(change)
     wrong = np.abs(metric.shown(change)) > metric.trial_sd
@@ -225,8 +224,7 @@ def _scored(
         found["full_solutions"],
         found["probability_that_nothing_shows"],
         tuple(
-            Explained(tuple(s["mechanisms"]), bool(s["unknown"]), float(s["probability"]))
-            for s in found["statements"]
+            Explained(tuple(s["mechanisms"]), bool(s["unknown"]), float(s["probability"])) for s in found["statements"]
         ),
         tuple((name, metric.size(change, change - part)) for name, part in changes.parts.items()),
         metric.told_apart(change, case.names),

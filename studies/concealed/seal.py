@@ -47,14 +47,10 @@ def read_sealed(path: Path, seed: int) -> dict[str, Any]:
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(path, "key", f"can't be read ({error})", "make the cases again") from None
     if hashlib.sha256(salt.encode() + text).hexdigest() != sealed["sha256"]:
-        raise InputError(
-            path, "--seed", "does not open this key", "give the seed the cases were made with"
-        )
+        raise InputError(path, "--seed", "does not open this key", "give the seed the cases were made with")
     return dict(json.loads(text))
 
 
 def _enciphered(text: bytes, seed: int, salt: str) -> bytes:
-    blocks = (
-        hashlib.sha256(f"{seed}/{salt}/{k}".encode()).digest() for k in range(len(text) // 32 + 1)
-    )
+    blocks = (hashlib.sha256(f"{seed}/{salt}/{k}".encode()).digest() for k in range(len(text) // 32 + 1))
     return bytes(a ^ b for a, b in zip(text, b"".join(blocks), strict=False))

@@ -13,12 +13,15 @@ from studies.concealed.scoring import Scored
 from studies.lab.rate import Rate
 
 KINDS: tuple[tuple[str, tuple[str, ...]], ...] = (
-    ("alone", ("single",)), ("in pairs", ("pair",)), ("all", ("single", "pair")),
-)  # fmt: skip
+    ("alone", ("single",)),
+    ("in pairs", ("pair",)),
+    ("all", ("single", "pair")),
+)
 """Of effects, in words and by what their cases are judged as."""
 ASKED: tuple[tuple[str, Callable[[Scored, Explained], bool]], ...] = (
-    ("all that is concealed", Scored.is_truth), ("what shows", Scored.is_what_shows),
-)  # fmt: skip
+    ("all that is concealed", Scored.is_truth),
+    ("what shows", Scored.is_what_shows),
+)
 SIZES = (0.0, 2.0, 4.0, 8.0, 16.0, np.inf)
 
 
@@ -39,9 +42,8 @@ class Named:
 
     @classmethod
     def of(
-        cls, effects: str, asked: str, scored: Sequence[Scored],
-        right: Callable[[Scored, Explained], bool],
-    ) -> Named:  # fmt: skip
+        cls, effects: str, asked: str, scored: Sequence[Scored], right: Callable[[Scored, Explained], bool]
+    ) -> Named:
         """Return the counts of scored cases, by which explanations are right."""
         return cls(
             effects,
@@ -130,9 +132,7 @@ def summarise(everything: Sequence[Scored]) -> Summary:
     )
 
 
-def _by_size(
-    scored: Sequence[Scored], size: Callable[[Scored], float]
-) -> tuple[tuple[float, float, Rate, Rate], ...]:
+def _by_size(scored: Sequence[Scored], size: Callable[[Scored], float]) -> tuple[tuple[float, float, Rate, Rate], ...]:
     """Return bounds of sizes, and of the cases between them how many are named, and listed."""
     return tuple(
         (low, high, _rate(mine, lambda s: s.first), _rate(mine, lambda s: s.in_set))

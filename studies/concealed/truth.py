@@ -87,9 +87,7 @@ class Truths:
         """Leave finite-element models out."""
         return {**self.__dict__, "_variants": {}}
 
-    def of(
-        self, case: SealedCase, protocols: Sequence[Protocol] = (), before: int = 0
-    ) -> SealedTruth | None:
+    def of(self, case: SealedCase, protocols: Sequence[Protocol] = (), before: int = 0) -> SealedTruth | None:
         """Return what a case's leg did; None where a solution stopped.
 
         Parameters
@@ -122,9 +120,7 @@ class Truths:
             if model is None:
                 return None
             # To the end of the protocol exactly: `shortened` looks there for the deepest point.
-            time = np.append(
-                np.arange(0.0, protocol.duration - 1e-9, 1 / SAMPLING_HZ), protocol.duration
-            )
+            time = np.append(np.arange(0.0, protocol.duration - 1e-9, 1 / SAMPLING_HZ), protocol.duration)
             d = protocol.displacement_at(time)
             pressed = np.interp(time, model.time, model.force)
             trial = Pressed(k, time, d, pressed, elastic, factor)
@@ -167,28 +163,25 @@ class Truths:
         force = np.interp(d, np.array(curve.time) * ELASTIC_RATE, curve.force)
         return ForceCourse.of(time, force)
 
-    def _elastic(
-        self, case: SealedCase, effects: dict[str, dict[str, float]]
-    ) -> ForceCourse | None:
+    def _elastic(self, case: SealedCase, effects: dict[str, dict[str, float]]) -> ForceCourse | None:
         return self._solved(case, effects, Protocol.ramp(DEPTH_MM, ELASTIC_RATE))
 
-    def _solved(
-        self, case: SealedCase, effects: dict[str, dict[str, float]], protocol: Protocol
-    ) -> ForceCourse | None:
-        modules = (
-            "studies.concealed.other_code" if case.code == "felupe" else "legfem.diagnose.variants",
-        )
+    def _solved(self, case: SealedCase, effects: dict[str, dict[str, float]], protocol: Protocol) -> ForceCourse | None:
+        modules = ("studies.concealed.other_code" if case.code == "felupe" else "legfem.diagnose.variants",)
         store = Store(self.folder, ForceCourse, _leg_of(self.leg), modules)
-        asked = [case.code, case.c10_kpa, case.c20_kpa, sorted(
-            [name, sorted(values.items())] for name, values in effects.items()
-        ), list(protocol.time), list(protocol.displacement)]  # fmt: skip
+        asked = [
+            case.code,
+            case.c10_kpa,
+            case.c20_kpa,
+            sorted([name, sorted(values.items())] for name, values in effects.items()),
+            list(protocol.time),
+            list(protocol.displacement),
+        ]
         made = self._by_other_code if case.code == "felupe" else self._by_legfem
         found = store.get_or_make(asked, lambda: made(case, effects, protocol))
         return found if found.time else None
 
-    def _by_legfem(
-        self, case: SealedCase, effects: dict[str, dict[str, float]], protocol: Protocol
-    ) -> ForceCourse:
+    def _by_legfem(self, case: SealedCase, effects: dict[str, dict[str, float]], protocol: Protocol) -> ForceCourse:
         deep = {"deep.C10": kpa_to_mpa(case.c10_kpa), "deep.C20": kpa_to_mpa(case.c20_kpa)}
         settings, solution = TRUTH_SETTINGS, Solution()
         for name, v in effects.items():
@@ -217,9 +210,7 @@ class Truths:
 
         return Variants(self.leg.section, self.leg.indenter, tissues_of(self.leg), settings)
 
-    def _by_other_code(
-        self, case: SealedCase, effects: dict[str, dict[str, float]], protocol: Protocol
-    ) -> ForceCourse:
+    def _by_other_code(self, case: SealedCase, effects: dict[str, dict[str, float]], protocol: Protocol) -> ForceCourse:
         from studies.concealed.other_code import OtherCode
 
         curve = OtherCode(self.leg, _other_case(case, effects)).solve(DEPTH_MM, _OTHER_STEP_MM)
@@ -236,9 +227,11 @@ def _other_case(case: SealedCase, effects: dict[str, dict[str, float]]) -> Any:
     def strength(name: str) -> float | None:
         return effects.get(name, {}).get("strength")
 
-    factors = {"superficial": strength("superficial-stiffness") or 1.0,
-               "fascia": strength("fascia-stiffness") or 1.0,
-               "deep": strength("compressibility") or 1.0}  # fmt: skip
+    factors = {
+        "superficial": strength("superficial-stiffness") or 1.0,
+        "fascia": strength("fascia-stiffness") or 1.0,
+        "deep": strength("compressibility") or 1.0,
+    }
     friction, compliance = strength("contact-slip"), strength("support-compliance")
     stiffening = effects.get("strain-stiffening")
     lump = None

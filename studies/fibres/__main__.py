@@ -53,8 +53,7 @@ def correction_of(folder: Path, case: CorrectionCase) -> tuple[FloatArray, Float
     reached = min(outcome.spatial.depth, outcome.plane.depth)
     if reached < AT_MM[-1]:
         raise UnsolvedError(
-            f"fibres of ratio {case.material.fibre_ratio:g} stop at {reached:.3g} mm of "
-            f"{AT_MM[-1]:g} mm"
+            f"fibres of ratio {case.material.fibre_ratio:g} stop at {reached:.3g} mm of {AT_MM[-1]:g} mm"
         )
     return smooth_ratio(outcome.spatial, outcome.plane, AT_MM), outcome.spatial(AT_MM)
 
@@ -64,9 +63,7 @@ def figure_of(found: dict[float, tuple[FloatArray, FloatArray]]) -> Figure:
     figure = Figure(figsize=(6, 3.8), layout="constrained")
     axes = figure.subplots()
     for (ratio, (_, force)), style in zip(found.items(), ("-", "--", "-.", ":"), strict=True):
-        axes.plot(
-            AT_MM, force / found[1.0][1], style, color="black", label=rf"$\mu_L/\mu_T$ = {ratio:g}"
-        )
+        axes.plot(AT_MM, force / found[1.0][1], style, color="black", label=rf"$\mu_L/\mu_T$ = {ratio:g}")
     axes.set(xlabel="displacement (mm)", ylabel="3D force over that without fibres")
     figure.legend(loc="outside right upper", frameon=False)
     return figure
@@ -77,11 +74,11 @@ def write_table(folder: Path, jobs: int, progress: Progress) -> None:
     found = tabulate(folder / "solved", jobs, progress)
     logs = [found.log_at(ratio, AT_MM) for ratio in found.ratio]
     cells = [*(np.exp(log) for log in logs), *found.errors_at(AT_MM).values()]
-    names = [*(f"factor at a ratio of {ratio:g}" for ratio in found.ratio),
-             *(f"error by the {name}" for name in found.errors)]  # fmt: skip
-    rows = [
-        [name, *(f"{value:.3f}" for value in row)] for name, row in zip(names, cells, strict=True)
+    names = [
+        *(f"factor at a ratio of {ratio:g}" for ratio in found.ratio),
+        *(f"error by the {name}" for name in found.errors),
     ]
+    rows = [[name, *(f"{value:.3f}" for value in row)] for name, row in zip(names, cells, strict=True)]
     typer.echo(markdown_table(["", *(f"{d:g} mm" for d in AT_MM)], rows))
     typer.echo(f"table: {found.write(folder / TABLE.name)}")
 
@@ -99,18 +96,12 @@ def diagnose_concealed(folder: Path, jobs: int, progress: Progress) -> None:
 
 @app.command()
 def fibres(
-    coarse: Annotated[
-        bool, typer.Option("--coarse", help="A quick look on a coarse mesh.")
-    ] = False,
+    coarse: Annotated[bool, typer.Option("--coarse", help="A quick look on a coarse mesh.")] = False,
     table: Annotated[
-        bool,
-        typer.Option(
-            "--table", help="The table that legfem ships, of a leg with fat and fascia, instead."
-        ),
+        bool, typer.Option("--table", help="The table that legfem ships, of a leg with fat and fascia, instead.")
     ] = False,
     conceal: Annotated[
-        bool,
-        typer.Option("--concealed", help="Diagnoses of legs whose fibres are concealed, instead."),
+        bool, typer.Option("--concealed", help="Diagnoses of legs whose fibres are concealed, instead.")
     ] = False,
     out: Out = None,
     jobs: Jobs = None,
@@ -140,20 +131,21 @@ def fibres(
         rows = markdown_table(
             ["shear moduli along / across", *(f"P at {d:g} mm" for d in AT_MM), "force over none"],
             [
-                [f"{ratio:g}", *(f"{value:.3f}" for value in P),
-                 f"{force[-1] / found[1.0][1][-1]:.3f}"]
+                [f"{ratio:g}", *(f"{value:.3f}" for value in P), f"{force[-1] / found[1.0][1][-1]:.3f}"]
                 for ratio, (P, force) in found.items()
             ],
-        )  # fmt: skip
-        write_document(folder / "result.json", {
-            "schema": 1,
-            "origin": "simulated",
-            "displacement_mm": AT_MM.tolist(),
-            "ratios": [
-                {"ratio": ratio, "P": P.tolist(), "force_N": force.tolist()}
-                for ratio, (P, force) in found.items()
-            ],
-        })  # fmt: skip
+        )
+        write_document(
+            folder / "result.json",
+            {
+                "schema": 1,
+                "origin": "simulated",
+                "displacement_mm": AT_MM.tolist(),
+                "ratios": [
+                    {"ratio": ratio, "P": P.tolist(), "force_N": force.tolist()} for ratio, (P, force) in found.items()
+                ],
+            },
+        )
         save(figure_of(found), folder, "fibres")
         typer.echo(rows)
         write_atomically(folder / "report.md", rows)

@@ -32,9 +32,7 @@ from studies.worked.plane_leg import MECHANISMS, plane_library, plane_responses
 
 MESH = LegMeshSettings(contact_size=4.5, depth_size=9, edge_size=5, growth=0.45, far_size=24)
 SEED, GAIN_SD, AIR_MM = 2026, 0.01, 2.0
-_TRUTHS = (
-    (3.0, 1.4, 59.0), (2.2, 0.9, 55.0), (4.5, 1.0, 60.0), (2.0, 1.6, 57.0), (3.5, 0.7, 56.0),
-)  # fmt: skip
+_TRUTHS = ((3.0, 1.4, 59.0), (2.2, 0.9, 55.0), (4.5, 1.0, 60.0), (2.0, 1.6, 57.0), (3.5, 0.7, 56.0))
 
 
 @dataclass(frozen=True)
@@ -61,9 +59,7 @@ class Concealed:
 CASES = tuple(Concealed(*truth, in_air) for in_air in (False, True) for truth in _TRUTHS)
 
 
-def diagnosed(
-    given: Concealed, number: int, folder: Path, jobs: int, progress: Progress
-) -> dict[bool, Diagnosis]:
+def diagnosed(given: Concealed, number: int, folder: Path, jobs: int, progress: Progress) -> dict[bool, Diagnosis]:
     """Return the diagnoses by base models with the cylinder's ends, and without.
 
     Parameters
@@ -94,43 +90,55 @@ def diagnosed(
     with_ends = {EndEffects.name: "the base model has the cylinder's ends"}
     return {
         ends: diagnose(
-            observed, INSTRUMENT, "neo-hookean", tables, solved, Silent(),
-            ends=correction if ends else None, ruled_out=with_ends if ends else None,
+            observed,
+            INSTRUMENT,
+            "neo-hookean",
+            tables,
+            solved,
+            Silent(),
+            ends=correction if ends else None,
+            ruled_out=with_ends if ends else None,
             every=MECHANISMS,
         )
         for ends in (True, False)
-    }  # fmt: skip
+    }
 
 
 def cells(given: Concealed, found: dict[bool, Diagnosis]) -> list[str]:
     """Return a row of the table: the truth, and what both base models' diagnoses list."""
     ends = found[True]
     ratio = next(
-        (f"{m.fit.values[f'{MuscleFibres.name}.ratio']:.2g}" for m in ends.models
-         if m.names == (MuscleFibres.name,)), "-",
-    )  # fmt: skip
+        (f"{m.fit.values[f'{MuscleFibres.name}.ratio']:.2g}" for m in ends.models if m.names == (MuscleFibres.name,)),
+        "-",
+    )
     low, high = ends.intervals["C10"]
     return [
-        f"{given.ratio:g}", f"{given.c10_kPa:g}", "in air" if given.in_air else "at touch",
-        _told(ends), ratio, f"{low:.2f} to {high:.2f}", _told(found[False]),
-    ]  # fmt: skip
+        f"{given.ratio:g}",
+        f"{given.c10_kPa:g}",
+        "in air" if given.in_air else "at touch",
+        _told(ends),
+        ratio,
+        f"{low:.2f} to {high:.2f}",
+        _told(found[False]),
+    ]
 
 
 HEADER = (
-    "ratio", "C10 (kPa)", "recorded", "with the ends: verdict, listed", "ratio found",
-    "C10's interval (kPa)", "without the ends: verdict, listed",
-)  # fmt: skip
+    "ratio",
+    "C10 (kPa)",
+    "recorded",
+    "with the ends: verdict, listed",
+    "ratio found",
+    "C10's interval (kPa)",
+    "without the ends: verdict, listed",
+)
 
 
 def score(every: Sequence[tuple[Concealed, dict[bool, Diagnosis]]]) -> str:
     """Return in how many cases fibres, or the ends, are listed, and C10's interval holds it."""
     with_ends = sum(_lists(found[True], MuscleFibres.name) for _, found in every)
     without = sum(_lists(found[False], EndEffects.name) for _, found in every)
-    held = sum(
-        low < given.c10_kPa < high
-        for given, found in every
-        for low, high in (found[True].intervals["C10"],)
-    )
+    held = sum(low < given.c10_kPa < high for given, found in every for low, high in (found[True].intervals["C10"],))
     return (
         f"of {len(every)}: fibres listed by the base model with ends in {with_ends}, end effects "
         f"by that without in {without}; C10's interval with ends holds the truth in {held}"
@@ -142,17 +150,13 @@ def _lists(found: Diagnosis, name: str) -> bool:
 
 
 def _told(found: Diagnosis) -> str:
-    listed = ", ".join(
-        f"{' + '.join(model.names)} {model.probability:.2f}" for model in found.models
-    )
+    listed = ", ".join(f"{' + '.join(model.names)} {model.probability:.2f}" for model in found.models)
     return f"{found.verdict}: {listed}" if listed else str(found.verdict)
 
 
 def _solved(case: CorrectionCase) -> ForceCurve:
     given = case.material
-    model = IdealisedLegIndentation(
-        case.leg, case.cylinder, given.laws, 3, case.settings, mechanisms=given.mechanisms
-    )
+    model = IdealisedLegIndentation(case.leg, case.cylinder, given.laws, 3, case.settings, mechanisms=given.mechanisms)
     solved = model.solve(depth=case.depth)
     if not solved.report.complete:
         raise UnsolvedError(f"fibres of ratio {given.fibre_ratio:g}: {solved.report.reason}")

@@ -58,9 +58,7 @@ def varied() -> Mapping[str, tuple[CorrectionCase, ...]]:
     rougher = replace(base.settings, mesh=MESH.refined(1 / ROUGHER))
     return {
         "mesh": (replace(base, settings=rougher),),
-        "stiffness of the muscle": tuple(
-            replace(base, material=replace(material, C10_kPa=c10)) for c10 in (0.5, 1.6)
-        ),
+        "stiffness of the muscle": tuple(replace(base, material=replace(material, C10_kPa=c10)) for c10 in (0.5, 1.6)),
         "stiffening of the muscle": (replace(base, material=stiffened(material, 1.0, 0.4)),),
         "girth": (of_size(50.0, 0.74), of_size(64.0, 0.74)),
         "depth of the bone": (of_size(57.0, 0.6), of_size(57.0, 1.1)),
@@ -69,9 +67,7 @@ def varied() -> Mapping[str, tuple[CorrectionCase, ...]]:
         "stiffness of the fat": tuple(
             replace(base, material=replace(material, superficial_C10_kPa=c10)) for c10 in (1.4, 2.9)
         ),
-        "fascia": tuple(
-            replace(base, material=replace(material, fascia_C10_kPa=c10)) for c10 in (50.0, 200.0)
-        ),
+        "fascia": tuple(replace(base, material=replace(material, fascia_C10_kPa=c10)) for c10 in (50.0, 200.0)),
         "stiffness in tension": tuple(
             replace(base, material=replace(material, fibre_extension=times)) for times in (2.0, 8.0)
         ),
@@ -104,22 +100,16 @@ def tabulate(folder: Path, jobs: int, progress: Progress) -> FibreTable:
     for case, outcome in solved.items():
         least = DEPTH_MM if case in cases[: 1 + len(RATIOS)] else LEAST * DEPTH_MM
         if not outcome.spatial.depth >= least - 1e-6:
-            raise UnsolvedError(
-                f"{case.leg}, {case.material}: stops at {outcome.spatial.depth:.3g} mm of "
-                f"{least:g} mm"
-            )
+            raise UnsolvedError(f"{case.leg}, {case.material}: stops at {outcome.spatial.depth:.3g} mm of {least:g} mm")
     at = np.linspace(0.0, DEPTH_MM, round(DEPTH_MM / GRID_MM) + 1)
 
     def log_factor(case: CorrectionCase, ratio: float) -> FloatArray:
-        return smooth_log(
-            solved[fibrous(case, ratio)].spatial, solved[fibrous(case, 1.0)].spatial, at
-        )
+        return smooth_log(solved[fibrous(case, ratio)].spatial, solved[fibrous(case, 1.0)].spatial, at)
 
     table = np.array([log_factor(base, ratio) for ratio in RATIOS])
     own = log_factor(base, AT_RATIO)
     errors = {
-        name: _error(name, [log_factor(case, AT_RATIO) for case in group], own)
-        for name, group in varied().items()
+        name: _error(name, [log_factor(case, AT_RATIO) for case in group], own) for name, group in varied().items()
     }
     given = _description(base, solved)
     return FibreTable(np.array(RATIOS), at, table, errors, given)
@@ -145,9 +135,7 @@ def _error(name: str, logs: list[FloatArray], own: FloatArray) -> FloatArray:
     return np.asarray((logs[1] - logs[0]) / 2 / own)
 
 
-def _description(
-    base: CorrectionCase, solved: Mapping[CorrectionCase, CaseOutcome]
-) -> dict[str, object]:
+def _description(base: CorrectionCase, solved: Mapping[CorrectionCase, CaseOutcome]) -> dict[str, object]:
     return {
         "command": "python -m studies.fibres --table",
         "definition": "log_factor = ln(RF3D with fibres / RF3D without)",

@@ -18,16 +18,7 @@ from legfem.jobs.pool import Workers
 from legfem.jobs.resume import finish
 from legfem.jobs.store import Store
 from legfem.study.options import Jobs, Out
-from studies.fibrous_specimens.planting import (
-    RATIOS,
-    SETUPS,
-    Found,
-    Outcome,
-    Plant,
-    Setup,
-    identified,
-    plants,
-)
+from studies.fibrous_specimens.planting import RATIOS, SETUPS, Found, Outcome, Plant, Setup, identified, plants
 from studies.lab.rate import Rate
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -49,9 +40,7 @@ def fibrous_specimens(
         modules = ("studies.fibrous_specimens.planting",)
         store = Store(folder / "tissues", Outcome, modules=modules)
         with progress_on() as progress, Workers(identified, folder, processes) as workers:
-            found = finish(
-                workers, plants(n, seed), store, progress, "pulling and identifying", _line
-            )
+            found = finish(workers, plants(n, seed), store, progress, "pulling and identifying", _line)
         document = {"schema": 1, "origin": "simulated", "seed": seed}
         cases = [json_types(asdict(one)) for one in found]
         write_document(folder / "result.json", {**document, "tissues": cases})
@@ -63,16 +52,7 @@ def fibrous_specimens(
 
 def page(found: Sequence[Outcome]) -> str:
     """Return the tables of what is covered and what is told, by setup and ratio."""
-    return "\n".join(
-        [
-            _table(found, "C10"),
-            "",
-            _table(found, "ratio"),
-            "",
-            "Simulated data.",
-            "",
-        ]
-    )
+    return "\n".join([_table(found, "C10"), "", _table(found, "ratio"), "", "Simulated data.", ""])
 
 
 def _table(found: Sequence[Outcome], name: Literal["C10", "ratio"]) -> str:
@@ -89,14 +69,22 @@ def _table(found: Sequence[Outcome], name: Literal["C10", "ratio"]) -> str:
             warned = sum(one.warned[setup.title] for one in chosen)
             rows.append(
                 [
-                    setup.title if ratio is None else "", "all" if ratio is None else f"{ratio:g}",
-                    str(Rate(covers, len(pairs))), f"{np.median(half):.2f}",
+                    setup.title if ratio is None else "",
+                    "all" if ratio is None else f"{ratio:g}",
+                    str(Rate(covers, len(pairs))),
+                    f"{np.median(half):.2f}",
                     "/".join(str(words.count(word)) for word in VERDICTS),
                     f"{warned}/{len(chosen)}",
                 ]
-            )  # fmt: skip
-    head = ["bars", "planted ratio", f"{name}'s interval holds the truth", "half its width",
-            "/".join(VERDICTS), "warned"]  # fmt: skip
+            )
+    head = [
+        "bars",
+        "planted ratio",
+        f"{name}'s interval holds the truth",
+        "half its width",
+        "/".join(VERDICTS),
+        "warned",
+    ]
     return markdown_table(head, rows)
 
 

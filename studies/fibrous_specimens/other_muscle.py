@@ -41,9 +41,7 @@ class OtherMuscle(DeepTissue):
     axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
 
     @classmethod
-    def of_ratio(
-        cls, c10: float, c20: float, ratio: float, axis: tuple[float, float, float]
-    ) -> OtherMuscle:
+    def of_ratio(cls, c10: float, c20: float, ratio: float, axis: tuple[float, float, float]) -> OtherMuscle:
         """Return a tissue of a ratio of shear moduli along and across."""
         shear = 2 * c10 * (ratio - 1)
         return cls(c10, c20, 0.0, 1.0, BULK * c10, 0.0, shear=shear, extension=4 * shear, axis=axis)
@@ -53,9 +51,7 @@ class OtherMuscle(DeepTissue):
         stress, state = super().gradient(x)
         F, a = x[0], np.array(self.axis)
         b, c, fc = self._vectors(F)
-        added = self.shear * (
-            np.einsum("m...,n...->mn...", b, c) + np.einsum("m...,n->mn...", fc, a)
-        )
+        added = self.shear * (np.einsum("m...,n...->mn...", b, c) + np.einsum("m...,n->mn...", fc, a))
         return [stress + added + self._slope(b) * np.einsum("m...,n->mn...", b, a), state]
 
     def hessian(self, x: Sequence[FloatArray], **unused: Any) -> list[FloatArray]:
@@ -74,9 +70,7 @@ class OtherMuscle(DeepTissue):
         unit = np.einsum("mk,l,n->mnkl", one, a, a).reshape((3,) * 4 + (1,) * (F.ndim - 2))
         twice = self.extension - 4 * self.shear
         along = np.einsum("m...,n,k...,l->mnkl...", b, a, b, a)
-        return [
-            super().hessian(x)[0] + self.shear * sheared + self._slope(b) * unit + twice * along
-        ]
+        return [super().hessian(x)[0] + self.shear * sheared + self._slope(b) * unit + twice * along]
 
     def _vectors(self, F: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         b = np.einsum("ij...,j->i...", F, np.array(self.axis))

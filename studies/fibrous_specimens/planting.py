@@ -29,10 +29,7 @@ LENGTH, WIDTH, STRAIN, TRIALS = 60.0, 30.0, 0.25, 3
 APART = 0.15
 """Of pieces of one tissue: standard deviation of the logarithm of their stiffness."""
 _RATE, _POINTS = 1.0, 41
-_AXES: dict[Direction, tuple[float, float, float]] = {
-    "load": (1.0, 0.0, 0.0),
-    "across": (0.0, 1.0, 0.0),
-}
+_AXES: dict[Direction, tuple[float, float, float]] = {"load": (1.0, 0.0, 0.0), "across": (0.0, 1.0, 0.0)}
 
 
 @dataclass(frozen=True)
@@ -97,10 +94,7 @@ def plants(number: int, seed: int) -> list[Plant]:
     """Return tissues, the ratios in turn."""
     low, high = np.log(C10_KPA)
     drawn = np.random.default_rng(seed).uniform(low, high, number)
-    return [
-        Plant(k, RATIOS[k % len(RATIOS)], float(np.exp(one)), 1000 * seed + k)
-        for k, one in enumerate(drawn)
-    ]
+    return [Plant(k, RATIOS[k % len(RATIOS)], float(np.exp(one)), 1000 * seed + k) for k, one in enumerate(drawn)]
 
 
 def identified(folder: Path, plant: Plant) -> Outcome:
@@ -122,10 +116,7 @@ def identified(folder: Path, plant: Plant) -> Outcome:
 
 def write_folder(folder: Path, plant: Plant, setup: Setup, generator: np.random.Generator) -> None:
     """Write a specimen folder of a setup, with a lab's errors."""
-    errors = LabErrors(
-        gain_sd=float(np.exp(generator.uniform(*np.log(GAINS)))),
-        heavy=bool(generator.random() < 0.5),
-    )  # fmt: skip
+    errors = LabErrors(gain_sd=float(np.exp(generator.uniform(*np.log(GAINS)))), heavy=bool(generator.random() < 0.5))
     text = (
         f'id = "tissue{plant.number}"\ntitle = "Bars of planted fibrous tissue"\n'
         f'origin = "simulated"\n[uniaxial]\ndirection = "tension"\nlength_mm = {LENGTH}\n'
@@ -143,10 +134,7 @@ def write_folder(folder: Path, plant: Plant, setup: Setup, generator: np.random.
             (folder / name).mkdir(parents=True, exist_ok=True)
             for one in record([course] * TRIALS, errors, generator):
                 write_recording(one, folder / name / f"{one.trial}.csv")
-            text += (
-                f'[[specimen]]\nname = "{name}"\nfibres = "{direction}"\n'
-                f'recordings = ["{name}/*.csv"]\n'
-            )
+            text += f'[[specimen]]\nname = "{name}"\nfibres = "{direction}"\nrecordings = ["{name}/*.csv"]\n'
     (folder / "specimen.toml").write_text(text)
 
 

@@ -23,8 +23,7 @@ def clean_courses(path: Path) -> tuple[Course, ...]:
     time = values.get("time_s", at / RATE_MM_PER_S)
     trial = values.get("trial", np.ones(len(at)))
     return tuple(
-        _touching(time[mine], at[mine], force[mine])
-        for mine in (trial == number for number in np.unique(trial))
+        _touching(time[mine], at[mine], force[mine]) for mine in (trial == number for number in np.unique(trial))
     )
 
 

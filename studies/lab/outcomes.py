@@ -20,8 +20,12 @@ def written(out: Path, seed: int, outcomes: Sequence[Any], page: str) -> list[st
     """Write outcomes (dataclasses) and their page; return lines for the terminal."""
     path = write_document(
         out / "result.json",
-        {"schema": 1, "origin": "simulated", "seed": seed,
-         "recordings": [json_types(asdict(outcome)) for outcome in outcomes]},
-    )  # fmt: skip
+        {
+            "schema": 1,
+            "origin": "simulated",
+            "seed": seed,
+            "recordings": [json_types(asdict(outcome)) for outcome in outcomes],
+        },
+    )
     write_atomically(out / "report.md", page)
     return [page, f"result: {path}"]

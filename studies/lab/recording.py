@@ -70,10 +70,7 @@ class LabErrors:
 
 
 def record(
-    courses: Sequence[Course],
-    errors: LabErrors,
-    generator: np.random.Generator,
-    instrument: Instrument = INSTRUMENT,
+    courses: Sequence[Course], errors: LabErrors, generator: np.random.Generator, instrument: Instrument = INSTRUMENT
 ) -> list[Recording]:
     """Return the trials' recordings."""
     air = generator.uniform(0.0, 1.0, len(courses)) * errors.air
@@ -83,12 +80,8 @@ def record(
         travel = min(float(c.displacement.max()) + a for c, a in zip(courses, air, strict=True))
         courses = [shortened(c, travel - a) for c, a in zip(courses, air, strict=True)]
     return [
-        _recorded(
-            f"trial{k + 1}", course, float(above), float(gain), float(zero), instrument, generator
-        )
-        for k, (course, above, gain, zero) in enumerate(
-            zip(courses, air, gains, zeros, strict=True)
-        )
+        _recorded(f"trial{k + 1}", course, float(above), float(gain), float(zero), instrument, generator)
+        for k, (course, above, gain, zero) in enumerate(zip(courses, air, gains, zeros, strict=True))
     ]
 
 
@@ -109,9 +102,7 @@ def _recorded(
     instrument: Instrument,
     generator: np.random.Generator,
 ) -> Recording:
-    rate = float(course.displacement[1] - course.displacement[0]) / float(
-        course.time[1] - course.time[0]
-    )
+    rate = float(course.displacement[1] - course.displacement[0]) / float(course.time[1] - course.time[0])
     late = air / rate
     time = np.arange(0.0, late + course.time[-1] + 1e-9, 1 / SAMPLING_HZ)
     since = time - late
@@ -119,9 +110,7 @@ def _recorded(
     displacement = np.where(since < 0, rate * since, pressed) + air
     force = np.where(since < 0, 0.0, np.interp(since, course.time, course.force))
     sd = instrument.force_sd
-    t = generator.standard_t(_WHITE_FREEDOM, len(time)) / np.sqrt(
-        _WHITE_FREEDOM / (_WHITE_FREEDOM - 2)
-    )
+    t = generator.standard_t(_WHITE_FREEDOM, len(time)) / np.sqrt(_WHITE_FREEDOM / (_WHITE_FREEDOM - 2))
     force = gain * force + zero + sd * np.sqrt(WHITE_SHARE) * t
     force = force + sd * np.sqrt(1 - WHITE_SHARE) * flicker(len(time), generator)
     # Rounding makes an error of a step over the root of 12; the rest of what is stated wanders.

@@ -80,9 +80,7 @@ def outlines_off(section: LegSection, size: float, generator: np.random.Generato
         for bone in BONES:
             parts[bone] = section.contour(bone) + size * generator.normal(size=2)
         moved = LegSection(**parts, fascia_thickness=section.fascia_thickness)
-        inside = all(
-            moved.polygon("fascia").buffer(-2.0).contains(moved.polygon(bone)) for bone in BONES
-        )
+        inside = all(moved.polygon("fascia").buffer(-2.0).contains(moved.polygon(bone)) for bone in BONES)
         apart = moved.polygon("tibia").distance(moved.polygon("fibula")) > 1.0
         if inside and apart and minimal_fat_thickness(moved) > LEAST_FAT_MM:
             return moved
@@ -96,9 +94,6 @@ def _off(contour: FloatArray, size: float, generator: np.random.Generator) -> Fl
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     centre = contour.mean(axis=0)
     angle = np.arctan2(contour[:, 1] - centre[1], contour[:, 0] - centre[0])
-    off = sum(
-        generator.normal() * np.cos(k * angle + generator.uniform(0, 2 * np.pi)) / (1 + k / 4)
-        for k in _WAVES
-    )
+    off = sum(generator.normal() * np.cos(k * angle + generator.uniform(0, 2 * np.pi)) / (1 + k / 4) for k in _WAVES)
     off = np.asarray(off)
     return np.asarray(contour + (size * off / np.sqrt(np.mean(off**2)))[:, None] * normal)

@@ -36,14 +36,10 @@ class CodeChoice(StrEnum):
 _BY = {CodeChoice.legfem: Planted, CodeChoice.felupe: PlantedByFelupe}
 
 
-def _many(
-    numbers: range, seed: int, folder: Path, progress: Progress, code: CodeChoice
-) -> list[str]:
+def _many(numbers: range, seed: int, folder: Path, progress: Progress, code: CodeChoice) -> list[str]:
     of = _BY[code]
     legs = [of(one.c10, one.c20) for one in (drawn(number, seed) for number in numbers)]
-    found = [
-        plant_result(leg, seed + k, folder, progress) for k, leg in zip(numbers, legs, strict=True)
-    ]
+    found = [plant_result(leg, seed + k, folder, progress) for k, leg in zip(numbers, legs, strict=True)]
     rows = [plant_row(k + 1, leg, one) for k, leg, one in zip(numbers, legs, found, strict=True)]
     return [markdown_table(HEADER, rows), counted(legs, found)]
 
@@ -53,23 +49,15 @@ def leg3d(
     c10: Annotated[float, typer.Option(min=0.1, help="Planted, kPa.")] = Planted.c10,
     c20: Annotated[float, typer.Option(min=0.0, help="Planted, kPa.")] = Planted.c20,
     fibres: Annotated[
-        float,
-        typer.Option(min=1.0, max=HIGHEST_RATIO, help="Muscle's shear modulus along over across."),
+        float, typer.Option(min=1.0, max=HIGHEST_RATIO, help="Muscle's shear modulus along over across.")
     ] = Planted.fibres,
     subject: Annotated[
-        Path | None,
-        typer.Option(help="Folder of a leg without recordings, in place of the small round one."),
+        Path | None, typer.Option(help="Folder of a leg without recordings, in place of the small round one.")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the lab's errors.")] = 1,
-    plants: Annotated[
-        int, typer.Option(min=0, help="So many legs of random C10 and C20 in its place.")
-    ] = 0,
-    first: Annotated[
-        int, typer.Option(min=1, help="Number of the plant that is begun with; all are by default.")
-    ] = 1,
-    code: Annotated[
-        CodeChoice, typer.Option(help="Whose hexahedra record the small leg.")
-    ] = CodeChoice.legfem,
+    plants: Annotated[int, typer.Option(min=0, help="So many legs of random C10 and C20 in its place.")] = 0,
+    first: Annotated[int, typer.Option(min=1, help="Number of the plant that is begun with; all are by default.")] = 1,
+    code: Annotated[CodeChoice, typer.Option(help="Whose hexahedra record the small leg.")] = CodeChoice.legfem,
     out: Out = None,
 ) -> None:
     """Identify a leg, pressed in 3D by other elements, with `--model 3d` and `--model 2d`.
@@ -81,32 +69,26 @@ def leg3d(
     with study_edge("leg3d", out) as (folder, _), progress_on() as progress:
         if first > max(plants, 1):
             raise InputError(
-                "leg3d", "--first", f"{first} comes after the last of {plants} plants",
+                "leg3d",
+                "--first",
+                f"{first} comes after the last of {plants} plants",
                 "give a smaller number, or more --plants",
-            )  # fmt: skip
+            )
         if plants:
-            if subject is not None or (c10, c20, fibres) != (
-                Planted.c10,
-                Planted.c20,
-                Planted.fibres,
-            ):
+            if subject is not None or (c10, c20, fibres) != (Planted.c10, Planted.c20, Planted.fibres):
                 raise InputError(
-                    "leg3d", "--plants", "draws the small leg's C10 and C20",
+                    "leg3d",
+                    "--plants",
+                    "draws the small leg's C10 and C20",
                     "leave --subject, --c10, --c20 and --fibres, or it, out",
-                )  # fmt: skip
+                )
             lines = _many(range(first - 1, plants), seed, folder, progress, code)
             write_atomically(folder / "plants.md", "\n".join(lines) + "\n")
             typer.echo("\n".join(lines))
             return
         if subject is not None and code is CodeChoice.felupe:
-            raise InputError(
-                "leg3d", "--code", "felupe has the small leg alone", "leave --subject or it out"
-            )
-        planted = (
-            _BY[code](c10, c20, fibres)
-            if subject is None
-            else PlantedInLeg(subject, c10, c20, fibres)
-        )
+            raise InputError("leg3d", "--code", "felupe has the small leg alone", "leave --subject or it out")
+        planted = _BY[code](c10, c20, fibres) if subject is None else PlantedInLeg(subject, c10, c20, fibres)
         results = identified(planted, seed, folder, progress)
         rows = []
         for name, result in results.items():
@@ -114,9 +96,14 @@ def leg3d(
             low, high = map(mpa_to_kpa, one.ci95)
             value = mpa_to_kpa(one.value)
             rows.append(
-                [name, f"{value:.3f}", f"{low:.3f} to {high:.3f}",
-                 f"{100 * (value / c10 - 1):+.1f} %", "yes" if low <= c10 <= high else "no"]
-            )  # fmt: skip
+                [
+                    name,
+                    f"{value:.3f}",
+                    f"{low:.3f} to {high:.3f}",
+                    f"{100 * (value / c10 - 1):+.1f} %",
+                    "yes" if low <= c10 <= high else "no",
+                ]
+            )
         table = markdown_table(["model", "C10 (kPa)", "95 %", "off by", "covers"], rows)
         evidence = results["3d"].spatial
         assert evidence is not None
@@ -131,18 +118,26 @@ def leg3d(
         by = f"{code}'s hexahedra" if subject is None else other
         lines = [
             table,
-            f"Planted: C10 {c10:g}, C20 {c20:g} kPa, fibres' ratio {fibres:g}; simulated by "
-            f"{by}.",
+            f"Planted: C10 {c10:g}, C20 {c20:g} kPa, fibres' ratio {fibres:g}; simulated by {by}.",
             *steps,
             f"Full solves in 3D: {evidence.full_solves}, rougher ones: {evidence.rough_solves}.",
             "Greatest error of P by cause: " + ", ".join(errors) + ".",
-        ]  # fmt: skip
+        ]
         write_document(
             folder / "result.json",
-            {"schema": 1, "origin": "simulated", "c10_kPa": c10, "c20_kPa": c20,
-             "fibre_ratio": fibres, "code": code.value, "seed": seed,
-             "rows": rows, "confirmations": steps, "errors": errors},
-        )  # fmt: skip
+            {
+                "schema": 1,
+                "origin": "simulated",
+                "c10_kPa": c10,
+                "c20_kPa": c20,
+                "fibre_ratio": fibres,
+                "code": code.value,
+                "seed": seed,
+                "rows": rows,
+                "confirmations": steps,
+                "errors": errors,
+            },
+        )
         write_atomically(folder / "report.md", "\n".join(lines) + "\n")
         typer.echo("\n".join(lines))
 

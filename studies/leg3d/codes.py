@@ -20,16 +20,11 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 
 @app.command()
 def codes(
-    finer: Annotated[
-        list[float] | None, typer.Option(help="Than felupe's default mesh; may be given again.")
-    ] = None,
+    finer: Annotated[list[float] | None, typer.Option(help="Than felupe's default mesh; may be given again.")] = None,
     step: Annotated[float, typer.Option(min=0.01, help="Greatest of felupe's, mm.")] = 0.5,
-    penalty: Annotated[
-        float, typer.Option(min=0.1, help="On the stiffness of felupe's contact, a factor.")
-    ] = 1.0,
+    penalty: Annotated[float, typer.Option(min=0.1, help="On the stiffness of felupe's contact, a factor.")] = 1.0,
     hexahedra: Annotated[
-        list[float] | None,
-        typer.Option(help="Likewise of legfem's hexahedra, which are left out by default."),
+        list[float] | None, typer.Option(help="Likewise of legfem's hexahedra, which are left out by default.")
     ] = None,
 ) -> None:
     """Press a small round leg by two codes. Simulated.

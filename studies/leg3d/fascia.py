@@ -52,9 +52,13 @@ def membrane(
     settings = replace(default, mesh=default.mesh.refined(finer), contact_size=CONTACT)
     laws: dict[str, Hyperelastic] = {part: tissues[part] for part in ("deep", "superficial")}
     return LegIndentation3D(
-        without_layer(shape, LEG.fascia) if taken_out else shape, CYLINDER,
-        Pose((0.0, 0.0), 0.0, 90.0), laws, sheet if own_law else Fascia(sheet.stiffness), settings,
-    )  # fmt: skip
+        without_layer(shape, LEG.fascia) if taken_out else shape,
+        CYLINDER,
+        Pose((0.0, 0.0), 0.0, 90.0),
+        laws,
+        sheet if own_law else Fascia(sheet.stiffness),
+        settings,
+    )
 
 
 ROWS: dict[str, Callable[[], PressingTest]] = {

@@ -31,11 +31,16 @@ from studies.leg3d.planted import Planted
 
 ROUGH = SolidLegSettings(
     mesh=SolidMeshSettings(
-        skin_size=30.0, inside_size=40.0, bone_size=20.0, layer_elements=0.2, turn_elements=4.0,
-        growth=0.5, enclosing=True,
+        skin_size=30.0,
+        inside_size=40.0,
+        bone_size=20.0,
+        layer_elements=0.2,
+        turn_elements=4.0,
+        growth=0.5,
+        enclosing=True,
     ),
     contact_size=5.0,
-)  # fmt: skip
+)
 """Of the identification's tetrahedra: a third of the default's unknowns."""
 ELEMENTS = {"rough": ROUGH, "default": SolidLegSettings()}
 """Of the identification."""
@@ -73,9 +78,7 @@ class FibreResult:
     processor_s: float
 
 
-def found_of(
-    planted: Planted, tests: str, elements: str, seed: int, out: Path, progress: Progress
-) -> FibreResult:
+def found_of(planted: Planted, tests: str, elements: str, seed: int, out: Path, progress: Progress) -> FibreResult:
     """Return what is found of a planted leg; it is kept, and so is every solve."""
 
     def made() -> FibreResult:
@@ -94,10 +97,14 @@ def found_of(
         (result,) = identify_in_3d(leg, ["neo-hookean"], request, models=models)
         assert result.spatial is not None
         found = FibreResult(
-            _told(result.parameters[DEEP_C10]), _told(result.parameters[DEEP_RATIO]),
-            bool(result.spatial.untold), result.misfit, result.converged,
-            result.spatial.full_solves, time.process_time() - started,
-        )  # fmt: skip
+            _told(result.parameters[DEEP_C10]),
+            _told(result.parameters[DEEP_RATIO]),
+            bool(result.spatial.untold),
+            result.misfit,
+            result.converged,
+            result.spatial.full_solves,
+            time.process_time() - started,
+        )
         del models, result
         gc.collect()
         return found
@@ -115,9 +122,19 @@ def _told(one: Estimate) -> Told:
 
 
 HEADER = [
-    "ratio", "tests", "C10 (kPa)", "covers", "word", "ratio found", "covers", "word",
-    "said that it can't be told", "chi-square (degrees)", "full 3D solves", "processor s",
-]  # fmt: skip
+    "ratio",
+    "tests",
+    "C10 (kPa)",
+    "covers",
+    "word",
+    "ratio found",
+    "covers",
+    "word",
+    "said that it can't be told",
+    "chi-square (degrees)",
+    "full 3D solves",
+    "processor s",
+]
 
 
 @app.command()
@@ -126,30 +143,20 @@ def fibres(
         list[float] | None, typer.Option(help="Planted; 1, 2 and 3 by default; as often as wanted.")
     ] = None,
     c10: Annotated[float, typer.Option(min=0.05, help="Planted, kPa.")] = 1.2,
-    tests: Annotated[
-        list[str] | None, typer.Option(help="'along' or 'along and across'; both by default.")
-    ] = None,
+    tests: Annotated[list[str] | None, typer.Option(help="'along' or 'along and across'; both by default.")] = None,
     elements: Annotated[
-        str,
-        typer.Option(
-            help="Of the identification: 'rough', or the 'default', some four times the work."
-        ),
+        str, typer.Option(help="Of the identification: 'rough', or the 'default', some four times the work.")
     ] = "rough",
     draws: Annotated[int, typer.Option(min=1, help="Of the lab's errors, for every leg.")] = 1,
     seed: Annotated[int, typer.Option(min=0, help="Of the lab's errors.")] = 1,
-    out: Annotated[Path, typer.Option(help="Folder; goes on from what is there.")] = Path(
-        "results/leg3d-fibres"
-    ),
+    out: Annotated[Path, typer.Option(help="Folder; goes on from what is there.")] = Path("results/leg3d-fibres"),
 ) -> None:
     """Press a small round leg along and across, and look for its fibres. Simulated.
 
     Example: python -m studies.leg3d.fibres --ratio 2 --tests "along and across"
     """
     with command_edge("run the same command again to go on"), progress_on() as progress:
-        for option, names, known in (
-            ("--tests", tests or (), TESTS),
-            ("--elements", [elements], ELEMENTS),
-        ):
+        for option, names, known in (("--tests", tests or (), TESTS), ("--elements", [elements], ELEMENTS)):
             for name in names:
                 if name not in known:
                     raise InputError(option, name, "is none", f"give one of {', '.join(known)}")
@@ -160,12 +167,17 @@ def fibres(
                 for draw in range(draws):
                     found = found_of(planted, name, elements, seed + draw, out, progress)
                     cells = [*found.c10.row(c10), *found.ratio.row(one)]
-                    rows.append([
-                        f"{one:g}", name, *cells, "yes" if found.untold else "no",
-                        f"{found.misfit.chi_square:.0f} ({found.misfit.degrees_of_freedom})",
-                        f"{found.full_solves}{'' if found.converged else ', not converged'}",
-                        f"{found.processor_s:.0f}",
-                    ])  # fmt: skip
+                    rows.append(
+                        [
+                            f"{one:g}",
+                            name,
+                            *cells,
+                            "yes" if found.untold else "no",
+                            f"{found.misfit.chi_square:.0f} ({found.misfit.degrees_of_freedom})",
+                            f"{found.full_solves}{'' if found.converged else ', not converged'}",
+                            f"{found.processor_s:.0f}",
+                        ]
+                    )
                     held += [cells[1] == "yes", cells[4] == "yes"]
         typer.echo(markdown_table(HEADER, rows))
         typer.echo(f"{sum(held)} of {len(held)} intervals hold what was planted.")

@@ -78,9 +78,15 @@ def row(name: str, test: PressingTest, depth: float) -> list[str]:
     off = across / np.abs(balance.contact_force).max()
     forces = [f"{solved.curve(d):.4f}" if d <= report.reached else "" for d in _shown(depth)]
     return [
-        name, f"{report.unknowns:,}", f"{report.reached:.4g}", f"{len(report.steps)}",
-        f"{report.factorisations}", f"{seconds:.0f}", f"{off:.0e}" if whole else "", *forces,
-    ]  # fmt: skip
+        name,
+        f"{report.unknowns:,}",
+        f"{report.reached:.4g}",
+        f"{len(report.steps)}",
+        f"{report.factorisations}",
+        f"{seconds:.0f}",
+        f"{off:.0e}" if whole else "",
+        *forces,
+    ]
 
 
 def _shown(depth: float) -> list[float]:
@@ -89,21 +95,14 @@ def _shown(depth: float) -> list[float]:
 
 @app.command()
 def meshes(
-    subject: Annotated[
-        Path | None, typer.Option(help="Folder of a subject; a small round leg by default.")
-    ] = None,
-    finer: Annotated[
-        list[float] | None, typer.Option(help="Divides the default sizes; may be given again.")
-    ] = None,
+    subject: Annotated[Path | None, typer.Option(help="Folder of a subject; a small round leg by default.")] = None,
+    finer: Annotated[list[float] | None, typer.Option(help="Divides the default sizes; may be given again.")] = None,
     contact: Annotated[
-        list[float] | None,
-        typer.Option(help="Of elements under the cylinder (mm); may be given again."),
+        list[float] | None, typer.Option(help="Of elements under the cylinder (mm); may be given again.")
     ] = None,
     c10: Annotated[float, typer.Option(min=0.01, help="Of the deep tissue, kPa.")] = 1.0,
     c20: Annotated[float, typer.Option(min=0.0, help="Likewise.")] = 0.0,
-    fibres: Annotated[
-        float, typer.Option(min=1.0, help="Ratio of its shear moduli along the leg and across.")
-    ] = 1.0,
+    fibres: Annotated[float, typer.Option(min=1.0, help="Ratio of its shear moduli along the leg and across.")] = 1.0,
     depth: Annotated[float, typer.Option(min=1.0, help="mm.")] = 6.0,
 ) -> None:
     """Press a leg in 3D by meshes of several sizes; the round one by hexahedra, too. Simulated.

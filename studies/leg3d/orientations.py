@@ -6,11 +6,7 @@ import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from legfem.experiments.indentation_3d import (
-    Cylinder,
-    IdealisedLegIndentation,
-    IdealisedLegSettings,
-)
+from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation, IdealisedLegSettings
 from legfem.jobs.store import Store
 from legfem.mechanics.contact import RigidIndenter
 from legfem.mechanics.turned_cylinder import TurnedCylinder
@@ -45,9 +41,7 @@ def pressed_curve(planted: Planted, way: str, kept: Path) -> ForceCurve:
 
     def solved() -> ForceCurve:
         settings = replace(IdealisedLegSettings(), mesh=planted.mesh)
-        test = IdealisedLegIndentation(
-            LEG, cylinder, planted.tissues, 3, settings, mechanisms=planted.mechanisms
-        )
+        test = IdealisedLegIndentation(LEG, cylinder, planted.tissues, 3, settings, mechanisms=planted.mechanisms)
         return whole_curve(test, planted.depth, f"the leg in 3D, {way}")
 
     return Store(kept, ForceCurve, modules=(__name__,)).get_or_make((planted, way), solved)

@@ -142,9 +142,8 @@ class OtherLeg(OtherPressing):
             return other_law(law.C10, law.D1, c20, d2)
         (fibres,) = self.planted.mechanisms
         return OtherMuscle(
-            law.C10, c20, 0.0, 1.0, 1 / law.D1, 1 / d2,
-            shear=fibres.shear, extension=fibres.extension, axis=fibres.axis,
-        )  # fmt: skip
+            law.C10, c20, 0.0, 1.0, 1 / law.D1, 1 / d2, shear=fibres.shear, extension=fibres.extension, axis=fibres.axis
+        )
 
     def _places(self, u: FloatArray, to: float) -> FloatArray:
         """Return the skin's Gauss points relative to the cylinder's middle, (k, 9, 3)."""
@@ -179,9 +178,7 @@ class OtherLeg(OtherPressing):
         place = self._places(np.zeros(self.mesh.points.size), 0.0)
         return _Touched(place, np.full(place.shape, np.nan))
 
-    def _contact(
-        self, u: FloatArray, to: float, before: _Touched
-    ) -> tuple[FloatArray, Any, FloatArray, _Touched]:
+    def _contact(self, u: FloatArray, to: float, before: _Touched) -> tuple[FloatArray, Any, FloatArray, _Touched]:
         """Return the cylinder's force on the skin, its tangent, the resultant, what to remember."""
         y, weights = self._places(u, to), self.mesh.skin_weights
         near = nearness(CYLINDER, y)

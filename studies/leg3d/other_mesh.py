@@ -81,10 +81,7 @@ def mesh_quarter(leg: IdealisedLeg, cylinder: Cylinder, finer: float = 1.0) -> H
     counts = tuple(len(values) for values in axes)
     grid = fem.Cube(a=(0, 0, 0), b=tuple(n - 1 for n in counts), n=counts)
     grid = grid.convert(order=2, calc_points=True)
-    radius, theta, z = (
-        np.interp(grid.points[:, k], np.arange(len(values)), values)
-        for k, values in enumerate(axes)
-    )
+    radius, theta, z = (np.interp(grid.points[:, k], np.arange(len(values)), values) for k, values in enumerate(axes))
     points = np.column_stack([radius * np.sin(theta), -radius * np.cos(theta), z])
     ring = grid.points[grid.cells].mean(axis=1)[:, 0].astype(int)
     of = np.array(regions)[ring]

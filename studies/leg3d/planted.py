@@ -13,11 +13,7 @@ import numpy as np
 
 from legfem.common.errors import UnsolvedError
 from legfem.common.units import FloatArray, kpa_to_mpa
-from legfem.experiments.indentation_3d import (
-    Cylinder,
-    IdealisedLegIndentation,
-    IdealisedLegSettings,
-)
+from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation, IdealisedLegSettings
 from legfem.experiments.leg_3d import fibres_of
 from legfem.experiments.pressing import PressingTest
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
@@ -75,9 +71,7 @@ class Planted:
         deep: Hyperelastic = NeoHookean(kpa_to_mpa(self.c10), 28.0)
         if self.c20:
             deep = ReducedPolynomial(kpa_to_mpa(self.c10), 28.0, kpa_to_mpa(self.c20), 28.0)
-        return {
-            "deep": deep, "superficial": NeoHookean(2e-3, 22.5), "fascia": NeoHookean(0.1, 22.5),
-        }  # fmt: skip
+        return {"deep": deep, "superficial": NeoHookean(2e-3, 22.5), "fascia": NeoHookean(0.1, 22.5)}
 
     @property
     def mechanisms(self) -> tuple[Fibres, ...]:
@@ -132,9 +126,7 @@ def true_curve(planted: Planted, kept: Path) -> ForceCurve:
 
     def solved() -> ForceCurve:
         settings = replace(IdealisedLegSettings(), mesh=planted.mesh)
-        test = IdealisedLegIndentation(
-            LEG, CYLINDER, planted.tissues, 3, settings, mechanisms=planted.mechanisms
-        )
+        test = IdealisedLegIndentation(LEG, CYLINDER, planted.tissues, 3, settings, mechanisms=planted.mechanisms)
         return whole_curve(test, planted.depth)
 
     store = Store(kept, ForceCurve, modules=(__name__,))
@@ -152,16 +144,23 @@ def recorded(curve: ForceCurve, depth: float, seed: int) -> list[Recording]:
 def folder_of(planted: Planted, curve: ForceCurve, out: Path, seed: int) -> Path:
     """Write the subject's folder with recordings of a curve, simulated with a lab's errors."""
     folder = write_subject_folder(
-        _section(), out, "A round leg, simulated in 3D", np.array([0.0, -LEG.radius]), 90.0,
-        "simulated", recorded(curve, planted.depth, seed), starts_at_contact=True,
-        plane_strain=False, instrument=INSTRUMENT,
+        _section(),
+        out,
+        "A round leg, simulated in 3D",
+        np.array([0.0, -LEG.radius]),
+        90.0,
+        "simulated",
+        recorded(curve, planted.depth, seed),
+        starts_at_contact=True,
+        plane_strain=False,
+        instrument=INSTRUMENT,
         deep_law="reduced-polynomial" if planted.c20 else "neo-hookean",
-    )  # fmt: skip
+    )
     toml = folder / "subject.toml"
     text = toml.read_text(encoding="utf-8")
-    text = text.replace(
-        "fascia_thickness_mm", f"length_mm = {LEG.length}\nfascia_thickness_mm", 1
-    ).replace("length_mm = 50.0", f"length_mm = {CYLINDER.length}", 1)
+    text = text.replace("fascia_thickness_mm", f"length_mm = {LEG.length}\nfascia_thickness_mm", 1).replace(
+        "length_mm = 50.0", f"length_mm = {CYLINDER.length}", 1
+    )
     toml.write_text(with_fibres(text, planted.fibres), encoding="utf-8")
     return folder
 
@@ -182,6 +181,5 @@ def _section() -> LegSection:
         return radius * ring + np.array([0.0, y])
 
     return LegSection(
-        circle(LEG.radius), circle(LEG.radius - LEG.fat), circle(LEG.bone_radius),
-        circle(*FIBULA), LEG.fascia,
-    )  # fmt: skip
+        circle(LEG.radius), circle(LEG.radius - LEG.fat), circle(LEG.bone_radius), circle(*FIBULA), LEG.fascia
+    )

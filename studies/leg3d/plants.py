@@ -70,8 +70,9 @@ def plant_result(planted: Planted, seed: int, folder: Path, progress: Progress) 
         found = PlantResult(
             {name: _found(one, DEEP_C10) for name, one in results.items()},
             {name: _found(one, DEEP_C20) for name, one in c20.items()},
-            evidence.full_solves, time.process_time() - started,
-        )  # fmt: skip
+            evidence.full_solves,
+            time.process_time() - started,
+        )
         del results, evidence, c20
         # A gigabyte of factors a leg waits in cycles of references.
         gc.collect()
@@ -92,9 +93,16 @@ def plant_row(number: int, planted: Planted, result: PlantResult) -> list[str]:
 
 
 HEADER = [
-    "plant", "C10 (kPa)", "C20", "C10 by `3d`", "C20 by `3d`", "C10 by `2d`, the table",
-    "by `2d`, none", "full 3D solves", "processor s",
-]  # fmt: skip
+    "plant",
+    "C10 (kPa)",
+    "C20",
+    "C10 by `3d`",
+    "C20 by `3d`",
+    "C10 by `2d`, the table",
+    "by `2d`, none",
+    "full 3D solves",
+    "processor s",
+]
 
 
 def counted(plants: list[Planted], results: list[PlantResult]) -> str:

@@ -66,15 +66,15 @@ class PlantedInLeg:
         """
         text = (self.subject / "subject.toml").read_text(encoding="utf-8")
         if "[tissues.deep]\n" not in text:
-            raise InputError(
-                self.subject / "subject.toml", "[tissues.deep]", "is missing", "give the law"
-            )
+            raise InputError(self.subject / "subject.toml", "[tissues.deep]", "is missing", "give the law")
         for table in ("[recordings]", "[instrument]"):
             if table in text:
                 raise InputError(
-                    self.subject / "subject.toml", table, "the study writes its own",
+                    self.subject / "subject.toml",
+                    table,
+                    "the study writes its own",
                     "leave it out: the recordings are simulated",
-                )  # fmt: skip
+                )
         text = with_fibres(self._found_from_elsewhere(text), self.fibres)
         curve = self._curve(text, kept)
         shutil.copytree(self.subject, out)

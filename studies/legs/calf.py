@@ -57,13 +57,9 @@ class Calf:
 
     def __post_init__(self) -> None:
         """Check the lengths and that the fascia is thinner than the fat."""
-        check_positive(
-            self, "girth_mm", "fat_mm", "fascia_thickness_mm", "aspect", "tibia_mm", "fibula_mm"
-        )
+        check_positive(self, "girth_mm", "fat_mm", "fascia_thickness_mm", "aspect", "tibia_mm", "fibula_mm")
         if self.fascia_thickness_mm >= self.fat_mm:
-            raise InputError(
-                "Calf", "fascia_thickness_mm", "is not below fat_mm", "give a thinner fascia"
-            )
+            raise InputError("Calf", "fascia_thickness_mm", "is not below fat_mm", "give a thinner fascia")
 
 
 def calf_section(calf: Calf, points: int = 240) -> LegSection:
@@ -84,9 +80,7 @@ def calf_section(calf: Calf, points: int = 240) -> LegSection:
     over_tibia = np.cos(angle - (np.pi / 2 + 0.5 * calf.side))
     fat = calf.fat_mm * (1 - calf.fat_variation * over_tibia)
     fascia = skin - fat[:, None] * outward_normals(skin)
-    tibia = bone_outline(
-        calf.tibia_mm, (-0.20 * calf.side * radius, 0.46 * radius), 0.16, 3, 0.4 * calf.side
-    )
+    tibia = bone_outline(calf.tibia_mm, (-0.20 * calf.side * radius, 0.46 * radius), 0.16, 3, 0.4 * calf.side)
     fibula = bone_outline(calf.fibula_mm, (0.42 * calf.side * radius, 0.20 * radius), 0.10, 2, 0.9)
     section = LegSection(skin, fascia, tibia, fibula, calf.fascia_thickness_mm)
     check_section(section, "Calf")
@@ -104,9 +98,7 @@ def oval(angle: FloatArray, aspect: float, bulge: float, asymmetry: float) -> Fl
     return ellipse * (1 + bulged + flattened)
 
 
-def bone_outline(
-    radius: float, centre: tuple[float, float], lobe: float, lobes: int, turn: float
-) -> FloatArray:
+def bone_outline(radius: float, centre: tuple[float, float], lobe: float, lobes: int, turn: float) -> FloatArray:
     """Return a bone's outline with rounded corners, one at the angle ``turn``; (60, 2), mm."""
     angle = 2 * np.pi * np.arange(60) / 60
     reach = radius * (1 + lobe * np.cos(lobes * (angle - turn)) / lobes)

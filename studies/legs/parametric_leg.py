@@ -115,9 +115,7 @@ def read_legs(path: Path) -> dict[str, ParametricLeg]:
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
-        raise InputError(
-            path, key, first["msg"], "compare with studies/stockings/legs.toml"
-        ) from None
+        raise InputError(path, key, first["msg"], "compare with studies/stockings/legs.toml") from None
 
 
 def round_leg(
@@ -132,9 +130,7 @@ def round_leg(
     levels = np.linspace(0.0, length, n_levels)
     radii = {SKIN: radius, HULL: hull_radius, "core": core_radius}
     unit = np.column_stack([f(2 * np.pi * np.arange(720) / 720) for f in (np.cos, np.sin)])
-    return shape_of_contours(
-        levels, {part: [r * unit] * n_levels for part, r in radii.items()}, n_points
-    )
+    return shape_of_contours(levels, {part: [r * unit] * n_levels for part, r in radii.items()}, n_points)
 
 
 class _LegsFile(BaseModel):
@@ -149,17 +145,13 @@ def _girths(leg: ParametricLeg, levels: FloatArray) -> FloatArray:
     below = 1.7 * (leg.girth_mm - leg.girth_below_mm) / peak
     above = 1.7 * (leg.girth_above_mm - leg.girth_mm) / (leg.length_mm - peak)
     curve = CubicHermiteSpline(
-        [0.0, peak, leg.length_mm],
-        [leg.girth_below_mm, leg.girth_mm, leg.girth_above_mm],
-        [below, 0.0, above],
+        [0.0, peak, leg.length_mm], [leg.girth_below_mm, leg.girth_mm, leg.girth_above_mm], [below, 0.0, above]
     )
     girths: FloatArray = curve(levels)
     return girths
 
 
-def _section(
-    leg: ParametricLeg, share: float, girth: float, points: int = 360
-) -> dict[str, FloatArray]:
+def _section(leg: ParametricLeg, share: float, girth: float, points: int = 360) -> dict[str, FloatArray]:
     """Return the outlines at a share of the length, with the fibula on the side of -x."""
     angle = 2 * np.pi * np.arange(points) / points
     unit = np.column_stack([np.cos(angle), np.sin(angle)])
@@ -192,9 +184,7 @@ def _section(
         "tibia": bone_outline(tibia, inside(crest + 0.2, 1.25 * tibia + 1.5), 0.3, 3, crest - 0.1),
         "fibula": bone_outline(fibula, inside(np.pi + 0.35, fibula + 14.0), 0.12, 3, 0.4),
     }
-    nested = nested_outlines(
-        {k: Polygon(xy) for k, xy in parts.items()}, 0.0, "ParametricLeg", _ROOM
-    )
+    nested = nested_outlines({k: Polygon(xy) for k, xy in parts.items()}, 0.0, "ParametricLeg", _ROOM)
     side = np.array([-leg.fibula_side, 1.0])
     return {
         HULL if part == "muscle_hull" else part: np.asarray(polygon.exterior.coords)[:-1] * side

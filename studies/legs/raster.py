@@ -8,11 +8,7 @@ from legfem.common.units import FloatArray
 
 
 def coverage(
-    contour: FloatArray,
-    origin: FloatArray,
-    spacing: FloatArray,
-    shape: tuple[int, int],
-    lines: int = 4,
+    contour: FloatArray, origin: FloatArray, spacing: FloatArray, shape: tuple[int, int], lines: int = 4
 ) -> FloatArray:
     """Return the covered share of every pixel, exact along x and sampled along y.
 

@@ -110,9 +110,7 @@ def simulated_scan(
     low[2] += spacing[2] * generator.uniform()
     counts = np.floor((high - low) / spacing).astype(int) + 1
     if counts.min() < 2:
-        raise InputError(
-            "scan", "slices", "the leg is shorter than two slices", "give a longer segment"
-        )
+        raise InputError("scan", "slices", "the leg is shorter than two slices", "give a longer segment")
     # Levels at which the leg is cut, some in every slice.
     share = (np.arange(settings.subslices) + 0.5) / settings.subslices - 0.5
     slices = low[2] + spacing[2] * np.arange(counts[2])

@@ -16,9 +16,9 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 
 @app.command()
 def next_test(
-    cases: Annotated[
-        Path, typer.Option(help="Folder of sealed cases, diagnosed by studies.concealed.")
-    ] = Path("results/concealed"),
+    cases: Annotated[Path, typer.Option(help="Folder of sealed cases, diagnosed by studies.concealed.")] = Path(
+        "results/concealed"
+    ),
     most: Annotated[int, typer.Option(min=1, help="Ambiguous cases, by their numbers.")] = 40,
     seed: Annotated[int, typer.Option(min=0, help="Of the cases; opens the keys.")] = 1,
     library: Library = None,
@@ -37,9 +37,7 @@ def next_test(
         from legfem.diagnose.leg import library_folder
         from studies.next_test import command
 
-        options = command.NextTestOptions(
-            cases, folder, library or library_folder(), most, seed, processes
-        )
+        options = command.NextTestOptions(cases, folder, library or library_folder(), most, seed, processes)
         with progress_on() as progress:
             lines = command.run(options, progress)
         for line in lines:

@@ -44,14 +44,19 @@ def run(options: NextTestOptions, progress: Progress) -> list[str]:
     folders = _ambiguous(options.cases, diagnoser)[: options.most]
     if not folders:
         raise InputError(
-            options.cases, "diagnoses", "none by this code is ambiguous",
+            options.cases,
+            "diagnoses",
+            "none by this code is ambiguous",
             "run python -m studies.concealed --run on this folder first",
-        )  # fmt: skip
+        )
     lab = Lab(options.cases, options.out / "work", diagnoser, options.seed)
     store = Store(
-        options.out / "tried", Tried, (correction, options.seed),
-        ("studies.next_test.trying", "legfem.diagnose.run"), named=lambda one: one[0],
-    )  # fmt: skip
+        options.out / "tried",
+        Tried,
+        (correction, options.seed),
+        ("studies.next_test.trying", "legfem.diagnose.run"),
+        named=lambda one: one[0],
+    )
     with Workers(try_case, lab, options.jobs) as workers:
         tried = finish(workers, folders, store, progress, "trying the next test", _line, asked)
     path = write_document(options.out / "result.json", tried_document(tried))
@@ -64,9 +69,7 @@ def _ambiguous(cases: Path, diagnoser: Diagnoser) -> list[Path]:
     """Return the folders of cases that were called ambiguous, in the order of their numbers."""
     store = diagnoses(cases, diagnoser)
     known = ((folder, store.get(asked(folder))) for folder in case_folders(cases))
-    return [
-        folder for folder, found in known if found is not None and found["verdict"] == "ambiguous"
-    ]
+    return [folder for folder, found in known if found is not None and found["verdict"] == "ambiguous"]
 
 
 def _line(folder: Path, tried: Tried) -> str:

@@ -57,10 +57,9 @@ def _mean(tried: Sequence[Tried], which: str) -> str:
 
 def _cases(tried: Sequence[Tried]) -> str:
     rows = [
-        (str(t.number), " + ".join(t.concealed), _or(t.before), _told(t.proposed, t.why),
-         _told(t.random, ""))
+        (str(t.number), " + ".join(t.concealed), _or(t.before), _told(t.proposed, t.why), _told(t.random, ""))
         for t in tried
-    ]  # fmt: skip
+    ]
     return markdown_table(["case", "concealed", "open before", "proposed", "random"], rows)
 
 

@@ -26,9 +26,7 @@ _USUAL_N = 10.0
 
 def can_be_read(mechanism: Mechanism, case: SealedCase) -> bool:
     """Tell whether the study knows what a lab would read."""
-    return mechanism.measured_sd is not None and not (
-        mechanism.name in _NO_STRENGTH and mechanism.name in case.names
-    )
+    return mechanism.measured_sd is not None and not (mechanism.name in _NO_STRENGTH and mechanism.name in case.names)
 
 
 def true_strength(mechanism: Mechanism, case: SealedCase, leg: SealedLeg) -> float:
@@ -68,10 +66,7 @@ def _of_form(name: str, values: dict[str, float], case: SealedCase) -> float:
 
 
 def readings_of(
-    mechanisms: Sequence[Mechanism],
-    case: SealedCase,
-    leg: SealedLeg,
-    generator: np.random.Generator,
+    mechanisms: Sequence[Mechanism], case: SealedCase, leg: SealedLeg, generator: np.random.Generator
 ) -> list[MeasuredEffect]:
     """Return what a lab reads of mechanisms."""
     found = []

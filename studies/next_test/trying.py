@@ -164,10 +164,16 @@ def try_case(lab: Lab, folder: Path) -> Tried:
     ranked = plan_after(found, subject, lab.diagnoser, Silent())
     open_ = [one for one in ranked if can_be_made(one.design, case)]
     told = Tried(
-        case.number, list(case.names or ("nothing",)), case.code, _names(found),
-        [(one.design.name, one.chance) for one in ranked], [one.design.name for one in open_],
-        None, None, "no test that can be made was proposed",
-    )  # fmt: skip
+        case.number,
+        list(case.names or ("nothing",)),
+        case.code,
+        _names(found),
+        [(one.design.name, one.chance) for one in ranked],
+        [one.design.name for one in open_],
+        None,
+        None,
+        "no test that can be made was proposed",
+    )
     if not open_:
         return told
     drawn = np.random.default_rng([lab.seed, 23, case.number]).integers(len(open_))
@@ -182,9 +188,7 @@ def try_case(lab: Lab, folder: Path) -> Tried:
     return replace(told, proposed=proposed, random=random, why="")
 
 
-def _outcome(
-    lab: Lab, case: SealedCase, subject: Subject, before: Diagnosis, asked: Reckoned
-) -> Outcome | None:
+def _outcome(lab: Lab, case: SealedCase, subject: Subject, before: Diagnosis, asked: Reckoned) -> Outcome | None:
     """Make a test, and diagnose all that is known then."""
     design = asked.design
     if isinstance(design, Readings):
@@ -217,14 +221,20 @@ def weigh_again(diagnoser: Diagnoser, subject: Subject, left: Sequence[Mechanism
     observed = diagnoser.observations(subject)
     fine, coarse = solved_responses(subject, observed, diagnoser.folder, diagnoser.correction)
     law = subject.tissues["deep"].law
-    library = build_library(
-        fine, coarse, observed, left, diagnoser.correction, 1, Silent(), STIFFENING[law]
-    )
+    library = build_library(fine, coarse, observed, left, diagnoser.correction, 1, Silent(), STIFFENING[law])
     ends = choose_correction("auto", subject)
     return diagnose(
-        observed, subject.instrument, law, library, fine, Silent(), accuracy_of(subject), ends,
-        ruled_out=ruled_out_of(subject, ends), every=left,
-    )  # fmt: skip
+        observed,
+        subject.instrument,
+        law,
+        library,
+        fine,
+        Silent(),
+        accuracy_of(subject),
+        ends,
+        ruled_out=ruled_out_of(subject, ends),
+        every=left,
+    )
 
 
 def _names(found: Diagnosis) -> list[list[str]]:

@@ -17,18 +17,13 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 @app.command()
 def nulls(
     n: Annotated[int, typer.Option("--n", min=1, help="Sets of recordings.")] = 300,
-    legs: Annotated[
-        int, typer.Option(min=1, help="Misstated legs of a level of outline error.")
-    ] = 4,
-    crosscheck: Annotated[
-        Path, typer.Option(help="Folder of the cross-check's two clean curves.")
-    ] = Path("tests/data/crosscheck"),
-    foreign: Annotated[
-        Path | None, typer.Option(help="Folder that has case-30 and case-06 with clean curves.")
-    ] = None,
+    legs: Annotated[int, typer.Option(min=1, help="Misstated legs of a level of outline error.")] = 4,
+    crosscheck: Annotated[Path, typer.Option(help="Folder of the cross-check's two clean curves.")] = Path(
+        "tests/data/crosscheck"
+    ),
+    foreign: Annotated[Path | None, typer.Option(help="Folder that has case-30 and case-06 with clean curves.")] = None,
     only: Annotated[
-        list[str] | None,
-        typer.Option(help="Errors to begin with (as the report names them); all without it."),
+        list[str] | None, typer.Option(help="Errors to begin with (as the report names them); all without it.")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of all draws.")] = 1,
     library: Library = None,
@@ -49,9 +44,8 @@ def nulls(
 
         with progress_on() as progress:
             lines = command.run(
-                n, legs, only or (), seed, crosscheck, foreign, library or library_folder(), folder,
-                processes, progress,
-            )  # fmt: skip
+                n, legs, only or (), seed, crosscheck, foreign, library or library_folder(), folder, processes, progress
+            )
         for line in lines:
             typer.echo(line)
 

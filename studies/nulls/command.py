@@ -46,10 +46,7 @@ def run(
 
 def page(found: Sequence[NullOutcome]) -> str:
     """Return the table of false alarms, and each of them."""
-    lines = [
-        "| errors | legs | false alarms (95 %) | C10 within its 95 % interval | called |",
-        "|---|---|---|---|---|",
-    ]
+    lines = ["| errors | legs | false alarms (95 %) | C10 within its 95 % interval | called |", "|---|---|---|---|---|"]
     for condition in CONDITIONS:
         mine = [outcome for outcome in found if outcome.condition == condition.name]
         if mine:

@@ -86,11 +86,19 @@ class NullCounter:
         begun = time.process_time()
         found = self.diagnoser.diagnose(subject, Silent(), 0)
         return NullOutcome(
-            task.condition, task.curve, task.leg, found.verdict,
+            task.condition,
+            task.curve,
+            task.leg,
+            found.verdict,
             tuple(tuple(model.names) for model in found.models),
-            float(found.explained.soundness), found.best.value("C10"),
-            found.intervals["C10"], true, gain, air, time.process_time() - begun,
-        )  # fmt: skip
+            float(found.explained.soundness),
+            found.best.value("C10"),
+            found.intervals["C10"],
+            true,
+            gain,
+            air,
+            time.process_time() - begun,
+        )
 
     def _curve(self, name: str) -> CleanCurve:
         if name not in self._curves:
@@ -103,9 +111,7 @@ class NullCounter:
         return {**self.__dict__, "_curves": {}}
 
 
-def count(
-    tasks: Sequence[NullTask], counter: NullCounter, out: Path, jobs: int, progress: Progress
-) -> None:
+def count(tasks: Sequence[NullTask], counter: NullCounter, out: Path, jobs: int, progress: Progress) -> None:
     """Diagnose the tasks that aren't kept yet."""
     # A process that keeps to one leg makes its library once.
     order = sorted(tasks, key=lambda task: (task.turn // 4, task.key))

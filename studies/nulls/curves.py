@@ -12,9 +12,7 @@ from studies.lab.clean import clean_courses
 from studies.lab.recording import Course
 
 TRIALS = 3
-C10_KPA = {
-    "neo-hookean": 1.50, "reduced-polynomial": 0.72, "case-30": 1.45, "case-06": 1.25,
-}  # fmt: skip
+C10_KPA = {"neo-hookean": 1.50, "reduced-polynomial": 0.72, "case-30": 1.45, "case-06": 1.25}
 """By the folder; `clean.csv` lies in it."""
 
 
@@ -37,8 +35,9 @@ def clean_curve(folder: Path) -> CleanCurve:
     """
     path = folder / "clean.csv"
     if not path.is_file() or folder.name not in C10_KPA:
-        raise InputError(path, "clean curve", "is none of a leg without effect",
-                         f"give folders of {', '.join(C10_KPA)}")  # fmt: skip
+        raise InputError(
+            path, "clean curve", "is none of a leg without effect", f"give folders of {', '.join(C10_KPA)}"
+        )
     subject = load_subject(folder, need_recordings=False)
     return CleanCurve(subject, clean_courses(path)[0], C10_KPA[folder.name])
 

@@ -15,15 +15,13 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 
 @app.command()
 def people(
-    data: Annotated[
-        Path, typer.Option(help="Folder with indentation.csv, the table of MULTIS.")
-    ] = Path("../shared/data/multis_in_vivo"),
+    data: Annotated[Path, typer.Option(help="Folder with indentation.csv, the table of MULTIS.")] = Path(
+        "../shared/data/multis_in_vivo"
+    ),
     poisson_ratio: Annotated[
         float, typer.Option(min=0.3, max=0.4999, help="Of both tissues, which isn't known.")
     ] = 0.49,
-    sliding: Annotated[
-        bool, typer.Option("--sliding", help="Let the skin slide and stretch under the probe.")
-    ] = False,
+    sliding: Annotated[bool, typer.Option("--sliding", help="Let the skin slide and stretch under the probe.")] = False,
     seed: Annotated[int, typer.Option(help="Of the draws.")] = 0,
     out: Out = None,
     jobs: Jobs = None,

@@ -24,13 +24,7 @@ from studies.people.population import BOUNDARY_SD_MM, Drawn, draw_population
 from studies.people.prediction import GROUP, Predicted, predict_left_out
 from studies.people.probe import ProbeModel, points, solve_points
 from studies.people.response import ProbeResponse
-from studies.people.springs import (
-    constant_left_out,
-    least_share,
-    least_squares,
-    left_out,
-    mean_error,
-)
+from studies.people.springs import constant_left_out, least_share, least_squares, left_out, mean_error
 
 POINTS, CHECKED = 200, 30
 SWEEPS, KEPT, THIN = 500, 300, 3
@@ -75,13 +69,12 @@ def find(rows: Indentations, model: ProbeModel, folder: Path, jobs: int, seed: i
         for with_thickness in (True, False):
             progress.stage("the population, and people left out", -(-len(used.people) // GROUP))
             drawn = draw_population(
-                losses, KEPT, SWEEPS, np.random.default_rng(seed), thin=THIN,
-                with_thickness=with_thickness,
-            )  # fmt: skip
+                losses, KEPT, SWEEPS, np.random.default_rng(seed), thin=THIN, with_thickness=with_thickness
+            )
             start = drawn.states[-1]
-            fits.append((drawn, predict_left_out(
-                losses, used.compliance, start, seed, progress.advance, with_thickness
-            )))  # fmt: skip
+            fits.append(
+                (drawn, predict_left_out(losses, used.compliance, start, seed, progress.advance, with_thickness))
+            )
     (drawn, predicted), (_, alike) = fits
     compliance = used.compliance
     by_method = {
@@ -93,11 +86,15 @@ def find(rows: Indentations, model: ProbeModel, folder: Path, jobs: int, seed: i
         "one number, no thickness": constant_left_out(used, compliance),
     }
     return Found(
-        model, used, int((~inside).sum()), sum(bool(one.problem) for one in solved),
+        model,
+        used,
+        int((~inside).sum()),
+        sum(bool(one.problem) for one in solved),
         (float(np.sqrt(np.mean(force_error**2))), float(np.sqrt(np.mean(share_error**2)))),
-        drawn, predicted,
+        drawn,
+        predicted,
         {name: mean_error(used, compliance, made) for name, made in by_method.items()},
-    )  # fmt: skip
+    )
 
 
 def population_of(found: Found) -> dict[str, Any]:
@@ -131,8 +128,7 @@ def table_of(found: Found) -> Population:
     """Return the population as `legfem.inference.population` ships it."""
     return Population(
         schema_version=1,
-        source=f"{len(found.rows.people)} people of MULTIS (doi 10.18735/S5R97F), "
-        "by python -m studies.people",
+        source=f"{len(found.rows.people)} people of MULTIS (doi 10.18735/S5R97F), by python -m studies.people",
         people=len(found.rows.people),
         poisson_ratio=found.model.poisson_ratio,
         sites=population_of(found),
@@ -142,22 +138,19 @@ def table_of(found: Found) -> Population:
 def spreads_of(found: Found) -> dict[str, dict[str, float]]:
     """Return standard deviations of ln C10 between sites, people, and within a person."""
     return {
-        name: dict(zip(
-            TISSUES, np.sqrt(np.diag(found.drawn[field].mean(axis=0))).tolist(), strict=True
-        ))
+        name: dict(zip(TISSUES, np.sqrt(np.diag(found.drawn[field].mean(axis=0))).tolist(), strict=True))
         for name, field in (
-            ("sites", "between_sites"), ("people, at all sites alike", "between_people"),
+            ("sites", "between_sites"),
+            ("people, at all sites alike", "between_people"),
             ("a person's sites", "within"),
         )
-    }  # fmt: skip
+    }
 
 
 def people_table(found: Found) -> pd.DataFrame:
     """Return everyone's stiffness (kPa) with its 95 % interval, a row a person and site."""
     rows = found.rows
-    low, middle, high = mpa_to_kpa(
-        np.exp(np.quantile(found.drawn["theta"], (0.025, 0.5, 0.975), axis=0))
-    )
+    low, middle, high = mpa_to_kpa(np.exp(np.quantile(found.drawn["theta"], (0.025, 0.5, 0.975), axis=0)))
     table = {
         "person": [rows.people[k] for k in rows.person],
         "site": [rows.sites[k] for k in rows.site],
@@ -165,11 +158,7 @@ def people_table(found: Found) -> pd.DataFrame:
         "deep_mm": rows.deep,
     }
     for k, name in enumerate(TISSUES):
-        table |= {
-            f"{name}_C10_kPa": middle[:, k],
-            f"{name}_C10_low_kPa": low[:, k],
-            f"{name}_C10_high_kPa": high[:, k],
-        }
+        table |= {f"{name}_C10_kPa": middle[:, k], f"{name}_C10_low_kPa": low[:, k], f"{name}_C10_high_kPa": high[:, k]}
     return pd.DataFrame(table).sort_values(["site", "person"])
 
 
@@ -185,20 +174,23 @@ def own_table(found: Found, site: str, every: int = 5) -> str:
     return markdown_table(
         ["person", "skin and fat (mm)", "muscle (mm)", "fat: C10 (kPa)", "muscle: C10 (kPa)"],
         [
-            [row["person"], f"{row['superficial_mm']:.1f}", f"{row['deep_mm']:.1f}",
-             cell(row, "superficial"), cell(row, "deep")]
+            [
+                row["person"],
+                f"{row['superficial_mm']:.1f}",
+                f"{row['deep_mm']:.1f}",
+                cell(row, "superficial"),
+                cell(row, "deep"),
+            ]
             for _, row in table.iterrows()
         ],
-    )  # fmt: skip
+    )
 
 
 def errors_table(found: Found) -> str:
     """Return the table of prediction errors, in Markdown."""
     names = [*(SITES[site] for site in found.rows.sites), "mean of sites"]
     columns = [[*errors, errors.mean()] for errors in found.errors.values()]
-    lines = [
-        [name, *(f"{100 * column[k]:.1f}" for column in columns)] for k, name in enumerate(names)
-    ]
+    lines = [[name, *(f"{100 * column[k]:.1f}" for column in columns)] for k, name in enumerate(names)]
     return markdown_table(["error, %", *found.errors], lines)
 
 
@@ -208,12 +200,9 @@ def population_table(found: Found) -> str:
     for site, entry in population_of(found).items():
         line = [SITES.get(site, site)]
         for name in TISSUES:
-            median, sd, own = (
-                entry[name][key] for key in ("C10_median_kPa", "log_sd", "log_sd_of_the_median")
-            )
+            median, sd, own = (entry[name][key] for key in ("C10_median_kPa", "log_sd", "log_sd_of_the_median"))
             line += [
-                f"{median:.2f} ({median * np.exp(-1.96 * own):.2f} to "
-                f"{median * np.exp(1.96 * own):.2f})",
+                f"{median:.2f} ({median * np.exp(-1.96 * own):.2f} to {median * np.exp(1.96 * own):.2f})",
                 f"{sd:.2f}",
                 f"{median * np.exp(-1.96 * sd):.2g} to {median * np.exp(1.96 * sd):.2g}",
             ]
@@ -248,54 +237,57 @@ def run(data: Path, model: ProbeModel, out: Path, jobs: int, seed: int) -> None:
     out.mkdir(parents=True, exist_ok=True)
     found = find(rows, model, out, jobs, seed)
     used, told = found.rows, unpredictable(found)
-    text = "\n".join([
-        f"{len(used)} rows of {len(used.people)} people; {found.outside} lie outside of what was "
-        f"solved, {found.failed} of {POINTS + CHECKED} points weren't solved; emulator's error "
-        f"{100 * found.emulator_error[0]:.2f} % of the force, {found.emulator_error[1]:.3f} of "
-        "the superficial strain's ratio",
-        "",
-        errors_table(found),
-        "; ".join(f"{name.replace('_', ' ')} {value:.3g}" for name, value in told.items()),
-        "",
-        population_table(found),
-        "\n".join(
-            f"sd of ln C10 between {name}: fat {sd['superficial']:.2f}, muscle {sd['deep']:.2f}"
-            for name, sd in spreads_of(found).items()
-        ),
-        "",
-        "C10 goes with the power of thickness (mean of sites; rows by thickness, columns by C10): "
-        + np.array2string(found.drawn["mean_slope"].mean(axis=0), precision=2)
-        + " +- "
-        + np.array2string(found.drawn["mean_slope"].std(axis=0), precision=2),
-        "",
-        own_table(found, CALF) if CALF in used.sites else "",
-    ])  # fmt: skip
+    text = "\n".join(
+        [
+            f"{len(used)} rows of {len(used.people)} people; {found.outside} lie outside of what was "
+            f"solved, {found.failed} of {POINTS + CHECKED} points weren't solved; emulator's error "
+            f"{100 * found.emulator_error[0]:.2f} % of the force, {found.emulator_error[1]:.3f} of "
+            "the superficial strain's ratio",
+            "",
+            errors_table(found),
+            "; ".join(f"{name.replace('_', ' ')} {value:.3g}" for name, value in told.items()),
+            "",
+            population_table(found),
+            "\n".join(
+                f"sd of ln C10 between {name}: fat {sd['superficial']:.2f}, muscle {sd['deep']:.2f}"
+                for name, sd in spreads_of(found).items()
+            ),
+            "",
+            "C10 goes with the power of thickness (mean of sites; rows by thickness, columns by C10): "
+            + np.array2string(found.drawn["mean_slope"].mean(axis=0), precision=2)
+            + " +- "
+            + np.array2string(found.drawn["mean_slope"].std(axis=0), precision=2),
+            "",
+            own_table(found, CALF) if CALF in used.sites else "",
+        ]
+    )
     print(text)
     write_atomically(out / "report.md", text + "\n")
-    write_atomically(
-        out / "people.csv", people_table(found).to_csv(index=False, float_format="%.4g")
-    )
+    write_atomically(out / "people.csv", people_table(found).to_csv(index=False, float_format="%.4g"))
     if CALF in used.sites:
         save(draw_stiffness(used, found.drawn["theta"], CALF), out, "stiffness")
     save(draw_predicted(used, used.compliance, found.predicted), out, "predicted")
     write_document(out / TABLE.name, table_of(found).model_dump())
-    result = write_document(out / "result.json", {
-        "schema": 1,
-        "origin": "measured",
-        "model": {"poisson_ratio": model.poisson_ratio, "face": model.face},
-        "rows": len(used),
-        "people": len(used.people),
-        "emulator_error": {"force": found.emulator_error[0], "share": found.emulator_error[1]},
-        "error_percent": {
-            name: {
-                **{site: 100 * float(one) for site, one in zip(used.sites, errors, strict=True)},
-                "mean": 100 * float(errors.mean()),
-            }
-            for name, errors in found.errors.items()
+    result = write_document(
+        out / "result.json",
+        {
+            "schema": 1,
+            "origin": "measured",
+            "model": {"poisson_ratio": model.poisson_ratio, "face": model.face},
+            "rows": len(used),
+            "people": len(used.people),
+            "emulator_error": {"force": found.emulator_error[0], "share": found.emulator_error[1]},
+            "error_percent": {
+                name: {
+                    **{site: 100 * float(one) for site, one in zip(used.sites, errors, strict=True)},
+                    "mean": 100 * float(errors.mean()),
+                }
+                for name, errors in found.errors.items()
+            },
+            "unpredictable": told,
+            "population": population_of(found),
+            "log_sd": spreads_of(found),
+            "cpu_s": time.process_time() - started,
         },
-        "unpredictable": told,
-        "population": population_of(found),
-        "log_sd": spreads_of(found),
-        "cpu_s": time.process_time() - started,
-    })  # fmt: skip
+    )
     print(f"result: {result}")

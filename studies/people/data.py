@@ -14,16 +14,28 @@ from legfem.common.units import FloatArray
 
 FILE = "indentation.csv"
 SITES = {
-    "UA_A": "upper arm, front", "UA_P": "upper arm, back",
-    "LA_A": "forearm, front", "LA_P": "forearm, back",
-    "UL_A": "thigh, front", "UL_P": "thigh, back",
-    "LL_A": "shin", "LL_P": "calf",
-}  # fmt: skip
+    "UA_A": "upper arm, front",
+    "UA_P": "upper arm, back",
+    "LA_A": "forearm, front",
+    "LA_P": "forearm, back",
+    "UL_A": "thigh, front",
+    "UL_P": "thigh, back",
+    "LL_A": "shin",
+    "LL_P": "calf",
+}
 """By the table's names."""
 _NUMBERS = (
-    "MaxForce", "maxForce_normArea", "Thickness", "Skin", "Fat", "Muscle", "SkinStrain",
-    "fat_disp", "muscle_disp", "Total_Stiff",
-)  # fmt: skip
+    "MaxForce",
+    "maxForce_normArea",
+    "Thickness",
+    "Skin",
+    "Fat",
+    "Muscle",
+    "SkinStrain",
+    "fat_disp",
+    "muscle_disp",
+    "Total_Stiff",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,27 +112,25 @@ def read_indentations(folder: Path) -> Indentations:
         table = pd.read_csv(path, dtype={"SubID": str, "Location": str})
     except (OSError, ValueError) as error:
         raise InputError(
-            str(path), "table", f"can't be read ({type(error).__name__})",
+            str(path),
+            "table",
+            f"can't be read ({type(error).__name__})",
             "give --data the folder of the MULTIS table (doi 10.18735/S5R97F)",
-        ) from error  # fmt: skip
+        ) from error
     missing = {"SubID", "Location", *_NUMBERS} - set(table.columns)
     if missing:
         raise InputError(
-            str(path), sorted(missing)[0], "no such column",
-            "give the table as it is published, with all its columns",
-        )  # fmt: skip
+            str(path), sorted(missing)[0], "no such column", "give the table as it is published, with all its columns"
+        )
     numbers = table[list(_NUMBERS)].apply(pd.to_numeric, errors="coerce")
-    positive = numbers[
-        ["MaxForce", "maxForce_normArea", "Thickness", "Fat", "Muscle", "Total_Stiff"]
-    ]
+    positive = numbers[["MaxForce", "maxForce_normArea", "Thickness", "Fat", "Muscle", "Total_Stiff"]]
     good = np.isfinite(numbers).all(axis=1) & (positive > 0).all(axis=1)
     good &= table["Location"].isin(SITES) & table["SubID"].notna()
     table, numbers = table[good], numbers[good]
     if not len(table):
         raise InputError(
-            str(path), "", "holds no person with all numbers",
-            "give forces in N, thicknesses in mm, pressures in MPa",
-        )  # fmt: skip
+            str(path), "", "holds no person with all numbers", "give forces in N, thicknesses in mm, pressures in MPa"
+        )
     people = tuple(sorted(set(table["SubID"])))
     sites = tuple(site for site in SITES if site in set(table["Location"]))
     get = {name: numbers[name].to_numpy(dtype=float) for name in _NUMBERS}

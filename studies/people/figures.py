@@ -20,12 +20,14 @@ def draw_stiffness(rows: Indentations, log_C10: FloatArray, site: str) -> Figure
     """Draw C10 of both tissues of everyone at a site, of draws (k, n, 2) of its logarithm."""
     figure = new_figure(9, 3.8)
     own = rows.site == rows.sites.index(site)
-    title(figure, f"Stiffness at the {SITES[site]}, each person with a 95 % interval",
-          f"{len(rows.people)} people", "measured")  # fmt: skip
+    title(
+        figure,
+        f"Stiffness at the {SITES[site]}, each person with a 95 % interval",
+        f"{len(rows.people)} people",
+        "measured",
+    )
     for k, (axes, (region, name)) in enumerate(zip(figure.subplots(1, 2), _TISSUES, strict=True)):
-        low, middle, high = mpa_to_kpa(
-            np.exp(np.quantile(log_C10[:, own, k], (0.025, 0.5, 0.975), axis=0))
-        )
+        low, middle, high = mpa_to_kpa(np.exp(np.quantile(log_C10[:, own, k], (0.025, 0.5, 0.975), axis=0)))
         order = np.argsort(middle)
         at = np.arange(len(order))
         axes.vlines(at, low[order], high[order], color=REGION_COLOURS[region], lw=2.5)
@@ -39,8 +41,9 @@ def draw_stiffness(rows: Indentations, log_C10: FloatArray, site: str) -> Figure
 def draw_predicted(rows: Indentations, compliance: FloatArray, predicted: Predicted) -> Figure:
     """Draw compliance as measured against that of mechanics and of springs, all left out."""
     figure = new_figure(9, 4.6)
-    title(figure, "Compliance of people left out of the fit, by thickness alone",
-          f"{len(rows.people)} people", "measured")  # fmt: skip
+    title(
+        figure, "Compliance of people left out of the fit, by thickness alone", f"{len(rows.people)} people", "measured"
+    )
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     _against(left, rows, compliance, predicted.best)
     panel(left, "A", "mechanics")
@@ -55,6 +58,5 @@ def _against(axes: Axes, rows: Indentations, compliance: FloatArray, predicted: 
     axes.plot(ends, ends, color=FAINT, lw=0.8)
     for k, site in enumerate(rows.sites):
         own = rows.site == k
-        axes.plot(predicted[own], compliance[own], "osv^Dp*X"[k], ms=3, alpha=0.7,
-                  label=SITES[site])  # fmt: skip
+        axes.plot(predicted[own], compliance[own], "osv^Dp*X"[k], ms=3, alpha=0.7, label=SITES[site])
     axes.set(xscale="log", yscale="log", xlabel="predicted (mm/MPa)", ylabel="measured (mm/MPa)")

@@ -50,9 +50,7 @@ class Losses:
         """Return those of some rows."""
         return Losses(self.rows.where(kept), self.tables[kept])
 
-    def __call__(
-        self, log_C10: FloatArray, force: FloatArray | None = None
-    ) -> tuple[FloatArray, FloatArray]:
+    def __call__(self, log_C10: FloatArray, force: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
         """Return the thickness lost (..., n), mm, by the superficial layer and by both.
 
         Parameters

@@ -136,10 +136,16 @@ def draw_population(
 def _start(rows: Indentations) -> State:
     spread = _SPREAD**2 * np.eye(2)
     return State(
-        np.full((len(rows), 2), _CENTRE), np.zeros((len(rows.people), 2)),
-        np.full((len(rows.sites), 2), _CENTRE), np.zeros((len(rows.sites), 2, 2)),
-        np.zeros((2, 2)), np.full(2, _CENTRE), spread, spread, spread,
-    )  # fmt: skip
+        np.full((len(rows), 2), _CENTRE),
+        np.zeros((len(rows.people), 2)),
+        np.full((len(rows.sites), 2), _CENTRE),
+        np.zeros((len(rows.sites), 2, 2)),
+        np.zeros((2, 2)),
+        np.full(2, _CENTRE),
+        spread,
+        spread,
+        spread,
+    )
 
 
 def _fitted_to(start: State, rows: Indentations) -> State:
@@ -159,10 +165,7 @@ class _Chain:
         """Return that of every row (n,)."""
         rows = self.losses.rows
         superficial, total = self.losses(theta)
-        off = (
-            (rows.superficial_loss - superficial) ** 2
-            + (rows.superficial_loss + rows.deep_loss - total) ** 2
-        )  # fmt: skip
+        off = (rows.superficial_loss - superficial) ** 2 + (rows.superficial_loss + rows.deep_loss - total) ** 2
         return np.where(allowed(theta), -0.5 * off / self.boundary_sd**2, -np.inf)
 
     def rows_given(self, state: State, step: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -192,10 +195,7 @@ class _Chain:
         slope = within[0, 1] / within[1, 1]
         sd = np.sqrt(within[0, 0] - slope * within[0, 1])
         trial = theta.copy()
-        trial[:, 0] = (
-            centre[:, 0] + slope * (theta[:, 1] - centre[:, 1])
-            + sd * rng.standard_normal(len(theta))
-        )  # fmt: skip
+        trial[:, 0] = centre[:, 0] + slope * (theta[:, 1] - centre[:, 1]) + sd * rng.standard_normal(len(theta))
         new = self.log_likelihood(trial)
         taken = np.log(rng.random(len(theta))) < new - likelihood
         return np.where(taken[:, None], trial, theta), accepted
@@ -207,27 +207,31 @@ class _Chain:
         inside = np.linalg.inv(state.within)
         of_thickness = state.centre(rows) - state.site[rows.site]
         person = self._effects(
-            theta - state.centre(rows), rows.person, len(rows.people), inside,
-            np.linalg.inv(state.between_people), np.zeros(2),
-        )  # fmt: skip
+            theta - state.centre(rows),
+            rows.person,
+            len(rows.people),
+            inside,
+            np.linalg.inv(state.between_people),
+            np.zeros(2),
+        )
         site = self._effects(
-            theta - of_thickness - person[rows.person], rows.site, len(rows.sites), inside,
-            np.linalg.inv(state.between_sites), state.mean,
-        )  # fmt: skip
+            theta - of_thickness - person[rows.person],
+            rows.site,
+            len(rows.sites),
+            inside,
+            np.linalg.inv(state.between_sites),
+            state.mean,
+        )
         slope, mean_slope = state.slope, state.mean_slope
         if self.with_thickness:
-            slope, mean_slope = self._slopes(
-                theta - site[rows.site] - person[rows.person], inside, mean_slope
-            )
+            slope, mean_slope = self._slopes(theta - site[rows.site] - person[rows.person], inside, mean_slope)
         sites = np.linalg.inv(state.between_sites)
         whole = len(site) * sites + np.eye(2) / _WITHIN**2
         pull = sites @ site.sum(axis=0) + np.full(2, _CENTRE) / _WITHIN**2
         mean = rng.multivariate_normal(np.linalg.solve(whole, pull), np.linalg.inv(whole))
         # People without a row, as one who was left out, tell nothing of how people differ.
         seen = np.unique(rows.person)
-        made = replace(
-            state, person=person, site=site, slope=slope, mean_slope=mean_slope, mean=mean
-        )
+        made = replace(state, person=person, site=site, slope=slope, mean_slope=mean_slope, mean=mean)
         return replace(
             made,
             between_sites=self._covariance(site - mean),
@@ -235,9 +239,7 @@ class _Chain:
             within=self._covariance(theta - made.centre(rows) - person[rows.person]),
         )
 
-    def _slopes(
-        self, left: FloatArray, inside: FloatArray, mean_slope: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def _slopes(self, left: FloatArray, inside: FloatArray, mean_slope: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Draw B (sites, 2, 2) and its mean, of what of the rows (n, 2) is left for it."""
         rows, rng = self.losses.rows, self.rng
         z, count = rows.relative_thickness, len(rows.sites)
@@ -258,9 +260,14 @@ class _Chain:
         return slope, middle + rng.standard_normal((2, 2)) / np.sqrt(precision)
 
     def _effects(
-        self, left: FloatArray, group: NDArray[np.int64], count: int, inside: FloatArray,
-        outside: FloatArray, centre: FloatArray,
-    ) -> FloatArray:  # fmt: skip
+        self,
+        left: FloatArray,
+        group: NDArray[np.int64],
+        count: int,
+        inside: FloatArray,
+        outside: FloatArray,
+        centre: FloatArray,
+    ) -> FloatArray:
         """Draw the means (count, 2) of groups of rows, given their covariances' inverses."""
         sums = np.zeros((count, 2))
         np.add.at(sums, group, left)

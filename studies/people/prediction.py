@@ -58,9 +58,7 @@ def predict_left_out(
         rng = np.random.default_rng([seed, first])
         others = (rows.person < first) | (rows.person >= first + GROUP)
         own = np.flatnonzero(~others)
-        drawn = draw_population(
-            losses.where(others), KEPT, WARM_UP, rng, start, with_thickness=with_thickness
-        )
+        drawn = draw_population(losses.where(others), KEPT, WARM_UP, rng, start, with_thickness=with_thickness)
         left = rows.where(others)
         ratio = float(np.median(compliance[others] / left.secant_compliance))
         force = np.array([np.median(left.force[left.site == rows.site[k]]) for k in own])

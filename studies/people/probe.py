@@ -79,9 +79,7 @@ def solve_point(model: ProbeModel, point: Sequence[float], refined: float = 1.0)
         Layer(name, float(share) * _RADIUS, neo_hookean(float(C10), model.poisson_ratio))
         for name, share, C10 in (("deep", deep, _C10), ("superficial", superficial, ratio * _C10))
     )
-    given = PunchOnLayer(
-        sum(layer.thickness for layer in layers), _RADIUS, _EDGE, _AROUND * _RADIUS, model.face
-    )
+    given = PunchOnLayer(sum(layer.thickness for layer in layers), _RADIUS, _EDGE, _AROUND * _RADIUS, model.face)
     depth = float(STRAINS[-1]) * given.thickness * 1.01
     settings = AxisymmetricSettings(
         MeridianMeshSettings(0.25 * _EDGE, 0.35, 6.0).refined(refined),

@@ -33,11 +33,7 @@ class ProbeResponse:
     def through(cls, at: FloatArray, found: Sequence[SolvedPoint]) -> ProbeResponse:
         """Return the response through those points that were solved."""
         done = [k for k, one in enumerate(found) if not one.problem]
-        return cls(
-            at[done],
-            np.array([found[k].force for k in done]),
-            np.array([found[k].share for k in done]),
-        )
+        return cls(at[done], np.array([found[k].force for k in done]), np.array([found[k].share for k in done]))
 
     @cached_property
     def _smooth(self) -> RBFInterpolator:

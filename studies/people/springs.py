@@ -48,10 +48,12 @@ def left_out(rows: Indentations, compliance: FloatArray, fit: Fit) -> FloatArray
 
 def constant_left_out(rows: Indentations, compliance: FloatArray) -> FloatArray:
     """Return the one number (n,) with the least relative error for the others at the site."""
-    return np.array([
-        least_share_value(compliance[(rows.site == rows.site[k]) & (rows.person != rows.person[k])])
-        for k in range(len(rows))
-    ])  # fmt: skip
+    return np.array(
+        [
+            least_share_value(compliance[(rows.site == rows.site[k]) & (rows.person != rows.person[k])])
+            for k in range(len(rows))
+        ]
+    )
 
 
 def least_share_value(values: FloatArray) -> float:
@@ -61,9 +63,7 @@ def least_share_value(values: FloatArray) -> float:
     return float(values[order][np.searchsorted(weight, 0.5 * weight[-1])])
 
 
-def mean_error(
-    rows: Indentations, compliance: FloatArray, predicted: FloatArray
-) -> NDArray[np.float64]:
+def mean_error(rows: Indentations, compliance: FloatArray, predicted: FloatArray) -> NDArray[np.float64]:
     """Return the mean absolute error (sites,), relative to the person's own compliance."""
     off = np.abs(predicted / compliance - 1)
     return np.array([off[rows.site == k].mean() for k in range(len(rows.sites))])

@@ -24,17 +24,18 @@ def run(number: int, seed: int, out: Path, jobs: int) -> None:
     store = Store(out / "truths", Planted, modules=("studies.planted.truths",))
     with progress_on() as progress, Workers(identify_truth, None, jobs) as workers:
         found = finish(
-            workers, truths, store, progress, "simulating and identifying",
-            lambda _, case: _line(case), asked=_asked,
-        )  # fmt: skip
+            workers, truths, store, progress, "simulating and identifying", lambda _, case: _line(case), asked=_asked
+        )
     document = {"schema": 1, "unit": "kPa", "origin": "simulated"}
     cases = [asdict(case) for case in found]
     path = write_document(out / "result.json", {**document, "cases": cases})
     Console(width=120).print(planted_table(found))
     for parameter in ("c10", "c20"):
         share, low, high = coverage(found, parameter)
-        print(f"{parameter}: 95 % intervals cover {share:.1%} of {number} truths "
-              f"(95 % interval of that share: {low:.1%} to {high:.1%})")  # fmt: skip
+        print(
+            f"{parameter}: 95 % intervals cover {share:.1%} of {number} truths "
+            f"(95 % interval of that share: {low:.1%} to {high:.1%})"
+        )
     print(f"result: {path}")
 
 
@@ -51,11 +52,15 @@ def planted_table(found: list[Planted]) -> Table:
     for case in found:
         truth = case.truth
         table.add_row(
-            truth.subject, f"{truth.c10_kpa:.3f}", f"{case.c10:.3f}",
-            _interval(case.c10_interval, case.c10_covered), f"{truth.c20_kpa:.3f}",
-            f"{case.c20:.3f}", _interval(case.c20_interval, case.c20_covered),
+            truth.subject,
+            f"{truth.c10_kpa:.3f}",
+            f"{case.c10:.3f}",
+            _interval(case.c10_interval, case.c10_covered),
+            f"{truth.c20_kpa:.3f}",
+            f"{case.c20:.3f}",
+            _interval(case.c20_interval, case.c20_covered),
             str(case.forward_solves),
-        )  # fmt: skip
+        )
     return table
 
 

@@ -98,9 +98,7 @@ def identify_truth(context: None, truth: PlantedTruth) -> Planted:
     """
     subject = _recorded(truth)
     request = SearchRequest(settings=IdentificationSettings(seed=truth.seed))
-    result = identify_subject(
-        subject, ["reduced-polynomial"], request, model=_model(truth.subject, _depth(subject))
-    )[0]
+    result = identify_subject(subject, ["reduced-polynomial"], request, model=_model(truth.subject, _depth(subject)))[0]
     return _outcome(truth, result)
 
 

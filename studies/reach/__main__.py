@@ -26,9 +26,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 def reach(
     n: Annotated[int, typer.Option("--n", min=1, help="Legs.")] = 500,
     seed: Annotated[int, typer.Option(min=0, help="Of all draws.")] = 1,
-    compare: Annotated[
-        int, typer.Option(min=0, help="Every so manieth leg is solved with finer steps too.")
-    ] = 10,
+    compare: Annotated[int, typer.Option(min=0, help="Every so manieth leg is solved with finer steps too.")] = 10,
     out: Out = None,
     jobs: Jobs = None,
 ) -> None:
@@ -43,14 +41,15 @@ def reach(
         tasks = [ReachTask(k, seed, compare > 0 and k % compare == 0) for k in range(n)]
         with progress_on() as progress:
             found = press_all(tasks, folder, processes, progress)
-        write_document(folder / "result.json", {
-            "schema": 1,
-            "origin": "simulated",
-            "seed": seed,
-            "legs": [
-                {"number": task.number, **json_types(asdict(outcome))} for task, outcome in found
-            ],
-        })  # fmt: skip
+        write_document(
+            folder / "result.json",
+            {
+                "schema": 1,
+                "origin": "simulated",
+                "seed": seed,
+                "legs": [{"number": task.number, **json_types(asdict(outcome))} for task, outcome in found],
+            },
+        )
         text = page(found)
         write_atomically(folder / "report.md", text)
         typer.echo(text)
@@ -71,18 +70,17 @@ def page(found: Sequence[tuple[ReachTask, Reached]]) -> str:
         ["reached their depth", str(Rate(len(reached), len(outcomes)))],
         ["of them at the first attempt", f"{sum(o.attempts == 1 for o in reached)}"],
         ["of them with a jump to another equilibrium", f"{sum(o.jumps > 0 for o in reached)}"],
-        ["curve within 0.3 % of finer steps, of those compared",
-         str(Rate(sum(error <= WITHIN for error in between), len(between)))],
+        [
+            "curve within 0.3 % of finer steps, of those compared",
+            str(Rate(sum(error <= WITHIN for error in between), len(between))),
+        ],
         ["greatest difference", _percent(between)],
         ["greatest difference at the curve's own steps", _percent(at_steps)],
-        ["seconds of the processor a leg, median and most",
-         f"{np.median(seconds):.1f}, {max(seconds):.0f}"],
-    ]  # fmt: skip
+        ["seconds of the processor a leg, median and most", f"{np.median(seconds):.1f}, {max(seconds):.0f}"],
+    ]
     text = markdown_table(["simulated legs", ""], rows)
     stopped = [
-        [str(task.number), f"{o.reached_mm:.2f}", _described(o), o.reason]
-        for task, o in found
-        if not o.complete
+        [str(task.number), f"{o.reached_mm:.2f}", _described(o), o.reason] for task, o in found if not o.complete
     ]
     if stopped:
         heads = ["leg that stops short", "at (mm)", "what it is", "why"]

@@ -68,9 +68,19 @@ def drawn_leg(number: int, seed: int) -> tuple[DrawnLeg, PlaneStrainIndentation]
         indenter = Indenter(RADIUS_MM, LENGTH_MM, centre, direction)
         to_bone = depth_to_bone(section, centre, indenter.direction)
         leg = DrawnLeg(
-            number, seed, girth, fat, fascia, C10, C20, *outer, D1, outer_D1, direction,
+            number,
+            seed,
+            girth,
+            fat,
+            fascia,
+            C10,
+            C20,
+            *outer,
+            D1,
+            outer_D1,
+            direction,
             min(DEEPEST_MM, SHARE * to_bone),
-        )  # fmt: skip
+        )
         return leg, PlaneStrainIndentation(section, indenter, _tissues(leg))
     raise InputError("--seed", f"{seed}", f"leg {number} can't be drawn", "give another seed")
 
@@ -78,17 +88,13 @@ def drawn_leg(number: int, seed: int) -> tuple[DrawnLeg, PlaneStrainIndentation]
 def _tissues(leg: DrawnLeg) -> Tissues:
     D2 = leg.D1_per_MPa if leg.C20_kPa > 0 else math.inf
     return Tissues(
-        deep=ReducedPolynomial(
-            C10=1e-3 * leg.C10_kPa, D1=leg.D1_per_MPa, C20=1e-3 * leg.C20_kPa, D2=D2
-        ),
+        deep=ReducedPolynomial(C10=1e-3 * leg.C10_kPa, D1=leg.D1_per_MPa, C20=1e-3 * leg.C20_kPa, D2=D2),
         superficial=NeoHookean(1e-3 * leg.fat_kPa, leg.outer_D1_per_MPa),
         fascia=NeoHookean(1e-3 * leg.fascia_kPa, leg.outer_D1_per_MPa),
     )
 
 
-def _section(
-    generator: np.random.Generator, girth: float, fat: float, fascia: float
-) -> LegSection | None:
+def _section(generator: np.random.Generator, girth: float, fat: float, fascia: float) -> LegSection | None:
     """Return contours drawn, or None where they cross."""
 
     def even(low: float, high: float) -> float:

@@ -104,9 +104,7 @@ def _finer_curve(test: PlaneStrainIndentation, depth: float) -> ForceCurve | Non
     return solved.curve if solved.report.complete else None
 
 
-def press_all(
-    tasks: list[ReachTask], out: Path, jobs: int, progress: Progress
-) -> list[tuple[ReachTask, Reached]]:
+def press_all(tasks: list[ReachTask], out: Path, jobs: int, progress: Progress) -> list[tuple[ReachTask, Reached]]:
     """Press the legs that aren't kept yet; return all."""
     store = Store(out / "kept", Reached, "reach", MODULES)
     left = [task for task in tasks if store.get(task) is None]

@@ -16,16 +16,13 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 @app.command()
 def recordings(
     data: Annotated[Path, typer.Option(help="Folder with the two public sets of recordings.")],
-    test: Annotated[
-        list[str] | None, typer.Option(help="Indentation by its name; all by default.")
-    ] = None,
+    test: Annotated[list[str] | None, typer.Option(help="Indentation by its name; all by default.")] = None,
     ball_radius: Annotated[
         float, typer.Option(min=0.1, help="Of the indenter, which the data don't state (mm).")
     ] = 5.0,
     layer_radius: Annotated[float, typer.Option(min=1.0, help="Of the specimens (mm).")] = 40.0,
     specimen_folders: Annotated[
-        Path | None,
-        typer.Option(help="Only write the data as folders for legfem.identify --specimen-dir."),
+        Path | None, typer.Option(help="Only write the data as folders for legfem.identify --specimen-dir.")
     ] = None,
     out: Out = None,
     jobs: Jobs = None,

@@ -18,12 +18,7 @@ from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 from legfem.common.units import FloatArray
 from legfem.jobs.store import Store
-from studies.recordings.compression import (
-    ENDS,
-    CompressedPhantom,
-    elastic_curves,
-    study_kind,
-)
+from studies.recordings.compression import ENDS, CompressedPhantom, elastic_curves, study_kind
 from studies.recordings.curves import LayerCurves, each_in_turn, layer_curves
 from studies.recordings.data import MeatTest, phantom_kinds, read_meat, read_phantoms
 from studies.recordings.figures import draw_compressed, draw_indented
@@ -48,9 +43,7 @@ def run(data: Path, tests: Sequence[str], assumed: Assumed, out: Path, jobs: int
     rows: list[Row] = []
     with progress_on() as progress:
         progress.stage("the layer's elastic force")
-        layers = layer_curves(
-            assumed.ball_radius, assumed.layer_radius, solves, jobs, progress.advance
-        )
+        layers = layer_curves(assumed.ball_radius, assumed.layer_radius, solves, jobs, progress.advance)
         progress.stage("indentations", len(chosen))
         store = Store(out / "tests", Row, assumed, ["studies.recordings.indentation"])
         work = partial(_study, layers=layers, store=store, out=out)
@@ -80,14 +73,12 @@ def run(data: Path, tests: Sequence[str], assumed: Assumed, out: Path, jobs: int
         "schema": 2,
         "origin": "measured",
         "unit": {"force": "N", "C10": "kPa", "length": "mm", "time": "s"},
-        "assumed": {
-            "ball_radius_mm": assumed.ball_radius, "layer_radius_mm": assumed.layer_radius,
-        },
+        "assumed": {"ball_radius_mm": assumed.ball_radius, "layer_radius_mm": assumed.layer_radius},
         "summary": summary,
         "indentations": [asdict(row) for row in rows],
         "phantoms": [_compressed_json(c) for found in phantoms.values() for c in found],
         "wall_s": time.perf_counter() - started,
-    }  # fmt: skip
+    }
     print(f"result: {write_document(out / 'result.json', document)}")
     return bool(told)
 
@@ -127,53 +118,72 @@ def _summary(rows: Sequence[Row]) -> dict[str, float]:
         "ratio_of_medians": float(after / line),
         "air_tests": len(wrong),
         "air_found_within_median_mm": float(np.median(wrong)) if len(wrong) else float("nan"),
-        "air_found_within_95_percent_mm": (
-            float(np.quantile(wrong, 0.95)) if len(wrong) else float("nan")
-        ),
+        "air_found_within_95_percent_mm": (float(np.quantile(wrong, 0.95)) if len(wrong) else float("nan")),
     }
 
 
 def _indented_table(rows: Sequence[Row]) -> Table:
     table = Table(title="Indentations: a ball on a layer (measured data)")
     for name in (
-        "test", "contact mm", "F end/peak", "C10 elastic kPa", "explained by", "%", "C10 kPa",
-        "ratio; time s; spread", "held-out RMSE N: elastic", "parameters alone", "explained",
+        "test",
+        "contact mm",
+        "F end/peak",
+        "C10 elastic kPa",
+        "explained by",
+        "%",
+        "C10 kPa",
+        "ratio; time s; spread",
+        "held-out RMSE N: elastic",
+        "parameters alone",
+        "explained",
         "line in ln t",
-    ):  # fmt: skip
+    ):
         table.add_column(name, justify="left" if name == "test" else "right", overflow="fold")
     for row in rows:
         names, probability = row.explanations[0]
         table.add_row(
-            row.test, f"{row.first_contact:.2f}", f"{row.relaxed:.2f}", f"{row.c10_elastic:.2f}",
+            row.test,
+            f"{row.first_contact:.2f}",
+            f"{row.relaxed:.2f}",
+            f"{row.c10_elastic:.2f}",
             "\n".join(names) + (" in part" if row.in_part else "") or "nothing",
-            f"{100 * probability:.0f}", f"{row.c10:.2f}",
+            f"{100 * probability:.0f}",
+            f"{row.c10:.2f}",
             "; ".join(f"{value:.2g}" for value in row.relaxation) or "-",
-            *(f"{rmse:.4f}" for rmse in
-              (row.elastic_rmse, row.alone_rmse, row.after_rmse, row.line_rmse)),
-        )  # fmt: skip
+            *(f"{rmse:.4f}" for rmse in (row.elastic_rmse, row.alone_rmse, row.after_rmse, row.line_rmse)),
+        )
     return table
 
 
 def _compressed_table(found: dict[str, tuple[CompressedPhantom, ...]]) -> Table:
     table = Table(title="Phantoms: cylinders between plates, to 40 % strain (measured data)")
     for name in (
-        "kind", "samples", "C10 kPa, sliding", "C10 kPa, bonded", "RMSE/peak, sliding", "bonded",
-        "better with bonded ends", "beyond 30 %, sliding", "bonded",
-        "next sample, sliding", "bonded",
-    ):  # fmt: skip
+        "kind",
+        "samples",
+        "C10 kPa, sliding",
+        "C10 kPa, bonded",
+        "RMSE/peak, sliding",
+        "bonded",
+        "better with bonded ends",
+        "beyond 30 %, sliding",
+        "bonded",
+        "next sample, sliding",
+        "bonded",
+    ):
         table.add_column(name, justify="right")
     for kind, samples in found.items():
         fits = [[c.with_ends(ends) for c in samples] for ends in ENDS]
         peaks = np.array([c.force.max() for c in samples])
         c10 = [np.array([f.c10 for f in own]) for own in fits]
         table.add_row(
-            kind, str(len(samples)),
+            kind,
+            str(len(samples)),
             *(f"{np.mean(c):.2f} ± {np.std(c, ddof=1):.2f}" for c in c10),
             *(_percent([f.rmse for f in own], peaks) for own in fits),
             f"{sum(c.better.ends == 'bonded' for c in samples)} of {len(samples)}",
             *(_percent([f.beyond_rmse for f in own], peaks) for own in fits),
             *(_percent([f.next_rmse for f in own], peaks) for own in fits),
-        )  # fmt: skip
+        )
     return table
 
 

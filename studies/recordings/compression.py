@@ -71,19 +71,13 @@ def elastic_curves(phantom: Phantom, folder: Path, jobs: int) -> dict[Ends, Cubi
     return dict(zip(ENDS, curves, strict=True))
 
 
-def study_kind(
-    phantoms: Sequence[Phantom], curves: dict[Ends, CubicSpline]
-) -> tuple[CompressedPhantom, ...]:
+def study_kind(phantoms: Sequence[Phantom], curves: dict[Ends, CubicSpline]) -> tuple[CompressedPhantom, ...]:
     """Fit every sample of a kind with both kinds of ends."""
     seen = [_loading(phantom) for phantom in phantoms]
     following = [*seen[1:], seen[0]]
     return tuple(
         CompressedPhantom(
-            phantom,
-            *own,
-            tuple(
-                _fitted(ends, curve, phantom.height, own, after) for ends, curve in curves.items()
-            ),
+            phantom, *own, tuple(_fitted(ends, curve, phantom.height, own, after) for ends, curve in curves.items())
         )
         for phantom, own, after in zip(phantoms, seen, following, strict=True)
     )

@@ -22,12 +22,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray, kpa_to_mpa
-from legfem.experiments.axisymmetric import (
-    BallIndentation,
-    BallOnLayer,
-    CylinderBetweenPlates,
-    CylinderCompression,
-)
+from legfem.experiments.axisymmetric import BallIndentation, BallOnLayer, CylinderBetweenPlates, CylinderCompression
 from legfem.jobs.store import Store
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.solve.protocol import Protocol
@@ -125,31 +120,21 @@ class LayerCurves:
 
 
 def _lagrange(nodes: FloatArray, rows: FloatArray, at: float) -> FloatArray:
-    weights = [
-        np.prod([(at - b) / (a - b) for b in nodes if b != a]) for a in nodes
-    ]  # fmt: skip
+    weights = [np.prod([(at - b) / (a - b) for b in nodes if b != a]) for a in nodes]
     return np.asarray(np.array(weights) @ rows)
 
 
 def layer_curves(
-    ball_radius: float,
-    layer_radius: float,
-    folder: Path,
-    jobs: int,
-    advance: Callable[[str], None] = lambda _: None,
+    ball_radius: float, layer_radius: float, folder: Path, jobs: int, advance: Callable[[str], None] = lambda _: None
 ) -> LayerCurves:
     """Solve what isn't kept yet (lengths in mm); every layer is pressed in a process of its own."""
     shares = np.linspace(0.0, DEEPEST, 73)[1:]
     layers = [BallOnLayer(ball_radius * ratio, ball_radius, layer_radius) for ratio in THICKNESSES]
     missing = [layer for layer in layers if None in _kept(layer, shares, folder)]
-    for layer, _ in zip(
-        missing, each_apart(partial(_press, folder=folder, shares=shares), missing, jobs),
-        strict=True,
-    ):  # fmt: skip
+    for layer, _ in zip(missing, each_apart(partial(_press, folder=folder, shares=shares), missing, jobs), strict=True):
         advance(f"layer of {layer.thickness:.3g} mm")
     rows = [
-        np.array(_kept(layer, shares, folder), dtype=float)
-        / (ball_radius**0.5 * (shares * layer.thickness) ** 1.5)
+        np.array(_kept(layer, shares, folder), dtype=float) / (ball_radius**0.5 * (shares * layer.thickness) ** 1.5)
         for layer in layers
     ]
     return LayerCurves(ball_radius, shares, np.array(rows))
@@ -173,19 +158,12 @@ def _press(layer: BallOnLayer, folder: Path, shares: FloatArray) -> None:
     """Solve a layer's missing rows."""
     test, depth, store = BallIndentation(layer, tissue()), _depth(layer), _store(layer, folder)
     for share in STIFFENING_SHARES:
-        store.get_or_make(
-            [share, depth, *shares], partial(_solved, test, share, depth, shares * layer.thickness)
-        )
+        store.get_or_make([share, depth, *shares], partial(_solved, test, share, depth, shares * layer.thickness))
 
 
-def _solved(
-    test: BallIndentation | CylinderCompression, share: float, depth: float, at: FloatArray
-) -> list[float]:
+def _solved(test: BallIndentation | CylinderCompression, share: float, depth: float, at: FloatArray) -> list[float]:
     """Return the force at displacements (mm) with C10 + C20 = 1 kPa; NaN where it stopped."""
-    values = {
-        "deep.C10": (1 - share) * kpa_to_mpa(REFERENCE_KPA),
-        "deep.C20": share * kpa_to_mpa(REFERENCE_KPA),
-    }
+    values = {"deep.C10": (1 - share) * kpa_to_mpa(REFERENCE_KPA), "deep.C20": share * kpa_to_mpa(REFERENCE_KPA)}
     solved = test.solve(values, Protocol.ramp(depth, 1.0))
     force = np.asarray(solved.path.loading(at)) / REFERENCE_KPA
     return [float(f) for f in np.where(at <= solved.report.reached + 1e-9, force, np.nan)]
@@ -200,23 +178,17 @@ def cylinder_curve(test: CylinderBetweenPlates, depth: float, folder: Path) -> C
     return CubicSpline(np.concatenate([[0.0], grid]), np.concatenate([[0.0], force]))
 
 
-def each_apart[Task, Outcome](
-    work: Callable[[Task], Outcome], tasks: Sequence[Task], jobs: int
-) -> Iterator[Outcome]:
+def each_apart[Task, Outcome](work: Callable[[Task], Outcome], tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
     """Yield the outcomes in the tasks' order, each from a process of its own.
 
     What is compiled for a process's first model is found again by the next process; a second
     model's expressions would be compiled anew.
     """
-    with ProcessPoolExecutor(
-        jobs, mp_context=get_context("spawn"), max_tasks_per_child=1
-    ) as pool:  # fmt: skip
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), max_tasks_per_child=1) as pool:
         yield from pool.map(work, tasks)
 
 
-def each_in_turn[Task, Outcome](
-    work: Callable[[Task], Outcome], tasks: Sequence[Task], jobs: int
-) -> Iterator[Outcome]:
+def each_in_turn[Task, Outcome](work: Callable[[Task], Outcome], tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
     """Yield the outcomes in the tasks' order, from processes that take one after the other."""
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         yield from pool.map(work, tasks)

@@ -63,9 +63,7 @@ def read_meat(data: Path) -> dict[str, MeatTest]:
     tests = {}
     for name, rows in tidy.groupby("test", sort=False):
         if name not in summary.index:
-            raise InputError(
-                folder / "tests_summary.csv", "test", f"has no row {name}", "download both again"
-            )
+            raise InputError(folder / "tests_summary.csv", "test", f"has no row {name}", "download both again")
         row = summary.loc[name]
         recording = Recording(
             rows["time_s"].to_numpy(float),
@@ -108,11 +106,7 @@ def _phantom(path: Path) -> Phantom:
     time = table[_PHANTOM[0]].to_numpy(float)
     kept = np.concatenate([[True], np.diff(time) > 0])
     recording = Recording(
-        time[kept],
-        table[_PHANTOM[1]].to_numpy(float)[kept],
-        table[_PHANTOM[2]].to_numpy(float)[kept],
-        path.stem,
-        path,
+        time[kept], table[_PHANTOM[1]].to_numpy(float)[kept], table[_PHANTOM[2]].to_numpy(float)[kept], path.stem, path
     )
     diameter = _size(path, lines[:header], "Cylinder Diameter")
     return Phantom(recording, diameter / 2, _size(path, lines[:header], "Cylinder Height"))
@@ -133,9 +127,8 @@ def _folder(data: Path, name: str) -> Path:
     folder = data / name
     if not folder.is_dir():
         raise InputError(
-            "--data", str(folder), "is not there",
-            "see studies/recordings/README.md for where to get the recordings",
-        )  # fmt: skip
+            "--data", str(folder), "is not there", "see studies/recordings/README.md for where to get the recordings"
+        )
     return folder
 
 

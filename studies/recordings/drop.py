@@ -56,9 +56,8 @@ def find_drops(recording: Recording) -> tuple[Drop, ...]:
         size = float(np.polyval(line, d[end]) - force[end])
         if size > limit:
             found.append(
-                Drop(float(d[start]), float(d[end]), float(recording.time[start]),
-                     float(recording.time[end]), size)
-            )  # fmt: skip
+                Drop(float(d[start]), float(d[end]), float(recording.time[start]), float(recording.time[end]), size)
+            )
     return tuple(found)
 
 

@@ -24,10 +24,7 @@ def draw_indented(found: Indented, path: Path) -> list[Path]:
     end = float(found.motion.time[-1])
     kinds = found.test.material.replace("_", " ")
     named = ", ".join(found.best.names) or "nothing"
-    figure.suptitle(
-        f"{found.test.name}, {kinds}: measured data, named {named}",
-        x=0.01, ha="left", fontsize=11,
-    )  # fmt: skip
+    figure.suptitle(f"{found.test.name}, {kinds}: measured data, named {named}", x=0.01, ha="left", fontsize=11)
     panel(left, "A", "force")
     left.plot(time, force, ".", ms=3, color=DATA_COLOUR, label="recording")
     for prediction, colour, label in (
@@ -60,8 +57,10 @@ def draw_compressed(found: CompressedPhantom, path: Path) -> list[Path]:
     left, right = figure.subplots(1, 2)
     figure.suptitle(
         f"{found.phantom.recording.trial}: measured data, neo-Hookean with two kinds of ends",
-        x=0.01, ha="left", fontsize=11,
-    )  # fmt: skip
+        x=0.01,
+        ha="left",
+        fontsize=11,
+    )
     left.plot(found.displacement, found.force, ".", color=DATA_COLOUR, label="recording")
     for one, colour in zip(found.fits, (BEFORE, AFTER), strict=True):
         label = f"{one.ends} ends, C10 = {one.c10:.2f} kPa"
@@ -74,8 +73,6 @@ def draw_compressed(found: CompressedPhantom, path: Path) -> list[Path]:
     right.axhline(0, color=FAINT, lw=0.8)
     right.set_ylabel("N")
     for axes in (left, right):
-        axes.axvspan(
-            FITTED_STRAIN * found.phantom.height, float(found.displacement[-1]), color="#EEEEEE"
-        )
+        axes.axvspan(FITTED_STRAIN * found.phantom.height, float(found.displacement[-1]), color="#EEEEEE")
         axes.set_xlabel("compression (mm)")
     return save(figure, path.parent, path.stem)

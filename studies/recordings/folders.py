@@ -43,31 +43,22 @@ def write_specimen_folders(data: Path, out: Path, assumed: Assumed) -> list[Path
 
 
 def _meat_folder(tests: Sequence[MeatTest], out: Path, assumed: Assumed) -> Path:
-    ball = (
-        f"[ball]\nball_diameter_mm = {2 * assumed.ball_radius}\n"
-        f"diameter_mm = {2 * assumed.layer_radius}"
-    )
+    ball = f"[ball]\nball_diameter_mm = {2 * assumed.ball_radius}\ndiameter_mm = {2 * assumed.layer_radius}"
     blocks = [_HEAD.format(id=json.dumps(out.name), title=json.dumps(out.name), test=ball)]
     for test in tests:
         name = test.name.replace("|", "-").replace("/", "-")
         file = _written(test.recording, out, name)
         sizes = f"thickness_mm = {test.thickness}"
-        blocks.append(
-            _SPECIMEN.format(name=json.dumps(name), recordings=json.dumps([file]), sizes=sizes)
-        )
+        blocks.append(_SPECIMEN.format(name=json.dumps(name), recordings=json.dumps([file]), sizes=sizes))
     return _finished(out, blocks)
 
 
 def _phantom_folder(phantoms: Sequence[Phantom], out: Path) -> Path:
     first = phantoms[0]
-    plates = (
-        f'[plates]\ndiameter_mm = {2 * first.radius}\nheight_mm = {first.height}\nends = "bonded"'
-    )
+    plates = f'[plates]\ndiameter_mm = {2 * first.radius}\nheight_mm = {first.height}\nends = "bonded"'
     for phantom in phantoms:
         _written(phantom.recording, out, phantom.recording.trial)
-    return _finished(
-        out, [_HEAD.format(id=json.dumps(out.name), title=json.dumps(out.name), test=plates)]
-    )
+    return _finished(out, [_HEAD.format(id=json.dumps(out.name), title=json.dumps(out.name), test=plates)])
 
 
 def _written(recording: Recording, out: Path, name: str) -> str:

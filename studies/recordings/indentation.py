@@ -31,12 +31,7 @@ from legfem.specimens.rig import RigCompliance
 from studies.recordings.curves import DEEPEST, LayerCurves
 from studies.recordings.data import MeatTest
 from studies.recordings.drop import Drop, ForceDrop, find_drops
-from studies.recordings.motion import (
-    Motion,
-    loaded_and_held,
-    motion_of,
-    without_end_of_hold,
-)
+from studies.recordings.motion import Motion, loaded_and_held, motion_of, without_end_of_hold
 from studies.recordings.responses import SpecimenResponses
 
 SHAPE_SD, SHAPE_NODES = 0.25, 6
@@ -114,9 +109,7 @@ def study_indentation(test: MeatTest, layers: LayerCurves) -> Indented:
     recording = loaded_and_held(test.recording)
     instrument = Instrument(max(sample_noise(recording.force), FORCE_SD_N), DISPLACEMENT_SD_MM)
     whole = observe([recording], instrument, starts_at_contact=False)
-    seen = observe(
-        [without_end_of_hold(recording, HELD_OUT_S)], instrument, starts_at_contact=False
-    )
+    seen = observe([without_end_of_hold(recording, HELD_OUT_S)], instrument, starts_at_contact=False)
     drops = find_drops(recording)
     motion = motion_of(recording, whole)
     thickness = test.thickness - whole.contacts[0].displacement
@@ -130,7 +123,14 @@ def study_indentation(test: MeatTest, layers: LayerCurves) -> Indented:
     alone, after = predicted(best, whole, motion)
     samples = _samples(recording, whole, motion)
     return Indented(
-        test, seen, whole, drops, explained, before, alone, after,
+        test,
+        seen,
+        whole,
+        drops,
+        explained,
+        before,
+        alone,
+        after,
         (
             _rmse(samples, whole, motion, before),
             _rmse(samples, whole, motion, alone),
@@ -140,7 +140,7 @@ def study_indentation(test: MeatTest, layers: LayerCurves) -> Indented:
         float(np.median(recording.force[-10:]) / recording.force.max()),
         samples,
         motion,
-    )  # fmt: skip
+    )
 
 
 def fitted_base(predictor: Predictor, instrument: Instrument) -> tuple[Problem, Fit]:
@@ -163,15 +163,12 @@ def shape_errors(observed: Observations) -> list[tuple[str, FloatArray]]:
     """
     nodes = np.linspace(0.0, observed.depth, SHAPE_NODES)
     return [
-        (f"indenter at {node:.1f} mm",
-         SHAPE_SD * observed.force * np.interp(observed.displacement, nodes, row))
+        (f"indenter at {node:.1f} mm", SHAPE_SD * observed.force * np.interp(observed.displacement, nodes, row))
         for node, row in zip(nodes[:-1], np.eye(SHAPE_NODES), strict=False)
-    ]  # fmt: skip
+    ]
 
 
-def predicted(
-    explanation: Explanation, whole: Observations, motion: Motion
-) -> tuple[FloatArray, FloatArray]:
+def predicted(explanation: Explanation, whole: Observations, motion: Motion) -> tuple[FloatArray, FloatArray]:
     """Return an explanation's forces (n,), N, all but the end of the hold seen.
 
     By the model alone, and with the conditional expectation of the errors: a trial's gain, its zero
@@ -206,9 +203,7 @@ def candidates(observed: Observations, drops: Sequence[Drop] = ()) -> list[Mecha
     ]
 
 
-def _samples(
-    recording: Recording, observed: Observations, motion: Motion
-) -> tuple[FloatArray, FloatArray]:
+def _samples(recording: Recording, observed: Observations, motion: Motion) -> tuple[FloatArray, FloatArray]:
     """Return times since contact (s) and forces (N) of all samples."""
     shift = recording.time[-1] - motion.time[-1]
     return recording.time - shift, recording.force - observed.contacts[0].baseline
@@ -219,10 +214,7 @@ def _late(time: FloatArray, motion: Motion) -> NDArray[np.bool_]:
 
 
 def _rmse(
-    samples: tuple[FloatArray, FloatArray],
-    observed: Observations,
-    motion: Motion,
-    prediction: FloatArray,
+    samples: tuple[FloatArray, FloatArray], observed: Observations, motion: Motion, prediction: FloatArray
 ) -> float:
     """Return the error of predicting the held-out samples (N)."""
     time, force = samples
@@ -279,16 +271,24 @@ def row_of(found: Indented) -> Row:
     """Return what is told of a test."""
     leading = tuple((e.names, e.probability) for e in found.explained.every[:4])
     return Row(
-        found.test.name, found.test.material, "", found.first_contact, found.relaxed,
-        found.explained.base.fit.values["C10"], found.best.fit.values["C10"], found.named_first,
-        leading, found.best.in_part, found.relaxation, *found.held_out_rmse, found.line_rmse,
+        found.test.name,
+        found.test.material,
+        "",
+        found.first_contact,
+        found.relaxed,
+        found.explained.base.fit.values["C10"],
+        found.best.fit.values["C10"],
+        found.named_first,
+        leading,
+        found.best.in_part,
+        found.relaxation,
+        *found.held_out_rmse,
+        found.line_rmse,
         air_found(found.test),
-    )  # fmt: skip
+    )
 
 
-def try_indentation(
-    test: MeatTest, layers: LayerCurves, draw: Callable[[Indented], None] = lambda _: None
-) -> Row:
+def try_indentation(test: MeatTest, layers: LayerCurves, draw: Callable[[Indented], None] = lambda _: None) -> Row:
     """Study a test; one that can't be read or solved costs itself only."""
     try:
         found = study_indentation(test, layers)

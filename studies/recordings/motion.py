@@ -97,6 +97,4 @@ def motion_of(recording: Recording, observed: Observations) -> Motion:
     begins = time[0] - d[0] / speed if speed > 0 else time[0] - (time[1] - time[0])
     held = recording.time[labels == HOLD]
     stops = held[0] if len(held) else time[-1]
-    return Motion(
-        np.concatenate([[0.0], time - begins]), np.concatenate([[0.0], d]), float(stops - begins)
-    )
+    return Motion(np.concatenate([[0.0], time - begins]), np.concatenate([[0.0], d]), float(stops - begins))

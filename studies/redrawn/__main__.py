@@ -18,9 +18,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 def redrawn(
     foreign: Annotated[Path, typer.Option(help="Folder of another code's cases, with truth.json.")],
     n: Annotated[int, typer.Option("--n", min=1, help="Sets of recordings of each case.")] = 6,
-    only: Annotated[
-        list[str] | None, typer.Option(help="Cases; all without it. May be given again.")
-    ] = None,
+    only: Annotated[list[str] | None, typer.Option(help="Cases; all without it. May be given again.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of all draws.")] = 1,
     library: Library = None,
     out: Out = None,
@@ -39,10 +37,7 @@ def redrawn(
         from studies.redrawn import command
 
         with progress_on() as progress:
-            lines = command.run(
-                foreign, n, only or (), seed, library or library_folder(), folder, processes,
-                progress,
-            )  # fmt: skip
+            lines = command.run(foreign, n, only or (), seed, library or library_folder(), folder, processes, progress)
         for line in lines:
             typer.echo(line)
 

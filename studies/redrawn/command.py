@@ -20,20 +20,22 @@ from studies.redrawn.drawing import Redrawer, RedrawnOutcome, RedrawnTask, diagn
 from studies.redrawn.foreign import cases_in
 
 _HEADER = (
-    "case", "what is there", "sets", "said first", "listed", "explanations",
-    "C10 within its interval", "half-width of C10", "C10 off: base model", "after", "said first",
-)  # fmt: skip
+    "case",
+    "what is there",
+    "sets",
+    "said first",
+    "listed",
+    "explanations",
+    "C10 within its interval",
+    "half-width of C10",
+    "C10 off: base model",
+    "after",
+    "said first",
+)
 
 
 def run(
-    foreign: Path,
-    number: int,
-    only: Sequence[str],
-    seed: int,
-    library: Path,
-    out: Path,
-    jobs: int,
-    progress: Progress,
+    foreign: Path, number: int, only: Sequence[str], seed: int, library: Path, out: Path, jobs: int, progress: Progress
 ) -> list[str]:
     """Diagnose so many sets of each case; return lines for the terminal."""
     names = list(cases_in(foreign))

@@ -83,9 +83,7 @@ class Redrawer:
         generator = np.random.default_rng([task.seed, 31, task.turn, *task.case.encode()])
         errors = drawn_errors(generator)
         trials = tuple(record(case.courses, errors, generator))
-        recorded = replace(
-            case.subject, recordings=trials, instrument=INSTRUMENT, starts_at_contact=False
-        )
+        recorded = replace(case.subject, recordings=trials, instrument=INSTRUMENT, starts_at_contact=False)
         return recorded, case, errors.gain_sd
 
     def outcome(self, task: RedrawnTask) -> RedrawnOutcome:
@@ -94,11 +92,18 @@ class Redrawer:
         begun = time.process_time()
         found = self.diagnoser.diagnose(subject, Silent(), 0)
         return RedrawnOutcome(
-            task.case, case.effects, found.verdict, tuple(model.names for model in found.models),
+            task.case,
+            case.effects,
+            found.verdict,
+            tuple(model.names for model in found.models),
             tuple((s.names, s.unknown, s.probability) for s in found.explained.statements()),
-            found.base.value("C10"), found.best.value("C10"), found.intervals["C10"], case.c10,
-            gain, time.process_time() - begun,
-        )  # fmt: skip
+            found.base.value("C10"),
+            found.best.value("C10"),
+            found.intervals["C10"],
+            case.c10,
+            gain,
+            time.process_time() - begun,
+        )
 
     def __getstate__(self) -> dict[str, object]:
         """Leave the legs out."""

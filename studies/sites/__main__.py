@@ -43,9 +43,7 @@ def sites(
     with study_edge("sites", out, jobs, resume) as (folder, processes):
         store = Store(folder / "legs", Outcome, modules=("studies.sites.identifying",))
         with progress_on() as progress, Workers(identified, folder, processes) as workers:
-            found = finish(
-                workers, truths(n, seed, depth), store, progress, "recording and identifying", _line
-            )
+            found = finish(workers, truths(n, seed, depth), store, progress, "recording and identifying", _line)
         document = {"schema": 1, "origin": "simulated", "unit": "kPa", "seed": seed}
         cases = [json_types(asdict(one)) for one in found]
         write_document(folder / "result.json", {**document, "legs": cases})
@@ -79,11 +77,7 @@ def page(found: Sequence[Outcome]) -> str:
 def _summary(found: Sequence[Outcome], name: str) -> str:
     ratios = [one.together[name].width / one.best_alone(name).width for one in found]
     joint = [one.together[name].covers(_truths(one.truth)[name]) for one in found]
-    single = [
-        alone[name].covers(_truths(one.truth)[name])
-        for one in found
-        for alone in one.alone.values()
-    ]
+    single = [alone[name].covers(_truths(one.truth)[name]) for one in found for alone in one.alone.values()]
     narrower = sum(ratio < 1 for ratio in ratios)
     return (
         f"{name}: joint intervals cover {Rate(sum(joint), len(joint))}, those of single sites "

@@ -72,9 +72,7 @@ class Remembered(PlaneStrainForward):
     @classmethod
     def of(cls, model: PlaneStrainForward, kept: Path) -> Remembered:
         """Return a model with a memory."""
-        return cls(
-            model.section, model.indenter, model.tissues, model.settings, model.depth, kept=kept
-        )
+        return cls(model.section, model.indenter, model.tissues, model.settings, model.depth, kept=kept)
 
     def solve(self, values: Values, sensitivities: Sequence[str]) -> ForwardOutcome:
         """Return what is kept, or solve."""
@@ -94,9 +92,14 @@ def identified(folder: Path, truth: Truth) -> Outcome:
         (single,) = identify_subject(site, _LAW, request, model=model)
         alone[site.site] = _intervals(single.parameters)
     return Outcome(
-        truth, _intervals(joint.parameters), alone, joint.agreement.p_value, joint.misfit.p_value,
-        joint.forward_solves, joint.converged,
-    )  # fmt: skip
+        truth,
+        _intervals(joint.parameters),
+        alone,
+        joint.agreement.p_value,
+        joint.misfit.p_value,
+        joint.forward_solves,
+        joint.converged,
+    )
 
 
 def _free(nominal: Values) -> tuple[Parameter, ...]:

@@ -64,13 +64,16 @@ def truths(number: int, seed: int, depth_mm: float) -> list[Truth]:
         low, high = np.log(C10_KPA)
         found.append(
             Truth(
-                k, seed, float(np.exp(generator.uniform(low, high))),
+                k,
+                seed,
+                float(np.exp(generator.uniform(low, high))),
                 float(generator.uniform(*C20_KPA)),
                 float(FAT_KPA * FAT_FACTOR ** generator.uniform(-1, 1)),
-                float(generator.uniform(*_GIRTH_MM)), float(generator.uniform(*_FAT_MM)),
+                float(generator.uniform(*_GIRTH_MM)),
+                float(generator.uniform(*_FAT_MM)),
                 depth_mm,
             )
-        )  # fmt: skip
+        )
     return found
 
 
@@ -102,19 +105,29 @@ def _site(truth: Truth, name: str) -> Subject:
     section = calf_section(Calf(girth * truth.girth_mm, fat * truth.fat_mm, _FASCIA_MM))
     aim = section.fascia.mean(axis=0)
     return Subject(
-        id=f"leg-{truth.number}-{name}", title=f"A calf, simulated, {name}", origin="simulated",
-        section=section, indenter=Indenter(_RADIUS_MM, _LENGTH_MM, aim, direction),
-        tissues=_tissues(FAT_KPA), instrument=INSTRUMENT, recordings=(), directory=Path(),
-        plane_strain=True, plane_strain_stated=True, site=name,
-    )  # fmt: skip
+        id=f"leg-{truth.number}-{name}",
+        title=f"A calf, simulated, {name}",
+        origin="simulated",
+        section=section,
+        indenter=Indenter(_RADIUS_MM, _LENGTH_MM, aim, direction),
+        tissues=_tissues(FAT_KPA),
+        instrument=INSTRUMENT,
+        recordings=(),
+        directory=Path(),
+        plane_strain=True,
+        plane_strain_stated=True,
+        site=name,
+    )
 
 
 def _tissues(fat_kpa: float) -> Mapping[str, TissueParameters]:
-    return MappingProxyType({
-        "deep": TissueParameters("reduced-polynomial", None, None, 28.0, 28.0),
-        "superficial": TissueParameters("neo-hookean", kpa_to_mpa(fat_kpa), None, 22.5, None),
-        "fascia": TissueParameters("neo-hookean", kpa_to_mpa(100.0), None, 22.5, None),
-    })  # fmt: skip
+    return MappingProxyType(
+        {
+            "deep": TissueParameters("reduced-polynomial", None, None, 28.0, 28.0),
+            "superficial": TissueParameters("neo-hookean", kpa_to_mpa(fat_kpa), None, 22.5, None),
+            "fascia": TissueParameters("neo-hookean", kpa_to_mpa(100.0), None, 22.5, None),
+        }
+    )
 
 
 def _true_curve(truth: Truth, site: Subject, kept: Path) -> ForceCurve:

@@ -19,14 +19,11 @@ def solvers(
         typer.Option(
             "--size",
             min=2000,
-            help="Unknowns; several may be given. 20000, 60000 and 200000 by default, or none "
-            "with --tetrahedra.",
+            help="Unknowns; several may be given. 20000, 60000 and 200000 by default, or none with --tetrahedra.",
         ),
     ] = None,
     tetrahedra: Annotated[int, typer.Option(min=0, help="So many tetrahedra of first order.")] = 0,
-    ranks: Annotated[
-        list[int] | None, typer.Option(min=1, help="Ranks of MPI; several may be given.")
-    ] = None,
+    ranks: Annotated[list[int] | None, typer.Option(min=1, help="Ranks of MPI; several may be given.")] = None,
     direct_up_to: Annotated[
         int, typer.Option(min=0, help="Greatest size to factorise: time grows as its square.")
     ] = 200_000,
@@ -46,10 +43,7 @@ def solvers(
         from studies.solvers import command as solvers_command
 
         cases = solvers_command.cases_of(
-            sizes or ([] if tetrahedra else [20_000, 60_000, 200_000]),
-            tetrahedra,
-            ranks or [1],
-            direct_up_to,
+            sizes or ([] if tetrahedra else [20_000, 60_000, 200_000]), tetrahedra, ranks or [1], direct_up_to
         )
         if not solvers_command.run([replace(case, step=step) for case in cases], folder):
             end_without_a_solution("solvers")

@@ -17,9 +17,7 @@ def run_apart(command: Sequence[str], environment: Mapping[str, str]) -> int:
     The command reads from a pipe that this process alone holds, however it ends. In its first rank
     `end_with_starter` sees when the pipe is closed.
     """
-    process = subprocess.Popen(
-        command, env={**environment, _APART: "1"}, stdin=subprocess.PIPE, text=True
-    )
+    process = subprocess.Popen(command, env={**environment, _APART: "1"}, stdin=subprocess.PIPE, text=True)
     try:
         return process.wait()
     except BaseException:

@@ -25,9 +25,7 @@ Measured = dict[SolverCase, SolverWork | None]
 """None where the process ended without a result: killed, most often for its memory."""
 
 
-def cases_of(
-    sizes: Sequence[int], tetrahedra: int, ranks: Sequence[int], direct_up_to: int
-) -> list[SolverCase]:
+def cases_of(sizes: Sequence[int], tetrahedra: int, ranks: Sequence[int], direct_up_to: int) -> list[SolverCase]:
     """Return the cases of a study, the smallest first."""
     pairs = [
         SolverCase(size, solver, ranks=number)
@@ -98,10 +96,19 @@ def solvers_table(measured: Measured) -> Table:
     """Return a row a case."""
     table = Table(title="One load step of the idealised leg; seconds of the processor")
     for name in (
-        "cells", "solver", "ranks", "unknowns", "non-\nzeros (M)", "tan-\ngents", "s a factor-\n"
-        "isation or\nsolve", "iterations:\nmedian\n(most)", "s the\nstep", "by the\nclock",
-        "peak\n(GiB)", "before\nsolving",
-    ):  # fmt: skip
+        "cells",
+        "solver",
+        "ranks",
+        "unknowns",
+        "non-\nzeros (M)",
+        "tan-\ngents",
+        "s a factor-\nisation or\nsolve",
+        "iterations:\nmedian\n(most)",
+        "s the\nstep",
+        "by the\nclock",
+        "peak\n(GiB)",
+        "before\nsolving",
+    ):
         table.add_column(name, justify="right")
     for case, work in measured.items():
         if work is None:
@@ -110,21 +117,25 @@ def solvers_table(measured: Measured) -> Table:
         iterates = case.solver == "iterative"
         counts = f"{median(work.iterations):.0f} ({max(work.iterations)})" if iterates else "-"
         table.add_row(
-            f"{work.cells} {case.cells[:5]}.", case.solver, str(case.ranks), f"{work.unknowns}",
-            f"{work.nonzeros / 1e6:.1f}", f"{work.tangents}{'' if work.complete else ' (stopped)'}",
-            f"{work.linear_seconds:.2f}", counts, f"{work.total_seconds:.1f}",
-            f"{work.wall_seconds:.1f}", f"{work.peak_GiB:.2f}", f"{work.start_GiB:.2f}",
-        )  # fmt: skip
+            f"{work.cells} {case.cells[:5]}.",
+            case.solver,
+            str(case.ranks),
+            f"{work.unknowns}",
+            f"{work.nonzeros / 1e6:.1f}",
+            f"{work.tangents}{'' if work.complete else ' (stopped)'}",
+            f"{work.linear_seconds:.2f}",
+            counts,
+            f"{work.total_seconds:.1f}",
+            f"{work.wall_seconds:.1f}",
+            f"{work.peak_GiB:.2f}",
+            f"{work.start_GiB:.2f}",
+        )
     return table
 
 
 def sentences(measured: Measured) -> list[str]:
     """Return what follows from the table."""
-    swept = {
-        case: work
-        for case, work in measured.items()
-        if work is not None and case.cells == "hexahedra"
-    }
+    swept = {case: work for case, work in measured.items() if work is not None and case.cells == "hexahedra"}
     lines = []
     for ranks in sorted({case.ranks for case in swept}):
         rows = sorted(

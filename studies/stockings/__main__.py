@@ -8,12 +8,7 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_edge import (
-    check_out_folder,
-    command_edge,
-    leave_to_first_rank,
-    usable_cores,
-)
+from legfem.common.command_edge import check_out_folder, command_edge, leave_to_first_rank, usable_cores
 from legfem.study.options import Jobs
 
 
@@ -39,9 +34,9 @@ def stockings(
             "under mpirun on its ranks."
         ),
     ],
-    legs: Annotated[
-        Path, typer.Option(help="Folder of the simulated scans: made there, read from there.")
-    ] = Path("results/stockings/legs"),
+    legs: Annotated[Path, typer.Option(help="Folder of the simulated scans: made there, read from there.")] = Path(
+        "results/stockings/legs"
+    ),
     out: Annotated[Path, typer.Option(help="Folder for results.")] = Path("results/stockings"),
     cells: Annotated[int, typer.Option(min=10_000, help="About how many tetrahedra.")] = 15_000,
     nelder_mead: Annotated[bool, typer.Option(help="Search as the paper does, too.")] = True,

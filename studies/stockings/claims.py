@@ -96,11 +96,7 @@ def solve_variant(leg: ParametricLeg, variant: Variant, cells: int) -> Pressures
     """Put a variant's stocking on and return its pressures."""
     scaled = {name: getattr(leg, name) * variant.fat_factor for name in ("fat_mm", "shin_fat_mm")}
     shape = parametric_leg(leg.model_copy(update=scaled))
-    laws = dict(
-        zip(
-            ("deep", "superficial"), (NeoHookean(kpa_to_mpa(c), D1) for c in PAPER_KPA), strict=True
-        )
-    )
+    laws = dict(zip(("deep", "superficial"), (NeoHookean(kpa_to_mpa(c), D1) for c in PAPER_KPA), strict=True))
     model = LegModel3D(shape, laws, settings_for_cells(shape, cells))
     chosen = CompressionClass(variant.compression_class)
     worn = WornLeg(model, fitted_stocking(shape, ClassFit(chosen))).find()
@@ -128,17 +124,27 @@ def correlations(rows: Sequence[Pressures]) -> tuple[Correlation, ...]:
     one = [r for r in rows if r.variant.compression_class == CompressionClass.MODERATE]
     plain = [r for r in rows if r.variant.fat_factor == 1.0]
     asked = (
-        ("pressure at the veins, by mean interface pressure; all classes, fat as it is", plain,
-         "mean_interface", "mean_at_veins"),
-        ("pressure at the veins, by mean interface pressure; class 2", one,
-         "mean_interface", "mean_at_veins"),
-        ("greatest pressure in fat, by mean fat thickness; class 2", one,
-         "fat_thickness", "greatest_in_fat"),
-        ("greatest pressure in fat, by greatest interface pressure; class 2", one,
-         "greatest_interface", "greatest_in_fat"),
-        ("greatest pressure in fat, by greatest curvature of the bare leg; class 2", one,
-         "greatest_curvature", "greatest_in_fat"),
-    )  # fmt: skip
+        (
+            "pressure at the veins, by mean interface pressure; all classes, fat as it is",
+            plain,
+            "mean_interface",
+            "mean_at_veins",
+        ),
+        ("pressure at the veins, by mean interface pressure; class 2", one, "mean_interface", "mean_at_veins"),
+        ("greatest pressure in fat, by mean fat thickness; class 2", one, "fat_thickness", "greatest_in_fat"),
+        (
+            "greatest pressure in fat, by greatest interface pressure; class 2",
+            one,
+            "greatest_interface",
+            "greatest_in_fat",
+        ),
+        (
+            "greatest pressure in fat, by greatest curvature of the bare leg; class 2",
+            one,
+            "greatest_curvature",
+            "greatest_in_fat",
+        ),
+    )
     return tuple(_correlation(*entry) for entry in asked)
 
 
@@ -146,6 +152,10 @@ def _correlation(statement: str, rows: Sequence[Pressures], x: str, y: str) -> C
     a, b = (np.array([getattr(row, name) for row in rows]) for name in (x, y))
     linear, ranked = pearsonr(a, b), spearmanr(a, b)
     return Correlation(
-        statement, len(rows), float(linear.statistic), float(linear.pvalue),
-        float(ranked.statistic), float(ranked.pvalue),
-    )  # fmt: skip
+        statement,
+        len(rows),
+        float(linear.statistic),
+        float(linear.pvalue),
+        float(ranked.statistic),
+        float(ranked.pvalue),
+    )

@@ -32,9 +32,7 @@ def make(out: Path, seed: int, jobs: int) -> None:
     legs = read_legs(LEGS)
     # What is kept of a leg is the hash of its folders.
     store = Store(out / "made", str, seed, ("studies.stockings.truth",), named=lambda one: one[0])
-    missing = [
-        leg for leg in TRUTHS if store.get((leg, legs[leg].model_dump())) != _contents(out, leg)
-    ]
+    missing = [leg for leg in TRUTHS if store.get((leg, legs[leg].model_dump())) != _contents(out, leg)]
     with progress_on() as progress, Workers(_make, (out, seed), jobs) as workers:
         progress.stage("simulated scans", len(missing))
         for leg, line in workers.run(missing):
@@ -49,27 +47,23 @@ def _contents(out: Path, leg: str) -> str:
 
 def identify(legs: Path, out: Path, settings: StockingSettings, jobs: int) -> None:
     """Identify all legs made; what is done stays."""
-    tasks = [
-        (kind, leg)
-        for kind in NOISE
-        for leg in TRUTHS
-        if (_folder(legs, kind, leg) / "leg.toml").is_file()
-    ]
+    tasks = [(kind, leg) for kind in NOISE for leg in TRUTHS if (_folder(legs, kind, leg) / "leg.toml").is_file()]
     if not tasks:
         raise InputError("--legs", str(legs), "holds no legs", "make them with --make first")
     # The paper's search takes many solutions: it is compared where the segmentation is perfect.
-    chosen = {
-        kind: replace(settings, nelder_mead=settings.nelder_mead and kind == "perfect")
-        for kind in NOISE
-    }
+    chosen = {kind: replace(settings, nelder_mead=settings.nelder_mead and kind == "perfect") for kind in NOISE}
     modules = ("studies.stockings.recovery",)
     store = Store(out / "runs", Recovery, modules=modules, named=lambda one: "-".join(one[0]))
     with progress_on() as progress, Workers(_identify, (legs, chosen), jobs) as workers:
         rows = finish(
-            workers, tasks, store, progress, "identification",
+            workers,
+            tasks,
+            store,
+            progress,
+            "identification",
             lambda task, row: f"{task}: {row}",
             asked=lambda task: (task, chosen[task[0]], Contents(_folder(legs, *task))),
-        )  # fmt: skip
+        )
     text = f"{page.recovery_summary(rows)}\n\n{page.recovery_table(rows)}\n"
     write_document(out / "recovery.json", json_types([asdict(row) for row in rows]))
     write_atomically(out / "recovery.md", text)
@@ -79,21 +73,21 @@ def identify(legs: Path, out: Path, settings: StockingSettings, jobs: int) -> No
 def claims(out: Path, cells: int, jobs: int) -> None:
     """Put stockings on legs of different shape, and test the paper's claims."""
     legs = read_legs(LEGS)
-    store = Store(
-        out / "variants", Pressures, cells, ("studies.stockings.claims",),
-        named=lambda one: one[0].name,
-    )  # fmt: skip
+    store = Store(out / "variants", Pressures, cells, ("studies.stockings.claims",), named=lambda one: one[0].name)
     with progress_on() as progress, Workers(_claim, cells, jobs) as workers:
         rows = finish(
-            workers, variants(list(legs)), store, progress, "legs in stockings",
+            workers,
+            variants(list(legs)),
+            store,
+            progress,
+            "legs in stockings",
             lambda variant, row: f"{variant.name}: {row}",
             asked=lambda variant: (variant, legs[variant.leg].model_dump()),
-        )  # fmt: skip
+        )
     found = correlations(rows)
     text = f"{page.correlation_table(found)}\n\n{page.pressure_table(rows)}\n"
     write_document(
-        out / "claims.json",
-        json_types({"legs": [asdict(r) for r in rows], "claims": [asdict(c) for c in found]}),
+        out / "claims.json", json_types({"legs": [asdict(r) for r in rows], "claims": [asdict(c) for c in found]})
     )
     write_atomically(out / "claims.md", text)
     print(f"{text}report: {out / 'claims.md'}")

@@ -13,13 +13,17 @@ from studies.stockings.recovery import Recovery
 def recovery_table(rows: Sequence[Recovery]) -> str:
     """Return planted and found stiffnesses, a row a leg and kind of segmentation."""
     head = (
-        "leg", "segmentation", "planted (kPa): muscle, fat", "muscle (kPa), 95 %",
-        "fat (kPa), 95 %", "solves a start", "Nelder-Mead (kPa): muscle, fat; solves",
-        "paper's cost", "rms (mm)",
-    )  # fmt: skip
-    return markdown_table(
-        head, [_recovery(row) for row in sorted(rows, key=lambda r: (r.kind, r.leg))]
+        "leg",
+        "segmentation",
+        "planted (kPa): muscle, fat",
+        "muscle (kPa), 95 %",
+        "fat (kPa), 95 %",
+        "solves a start",
+        "Nelder-Mead (kPa): muscle, fat; solves",
+        "paper's cost",
+        "rms (mm)",
     )
+    return markdown_table(head, [_recovery(row) for row in sorted(rows, key=lambda r: (r.kind, r.leg))])
 
 
 def recovery_summary(rows: Sequence[Recovery]) -> str:
@@ -39,10 +43,16 @@ def recovery_summary(rows: Sequence[Recovery]) -> str:
 def pressure_table(rows: Sequence[Pressures]) -> str:
     """Return the pressures, a row a variant."""
     head = (
-        "leg", "fat", "class", "fat thickness (mm)", "skin: mean, greatest (kPa)",
-        "veins: posterior tibial, fibular, anterior tibial (kPa)", "veins / mean skin",
-        "muscle: mean (kPa)", "fat: greatest (kPa)",
-    )  # fmt: skip
+        "leg",
+        "fat",
+        "class",
+        "fat thickness (mm)",
+        "skin: mean, greatest (kPa)",
+        "veins: posterior tibial, fibular, anterior tibial (kPa)",
+        "veins / mean skin",
+        "muscle: mean (kPa)",
+        "fat: greatest (kPa)",
+    )
     return markdown_table(head, [_pressures(row) for row in rows])
 
 
@@ -53,12 +63,14 @@ def correlation_table(rows: Sequence[Correlation]) -> str:
         head,
         [
             (
-                row.statement, str(row.count), f"{row.pearson:+.2f} ({row.pearson_p:.1g})",
+                row.statement,
+                str(row.count),
+                f"{row.pearson:+.2f} ({row.pearson_p:.1g})",
                 f"{row.spearman:+.2f} ({row.spearman_p:.1g})",
             )
             for row in rows
         ],
-    )  # fmt: skip
+    )
 
 
 def _recovery(row: Recovery) -> tuple[str, ...]:
@@ -72,17 +84,27 @@ def _recovery(row: Recovery) -> tuple[str, ...]:
         for value, low, high, held in zip(row.found, row.low, row.high, row.covered, strict=True)
     )
     return (
-        row.leg, row.kind, f"{row.planted[0]:g}, {row.planted[1]:g}", *estimates,
-        ", ".join(map(str, row.solves)), simplex, cost, f"{row.rms_mm:.3f}",
-    )  # fmt: skip
+        row.leg,
+        row.kind,
+        f"{row.planted[0]:g}, {row.planted[1]:g}",
+        *estimates,
+        ", ".join(map(str, row.solves)),
+        simplex,
+        cost,
+        f"{row.rms_mm:.3f}",
+    )
 
 
 def _pressures(row: Pressures) -> tuple[str, ...]:
     variant = row.variant
     return (
-        variant.leg, f"x {variant.fat_factor:g}", variant.compression_class,
-        f"{row.fat_thickness:.1f}", f"{row.mean_interface:.2f}, {row.greatest_interface:.2f}",
+        variant.leg,
+        f"x {variant.fat_factor:g}",
+        variant.compression_class,
+        f"{row.fat_thickness:.1f}",
+        f"{row.mean_interface:.2f}, {row.greatest_interface:.2f}",
         ", ".join(f"{p:.2f}" for p in row.at_veins),
-        f"{row.mean_at_veins / row.mean_interface:.2f}", f"{row.mean_in_muscle:.2f}",
+        f"{row.mean_at_veins / row.mean_interface:.2f}",
+        f"{row.mean_in_muscle:.2f}",
         f"{row.greatest_in_fat:.2f}" + ("" if row.converged else " (not converged)"),
-    )  # fmt: skip
+    )

@@ -39,10 +39,7 @@ class Recovery:
     @property
     def covered(self) -> tuple[bool, bool]:
         """Whether the intervals hold the planted values."""
-        muscle, fat = (
-            low <= true <= high
-            for low, true, high in zip(self.low, self.planted, self.high, strict=True)
-        )
+        muscle, fat = (low <= true <= high for low, true, high in zip(self.low, self.planted, self.high, strict=True))
         return muscle, fat
 
     def __str__(self) -> str:
@@ -67,16 +64,22 @@ def _recovery(result: StockingResult, kind: str, seconds: float) -> Recovery:
     simplex = next((s for s in result.searches if s.method == "nelder-mead"), None)
     low, high = mpa_to_kpa(best.interval95).T
     return Recovery(
-        leg.id, kind, (truth.deep_kPa, truth.superficial_kPa), _kpa(best),
-        (float(low[0]), float(low[1])), (float(high[0]), float(high[1])),
+        leg.id,
+        kind,
+        (truth.deep_kPa, truth.superficial_kPa),
+        _kpa(best),
+        (float(low[0]), float(low[1])),
+        (float(high[0]), float(high[1])),
         tuple(search.solves for search in weighted),
         all(abs(s.parameters / best.parameters - 1).max() < 0.05 for s in weighted),
-        best.rms, best.chi_square,
+        best.rms,
+        best.chi_square,
         None if simplex is None else _kpa(simplex),
         None if simplex is None else simplex.solves,
         None if simplex is None else simplex.cost,
-        leg.registration.residual, seconds,
-    )  # fmt: skip
+        leg.registration.residual,
+        seconds,
+    )
 
 
 def _kpa(search: Identified) -> tuple[float, float]:

@@ -57,8 +57,7 @@ def sized_state(shape: LegShape, cells: int, comm: MPI.Intracomm) -> SizedState:
     """Solve for the paper's stiffness under a stocking of class 2, on about so many tetrahedra."""
     started = time.perf_counter()
     tissues = {
-        name: NeoHookean(kpa_to_mpa(value), D1)
-        for name, value in zip(("deep", "superficial"), PAPER_KPA, strict=True)
+        name: NeoHookean(kpa_to_mpa(value), D1) for name, value in zip(("deep", "superficial"), PAPER_KPA, strict=True)
     }
     model = LegModel3D(shape, tissues, settings_for_cells(shape, cells), comm=comm)
     counts: list[int] = []

@@ -82,9 +82,7 @@ def true_leg(leg: ParametricLeg, truth: TrueTissues, cells: int = 80_000) -> Tru
     return TrueLeg(bare, stocking, WornLeg(model, stocking).find(), model)
 
 
-def write_subject(
-    name: str, made: TrueLeg, folder: Path, seed: int, noise: SegmentationNoise | None
-) -> None:
+def write_subject(name: str, made: TrueLeg, folder: Path, seed: int, noise: SegmentationNoise | None) -> None:
     """Write the folder of a leg: both scans, the stocking and ``leg.toml``, the latter last."""
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng([seed, int(name)])
@@ -92,9 +90,7 @@ def write_subject(
     motion = RigidTransform(turn, rng.normal(0.0, [4.0, 4.0, 2.0]))
     bare, compressed = (int(s) for s in rng.integers(0, 2**31, 2))
     write_volume(simulated_scan(made.bare, bare, noise), folder / "bare.nii.gz")
-    write_volume(
-        simulated_scan(made.worn.shape, compressed, noise, motion), folder / "compressed.nii.gz"
-    )
+    write_volume(simulated_scan(made.worn.shape, compressed, noise, motion), folder / "compressed.nii.gz")
     rows = zip(made.stocking.levels, made.stocking.unstretched, strict=True)
     table = "".join(f"{z:.3f},{length:.4f}\n" for z, length in rows)
     write_atomically(folder / "stocking.csv", "level_mm,perimeter_mm\n" + table)

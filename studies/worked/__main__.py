@@ -23,9 +23,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 
 @app.command()
 def worked(
-    example: Annotated[
-        list[WorkedExample] | None, typer.Option(help="Only this one; both by default.")
-    ] = None,
+    example: Annotated[list[WorkedExample] | None, typer.Option(help="Only this one; both by default.")] = None,
     library: Library = None,
     out: Out = None,
     jobs: Jobs = None,

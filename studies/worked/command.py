@@ -31,8 +31,7 @@ def run(examples: Sequence[str], out: Path, library: Path, jobs: int) -> None:
         rows.append(row)
         figures.append((folder / FIGURE).relative_to(out).as_posix())
         write_document(
-            out / "result.json",
-            {"schema": 1, "origin": "simulated", "examples": [r.document() for r in rows]},
+            out / "result.json", {"schema": 1, "origin": "simulated", "examples": [r.document() for r in rows]}
         )
         write_atomically(out / "report.md", page(rows, figures))
 

@@ -70,8 +70,7 @@ def spatial_curve(folder: Path) -> ForceCurve:
 
 def _solved() -> ForceCurve:
     given = SPATIAL
-    model = IdealisedLegIndentation(given.leg, given.cylinder, given.material.laws, 3,
-                                    given.settings)  # fmt: skip
+    model = IdealisedLegIndentation(given.leg, given.cylinder, given.material.laws, 3, given.settings)
     solved = model.solve(depth=given.depth)
     if not solved.report.complete:
         raise UnsolvedError(f"end effects in 3D: {solved.report.reason}")
@@ -85,13 +84,7 @@ def recorded(curve: ForceCurve) -> list[Recording]:
     return record([course] * TRIALS, ERRORS, np.random.default_rng(NOISE_SEED))
 
 
-def run_ends(
-    out: Path,
-    library: Path,
-    correction: TabulatedCorrection,
-    jobs: int,
-    progress: Progress,
-) -> ExampleRow:
+def run_ends(out: Path, library: Path, correction: TabulatedCorrection, jobs: int, progress: Progress) -> ExampleRow:
     """Simulate in 3D, record and diagnose in plane strain; files go to ``out``."""
     progress.stage("solving the idealised leg in 3D", 1)
     curve = spatial_curve(library / "truth")
@@ -107,8 +100,6 @@ def run_ends(
         "end effects, three slow loadings",
         TRUTH,
         Leg(),
-        lambda: diagnose(
-            observed, INSTRUMENT, "neo-hookean", tables, solved, progress, every=MECHANISMS
-        ),
+        lambda: diagnose(observed, INSTRUMENT, "neo-hookean", tables, solved, progress, every=MECHANISMS),
         out,
     )

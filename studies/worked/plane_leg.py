@@ -112,14 +112,10 @@ class PlaneLegVariants:
     def model(self) -> IdealisedLegIndentation:
         """The experiment; meshed and compiled when first needed."""
         case = self.case
-        return IdealisedLegIndentation(
-            case.leg, case.cylinder, case.material.laws, 2, case.settings
-        )
+        return IdealisedLegIndentation(case.leg, case.cylinder, case.material.laws, 2, case.settings)
 
 
-def plane_responses(
-    case: CorrectionCase, folder: Path | None, correction: TabulatedCorrection
-) -> SolvedResponses:
+def plane_responses(case: CorrectionCase, folder: Path | None, correction: TabulatedCorrection) -> SolvedResponses:
     """Return the base model's responses; solutions are kept in a folder."""
     fingerprint = {
         "model": "idealised leg in plane strain",
@@ -130,9 +126,7 @@ def plane_responses(
     return SolvedResponses(variants, case.depth, folder, fingerprint, correction)
 
 
-def offered(
-    observed: Observations, correction: TabulatedCorrection
-) -> tuple[list[Mechanism], dict[str, str]]:
+def offered(observed: Observations, correction: TabulatedCorrection) -> tuple[list[Mechanism], dict[str, str]]:
     """Return the mechanisms that are tabulated, and those that this model can't be given.
 
     A neo-Hookean base model's strain stiffening is its C20, which the elastic table has.
@@ -151,11 +145,7 @@ def offered(
 
 
 def plane_library(
-    solved: SolvedResponses,
-    observed: Observations,
-    correction: TabulatedCorrection,
-    jobs: int,
-    progress: Progress,
+    solved: SolvedResponses, observed: Observations, correction: TabulatedCorrection, jobs: int, progress: Progress
 ) -> Library:
     """Return the base model's library for recordings."""
     tabulated, missing = offered(observed, correction)

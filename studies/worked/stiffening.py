@@ -82,12 +82,7 @@ def make_recordings(name: ProtocolName, folder: Path) -> Path:
 
 
 def run_stiffening(
-    protocol: ProtocolName,
-    out: Path,
-    library: Path,
-    correction: TabulatedCorrection,
-    jobs: int,
-    progress: Progress,
+    protocol: ProtocolName, out: Path, library: Path, correction: TabulatedCorrection, jobs: int, progress: Progress
 ) -> ExampleRow:
     """Simulate, record and diagnose; files go to ``out``, the subject folder into it."""
     progress.stage("simulating a leg that stiffens with strain", 1)

@@ -13,9 +13,7 @@ from legfem.solve.protocol import Protocol
 from legfem.solve.step_settings import StepSettings
 
 # Where an update's gain is near what is asked of it, rounding says whether factors are made anew.
-settings = PlaneStrainSettings(
-    mesh=COARSE, formulation=sys.argv[1], steps=StepSettings.regular(curve_tolerance=2e-3)
-)
+settings = PlaneStrainSettings(mesh=COARSE, formulation=sys.argv[1], steps=StepSettings.regular(curve_tolerance=2e-3))
 test = PlaneStrainIndentation(*subject_3(), settings, comm=MPI.COMM_WORLD)
 parameters = ("deep.C10", "deep.C20", "superficial.C10", "fascia.C10")
 solved = test.solve(None, Protocol.through((3.0, 2.0), rate=1.0), parameters)

@@ -17,9 +17,7 @@ from legfem.study.correction.cases import CorrectionCase, solve_case
 mesh = LegMeshSettings(contact_size=8, depth_size=16, edge_size=8, growth=0.5, far_size=40)
 linear = replace(LinearSettings(), solver=sys.argv[1])
 settings = IdealisedLegSettings(mesh=mesh, linear=linear)
-outcome = solve_case(
-    CorrectionCase(IdealisedLeg(length=90), settings=settings, depth=6.0), comm=MPI.COMM_WORLD
-)
+outcome = solve_case(CorrectionCase(IdealisedLeg(length=90), settings=settings, depth=6.0), comm=MPI.COMM_WORLD)
 displacement = np.linspace(0, 6, 13)
 if MPI.COMM_WORLD.rank == 0:
     np.savez(

@@ -29,8 +29,7 @@ def main(solver: str, out: str) -> None:
     shape = whole.at_levels(np.linspace(50, 110, 13))
     tissues = {"deep": NeoHookean(3e-3, 2.0), "superficial": NeoHookean(8e-3, 2.0)}
     settings = CompressionSettings(
-        newton=NewtonSettings(relative_tolerance=1e-10),
-        linear=LinearSettings(solver=solver, tolerance=1e-6),
+        newton=NewtonSettings(relative_tolerance=1e-10), linear=LinearSettings(solver=solver, tolerance=1e-6)
     )
     mesh = SolidMeshSettings(skin_size=8, inside_size=10, bone_size=8)
     model = LegModel3D(shape, tissues, mesh, settings, comm)

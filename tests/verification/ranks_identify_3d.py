@@ -24,14 +24,11 @@ if comm.rank == 0:
     place.mkdir(parents=True)
     time = np.arange(0.0, 12.8, 0.1)
     trials = [
-        Recording(time, 0.4 * time, gain * 0.14 * (0.4 * time) ** 1.3, f"trial {gain}")
-        for gain in (0.98, 1.0, 1.02)
+        Recording(time, 0.4 * time, gain * 0.14 * (0.4 * time) ** 1.3, f"trial {gain}") for gain in (0.98, 1.0, 1.02)
     ]
     cone_folder(place, level=100.0, more="length_mm = 70.0", recordings=trials)
 comm.Barrier()
-mesh = SolidMeshSettings(
-    skin_size=25.0, inside_size=30.0, bone_size=20.0, layer_elements=0.25, turn_elements=7.0
-)
+mesh = SolidMeshSettings(skin_size=25.0, inside_size=30.0, bone_size=20.0, layer_elements=0.25, turn_elements=7.0)
 settings = SolidLegSettings(mesh=mesh, contact_size=18.0)
 setattr(spatial, "SolidLegSettings", lambda: settings)  # noqa: B010
 results = out.with_suffix("") / "results"
@@ -45,6 +42,10 @@ if comm.rank == 0:
     one = found["parameters"]["c10_deep"]
     solves = found["spatial"]
     np.savez(
-        out, ranks=comm.size, value=one["value"], ci95=one["ci95"],
-        force=found["curve"]["force_N"], solves=solves["full_solves"],
-    )  # fmt: skip
+        out,
+        ranks=comm.size,
+        value=one["value"],
+        ci95=one["ci95"],
+        force=found["curve"]["force_N"],
+        solves=solves["full_solves"],
+    )

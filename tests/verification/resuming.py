@@ -9,11 +9,7 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from legfem.experiments.indentation_3d import (
-    Cylinder,
-    IdealisedLegIndentation,
-    IdealisedLegSettings,
-)
+from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation, IdealisedLegSettings
 from legfem.jobs.checkpoint import Checkpoint
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings

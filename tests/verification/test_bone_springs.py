@@ -18,8 +18,7 @@ from legfem.subjects.loading import load_subject
 
 DEPTH = 8.0
 FOREIGN = SHARED / "foreign" / "case-05"
-SOFT = {f"{bone}.springs.{axis}": k for bone, k in zip(BONES, (3.0, 1.5), strict=True)
-        for axis in "xy"}  # fmt: skip
+SOFT = {f"{bone}.springs.{axis}": k for bone, k in zip(BONES, (3.0, 1.5), strict=True) for axis in "xy"}
 
 
 def springs(section, length):
@@ -98,9 +97,7 @@ def test_derivatives_by_a_spring_are_exact(tests):
     name, step = "tibia.springs.y", 1e-3
     exact = free.solve(SOFT, DEPTH, [name]).path.sensitivity_at(name, np.array([DEPTH]))[0]
     ends = [
-        free.solve({**SOFT, name: SOFT[name] + side * step}, depth=DEPTH).curve(np.array([DEPTH]))[
-            0
-        ]
+        free.solve({**SOFT, name: SOFT[name] + side * step}, depth=DEPTH).curve(np.array([DEPTH]))[0]
         for side in (-1, 1)
     ]
     assert exact == pytest.approx((ends[1] - ends[0]) / (2 * step), rel=1e-3)
@@ -128,9 +125,7 @@ def test_another_code_s_bones_give_way_as_these_do():
     free = PlaneStrainIndentation.of_subject(subject, mechanisms=both)
     stiffness = dict.fromkeys(SOFT, 5.0) | {"fibula.springs.y": 3.5}
     values = {**stiffness, "deep.C10": 1.7e-3, "deep.C20": 0.0}
-    rows = np.genfromtxt(
-        FOREIGN / "clean.csv", delimiter=",", names=True, dtype=None, encoding="utf-8"
-    )
+    rows = np.genfromtxt(FOREIGN / "clean.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
     first = rows[rows["trial"] == rows["trial"][0]]
     loading = first[: int(np.argmax(first["displacement_mm"])) + 1]
     at = np.array([4.0, 8.0, 12.0, 16.0, 20.0])

@@ -36,9 +36,7 @@ def _reference(poisson: float) -> tuple[float, float]:
         J = along * around
         I1 = along**2 + around**2 + 1
         mean = 2 * (J - 1) / D1
-        radial, hoop = (
-            2 * C10 * J ** (-2 / 3) * (s - I1 / (3 * s)) + mean * J / s for s in (along, around)
-        )
+        radial, hoop = (2 * C10 * J ** (-2 / 3) * (s - I1 / (3 * s)) + mean * J / s for s in (along, around))
         return radial, hoop, mean
 
     def stretch(P, r, R):
@@ -69,9 +67,7 @@ def _reference(poisson: float) -> tuple[float, float]:
     return float(solved.y[0, -1] - SKIN), -float(stresses(solved.y[0, :1], core, R[:1])[2][0])
 
 
-def _leg(
-    poisson: float, refinement: float, settings: CompressionSettings, fat: float = 8.0
-) -> LegCompression:
+def _leg(poisson: float, refinement: float, settings: CompressionSettings, fat: float = 8.0) -> LegCompression:
     size = 6.0 / refinement
     sizes = LegMeshSettings(size, size, size, 1e-9, size, "tetrahedra", settings.degree)
     mesh = mesh_leg(IdealisedLeg(SKIN, CORE, 12.0, fat=fat), 15.0, 50.0, sizes)

@@ -29,9 +29,7 @@ STIFFNESS = 0.03
 
 
 def pressed(*mechanisms: Dermis) -> System:
-    return pressed_block(
-        "mixed", None, TISSUES, direction=(0.28, -0.96), meshed=SMALL, mechanisms=mechanisms
-    )
+    return pressed_block("mixed", None, TISSUES, direction=(0.28, -0.96), meshed=SMALL, mechanisms=mechanisms)
 
 
 def sheet(meshed: tuple, symmetry: str, regions: dict[str, int], *more: SkinPressure) -> System:

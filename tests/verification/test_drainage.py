@@ -10,15 +10,7 @@ import numpy as np
 import pytest
 from dolfinx import fem
 from making_derivatives import forces, taylor_orders, worst_error
-from making_mechanics import (
-    COARSE,
-    block,
-    fixed_steps,
-    free_of_contact,
-    one_tissue,
-    pressed_block,
-    subject_3,
-)
+from making_mechanics import COARSE, block, fixed_steps, free_of_contact, one_tissue, pressed_block, subject_3
 
 from legfem.common.errors import InputError
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings

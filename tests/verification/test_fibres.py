@@ -26,9 +26,7 @@ SHEAR, EXTENSION = 3e-3, 7e-3
 def cube(*fibres: Fibres) -> System:
     made = mesh.create_unit_cube(MPI.COMM_SELF, 1, 1, 1)
     cells = mesh.meshtags(made, 3, np.arange(6, dtype=np.int32), np.full(6, DEEP, np.int32))
-    ends = [
-        mesh.locate_entities_boundary(made, 2, lambda x, z=z: np.isclose(x[2], z)) for z in (0, 1)
-    ]
+    ends = [mesh.locate_entities_boundary(made, 2, lambda x, z=z: np.isclose(x[2], z)) for z in (0, 1)]
     facets = np.concatenate(ends)
     tags = np.repeat([BONE, SKIN], [len(end) for end in ends]).astype(np.int32)
     order = np.argsort(facets)
@@ -43,9 +41,7 @@ def stress(system: System, F: np.ndarray, term: str) -> np.ndarray:
     body.unknown.interpolate(lambda x: (F - np.eye(3)) @ x)
     nominal = system.model.term(term).nominal_stress(body)
     measure = body.regions["deep"]
-    return np.array([
-        [fem.assemble_scalar(fem.form(nominal[i, j] * measure)) for j in range(3)] for i in range(3)
-    ])  # fmt: skip
+    return np.array([[fem.assemble_scalar(fem.form(nominal[i, j] * measure)) for j in range(3)] for i in range(3)])
 
 
 @pytest.fixture(scope="module")
@@ -84,9 +80,7 @@ def test_small_strains_find_the_three_moduli(fibrous):
         strain[i, j] += 0.5 * step
         strain[j, i] += 0.5 * step
         ends = [
-            sum(
-                stress(fibrous, np.eye(3) + sign * strain, term) for term in ("deep", "deep.fibres")
-            )
+            sum(stress(fibrous, np.eye(3) + sign * strain, term) for term in ("deep", "deep.fibres"))
             for sign in (1, -1)
         ]
         slope = (ends[0] - ends[1]) / (2 * step)
@@ -95,18 +89,15 @@ def test_small_strains_find_the_three_moduli(fibrous):
     np.testing.assert_allclose(stiffness, stiffness.T, rtol=1e-5, atol=1e-7)
     compliance = np.linalg.inv(stiffness)
     assert 1 / compliance[2, 2] == pytest.approx(3 * MU_T + EXTENSION, rel=1e-3)
-    np.testing.assert_allclose(
-        1 / np.diag(compliance)[3:], [MU_T + SHEAR, MU_T + SHEAR, MU_T], rtol=1e-5
-    )
+    np.testing.assert_allclose(1 / np.diag(compliance)[3:], [MU_T + SHEAR, MU_T + SHEAR, MU_T], rtol=1e-5)
 
 
 def test_fibres_along_the_leg_change_nothing_in_plane_strain():
     tissues = one_tissue(1e-3, 28.0)
     meshed = block(np.linspace(-20, 20, 11), np.linspace(-20, 0, 6))
     system = pressed_block(
-        "mixed", None, tissues, direction=(0.0, -1.0), meshed=meshed,
-        mechanisms=[Fibres("deep", SHEAR, EXTENSION)],
-    )  # fmt: skip
+        "mixed", None, tissues, direction=(0.0, -1.0), meshed=meshed, mechanisms=[Fibres("deep", SHEAR, EXTENSION)]
+    )
     body = system.body.domain
     rng = np.random.default_rng(1)
     body.unknown.x.array[:] = 0.1 * rng.normal(size=len(body.unknown.x.array))

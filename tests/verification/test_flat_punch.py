@@ -23,9 +23,7 @@ from legfem.solve.newton_settings import NewtonSettings
 MU = 0.01
 RADIUS, EDGE, DEPTH = 5.0, 0.1, 0.02
 COARSE = AxisymmetricSettings(
-    MeridianMeshSettings(0.5),
-    newton=NewtonSettings(relative_tolerance=1e-12),
-    steps=fixed_steps(0.5),
+    MeridianMeshSettings(0.5), newton=NewtonSettings(relative_tolerance=1e-12), steps=fixed_steps(0.5)
 )
 
 
@@ -50,10 +48,7 @@ def kappa(ratio: float, poisson: float, base: str) -> float:
         T = (np.cosh(2 * s) - 1) / (np.sinh(2 * s) + 2 * s)
     x, weights = np.polynomial.legendre.leggauss(40)
     x, weights = (x + 1) / 2, weights / 2
-    G = {
-        sign: np.trapezoid((1 - T) * np.cos(ratio * s * (x[:, None] + sign * x)[..., None]), s)
-        for sign in (1, -1)
-    }
+    G = {sign: np.trapezoid((1 - T) * np.cos(ratio * s * (x[:, None] + sign * x)[..., None]), s) for sign in (1, -1)}
     matrix = np.eye(len(x)) - ratio / np.pi * (G[1] + G[-1]) * weights
     return float(weights @ np.linalg.solve(matrix, np.ones_like(x)))
 
@@ -79,9 +74,8 @@ def pressed(thickness: float, poisson: float, base: str) -> float:
 
 @pytest.mark.parametrize(
     ("ratio", "poisson", "published"),
-    [(0.4, 0.30, 1.472), (1.0, 0.30, 2.480), (1.0, 0.45, 3.085), (1.0, 0.50, 3.609),
-     (2.0, 0.45, 6.380)],
-)  # fmt: skip
+    [(0.4, 0.30, 1.472), (1.0, 0.30, 2.480), (1.0, 0.45, 3.085), (1.0, 0.50, 3.609), (2.0, 0.45, 6.380)],
+)
 def test_the_layer_s_factors_are_those_of_the_paper(ratio, poisson, published):
     """As printed, up to 0.7 % from the converged ones where the layer is thin."""
     assert kappa(ratio, poisson, "bonded") == pytest.approx(published, rel=1e-2)
@@ -89,12 +83,16 @@ def test_the_layer_s_factors_are_those_of_the_paper(ratio, poisson, published):
 
 @pytest.mark.parametrize(
     ("thickness", "poisson", "base"),
-    [(12.5, 0.3, "bonded"), (5.0, 0.45, "bonded"), (5.0, 0.499, "bonded"), (2.5, 0.3, "bonded"),
-     (5.0, 0.3, "sliding"), (5.0, 0.499, "sliding")],
-)  # fmt: skip
-def test_the_force_is_between_those_of_the_flat_part_and_of_the_whole_face(
-    thickness, poisson, base
-):
+    [
+        (12.5, 0.3, "bonded"),
+        (5.0, 0.45, "bonded"),
+        (5.0, 0.499, "bonded"),
+        (2.5, 0.3, "bonded"),
+        (5.0, 0.3, "sliding"),
+        (5.0, 0.499, "sliding"),
+    ],
+)
+def test_the_force_is_between_those_of_the_flat_part_and_of_the_whole_face(thickness, poisson, base):
     force = pressed(thickness, poisson, base)
     least, most = (linear_force(a, thickness, poisson, base) for a in (RADIUS - EDGE, RADIUS))
     print(thickness, poisson, base, force / least - 1, force / most - 1)
@@ -140,9 +138,7 @@ def test_the_derivative_by_stiffness_is_exact(shallow):
     C10 = shallow.parameters["deep.C10"]
     exact = shallow.solve({"deep.C10": C10}, 1.5, ("deep.C10", "deep.D1")).path
     for name, value in (("deep.C10", C10), ("deep.D1", shallow.parameters["deep.D1"])):
-        ahead, behind = (
-            shallow.solve({name: value * (1 + by)}, 1.5).path.force for by in (1e-4, -1e-4)
-        )
+        ahead, behind = (shallow.solve({name: value * (1 + by)}, 1.5).path.force for by in (1e-4, -1e-4))
         difference = (ahead - behind) / (2e-4 * value)
         error = np.abs(exact.sensitivities[name] - difference).max() / np.abs(difference).max()
         print(name, error)

@@ -4,15 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from making_mechanics import (
-    COARSE,
-    FORMULATIONS,
-    block,
-    fixed_steps,
-    leg_model,
-    one_tissue,
-    subject_3,
-)
+from making_mechanics import COARSE, FORMULATIONS, block, fixed_steps, leg_model, one_tissue, subject_3
 
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.fem.spaces import build_spaces
@@ -38,17 +30,13 @@ def _forces(formulation: str, Q: np.ndarray, shift: np.ndarray) -> np.ndarray:
     meshed = block(form=lambda x: x @ Q.T + shift)
     model = leg_model(one_tissue(1e-3, 28.0, C20=0.5e-3), RADIUS, contact, 0.2, formulation)
     system = System(
-        build_spaces(*meshed, formulation),
-        model,
-        Q @ np.array([0.0, RADIUS]) + shift,
-        Q @ np.array([0.28, -0.96]),
+        build_spaces(*meshed, formulation), model, Q @ np.array([0.0, RADIUS]) + shift, Q @ np.array([0.28, -0.96])
     )
     forces = []
     solver = NewtonSolver(system, NewtonSettings(relative_tolerance=1e-11))
     report = press(
-        system, solver, [2.0, 1.0], fixed_steps(0.5),
-        lambda _: forces.append(system.balance().contact_force @ Q),
-    )  # fmt: skip
+        system, solver, [2.0, 1.0], fixed_steps(0.5), lambda _: forces.append(system.balance().contact_force @ Q)
+    )
     assert report.complete
     return np.array(forces)
 
@@ -67,12 +55,9 @@ def test_a_turned_leg_is_as_stiff():
     section, indenter, tissues = subject_3()
     Q = _rotation(200.0)
     turned = LegSection(
-        *(section.contour(part) @ Q.T for part in ("skin", "fascia", "tibia", "fibula")),
-        section.fascia_thickness,
+        *(section.contour(part) @ Q.T for part in ("skin", "fascia", "tibia", "fibula")), section.fascia_thickness
     )
-    moved = Indenter(
-        indenter.radius, indenter.length, Q @ indenter.aim, indenter.direction_deg + 200.0
-    )
+    moved = Indenter(indenter.radius, indenter.length, Q @ indenter.aim, indenter.direction_deg + 200.0)
     settings = PlaneStrainSettings(mesh=COARSE)
     depths = np.array([4.0, 7.0, 10.0])
     a, b = (

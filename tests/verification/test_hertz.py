@@ -50,9 +50,7 @@ def _pressed(depth: float, finest: float, penetration: float) -> System:
         penalty=peak / penetration,
         meshed=block(x, y),
     )
-    report = press(
-        system, NewtonSolver(system), [depth], StepSettings(first=depth / 8, largest=depth / 8)
-    )
+    report = press(system, NewtonSolver(system), [depth], StepSettings(first=depth / 8, largest=depth / 8))
     assert report.complete, report
     return system
 

@@ -25,9 +25,7 @@ def test_unloading_returns_along_loading_and_ends_without_force():
     at, force = solved.path.displacement, solved.path.force
     top = int(np.argmax(at))
     for depth in (6.0, 4.0, 2.0, 1.0):
-        up, down = (
-            np.flatnonzero(np.abs(part - depth) < 1e-9)[0] for part in (at[: top + 1], at[top:])
-        )
+        up, down = (np.flatnonzero(np.abs(part - depth) < 1e-9)[0] for part in (at[: top + 1], at[top:]))
         print(depth, force[top + down] / force[up] - 1)
         assert force[top + down] == pytest.approx(force[up], rel=1e-6)
     assert at[-1] == -0.5
@@ -59,9 +57,12 @@ def test_the_anchors_converge_with_the_step():
     for size in (1.0, 0.5, 0.25, 0.125):
         force = {}
         press(
-            system, solver, [1.0, 2.0, 3.0], fixed_steps(size),
+            system,
+            solver,
+            [1.0, 2.0, 3.0],
+            fixed_steps(size),
             lambda at, force=force: force.setdefault(round(at, 6), system.force()),
-        )  # fmt: skip
+        )
         curves.append([force[at] for at in (1.0, 2.0, 3.0)])
     changes = np.abs(np.diff(curves, axis=0)) / curves[-1]
     orders = np.log2(changes[:-1] / changes[1:])

@@ -14,12 +14,7 @@ from making_mechanics import fixed_steps
 from test_flat_punch import kappa, law
 
 from legfem.common.errors import InputError
-from legfem.experiments.axisymmetric import (
-    AxisymmetricSettings,
-    BallIndentation,
-    BallOnLayer,
-    Layer,
-)
+from legfem.experiments.axisymmetric import AxisymmetricSettings, BallIndentation, BallOnLayer, Layer
 from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
 from legfem.experiments.lateral_cylinder import CylinderOnBlock, LateralCylinder
 from legfem.experiments.layers import compress
@@ -40,14 +35,26 @@ def faces(k: float, h: float, mu: float, nu: float) -> tuple[np.ndarray, np.ndar
     for z in (0.0, h):
         near, far = np.exp(-k * z), np.exp(-k * (h - z))
         down, up = k * z, k * (h - z)
-        rows.append(np.array([
-            [near, (down - kappa) * near, far, (up - kappa) * far],
-            [near, down * near, -far, -up * far],
-            [-2 * mu * k * near, -2 * mu * k * (down - 1 + 2 * nu) * near,
-             -2 * mu * k * far, -2 * mu * k * (up - 1 + 2 * nu) * far],
-            [-2 * mu * k * near, -2 * mu * k * (down - 2 + 2 * nu) * near,
-             2 * mu * k * far, 2 * mu * k * (up - 2 + 2 * nu) * far],
-        ]))  # fmt: skip
+        rows.append(
+            np.array(
+                [
+                    [near, (down - kappa) * near, far, (up - kappa) * far],
+                    [near, down * near, -far, -up * far],
+                    [
+                        -2 * mu * k * near,
+                        -2 * mu * k * (down - 1 + 2 * nu) * near,
+                        -2 * mu * k * far,
+                        -2 * mu * k * (up - 1 + 2 * nu) * far,
+                    ],
+                    [
+                        -2 * mu * k * near,
+                        -2 * mu * k * (down - 2 + 2 * nu) * near,
+                        2 * mu * k * far,
+                        2 * mu * k * (up - 2 + 2 * nu) * far,
+                    ],
+                ]
+            )
+        )
     return rows[0], rows[1]
 
 
@@ -85,10 +92,7 @@ def stiffer(ratio: float, poisson: float) -> NeoHookean:
 
 def fat_on_muscle(superficial: float, deep: float, ratio: float, poisson: float):
     """Return layers of thicknesses (mm), the upper one stiffer by a ratio."""
-    return (
-        Layer("muscle", deep, law(poisson)),
-        Layer("fat", superficial, stiffer(ratio, poisson)),
-    )
+    return (Layer("muscle", deep, law(poisson)), Layer("fat", superficial, stiffer(ratio, poisson)))
 
 
 @pytest.mark.parametrize(
@@ -114,9 +118,7 @@ def test_the_force_is_that_of_linear_elasticity(superficial, deep, ratio, poisso
     assert solved.report.complete
     modulus = 2 * ratio * MU / (1 - poisson)
     layers = (superficial, ratio * MU, poisson), (deep, MU, poisson)
-    least, most = (
-        2 * a * stiffness_factor(a, *layers) * modulus * DEPTH for a in (RADIUS - EDGE, RADIUS)
-    )
+    least, most = (2 * a * stiffness_factor(a, *layers) * modulus * DEPTH for a in (RADIUS - EDGE, RADIUS))
     force = float(solved.curve.force[-1])
     print(superficial, deep, ratio, force / least - 1, force / most - 1)
     assert 0.99 * least < force < most
@@ -127,9 +129,7 @@ def test_the_closed_form_of_equal_layers_is_that_of_one():
     assert stiffness_factor(5.0, *layers) == pytest.approx(kappa(0.5, 0.45, "bonded"), rel=1e-3)
 
 
-SETTINGS = AxisymmetricSettings(
-    MeridianMeshSettings(0.375, 0.35, 6.0), steps=StepSettings(first=0.3, largest=0.8)
-)
+SETTINGS = AxisymmetricSettings(MeridianMeshSettings(0.375, 0.35, 6.0), steps=StepSettings(first=0.3, largest=0.8))
 
 
 ON_25 = {
@@ -154,14 +154,9 @@ def test_equal_layers_are_one_layer_in_finite_strain(name: str) -> None:
 def soft_on_stiff():
     given, layers = PunchOnLayer(20.0, 10.0, 1.5, 50.0), fat_on_muscle(5.0, 15.0, 0.3, 0.49)
     return [
-        compress(
-            FlatPunchIndentation(
-                given, layers, AxisymmetricSettings(mesh, steps=SETTINGS.steps)
-            ),
-            5.0,
-        )
+        compress(FlatPunchIndentation(given, layers, AxisymmetricSettings(mesh, steps=SETTINGS.steps)), 5.0)
         for mesh in (SETTINGS.mesh, SETTINGS.mesh.refined(2.0))
-    ]  # fmt: skip
+    ]
 
 
 def test_a_finer_mesh_tells_the_same(soft_on_stiff):
@@ -184,16 +179,15 @@ def test_the_layers_lose_what_the_punch_takes(soft_on_stiff):
 def test_derivatives_by_each_layer_s_stiffness_are_those_of_differences():
     """Of a ball; the contact's penalty is in proportion to all of them."""
     ball = BallIndentation(
-        BallOnLayer(20.0, 8.0, 40.0), fat_on_muscle(5.0, 15.0, 0.3, 0.45),
+        BallOnLayer(20.0, 8.0, 40.0),
+        fat_on_muscle(5.0, 15.0, 0.3, 0.45),
         AxisymmetricSettings(MeridianMeshSettings(1.5, 0.35, 6.0), steps=fixed_steps(0.5)),
-    )  # fmt: skip
+    )
     names = ("fat.C10", "muscle.C10")
     solved = ball.solve(None, 2.0, names)
     for name in names:
         own, step = ball.parameters[name], 1e-4
-        ends = [
-            ball.solve({name: own * factor}, 2.0).curve.force[-1] for factor in (1 + step, 1 - step)
-        ]
+        ends = [ball.solve({name: own * factor}, 2.0).curve.force[-1] for factor in (1 + step, 1 - step)]
         slope = (ends[0] - ends[1]) / (2 * step * own)
         assert solved.curve.sensitivities[name][-1] == pytest.approx(slope, rel=1e-4)
 

@@ -9,11 +9,7 @@ import pytest
 from making_mechanics import at_skin
 
 from legfem.common.errors import InputError
-from legfem.experiments.indentation_3d import (
-    Cylinder,
-    IdealisedLegIndentation,
-    IdealisedLegSettings,
-)
+from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation, IdealisedLegSettings
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membrane_of
 from legfem.experiments.posed import Pose
 from legfem.geometry.leg_shape import LegShape
@@ -26,9 +22,7 @@ from legfem.meshing.solid_leg import SolidMeshSettings
 TISSUES = {"deep": NeoHookean(1e-3, 28.0), "superficial": NeoHookean(2e-3, 22.5)}
 RADIUS, BONE, FAT = 40.0, 12.0, 9.0
 CYLINDER = Cylinder(length=30.0)
-COARSE = SolidMeshSettings(
-    skin_size=12.0, inside_size=16.0, bone_size=8.0, layer_elements=0.7, enclosing=True
-)
+COARSE = SolidMeshSettings(skin_size=12.0, inside_size=16.0, bone_size=8.0, layer_elements=0.7, enclosing=True)
 
 
 def round_leg(length: float) -> LegShape:
@@ -78,9 +72,9 @@ def test_a_round_leg_is_the_idealised_leg_s_by_other_elements():
     leg = IdealisedLeg(RADIUS, BONE, 60.0, fat=FAT, ends="held")
     # Its skin is made of flat facets: these are so small that the cylinder doesn't feel it.
     mesh = LegMeshSettings(contact_size=1, depth_size=5, edge_size=2, growth=0.4, far_size=15)
-    other = IdealisedLegIndentation(
-        leg, CYLINDER, TISSUES, 3, replace(IdealisedLegSettings(), mesh=mesh)
-    ).solve(depth=6.0)
+    other = IdealisedLegIndentation(leg, CYLINDER, TISSUES, 3, replace(IdealisedLegSettings(), mesh=mesh)).solve(
+        depth=6.0
+    )
     ratio = found.curve(at) / other.curve(at)
     print(ratio)
     np.testing.assert_allclose(ratio, 1.0, atol=0.01)
@@ -93,16 +87,10 @@ def test_a_membrane_is_the_fascia_s_layer_of_other_elements():
     layer = IdealisedLeg(RADIUS, BONE, 60.0, fat=FAT, fascia=thickness, ends="held")
     mesh = LegMeshSettings(contact_size=4, depth_size=6, edge_size=3, growth=0.4, far_size=15)
     other = IdealisedLegIndentation(
-        layer,
-        CYLINDER,
-        {**TISSUES, "fascia": fascia},
-        3,
-        replace(IdealisedLegSettings(), mesh=mesh),
+        layer, CYLINDER, {**TISSUES, "fascia": fascia}, 3, replace(IdealisedLegSettings(), mesh=mesh)
     ).solve(depth=6.0)
     test = pressed(4.5)
-    test = replace(
-        test, shape=without_layer(test.shape, thickness), fascia=membrane_of(fascia, thickness)
-    )
+    test = replace(test, shape=without_layer(test.shape, thickness), fascia=membrane_of(fascia, thickness))
     ratio = test.solve(depth=6.0).curve(at) / other.curve(at)
     print(ratio)
     np.testing.assert_allclose(ratio, 1.0, atol=0.03)

@@ -7,12 +7,7 @@ import pytest
 import shapely
 
 from legfem.experiments.indentation_3d import Cylinder
-from legfem.experiments.leg_3d import (
-    FIBRE_PARAMETERS,
-    LegIndentation3D,
-    SolidLegSettings,
-    fibres_of,
-)
+from legfem.experiments.leg_3d import FIBRE_PARAMETERS, LegIndentation3D, SolidLegSettings, fibres_of
 from legfem.experiments.posed import Ball, Indenting, Pose, Punch
 from legfem.geometry.leg_shape import LegShape
 from legfem.mechanics.materials import NeoHookean
@@ -22,12 +17,7 @@ pytestmark = pytest.mark.slow
 C10 = 1e-3
 TISSUES = {"deep": NeoHookean(C10, 28.0), "superficial": NeoHookean(2e-3, 22.5)}
 COARSE = SolidMeshSettings(
-    skin_size=30.0,
-    inside_size=40.0,
-    bone_size=20.0,
-    layer_elements=0.2,
-    turn_elements=3.0,
-    enclosing=True,
+    skin_size=30.0, inside_size=40.0, bone_size=20.0, layer_elements=0.2, turn_elements=3.0, enclosing=True
 )
 FLAT = SolidMeshSettings(skin_size=14.0, inside_size=20.0, bone_size=9.0, layer_elements=0.5)
 CYLINDER, PUNCH = Cylinder(radius=10.0, length=24.0), Punch(radius=8.0, length=20.0)
@@ -68,9 +58,13 @@ def pressed(
 ) -> LegIndentation3D:
     fibres = () if ratio == 1 else (fibres_of(C10, ratio),)
     return LegIndentation3D(
-        shape or round_leg(), given, Pose((0.0, 0.0), 0.0, 270.0, axis_deg), TISSUES,
-        settings=SolidLegSettings(mesh=mesh, contact_size=5.0), mechanisms=fibres,
-    )  # fmt: skip
+        shape or round_leg(),
+        given,
+        Pose((0.0, 0.0), 0.0, 270.0, axis_deg),
+        TISSUES,
+        settings=SolidLegSettings(mesh=mesh, contact_size=5.0),
+        mechanisms=fibres,
+    )
 
 
 def test_on_a_flat_body_that_is_alike_in_all_directions_a_cylinder_may_lie_as_it_will():
@@ -115,9 +109,7 @@ def test_fibres_along_the_leg_stiffen_it_less_under_a_cylinder_across_them(acros
     """A cylinder across bends the fibres along all of its length, one along them at its ends."""
     rises = []
     for given, axis_deg in ((CYLINDER, 0.0), (CYLINDER, 90.0), (Ball(10.0), 0.0), (PUNCH, 0.0)):
-        plain, fibrous = (
-            pressed(given, axis_deg, ratio).solve(depth=4.0).curve(4.0) for ratio in (1.0, 3.0)
-        )
+        plain, fibrous = (pressed(given, axis_deg, ratio).solve(depth=4.0).curve(4.0) for ratio in (1.0, 3.0))
         rises.append(fibrous / plain - 1)
     print(rises)
     along, other, ball, punch = rises

@@ -9,14 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from dolfinx import fem
-from making_mechanics import (
-    FORMULATIONS,
-    free_of_contact,
-    nodal,
-    one_tissue,
-    ring,
-    solve_with_boundary,
-)
+from making_mechanics import FORMULATIONS, free_of_contact, nodal, one_tissue, ring, solve_with_boundary
 from scipy.integrate import solve_bvp
 
 from legfem.fem.system import System
@@ -48,8 +41,7 @@ def _radial_stresses(r: np.ndarray, dr: np.ndarray, R: np.ndarray, D1: float):
     I1 = along**2 + around**2 + 1
     volumetric = 2 * (J - 1) / D1 * J
     return tuple(
-        2 * C10 * J ** (-2 / 3) * (stretch - I1 / (3 * stretch)) + volumetric / stretch
-        for stretch in (along, around)
+        2 * C10 * J ** (-2 / 3) * (stretch - I1 / (3 * stretch)) + volumetric / stretch for stretch in (along, around)
     )
 
 

@@ -14,13 +14,7 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem, la
-from making_mechanics import (
-    boundary_pinned,
-    free_of_contact,
-    one_tissue,
-    solid,
-    solve_with_boundary,
-)
+from making_mechanics import boundary_pinned, free_of_contact, one_tissue, solid, solve_with_boundary
 
 from legfem.fem.system import System
 from legfem.mechanics.terms import PressureStabilisation
@@ -48,19 +42,13 @@ def _stress(x: np.ndarray) -> np.ndarray:
     F = np.eye(2) + _gradient(x)
     J = F[..., 0, 0] * F[..., 1, 1] - F[..., 0, 1] * F[..., 1, 0]
     cofactor = np.stack(
-        [
-            np.stack([F[..., 1, 1], -F[..., 1, 0]], axis=-1),
-            np.stack([-F[..., 0, 1], F[..., 0, 0]], axis=-1),
-        ],
-        axis=-2,
+        [np.stack([F[..., 1, 1], -F[..., 1, 0]], axis=-1), np.stack([-F[..., 0, 1], F[..., 0, 0]], axis=-1)], axis=-2
     )
     I1 = (F**2).sum(axis=(-2, -1)) + 1
     slope = C10 + 2 * C20 * (J ** (-2 / 3) * I1 - 3)
     isochoric = F - (I1 / 3 / J)[..., None, None] * cofactor
     pressure = 2 * (J - 1) / D1
-    return (2 * slope * J ** (-2 / 3))[..., None, None] * isochoric + pressure[
-        ..., None, None
-    ] * cofactor
+    return (2 * slope * J ** (-2 / 3))[..., None, None] * isochoric + pressure[..., None, None] * cofactor
 
 
 def _body_force(x: np.ndarray) -> np.ndarray:
@@ -101,18 +89,12 @@ def _solved(formulation: str, n: int, degree: int = 2) -> LoadedSystem:
         return p + skew * wave * [1.0, -0.7]
 
     meshed = solid(
-        edges,
-        edges,
-        skin=lambda m: np.isclose(m[:, 1], 1),
-        bone=lambda m: np.isclose(m[:, 1], 0),
-        form=skewed,
+        edges, edges, skin=lambda m: np.isclose(m[:, 1], 1), bone=lambda m: np.isclose(m[:, 1], 0), form=skewed
     )
     tissues = one_tissue(C10, D1, C20)
     stabilised = [PressureStabilisation("deep", tissues.deep)] if degree == 1 else []
     free = free_of_contact(meshed, tissues, formulation, stabilised, degree)
-    system = LoadedSystem(
-        boundary_pinned(free.spaces), free.model, np.array([0.0, 1e3]), free.direction
-    )
+    system = LoadedSystem(boundary_pinned(free.spaces), free.model, np.array([0.0, 1e3]), free.direction)
     system.load(_body_force)
     outcome = solve_with_boundary(system, lambda x, share: share * _displacement(x))
     assert outcome.converged, outcome
@@ -135,10 +117,7 @@ def _errors(system: LoadedSystem) -> dict[str, float]:
     x = values(ufl.SpatialCoordinate(mesh), (2,))
     u = values(domain.displacement, (2,)) - _displacement(x)
     slope = values(ufl.grad(domain.displacement), (2, 2)) - _gradient(x)
-    errors = {
-        "L2": np.sqrt(measure @ (u**2).sum(axis=1)),
-        "H1": np.sqrt(measure @ (slope**2).sum(axis=(1, 2))),
-    }
+    errors = {"L2": np.sqrt(measure @ (u**2).sum(axis=1)), "H1": np.sqrt(measure @ (slope**2).sum(axis=(1, 2)))}
     if "deep" in domain.pressures:
         exact = 2 * (np.linalg.det(np.eye(2) + _gradient(x)) - 1) / D1
         errors["pressure"] = np.sqrt(measure @ (values(domain.pressures["deep"], ()) - exact) ** 2)
@@ -150,9 +129,7 @@ def _errors(system: LoadedSystem) -> dict[str, float]:
     [
         ("displacement", 2, 16, {"L2": 3.0, "H1": 2.0}),
         ("mixed", 2, 16, {"L2": 3.0, "H1": 2.0, "pressure": 2.0}),
-        pytest.param(
-            "continuous", 2, 32, {"L2": 3.0, "H1": 2.0, "pressure": 2.0}, marks=pytest.mark.slow
-        ),
+        pytest.param("continuous", 2, 32, {"L2": 3.0, "H1": 2.0, "pressure": 2.0}, marks=pytest.mark.slow),
         # Of pressures with linear displacements, order 1 is promised.
         ("continuous", 1, 64, {"L2": 2.0, "H1": 1.0, "pressure": 2.0}),
     ],

@@ -7,16 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from making_derivatives import forces, taylor_orders, worst_error
-from making_mechanics import (
-    COARSE,
-    block,
-    fixed_steps,
-    free_of_contact,
-    nodal,
-    one_tissue,
-    pressed_block,
-    subject_3,
-)
+from making_mechanics import COARSE, block, fixed_steps, free_of_contact, nodal, one_tissue, pressed_block, subject_3
 
 from legfem.common.errors import InputError
 from legfem.experiments.placement import Placement
@@ -43,11 +34,7 @@ MECHANISMS = {
     "contraction": (
         [Contraction("deep")],
         None,
-        {
-            "deep.contraction.stiffness": 2e-3,
-            "deep.contraction.onset": 1.2,
-            "deep.contraction.rise": 2.0,
-        },
+        {"deep.contraction.stiffness": 2e-3, "deep.contraction.onset": 1.2, "deep.contraction.rise": 2.0},
     ),
     "prestress": ([Prestress(CIRCLE, region="deep")], None, {"deep.prestress.tension": 1e-3}),
     "fibres": (
@@ -61,9 +48,7 @@ MECHANISMS = {
 
 def _system(name: str, formulation: str = "mixed") -> tuple[System, dict[str, float]]:
     terms, contact, felt = MECHANISMS[name]
-    system = pressed_block(
-        formulation, contact, TISSUES, direction=(0.28, -0.96), meshed=SMALL, mechanisms=terms
-    )
+    system = pressed_block(formulation, contact, TISSUES, direction=(0.28, -0.96), meshed=SMALL, mechanisms=terms)
     return system, {**system.model.parameters, **felt}
 
 
@@ -85,9 +70,7 @@ def test_it_vanishes_at_its_null_and_is_felt_beyond(name):
 def test_the_tangent_is_the_residual_s_derivative(name):
     system, values = _system(name)
     system.set_parameters(values)
-    assert follow(
-        system, NewtonSolver(system), Protocol.ramp(1.5, rate=1.0), fixed_steps(0.5)
-    ).complete
+    assert follow(system, NewtonSolver(system), Protocol.ramp(1.5, rate=1.0), fixed_steps(0.5)).complete
     system.set_displacement(1.9)
     system.set_time(1.9, 0.4)
     orders = taylor_orders(system)
@@ -133,9 +116,7 @@ def test_tension_resists_what_turns_its_line_and_works_along_it():
     """Its work is tension/2 |grad u t|^2 times the volume; across it there is none."""
     wide = np.array([[-1e3, -50], [1e3, -50], [1e3, 2e3], [-1e3, 2e3]])
     terms = [Prestress(wide, 0.3, "deep")]
-    plain, tense = (
-        free_of_contact(SMALL, TISSUES, "displacement", mechanisms) for mechanisms in ([], terms)
-    )
+    plain, tense = (free_of_contact(SMALL, TISSUES, "displacement", mechanisms) for mechanisms in ([], terms))
     nodes, dofs = nodal(tense)
     for gradient, along in (([[0, 0], [2e-3, 0]], 2e-3), ([[0, 2e-3], [0, 0]], 0.0)):
         for system in (plain, tense):
@@ -170,9 +151,7 @@ def test_a_leg_with_every_mechanism_at_its_null_is_the_base_model(leg):
     top, end = (null.path.sensitivity_at(names[1], time) for time in (4.0, 34.0))
     print(top, end)
     assert top > 0 and abs(end) < 0.2 * top
-    np.testing.assert_array_equal(
-        null.curve.sensitivities["deep.C10"], null.path.sensitivities["deep.C10"][:5]
-    )
+    np.testing.assert_array_equal(null.curve.sensitivities["deep.C10"], null.path.sensitivities["deep.C10"][:5])
 
 
 def test_a_placement_as_stated_changes_nothing(leg):

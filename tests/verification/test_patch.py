@@ -31,11 +31,7 @@ def _irregular(points: np.ndarray) -> np.ndarray:
 def _patch(formulation: str) -> System:
     edges = np.linspace(0, 1, 6)
     meshed = solid(
-        edges,
-        edges,
-        skin=lambda m: np.isclose(m[:, 1], 1),
-        bone=lambda m: np.isclose(m[:, 1], 0),
-        form=_irregular,
+        edges, edges, skin=lambda m: np.isclose(m[:, 1], 1), bone=lambda m: np.isclose(m[:, 1], 0), form=_irregular
     )
     free = free_of_contact(meshed, one_tissue(C10, D1, C20), formulation)
     return System(boundary_pinned(free.spaces), free.model, np.array([0.0, 1e3]), free.direction)
@@ -63,9 +59,7 @@ def test_constant_strain_is_reproduced_exactly(formulation):
 @pytest.mark.parametrize("formulation", FORMULATIONS)
 def test_the_boundary_s_forces_are_those_of_the_constant_stress(formulation):
     system = _patch(formulation)
-    assert solve_with_boundary(
-        system, lambda x, share: share * x @ GRADIENT.T, wobble=0.002
-    ).converged
+    assert solve_with_boundary(system, lambda x, share: share * x @ GRADIENT.T, wobble=0.002).converged
     forces = fem.Function(system.spaces.space)
     fem.assemble_vector(forces.x.array, system.body.residual)
     nodes, dofs = nodal(system)
@@ -76,9 +70,7 @@ def test_the_boundary_s_forces_are_those_of_the_constant_stress(formulation):
 
 def test_the_pressure_of_the_mixed_form_is_constant_and_exact():
     system = _patch("mixed")
-    assert solve_with_boundary(
-        system, lambda x, share: share * x @ GRADIENT.T, wobble=0.002
-    ).converged
+    assert solve_with_boundary(system, lambda x, share: share * x @ GRADIENT.T, wobble=0.002).converged
     pressure = system.unknown.sub(1).collapse().x.array
     J = np.linalg.det(np.eye(2) + GRADIENT)
     np.testing.assert_allclose(pressure, 2 * (J - 1) / D1, rtol=1e-9)
@@ -87,8 +79,6 @@ def test_the_pressure_of_the_mixed_form_is_constant_and_exact():
 def test_a_wrong_boundary_is_noticed():
     """The test above can fail: a bent boundary leaves no constant strain inside."""
     system = _patch("displacement")
-    assert solve_with_boundary(
-        system, lambda x, share: share * x @ GRADIENT.T + share * 0.02 * x**2
-    ).converged
+    assert solve_with_boundary(system, lambda x, share: share * x @ GRADIENT.T + share * 0.02 * x**2).converged
     nodes, dofs = nodal(system)
     assert np.abs(system.unknown.x.array[dofs] - nodes @ GRADIENT.T).max() > 1e-3

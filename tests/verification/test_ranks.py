@@ -9,17 +9,11 @@ import numpy as np
 import pytest
 from making_ranks import difference, run_on_ranks
 
-pytestmark = [
-    pytest.mark.mpi,
-    pytest.mark.skipif(shutil.which("mpirun") is None, reason="needs mpirun"),
-]
+pytestmark = [pytest.mark.mpi, pytest.mark.skipif(shutil.which("mpirun") is None, reason="needs mpirun")]
 
 
 def _check(ranks: int, formulation: str, folder: Path) -> None:
-    one, more = (
-        run_on_ranks(number, "ranks.py", folder / f"{number}.npz", formulation)
-        for number in (1, ranks)
-    )
+    one, more = (run_on_ranks(number, "ranks.py", folder / f"{number}.npz", formulation) for number in (1, ranks))
     np.testing.assert_array_equal(one["displacement"], more["displacement"])
     assert more["factorisations"] == pytest.approx(float(one["factorisations"]), rel=0.1)
     for name in ("force", "sensitivities", "contact", "bone", "works"):
@@ -40,8 +34,7 @@ def test_ranks_do_a_task_together_each_with_its_context(tmp_path):
 @pytest.mark.slow
 def test_a_leg_is_identified_in_3d_alike_on_two_ranks(tmp_path):
     one, two = (
-        run_on_ranks(number, "ranks_identify_3d.py", tmp_path / f"{number}.npz", seconds=1800)
-        for number in (1, 2)
+        run_on_ranks(number, "ranks_identify_3d.py", tmp_path / f"{number}.npz", seconds=1800) for number in (1, 2)
     )
     assert one["solves"] == two["solves"] >= 2
     for name in ("value", "ci95", "force"):
@@ -81,8 +74,7 @@ def _check_correction(ranks: int, solver: str, folder: Path) -> None:
 @pytest.mark.parametrize("ranks, solver", [(2, "iterative"), (4, "iterative"), (4, "direct")])
 def test_a_leg_in_its_stocking_is_the_same_on_several_ranks(tmp_path, ranks, solver):
     one, more = (
-        run_on_ranks(number, "ranks_compression.py", tmp_path / f"{number}.npz", solver)
-        for number in (1, ranks)
+        run_on_ranks(number, "ranks_compression.py", tmp_path / f"{number}.npz", solver) for number in (1, ranks)
     )
     for name in ("skin", "hull", "rate", "veins", "fat"):
         print(solver, ranks, name, f"{difference(more[name], one[name]):.1e}")

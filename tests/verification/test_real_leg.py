@@ -65,7 +65,5 @@ def pressed_at_its_back(sections: Path, level: float, folder: Path) -> None:
     assert 1.0 < solved.curve(25.0) < 50.0
     for balance in balances:
         np.testing.assert_allclose(
-            -balance.bone_reaction,
-            balance.contact_force,
-            atol=1e-8 * np.linalg.norm(balance.contact_force),
+            -balance.bone_reaction, balance.contact_force, atol=1e-8 * np.linalg.norm(balance.contact_force)
         )

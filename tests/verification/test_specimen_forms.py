@@ -15,11 +15,7 @@ from making_specimens import AREA, LENGTH, compressed, ramp, record
 from test_flat_punch import kappa
 
 import legfem as lf
-from legfem.experiments.axisymmetric import (
-    AxisymmetricSettings,
-    CylinderBetweenPlates,
-    CylinderCompression,
-)
+from legfem.experiments.axisymmetric import AxisymmetricSettings, CylinderBetweenPlates, CylinderCompression
 from legfem.experiments.lateral_cylinder import CylinderOnBlock, LateralCylinder
 from legfem.experiments.uniaxial import Bar, UniaxialTest
 from legfem.mechanics.contact_settings import ContactSettings
@@ -56,9 +52,7 @@ def test_a_compressible_bar_is_the_cylinder_that_slides_between_plates() -> None
     settings = AxisymmetricSettings(MeridianMeshSettings(6.0, 0.0), wall)
     meshed = CylinderCompression(CylinderBetweenPlates(10.0, 20.0), law, settings).solve(depth=8.0)
     bar = UniaxialTest(Bar(20.0, np.pi * 100.0), law).solve(depth=8.0)
-    np.testing.assert_allclose(
-        bar.curve(meshed.curve.displacement[1:]), meshed.curve.force[1:], rtol=1e-5
-    )
+    np.testing.assert_allclose(bar.curve(meshed.curve.displacement[1:]), meshed.curve.force[1:], rtol=1e-5)
 
 
 def test_a_bars_derivatives_are_those_of_its_force() -> None:
@@ -70,9 +64,7 @@ def test_a_bars_derivatives_are_those_of_its_force() -> None:
         value = bar.parameters[name]
         up, down = (bar.solve({name: f * value}, 4.0).path.force for f in (1.0001, 0.9999))
         rounding = 1e-6 * np.abs(exact[name]).max()
-        np.testing.assert_allclose(
-            exact[name], (up - down) / (2e-4 * value), rtol=1e-5, atol=rounding
-        )
+        np.testing.assert_allclose(exact[name], (up - down) / (2e-4 * value), rtol=1e-5, atol=rounding)
 
 
 def test_half_a_block_under_a_cylinder_is_half_of_the_whole_one() -> None:
@@ -107,13 +99,8 @@ def _identified(folder: Path, toml: str, depth: float, force) -> tuple[float, fl
 
 @pytest.mark.slow
 def test_a_ball_finds_what_hertz_planted(tmp_path: Path) -> None:
-    toml = (
-        "[ball]\nball_diameter_mm = 10.0\nthickness_mm = 60.0\ndiameter_mm = 120.0\n"
-        'ball = "frictionless"\n'
-    )
-    found, low, high = _identified(
-        tmp_path, toml, 0.2, lambda d: 16 / 9 * 6 * C10 * 5**0.5 * d**1.5
-    )
+    toml = '[ball]\nball_diameter_mm = 10.0\nthickness_mm = 60.0\ndiameter_mm = 120.0\nball = "frictionless"\n'
+    found, low, high = _identified(tmp_path, toml, 0.2, lambda d: 16 / 9 * 6 * C10 * 5**0.5 * d**1.5)
     print(found / C10, low, high)
     assert found == pytest.approx(C10, rel=0.015)
 
@@ -128,8 +115,6 @@ def test_a_punch_finds_what_hayes_planted(tmp_path: Path) -> None:
     poisson = 0.4995
     flat = 4.9
     factor = kappa(flat / 5.0, poisson, "bonded")
-    found, low, high = _identified(
-        tmp_path, toml, 0.1, lambda d: 2 * flat * factor * 6 * C10 * d / (1 - poisson**2)
-    )
+    found, low, high = _identified(tmp_path, toml, 0.1, lambda d: 2 * flat * factor * 6 * C10 * d / (1 - poisson**2))
     print(found / C10, low, high)
     assert found == pytest.approx(C10, rel=0.03)

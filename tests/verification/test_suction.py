@@ -74,9 +74,7 @@ def test_rim_and_base_bear_what_the_suction_pulls(drawn: SuctionTest) -> None:
 
 def test_the_dome_is_that_of_another_code(drawn: SuctionTest) -> None:
     suction = np.linspace(0.5e-3, 4e-3, 8)
-    other = OtherLayers(
-        [OtherLayer(12.0, 8e-3, 10.0), OtherLayer(5.0, 2e-3, 10.0)], 40.0, [5.0, 7.0], 0.3
-    )
+    other = OtherLayers([OtherLayer(12.0, 8e-3, 10.0), OtherLayer(5.0, 2e-3, 10.0)], 40.0, [5.0, 7.0], 0.3)
     risen = other.sucked(5.0, 2.0, suction)
     found = drawn.solve(depth=1.05 * risen[-1]).curve(risen) / drawn.test.opening
     print(risen, found / suction - 1)
@@ -87,10 +85,7 @@ def test_derivatives_are_those_of_differences_and_add_up(drawn: SuctionTest) -> 
     names = ("fat.C10", "fat.D1", "muscle.C10", "muscle.D1")
     at, own = np.linspace(0.3, 1.2, 4), drawn.parameters
     solved = drawn.solve(None, 1.2, names).curve
-    total = sum(
-        (-1 if name.endswith("D1") else 1) * own[name] * solved.sensitivity(name, at)
-        for name in names
-    )
+    total = sum((-1 if name.endswith("D1") else 1) * own[name] * solved.sensitivity(name, at) for name in names)
     np.testing.assert_allclose(total, solved(at), rtol=1e-8)
     step = 2e-2
     for name in names[::2]:

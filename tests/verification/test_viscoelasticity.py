@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 from dolfinx import fem
 from making_derivatives import forces, taylor_orders, worst_error
-from making_mechanics import (
-    block,
-    boundary_pinned,
-    free_of_contact,
-    nodal,
-    one_tissue,
-    pressed_block,
-)
+from making_mechanics import block, boundary_pinned, free_of_contact, nodal, one_tissue, pressed_block
 
 from legfem.fem.system import System
 from legfem.mechanics.terms import Viscoelasticity
@@ -86,9 +79,7 @@ def _held_after(system: System, gradient: np.ndarray, times: np.ndarray) -> np.n
     return np.array(found)
 
 
-@pytest.mark.parametrize(
-    "gradient", [[[0, 0.6], [0, 0]], [[0.25, 0], [0, -0.2]]], ids=["simple shear", "stretch"]
-)
+@pytest.mark.parametrize("gradient", [[[0, 0.6], [0, 0]], [[0.25, 0], [0, -0.2]]], ids=["simple shear", "stretch"])
 def test_a_held_shape_relaxes_exponentially(gradient):
     """J = 1: all of the stress is of distortion, 1 + sum of ratio exp(-t/tau) times what lasts."""
     terms = [_branch(0.7, 3.0), _branch(1.9, 0.4, "2")]

@@ -20,8 +20,7 @@ def actions_tab(workspace: Workspace, name: str) -> None:
         return
     for action in ACTIONS[described]:
         _action(workspace, name, action)
-    mine = [run for run in map(Run, map(workspace.run, workspace.runs))
-            if run.there and run.about == name]  # fmt: skip
+    mine = [run for run in map(Run, map(workspace.run, workspace.runs)) if run.there and run.about == name]
     if mine:
         tag("h2", "Its runs")
         with ui.element("ul").classes("cards"):
@@ -41,19 +40,21 @@ def _action(workspace: Workspace, name: str, action: Action) -> None:
             for choice in action.choices:
                 if choice.choices:
                     boxes[choice.option] = ui.select(
-                        {"": "by default", **{one: one for one in choice.choices}}, value="",
-                        label=choice.label,
-                    )  # fmt: skip
+                        {"": "by default", **{one: one for one in choice.choices}}, value="", label=choice.label
+                    )
                 else:
                     boxes[choice.option] = ui.number(choice.label, placeholder="by default")
             more = ui.input("more options", placeholder="as on the command line")
 
         def options(run: str) -> list[str]:
             chosen = {
-                option: "" if box.value in (None, "") else
-                f"{box.value:.10g}" if isinstance(box.value, int | float) else str(box.value)
+                option: ""
+                if box.value in (None, "")
+                else f"{box.value:.10g}"
+                if isinstance(box.value, int | float)
+                else str(box.value)
                 for option, box in boxes.items()
-            }  # fmt: skip
+            }
             out = workspace.folder / "runs" / run / "results"
             return action.options(workspace.input(name), out, chosen, more.value or "")
 

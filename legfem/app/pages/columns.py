@@ -27,8 +27,12 @@ def columns_tab(folder: Path, looking: Run) -> None:
         tag("p", "There is no recording whose columns could be read.")
         return
     first = next((one for one in recordings if one["channels"]), recordings[0])
-    tag("p", f"Of {first['file']}; all recordings of a folder are read alike. Chosen is what "
-        "names, units and motion in the file suggest, or what was saved.", "quiet")  # fmt: skip
+    tag(
+        "p",
+        f"Of {first['file']}; all recordings of a folder are read alike. Chosen is what "
+        "names, units and motion in the file suggest, or what was saved.",
+        "quiet",
+    )
     if first["trouble"]:
         refused(first["trouble"])
     _choice(folder, first)
@@ -55,9 +59,7 @@ def _choice(folder: Path, first: dict[str, Any]) -> None:
     def channel(quantity: str) -> Channel:
         column, unit, sign = chosen[quantity]
         if not column.value or not unit.value:
-            raise InputError(
-                "columns", quantity, "has no column or no unit", "choose a column, give its unit"
-            )
+            raise InputError("columns", quantity, "has no column or no unit", "choose a column, give its unit")
         return Channel(column.value, unit.value.strip(), 1 if sign is None else int(sign.value))
 
     def save(use: bool) -> None:
@@ -65,9 +67,8 @@ def _choice(folder: Path, first: dict[str, Any]) -> None:
         try:
             if described is None:
                 raise InputError(
-                    "columns", folder.name, "there is no file yet to hold them",
-                    "say first what was measured",
-                )  # fmt: skip
+                    "columns", folder.name, "there is no file yet to hold them", "say first what was measured"
+                )
             path = folder / described
             channels = None
             if use:
@@ -83,6 +84,4 @@ def _choice(folder: Path, first: dict[str, Any]) -> None:
 
     with ui.element("div").classes("inrow"):
         ui.button("Read them so", on_click=lambda: save(True))
-        ui.button(
-            "They are in legfem's own form", on_click=lambda: save(False)
-        ).props("outline")  # fmt: skip
+        ui.button("They are in legfem's own form", on_click=lambda: save(False)).props("outline")

@@ -14,9 +14,16 @@ from legfem.app.runs import Run
 from legfem.app.workspace import Workspace
 
 _COLUMNS = {
-    "run": "run", "about": "of", "law": "law", "c10": "C10 (95 %)", "c20": "C20 (95 %)",
-    "fat": "C10 of fat", "verdict": "verdict", "origin": "data", "state": "state",
-}  # fmt: skip
+    "run": "run",
+    "about": "of",
+    "law": "law",
+    "c10": "C10 (95 %)",
+    "c20": "C20 (95 %)",
+    "fat": "C10 of fat",
+    "verdict": "verdict",
+    "origin": "data",
+    "state": "state",
+}
 
 
 def compare_page(workspace: Workspace) -> None:
@@ -68,8 +75,7 @@ def _one(reports: dict[str, Run], first: str) -> None:
             shown.clear()
             with shown:
                 ui.element("iframe").classes("report").props(
-                    f'src="{address(run, run.report.name)}" title="report of {run.folder.name}" '
-                    'sandbox="allow-scripts"'
+                    f'src="{address(run, run.report.name)}" title="report of {run.folder.name}" sandbox="allow-scripts"'
                 )
 
         chosen.on_value_change(draw)

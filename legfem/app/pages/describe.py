@@ -8,15 +8,7 @@ from pathlib import Path
 
 from nicegui import ui
 
-from legfem.app.describe import (
-    DressedLeg,
-    LabSpecimens,
-    PressedLeg,
-    contours_in,
-    is_contours,
-    known_tests,
-    scans_in,
-)
+from legfem.app.describe import DressedLeg, LabSpecimens, PressedLeg, contours_in, is_contours, known_tests, scans_in
 from legfem.app.pages.frame import tag
 from legfem.app.pages.settings import setting_field, typed_value
 from legfem.app.settings import Setting, Value
@@ -67,11 +59,8 @@ def _pressed(folder: Path, sources: list[str]) -> None:
                 box.bind_visibility_from(shape, "value", value="cylinder")
             place = [
                 ui.number(label)
-                for label in (
-                    "aim x (mm): a point on its way", "aim y (mm)",
-                    "direction of travel (degrees from +x)",
-                )
-            ]  # fmt: skip
+                for label in ("aim x (mm): a point on its way", "aim y (mm)", "direction of travel (degrees from +x)")
+            ]
 
         def describe() -> None:
             cylinder = shape.value == "cylinder"
@@ -81,10 +70,16 @@ def _pressed(folder: Path, sources: list[str]) -> None:
                 raise InputError("form", "numbers", "some are missing", "fill in every one")
             across, x, y, direction = values[:4]
             leg = PressedLeg(
-                title.value or folder.name, section.value, across,
-                values[-1] if cylinder else None, (x, y), direction, level.value, shape.value,
+                title.value or folder.name,
+                section.value,
+                across,
+                values[-1] if cylinder else None,
+                (x, y),
+                direction,
+                level.value,
+                shape.value,
                 float(axis.value or 0.0) if cylinder else 0.0,
-            )  # fmt: skip
+            )
             leg.describe(folder)
 
         _button("It is a pressed leg", describe)
@@ -102,16 +97,12 @@ def _dressed(folder: Path, scans: list[str]) -> None:
         with ui.element("div").classes("fields"):
             title = ui.input("title", value=folder.name)
             bare = ui.select(scans, value=scans[0], label="scan of the bare leg")
-            other = ui.select(
-                ["", *scans], value=scans[1] if len(scans) > 1 else "", label="in its stocking"
-            )
+            other = ui.select(["", *scans], value=scans[1] if len(scans) > 1 else "", label="in its stocking")
             strength = ui.select(["1", "2", "3", "4"], value="2", label="class (RAL-GZ 387/1)")
 
         _button(
             "It is a leg in a stocking",
-            lambda: DressedLeg(
-                title.value or folder.name, bare.value, other.value, strength.value
-            ).describe(folder),
+            lambda: DressedLeg(title.value or folder.name, bare.value, other.value, strength.value).describe(folder),
         )
 
 
@@ -136,8 +127,12 @@ def _tested(folder: Path) -> None:
             LabSpecimens(title.value or folder.name, chosen.value, stated).describe(folder)
 
         _button("They are specimens", describe)
-    tag("p", "All recordings are then of specimens of this size; where sizes differ, give each its "
-        "[[specimen]] in the file's text under Assumed.", "quiet")  # fmt: skip
+    tag(
+        "p",
+        "All recordings are then of specimens of this size; where sizes differ, give each its "
+        "[[specimen]] in the file's text under Assumed.",
+        "quiet",
+    )
 
 
 def _button(text: str, describe: Callable[[], None]) -> None:

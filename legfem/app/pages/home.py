@@ -32,9 +32,7 @@ def home_page(workspace: Workspace) -> None:
         with ui.element("p"):
             tag("span", "Nothing at hand? Begin with an example, simulated: ")
             for text, (folder, name) in _EXAMPLES.items():
-                ui.button(text, on_click=lambda f=folder, n=name: _begin(workspace, f, n)).props(
-                    "outline dense"
-                )
+                ui.button(text, on_click=lambda f=folder, n=name: _begin(workspace, f, n)).props("outline dense")
         if workspace.inputs:
             tag("h2", "What is there")
             with ui.element("ul").classes("cards"):

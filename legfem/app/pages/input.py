@@ -41,9 +41,7 @@ def input_page(workspace: Workspace, name: str) -> None:
                 with ui.tab_panel(one):
                     match one:
                         case "Preview":
-                            _when_seen(
-                                looking, lambda: preview_tab(looking, names[1:], tabs.set_value)
-                            )
+                            _when_seen(looking, lambda: preview_tab(looking, names[1:], tabs.set_value))
                         case "Assumed":
                             settings_tab(folder)
                         case "Describe":

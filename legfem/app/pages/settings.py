@@ -15,16 +15,27 @@ from legfem.common.documents import write_atomically
 from legfem.common.errors import InputError
 
 _TABLES = {
-    "": "What it is", "section": "Section", "indenter": "Indenter",
-    "tissues.deep": "Muscle", "tissues.superficial": "Fat", "tissues.fascia": "Fascia",
+    "": "What it is",
+    "section": "Section",
+    "indenter": "Indenter",
+    "tissues.deep": "Muscle",
+    "tissues.superficial": "Fat",
+    "tissues.fascia": "Fascia",
     "instrument": "Instrument: give standard deviations, or accuracies and range",
-    "recordings": "Recordings", "accuracy": "How well the leg is known; empty: what is usual",
-    "bare": "Bare leg", "compressed": "Leg in its stocking", "stocking": "Stocking",
+    "recordings": "Recordings",
+    "accuracy": "How well the leg is known; empty: what is usual",
+    "bare": "Bare leg",
+    "compressed": "Leg in its stocking",
+    "stocking": "Stocking",
     "segment": "Part that is modelled",
-    "ball": "Test: a ball on a layer", "punch": "Test: a flat punch on a layer",
-    "plates": "Test: between plates", "cylinder": "Test: a cylinder across a block",
-    "uniaxial": "Test: a bar", "suction": "Test: a suction cup", "tissue": "Tissue",
-}  # fmt: skip
+    "ball": "Test: a ball on a layer",
+    "punch": "Test: a flat punch on a layer",
+    "plates": "Test: between plates",
+    "cylinder": "Test: a cylinder across a block",
+    "uniaxial": "Test: a bar",
+    "suction": "Test: a suction cup",
+    "tissue": "Tissue",
+}
 
 
 def settings_tab(folder: Path) -> None:

@@ -5,12 +5,4 @@ from __future__ import annotations
 from legfem.diagnose.mechanisms.base import Mechanism, Solution, Stiffness, TissueMechanism, Values
 from legfem.diagnose.mechanisms.registry import mechanism_named, mechanisms
 
-__all__ = [
-    "Mechanism",
-    "Solution",
-    "Stiffness",
-    "TissueMechanism",
-    "Values",
-    "mechanism_named",
-    "mechanisms",
-]
+__all__ = ["Mechanism", "Solution", "Stiffness", "TissueMechanism", "Values", "mechanism_named", "mechanisms"]

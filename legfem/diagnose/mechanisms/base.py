@@ -62,9 +62,7 @@ def strength(
     return Parameter(name, unit, bounds, Prior(0.0, usual, "linear", source), statement=statement)
 
 
-def factor(
-    name: str, statement: str, bounds: tuple[float, float], log_sd: float, source: str
-) -> Parameter:
+def factor(name: str, statement: str, bounds: tuple[float, float], log_sd: float, source: str) -> Parameter:
     """Return a mechanism's first parameter that multiplies something: null at one."""
     prior = Prior(1.0, log_sd, "log", source)
     return Parameter(name, "-", bounds, prior, scale="log", statement=statement)
@@ -113,17 +111,17 @@ class Mechanism:
         """Return the same mechanism of another body than a leg: its words, its usual sizes."""
         found = copy(self)
         given = {
-            "statement": statement, "next_experiment": next_experiment,
-            "parameters": parameters, "strengths": strengths,
-        }  # fmt: skip
+            "statement": statement,
+            "next_experiment": next_experiment,
+            "parameters": parameters,
+            "strengths": strengths,
+        }
         for name, value in given.items():
             if value is not None:
                 object.__setattr__(found, name, value)
         return found
 
-    def displacement_loss(
-        self, values: Values, observed: Observations, force: FloatArray
-    ) -> FloatArray:
+    def displacement_loss(self, values: Values, observed: Observations, force: FloatArray) -> FloatArray:
         """Return what the tissue is pressed less than the sensor says (n,), mm."""
         return np.zeros(len(force))
 

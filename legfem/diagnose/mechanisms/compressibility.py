@@ -14,15 +14,10 @@ class Compressibility(TissueMechanism):
     """The deep tissue's D1, over the one given."""
 
     name: ClassVar[str] = "compressibility"
-    statement: ClassVar[str] = (
-        "the deep tissue loses or keeps more volume than the compressibility given says"
-    )
+    statement: ClassVar[str] = "the deep tissue loses or keeps more volume than the compressibility given says"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        factor(
-            "factor", "on D1", (0.1, 60.0), 1.3,
-            "reported bulk moduli of muscle differ a hundredfold",
-        ),
-    )  # fmt: skip
+        factor("factor", "on D1", (0.1, 60.0), 1.3, "reported bulk moduli of muscle differ a hundredfold"),
+    )
     next_experiment: ClassVar[str] = "image the section under load and measure how its area changes"
     measured_sd: ClassVar[float | None] = 0.7
     """An estimate: areas to 0.5 % beside changes of 1 %."""

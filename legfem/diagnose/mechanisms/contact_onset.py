@@ -34,8 +34,6 @@ class ContactOnset(Mechanism):
             return None
         return "first contact isn't stated to be at zero, so that every fit finds it"
 
-    def displacement_loss(
-        self, values: Values, observed: Observations, force: FloatArray
-    ) -> FloatArray:
+    def displacement_loss(self, values: Values, observed: Observations, force: FloatArray) -> FloatArray:
         """Return the offset."""
         return np.full(len(force), values["offset"])

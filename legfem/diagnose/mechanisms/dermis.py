@@ -23,10 +23,14 @@ class Dermis(TissueMechanism):
     statement: ClassVar[str] = "the skin bears tension: it is a sheet stiffer than the fat under it"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         strength(
-            "stiffness", "N/mm", "shear modulus of the dermis times its thickness", 0.3, (0.0, 3.0),
+            "stiffness",
+            "N/mm",
+            "shear modulus of the dermis times its thickness",
+            0.3,
+            (0.0, 3.0),
             "Diridollou 2000, Hendriks 2006 and Tran 2007: 0.04 to 2 N/mm",
         ),
-    )  # fmt: skip
+    )
     next_experiment: ClassVar[str] = (
         "lift the skin with a suction cup, or stretch it between two pads, beside the indenter"
     )

@@ -26,9 +26,7 @@ class EndEffects(TissueMechanism):
     """
 
     name: ClassVar[str] = "end-effects"
-    statement: ClassVar[str] = (
-        "the cylinder is short: tissue moves along the leg and its ends carry force"
-    )
+    statement: ClassVar[str] = "the cylinder is short: tissue moves along the leg and its ends carry force"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         strength("scale", "-", "of the idealised leg's correction P(d)", 1.0, (0.0, 3.0)),
         _error("leg_length", "P's error for the leg's unknown length"),
@@ -36,8 +34,10 @@ class EndEffects(TissueMechanism):
         _error("first_contact", "P's error where contact begins"),
     )
     MODES: ClassVar[Mapping[str, str]] = {
-        "leg_length": "leg length", "calibration": "mesh", "first_contact": "first contact",
-    }  # fmt: skip
+        "leg_length": "leg length",
+        "calibration": "mesh",
+        "first_contact": "first contact",
+    }
     """Names of the correction's errors by parameter."""
     next_experiment: ClassVar[str] = "repeat with a cylinder of twice the length"
 

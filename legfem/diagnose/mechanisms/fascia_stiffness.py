@@ -17,10 +17,9 @@ class FasciaStiffness(TissueMechanism):
     statement: ClassVar[str] = "the fascia is stiffer, softer, thicker or thinner than assumed"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         factor(
-            "factor", "on stiffness times thickness", (0.05, 50.0), 1.4,
-            "crural fascia is reported from 0.1 to 100 MPa",
+            "factor", "on stiffness times thickness", (0.05, 50.0), 1.4, "crural fascia is reported from 0.1 to 100 MPa"
         ),
-    )  # fmt: skip
+    )
     next_experiment: ClassVar[str] = "measure the fascia by shear-wave elastography"
     measured_sd: ClassVar[float | None] = 0.4
     """An estimate: a sheet thinner than a wave is long."""

@@ -23,27 +23,34 @@ class LegMovement(Mechanism):
     """
 
     name: ClassVar[str] = "leg-movement"
-    statement: ClassVar[str] = (
-        "the leg moved during the test: it gave way to the cylinder or came towards it"
-    )
+    statement: ClassVar[str] = "the leg moved during the test: it gave way to the cylinder or came towards it"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         strength("shift", "mm", "how far it moved away from the cylinder", 0.7, (-5.0, 5.0)),
         Parameter(
-            "onset", "-", (0.0, 1.0), Prior(0.5, 0.3, "linear", "any time"),
+            "onset",
+            "-",
+            (0.0, 1.0),
+            Prior(0.5, 0.3, "linear", "any time"),
             statement="when it began, over the time of the shortest programme",
         ),
         Parameter(
-            "rise", "-", (0.005, 0.3), Prior(0.05, 0.8, "log", "a second or some"), scale="log",
+            "rise",
+            "-",
+            (0.005, 0.3),
+            Prior(0.05, 0.8, "log", "a second or some"),
+            scale="log",
             statement="how long a movement took, likewise",
         ),
         Parameter(
-            "away", "-", (0.01, 3.0), Prior(0.3, 1.2, "log", "nothing is known"), scale="log",
+            "away",
+            "-",
+            (0.01, 3.0),
+            Prior(0.3, 1.2, "log", "nothing is known"),
+            scale="log",
             statement="how long until it moved back, likewise; above one it stayed",
         ),
-    )  # fmt: skip
-    next_experiment: ClassVar[str] = (
-        "film the shin against the frame during the test, strap the leg, and repeat"
     )
+    next_experiment: ClassVar[str] = "film the shin against the frame during the test, strap the leg, and repeat"
     measured_sd: ClassVar[float | None] = 0.15
     """An estimate: a mark of 1 mm, seen to a fraction."""
 
@@ -56,9 +63,7 @@ class LegMovement(Mechanism):
             for gone in (away.inside(apart), 2.0)
         )
 
-    def displacement_loss(
-        self, values: Values, observed: Observations, force: FloatArray
-    ) -> FloatArray:
+    def displacement_loss(self, values: Values, observed: Observations, force: FloatArray) -> FloatArray:
         """Return how far the leg is away from where it began."""
         since = observed.time / shortest_programme(observed) - values["onset"]
         rise = values["rise"]

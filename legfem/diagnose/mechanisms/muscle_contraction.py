@@ -25,17 +25,22 @@ class MuscleContraction(Mechanism):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         strength("stiffening", "-", "rise of the deep stiffness over itself", 0.2, (0.0, 3.0)),
         Parameter(
-            "onset", "-", (0.0, 1.0), Prior(0.5, 0.3, "linear", "any time"),
+            "onset",
+            "-",
+            (0.0, 1.0),
+            Prior(0.5, 0.3, "linear", "any time"),
             statement="when it begins, over the time of the shortest programme",
         ),
         Parameter(
-            "rise", "-", (0.005, 0.5), Prior(0.06, 0.8, "log", "a second or some"), scale="log",
+            "rise",
+            "-",
+            (0.005, 0.5),
+            Prior(0.06, 0.8, "log", "a second or some"),
+            scale="log",
             statement="how long it takes to rise, likewise",
         ),
-    )  # fmt: skip
-    next_experiment: ClassVar[str] = (
-        "repeat with electromyography of the calf, or ask for a relaxed leg and compare"
     )
+    next_experiment: ClassVar[str] = "repeat with electromyography of the calf, or ask for a relaxed leg and compare"
     measured_sd: ClassVar[float | None] = 0.03
     """An estimate."""
 

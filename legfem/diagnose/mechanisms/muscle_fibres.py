@@ -31,18 +31,18 @@ class MuscleFibres(Mechanism):
     """
 
     name: ClassVar[str] = "muscle-fibres"
-    statement: ClassVar[str] = (
-        "muscle is fibrous along the leg: its fibres bend at the cylinder's ends, and resist"
-    )
+    statement: ClassVar[str] = "muscle is fibrous along the leg: its fibres bend at the cylinder's ends, and resist"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         factor(
-            "ratio", "of the muscle's shear moduli along the leg and across",
-            (1.0, HIGHEST_RATIO), 0.8,
+            "ratio",
+            "of the muscle's shear moduli along the leg and across",
+            (1.0, HIGHEST_RATIO),
+            0.8,
             "shear waves in vivo: about 3 in the vastus lateralis (PMC8754054)",
         ),
         _error("size", "error of the table that is mostly alike at all depths"),
         _error("course", "error of the table that changes along the depth"),
-    )  # fmt: skip
+    )
     next_experiment: ClassVar[str] = (
         "press with the cylinder across the leg or with an end-on punch, or measure the muscle by "
         "shear-wave elastography along its fibres and across"

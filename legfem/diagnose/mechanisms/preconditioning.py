@@ -23,23 +23,25 @@ class Preconditioning(Mechanism):
     """
 
     name: ClassVar[str] = "preconditioning"
-    statement: ClassVar[str] = (
-        "the tissue softened from one trial to the next: it was not preconditioned"
-    )
+    statement: ClassVar[str] = "the tissue softened from one trial to the next: it was not preconditioned"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         strength("softening", "-", "excess stiffness of the first trial", 0.15, (-0.5, 1.5)),
         Parameter(
-            "fading", "-", (0.0, 0.95), Prior(0.35, 0.25, "linear", "most is gone after a cycle"),
+            "fading",
+            "-",
+            (0.0, 0.95),
+            Prior(0.35, 0.25, "linear", "most is gone after a cycle"),
             statement="excess of a trial over that of the one before",
         ),
         Parameter(
-            "slope", "-", (-2.0, 2.0), Prior(0.0, 0.5, "linear", "nothing is known"),
+            "slope",
+            "-",
+            (-2.0, 2.0),
+            Prior(0.0, 0.5, "linear", "nothing is known"),
             statement="change of the excess from first touch to full depth, over its mean",
         ),
-    )  # fmt: skip
-    next_experiment: ClassVar[str] = (
-        "cycle five to ten times before recording, and rest between trials"
     )
+    next_experiment: ClassVar[str] = "cycle five to ten times before recording, and rest between trials"
     measured_sd: ClassVar[float | None] = 0.03
     """An estimate: the gains of trials, over several cycles."""
 

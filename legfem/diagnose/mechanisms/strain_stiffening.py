@@ -19,9 +19,7 @@ class StrainStiffening(TissueMechanism):
     """One more term of the energy's series in (I1 - 3)."""
 
     name: ClassVar[str] = "strain-stiffening"
-    statement: ClassVar[str] = (
-        "the deep tissue stiffens with strain more than the law used can describe"
-    )
+    statement: ClassVar[str] = "the deep tissue stiffens with strain more than the law used can describe"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         strength("coefficient", "kPa", "of the energy's next power of strain", 1.5, (0.0, 20.0)),
     )

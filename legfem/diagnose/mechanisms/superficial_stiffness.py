@@ -16,11 +16,8 @@ class SuperficialStiffness(TissueMechanism):
     name: ClassVar[str] = "superficial-stiffness"
     statement: ClassVar[str] = "the superficial tissue (fat) is stiffer or softer than assumed"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        factor(
-            "factor", "on C10", (0.1, 9.0), 0.9,
-            "reported stiffness of fat differs tenfold",
-        ),
-    )  # fmt: skip
+        factor("factor", "on C10", (0.1, 9.0), 0.9, "reported stiffness of fat differs tenfold"),
+    )
     next_experiment: ClassVar[str] = (
         "press gently with a small tip (2 mm deep), or image the fat's thickness under load"
     )

@@ -27,16 +27,17 @@ class SupportCompliance(TissueMechanism):
     """
 
     name: ClassVar[str] = "support-compliance"
-    statement: ClassVar[str] = (
-        "the leg's support or the rig gave way: bones and frame moved with the force"
-    )
+    statement: ClassVar[str] = "the leg's support or the rig gave way: bones and frame moved with the force"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         strength("compliance", "mm/N", "displacement per force", 0.2, (0.0, 2.0)),
         Parameter(
-            "at_bones", "-", (0.0, 1.0), Prior(0.5, 0.5, "linear", "nothing is known"),
+            "at_bones",
+            "-",
+            (0.0, 1.0),
+            Prior(0.5, 0.5, "linear", "nothing is known"),
             statement="share of the way from a frame that gives way to bones that do",
         ),
-    )  # fmt: skip
+    )
     next_experiment: ClassVar[str] = (
         "measure the shin's displacement during the test, or press a rigid block on the same rig"
     )
@@ -55,9 +56,7 @@ class SupportCompliance(TissueMechanism):
             {"compliance": 0.6, "at_bones": 0.5},
         )
 
-    def displacement_loss(
-        self, values: Values, observed: Observations, force: FloatArray
-    ) -> FloatArray:
+    def displacement_loss(self, values: Values, observed: Observations, force: FloatArray) -> FloatArray:
         """Return what the springs take up, were they in series."""
         return values["compliance"] * force
 

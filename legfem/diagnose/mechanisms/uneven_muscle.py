@@ -35,21 +35,28 @@ class UnevenMuscle(TissueMechanism):
     statement: ClassVar[str] = "a region of the muscle is stiffer or softer than the rest of it"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         factor(
-            "factor", "on the stiffness there", (0.1, 10.0), 0.7,
+            "factor",
+            "on the stiffness there",
+            (0.1, 10.0),
+            0.7,
             "the calf's muscles differ by up to a factor of two in shear-wave elastography",
         ),
         Parameter(
-            "depth", "mm", (0.0, 36.0), Prior(18.0, 9.0, "linear", "anywhere under the indenter"),
+            "depth",
+            "mm",
+            (0.0, 36.0),
+            Prior(18.0, 9.0, "linear", "anywhere under the indenter"),
             statement="of its middle below the fascia, along the travel",
         ),
         Parameter(
-            "side", "mm", (-20.0, 20.0), Prior(0.0, 10.0, "linear", "anywhere under the indenter"),
+            "side",
+            "mm",
+            (-20.0, 20.0),
+            Prior(0.0, 10.0, "linear", "anywhere under the indenter"),
             statement="of its middle from the line of travel, counter-clockwise positive",
         ),
-    )  # fmt: skip
-    next_experiment: ClassVar[str] = (
-        "press at a second place of the calf, or map the muscle by shear-wave elastography"
     )
+    next_experiment: ClassVar[str] = "press at a second place of the calf, or map the muscle by shear-wave elastography"
     variant: ClassVar[str] = "uneven"
 
     @property

@@ -51,10 +51,7 @@ def needs_time(observed: Observations) -> str | None:
     """Return why an effect of rate can't be told, or None."""
     if HOLD in observed.phases or UNLOADING in observed.phases or len(observed.rates) > 1:
         return None
-    return (
-        "an effect of rate can't be told from one loading ramp: it needs a hold, unloading or "
-        "a second rate"
-    )
+    return "an effect of rate can't be told from one loading ramp: it needs a hold, unloading or a second rate"
 
 
 @dataclass(frozen=True)
@@ -62,24 +59,33 @@ class Viscoelasticity(TissueMechanism):
     """A spectrum of Prony branches of the deep tissue's deviatoric stress."""
 
     name: ClassVar[str] = "viscoelasticity"
-    statement: ClassVar[str] = (
-        "the deep tissue relaxes: its force depends on the rate and fades while held"
-    )
+    statement: ClassVar[str] = "the deep tissue relaxes: its force depends on the rate and fades while held"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        strength("ratio", "-", "relaxing stress over the lasting one", 2.0, (0.0, 40.0),
-                 "muscle loses a third to three quarters of its force in a hold"),
-        Parameter(
-            "relaxation_time", "s", (0.03, 300.0), Prior(8.0, 1.5, "log", "reported spectra"),
-            scale="log", statement="middle of the spectrum",
+        strength(
+            "ratio",
+            "-",
+            "relaxing stress over the lasting one",
+            2.0,
+            (0.0, 40.0),
+            "muscle loses a third to three quarters of its force in a hold",
         ),
         Parameter(
-            "spread", "-", (0.05, 4.0), Prior(1.5, 1.0, "linear", "reported spectra"),
+            "relaxation_time",
+            "s",
+            (0.03, 300.0),
+            Prior(8.0, 1.5, "log", "reported spectra"),
+            scale="log",
+            statement="middle of the spectrum",
+        ),
+        Parameter(
+            "spread",
+            "-",
+            (0.05, 4.0),
+            Prior(1.5, 1.0, "linear", "reported spectra"),
             statement="standard deviation of the logarithm of the times",
         ),
-    )  # fmt: skip
-    next_experiment: ClassVar[str] = (
-        "hold the deepest position for a minute, and press at two rates"
     )
+    next_experiment: ClassVar[str] = "hold the deepest position for a minute, and press at two rates"
     variant: ClassVar[str] = "viscoelastic"
     along_path: ClassVar[bool] = True
     region: ClassVar[str] = "deep"

@@ -62,8 +62,6 @@ class Contraction(EnergyTerm):
 
     def energy_density(self, body: Body, F: Expr) -> Expr:
         """Return the added energy (MPa) at a deformation gradient."""
-        stiffness, onset, rise = (
-            body.symbols.scalar(name, value) for name, value in self.parameters.items()
-        )
+        stiffness, onset, rise = (body.symbols.scalar(name, value) for name, value in self.parameters.items())
         x = ufl.max_value(0, ufl.min_value(1, (body.time - onset) / rise))
         return stiffness * x**2 * (3 - 2 * x) * (isochoric_first_invariant(F) - 3)

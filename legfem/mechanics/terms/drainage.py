@@ -63,9 +63,7 @@ class Drainage:
         """Check the numbers."""
         check_positive(self, "permeability", "skeleton", zero_allowed=True)
         if self.skeleton >= 1:
-            raise InputError(
-                "Drainage", "skeleton", f"is {self.skeleton:g}", "give a share of less than one"
-            )
+            raise InputError("Drainage", "skeleton", f"is {self.skeleton:g}", "give a share of less than one")
 
     @property
     def name(self) -> str:
@@ -75,10 +73,7 @@ class Drainage:
     @property
     def parameters(self) -> dict[str, float]:
         """Permeability (mm4/(N s)) and the skeleton's share (dimensionless)."""
-        return {
-            f"{self.name}.permeability": self.permeability,
-            f"{self.name}.skeleton": self.skeleton,
-        }
+        return {f"{self.name}.permeability": self.permeability, f"{self.name}.skeleton": self.skeleton}
 
     def history(self, body: Body) -> dict[str, tuple[int, ...]]:
         """Return the displacement of the fluid (mm)."""
@@ -114,7 +109,9 @@ class Drainage:
     def _pressure(self, body: Body) -> Expr:
         if not body.porous or self.region not in body.pressures:
             raise InputError(
-                "formulation", self.name, "fluid flows between elements, which needs a continuous "
-                "pressure", 'choose the formulation "porous", and superficial or deep',
-            )  # fmt: skip
+                "formulation",
+                self.name,
+                "fluid flows between elements, which needs a continuous pressure",
+                'choose the formulation "porous", and superficial or deep',
+            )
         return body.pressures[self.region]

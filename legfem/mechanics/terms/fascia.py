@@ -54,18 +54,17 @@ class Fascia(Memoryless):
     @property
     def parameters(self) -> dict[str, float]:
         """The stiffness and the compressibility."""
-        return {
-            f"{self.name}.stiffness": self.stiffness,
-            f"{self.name}.compressibility": self.compressibility,
-        }
+        return {f"{self.name}.stiffness": self.stiffness, f"{self.name}.compressibility": self.compressibility}
 
     def residual(self, body: Body, history: Mapping[str, Any]) -> Expr:
         """Return the variation of the membrane's energy."""
         if body.hull is None:
             raise InputError(
-                "mesh", self.name, "the mesh doesn't tell the face of the deep tissue",
+                "mesh",
+                self.name,
+                "the mesh doesn't tell the face of the deep tissue",
                 "mesh the leg with legfem.meshing.solid_leg",
-            )  # fmt: skip
+            )
         k, c = (body.symbols.scalar(name, value) for name, value in self.parameters.items())
         trace, area2 = face_strain(body)
         J = free_volume_ratio(trace, area2, c)

@@ -117,9 +117,7 @@ class Fibres(EnergyTerm):
 
     def energy_density(self, body: Body, F: Expr) -> Expr:
         """Return the added energy (MPa) at a deformation gradient."""
-        shear, extension = (
-            body.symbols.scalar(name, value) for name, value in self.parameters.items()
-        )
+        shear, extension = (body.symbols.scalar(name, value) for name, value in self.parameters.items())
         along = F.T * F * ufl.as_vector(self.axis)
         I4 = ufl.dot(ufl.as_vector(self.axis), along)
         return shear / 2 * (ufl.dot(along, along) - I4**2) + extension / 8 * (I4 - 1) ** 2

@@ -27,10 +27,7 @@ class NormalContact(Memoryless):
     @property
     def parameters(self) -> dict[str, float]:
         """Numbers of the indenter and of the law."""
-        return {
-            **named("indenter", self.indenter),
-            **named(self.name, self.law),
-        }
+        return {**named("indenter", self.indenter), **named(self.name, self.law)}
 
     def pressure(self, skin: Skin) -> Expr:
         """Return the pressure (MPa)."""

@@ -62,9 +62,8 @@ class PressureStabilisation(Memoryless):
         """Return the variation of the penalty."""
         if self.region not in body.pressures:
             raise InputError(
-                "formulation", self.name, "there is no pressure to stabilise",
-                'choose the formulation "continuous"',
-            )  # fmt: skip
+                "formulation", self.name, "there is no pressure to stabilise", 'choose the formulation "continuous"'
+            )
         law = body.symbols.of(self.region, self.law)
         strength = body.symbols.scalar(f"{self.name}.strength", self.strength)
         rest = _variance(body.pressures[self.region])

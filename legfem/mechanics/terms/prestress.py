@@ -52,9 +52,7 @@ class Prestress(Memoryless):
         """Copy the contour, and check both."""
         contour = frozen_array(self.contour)
         if contour.ndim != 2 or contour.shape[1] != 2 or len(contour) < 3:
-            raise InputError(
-                "Prestress", "contour", f"is of shape {contour.shape}", "give three points or more"
-            )
+            raise InputError("Prestress", "contour", f"is of shape {contour.shape}", "give three points or more")
         object.__setattr__(self, "contour", contour)
         if not np.isfinite(self.tension):
             raise InputError("Prestress", "tension", "is not finite", "give a finite number")
@@ -87,12 +85,7 @@ class Prestress(Memoryless):
 
     def _tangent_field(self, mesh: Any) -> Any:
         if mesh.geometry.dim != 2:
-            raise InputError(
-                "model",
-                self.name,
-                "a contour's tension needs a section",
-                "leave it out in 3D",
-            )
+            raise InputError("model", self.name, "a contour's tension needs a section", "leave it out in 3D")
         field = fem.Function(fem.functionspace(mesh, ("DG", 0, (2,))))
         cells = mesh.topology.index_map(2)
         every = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)

@@ -61,9 +61,7 @@ class StiffnessGradient(EnergyTerm):
     def energy_density(self, body: Body, F: Expr) -> Expr:
         """Return what is added to the energy (MPa) at a deformation gradient."""
         law = body.symbols.of(self.region, self.law)
-        gradient, level, length = (
-            body.symbols.scalar(name, value) for name, value in self.parameters.items()
-        )
+        gradient, level, length = (body.symbols.scalar(name, value) for name, value in self.parameters.items())
         position = ufl.SpatialCoordinate(ufl.domain.extract_unique_domain(body.displacement))
         z = position[body.displacement.ufl_shape[0] - 1]
         return gradient * (z - level) / length * law.distortion_energy(F)

@@ -74,10 +74,7 @@ class Viscoelasticity:
     @property
     def parameters(self) -> dict[str, float]:
         """Ratio (dimensionless) and relaxation time (s)."""
-        return {
-            f"{self.name}.ratio": self.ratio,
-            f"{self.name}.relaxation_time": self.relaxation_time,
-        }
+        return {f"{self.name}.ratio": self.ratio, f"{self.name}.relaxation_time": self.relaxation_time}
 
     def history(self, body: Body) -> dict[str, tuple[int, ...]]:
         """Return overstress and elastic stress (MPa): their components that do work."""

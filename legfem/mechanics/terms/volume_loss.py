@@ -50,9 +50,11 @@ class VolumeLoss(Memoryless):
         """Return the variation of the pressure's work on the volume that is lost."""
         if self.region not in body.pressures:
             raise InputError(
-                "formulation", self.name, "volume is lost against a pressure, and there is none",
+                "formulation",
+                self.name,
+                "volume is lost against a pressure, and there is none",
                 'choose the formulation "continuous" or "mixed"',
-            )  # fmt: skip
+            )
         share = body.symbols.scalar(f"{self.name}.share", self.share)
         work = share * body.pressures[self.region] * body.regions[self.region]
         return ufl.derivative(work, body.unknown, body.test)

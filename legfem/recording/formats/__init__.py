@@ -64,9 +64,8 @@ def read_sheets(path: Path) -> list[Sheet]:
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise InputError(
-            path, "file", f"'{path.suffix}' is no kind that is read",
-            f"export it as one of {', '.join(READERS)}",
-        )  # fmt: skip
+            path, "file", f"'{path.suffix}' is no kind that is read", f"export it as one of {', '.join(READERS)}"
+        )
     if not path.is_file():
         raise InputError(path, "file", "not found", "check the path")
     if path.stat().st_size == 0:
@@ -78,9 +77,11 @@ def read_sheets(path: Path) -> list[Sheet]:
     except Exception as error:  # a damaged file: its library raises whatever it meets
         said = " ".join(str(error).split())[:120] or type(error).__name__
         raise InputError(
-            path, "file", f"can't be read as {path.suffix.lower()} ({said})",
+            path,
+            "file",
+            f"can't be read as {path.suffix.lower()} ({said})",
             "it is damaged or of another kind: copy or export it again",
-        ) from error  # fmt: skip
+        ) from error
     if not sheets:
         raise InputError(
             path,

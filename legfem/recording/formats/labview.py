@@ -23,10 +23,7 @@ def read_tdms(path: Path) -> list[Sheet]:
     sheets = []
     for group in TdmsFile.read(path).groups():
         channels = [c for c in group.channels() if np.issubdtype(c.dtype, np.number) and len(c)]
-        columns = [
-            _column(c.name, c.properties.get("unit_string"), np.asarray(c[:], float))
-            for c in channels
-        ]
+        columns = [_column(c.name, c.properties.get("unit_string"), np.asarray(c[:], float)) for c in channels]
         steps = {float(c.properties.get("wf_increment", 0.0)) for c in channels} - {0.0}
         remarks: tuple[str, ...] = ()
         if len(steps) == 1 and columns and not any(_is_time(c) for c in columns):
@@ -63,9 +60,7 @@ def read_lvm(path: Path) -> list[Sheet]:
             columns.append(_column(label, next(units, None), values[:, k]))
     clocks = [c for c in columns if c.name == "X_Value"]
     if len(clocks) > 1:
-        raise InputError(
-            path, "X_Columns", "every channel has a time of its own", "save one time for all"
-        )
+        raise InputError(path, "X_Columns", "every channel has a time of its own", "save one time for all")
     if clocks:
         return [Sheet("", tuple(columns))]
     step = float(np.atleast_1d(segment["Delta_X"])[0])
@@ -84,9 +79,7 @@ def check_lengths(path: Path, name: str, columns: list[Column]) -> None:
     lengths = {len(c.values): c.name for c in columns}
     if len(lengths) > 1:
         told = ", ".join(f"'{column}' {length}" for length, column in lengths.items())
-        raise InputError(
-            path, name or "columns", f"they differ in length: {told}", "record them together"
-        )
+        raise InputError(path, name or "columns", f"they differ in length: {told}", "record them together")
 
 
 def _column(label: str, unit: object, values: FloatArray) -> Column:

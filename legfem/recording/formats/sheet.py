@@ -62,9 +62,7 @@ def name_and_unit(label: str) -> tuple[str, str | None]:
     return label, None
 
 
-def sheet_of_rows(
-    path: Path, name: str, rows: Sequence[Sequence[Cell]], remarks: tuple[str, ...] = ()
-) -> Sheet | None:
+def sheet_of_rows(path: Path, name: str, rows: Sequence[Sequence[Cell]], remarks: tuple[str, ...] = ()) -> Sheet | None:
     """Return the table in rows of cells, numbers as floats; None where there is none.
 
     The numbers begin at the first of three rows of numbers of one width; above them stand the
@@ -126,9 +124,7 @@ def _check_row(path: Path, where: str, row: Sequence[Cell], width: int) -> None:
         raise InputError(path, where, "a number isn't finite", "take the row out, or record again")
 
 
-def _labels(
-    above: Sequence[Sequence[Cell]], width: int
-) -> tuple[list[str] | None, list[str | None] | None]:
+def _labels(above: Sequence[Sequence[Cell]], width: int) -> tuple[list[str] | None, list[str | None] | None]:
     """Return names and, where they have a row of their own, units."""
     full = [row for row in above if _width(row) == width and not _all_numbers(row)]
     if not full:

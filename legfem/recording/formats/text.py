@@ -18,8 +18,7 @@ from legfem.recording.formats.sheet import FEWEST_ROWS, Cell, Sheet, sheet_of_ro
 
 _DELIMITERS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", " ": "spaces"}
 _NUMBER = {
-    mark: re.compile(rf"\s*[+-]?(\d+{re.escape(mark)}?\d*|{re.escape(mark)}\d+)([eE][+-]?\d+)?\s*")
-    for mark in ".,"
+    mark: re.compile(rf"\s*[+-]?(\d+{re.escape(mark)}?\d*|{re.escape(mark)}\d+)([eE][+-]?\d+)?\s*") for mark in ".,"
 }
 _COMMENT = re.compile(r"^\s*[#%]+\s?")
 """Before a line of names, as NumPy and gnuplot write it."""
@@ -58,9 +57,7 @@ def _decoded(path: Path) -> tuple[str, str]:
         if raw.startswith(mark):
             return raw.decode(name, errors="replace"), name.removesuffix("-sig")
     if raw.count(0) > 0.002 * len(raw) + 1:
-        raise InputError(
-            path, "file", "is no text (it holds null bytes)", "export it as CSV from its program"
-        )
+        raise InputError(path, "file", "is no text (it holds null bytes)", "export it as CSV from its program")
     raw = raw.replace(b"\0", b"")
     try:
         return raw.decode("utf-8"), "utf-8"
@@ -85,10 +82,11 @@ def _dialect(path: Path, lines: list[str]) -> tuple[str, str]:
     if len(filled) < FEWEST_ROWS or not fits:
         ragged = any(len(_widths(tried, d, ".")) > 1 for d in "\t;,|")
         problem, remedy = _no_numbers(tried) or (
-            "its rows have different numbers of cells" if ragged and len(filled) >= FEWEST_ROWS
+            "its rows have different numbers of cells"
+            if ragged and len(filled) >= FEWEST_ROWS
             else "holds no table of numbers",
             "export it again as CSV with one row a sample",
-        )  # fmt: skip
+        )
         raise InputError(path, "file", problem, remedy)
     marked = [fit for fit in fits if any(fit[1] in line for line in tried)] or fits
     best = [fit for fit in marked if fit[0] != " "] or marked
@@ -96,9 +94,7 @@ def _dialect(path: Path, lines: list[str]) -> tuple[str, str]:
     best = best if len({fit[0] for fit in best}) > 1 else best[:1]
     if len(best) > 1:
         ways = " or ".join(f"{_DELIMITERS[d]} ({w} columns)" for d, _, w in best)
-        raise InputError(
-            path, "file", f"its columns may be parted by {ways}", "part them by semicolons or tabs"
-        )
+        raise InputError(path, "file", f"its columns may be parted by {ways}", "part them by semicolons or tabs")
     return best[0][0], best[0][1]
 
 

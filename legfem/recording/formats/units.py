@@ -20,21 +20,29 @@ _G = 9.80665
 _UNITS = {
     "time": {
         1.0: "s sec secs second seconds sek sekunde sekunden seconde secondes",
-        1e-3: "ms msec", 1e-6: "us µs", 60.0: "min minute minutes minuten", 3600.0: "h hr hour",
+        1e-3: "ms msec",
+        1e-6: "us µs",
+        60.0: "min minute minutes minuten",
+        3600.0: "h hr hour",
     },
     "displacement": {
-        1.0: "mm millimeter millimeters millimetre", 10.0: "cm", 1000.0: "m meter metre",
-        1e-3: "um µm micron microns", 25.4: "in inch inches",
+        1.0: "mm millimeter millimeters millimetre",
+        10.0: "cm",
+        1000.0: "m meter metre",
+        1e-3: "um µm micron microns",
+        25.4: "in inch inches",
     },
-    "force": {
-        1.0: "n newton newtons", 1e-3: "mn", 1e3: "kn", _G: "kgf kp", 1e-3 * _G: "gf p",
-        4.4482216152605: "lbf",
-    },
+    "force": {1.0: "n newton newtons", 1e-3: "mn", 1e3: "kn", _G: "kgf kp", 1e-3 * _G: "gf p", 4.4482216152605: "lbf"},
     "pressure": {
-        1.0: "mpa", 1e-3: "kpa", 1e-4: "mbar hpa", 0.1: "bar", 1e-6: "pa",
-        MPA_PER_MMHG: "mmhg torr", 6.894757293168e-3: "psi",
+        1.0: "mpa",
+        1e-3: "kpa",
+        1e-4: "mbar hpa",
+        0.1: "bar",
+        1e-6: "pa",
+        MPA_PER_MMHG: "mmhg torr",
+        6.894757293168e-3: "psi",
     },
-}  # fmt: skip
+}
 _OTHERS = """
 % - v mv a ma c °c degc k hz deg ° rad mm/s mm/min m/s n/mm kn/mm gpa mm/mm nm
 n.m n·m n/mm² n/mm2 cycles cycle count g kg lb strain

@@ -18,9 +18,7 @@ def read_workbook(path: Path) -> list[Sheet]:
     """Read the tables of a workbook's sheets; sheets without one are passed over."""
     book = load_workbook(path, read_only=True, data_only=True)
     try:
-        found = [
-            _table(path, page.title, page.iter_rows(values_only=True)) for page in book.worksheets
-        ]
+        found = [_table(path, page.title, page.iter_rows(values_only=True)) for page in book.worksheets]
     finally:
         book.close()
     return [sheet for sheet in found if sheet is not None]

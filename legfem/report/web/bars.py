@@ -54,9 +54,6 @@ class Bars:
             return round(100 * min(max(share, 0.0), 1.0), 2)
 
         return [
-            DrawnBar(
-                b.name, b.text, at(b.value),
-                (at(b.interval[0]), at(b.interval[1])) if b.interval else None,
-            )
+            DrawnBar(b.name, b.text, at(b.value), (at(b.interval[0]), at(b.interval[1])) if b.interval else None)
             for b in self.bars
-        ]  # fmt: skip
+        ]

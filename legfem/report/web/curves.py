@@ -14,14 +14,7 @@ from typing import Any, ClassVar, Literal, Protocol
 import numpy as np
 from bokeh.embed import components
 from bokeh.layouts import column
-from bokeh.models import (
-    BoxAnnotation,
-    ColumnDataSource,
-    CrosshairTool,
-    HoverTool,
-    InlineStyleSheet,
-    Span,
-)
+from bokeh.models import BoxAnnotation, ColumnDataSource, CrosshairTool, HoverTool, InlineStyleSheet, Span
 from bokeh.plotting import figure
 from bokeh.resources import Resources
 
@@ -145,11 +138,18 @@ def _panels(curves: Curves) -> Any:
     for left, right in _joined(curves.located):
         below.add_layout(
             BoxAnnotation(
-                left=left, right=right, fill_color="#F0E442", fill_alpha=0.25, line_color=None,
-                hatch_pattern="/", hatch_color=FAINT, hatch_alpha=0.35, hatch_weight=0.5,
+                left=left,
+                right=right,
+                fill_color="#F0E442",
+                fill_alpha=0.25,
+                line_color=None,
+                hatch_pattern="/",
+                hatch_color=FAINT,
+                hatch_alpha=0.35,
+                hatch_weight=0.5,
                 level="underlay",
             )
-        )  # fmt: skip
+        )
     if curves.band is not None:
         about = curves.lines[0].above if below is above else None
         middle = np.zeros(len(curves.x)) if about is None else about
@@ -188,9 +188,15 @@ def _joined(stretches: Sequence[tuple[float, float]]) -> list[tuple[float, float
 def panel(height: int, label: str, **options: Any) -> Any:
     """Return an empty panel with the page's tools and types."""
     made = figure(
-        height=height, sizing_mode="stretch_width", tools=_TOOLS, active_drag="box_zoom",
-        min_border_left=_LEFT, min_border_right=12, output_backend="svg", **options,
-    )  # fmt: skip
+        height=height,
+        sizing_mode="stretch_width",
+        tools=_TOOLS,
+        active_drag="box_zoom",
+        min_border_left=_LEFT,
+        min_border_right=12,
+        output_backend="svg",
+        **options,
+    )
     made.toolbar.logo = None
     made.toolbar.stylesheets = [InlineStyleSheet(css="@media print { :host { display: none; } }")]
     made.yaxis.axis_label = label
@@ -204,14 +210,18 @@ def panel(height: int, label: str, **options: Any) -> Any:
 
 def _draw(place: Any, source: ColumnDataSource, key: str, line: Line, name: str) -> None:
     if line.points:
-        place.scatter(
-            "x", key, source=source, size=5, fill_color=None, line_color=line.colour, name=name
-        )
+        place.scatter("x", key, source=source, size=5, fill_color=None, line_color=line.colour, name=name)
         return
     place.line(
-        "x", key, source=source, color=line.colour, line_dash=line.dash, name=name,
-        line_width=1 if line.faint else 2, line_alpha=0.7 if line.faint else 1.0,
-    )  # fmt: skip
+        "x",
+        key,
+        source=source,
+        color=line.colour,
+        line_dash=line.dash,
+        name=name,
+        line_width=1 if line.faint else 2,
+        line_alpha=0.7 if line.faint else 1.0,
+    )
 
 
 def _add_readings(above: Any, below: Any, source: ColumnDataSource, curves: Curves) -> None:
@@ -230,18 +240,18 @@ def _add_readings(above: Any, below: Any, source: ColumnDataSource, curves: Curv
         target = drawn.line("x", key, source=source, line_alpha=0)
         drawn.add_tools(
             HoverTool(
-                renderers=[target], tooltips=_readings([*first, *shown]), mode="vline",
-                point_policy="snap_to_data", line_policy="nearest",
+                renderers=[target],
+                tooltips=_readings([*first, *shown]),
+                mode="vline",
+                point_policy="snap_to_data",
+                line_policy="nearest",
             )
-        )  # fmt: skip
+        )
 
 
 def _readings(rows: Sequence[tuple[str, str]]) -> str:
     """Return what stands beside the cursor, in ink: Bokeh's own labels are too pale to read."""
-    return "".join(
-        f'<div><span style="color: #444">{_literal(name)}:</span> {value}</div>'
-        for name, value in rows
-    )
+    return "".join(f'<div><span style="color: #444">{_literal(name)}:</span> {value}</div>' for name, value in rows)
 
 
 def _literal(text: str) -> str:

@@ -69,11 +69,7 @@ def diagnosis_web_page(
         subject=subject.title,
         origin=subject.origin,
         headline=headline(found, plan, "deep" if isinstance(subject, Subject) else ""),
-        warnings=[
-            *doubt_lines(doubts_of(found, subject)),
-            *waves_say(found, subject),
-            *_warnings(found),
-        ],
+        warnings=[*doubt_lines(doubts_of(found, subject)), *waves_say(found, subject), *_warnings(found)],
         warned=" for whoever made and described the recordings",
         known=known_of(found, subject),
         chapters=chapters,
@@ -89,9 +85,7 @@ def waves_say(found: Diagnosis, subject: Recorded) -> Iterator[str]:
     known = elastography_priors(subject.elastography).get(DEEP_C10)
     if known is not None:
         alone = found.alone
-        yield from disagreement(
-            DEEP_C10, known, kpa_to_mpa(alone.value("C10")), kpa_to_mpa(alone.fit.sd("C10"))
-        )
+        yield from disagreement(DEEP_C10, known, kpa_to_mpa(alone.value("C10")), kpa_to_mpa(alone.fit.sd("C10")))
 
 
 def _warnings(found: Diagnosis) -> list[str]:
@@ -103,9 +97,7 @@ def _warnings(found: Diagnosis) -> list[str]:
                 f"looked for in: {tables.estimate(model, name)} ({_name(model)})."
             )
     if not found.solutions and not found.emulator_error > 0:
-        warnings.append(
-            "Forces were interpolated between simulations; none was made anew to confirm them."
-        )
+        warnings.append("Forces were interpolated between simulations; none was made anew to confirm them.")
     return warnings
 
 
@@ -123,8 +115,7 @@ def _where(found: Diagnosis) -> list[web.Block]:
             )
         ]
     how = (
-        "Intervals in which the repaired model differs from the base model by more than a trial's "
-        "noise"
+        "Intervals in which the repaired model differs from the base model by more than a trial's noise"
         if found.models
         else "Intervals that stand out of the noise (chosen among all intervals)"
     )
@@ -150,10 +141,9 @@ def _physics(found: Diagnosis) -> list[web.Block]:
         return [
             *blocks,
             web.WebTable(
-                "How strong each mechanism may be without having been seen",
-                *tables.limit_cells(found), folded=True,
+                "How strong each mechanism may be without having been seen", *tables.limit_cells(found), folded=True
             ),
-        ]  # fmt: skip
+        ]
     if not found.models:
         return [*blocks, web.Prose(_closest(found))]
     return [
@@ -278,12 +268,9 @@ def _noise(found: Diagnosis) -> str:
 def _solutions(found: Diagnosis) -> str:
     if not (found.solutions or found.emulator_error > 0):
         return "No full finite-element solution was made to confirm the interpolated forces."
-    made = (
-        f"{found.solutions} finite-element solutions were made now, beside those kept from before; "
-    )
+    made = f"{found.solutions} finite-element solutions were made now, beside those kept from before; "
     if found.emulator_error != found.emulator_error:
         return made + "one of the base model stopped, so interpolation could not be checked."
     return made + (
-        f"interpolation differed from the base model's by {found.emulator_error:.2%} of the "
-        "largest force at most."
+        f"interpolation differed from the base model's by {found.emulator_error:.2%} of the largest force at most."
     )

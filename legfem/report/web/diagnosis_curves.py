@@ -33,23 +33,19 @@ def _over(found: Diagnosis, number: int, x: FloatArray, label: str, axis: int) -
 
     recorded, base = rows(observed.force), rows(found.base.fit.residual)
     lines = [
-        Line("recorded" + (", mean" if len(trials) > 1 else ""), recorded.mean(axis=0), None,
-             DATA_COLOUR, points=True)
-    ]  # fmt: skip
+        Line("recorded" + (", mean" if len(trials) > 1 else ""), recorded.mean(axis=0), None, DATA_COLOUR, points=True)
+    ]
     if 1 < len(trials) <= _MANY_TRIALS:
         lines += [
             Line(observed.trials[k], force, missed, FAINT, "dotted", faint=True, tabled=False)
             for k, force, missed in zip(trials, recorded, base, strict=True)
-        ]  # fmt: skip
+        ]
     prediction = rows(found.base.fit.prediction).mean(axis=0)
     lines.append(Line(BASE_NAME, prediction, base.mean(axis=0), BASE_COLOUR, "dashed"))
     for shown in shown_models(found)[:1]:
         fit = shown.model.fit
         name = f"with {shown.name}" if shown.suits else shown.name
-        lines.append(
-            Line(name, rows(fit.prediction).mean(axis=0), rows(fit.residual).mean(axis=0),
-                 REPAIRED_COLOUR)
-        )  # fmt: skip
+        lines.append(Line(name, rows(fit.prediction).mean(axis=0), rows(fit.residual).mean(axis=0), REPAIRED_COLOUR))
     places = [place for place in places_of(found) if place.protocol == number]
     sd = np.sqrt(np.mean(rows(found.errors.trial_sd) ** 2, axis=0))
     stations = observed.protocols[number]

@@ -77,9 +77,7 @@ def _write_down(found: Diagnosis) -> str:
         return "Write down no number: this test tells nothing of C10."
     if _wide(found):
         value = _value(found, best)
-        return (
-            f"Write down a range: C10 between {low} and {high} kPa ({value} if nothing is hidden)."
-        )
+        return f"Write down a range: C10 between {low} and {high} kPa ({value} if nothing is hidden)."
     return f"Write down: C10 {_value(found, best)} kPa (most likely between {low} and {high})."
 
 
@@ -110,10 +108,7 @@ def _place(found: Diagnosis) -> str:
         return ""
     most = max(places, key=lambda place: place.weight)
     low, high = most.displacement
-    return (
-        f" The difference is gravest between {low:.0f} and {high:.0f} mm of {most.phase}: "
-        f"{abs(most.size):.1g} N."
-    )
+    return f" The difference is gravest between {low:.0f} and {high:.0f} mm of {most.phase}: {abs(most.size):.1g} N."
 
 
 def _sure(found: Diagnosis) -> str:
@@ -134,10 +129,7 @@ def _sure(found: Diagnosis) -> str:
 
 
 # Counted where errors are wider than is assumed: docs/evidence.md.
-_NINETEEN_OF_20 = (
-    "is made to hold the true value in 19 of 20 tests, and did so in about as many hard simulated "
-    "ones."
-)
+_NINETEEN_OF_20 = "is made to hold the true value in 19 of 20 tests, and did so in about as many hard simulated ones."
 
 
 def _stiffness(found: Diagnosis) -> str:
@@ -150,9 +142,7 @@ def _stiffness(found: Diagnosis) -> str:
         return f"{_C10}, is {before} kPa; nothing has to be corrected."
     after = [_value(found, model) for model in found.models]
     if found.verdict == "named" or _alike(found):
-        change = tables.relative_change(
-            found.base.value("C10"), found.models[0].value("C10")
-        ).lstrip("+")
+        change = tables.relative_change(found.base.value("C10"), found.models[0].value("C10")).lstrip("+")
         way = "lower" if change.startswith("-") else "higher"
         causes = "" if found.verdict == "named" else ", whichever cause it is"
         return (
@@ -220,19 +210,13 @@ def _to_do(found: Diagnosis, plan: Sequence[str]) -> str:
     if found.verdict == "consistent":
         if not lines:
             return "Use the number above. No other test is needed."
-        return (
-            "Use the number above. If it matters what the tissue does in time, ask the lab to "
-            f"{lines[0]}."
-        )
+        return f"Use the number above. If it matters what the tissue does in time, ask the lab to {lines[0]}."
     if not plan and not lines:
         return "Use the corrected number." if found.verdict == "named" else "Use the range."
     what, _, chance = plan[0].partition(": ") if plan else (lines[0], "", "")
     asked = f"ask the lab to {what}" + (f" ({chance})" if chance else "")
     if found.verdict == "unexplained":
-        return (
-            "Use no number of this test. Ask the lab to look for a mistake in the data first; "
-            f"then to {lines[0]}."
-        )
+        return f"Use no number of this test. Ask the lab to look for a mistake in the data first; then to {lines[0]}."
     if found.verdict == "named":
         return f"Use the corrected number. To be surer of the cause, {asked}."
     kept = "the corrected number" if _alike(found) else "the range, and no single number"

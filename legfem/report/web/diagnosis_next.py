@@ -25,21 +25,13 @@ def next_blocks(found: Diagnosis, plan: Sequence[str]) -> list[web.Block]:
     if plan:
         told = [capital(line) for line in plan]
         left = [line for line in wanted if not any(line in one for one in told)]
-        blocks: list[web.Block] = [
-            web.Prose("Reckoned under each candidate, the best first:"),
-            web.Bullets(told),
-        ]
+        blocks: list[web.Block] = [web.Prose("Reckoned under each candidate, the best first:"), web.Bullets(told)]
         if left:
             blocks += [web.Prose("Not reckoned:"), web.Bullets(left)]
         how = _to_state(found)
         return [*blocks, how] if how.rows else blocks
     if not wanted:
-        return [
-            web.Prose(
-                "Nothing is asked for by these recordings: use the stiffness with the law it "
-                "belongs to."
-            )
-        ]
+        return [web.Prose("Nothing is asked for by these recordings: use the stiffness with the law it belongs to.")]
     why = {"ambiguous": "To tell the candidates apart:", "named": "To confirm what was named:"}
     before = [web.Prose(why[found.verdict])] if found.verdict in why else []
     return [*before, web.Bullets(wanted)]
@@ -53,12 +45,7 @@ def _to_state(found: Diagnosis) -> web.WebTable:
         "value, sd and source; then diagnose again",
         ["effect =", "value =", "unit", "value without it"],
         [
-            [
-                f'"{m.name}"',
-                f"{first.name.replace('_', ' ')}, {first.statement}",
-                first.unit,
-                f"{null_of(first):g}",
-            ]
+            [f'"{m.name}"', f"{first.name.replace('_', ' ')}, {first.statement}", first.unit, f"{null_of(first):g}"]
             for m in asked
             for first in m.parameters[:1]
             if m.measured_sd is not None

@@ -31,9 +31,15 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
             flag = tables.flag(model, name, 0.0)
             remark = [wrong, flag, "" if model is found.base else change]
             rows.append(
-                Known(f"{name}, {which}", f"{tables.estimate(model, name)} kPa", "estimated",
-                      recordings, tables.interval(model, name), "; ".join(filter(None, remark)))
-            )  # fmt: skip
+                Known(
+                    f"{name}, {which}",
+                    f"{tables.estimate(model, name)} kPa",
+                    "estimated",
+                    recordings,
+                    tables.interval(model, name),
+                    "; ".join(filter(None, remark)),
+                )
+            )
         if over := tables.averaged(found, name):
             row = Known(f"{name}, {tables.OVER_ALL}", "", "estimated", recordings, over, wrong)
             rows.append(row)
@@ -45,16 +51,26 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
                 flag = tables.flag(model, full, null_of(p) if k == 0 else None)
                 remark = [flag, f"model with {model_name(model)}"]
                 rows.append(
-                    Known(f"{plain(mechanism.name)}: {p.statement or plain(p.name)}",
-                          tables.estimate(model, full) + unit, "estimated", recordings,
-                          tables.interval(model, full), "; ".join(filter(None, remark)))
-                )  # fmt: skip
+                    Known(
+                        f"{plain(mechanism.name)}: {p.statement or plain(p.name)}",
+                        tables.estimate(model, full) + unit,
+                        "estimated",
+                        recordings,
+                        tables.interval(model, full),
+                        "; ".join(filter(None, remark)),
+                    )
+                )
     for k, trial in enumerate(found.observed.trials):
         at, (low, high) = found.first_contact(k)
         rows.append(
-            Known(f"first contact of {trial}", f"{_hundredths(at)} mm", "estimated",
-                  "its recording", f"{_hundredths(low)} to {_hundredths(high)}")
-        )  # fmt: skip
+            Known(
+                f"first contact of {trial}",
+                f"{_hundredths(at)} mm",
+                "estimated",
+                "its recording",
+                f"{_hundredths(low)} to {_hundredths(high)}",
+            )
+        )
     noise = found.errors.noise
     rows += [
         Known("noise of a force reading", f"{noise.force_sd:.3g} N (sd)", data, noise.source),
@@ -67,9 +83,7 @@ def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
     if isinstance(subject, Subject):
         rows += wave_rows(subject)
         rows += [_measured(one, subject.origin) for one in subject.measured]
-        rows.append(
-            Known("girth of the section", f"{girth(subject.section):.0f} mm", data, "contours")
-        )
+        rows.append(Known("girth of the section", f"{girth(subject.section):.0f} mm", data, "contours"))
     return rows
 
 
@@ -79,8 +93,10 @@ def _measured(one: MeasuredEffect, origin: Origin) -> Known:
     unit = "" if strength.unit == "-" else f" {strength.unit}"
     return Known(
         f"{plain(one.effect)}, measured by itself: {strength.statement}",
-        f"{one.value:.3g} ± {one.sd:.2g}{unit} (sd)", origin, one.source,
-    )  # fmt: skip
+        f"{one.value:.3g} ± {one.sd:.2g}{unit} (sd)",
+        origin,
+        one.source,
+    )
 
 
 def _assumed(found: Diagnosis) -> list[tuple[str, str]]:
@@ -91,9 +107,7 @@ def _assumed(found: Diagnosis) -> list[tuple[str, str]]:
     return [
         (
             name if len(every) == 1 else f"{name}, {len(every)} modes",
-            f"moved {every[0]:+.1f} sd"
-            if len(every) == 1
-            else f"moved {min(every):+.1f} to {max(every):+.1f} sd",
+            f"moved {every[0]:+.1f} sd" if len(every) == 1 else f"moved {min(every):+.1f} to {max(every):+.1f} sd",
         )
         for name, every in moved.items()
     ]

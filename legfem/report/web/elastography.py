@@ -17,10 +17,12 @@ def wave_rows(subject: Subject) -> list[Known]:
         measured = fibres.provenance == "measured"
         rows.append(
             Known(
-                "muscle's shear moduli along the leg over across", str(fibres),
-                subject.origin if measured else fibres.provenance, fibres.source,
+                "muscle's shear moduli along the leg over across",
+                str(fibres),
+                subject.origin if measured else fibres.provenance,
+                fibres.source,
             )
-        )  # fmt: skip
+        )
     return rows
 
 

@@ -91,14 +91,18 @@ def how_found(
             ["law", "strain energy", "full solves", "failed", "from before", "converged", "s"],
             [
                 [
-                    LAW_NAMES[r.law], ENERGIES[r.law], f"{r.forward_solves}",
-                    f"{r.failed_solves}", f"{r.reused_solves}", "yes" if r.converged else "NO",
+                    LAW_NAMES[r.law],
+                    ENERGIES[r.law],
+                    f"{r.forward_solves}",
+                    f"{r.failed_solves}",
+                    f"{r.reused_solves}",
+                    "yes" if r.converged else "NO",
                     f"{r.wall_s:.1f}",
                 ]
                 for r in results
             ],
         )
-    ]  # fmt: skip
+    ]
     for r in results:
         symbols = [symbol_of(name) for name in r.parameters]
         if len(symbols) > 1:
@@ -147,8 +151,7 @@ def rests_on(parameters: Mapping[str, Estimate], likewise: str) -> list[str]:
         f"and by {100 * found.moves[DISPLACEMENT]:+.0f} % if all displacements were"
         for name, found in parameters.items()
         # What is hardly known changes by any number to first order; nor is time a matter of force.
-        if all(abs(found.moves.get(one, np.nan)) < 1 for one in (FORCE, DISPLACEMENT))
-        and found.unit == "MPa"
+        if all(abs(found.moves.get(one, np.nan)) < 1 for one in (FORCE, DISPLACEMENT)) and found.unit == "MPa"
     ]
     if not told:
         return []
@@ -195,8 +198,4 @@ def how_to_narrow(parameters: Mapping[str, Estimate], remedies: Remedies) -> lis
 
 def unknown_among(parameters: Mapping[str, Estimate]) -> list[str]:
     """Return the symbols of what isn't identifiable."""
-    return [
-        symbol_of(name)
-        for name, found in parameters.items()
-        if found.identifiability != "identifiable"
-    ]
+    return [symbol_of(name) for name, found in parameters.items() if found.identifiability != "identifiable"]

@@ -75,11 +75,7 @@ def identification_page(
             web.Chapter("Recordings and model", [_curves(results)]),
             web.Chapter(
                 "The leg, pressed",
-                [
-                    *_in_3d(results, chosen),
-                    pressed or still_section(subject),
-                    *([web.Prose(note)] if note else []),
-                ],
+                [*_in_3d(results, chosen), pressed or still_section(subject), *([web.Prose(note)] if note else [])],
             ),
             web.Chapter(
                 "What was tested",
@@ -111,9 +107,7 @@ def _headline(chosen: IdentificationResult, subject: Subject) -> web.Headline:
     law, known = LAW_NAMES[chosen.law], not estimates.unknown_among(chosen.parameters)
     tone: web.Tone = "wrong" if not fits(chosen) else "sound" if known else "caution"
     if tone == "wrong":
-        sentence = (
-            "The model does not describe this test: the stiffness below is that of a wrong model."
-        )
+        sentence = "The model does not describe this test: the stiffness below is that of a wrong model."
         wrong = f"Something that the {law} law leaves out shows in the recordings."
     else:
         sentence = f"The {law} law describes this test, and the deep tissue's C10 is {_c10(chosen)}"
@@ -127,8 +121,7 @@ def _headline(chosen: IdentificationResult, subject: Subject) -> web.Headline:
             ("How sure", estimates.how_sure(chosen.parameters)),
             (
                 "What it does to C10",
-                f"{c10} is the best fit, but don't rely on it: its interval doesn't cover what was "
-                "left out."
+                f"{c10} is the best fit, but don't rely on it: its interval doesn't cover what was left out."
                 if tone == "wrong"
                 else f"Nothing found here changes {c10}. What was assumed of fat and fascia would, "
                 "if it is wrong, and what was stated of units and sizes: the table of numbers and "
@@ -147,9 +140,7 @@ def _high_or_low(chosen: IdentificationResult, tone: web.Tone) -> list[tuple[str
     return high_or_low("deep", found.shown.value)
 
 
-def _in_3d(
-    results: Sequence[IdentificationResult], chosen: IdentificationResult
-) -> list[TurnedLeg]:
+def _in_3d(results: Sequence[IdentificationResult], chosen: IdentificationResult) -> list[TurnedLeg]:
     """Return the leg's last full solve, of the law that was chosen where it has one."""
     for result in (chosen, *reversed(results)):
         found = result.spatial
@@ -172,9 +163,7 @@ def options_of(subject: Subject) -> str:
 
 def _c10(chosen: IdentificationResult) -> str:
     found = chosen.parameters.get("deep.C10")
-    interval = (
-        "as given." if found is None else f"(95 % interval {estimates.interval_text(found)})."
-    )
+    interval = "as given." if found is None else f"(95 % interval {estimates.interval_text(found)})."
     return f"{_c10_value(chosen)}{', ' if found is None else ' '}{interval}"
 
 
@@ -193,17 +182,14 @@ def _next(chosen: IdentificationResult, subject: Subject) -> list[str]:
     lines = estimates.how_to_narrow(chosen.parameters, _remedies(chosen))
     if not lines:
         lines.append(
-            f"Use C10 together with the law it belongs to ({LAW_NAMES[chosen.law]}) and with the "
-            "depth that was used."
+            f"Use C10 together with the law it belongs to ({LAW_NAMES[chosen.law]}) and with the depth that was used."
         )
     lines.append(f"Have unloading, holds and speeds looked at, too: {diagnose}")
     return lines
 
 
 def _remedies(chosen: IdentificationResult) -> estimates.Remedies:
-    ruled = (
-        "most of its error is that of the cylinder's ends, which pressing deeper leaves as it is"
-    )
+    ruled = "most of its error is that of the cylinder's ends, which pressing deeper leaves as it is"
     longer = "take a longer cylinder"
     ends = f"{longer}, or solve this leg in 3D (--model 3d)" if chosen.spatial is None else longer
     return estimates.Remedies("press deeper, repeat the test", f"{ruled}: {ends}")
@@ -215,11 +201,7 @@ def _curves(results: Sequence[IdentificationResult]) -> Curves:
 
 
 def fit_curves(
-    name: str,
-    where: str,
-    measured: LoadingCurve,
-    predicted: Mapping[LawName, FloatArray],
-    best: LawName,
+    name: str, where: str, measured: LoadingCurve, predicted: Mapping[LawName, FloatArray], best: LawName
 ) -> Curves:
     """Return recorded forces beside those that laws predict (n,), N.
 
@@ -240,20 +222,21 @@ def fit_curves(
     lines = [
         Line(
             f"mean of {measured.n_trials} trials" if many else "the one trial",
-            measured.force, None, DATA_COLOUR, points=True,
+            measured.force,
+            None,
+            DATA_COLOUR,
+            points=True,
         )
-    ]  # fmt: skip
+    ]
     if many:
         lines += [
-            Line(f"trial {k + 1}", force, predicted[best] - force, FAINT, "dotted",
-                 faint=True, tabled=False)
+            Line(f"trial {k + 1}", force, predicted[best] - force, FAINT, "dotted", faint=True, tabled=False)
             for k, force in enumerate(measured.trial_force)
-        ]  # fmt: skip
+        ]
     lines += [
-        Line(f"model, {LAW_NAMES[law]}", force, force - measured.force, LAW_COLOURS[law],
-             _DASHES[law])
+        Line(f"model, {LAW_NAMES[law]}", force, force - measured.force, LAW_COLOURS[law], _DASHES[law])
         for law, force in predicted.items()
-    ]  # fmt: skip
+    ]
     against = f" Trials beneath are taken from the {LAW_NAMES[best]} law." if many else ""
     return Curves(
         name,

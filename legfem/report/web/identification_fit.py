@@ -106,15 +106,11 @@ def _statistics(result: IdentificationResult) -> dict[str, str]:
         "R2": f"{cost.r_squared:.6f}",
         "chi-square": f"{cost.chi_square:.5g} on {degrees} degrees of freedom; {chance}",
         "factorisations": f"{result.factorisations}",
-        "emulator's error, against the last full solve (N)": "no emulator"
-        if math.isnan(error)
-        else f"{error:.3g}",
+        "emulator's error, against the last full solve (N)": "no emulator" if math.isnan(error) else f"{error:.3g}",
     }
 
 
-def _tissues(
-    results: Sequence[IdentificationResult], subject: Subject
-) -> tuple[list[str], list[list[str]]]:
+def _tissues(results: Sequence[IdentificationResult], subject: Subject) -> tuple[list[str], list[list[str]]]:
     header = ["tissue", "law", "C10 (kPa)", "C10 is", "D1 (1/MPa)", "K/mu", "Poisson's ratio"]
     rows = []
     for name in _TISSUES:
@@ -125,9 +121,14 @@ def _tissues(
             tissue, known = found
             law = result.law if name == "deep" else subject.tissues[name].law
             row = [
-                name, LAW_NAMES[law], f"{mpa_to_kpa(tissue.C10):.4g}", known, f"{tissue.D1:.4g}",
-                f"{tissue.bulk_modulus / tissue.shear_modulus:.3g}", f"{tissue.poisson_ratio:.3f}",
-            ]  # fmt: skip
+                name,
+                LAW_NAMES[law],
+                f"{mpa_to_kpa(tissue.C10):.4g}",
+                known,
+                f"{tissue.D1:.4g}",
+                f"{tissue.bulk_modulus / tissue.shear_modulus:.3g}",
+                f"{tissue.poisson_ratio:.3f}",
+            ]
             if row not in rows:
                 rows.append(row)
     return header, rows
@@ -155,8 +156,7 @@ def _corrected(result: IdentificationResult) -> list[Block]:
     depths = [d for d in _AT if grid[0] <= d <= grid[-1]] or [float(grid[-1])]
     header = ["at (mm)", "P, with the sd that the intervals carry"]
     rows = [
-        [f"{d:.3g}", f"{np.interp(d, grid, applied.P):+.2f} ± {np.interp(d, grid, applied.sd):.2f}"]
-        for d in depths
+        [f"{d:.3g}", f"{np.interp(d, grid, applied.P):+.2f} ± {np.interp(d, grid, applied.sd):.2f}"] for d in depths
     ]
     if spatial is not None and spatial.table_P is not None:
         header.append("P of the table of idealised legs")
@@ -175,10 +175,15 @@ def _confirmed(found: SpatialEvidence) -> list[Block]:
             f"Full solves of the leg in 3D ({found.shape})",
             ["C10 (kPa)", "C20 (kPa)", "force off the predicted (%)", "C10 then moved (%)", "s"],
             [
-                [f"{one.c10:.3g}", f"{one.c20:.3g}", f"{100 * one.error:.2g}",
-                 f"{100 * one.moved:.2g}", f"{one.seconds:.0f}"]
+                [
+                    f"{one.c10:.3g}",
+                    f"{one.c20:.3g}",
+                    f"{100 * one.error:.2g}",
+                    f"{100 * one.moved:.2g}",
+                    f"{one.seconds:.0f}",
+                ]
                 for one in found.confirmations
             ],
         ),
         Prose(f"Greatest error of P by cause: {errors}."),
-    ]  # fmt: skip
+    ]

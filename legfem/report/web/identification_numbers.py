@@ -37,40 +37,45 @@ def known_of(results: Sequence[IdentificationResult], subject: Subject) -> list[
     for name, value in held.items():
         stated = np.isclose(given.get(name, np.nan), value)
         source = "subject.toml" if stated else "given with the command, or the law's own"
-        rows.append(
-            Known(words_of(name), held_text(name, value), "assumed", source,
-                  remark=_moved(name, results))
-        )  # fmt: skip
-    rows.append(
-        Known("thickness of the fascia", f"{subject.section.fascia_thickness:g} mm", "assumed",
-              "subject.toml")
-    )  # fmt: skip
+        rows.append(Known(words_of(name), held_text(name, value), "assumed", source, remark=_moved(name, results)))
+    rows.append(Known("thickness of the fascia", f"{subject.section.fascia_thickness:g} mm", "assumed", "subject.toml"))
     rows += wave_rows(subject)
     if first.correction is not None:
         applied = first.correction
         rows.append(
             Known(
-                f"3D correction P at {curve.displacement[-1]:.3g} mm", f"{applied.P[-1]:+.3f}",
-                "prior", applied.name,
-                f"{applied.P[-1] - 2 * applied.sd[-1]:+.3f} to "
-                f"{applied.P[-1] + 2 * applied.sd[-1]:+.3f}",
+                f"3D correction P at {curve.displacement[-1]:.3g} mm",
+                f"{applied.P[-1]:+.3f}",
+                "prior",
+                applied.name,
+                f"{applied.P[-1] - 2 * applied.sd[-1]:+.3f} to {applied.P[-1] + 2 * applied.sd[-1]:+.3f}",
             )
-        )  # fmt: skip
+        )
     if first.spatial is not None:
         rows += _of_leg_in_3d(first.spatial, float(curve.displacement[-1]))
     rows += [
-        Known("error of the numerical model", f"{100 * NUMERICAL_ERROR:g} % of the force (sd)",
-              "prior", "study convergence"),
-        Known("noise of a force reading", f"{curve.noise.force_sd:.3g} N (sd)", data,
-              curve.noise.source,
-              remark=f"correlated over {curve.noise.correlation_length:.2g} mm"),
-        Known("greatest displacement used", f"{curve.displacement[-1]:.4g} mm", data,
-              "recordings, from first contact"),
-        Known("girth of the section", f"{girth(subject.section):.0f} mm", data,
-              "contours of the skin"),
-        Known("cylinder", f"{2 * subject.indenter.radius:g} mm across, "
-              f"{subject.indenter.length:g} mm long", "assumed", "subject.toml"),
-    ]  # fmt: skip
+        Known(
+            "error of the numerical model",
+            f"{100 * NUMERICAL_ERROR:g} % of the force (sd)",
+            "prior",
+            "study convergence",
+        ),
+        Known(
+            "noise of a force reading",
+            f"{curve.noise.force_sd:.3g} N (sd)",
+            data,
+            curve.noise.source,
+            remark=f"correlated over {curve.noise.correlation_length:.2g} mm",
+        ),
+        Known("greatest displacement used", f"{curve.displacement[-1]:.4g} mm", data, "recordings, from first contact"),
+        Known("girth of the section", f"{girth(subject.section):.0f} mm", data, "contours of the skin"),
+        Known(
+            "cylinder",
+            f"{2 * subject.indenter.radius:g} mm across, {subject.indenter.length:g} mm long",
+            "assumed",
+            "subject.toml",
+        ),
+    ]
     return rows
 
 
@@ -79,16 +84,22 @@ def _of_leg_in_3d(found: SpatialEvidence, depth: float) -> list[Known]:
     source: Provenance = "assumed" if found.extruded else "measured"
     rows = [
         Known("leg in 3D", f"{found.length:.4g} mm long", source, found.shape),
-        Known("full solves in 3D", f"{found.full_solves} and {found.rough_solves} rougher ones",
-              "computed", "; ".join(
-                  f"{100 * one.error:.2g} % off the predicted force" for one in found.confirmations
-              )),
-    ]  # fmt: skip
+        Known(
+            "full solves in 3D",
+            f"{found.full_solves} and {found.rough_solves} rougher ones",
+            "computed",
+            "; ".join(f"{100 * one.error:.2g} % off the predicted force" for one in found.confirmations),
+        ),
+    ]
     if found.table_P is not None:
         rows.append(
-            Known(f"P at {depth:.3g} mm of the table's idealised legs",
-                  f"{found.table_P[-1]:+.3f}", "computed", "for comparison")
-        )  # fmt: skip
+            Known(
+                f"P at {depth:.3g} mm of the table's idealised legs",
+                f"{found.table_P[-1]:+.3f}",
+                "computed",
+                "for comparison",
+            )
+        )
     return rows
 
 

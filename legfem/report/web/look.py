@@ -14,16 +14,7 @@ from legfem.recording.phases import HOLD
 from legfem.recording.quality import GRADES, Quality
 from legfem.report.look import contact_text, recording_name
 from legfem.report.web.curves import Curves, Line
-from legfem.report.web.page import (
-    Bullets,
-    Chapter,
-    Headline,
-    Repeat,
-    Tone,
-    Verbatim,
-    WebPage,
-    WebTable,
-)
+from legfem.report.web.page import Bullets, Chapter, Headline, Repeat, Tone, Verbatim, WebPage, WebTable
 
 _MOST_POINTS = 4_000
 """Drawn in all: the page opens in a second or two, and is under 2 MB."""
@@ -31,10 +22,12 @@ _LEAST_POINTS = 100
 _DONE: dict[str, tuple[Tone, str]] = {
     "A": ("sound", "Use them."),
     "B": ("sound", "Use them; the reasons below say what limits them."),
-    "C": ("caution", "Look at the curves of those graded C, and decide whether they are what was "
-          "meant to be measured."),
+    "C": (
+        "caution",
+        "Look at the curves of those graded C, and decide whether they are what was meant to be measured.",
+    ),
     "D": ("wrong", "Don't use those graded D: record them again, or correct the files."),
-}  # fmt: skip
+}
 
 
 class Looked(NamedTuple):
@@ -63,8 +56,7 @@ def look_web_page(seen: Sequence[Looked], toml: str, text: str, command: str = "
     worst = max(one.quality.grade for one in seen)
     tone, do = _DONE[worst]
     grades = {
-        grade: [name for name, one in zip(names, seen, strict=True) if one.quality.grade == grade]
-        for grade in GRADES
+        grade: [name for name, one in zip(names, seen, strict=True) if one.quality.grade == grade] for grade in GRADES
     }
     told = ", ".join(
         f"{len(files)} {'is' if len(files) == 1 else 'are'} of grade {grade} ({GRADES[grade]})"
@@ -87,30 +79,39 @@ def look_web_page(seen: Sequence[Looked], toml: str, text: str, command: str = "
             f"Of {len(seen)} recording{'' if len(seen) == 1 else 's'}, {told}.",
             [
                 ("What was read", _read(seen[0].proposal.channels)),
-                ("How sure", "Columns, units and directions are inferred from names and from the "
-                 "motion: compare the curves with what you did. A grade judges the instrument, "
-                 "not what it pressed."),
-                ("What to do", do + " If columns or directions are wrong, name them (--time, "
-                 "--displacement, --force)."),
+                (
+                    "How sure",
+                    "Columns, units and directions are inferred from names and from the "
+                    "motion: compare the curves with what you did. A grade judges the instrument, "
+                    "not what it pressed.",
+                ),
+                (
+                    "What to do",
+                    do + " If columns or directions are wrong, name them (--time, --displacement, --force).",
+                ),
             ],
             heading="What the instrument wrote",
         ),
         warnings=reasons,
         known=[],
         chapters=[
-            Chapter("Recordings", [block for k, one in enumerate(seen)
-                                   for block in _recording(k, one, len(seen))]),
+            Chapter("Recordings", [block for k, one in enumerate(seen) for block in _recording(k, one, len(seen))]),
             Chapter("What was seen", [_table(names, seen)]),
-            Chapter("To read them so", [
-                Bullets(["Put this block into the folder's subject.toml or specimen.toml; it is "
-                         "in recordings.toml."]),
-                _reasons(names, seen),
-                Verbatim("recordings.toml", toml), Verbatim("report.txt", text),
-            ]),
+            Chapter(
+                "To read them so",
+                [
+                    Bullets(
+                        ["Put this block into the folder's subject.toml or specimen.toml; it is in recordings.toml."]
+                    ),
+                    _reasons(names, seen),
+                    Verbatim("recordings.toml", toml),
+                    Verbatim("report.txt", text),
+                ],
+            ),
         ],
         repeat=Repeat(command, versions_of("legfem", "python")),
         data="files as an instrument wrote them; whether measured or simulated they don't say",
-    )  # fmt: skip
+    )
 
 
 def _read(channels: Channels) -> str:
@@ -132,14 +133,15 @@ def _recording(number: int, one: Looked, count: int) -> list[Curves]:
     name = recording_name(recording)
     few = "" if len(picked) == len(recording) else f" One sample in {len(recording) // len(picked)}"
     few += " is drawn." if few else ""
-    time, moved, force = (
-        values[picked] for values in (recording.time, recording.displacement, recording.force)
-    )
+    time, moved, force = (values[picked] for values in (recording.time, recording.displacement, recording.force))
     return [
         Curves(
             f"time-{number}",
             f"{name}, grade {quality.grade}: displacement and, beneath, force over time.{few}",
-            time, "time (s)", "displacement (mm)", "force (N)",
+            time,
+            "time (s)",
+            "displacement (mm)",
+            "force (N)",
             [Line("as recorded", moved, force)],
             located=[(part.start, part.end) for part in quality.parts if part.phase == HOLD],
             located_name="taken for a hold",
@@ -147,9 +149,13 @@ def _recording(number: int, one: Looked, count: int) -> list[Curves]:
         Curves(
             f"curve-{number}",
             f"{name}: force over displacement; first contact {contact_text(quality)}.",
-            moved, "displacement (mm)", "force (N)", "", [Line("as recorded", force, None)],
+            moved,
+            "displacement (mm)",
+            "force (N)",
+            "",
+            [Line("as recorded", force, None)],
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _reasons(names: Sequence[str], seen: Sequence[Looked]) -> WebTable:
@@ -158,25 +164,28 @@ def _reasons(names: Sequence[str], seen: Sequence[Looked]) -> WebTable:
     for name, one in zip(names, seen, strict=True):
         for reason in one.proposal.reasons:
             files.setdefault(reason, []).append(name)
-    rows = [
-        (reason, "all" if len(those) == len(seen) else ", ".join(those))
-        for reason, those in files.items()
-    ]
+    rows = [(reason, "all" if len(those) == len(seen) else ", ".join(those)) for reason, those in files.items()]
     return WebTable("Why they are read so.", ("why", "files"), rows)
 
 
 def _table(names: Sequence[str], seen: Sequence[Looked]) -> WebTable:
     rows = [
-        (name, one.quality.grade, f"{len(one.recording)}", f"{one.quality.sampling:.4g}",
-         contact_text(one.quality), f"{one.quality.force_noise:.2g}",
-         f"{one.quality.displacement_noise:.2g}",
-         ", ".join(part.phase for part in one.quality.parts[:8]))
+        (
+            name,
+            one.quality.grade,
+            f"{len(one.recording)}",
+            f"{one.quality.sampling:.4g}",
+            contact_text(one.quality),
+            f"{one.quality.force_noise:.2g}",
+            f"{one.quality.displacement_noise:.2g}",
+            ", ".join(part.phase for part in one.quality.parts[:8]),
+        )
         for name, one in zip(names, seen, strict=True)
-    ]  # fmt: skip
+    ]
     return WebTable(
         "Noise is from sample to sample. Grades: "
-        + ", ".join(f"{grade} {words}" for grade, words in GRADES.items()) + ".",
-        ("file", "grade", "samples", "Hz", "first contact", "force noise (N)",
-         "displacement noise (mm)", "phases"),
+        + ", ".join(f"{grade} {words}" for grade, words in GRADES.items())
+        + ".",
+        ("file", "grade", "samples", "Hz", "first contact", "force noise (N)", "displacement noise (mm)", "phases"),
         rows,
-    )  # fmt: skip
+    )

@@ -26,9 +26,7 @@ PAGE = "report.html"
 TESTED = "What was tested"
 """A chapter of many pages."""
 Tone = Literal["sound", "caution", "open", "wrong"]
-Provenance = Literal[
-    "measured", "reconstructed", "simulated", "estimated", "computed", "assumed", "prior"
-]  # fmt: skip
+Provenance = Literal["measured", "reconstructed", "simulated", "estimated", "computed", "assumed", "prior"]
 TONES: Mapping[Tone, str] = {
     "sound": "Nothing speaks against the model",
     "caution": "Read with caution",
@@ -36,9 +34,19 @@ TONES: Mapping[Tone, str] = {
     "wrong": "The model is wrong here",
 }
 _MONTHS = (
-    "January", "February", "March", "April", "May", "June", "July", "August", "September",
-    "October", "November", "December",
-)  # fmt: skip
+    "January",
+    "February",
+    "March",
+    "April",
+    "May",
+    "June",
+    "July",
+    "August",
+    "September",
+    "October",
+    "November",
+    "December",
+)
 PROVENANCE: Mapping[Provenance, str] = {
     "measured": "read off measurements of this leg",
     "reconstructed": "read off reconstructed data; nothing was measured",
@@ -113,12 +121,9 @@ class Verbatim:
 
 
 Block = (
-    Prose | Bullets | WebTable | Verbatim | Bars | Curves | PressedSection | StillSection
-    | ResponseSurface | TurnedLeg
-)  # fmt: skip
-_SCRIPTS: Mapping[str, str] = {
-    "pressed": "press.js", "turned": "turn.js", "response": "response.js"
-}  # fmt: skip
+    Prose | Bullets | WebTable | Verbatim | Bars | Curves | PressedSection | StillSection | ResponseSurface | TurnedLeg
+)
+_SCRIPTS: Mapping[str, str] = {"pressed": "press.js", "turned": "turn.js", "response": "response.js"}
 
 
 @dataclass(frozen=True)
@@ -168,9 +173,7 @@ class WebPage:
 
 def listed(explore: str) -> ReportFile:
     """Return a page's entry in a report's list of files: what there is to explore."""
-    return ReportFile(
-        [Path(PAGE)], f"all of it on one page for a browser, with {explore} to explore"
-    )
+    return ReportFile([Path(PAGE)], f"all of it on one page for a browser, with {explore} to explore")
 
 
 def write_page(page: WebPage, folder: Path, text: str = "") -> None:

@@ -82,9 +82,11 @@ def _headline(ranked: Sequence[Reckoned], names: Sequence[str]) -> web.Headline:
     heading = "What to test"
     if not ranked:
         return web.Headline(
-            "wrong", "No test could be weighed: the leg's responses don't reach the depth.",
-            [("What to do", "Plan a less deep test (--depth).")], heading,
-        )  # fmt: skip
+            "wrong",
+            "No test could be weighed: the leg's responses don't reach the depth.",
+            [("What to do", "Plan a less deep test (--depth).")],
+            heading,
+        )
     best = ranked[0]
     shown, unseen = _shown(best, names, _LIKELY, 1.0), _never(ranked, names)
     return web.Headline(
@@ -115,11 +117,7 @@ def _headline(ranked: Sequence[Reckoned], names: Sequence[str]) -> web.Headline:
 
 
 def _never(ranked: Sequence[Reckoned], names: Sequence[str]) -> list[str]:
-    return [
-        plain(name)
-        for name in names
-        if all(one.chances[name, NOTHING] < _UNLIKELY for one in ranked)
-    ]
+    return [plain(name) for name in names if all(one.chances[name, NOTHING] < _UNLIKELY for one in ranked)]
 
 
 def _warnings(ranked: Sequence[Reckoned], names: Sequence[str]) -> list[str]:
@@ -133,10 +131,7 @@ def _tests(ranked: Sequence[Reckoned]) -> Bars:
     return Bars(
         "Chance that whatever is wrong is told from all else",
         ("test", "chance"),
-        [
-            Bar(f"({k}) {one.design.name}", 100 * one.chance, percent(one.chance))
-            for k, one in enumerate(ranked, 1)
-        ],
+        [Bar(f"({k}) {one.design.name}", 100 * one.chance, percent(one.chance)) for k, one in enumerate(ranked, 1)],
         greatest=100.0,
     )
 
@@ -153,8 +148,7 @@ def _next(ranked: Sequence[Reckoned], subject: Subject) -> list[str]:
     folder = options_of(subject)
     return [
         *(f"Test {k}: {one.design.name}." for k, one in enumerate(ranked[:3], 1)),
-        "Put the recordings into the folder's recordings/, then: "
-        f"python -m legfem.diagnose {folder}",
+        f"Put the recordings into the folder's recordings/, then: python -m legfem.diagnose {folder}",
     ]
 
 
@@ -162,17 +156,28 @@ def _known(subject: Subject, expected: Expected) -> list[web.Known]:
     instrument = subject.instrument
     stated = "given with the command"
     return [
-        web.Known("C10 that is expected", f"{expected.c10:g} kPa", "assumed", stated,
-              remark=f"{LAW_NAMES[subject.tissues['deep'].law]} law"),
+        web.Known(
+            "C10 that is expected",
+            f"{expected.c10:g} kPa",
+            "assumed",
+            stated,
+            remark=f"{LAW_NAMES[subject.tissues['deep'].law]} law",
+        ),
         web.Known("C20 that is expected", f"{expected.c20:g} kPa", "assumed", stated),
         web.Known("depth", f"{expected.depth:g} mm", "assumed", stated),
         web.Known("rate", f"{expected.rate:g} mm/s", "assumed", stated),
-        web.Known("error of a force reading", f"{instrument.force_sd:.3g} N (sd)", "prior",
-              "subject.toml, or usual"),
-        web.Known("error of a displacement reading", f"{instrument.displacement_sd:.3g} mm (sd)",
-              "prior", "subject.toml, or usual"),
-        web.Known("girth of the section", f"{girth(subject.section):.0f} mm", subject.origin,
-              "contours of the skin"),
-        web.Known("cylinder", f"{2 * subject.indenter.radius:g} mm across, "
-              f"{subject.indenter.length:g} mm long", "assumed", "subject.toml"),
-    ]  # fmt: skip
+        web.Known("error of a force reading", f"{instrument.force_sd:.3g} N (sd)", "prior", "subject.toml, or usual"),
+        web.Known(
+            "error of a displacement reading",
+            f"{instrument.displacement_sd:.3g} mm (sd)",
+            "prior",
+            "subject.toml, or usual",
+        ),
+        web.Known("girth of the section", f"{girth(subject.section):.0f} mm", subject.origin, "contours of the skin"),
+        web.Known(
+            "cylinder",
+            f"{2 * subject.indenter.radius:g} mm across, {subject.indenter.length:g} mm long",
+            "assumed",
+            "subject.toml",
+        ),
+    ]

@@ -13,10 +13,15 @@ from legfem.identify.leg_film import PressedLeg
 from legfem.report.web.turned import SkinField, Slider, Tool, TurnedLeg, View, turned_leg
 
 _SIDES = (
-    "the cylinder's side", "the cylinder's side and the right", "the right",
-    "behind, and the right", "behind", "behind, and the left", "the left",
+    "the cylinder's side",
+    "the cylinder's side and the right",
+    "the right",
+    "behind, and the right",
+    "behind",
+    "behind, and the left",
+    "the left",
     "the cylinder's side and the left",
-)  # fmt: skip
+)
 _ROUND = 36
 """Points of a ring of an indenter's grid."""
 
@@ -46,25 +51,25 @@ def pressed_leg(pressed: PressedLeg, caption: str) -> TurnedLeg:
     tool = Tool(grid, stops[:, None] * (turn @ direction))
     force = pressed.curve(stops)
     rows = [
-        [
-            f"{at:.1f}", f"{force[k]:.2f}", f"{pressure[k].max():.1f}", f"{movement[k].max():.1f}"
-        ]
+        [f"{at:.1f}", f"{force[k]:.2f}", f"{pressure[k].max():.1f}", f"{movement[k].max():.1f}"]
         for k, at in enumerate(stops)
-    ]  # fmt: skip
+    ]
     return turned_leg(
-        shape, moved,
-        [SkinField("pressure on the skin", "kPa", pressure, "most"),
-         SkinField("movement of the skin", "mm", movement, "most")],
+        shape,
+        moved,
+        [
+            SkinField("pressure on the skin", "kPa", pressure, "most"),
+            SkinField("movement of the skin", "mm", movement, "most"),
+        ],
         Slider("Press the leg in 3D", tuple(stops), " mm", 0.1, 1, tuple(force)),
         View(_SIDES, -50.0, exaggerates=False),
-        ("displacement (mm)", "force (N)", "highest pressure on the skin (kPa)",
-         "greatest movement of the skin (mm)"),
+        ("displacement (mm)", "force (N)", "highest pressure on the skin (kPa)", "greatest movement of the skin (mm)"),
         rows,
         f"{caption} Its skin is coloured by the pressure on it or by how far it moved; the "
         f"indenter is drawn see-through. {len(pressed.states)} states were computed; what lies "
         "between is drawn in proportion.",
         tool=tool,
-    )  # fmt: skip
+    )
 
 
 def _from_none(states: list[FloatArray]) -> FloatArray:

@@ -7,12 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from bokeh.models import (
-    ColorBar,
-    ColumnDataSource,
-    FixedTicker,
-    LinearColorMapper,
-)
+from bokeh.models import ColorBar, ColumnDataSource, FixedTicker, LinearColorMapper
 from bokeh.palettes import YlGnBu9
 
 from legfem.report.web.curves import panel
@@ -78,19 +73,16 @@ class ResponseSurface:
         ends = [-1.0 + 2.0 * k / (_CELLS - 1) for k in range(_CELLS)]
         cells = [(x, y) for y in ends for x in ends]
         source = ColumnDataSource(
-            {"x": [x for x, _ in cells], "y": [y for _, y in cells], "value": [0.0] * len(cells)},
-            name="response-cells",
+            {"x": [x for x, _ in cells], "y": [y for _, y in cells], "value": [0.0] * len(cells)}, name="response-cells"
         )
         colours = LinearColorMapper(palette=YlGnBu9[::-1], low=0, high=1, name="response-colours")
         made = panel(420, "", x_range=(-1.05, 1.05), y_range=(-1.05, 1.05), toolbar_location=None)
         side = 2.0 / (_CELLS - 1)
         made.rect(
-            "x", "y", side, side, source=source, line_color=None,
-            fill_color={"field": "value", "transform": colours},
-        )  # fmt: skip
+            "x", "y", side, side, source=source, line_color=None, fill_color={"field": "value", "transform": colours}
+        )
         at = ColumnDataSource({"x": [0.0], "y": [0.0]}, name="response-at")
-        made.scatter("x", "y", source=at, size=13, marker="cross", line_color="#D55E00",
-                     line_width=3)  # fmt: skip
+        made.scatter("x", "y", source=at, size=13, marker="cross", line_color="#D55E00", line_width=3)
         made.add_layout(ColorBar(color_mapper=colours, width=12), "right")
         for axis, name in ((made.xaxis[0], "response-x"), (made.yaxis[0], "response-y")):
             axis.name, axis.ticker = name, FixedTicker(ticks=[-1, 0, 1])

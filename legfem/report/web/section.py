@@ -80,18 +80,19 @@ class PressedSection:
     rows: list[list[str]]
     """Displacement, force and greatest measures of every state."""
     header: ClassVar[list[str]] = [
-        "displacement (mm)", "force (N)", "highest pressure in muscle and fat (kPa)",
-        "greatest movement (mm)", "greatest stretch of muscle and fat",
-    ]  # fmt: skip
+        "displacement (mm)",
+        "force (N)",
+        "highest pressure in muscle and fat (kPa)",
+        "greatest movement (mm)",
+        "greatest stretch of muscle and fat",
+    ]
     tissues: ClassVar[list[tuple[str, str]]] = [
         *((REGION_NAMES[name], REGION_COLOURS[name]) for name in REGIONS),
         ("bone (fixed)", BONE_COLOUR),
     ]
 
 
-def pressed_section(
-    film: Film, displacement: FloatArray, force: FloatArray, what: str
-) -> PressedSection | None:
+def pressed_section(film: Film, displacement: FloatArray, force: FloatArray, what: str) -> PressedSection | None:
     """Return the states of a film with their forces (N); None where there are too few."""
     if len(film.states) < 2:
         return None
@@ -117,11 +118,13 @@ def pressed_section(
         centres.append(state.centre.tolist())
         rows.append(
             [
-                f"{state.displacement:.1f}", f"{forces[-1]:.2f}",
-                f"{pressures[k][tissue].max():.1f}", f"{movements[k].max():.1f}",
+                f"{state.displacement:.1f}",
+                f"{forces[-1]:.2f}",
+                f"{pressures[k][tissue].max():.1f}",
+                f"{movements[k].max():.1f}",
                 f"{stretches[k][tissue].max():.2f}",
             ]
-        )  # fmt: skip
+        )
     measures = [
         _measure("pressure", "kPa", 0, pressures, tissue),
         _measure("movement", "mm", 1, movements, tissue),
@@ -151,9 +154,7 @@ def pressed_section(
     return PressedSection(what, json.dumps(content), deepest, names, rows)
 
 
-def _measure(
-    name: str, unit: str, least_digits: int, values: FloatArray, tissue: NDArray[np.bool_]
-) -> dict[str, Any]:
+def _measure(name: str, unit: str, least_digits: int, values: FloatArray, tissue: NDArray[np.bool_]) -> dict[str, Any]:
     """Return a measure's values (states, cells), and between which of a leg's it is coloured."""
     first = float(values[0, 0])
     low, high = np.percentile(values[-1][tissue], [0.5, 99.5])
@@ -161,9 +162,12 @@ def _measure(
     digits = int(np.clip(1 - np.floor(np.log10(high - low)), least_digits, 3))
     shares = np.clip((values - low) / (high - low), 0.0, 1.0)
     return {
-        "name": name, "unit": unit, "digits": digits, "range": [low, high],
+        "name": name,
+        "unit": unit,
+        "digits": digits,
+        "range": [low, high],
         "values": packed(shares / _SHARE, "<u2"),
-    }  # fmt: skip
+    }
 
 
 def _colour(tag: float) -> str:
@@ -200,12 +204,13 @@ def still_section(subject: Subject) -> StillSection:
     end = centre + indenter.direction * indenter.radius
     left, bottom, width, height = _frame(section, indenter.radius, centre)
     colours = {
-        "skin": REGION_COLOURS["superficial"], "fascia": REGION_COLOURS["deep"],
-        "tibia": BONE_COLOUR, "fibula": BONE_COLOUR,
-    }  # fmt: skip
+        "skin": REGION_COLOURS["superficial"],
+        "fascia": REGION_COLOURS["deep"],
+        "tibia": BONE_COLOUR,
+        "fibula": BONE_COLOUR,
+    }
     outlines = [
-        (part, colours[part], " ".join(f"{x:.1f},{-y:.1f}" for x, y in section.contour(part)))
-        for part in PARTS
+        (part, colours[part], " ".join(f"{x:.1f},{-y:.1f}" for x, y in section.contour(part))) for part in PARTS
     ]
     return StillSection(
         "Section of the leg as it was given, with the cylinder where it first touches the skin and "

@@ -46,10 +46,7 @@ def sites_web_page(results: Sequence[SitesResult], command: str = "") -> web.Web
         origin=leg.origin,
         headline=_headline(best),
         warnings=list(
-            dict.fromkeys([
-                *(line for r in (best, *results) for line in doubt_lines(r.doubts)),
-                *_warnings(results),
-            ])
+            dict.fromkeys([*(line for r in (best, *results) for line in doubt_lines(r.doubts)), *_warnings(results)])
         ),
         known=_known(results),
         chapters=[
@@ -61,12 +58,10 @@ def sites_web_page(results: Sequence[SitesResult], command: str = "") -> web.Web
                 [web.Bullets([*estimates.rests_on(best.parameters, _LIKEWISE), *_NOT_TESTED])],
             ),
             web.Chapter("What to do next", [web.Bullets(_next(best))]),
-            web.Chapter(
-                "How it was done", [web.Prose(procedure(best)), *estimates.how_found(results)]
-            ),
+            web.Chapter("How it was done", [web.Prose(procedure(best)), *estimates.how_found(results)]),
         ],
         repeat=web.Repeat(command, best.versions, {"seed": f"{best.seed}"}),
-    )  # fmt: skip
+    )
 
 
 def _by_how_much(leg: SitedLeg) -> str:
@@ -76,11 +71,7 @@ def _by_how_much(leg: SitedLeg) -> str:
 def _warnings(results: Sequence[SitesResult]) -> list[str]:
     """Return the laws' warnings; one that all laws have is no law's own."""
     shared = set.intersection(*(set(r.warnings) for r in results))
-    return [
-        line if line in shared else f"{LAW_NAMES[r.law]} law: {line}"
-        for r in results
-        for line in r.warnings
-    ]
+    return [line if line in shared else f"{LAW_NAMES[r.law]} law: {line}" for r in results for line in r.warnings]
 
 
 def best_law(results: Sequence[SitesResult]) -> SitesResult:
@@ -99,8 +90,7 @@ def _agree(result: SitesResult) -> bool:
 def _headline(best: SitesResult) -> web.Headline:
     law = LAW_NAMES[best.law]
     values = "; ".join(
-        f"{estimates.words_of(name)} {estimates.value_text(found)} "
-        f"(95 % {estimates.interval_text(found)})"
+        f"{estimates.words_of(name)} {estimates.value_text(found)} (95 % {estimates.interval_text(found)})"
         for name, found in best.parameters.items()
         if found.parameter.role == "identified"
     )
@@ -143,10 +133,14 @@ def _known(results: Sequence[SitesResult]) -> list[web.Known]:
     free = {name for r in results for name in r.parameters}
     held = {n: v for r in results for n, v in r.assumed.items() if n not in free}
     rows += [
-        web.Known(estimates.words_of(name), estimates.held_text(name, value), "assumed",
-                  "subject.toml, the command, or the law's own")
+        web.Known(
+            estimates.words_of(name),
+            estimates.held_text(name, value),
+            "assumed",
+            "subject.toml, the command, or the law's own",
+        )
         for name, value in held.items()
-    ]  # fmt: skip
+    ]
     rows += [
         web.Known(f"{symbol_of(name)} of each site", f"± {sd:.3g} (sd)", "prior", "--prior")
         for name, sd in first.own_errors.items()
@@ -165,23 +159,34 @@ def _known(results: Sequence[SitesResult]) -> list[web.Known]:
     for site in first.sites:
         curve = site.measured
         rows.append(
-            web.Known(f"{site.name}: greatest displacement used",
-                      f"{curve.displacement[-1]:.4g} mm", first.leg.origin,
-                      f"{curve.n_trials} recording{'s' * (curve.n_trials > 1)}, from first contact")
-        )  # fmt: skip
+            web.Known(
+                f"{site.name}: greatest displacement used",
+                f"{curve.displacement[-1]:.4g} mm",
+                first.leg.origin,
+                f"{curve.n_trials} recording{'s' * (curve.n_trials > 1)}, from first contact",
+            )
+        )
         if first.spatial is not None and site.correction is not None:
             rows.append(
-                web.Known(f"{site.name}: error of the leg's force in 3D there",
-                          f"{100 * site.correction.sd[-1]:.2g} % (sd)", "prior",
-                          "larger elements, a shorter leg, and fibres' part")
-            )  # fmt: skip
+                web.Known(
+                    f"{site.name}: error of the leg's force in 3D there",
+                    f"{100 * site.correction.sd[-1]:.2g} % (sd)",
+                    "prior",
+                    "larger elements, a shorter leg, and fibres' part",
+                )
+            )
         elif site.correction is not None:
             P, sd = site.correction.P[-1], site.correction.sd[-1]
             rows.append(
-                web.Known(f"{site.name}: 3D correction P there", f"{P:+.3f}", "prior",
-                          site.correction.name, f"{P - 2 * sd:+.3f} to {P + 2 * sd:+.3f}",
-                          "its error is shared by all sites")
-            )  # fmt: skip
+                web.Known(
+                    f"{site.name}: 3D correction P there",
+                    f"{P:+.3f}",
+                    "prior",
+                    site.correction.name,
+                    f"{P - 2 * sd:+.3f} to {P + 2 * sd:+.3f}",
+                    "its error is shared by all sites",
+                )
+            )
     return rows
 
 
@@ -198,15 +203,14 @@ def _alone(best: SitesResult) -> web.WebTable:
         ["site", "rms (N)", "misfit", *map(symbol_of, names)],
         [
             [
-                one.name, f"{one.rms:.3g}", _told(one.misfit),
-                *(
-                    f"{_own_value(best, one.name, name)} ({one.by_itself[name].departure:+.1f})"
-                    for name in names
-                ),
+                one.name,
+                f"{one.rms:.3g}",
+                _told(one.misfit),
+                *(f"{_own_value(best, one.name, name)} ({one.by_itself[name].departure:+.1f})" for name in names),
             ]
             for one in best.sites
         ],
-    )  # fmt: skip
+    )
 
 
 def _curves(results: Sequence[SitesResult], best: SitesResult) -> list[web.Chapter]:
@@ -275,9 +279,7 @@ def _own_value(result: SitesResult, site: str, name: str) -> str:
     """Return a parameter as one site says it."""
     unit, factor = readable_unit(unit_of(name))
     found = next(one for one in result.sites if one.name == site).by_itself[name]
-    return (
-        f"{symbol_of(name)} {factor * found.value:.3g} ± {factor * found.standard_error:.2g} {unit}"
-    )
+    return f"{symbol_of(name)} {factor * found.value:.3g} ± {factor * found.standard_error:.2g} {unit}"
 
 
 def _agreement(result: SitesResult) -> str:

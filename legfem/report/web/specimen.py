@@ -8,13 +8,7 @@ from legfem.common.units import FloatArray
 from legfem.identify.catalogue import RATIO, symbol_of
 from legfem.identify.reading import RELAXATION
 from legfem.identify.warnings import LEAST_CHANCE
-from legfem.report.specimen_text import (
-    differing,
-    followed,
-    origin_text,
-    predictions,
-    procedure,
-)
+from legfem.report.specimen_text import differing, followed, origin_text, predictions, procedure
 from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES
 from legfem.report.web import estimates
 from legfem.report.web import page as web
@@ -74,9 +68,7 @@ def specimen_web_page(results: Sequence[SpecimenResult], command: str = "") -> w
                 ],
             ),
             web.Chapter("What to do next", [web.Bullets(_next(best))]),
-            web.Chapter(
-                "How it was done", [web.Prose(procedure(best)), *estimates.how_found(results)]
-            ),
+            web.Chapter("How it was done", [web.Prose(procedure(best)), *estimates.how_found(results)]),
         ],
         repeat=web.Repeat(command, best.versions, {"seed": f"{best.seed}"}),
         data=origin_text(best),
@@ -99,9 +91,7 @@ def _headline(best: SpecimenResult) -> web.Headline:
         if found.parameter.role == "identified"
     )
     unsure = estimates.unknown_among(best.parameters)
-    tone: web.Tone = (
-        "wrong" if not _fits(best) else "caution" if unsure or best.left_out else "sound"
-    )
+    tone: web.Tone = "wrong" if not _fits(best) else "caution" if unsure or best.left_out else "sound"
     fitted = len(best.fitted)
     describes = "describes" if _fits(best) else "does not describe"
     return web.Headline(
@@ -155,8 +145,7 @@ def _next(best: SpecimenResult) -> list[str]:
         lines += narrower
     else:
         lines.append(
-            f"Use these numbers together with the {LAW_NAMES[best.law]} law and within the strains "
-            "of the test."
+            f"Use these numbers together with the {LAW_NAMES[best.law]} law and within the strains of the test."
         )
     if not best.held_out:
         lines.append("Have one recording predicted from the others: --leave-out NAME.")
@@ -172,15 +161,20 @@ def _known(results: Sequence[SpecimenResult]) -> list[web.Known]:
     free = {name for r in results for name in r.parameters}
     held = {n: v for r in results for n, v in r.assumed.items() if n not in free}
     rows += [
-        web.Known(_words(name), estimates.held_text(name, value), "assumed",
-              "specimen.toml, the command, or the law's own")
+        web.Known(
+            _words(name), estimates.held_text(name, value), "assumed", "specimen.toml, the command, or the law's own"
+        )
         for name, value in held.items()
-    ]  # fmt: skip
+    ]
     first = results[0]
     rows.append(
-        web.Known("factor by which recordings differ", f"{100 * first.gain_sd:.2g} % (sd)",
-              "estimated", "their forces; the intervals carry it")
-    )  # fmt: skip
+        web.Known(
+            "factor by which recordings differ",
+            f"{100 * first.gain_sd:.2g} % (sd)",
+            "estimated",
+            "their forces; the intervals carry it",
+        )
+    )
     rows += [
         web.Known("sizes", sizes_text(sizes), "assumed", "specimen.toml")
         for sizes in dict.fromkeys(one.sizes for one in first.folder.recordings)
@@ -195,8 +189,7 @@ def _recordings(results: Sequence[SpecimenResult]) -> list[web.Block]:
     if len(first.recordings) > _MOST_CURVES:
         blocks.append(
             web.Prose(
-                f"The {_MOST_CURVES} of {len(first.recordings)} recordings that fit least are "
-                "drawn; fit.png has all."
+                f"The {_MOST_CURVES} of {len(first.recordings)} recordings that fit least are drawn; fit.png has all."
             )
         )
     for number, one in enumerate(worst):
@@ -228,14 +221,21 @@ def _in_numbers(result: SpecimenResult) -> list[web.Block]:
             f"Recordings beside the {law} law; own over joint: the factor that would fit each best",
             ["recording", "mm/s", "mm", "peak N", "rmse N", "R²", "own/joint", ""],
             [
-                [one.name, f"{one.course.rate:.3g}", f"{one.course.depth:.3g}",
-                 f"{one.course.peak:.4g}", f"{one.rmse:.3g}", f"{one.r_squared:.4f}",
-                 f"{one.scale:.3f}", "" if one.fitted else "left out"]
+                [
+                    one.name,
+                    f"{one.course.rate:.3g}",
+                    f"{one.course.depth:.3g}",
+                    f"{one.course.peak:.4g}",
+                    f"{one.rmse:.3g}",
+                    f"{one.r_squared:.4f}",
+                    f"{one.scale:.3f}",
+                    "" if one.fitted else "left out",
+                ]
                 for one in result.recordings
             ],
             folded=True,
         )
-    ]  # fmt: skip
+    ]
     if result.stiffness:
         rows = [[name, f"{factor:.3f}"] for name, factor in result.stiffness.items()]
         caption = f"Stiffness of each specimen over a typical one, {law} law"
@@ -244,27 +244,32 @@ def _in_numbers(result: SpecimenResult) -> list[web.Block]:
 
 
 def _curves(
-    results: Sequence[SpecimenResult],
-    one: ComparedRecording,
-    number: int,
-    x: FloatArray,
-    label: str,
+    results: Sequence[SpecimenResult], one: ComparedRecording, number: int, x: FloatArray, label: str
 ) -> Curves:
     lines = [Line("recorded", one.course.force, None, DATA_COLOUR, points=True)]
     for k, result in enumerate(results):
         same = next((r for r in result.recordings if r.name == one.name), None)
         if same is not None:
             lines.append(
-                Line(f"model, {LAW_NAMES[result.law]}", same.predicted,
-                     same.predicted - same.course.force, LAW_COLOURS[result.law], _DASHES[k % 4])
-            )  # fmt: skip
+                Line(
+                    f"model, {LAW_NAMES[result.law]}",
+                    same.predicted,
+                    same.predicted - same.course.force,
+                    LAW_COLOURS[result.law],
+                    _DASHES[k % 4],
+                )
+            )
     what = label.split(" ")[0]
     return Curves(
         f"{what}{number}",
         f"{one.name}{'' if one.fitted else ' (left out, predicted)'}: force over {what} after "
         "first contact, recorded and of the model; beneath, the model less the recording.",
-        x, label, "force (N)", "model − recorded (N)", lines,
-    )  # fmt: skip
+        x,
+        label,
+        "force (N)",
+        "model − recorded (N)",
+        lines,
+    )
 
 
 def _tested(results: Sequence[SpecimenResult]) -> list[str]:

@@ -8,14 +8,7 @@ import numpy as np
 
 from legfem.common.doubts import doubt_lines
 from legfem.common.units import FloatArray, mpa_to_mmhg
-from legfem.report.stocking_words import (
-    ORIGINS,
-    both_units,
-    low_in_fat,
-    place_in_fat,
-    share_of,
-    vein_interval,
-)
+from legfem.report.stocking_words import ORIGINS, both_units, low_in_fat, place_in_fat, share_of, vein_interval
 from legfem.report.web import page as web
 from legfem.report.web.stocking_leg import dressed_leg
 from legfem.report.web.stocking_mismatch import mismatch_blocks, mismatch_verdict
@@ -65,8 +58,7 @@ def stocking_web_page(
         web.Chapter(PRESSURES, pressure_blocks(result, fat)),
         web.Chapter(STIFFNESS, stiffness_blocks(result)),
         web.Chapter(
-            "Where model and scan differ",
-            [web.Prose(_wrong(result))] if differ is None else mismatch_blocks(differ),
+            "Where model and scan differ", [web.Prose(_wrong(result))] if differ is None else mismatch_blocks(differ)
         ),
         web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
         web.Chapter("What to do next", [web.Bullets(_next(result))]),
@@ -110,9 +102,7 @@ def _tone(result: StockingResult) -> web.Tone:
     if result.pressures is None or verdict == "unexplained" or _misses(result):
         return "wrong"
     best = best_complete(result)
-    unsure = best is not None and any(
-        known.verdict != "identifiable" for known in judge(best, result.leg.accuracy)
-    )
+    unsure = best is not None and any(known.verdict != "identifiable" for known in judge(best, result.leg.accuracy))
     tested = verdict == "consistent"
     return "sound" if tested and not unsure and result.worn.converged else "caution"
 
@@ -121,18 +111,14 @@ def _sentence(result: StockingResult) -> str:
     found = result.pressures
     if found is None:
         return "The leg in its stocking could not be computed: there are no pressures inside it."
-    text = (
-        f"The stocking presses on the skin with {mpa_to_mmhg(found.mean_interface):.0f} mmHg on "
-        "average"
-    )
+    text = f"The stocking presses on the skin with {mpa_to_mmhg(found.mean_interface):.0f} mmHg on average"
     at_veins = [p for p in found.at_veins if np.isfinite(p)]
     if not at_veins:
         return f"{text}, {mpa_to_mmhg(found.greatest_interface):.0f} mmHg at most."
     low, high = (f"{mpa_to_mmhg(p):.0f}" for p in (min(at_veins), max(at_veins)))
     span = low if low == high else f"{low} to {high}"
     return (
-        f"{text}; at the deep veins the pressure is {span} mmHg "
-        f"({share_of(at_veins, found.mean_interface)} of that)."
+        f"{text}; at the deep veins the pressure is {span} mmHg ({share_of(at_veins, found.mean_interface)} of that)."
     )
 
 
@@ -188,9 +174,11 @@ def _next(result: StockingResult) -> list[str]:
         ]
     lines = []
     best = best_complete(result)
-    unsure = [] if best is None else [
-        TISSUES[k.name] for k in judge(best, result.leg.accuracy) if k.verdict != "identifiable"
-    ]  # fmt: skip
+    unsure = (
+        []
+        if best is None
+        else [TISSUES[k.name] for k in judge(best, result.leg.accuracy) if k.verdict != "identifiable"]
+    )
     if unsure:
         lines.append(
             f"Don't rely on the stiffness of the {' and the '.join(unsure)}: these scans don't "
@@ -243,12 +231,15 @@ def _computed(result: StockingResult) -> web.WebTable:
     settings = result.model.compression.settings
     rows = [
         ("mesh", f"{result.tetrahedra} tetrahedra, {spaces.unknowns} unknowns"),
-        ("elements", f"displacements of degree {settings.degree}, "
-         + ("pressures of their own" if settings.formulation == "continuous" else "no pressures")),
+        (
+            "elements",
+            f"displacements of degree {settings.degree}, "
+            + ("pressures of their own" if settings.formulation == "continuous" else "no pressures"),
+        ),
         ("load", "follows the deformed skin" if settings.follower else "dead load"),
         ("ends of the segment", "held in their planes" if settings.ends == "held" else "free"),
         ("bones", "rigid and fixed"),
         ("solved states", f"{result.states}, {solves} of them to identify"),
         ("wall time", f"{result.wall_s:.0f} s"),
-    ]  # fmt: skip
+    ]
     return web.WebTable("Model and run", ["what", "how"], rows)

@@ -39,15 +39,18 @@ def dressed_leg(result: StockingResult, moved: Mapping[str, FloatArray]) -> Turn
         if np.isfinite(p)
     ]
     return turned_leg(
-        bare, {part: _from_none(values) for part, values in moved.items()}, fields,
+        bare,
+        {part: _from_none(values) for part, values in moved.items()},
+        fields,
         Slider("Dress the leg", (0.0, 100.0), " % dressed"),
         # Coordinates are DICOM's: the front is at -y.
         View([directions.at(45.0 * k) for k in range(8)]),
-        _header(dressed), by_height(bare, moved[SKIN], list(dressed.values())),
+        _header(dressed),
+        by_height(bare, moved[SKIN], list(dressed.values())),
         "The leg's skin, coloured by what the stocking does to it; inside it muscle, bones and "
         "veins. Bare and dressed were computed; what lies between is drawn in proportion.",
         marked,
-    )  # fmt: skip
+    )
 
 
 def _from_none(values: FloatArray) -> FloatArray:
@@ -70,12 +73,13 @@ def by_height(bare: LegShape, moved: FloatArray, fields: Sequence[FloatArray]) -
     before, after = girths(points), girths(points + moved)
     return [
         [
-            f"{level:.0f}", f"{before[k]:.1f}", f"{after[k]:.1f}",
-            *(f"{value:.1f}" for f in fields
-              for value in (f[k].mean(), f[k].min(), f[k].max())),
+            f"{level:.0f}",
+            f"{before[k]:.1f}",
+            f"{after[k]:.1f}",
+            *(f"{value:.1f}" for f in fields for value in (f[k].mean(), f[k].min(), f[k].max())),
         ]
         for k, level in enumerate(bare.levels)
-    ]  # fmt: skip
+    ]
 
 
 def inward(bare: LegShape, moved: FloatArray) -> FloatArray:

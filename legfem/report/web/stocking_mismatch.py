@@ -19,34 +19,39 @@ def mismatch_blocks(found: Mismatch) -> list[web.Block]:
                 "Places that differ beyond the errors: the model outside the scan",
                 ["contour", "angle from +x to +y (°)", "heights z (mm)", "distance (mm)", "p"],
                 [
-                    [CONTOURS[p.contour], f"{p.angle_deg:.0f}",
-                     f"{p.levels[0]:.0f} to {p.levels[1]:.0f}", f"{p.distance:+.2f}",
-                     short_probability(p.p_value)]
+                    [
+                        CONTOURS[p.contour],
+                        f"{p.angle_deg:.0f}",
+                        f"{p.levels[0]:.0f} to {p.levels[1]:.0f}",
+                        f"{p.distance:+.2f}",
+                        short_probability(p.p_value),
+                    ]
                     for p in found.places
                 ],
             )
-        )  # fmt: skip
+        )
     blocks.append(
         web.WebTable(
             "What was tried as a reason (p: family-wise, of a sign as strong by chance)",
             ["mechanism", "what it is", "chi-square", "p"],
             [
-                [s.name.replace("-", " "), s.statement,
-                 f"{s.statistic:.1f} on {s.degrees}", short_probability(s.p_value)]
+                [
+                    s.name.replace("-", " "),
+                    s.statement,
+                    f"{s.statistic:.1f} on {s.degrees}",
+                    short_probability(s.p_value),
+                ]
                 for s in found.scores
             ],
         )
-    )  # fmt: skip
+    )
     return blocks
 
 
 def mismatch_verdict(found: Mismatch) -> str:
     """Return in words whether model and scan differ, and why."""
     if found.verdict == "consistent":
-        return (
-            "Consistent: nothing of what the fit leaves is beyond the errors of contours, "
-            "registration and pressure."
-        )
+        return "Consistent: nothing of what the fit leaves is beyond the errors of contours, registration and pressure."
     if found.verdict == "unexplained":
         return (
             "Unexplained: the contours differ beyond their errors, and none of the mechanisms "

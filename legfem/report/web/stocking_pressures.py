@@ -8,12 +8,7 @@ from legfem.common.units import mpa_to_mmhg
 from legfem.geometry.leg_shape import SKIN
 from legfem.inference.constants import quantile
 from legfem.report.leg_directions import Directions, angle_round
-from legfem.report.stocking_words import (
-    both_units,
-    correlation,
-    place_in_fat,
-    vein_interval,
-)
+from legfem.report.stocking_words import both_units, correlation, place_in_fat, vein_interval
 from legfem.report.web.bars import Bar, Bars
 from legfem.report.web.page import Block, Prose, WebTable
 from legfem.stocking.fat_pressures import FatPressures
@@ -34,24 +29,24 @@ def _of_stocking(result: StockingResult) -> list[Block]:
     unloaded = unloaded_skin(result.leg.bare, load)
     rows = [
         ("mean over the skin", both_units(load.mean_pressure)),
-        ("least", both_units(float(load.pressure.min()))
-         + (f"; {100 * unloaded.mean():.0f} % of the skin bears none" if unloaded.any() else "")),
+        (
+            "least",
+            both_units(float(load.pressure.min()))
+            + (f"; {100 * unloaded.mean():.0f} % of the skin bears none" if unloaded.any() else ""),
+        ),
         ("greatest", f"{both_units(float(load.pressure.max()))}, {highest_place(result)}"),
         ("mean at the lower end", both_units(float(by_level[0]))),
         ("mean at the upper end", both_units(float(by_level[-1]))),
-        ("the fabric's strain",
-         f"{100 * load.strain.min():.1f} to {100 * load.strain.max():.1f} %"),
+        ("the fabric's strain", f"{100 * load.strain.min():.1f} to {100 * load.strain.max():.1f} %"),
         ("its tension", f"{load.tension.min():.4f} to {load.tension.max():.4f} N/mm"),
-    ]  # fmt: skip
+    ]
     note = (
         "By Laplace's law, from the fabric's tension and the curvature of the leg as it is "
         "compressed; the fabric spans hollows and presses on nothing there."
         if result.worn.state.report.complete
         else "Of the bare leg's shape, since the leg in its stocking could not be computed."
     )
-    blocks: list[Block] = [
-        Prose(note), WebTable("Pressure of the stocking on the skin", ["where", "pressure"], rows)
-    ]  # fmt: skip
+    blocks: list[Block] = [Prose(note), WebTable("Pressure of the stocking on the skin", ["where", "pressure"], rows)]
     if result.sensors:
         caption = f"{_SENSORS} {_used(result)}"
         blocks.append(WebTable(caption, ["sensor", "shown, and by the model"], sensor_rows(result)))
@@ -75,11 +70,13 @@ def _used(result: StockingResult) -> str:
 def sensor_rows(result: StockingResult) -> list[tuple[str, str]]:
     """Return what each sensor showed beside the model."""
     return [
-        (one.sensor.name,
-         f"{mpa_to_mmhg(one.sensor.pressure):.1f} ± {mpa_to_mmhg(one.sensor.sd):.1f} mmHg (sd), "
-         f"model {mpa_to_mmhg(one.pressure):.1f} mmHg ({one.departure:+.1f} sd)")
+        (
+            one.sensor.name,
+            f"{mpa_to_mmhg(one.sensor.pressure):.1f} ± {mpa_to_mmhg(one.sensor.sd):.1f} mmHg (sd), "
+            f"model {mpa_to_mmhg(one.pressure):.1f} mmHg ({one.departure:+.1f} sd)",
+        )
         for one in result.sensors
-    ]  # fmt: skip
+    ]
 
 
 def tension_text(result: StockingResult) -> str | None:
@@ -89,10 +86,7 @@ def tension_text(result: StockingResult) -> str | None:
         return None
     prior = result.leg.accuracy.tension_sd
     factor, half = 1 + tension.value, quantile(0) * tension.sd
-    return (
-        f"{factor:.3f} ({factor - half:.3f} to {factor + half:.3f}; known beforehand to "
-        f"{100 * prior:g} %, sd)"
-    )
+    return f"{factor:.3f} ({factor - half:.3f} to {factor + half:.3f}; known beforehand to {100 * prior:g} %, sd)"
 
 
 def highest_place(result: StockingResult) -> str:
@@ -109,11 +103,7 @@ def _inside(result: StockingResult, fat: FatPressures | None) -> list[Block]:
     found = result.pressures
     if found is None:
         return []
-    beside = (
-        ", not those of the fabric"
-        if tension_text(result) is None
-        else " and those of the fabric's tension"
-    )
+    beside = ", not those of the fabric" if tension_text(result) is None else " and those of the fabric's tension"
     note = (
         "Hydrostatic pressure, positive in compression; at the veins in tissue without a vein in "
         f"it, at z = {result.leg.veins[0].position[2]:.1f} mm. Intervals (95 %) count the errors "
@@ -165,14 +155,19 @@ def _bars(result: StockingResult, found: TissuePressures) -> Bars:
     leg, load = result.leg, result.worn.load
     bars = [
         Bar("skin, mean", mpa_to_mmhg(found.mean_interface), both_units(found.mean_interface)),
-        Bar(f"skin, greatest ({highest_place(result)})", mpa_to_mmhg(found.greatest_interface),
-            both_units(found.greatest_interface)),
-        Bar("skin, least", mpa_to_mmhg(float(load.pressure.min())),
-            both_units(float(load.pressure.min()))),
-        Bar("fat, greatest", mpa_to_mmhg(found.greatest_in_fat),
-            f"{both_units(found.greatest_in_fat)}, {_share(found.greatest_in_fat, found)}"),
+        Bar(
+            f"skin, greatest ({highest_place(result)})",
+            mpa_to_mmhg(found.greatest_interface),
+            both_units(found.greatest_interface),
+        ),
+        Bar("skin, least", mpa_to_mmhg(float(load.pressure.min())), both_units(float(load.pressure.min()))),
+        Bar(
+            "fat, greatest",
+            mpa_to_mmhg(found.greatest_in_fat),
+            f"{both_units(found.greatest_in_fat)}, {_share(found.greatest_in_fat, found)}",
+        ),
         Bar("muscle, mean", mpa_to_mmhg(found.mean_in_muscle), both_units(found.mean_in_muscle)),
-    ]  # fmt: skip
+    ]
     for k, (vein, pressure) in enumerate(zip(leg.veins, found.at_veins, strict=True)):
         low, high = vein_interval(result, k)
         known = np.isfinite(high)
@@ -190,8 +185,9 @@ def _bars(result: StockingResult, found: TissuePressures) -> Bars:
         )
     return Bars(
         "Pressures (mmHg, kPa), on the skin by Laplace's law, inside hydrostatic; ends: 95 %",
-        ("where", "pressure"), bars,
-    )  # fmt: skip
+        ("where", "pressure"),
+        bars,
+    )
 
 
 def _share(pressure: float, found: TissuePressures) -> str:

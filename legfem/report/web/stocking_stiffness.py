@@ -9,12 +9,7 @@ from legfem.inference.constants import IDENTIFIABLE_WITHIN, WEAKLY_WITHIN
 from legfem.report.stocking_words import stiffness_values
 from legfem.report.web.page import Block, Prose, WebTable
 from legfem.stocking.identification import Identified
-from legfem.stocking.judgement import (
-    KnownStiffness,
-    expected_rms,
-    judge,
-    starts_agree,
-)
+from legfem.stocking.judgement import KnownStiffness, expected_rms, judge, starts_agree
 from legfem.stocking.leg_model import PARAMETERS
 from legfem.stocking.run import StockingResult
 from legfem.stocking.warnings import TISSUES, best_complete
@@ -46,8 +41,7 @@ def verdict_sentence(known: KnownStiffness) -> str:
             f"({share}), but the fit is not sound (see Warnings)."
         )
     return (
-        f"The stiffness of the {tissue} is {known.verdict}: known {share} (95 %; "
-        f"{limit[known.verdict]} is called so)."
+        f"The stiffness of the {tissue} is {known.verdict}: known {share} (95 %; {limit[known.verdict]} is called so)."
     )
 
 
@@ -127,10 +121,9 @@ def _searches(result: StockingResult) -> WebTable:
         rows.append([search.method, start, *found, f"{search.solves}", ended])
     return WebTable(
         "Every search",
-        ["search", "from (kPa)", "muscle C10", "fat C10 (kPa)", "rms (mm)", "misfit", "solves",
-         "ended"],
+        ["search", "from (kPa)", "muscle C10", "fat C10 (kPa)", "rms (mm)", "misfit", "solves", "ended"],
         rows,
-    )  # fmt: skip
+    )
 
 
 def _agreement(result: StockingResult) -> str:
@@ -156,10 +149,7 @@ def _agreement(result: StockingResult) -> str:
             "start (1 is the start, 0 a perfect match)."
         )
         if best is not None and (intervals := best.interval95) is not None:
-            inside = [
-                low <= value <= high
-                for value, (low, high) in zip(search.parameters, intervals, strict=True)
-            ]
+            inside = [low <= value <= high for value, (low, high) in zip(search.parameters, intervals, strict=True)]
             outside = [TISSUES[name] for name, ok in zip(PARAMETERS, inside, strict=True) if not ok]
             text += (
                 f" Its C10 of {' and '.join(outside)} is outside the interval above."

@@ -105,9 +105,7 @@ class TurnedLeg:
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
     """The same as a table."""
-    tissues: ClassVar[list[tuple[str, str]]] = [
-        ("muscle", REGION_COLOURS["deep"]), ("bone (fixed)", BONE_COLOUR)
-    ]  # fmt: skip
+    tissues: ClassVar[list[tuple[str, str]]] = [("muscle", REGION_COLOURS["deep"]), ("bone (fixed)", BONE_COLOUR)]
 
 
 def turned_leg(
@@ -172,9 +170,7 @@ def turned_leg(
         "height": shape.length,
         "reach": reach,
     }
-    return TurnedLeg(
-        caption, json.dumps(content), slider, view, [f.name for f in fields], header, rows
-    )
+    return TurnedLeg(caption, json.dumps(content), slider, view, [f.name for f in fields], header, rows)
 
 
 def _part(name: str, points: FloatArray) -> dict[str, object]:
@@ -201,6 +197,9 @@ def _field(field: SkinField, step: int) -> dict[str, object]:
     high = max(high, low + 1e-9)
     shares = (field.values[:, :, ::step] - low) / (high - low)
     return {
-        "name": field.name, "unit": field.unit, "range": [low, high], "told": field.told,
+        "name": field.name,
+        "unit": field.unit,
+        "range": [low, high],
+        "told": field.told,
         "values": packed(shares / _VALUE, "<u2"),
-    }  # fmt: skip
+    }

@@ -43,8 +43,18 @@ def run(
 
 def _cells(found: Convergence) -> tuple[list[str], list[list[str]]]:
     """Return the forces, their extrapolation and the default's error, a row a depth."""
-    header = ["d (mm)", "default", "mesh 1", "mesh 2", "mesh 3", "order", "Richardson",
-              "GCI mesh 3", "default's error", "contact x4"]  # fmt: skip
+    header = [
+        "d (mm)",
+        "default",
+        "mesh 1",
+        "mesh 2",
+        "mesh 3",
+        "order",
+        "Richardson",
+        "GCI mesh 3",
+        "default's error",
+        "contact x4",
+    ]
     forces = [curve(found.depths) for curve in found.meshes]
     columns = zip(
         found.depths,
@@ -59,20 +69,26 @@ def _cells(found: Convergence) -> tuple[list[str], list[list[str]]]:
     )
     rows = [
         [
-            f"{depth:g}", f"{default:.4f}", f"{one:.4f}", f"{two:.4f}", f"{three:.4f}",
-            "-" if np.isnan(order) else f"{order:.1f}", f"{limit:.4f}", f"{index:.2%}",
-            f"{error:+.2%}", f"{contact:+.2%}",
+            f"{depth:g}",
+            f"{default:.4f}",
+            f"{one:.4f}",
+            f"{two:.4f}",
+            f"{three:.4f}",
+            "-" if np.isnan(order) else f"{order:.1f}",
+            f"{limit:.4f}",
+            f"{index:.2%}",
+            f"{error:+.2%}",
+            f"{contact:+.2%}",
         ]
         for depth, default, one, two, three, order, limit, index, error, contact in columns
-    ]  # fmt: skip
+    ]
     return header, rows
 
 
 def _verdict(found: Convergence) -> str:
     worst, contact = np.abs(found.default_error).max(), np.abs(found.contact_change).max()
     windows = ", ".join(
-        f"{a:g}-{b:g} mm {change:+.2%}"
-        for (a, b), change in zip(WINDOWS, found.curvature_change(), strict=False)
+        f"{a:g}-{b:g} mm {change:+.2%}" for (a, b), change in zip(WINDOWS, found.curvature_change(), strict=False)
     )
     sizes = ", ".join(str(report.unknowns) for report in found.mesh_reports)
     return (

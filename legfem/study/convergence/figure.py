@@ -20,10 +20,8 @@ def draw_convergence(found: Convergence, path: Path) -> None:
     fine = np.linspace(0, found.default.depth, 300)
     panel(left, "A", "force of the default settings")
     left.plot(fine, found.default(fine), color="#0072B2", label="F(d)")
-    left.plot(found.default.displacement, found.default.force, "o", ms=3, color="#0072B2",
-              label="solved steps")  # fmt: skip
-    left.plot(found.depths, found.richardson.extrapolated, "x", color="#111111",
-              label="extrapolated to zero size")  # fmt: skip
+    left.plot(found.default.displacement, found.default.force, "o", ms=3, color="#0072B2", label="solved steps")
+    left.plot(found.depths, found.richardson.extrapolated, "x", color="#111111", label="extrapolated to zero size")
     left.set_xlabel("displacement of the indenter (mm)")
     left.set_ylabel("force (N)")
     left.legend()
@@ -37,8 +35,7 @@ def draw_convergence(found: Convergence, path: Path) -> None:
         label = f"{report.unknowns} unknowns, small steps"
         right.plot(found.depths, error, "o-", color=colour, label=label)
     right.plot(found.depths, 100 * found.default_error, "s--", color="#0072B2", label="default")
-    right.plot(found.depths, 100 * found.contact_change, ":", color="#CC79A7",
-               label="change with contact x4")  # fmt: skip
+    right.plot(found.depths, 100 * found.contact_change, ":", color="#CC79A7", label="change with contact x4")
     right.set_xlabel("displacement of the indenter (mm)")
     right.set_ylabel("%")
     right.legend(fontsize=8)

@@ -9,10 +9,7 @@ import numpy as np
 
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
-from legfem.experiments.plane_strain import (
-    PlaneStrainIndentation,
-    PlaneStrainSettings,
-)
+from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.experiments.pressing import solved_once
 from legfem.experiments.tissues import Tissues
 from legfem.geometry.section import LegSection
@@ -80,12 +77,7 @@ class Convergence:
 
 
 def study_convergence(
-    section: LegSection,
-    indenter: Indenter,
-    tissues: Tissues,
-    progress: Progress,
-    depth: float = 30.0,
-    jobs: int = 1,
+    section: LegSection, indenter: Indenter, tissues: Tissues, progress: Progress, depth: float = 30.0, jobs: int = 1
 ) -> Convergence:
     """Simulate one test on three meshes, with small steps and with stiffer contact.
 
@@ -104,10 +96,7 @@ def study_convergence(
         "mesh 2, small steps": replace(base, steps=small, mesh=base.mesh.refined(REFINEMENT)),
         "mesh 3, small steps": replace(base, steps=small, mesh=base.mesh.refined(REFINEMENT**2)),
     }
-    tasks = [
-        (PlaneStrainIndentation(section, indenter, tissues, settings), depth)
-        for settings in variants.values()
-    ]
+    tasks = [(PlaneStrainIndentation(section, indenter, tissues, settings), depth) for settings in variants.values()]
     progress.stage("simulating on refined meshes", len(tasks))
     curves, reports = [], []
     with Workers(solved_once, None, jobs) as workers:

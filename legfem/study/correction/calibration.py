@@ -21,12 +21,7 @@ from mpi4py import MPI
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
-from legfem.correction.tabulated import (
-    TabulatedCorrection,
-    first_contact_error,
-    mesh_error,
-    smooth_ratio,
-)
+from legfem.correction.tabulated import TabulatedCorrection, first_contact_error, mesh_error, smooth_ratio
 from legfem.jobs.pool import Workers
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase, Material, remembered_case
 
@@ -77,11 +72,7 @@ class Calibrated:
 
 
 def run_cases(
-    cases: Sequence[CorrectionCase],
-    folder: Path,
-    jobs: int,
-    progress: Progress,
-    comm: MPI.Intracomm = MPI.COMM_SELF,
+    cases: Sequence[CorrectionCase], folder: Path, jobs: int, progress: Progress, comm: MPI.Intracomm = MPI.COMM_SELF
 ) -> list[CaseOutcome]:
     """Solve cases: each over the ranks of a communicator, or in processes side by side."""
     outcomes = []
@@ -109,11 +100,7 @@ def coarsened(case: CorrectionCase, factor: float) -> CorrectionCase:
 
 
 def calibrate(
-    given: Calibration,
-    folder: Path,
-    jobs: int,
-    progress: Progress,
-    comm: MPI.Intracomm = MPI.COMM_SELF,
+    given: Calibration, folder: Path, jobs: int, progress: Progress, comm: MPI.Intracomm = MPI.COMM_SELF
 ) -> Calibrated:
     """Calibrate the correction; solved cases are kept in a folder.
 
@@ -124,13 +111,8 @@ def calibrate(
     """
     reference = given.reference
     coarse = coarsened(reference, given.coarse)
-    materials = [
-        stiffened(reference.material, c10, q) for c10 in given.c10_kPa for q in given.stiffening
-    ]
-    legs = [
-        replace(coarse.leg, length=coarse.leg.length * factor)
-        for factor in (1 - given.spread, 1 + given.spread)
-    ]
+    materials = [stiffened(reference.material, c10, q) for c10 in given.c10_kPa for q in given.stiffening]
+    legs = [replace(coarse.leg, length=coarse.leg.length * factor) for factor in (1 - given.spread, 1 + given.spread)]
     cases = [
         reference,
         coarsened(reference, given.between),
@@ -143,23 +125,20 @@ def calibrate(
     for case, outcome in zip(cases, outcomes, strict=True):
         if not outcome.complete:
             raise InputError(
-                "correction", "depth",
+                "correction",
+                "depth",
                 f"a model stops at {outcome.reached:.1f} mm of {case.depth:g} mm "
                 f"(C10 {case.material.C10_kPa:g} kPa, leg {case.leg.length:g} mm)",
                 "calibrate to a smaller --depth, or with a finer mesh",
-            )  # fmt: skip
+            )
     displacement = np.linspace(0, reference.depth, round(reference.depth / GRID) + 1)
     reference_case = outcomes[0]
-    fine, middle, rough, shorter, longer, *table = (
-        smooth_ratio(o.spatial, o.plane, displacement) for o in outcomes
-    )
+    fine, middle, rough, shorter, longer, *table = (smooth_ratio(o.spatial, o.plane, displacement) for o in outcomes)
     shape = (len(given.c10_kPa), len(given.stiffening), len(displacement))
     errors = {
         "mesh": mesh_error(fine, rough, given.coarse),
         "leg length": 0.5 * (longer - shorter),
-        "first contact": first_contact_error(
-            reference_case.spatial, reference_case.plane, displacement, fine
-        ),
+        "first contact": first_contact_error(reference_case.spatial, reference_case.plane, displacement, fine),
     }
     correction = TabulatedCorrection(
         name=f"idealised leg {reference.leg.length:g} mm long",

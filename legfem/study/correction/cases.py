@@ -12,11 +12,7 @@ from mpi4py import MPI
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
-from legfem.experiments.indentation_3d import (
-    Cylinder,
-    IdealisedLegIndentation,
-    IdealisedLegSettings,
-)
+from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation, IdealisedLegSettings
 from legfem.fem.compat import evaluate
 from legfem.jobs.store import Store
 from legfem.mechanics.integration_domain import Skin
@@ -48,15 +44,11 @@ class Material:
     def laws(self) -> dict[str, Hyperelastic]:
         """Law of every region."""
         second = self.D_per_MPa if self.C20_kPa else float("inf")
-        deep = ReducedPolynomial(
-            kpa_to_mpa(self.C10_kPa), self.D_per_MPa, kpa_to_mpa(self.C20_kPa), second
-        )
+        deep = ReducedPolynomial(kpa_to_mpa(self.C10_kPa), self.D_per_MPa, kpa_to_mpa(self.C20_kPa), second)
         outer = {
             name: NeoHookean(kpa_to_mpa(stiffness), self.outer_D_per_MPa)
-            for name, stiffness in (
-                ("superficial", self.superficial_C10_kPa), ("fascia", self.fascia_C10_kPa),
-            )
-        }  # fmt: skip
+            for name, stiffness in (("superficial", self.superficial_C10_kPa), ("fascia", self.fascia_C10_kPa))
+        }
         return {"deep": deep, **outer}
 
     @property
@@ -83,11 +75,12 @@ class CorrectionCase:
         """Check that the cylinder stays off the bone."""
         if self.depth >= self.leg.depth_to_bone:
             raise InputError(
-                "correction", "depth",
+                "correction",
+                "depth",
                 f"the cylinder would meet the bone, which lies {self.leg.depth_to_bone:g} mm deep, "
                 f"before {self.depth:g} mm",
                 "press less deep, or make the bone smaller or deeper",
-            )  # fmt: skip
+            )
 
     @property
     def asked(self) -> CorrectionCase:
@@ -123,9 +116,7 @@ class CaseOutcome:
     """Of the 3D model's skin at the end: reference and deformed position (mm), pressure (kPa)."""
 
 
-def solve_case(
-    case: CorrectionCase, comm: MPI.Intracomm = MPI.COMM_SELF, keep_in: Path | None = None
-) -> CaseOutcome:
+def solve_case(case: CorrectionCase, comm: MPI.Intracomm = MPI.COMM_SELF, keep_in: Path | None = None) -> CaseOutcome:
     """Solve both models; collective over the communicator.
 
     States of the 3D model are kept in a folder, if one is given, until it is solved.
@@ -178,15 +169,10 @@ def skin_state(experiment: IdealisedLegIndentation) -> FloatArray:
     return np.concatenate(experiment.comm.allgather(local))
 
 
-def remembered_case(
-    case: CorrectionCase, folder: Path, comm: MPI.Intracomm = MPI.COMM_SELF
-) -> CaseOutcome:
+def remembered_case(case: CorrectionCase, folder: Path, comm: MPI.Intracomm = MPI.COMM_SELF) -> CaseOutcome:
     """Return a case's outcome, from a folder if it is there, else solved and kept if complete."""
     store = Store(folder, CaseOutcome, modules=(__name__,))
     states = folder / f"{store.key(case.asked)}-states"
     return store.get_or_make(
-        case.asked,
-        lambda: solve_case(case, comm, states),
-        comm,
-        worth=lambda outcome: outcome.complete,
+        case.asked, lambda: solve_case(case, comm, states), comm, worth=lambda outcome: outcome.complete
     )

@@ -17,12 +17,7 @@ from legfem.fem.fields import fields_of
 from legfem.report.paraview import write_fields
 from legfem.report.plain import table
 from legfem.report.web.page import PAGE, command_line, rendered
-from legfem.study.correction.calibration import (
-    Calibration,
-    calibrate,
-    coarsened,
-    run_cases,
-)
+from legfem.study.correction.calibration import Calibration, calibrate, coarsened, run_cases
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase
 from legfem.study.correction.figure import draw_correction, draw_trends
 from legfem.study.correction.leg_table import LegTable, tabulate_legs
@@ -65,9 +60,7 @@ def run(given: Calibration, asked: Asked, out: Path, jobs: int, quiet: bool = Fa
         _run(given, asked, out, jobs, progress, comm)
 
 
-def _run(
-    given: Calibration, asked: Asked, out: Path, jobs: int, progress: Progress, comm: MPI.Intracomm
-) -> None:
+def _run(given: Calibration, asked: Asked, out: Path, jobs: int, progress: Progress, comm: MPI.Intracomm) -> None:
     kept = out / "cases"
     found = calibrate(given, kept, jobs, progress, comm)
     if comm.rank == 0:
@@ -116,13 +109,9 @@ def _run(
         print(f"figure: {draw_trends(displacement, studied, out)[0]}")
 
 
-def write_leg_fields(
-    case: CorrectionCase, out: Path, comm: MPI.Intracomm = MPI.COMM_SELF
-) -> list[Path]:
+def write_leg_fields(case: CorrectionCase, out: Path, comm: MPI.Intracomm = MPI.COMM_SELF) -> list[Path]:
     """Solve a case's 3D model and write its fields at the depth it reached; collective."""
-    experiment = IdealisedLegIndentation(
-        case.leg, case.cylinder, case.material.laws, 3, case.settings, comm
-    )
+    experiment = IdealisedLegIndentation(case.leg, case.cylinder, case.material.laws, 3, case.settings, comm)
     solved = experiment.solve(depth=case.depth)
     return write_fields(fields_of(experiment.system), out, solved.report.reached)
 
@@ -132,10 +121,7 @@ LENGTHS = (30.0, 50.0, 70.0)
 
 def _of_other_cylinders(case: CorrectionCase) -> dict[str, CorrectionCase]:
     fitting = [length for length in LENGTHS if length < case.leg.length]
-    return {
-        f"{length:g}": replace(case, cylinder=replace(case.cylinder, length=length))
-        for length in fitting
-    }
+    return {f"{length:g}": replace(case, cylinder=replace(case.cylinder, length=length)) for length in fitting}
 
 
 def _trend_cases(coarse: CorrectionCase) -> dict[str, dict[str, CorrectionCase]]:
@@ -145,18 +131,14 @@ def _trend_cases(coarse: CorrectionCase) -> dict[str, dict[str, CorrectionCase]]
     return {
         "leg's length (mm)": {name: replace(coarse, leg=leg) for name, leg in legs.items()},
         "C10 (kPa)": {
-            f"{c10:g}": replace(coarse, material=replace(material, C10_kPa=c10))
-            for c10 in (0.2, 0.5, 2.0, 5.0)
+            f"{c10:g}": replace(coarse, material=replace(material, C10_kPa=c10)) for c10 in (0.2, 0.5, 2.0, 5.0)
         },
         "C20/C10": {
-            f"{ratio:g}": replace(
-                coarse, material=replace(material, C20_kPa=ratio * material.C10_kPa)
-            )
+            f"{ratio:g}": replace(coarse, material=replace(material, C20_kPa=ratio * material.C10_kPa))
             for ratio in (0.0, 1.0, 3.0)
         },
         "leg's radius (mm)": {
-            f"{radius:g}": replace(coarse, leg=replace(leg, radius=radius))
-            for radius in (50.0, 57.0, 64.0)
+            f"{radius:g}": replace(coarse, leg=replace(leg, radius=radius)) for radius in (50.0, 57.0, 64.0)
         },
     }
 
@@ -169,10 +151,7 @@ def _vary(
 ) -> dict[str, FloatArray]:
     """Return P on the grid by the cases' names, not-a-number beyond what a case reached."""
     outcomes = run_cases(list(cases.values()), kept, jobs, progress, comm)
-    return {
-        name: _curve(outcome, cases[name].depth)
-        for name, outcome in zip(cases, outcomes, strict=True)
-    }
+    return {name: _curve(outcome, cases[name].depth) for name, outcome in zip(cases, outcomes, strict=True)}
 
 
 def _curve(outcome: CaseOutcome, depth: float) -> FloatArray:

@@ -17,9 +17,7 @@ _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#
 
 
 @styled
-def draw_correction(
-    case: CorrectionCase, found: Calibrated, lengths: dict[str, FloatArray], out: Path
-) -> list[Path]:
+def draw_correction(case: CorrectionCase, found: Calibrated, lengths: dict[str, FloatArray], out: Path) -> list[Path]:
     """Draw the models, the pressure along and across the cylinder, and P(d)."""
     figure = new_figure(13, 7.5)
     grid = figure.add_gridspec(2, 3, width_ratios=(1.3, 1, 1))
@@ -45,9 +43,14 @@ def _draw_spatial(axes: Any, case: CorrectionCase, found: Calibrated) -> None:
     deformed, pressure = skin[:, 3:6], skin[:, 6]
     triangles = Triangulation(_around(skin), skin[:, 2]).triangles
     shown = axes.plot_trisurf(
-        deformed[:, 0], deformed[:, 2], deformed[:, 1],
-        triangles=triangles, cmap="viridis", shade=False, edgecolor="none",
-    )  # fmt: skip
+        deformed[:, 0],
+        deformed[:, 2],
+        deformed[:, 1],
+        triangles=triangles,
+        cmap="viridis",
+        shade=False,
+        edgecolor="none",
+    )
     shown.set_array(pressure[triangles].mean(axis=1))
     shown.set_clim(0, pressure.max())
     shown.set_rasterized(True)
@@ -55,9 +58,12 @@ def _draw_spatial(axes: Any, case: CorrectionCase, found: Calibrated) -> None:
     angle, along = np.meshgrid(np.linspace(0, 2 * np.pi, 40), [-0.5, 0.5])
     centre = leg.radius + cylinder.radius - case.depth
     axes.plot_surface(
-        cylinder.radius * np.sin(angle), along * cylinder.length,
-        centre + cylinder.radius * np.cos(angle), color=FAINT, alpha=0.35,
-    )  # fmt: skip
+        cylinder.radius * np.sin(angle),
+        along * cylinder.length,
+        centre + cylinder.radius * np.cos(angle),
+        color=FAINT,
+        alpha=0.35,
+    )
     sides = [np.ptp(limits()) for limits in (axes.get_xlim, axes.get_ylim, axes.get_zlim)]
     axes.set_box_aspect(sides, zoom=0.8)
     axes.view_init(elev=30, azim=-50)
@@ -80,13 +86,9 @@ def _draw_section(axes: Any, case: CorrectionCase) -> None:
     for region, radius in reversed(leg.layers):
         axes.fill(radius * np.sin(turn), radius * np.cos(turn), color=REGION_COLOURS[region])
     axes.fill(
-        leg.bone_radius * np.sin(turn), leg.bone_offset + leg.bone_radius * np.cos(turn),
-        color="white", ec="black",
-    )  # fmt: skip
-    axes.fill(
-        cylinder.radius * np.sin(turn),
-        leg.radius + cylinder.radius * (1 + np.cos(turn)), color=FAINT,
-    )  # fmt: skip
+        leg.bone_radius * np.sin(turn), leg.bone_offset + leg.bone_radius * np.cos(turn), color="white", ec="black"
+    )
+    axes.fill(cylinder.radius * np.sin(turn), leg.radius + cylinder.radius * (1 + np.cos(turn)), color=FAINT)
     axes.set_aspect("equal")
     axes.set_xlabel("x (mm)")
     axes.set_ylabel("y (mm)")
@@ -108,9 +110,7 @@ def _draw_pressure(axes: Any, skin: FloatArray) -> None:
     axes.legend()
 
 
-def _draw_curves(
-    axes: Any, case: CorrectionCase, found: Calibrated, lengths: dict[str, FloatArray]
-) -> None:
+def _draw_curves(axes: Any, case: CorrectionCase, found: Calibrated, lengths: dict[str, FloatArray]) -> None:
     correction = found.correction
     displacement = correction.displacement
     material = case.material
@@ -120,9 +120,7 @@ def _draw_curves(
     axes.fill_between(displacement, P - spread, P + spread, color="#DDDDDD", label=label)
     axes.plot(displacement, P, color="#111111", lw=2)
     for (length, curve), colour in zip(lengths.items(), _COLOURS, strict=False):
-        axes.plot(
-            displacement, curve, "--", color=colour, label=f"cylinder of {length} mm, coarser mesh"
-        )
+        axes.plot(displacement, curve, "--", color=colour, label=f"cylinder of {length} mm, coarser mesh")
     axes.axhline(0, color=FAINT, lw=0.8)
     axes.set_xlabel("displacement of the cylinder (mm)")
     axes.set_ylabel("P")
@@ -130,9 +128,7 @@ def _draw_curves(
 
 
 @styled
-def draw_trends(
-    displacement: FloatArray, trends: dict[str, dict[str, FloatArray]], out: Path
-) -> list[Path]:
+def draw_trends(displacement: FloatArray, trends: dict[str, dict[str, FloatArray]], out: Path) -> list[Path]:
     """Draw P(d) for values of each thing it depends on."""
     figure = new_figure(13, 7.5)
     panels = figure.subplots(2, 3, sharex=True, sharey=True).ravel()

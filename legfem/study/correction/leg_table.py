@@ -66,11 +66,7 @@ class LegTable:
 
 
 def tabulate_legs(
-    given: LegTable,
-    folder: Path,
-    jobs: int,
-    progress: Progress,
-    comm: MPI.Intracomm = MPI.COMM_SELF,
+    given: LegTable, folder: Path, jobs: int, progress: Progress, comm: MPI.Intracomm = MPI.COMM_SELF
 ) -> LegCorrections:
     """Solve all legs; solved cases are kept in a folder.
 
@@ -80,15 +76,10 @@ def tabulate_legs(
         If one stops short of the depth.
     """
     coarse = coarsened(given.calibration.reference, given.calibration.coarse)
-    legs = [
-        leg_of_size(coarse.leg, radius, depth * radius)
-        for radius, depth in product(given.radius, given.depth)
-    ]
+    legs = [leg_of_size(coarse.leg, radius, depth * radius) for radius, depth in product(given.radius, given.depth)]
     checked = replace(
         coarse,
-        leg=leg_of_size(
-            coarse.leg, given.checked_radius, given.checked_depth * given.checked_radius
-        ),
+        leg=leg_of_size(coarse.leg, given.checked_radius, given.checked_depth * given.checked_radius),
         material=stiffened(coarse.material, given.checked_c10_kPa, given.checked_stiffening),
     )
     layered = replace(checked, leg=replace(checked.leg, fat=given.fat, fascia=given.fascia))
@@ -96,11 +87,7 @@ def tabulate_legs(
         checked,
         layered,
         replace(coarse, material=checked.material),
-        *(
-            replace(coarse, leg=leg, material=material)
-            for leg in (coarse.leg, *legs)
-            for material in given.materials
-        ),
+        *(replace(coarse, leg=leg, material=material) for leg in (coarse.leg, *legs) for material in given.materials),
     ]
     progress.stage("P of legs of several sizes", len(cases))
     outcomes = run_cases(cases, folder, jobs, progress, comm)
@@ -110,17 +97,18 @@ def tabulate_legs(
     table = np.array(rest).reshape(-1, *shape)
     change = (table[1:] - table[0]).reshape(len(given.radius), len(given.depth), *shape)
     found = LegCorrections(
-        np.array(given.radius), np.array(given.depth), displacement,
-        np.array(given.c10_kPa), np.array(given.stiffening), change,
-    )  # fmt: skip
+        np.array(given.radius),
+        np.array(given.depth),
+        displacement,
+        np.array(given.c10_kPa),
+        np.array(given.stiffening),
+        change,
+    )
     c10, q = given.checked_c10_kPa, given.checked_stiffening
-    expected = found.change_of(
-        given.checked_radius, given.checked_depth * given.checked_radius
-    ).correction(displacement, np.array(c10), np.array(c10 * q / (1 - q)))
-    errors = {
-        "girth and bone": between - at_reference - expected,
-        "layers": with_layers - between,
-    }
+    expected = found.change_of(given.checked_radius, given.checked_depth * given.checked_radius).correction(
+        displacement, np.array(c10), np.array(c10 * q / (1 - q))
+    )
+    errors = {"girth and bone": between - at_reference - expected, "layers": with_layers - between}
     return replace(found, errors=errors, given=_description(given, coarse, outcomes))
 
 
@@ -135,18 +123,17 @@ def _ratios(
     for case, outcome in zip(cases, outcomes, strict=True):
         if not outcome.complete:
             raise InputError(
-                "correction", "depth",
+                "correction",
+                "depth",
                 f"a model stops at {outcome.reached:.1f} mm of {case.depth:g} mm (radius "
                 f"{case.leg.radius:g} mm, {case.leg.depth_to_bone:.1f} mm to the bone, C10 "
                 f"{case.material.C10_kPa:g} kPa)",
                 "tabulate to a smaller --depth, or with a finer mesh",
-            )  # fmt: skip
+            )
     return [smooth_ratio(outcome.spatial, outcome.plane, displacement) for outcome in outcomes]
 
 
-def _description(
-    given: LegTable, coarse: CorrectionCase, outcomes: Sequence[CaseOutcome]
-) -> dict[str, object]:
+def _description(given: LegTable, coarse: CorrectionCase, outcomes: Sequence[CaseOutcome]) -> dict[str, object]:
     checked = {name: value for name, value in asdict(given).items() if name.startswith("checked")}
     return {
         "reference_leg": asdict(coarse.leg),

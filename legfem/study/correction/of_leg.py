@@ -114,9 +114,7 @@ def run(
     print(f"leg: {out / DOCUMENT}\nfigure: {figure[0]}\npage: {out / PAGE}")
 
 
-def _solved(
-    subject: Subject, models: LegModels, stiffness: tuple[float, float], progress: Progress
-) -> LegBesideTable:
+def _solved(subject: Subject, models: LegModels, stiffness: tuple[float, float], progress: Progress) -> LegBesideTable:
     values = {DEEP_C10: kpa_to_mpa(stiffness[0]), DEEP_C20: kpa_to_mpa(stiffness[1])}
     progress.stage("the section in plane strain")
     plane = PlaneStrainForward.of_subject(subject, models.depth).solve(values, ())
@@ -128,9 +126,7 @@ def _solved(
         solved = solver.at(values, plane.curve)
     except SearchError as failure:
         raise _too_deep(str(failure)) from None
-    return LegBesideTable(
-        subject, models, *stiffness, solver.grid, plane.curve, solved, correction_of(subject)
-    )
+    return LegBesideTable(subject, models, *stiffness, solver.grid, plane.curve, solved, correction_of(subject))
 
 
 def _too_deep(why: str) -> InputError:
@@ -148,16 +144,18 @@ def _cells(found: LegBesideTable) -> Cells:
     modes = [there(mode) for mode in found.solved.errors.values()]
     rows = [
         [
-            f"{d:g}", f"{found.solved.outcome.curve(d):.3f}", f"{found.plane(d):.3f}",
-            f"{P[k]:+.3f}", *(f"{mode[k]:+.3f}" for mode in modes), f"{sd[k]:.3f}",
-            f"{table[k]:+.3f}", f"{table_sd[k]:.3f}",
+            f"{d:g}",
+            f"{found.solved.outcome.curve(d):.3f}",
+            f"{found.plane(d):.3f}",
+            f"{P[k]:+.3f}",
+            *(f"{mode[k]:+.3f}" for mode in modes),
+            f"{sd[k]:.3f}",
+            f"{table[k]:+.3f}",
+            f"{table_sd[k]:.3f}",
         ]
         for k, d in enumerate(at)
-    ]  # fmt: skip
-    header = [
-        "d (mm)", "RF3D (N)", "L RF2D (N)", "P", *found.solved.errors, "sd", "table P",
-        "table sd",
-    ]  # fmt: skip
+    ]
+    header = ["d (mm)", "RF3D (N)", "L RF2D (N)", "P", *found.solved.errors, "sd", "table P", "table sd"]
     return header, rows
 
 
@@ -194,9 +192,7 @@ def _draw(found: LegBesideTable, out: Path) -> list[Path]:
         ("this leg, solved in 3D", found.solved.P, found.sd, _LEG_COLOUR, "-"),
         ("the table of idealised legs", found.table_P, table_sd, _TABLE_COLOUR, "--"),
     ):
-        axes.fill_between(
-            found.displacement, P - 1.96 * sd, P + 1.96 * sd, color=colour, alpha=0.15, lw=0
-        )
+        axes.fill_between(found.displacement, P - 1.96 * sd, P + 1.96 * sd, color=colour, alpha=0.15, lw=0)
         axes.plot(found.displacement, P, style, color=colour, label=f"{name} (95 %)")
     axes.axhline(0, color=FAINT, lw=0.8)
     axes.set_xlabel("displacement of the cylinder (mm)")
@@ -220,45 +216,83 @@ def _page(found: LegBesideTable, cells: Cells) -> WebPage:
             f"On this leg the cylinder bears {100 * abs(P):.0f} % {more} force than plane strain "
             f"says, {depth:g} mm deep.",
             [
-                ("How sure", f"P is {P:+.3f} ± {sd:.3f} there (standard deviation: mesh, length of "
-                 "the leg modelled, first contact)."),
+                (
+                    "How sure",
+                    f"P is {P:+.3f} ± {sd:.3f} there (standard deviation: mesh, length of "
+                    "the leg modelled, first contact).",
+                ),
                 ("What the table says", f"P {table:+.3f}, for idealised legs of this size."),
-                ("What to do", "Identify with the leg itself: python -m legfem.identify --model "
-                 "3d"),
+                ("What to do", "Identify with the leg itself: python -m legfem.identify --model 3d"),
             ],
             "What plane strain leaves out",
         ),
         warnings=[f"The leg is {leg.source}."] if leg.extruded else [],
         known=[
-            Known(f"P at {depth:g} mm", f"{P:+.4f}", "computed", "this leg in 3D and in plane "
-                  "strain", f"{P - 1.96 * sd:+.3f} to {P + 1.96 * sd:+.3f}"),
-            Known("leg", f"{leg.shape.length:.4g} mm long", "assumed" if leg.extruded
-                  else "measured", leg.source),
-            Known("C10 and C20 of the deep tissue", f"{found.c10:g} and {found.c20:g} kPa",
-                  "assumed", "option, or legfem's usual"),
+            Known(
+                f"P at {depth:g} mm",
+                f"{P:+.4f}",
+                "computed",
+                "this leg in 3D and in plane strain",
+                f"{P - 1.96 * sd:+.3f} to {P + 1.96 * sd:+.3f}",
+            ),
+            Known("leg", f"{leg.shape.length:.4g} mm long", "assumed" if leg.extruded else "measured", leg.source),
+            Known(
+                "C10 and C20 of the deep tissue",
+                f"{found.c10:g} and {found.c20:g} kPa",
+                "assumed",
+                "option, or legfem's usual",
+            ),
             Known("fat, fascia and cylinder", "as the folder says", "assumed", "subject.toml"),
-            Known("work of the solve in 3D", f"{outcome.factorisations} factorisations",
-                  "computed", f"{outcome.seconds:.0f} s"),
+            Known(
+                "work of the solve in 3D",
+                f"{outcome.factorisations} factorisations",
+                "computed",
+                f"{outcome.seconds:.0f} s",
+            ),
         ],
         chapters=[
-            Chapter("This leg and the table", [
-                Curves("leg", f"P over the cylinder's displacement; {DEFINITION}. Grey: 95 % of "
-                       "this leg's.", found.displacement, "displacement (mm)", "P", "",
-                       [Line("this leg", found.solved.P, None, _LEG_COLOUR),
-                        Line("the table", found.table_P, None, _TABLE_COLOUR, "dashed")],
-                       1.96 * found.sd, "95 %"),
-                WebTable("Forces, P and its errors by depth", *cells),
-            ]),
-            Chapter("How sure", [Prose(
-                "The mesh's error is Richardson's estimate from larger elements; the length's is "
-                "what cutting a third of the leg beyond the cylinder away does; that of first "
-                "contact is what smoothing takes off the plain ratio of forces."
-            )]),
-            Chapter("What could not be tested", [Bullets((
-                "Fibres, bones that give way, and a cylinder that slips.",
-                "Other stiffnesses: an identification solves the leg at its own.",
-            ))]),
+            Chapter(
+                "This leg and the table",
+                [
+                    Curves(
+                        "leg",
+                        f"P over the cylinder's displacement; {DEFINITION}. Grey: 95 % of this leg's.",
+                        found.displacement,
+                        "displacement (mm)",
+                        "P",
+                        "",
+                        [
+                            Line("this leg", found.solved.P, None, _LEG_COLOUR),
+                            Line("the table", found.table_P, None, _TABLE_COLOUR, "dashed"),
+                        ],
+                        1.96 * found.sd,
+                        "95 %",
+                    ),
+                    WebTable("Forces, P and its errors by depth", *cells),
+                ],
+            ),
+            Chapter(
+                "How sure",
+                [
+                    Prose(
+                        "The mesh's error is Richardson's estimate from larger elements; the length's is "
+                        "what cutting a third of the leg beyond the cylinder away does; that of first "
+                        "contact is what smoothing takes off the plain ratio of forces."
+                    )
+                ],
+            ),
+            Chapter(
+                "What could not be tested",
+                [
+                    Bullets(
+                        (
+                            "Fibres, bones that give way, and a cylinder that slips.",
+                            "Other stiffnesses: an identification solves the leg at its own.",
+                        )
+                    )
+                ],
+            ),
         ],
         repeat=Repeat(command_line(), versions()),
         data="simulated data (this leg's shape; nothing was pressed)",
-    )  # fmt: skip
+    )

@@ -26,11 +26,15 @@ def correction_cells(found: Calibrated) -> Cells:
     spread = correction.standard_deviation(depths)
     rows = [
         [
-            f"{depth:g}", f"{reference.spatial(depth):.3f}", f"{reference.plane(depth):.3f}",
-            f"{smooth[k]:+.4f}", *(f"{mode[k]:+.4f}" for mode in modes), f"{spread[k]:.4f}",
+            f"{depth:g}",
+            f"{reference.spatial(depth):.3f}",
+            f"{reference.plane(depth):.3f}",
+            f"{smooth[k]:+.4f}",
+            *(f"{mode[k]:+.4f}" for mode in modes),
+            f"{spread[k]:.4f}",
         ]
         for k, depth in enumerate(depths)
-    ]  # fmt: skip
+    ]
     return ["d (mm)", "RF3D (N)", "L RF2D (N)", "P", *correction.errors, "sd"], rows
 
 
@@ -42,9 +46,13 @@ def meshes_cells(found: Calibrated) -> Cells:
     for outcome in reversed(found.meshes):
         values = smooth_ratio(outcome.spatial, outcome.plane, depths)
         rows.append(
-            [f"{outcome.unknowns}", *(f"{p:+.4f}" for p in values),
-             f"{outcome.factorisations}", f"{outcome.seconds:.0f}"]
-        )  # fmt: skip
+            [
+                f"{outcome.unknowns}",
+                *(f"{p:+.4f}" for p in values),
+                f"{outcome.factorisations}",
+                f"{outcome.seconds:.0f}",
+            ]
+        )
     error = np.interp(depths, displacement, found.correction.errors["mesh"])
     rows.append(["limit", *(f"{p:+.4f}" for p in values + error), "", ""])
     return ["unknowns", *(f"{depth:g} mm" for depth in depths), "tangents", "s"], rows

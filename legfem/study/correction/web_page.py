@@ -25,9 +25,7 @@ _NOT_TESTED = (
 )
 
 
-def correction_web_page(
-    given: Calibration, found: Calibrated, trends: Trend, command: str
-) -> web.WebPage:
+def correction_web_page(given: Calibration, found: Calibrated, trends: Trend, command: str) -> web.WebPage:
     """Return the page of a calibration.
 
     Parameters
@@ -76,17 +74,12 @@ def _headline(given: Calibration, found: Calibrated) -> web.Headline:
     return web.Headline(
         "caution" if _warnings(found) or 1.96 * sd > abs(P) else "sound",
         f"A cylinder of {length:g} mm bears "
-        + (
-            "the force that plane strain says"
-            if share == "0 %"
-            else f"{share} {more} force than plane strain says"
-        )
+        + ("the force that plane strain says" if share == "0 %" else f"{share} {more} force than plane strain says")
         + f", {depth:g} mm deep.",
         [
             (
                 "How sure",
-                f"P is {P:+.3f} ± {sd:.3f} there (standard deviation: mesh, the leg's length, "
-                "first contact).",
+                f"P is {P:+.3f} ± {sd:.3f} there (standard deviation: mesh, the leg's length, first contact).",
             ),
             (
                 "What it does to C10",
@@ -112,37 +105,44 @@ def _warnings(found: Calibrated) -> list[str]:
 
 def _next() -> list[str]:
     return [
-        "Give it to an identification: python -m legfem.identify --subject 3 --correction "
-        "correction.json",
+        "Give it to an identification: python -m legfem.identify --subject 3 --correction correction.json",
         "For a leg of another girth or depth to the bone, calibrate with --legs.",
     ]
 
 
 def _known(given: Calibration, found: Calibrated) -> list[web.Known]:
-    leg, cylinder, material = (
-        given.reference.leg, given.reference.cylinder, given.reference.material,
-    )  # fmt: skip
+    leg, cylinder, material = (given.reference.leg, given.reference.cylinder, given.reference.material)
     depth, P, sd = _at_end(given, found)
     option = "option, or legfem's usual"
     return [
-        web.Known(f"P at {depth:g} mm", f"{P:+.4f}", "computed", "both models of one leg",
-              f"{P - 1.96 * sd:+.3f} to {P + 1.96 * sd:+.3f}"),
-        web.Known("leg", f"radius {leg.radius:g} mm, {leg.length:g} mm long, ends {leg.ends}",
-              "assumed", option),
-        web.Known("bone", f"radius {leg.bone_radius:g} mm, {leg.depth_to_bone:g} mm deep",
-              "assumed", option),
-        web.Known("cylinder", f"{2 * cylinder.radius:g} mm across, {cylinder.length:g} mm long, "
-              f"edges rounded by {cylinder.edge_radius:g} mm", "assumed", option),
-        web.Known("C10 of the deep tissue, reference", f"{material.C10_kPa:g} kPa", "assumed",
-              option),
-        web.Known("C10 of fat and fascia",
-              f"{material.superficial_C10_kPa:g} and {material.fascia_C10_kPa:g} kPa", "assumed",
-              "the paper"),
-        web.Known("error of the leg's length", f"{100 * given.spread:g} %", "prior",
-              "legfem's usual"),
-        web.Known("error of the balance of forces", f"{found.reference.balance:.1e} of the force",
-              "computed", "the 3D model"),
-    ]  # fmt: skip
+        web.Known(
+            f"P at {depth:g} mm",
+            f"{P:+.4f}",
+            "computed",
+            "both models of one leg",
+            f"{P - 1.96 * sd:+.3f} to {P + 1.96 * sd:+.3f}",
+        ),
+        web.Known("leg", f"radius {leg.radius:g} mm, {leg.length:g} mm long, ends {leg.ends}", "assumed", option),
+        web.Known("bone", f"radius {leg.bone_radius:g} mm, {leg.depth_to_bone:g} mm deep", "assumed", option),
+        web.Known(
+            "cylinder",
+            f"{2 * cylinder.radius:g} mm across, {cylinder.length:g} mm long, "
+            f"edges rounded by {cylinder.edge_radius:g} mm",
+            "assumed",
+            option,
+        ),
+        web.Known("C10 of the deep tissue, reference", f"{material.C10_kPa:g} kPa", "assumed", option),
+        web.Known(
+            "C10 of fat and fascia",
+            f"{material.superficial_C10_kPa:g} and {material.fascia_C10_kPa:g} kPa",
+            "assumed",
+            "the paper",
+        ),
+        web.Known("error of the leg's length", f"{100 * given.spread:g} %", "prior", "legfem's usual"),
+        web.Known(
+            "error of the balance of forces", f"{found.reference.balance:.1e} of the force", "computed", "the 3D model"
+        ),
+    ]
 
 
 def _correction(given: Calibration, found: Calibrated) -> Curves:
@@ -156,11 +156,15 @@ def _correction(given: Calibration, found: Calibrated) -> Curves:
         lines.append(Line(f"C10 {c10:g} kPa", at, None, _COLOURS[k % 7], _DASHES[k % 4]))
     return Curves(
         "correction",
-        f"P over the cylinder's displacement, by the deep tissue's C10; {DEFINITION}. Grey: 95 % "
-        "of the reference's.",
-        x, "displacement (mm)", "P", "", lines,
-        1.96 * correction.standard_deviation(x), "95 %",
-    )  # fmt: skip
+        f"P over the cylinder's displacement, by the deep tissue's C10; {DEFINITION}. Grey: 95 % of the reference's.",
+        x,
+        "displacement (mm)",
+        "P",
+        "",
+        lines,
+        1.96 * correction.standard_deviation(x),
+        "95 %",
+    )
 
 
 def _dependence(trends: Trend) -> list[web.Block]:
@@ -168,14 +172,17 @@ def _dependence(trends: Trend) -> list[web.Block]:
         Curves(
             f"trend{number}",
             f"P against the {name}, on a coarser mesh; lines end where a model stopped.",
-            tables.grid_of(curves), "displacement (mm)", "P", "",
+            tables.grid_of(curves),
+            "displacement (mm)",
+            "P",
+            "",
             [
                 Line(f"{name}: {value}", curve, None, _COLOURS[k % 7], _DASHES[k % 4])
                 for k, (value, curve) in enumerate(curves.items())
             ],
         )
         for number, (name, curves) in enumerate(trends.items())
-    ]  # fmt: skip
+    ]
 
 
 def _sure(found: Calibrated) -> list[web.Block]:

@@ -44,9 +44,7 @@ def not_seen(result: StudyResult) -> list[str]:
     """Return the factors whose shares are small in every metric."""
     every = [shares(analysis)[0] for analysis in result.analyses]
     return [
-        factor.label
-        for factor in result.definition.factors
-        if all(main[factor.symbol] < _UNSEEN for main in every)
+        factor.label for factor in result.definition.factors if all(main[factor.symbol] < _UNSEEN for main in every)
     ]
 
 
@@ -56,10 +54,7 @@ def to_know(result: StudyResult) -> str:
     if not ranked:
         return "Not computed: run it without --factorial-only."
     name, errors = ranked[0]
-    moved = " and ".join(
-        f"{label_of(one)} {10 * error:+.0f} %"
-        for one, error in zip(IDENTIFIED, errors, strict=True)
-    )
+    moved = " and ".join(f"{label_of(one)} {10 * error:+.0f} %" for one, error in zip(IDENTIFIED, errors, strict=True))
     return f"Before all {label_of(name)}: taken 10 % too high, it moves {moved}."
 
 
@@ -68,23 +63,18 @@ def to_measure(result: StudyResult) -> list[str]:
     information, depth = result.information, result.definition.depth
     ranked = _biases(result)
     if information is None or not ranked:
-        return [
-            "Run it without --factorial-only: then it says how well each parameter can be known."
-        ]
+        return ["Run it without --factorial-only: then it says how well each parameter can be known."]
     lines = []
     within = [
-        1.96 * information.relative_sd(depth, within_ranges=True)[information.names.index(name)]
-        for name in IDENTIFIED
+        1.96 * information.relative_sd(depth, within_ranges=True)[information.names.index(name)] for name in IDENTIFIED
     ]
     told = all(half <= IDENTIFIED_WITHIN for half in within)
     halves = " and ".join(
-        f"{label_of(name)} within {_percent(half)}"
-        for name, half in zip(IDENTIFIED, within, strict=True)
+        f"{label_of(name)} within {_percent(half)}" for name, half in zip(IDENTIFIED, within, strict=True)
     )
     if told:
         lines.append(
-            f"Press {depth:g} mm deep: with fat and fascia known within their ranges, one trial "
-            f"tells {halves}."
+            f"Press {depth:g} mm deep: with fat and fascia known within their ranges, one trial tells {halves}."
         )
     else:
         lines.append(
@@ -101,9 +91,7 @@ def to_measure(result: StudyResult) -> list[str]:
         if name in IDENTIFIED
     ]
     lines.append(
-        "In the order of what errors in them do: know "
-        + ", ".join(label_of(name) for name, _ in ranked)
-        + "."
+        "In the order of what errors in them do: know " + ", ".join(label_of(name) for name, _ in ranked) + "."
     )
     return lines
 

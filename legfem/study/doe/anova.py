@@ -82,15 +82,11 @@ def anova(surface: Surface, counting: Counting = "coefficients") -> Anova:
     n = int(fit.nobs)
     p = len(surface.coefficients) if counting == "coefficients" else len(surface.factors)
     leverage = fit.get_influence().hat_matrix_diag
-    press = (
-        float(np.sum((surface.residuals / (1 - leverage)) ** 2)) if leverage.max() < 1 else np.nan
-    )
+    press = float(np.sum((surface.residuals / (1 - leverage)) ** 2)) if leverage.max() < 1 else np.nan
     return Anova(float(fit.ess), float(fit.ssr), p - 1, n - p, 1 - press / float(fit.centered_tss))
 
 
-def coefficient_tests(
-    surface: Surface, counting: Counting = "coefficients"
-) -> tuple[CoefficientTest, ...]:
+def coefficient_tests(surface: Surface, counting: Counting = "coefficients") -> tuple[CoefficientTest, ...]:
     r"""Return the tests in the formula's order, the intercept first.
 
     .. math:: t = \beta / \sqrt{MSE\, [(X^T X)^{-1}]_{ii}},
@@ -100,9 +96,7 @@ def coefficient_tests(
     table = anova(surface, counting)
     spread = np.sqrt(table.mse * np.diag(surface.fit.normalized_cov_params))
     tests = []
-    for term, value, error in zip(
-        surface.coefficients.index, surface.coefficients, spread, strict=True
-    ):
+    for term, value, error in zip(surface.coefficients.index, surface.coefficients, spread, strict=True):
         t = value / error if error > 0 else np.inf
         p_value = float(2 * student.sf(abs(t), table.error_dof))
         tests.append(CoefficientTest(str(term), float(value), float(error), float(t), p_value))

@@ -109,9 +109,7 @@ def _write_all(
         gather_figures(results, folders, options.out)
         page = claims_page(results, found, _command(options))
         write_atomically(options.out / "verdict.md", page)
-        write_document(
-            options.out / "result.json", {"schema": 1, "claims": verdict_documents(found, titles)}
-        )
+        write_document(options.out / "result.json", {"schema": 1, "claims": verdict_documents(found, titles)})
         print(f"verdicts: {options.out / 'verdict.md'}")
     return any(len(result.failed) < len(result.records) for result in results)
 
@@ -120,11 +118,7 @@ def _command(options: DoeOptions) -> str:
     """Return the command that does the same study."""
     words = ["python -m legfem.study doe"]
     words += [f"--factors {_as_typed(path)}" for path in options.definitions]
-    words.append(
-        f"--subject-dir {options.subject_dir}"
-        if options.subject_dir
-        else f"--subject {options.subject_id}"
-    )
+    words.append(f"--subject-dir {options.subject_dir}" if options.subject_dir else f"--subject {options.subject_id}")
     words.append(f"--seed {options.seed}")
     words += ["--count factors"] if options.counting == "factors" else []
     words += [] if options.beyond else ["--factorial-only"]
@@ -135,18 +129,14 @@ def _as_typed(path: Path) -> str:
     return path.name if path.is_relative_to(RESOURCES) else str(path)
 
 
-def _study(
-    options: DoeOptions, definition: Definition, subject: Subject, workshop: Workshop, out: Path
-) -> StudyResult:
+def _study(options: DoeOptions, definition: Definition, subject: Subject, workshop: Workshop, out: Path) -> StudyResult:
     began = time.perf_counter()
 
     def keep(table: pd.DataFrame) -> None:
         out.mkdir(parents=True, exist_ok=True)
         write_atomically(out / "runs.csv", as_csv(definition, table))
 
-    result = study(
-        definition, subject, workshop, options.counting, options.seed, options.beyond, keep
-    )
+    result = study(definition, subject, workshop, options.counting, options.seed, options.beyond, keep)
     if note := fascia_note(result):
         print(note, file=sys.stderr)
     if short := stopped_short(result):
@@ -166,6 +156,8 @@ def _study(
     write_page(page, out, plain_page(page, entries))
     wall = time.perf_counter() - began
     write_document(out / "result.json", study_document(result, options.seed, wall))
-    print(f"{definition.title}: {len(result.records)} runs, {result.seconds:.0f} s; "
-          f"report: {out / REPORT}\npage:   {out / PAGE}")  # fmt: skip
+    print(
+        f"{definition.title}: {len(result.records)} runs, {result.seconds:.0f} s; "
+        f"report: {out / REPORT}\npage:   {out / PAGE}"
+    )
     return result

@@ -58,9 +58,11 @@ def read_definition(path: Path) -> Definition:
     factors = tuple(_factor(path, name, entry, coding) for name, entry in entries.items())
     if not 2 <= len(factors) <= MOST_FACTORS:
         raise InputError(
-            path, "factors", f"there are {len(factors)}",
+            path,
+            "factors",
+            f"there are {len(factors)}",
             f"give 2 to {MOST_FACTORS}: a full factorial of k factors takes 2^k + 1 simulations",
-        )  # fmt: skip
+        )
     fixed = _values(path, "fixed", given.get("fixed", {}))
     for name in fixed:
         if name in entries:
@@ -89,29 +91,21 @@ def _factor(path: Path, name: str, entry: Any, coding: Coding) -> Factor:
     _check_keys(path, f"{field}.", entry, [*known, "coding"])
     found = [unit for unit in units if f"low_{unit}" in entry or f"high_{unit}" in entry]
     if len(found) != 1:
-        raise InputError(
-            path, field, "needs its range in one unit", f"give {' and '.join(known[:2])}"
-        )
+        raise InputError(path, field, "needs its range in one unit", f"give {' and '.join(known[:2])}")
     unit = found[0]
     for side in ("low", "high"):
         if f"{side}_{unit}" not in entry:
-            raise InputError(
-                path, f"{field}.{side}_{unit}", "missing", "a factor has a low and a high level"
-            )
-    low, high = (
-        _number(path, f"{field}.{s}_{unit}", entry[f"{s}_{unit}"]) for s in ("low", "high")
-    )
+            raise InputError(path, f"{field}.{side}_{unit}", "missing", "a factor has a low and a high level")
+    low, high = (_number(path, f"{field}.{s}_{unit}", entry[f"{s}_{unit}"]) for s in ("low", "high"))
     coding = _coding(path, f"{field}.coding", entry.get("coding", coding))
     if low == high:
         raise InputError(
-            path, field, f"has one level only ({low:g} {unit})",
-            "give two different levels, or move it to [fixed]",
-        )  # fmt: skip
+            path, field, f"has one level only ({low:g} {unit})", "give two different levels, or move it to [fixed]"
+        )
     if low > high:
         raise InputError(
-            path, field, f"its range is reversed (low {low:g} is above high {high:g} {unit})",
-            "exchange them",
-        )  # fmt: skip
+            path, field, f"its range is reversed (low {low:g} is above high {high:g} {unit})", "exchange them"
+        )
     # A reduced polynomial with C20 = 0 is neo-Hookean; all else must be positive.
     if low < 0 or (low == 0 and (name != "deep.C20" or coding == "logarithmic")):
         raise InputError(path, f"{field}.low_{unit}", f"{low:g} is out of range", _POSITIVE)
@@ -127,9 +121,11 @@ def _values(path: Path, field: str, given: Any) -> dict[str, float]:
         units = UNITS[PARAMETERS[name]]
         if unit not in units:
             raise InputError(
-                path, f"{field}.{key}", "has no unit in its name",
+                path,
+                f"{field}.{key}",
+                "has no unit in its name",
                 f"write {' or '.join(f'{name}_{unit}' for unit in units)}, in quotes",
-            )  # fmt: skip
+            )
         value = _number(path, f"{field}.{key}", entry)
         if value < 0 or (value == 0 and name != "deep.C20"):
             raise InputError(path, f"{field}.{key}", f"{value:g} is out of range", _POSITIVE)
@@ -146,9 +142,11 @@ def _windows(path: Path, given: Any, depth: float) -> tuple[tuple[float, float],
         start, end = (_number(path, field, value) for value in pair)
         if not 0 <= start < end <= depth + 1e-9:
             raise InputError(
-                path, field, f"{start:g} to {end:g} mm is no part of 0 to {depth:g} mm",
+                path,
+                field,
+                f"{start:g} to {end:g} mm is no part of 0 to {depth:g} mm",
                 "give start below end, within depth_mm",
-            )  # fmt: skip
+            )
         windows.append((start, end))
     if not windows or len(set(windows)) < len(windows):
         raise InputError(path, "windows_mm", "must be one or more, all different", "correct it")

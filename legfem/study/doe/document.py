@@ -32,11 +32,7 @@ def study_document(result: StudyResult, seed: int, wall_s: float) -> dict[str, A
         "windows_mm": [list(window) for window in definition.windows],
         "factors": [asdict(factor) for factor in definition.factors],
         "failed_runs": [
-            {
-                "run": n,
-                "reached_mm": result.records[n - 1].reached,
-                "reason": result.records[n - 1].reason,
-            }
+            {"run": n, "reached_mm": result.records[n - 1].reached, "reason": result.records[n - 1].reason}
             for n in result.failed
         ],
         "degrees_of_freedom_count": result.counting,
@@ -64,8 +60,7 @@ def verdict_documents(found: Sequence[Verdict], titles: Sequence[str]) -> list[d
             "claim": verdict.claim,
             "verdict": verdict.verdict,
             "findings": [
-                {"study": title, **asdict(finding)}
-                for title, finding in zip(titles, verdict.findings, strict=True)
+                {"study": title, **asdict(finding)} for title, finding in zip(titles, verdict.findings, strict=True)
             ],
         }
         for verdict in found
@@ -89,16 +84,22 @@ def _metric(a: MetricAnalysis) -> dict[str, Any]:
         "runs_missing": list(a.surface.missing),
         "formula": a.surface.formula,
         "anova": {
-            "ssr": found.ssr, "msr": found.msr, "sse": found.sse, "mse": found.mse,
-            "r_squared": found.r_squared, "predicted_r_squared": found.predicted_r_squared,
-            "F": found.F, "p_value": found.p_value,
-            "model_dof": found.model_dof, "error_dof": found.error_dof,
+            "ssr": found.ssr,
+            "msr": found.msr,
+            "sse": found.sse,
+            "mse": found.mse,
+            "r_squared": found.r_squared,
+            "predicted_r_squared": found.predicted_r_squared,
+            "F": found.F,
+            "p_value": found.p_value,
+            "model_dof": found.model_dof,
+            "error_dof": found.error_dof,
         },
         "coefficients": [{**asdict(t), "significant": t.significant} for t in a.tests],
         "lenth": contrasts,
         "centre_curvature": None if a.centre is None else asdict(a.centre),
         "normality_p_values": {"outputs": asdict(a.outputs), "residuals": asdict(a.residuals)},
-    }  # fmt: skip
+    }
 
 
 def _numerics(result: StudyResult) -> dict[str, Any] | None:
@@ -157,9 +158,7 @@ def _information(result: StudyResult) -> dict[str, Any] | None:
         },
         "eigenvectors": vectors.T.tolist(),
         "eigenvector_relative_sd": spread.tolist(),
-        "told_within_50_percent_from_mm": {
-            name: found.told_from(name, within_ranges=True) for name in found.names
-        },
+        "told_within_50_percent_from_mm": {name: found.told_from(name, within_ranges=True) for name in found.names},
     }
 
 

@@ -38,9 +38,7 @@ class Lenth:
         """Quantiles, absolute values and terms, in increasing order."""
         order = np.argsort(np.abs(self.values))
         ranks = (np.arange(len(order)) + 0.5) / len(order)
-        return norm.ppf(0.5 + 0.5 * ranks), np.abs(self.values)[order], [
-            self.terms[k] for k in order
-        ]  # fmt: skip
+        return norm.ppf(0.5 + 0.5 * ranks), np.abs(self.values)[order], [self.terms[k] for k in order]
 
 
 @dataclass(frozen=True)
@@ -94,9 +92,7 @@ def lenth_of(terms: tuple[str, ...], values: FloatArray) -> Lenth:
     return Lenth(terms, values, pse, margin, together)
 
 
-def centre_curvature(
-    table: pd.DataFrame, metric: Metric, found: Lenth, surface: Surface
-) -> CentreCurvature | None:
+def centre_curvature(table: pd.DataFrame, metric: Metric, found: Lenth, surface: Surface) -> CentreCurvature | None:
     """Return the test for squares; None where the centre is missing."""
     n = len(found.values) + 1
     response = table[metric.name].to_numpy(dtype=float)

@@ -40,8 +40,7 @@ class MetricEmulator:
         k = at.shape[1]
         bounds = [tuple(np.log(_LENGTHS))] * k + [tuple(np.log(_NUGGETS))]
         fits = [
-            minimize(self._cost, np.log([start] * k + [1e-6]), method="L-BFGS-B", bounds=bounds)
-            for start in _STARTS
+            minimize(self._cost, np.log([start] * k + [1e-6]), method="L-BFGS-B", bounds=bounds) for start in _STARTS
         ]
         best = min(fits, key=lambda fit: float(fit.fun))
         self._solve(best.x)

@@ -60,9 +60,13 @@ def _curves(axes: Axes, result: StudyResult) -> None:
     for k, record in enumerate(result.records):
         centre = k == len(result.records) - 1
         axes.plot(
-            record.displacement, record.force_per_length, color="#111111" if centre else FAINT,
-            lw=2 if centre else 0.6, label="centre" if centre else None, zorder=3 if centre else 2,
-        )  # fmt: skip
+            record.displacement,
+            record.force_per_length,
+            color="#111111" if centre else FAINT,
+            lw=2 if centre else 0.6,
+            label="centre" if centre else None,
+            zorder=3 if centre else 2,
+        )
         if not record.complete and record.reached > 0:
             axes.plot(record.reached, record.force_per_length[-1], "x", color="#D55E00")
     axes.set_xlim(0, result.definition.depth)
@@ -72,15 +76,11 @@ def _curves(axes: Axes, result: StudyResult) -> None:
     axes.legend(loc="upper left")
 
 
-def _bars(
-    axes: Axes, analyses: list[MetricAnalysis], factors: tuple[Factor, ...], interactions: bool
-) -> None:
+def _bars(axes: Axes, analyses: list[MetricAnalysis], factors: tuple[Factor, ...], interactions: bool) -> None:
     if not analyses:
         axes.text(0.5, 0.5, "not estimable", ha="center", transform=axes.transAxes)
         return
-    chosen = [
-        k for k, t in enumerate(analyses[0].tests) if k > 0 and t.is_interaction == interactions
-    ]
+    chosen = [k for k, t in enumerate(analyses[0].tests) if k > 0 and t.is_interaction == interactions]
     height = 0.8 / len(analyses)
     for stage, analysis in enumerate(analyses):
         colour = STAGE_COLOURS[_stage(analysis, analyses)]
@@ -88,22 +88,22 @@ def _bars(
             test = analysis.tests[k]
             at = row + (stage - (len(analyses) - 1) / 2) * height
             axes.barh(at, test.value, height, color=colour)
-            beyond = analysis.lenth is not None and (
-                abs(test.value) > analysis.lenth.simultaneous_margin
-            )
+            beyond = analysis.lenth is not None and (abs(test.value) > analysis.lenth.simultaneous_margin)
             mark = ("s" if test.significant else "") + ("L" if beyond else "")
             if not mark:
                 continue
             right = test.value >= 0
             axes.annotate(
-                mark, (test.value, at), xytext=(3 if right else -3, 0), fontsize=7,
-                textcoords="offset points", va="center", ha="left" if right else "right",
-            )  # fmt: skip
+                mark,
+                (test.value, at),
+                xytext=(3 if right else -3, 0),
+                fontsize=7,
+                textcoords="offset points",
+                va="center",
+                ha="left" if right else "right",
+            )
     axes.axvline(0, color="#111111", lw=0.8)
-    axes.set_yticks(
-        range(len(chosen)), [term_label(analyses[0].tests[k].term, factors) for k in chosen],
-        fontsize=8,
-    )  # fmt: skip
+    axes.set_yticks(range(len(chosen)), [term_label(analyses[0].tests[k].term, factors) for k in chosen], fontsize=8)
     axes.invert_yaxis()
     axes.margins(x=0.12)
     axes.ticklabel_format(axis="x", scilimits=(-2, 2))
@@ -124,9 +124,7 @@ def draw_half_normal(result: StudyResult, out: Path) -> list[Path]:
     columns = (len(analyses) + 1) // 2
     figure = new_figure(4.6 * columns, 8)
     title(figure, f"Effects: {result.definition.title}", *_whose(result))
-    for k, (axes, analysis) in enumerate(
-        zip(figure.subplots(2, columns, squeeze=False).flat, analyses, strict=False)
-    ):
+    for k, (axes, analysis) in enumerate(zip(figure.subplots(2, columns, squeeze=False).flat, analyses, strict=False)):
         found = analysis.lenth
         assert found is not None
         quantiles, sizes, terms = found.half_normal
@@ -141,8 +139,13 @@ def draw_half_normal(result: StudyResult, out: Path) -> list[Path]:
         axes.axhline(found.simultaneous_margin, color=FAINT, ls="--", lw=1)
         _name_largest(axes, quantiles, sizes, terms, found.simultaneous_margin)
         if analysis.centre is not None:
-            axes.plot([], [], " ", label=f"corners - centre: {analysis.centre.relative:+.0%}\n"
-                      f"of the largest (p = {analysis.centre.p_value:.1g})")  # fmt: skip
+            axes.plot(
+                [],
+                [],
+                " ",
+                label=f"corners - centre: {analysis.centre.relative:+.0%}\n"
+                f"of the largest (p = {analysis.centre.p_value:.1g})",
+            )
             axes.legend(loc="upper left", fontsize=8, handlelength=0, handletextpad=0)
         axes.set_xlim(0, quantiles[-1] * 1.08)
         axes.ticklabel_format(axis="y", scilimits=(-2, 2))
@@ -158,9 +161,13 @@ def draw_half_normal(result: StudyResult, out: Path) -> list[Path]:
 
 
 _SHORT = {
-    "deep_C10": "d", "deep_C20": "D", "superficial_C10": "s", "fascia_C10": "f",
-    "fascia_thickness": "t", "indenter_diameter": "i",
-}  # fmt: skip
+    "deep_C10": "d",
+    "deep_C20": "D",
+    "superficial_C10": "s",
+    "fascia_C10": "f",
+    "fascia_thickness": "t",
+    "indenter_diameter": "i",
+}
 _NAMED = 7
 
 
@@ -168,9 +175,7 @@ def _letter(symbol: str) -> str:
     return _SHORT.get(symbol, f" {symbol} ")
 
 
-def _name_largest(
-    axes: Axes, quantiles: np.ndarray, sizes: np.ndarray, terms: list[str], limit: float
-) -> None:
+def _name_largest(axes: Axes, quantiles: np.ndarray, sizes: np.ndarray, terms: list[str], limit: float) -> None:
     largest = reversed(list(zip(quantiles, sizes, terms, strict=True))[-_NAMED:])
     span = 1.05 * float(sizes[-1])
     taken: list[tuple[float, float]] = []
@@ -184,11 +189,16 @@ def _name_largest(
             raised += 3.0
         taken.append((x, y + raised))
         name = "".join(_letter(part) for part in term.split(":"))
-        leader = (
-            {"arrowstyle": "-", "lw": 0.5, "color": FAINT, "shrinkA": 0} if raised > 8 else None
+        leader = {"arrowstyle": "-", "lw": 0.5, "color": FAINT, "shrinkA": 0} if raised > 8 else None
+        axes.annotate(
+            name,
+            (quantile, size),
+            xytext=(-5, raised),
+            fontsize=8,
+            ha="right",
+            textcoords="offset points",
+            arrowprops=leader,
         )
-        axes.annotate(name, (quantile, size), xytext=(-5, raised), fontsize=8, ha="right",
-                      textcoords="offset points", arrowprops=leader)  # fmt: skip
 
 
 def _colour(term: str) -> str:

@@ -38,8 +38,9 @@ def draw_sobol(result: StudyResult, out: Path) -> list[Path]:
         total = [s.total[k] for s in found]
         axes.bar(at, total, width * 0.92, color=colour, alpha=0.35)
         axes.bar(at, [s.first[k] for s in found], width * 0.92, color=colour, label=factor.label)
-        axes.errorbar(at, total, [s.total_ci95[k] for s in found], fmt="none", ecolor="#111111",
-                      elinewidth=0.8, capsize=2)  # fmt: skip
+        axes.errorbar(
+            at, total, [s.total_ci95[k] for s in found], fmt="none", ecolor="#111111", elinewidth=0.8, capsize=2
+        )
     axes.set_xticks(range(len(found)), [s.metric.label for s in found])
     axes.set_ylim(0, 1.15)
     axes.legend(ncols=len(factors), loc="upper right")
@@ -75,13 +76,9 @@ def draw_information(result: StudyResult, out: Path) -> list[Path]:
     panel(axes[0, 0], "A", "change of the force (%) for 1 % of a parameter")
     elasticity = found.sensitivity / found.force[:, None]
     for k, name in enumerate(found.names):
-        axes[0, 0].plot(
-            found.displacement, elasticity[:, k], color=_COLOURS[k % 8], label=label_of(name)
-        )
+        axes[0, 0].plot(found.displacement, elasticity[:, k], color=_COLOURS[k % 8], label=label_of(name))
     noise = found.noise_sd / found.force
-    axes[0, 0].plot(
-        found.displacement, noise, ":", color="#111111", label="noise of the instruments: sd / F"
-    )
+    axes[0, 0].plot(found.displacement, noise, ":", color="#111111", label="noise of the instruments: sd / F")
     axes[0, 0].set_ylim(min(0.0, float(elasticity.min())), 1.15 * float(elasticity.max()))
     axes[0, 0].set_xlabel("displacement (mm)")
     axes[0, 0].set_ylabel("d ln F / d ln parameter")
@@ -96,23 +93,24 @@ def draw_information(result: StudyResult, out: Path) -> list[Path]:
     return save(figure, out, "information")
 
 
-def _half_widths(
-    axes: Axes, found: Information, unknown: Sequence[str] | None, letter: str, name: str
-) -> None:
+def _half_widths(axes: Axes, found: Information, unknown: Sequence[str] | None, letter: str, name: str) -> None:
     panel(axes, letter, f"least 95 % half-width; {name}")
     names = list(found.names) if unknown is None else unknown
     within = unknown is None
-    widths = np.array(
-        [1.96 * found.relative_sd(float(d), names, within) for d in found.displacement]
-    )
+    widths = np.array([1.96 * found.relative_sd(float(d), names, within) for d in found.displacement])
     for k, parameter in enumerate(names):
         colour = _COLOURS[found.names.index(parameter) % 8]
-        axes.semilogy(
-            found.displacement, 100 * widths[:, k], color=colour, label=label_of(parameter)
-        )
+        axes.semilogy(found.displacement, 100 * widths[:, k], color=colour, label=label_of(parameter))
     axes.axhline(100 * IDENTIFIED_WITHIN, color=FAINT, ls="--", lw=1)
-    axes.text(found.displacement[-1], 90 * IDENTIFIED_WITHIN, "told within 50 %", ha="right",
-              va="top", color=FAINT, fontsize=8)  # fmt: skip
+    axes.text(
+        found.displacement[-1],
+        90 * IDENTIFIED_WITHIN,
+        "told within 50 %",
+        ha="right",
+        va="top",
+        color=FAINT,
+        fontsize=8,
+    )
     axes.set_ylim(0.5, 1e4)
     axes.set_xlim(0, found.displacement[-1])
     axes.set_xlabel("depth of the recorded curve (mm)")
@@ -128,8 +126,15 @@ def _eigenvectors(axes: Axes, found: Information, depth: float) -> None:
     for row in range(size):
         for column in range(size):
             value = vectors[row, column]
-            axes.text(column, row, f"{value:+.2f}", ha="center", va="center", fontsize=9,
-                      color="white" if abs(value) > 0.6 else "#111111")  # fmt: skip
+            axes.text(
+                column,
+                row,
+                f"{value:+.2f}",
+                ha="center",
+                va="center",
+                fontsize=9,
+                color="white" if abs(value) > 0.6 else "#111111",
+            )
     axes.set_xticks(range(size), [_sd(percent) for percent in 100 * spread])
     axes.set_yticks(range(size), [f"ln {label_of(name)}" for name in found.names])
     axes.set_xlabel("combinations of the parameters (columns), each with its least relative sd")

@@ -85,9 +85,7 @@ class Information:
         with np.errstate(divide="ignore"):
             spread = 1 / np.sqrt(np.maximum(values[::-1], 0))
         vectors = vectors[:, ::-1]
-        return spread, vectors * np.sign(
-            vectors[np.argmax(np.abs(vectors), axis=0), range(len(values))]
-        )
+        return spread, vectors * np.sign(vectors[np.argmax(np.abs(vectors), axis=0), range(len(values))])
 
     def bias(self, depth: float, unknown: Sequence[str], assumed: str) -> FloatArray:
         """Return the relative errors of unknown parameters for one of 1 in an assumed one."""
@@ -96,9 +94,7 @@ class Information:
         cross = matrix[chosen, self.names.index(assumed)]
         return np.asarray(-np.linalg.solve(matrix[np.ix_(chosen, chosen)], cross))
 
-    def told_from(
-        self, name: str, unknown: Sequence[str] | None = None, within_ranges: bool = False
-    ) -> float | None:
+    def told_from(self, name: str, unknown: Sequence[str] | None = None, within_ranges: bool = False) -> float | None:
         """Return the least depth (mm) from which a parameter is told; None if there is none."""
         names = self.names if unknown is None else tuple(unknown)
         for depth in self.displacement:
@@ -128,9 +124,7 @@ def information_requests(definition: Definition) -> list[Request]:
     ]
 
 
-def study_information(
-    definition: Definition, subject: Subject, workshop: Workshop
-) -> Information | None:
+def study_information(definition: Definition, subject: Subject, workshop: Workshop) -> Information | None:
     """Simulate and differentiate; None where a simulation stops short."""
     records = workshop.do("sensitivities at the nominal point", information_requests(definition))
     if not all(record.complete for record in records):
@@ -138,9 +132,7 @@ def study_information(
     return information_of(definition, subject, records)
 
 
-def information_of(
-    definition: Definition, subject: Subject, records: Sequence[Record]
-) -> Information:
+def information_of(definition: Definition, subject: Subject, records: Sequence[Record]) -> Information:
     """Return the information from the simulations that `information_requests` asks for."""
     point, length = nominal_point(definition), subject.indenter.length
     grid = np.arange(SPACING, definition.depth + 1e-9, SPACING)
@@ -159,9 +151,7 @@ def information_of(
             continue
         names.append(name)
     instrument = subject.instrument
-    noise = np.hypot(
-        instrument.force_sd, instrument.displacement_sd * length * base.stiffness(grid)
-    )
+    noise = np.hypot(instrument.force_sd, instrument.displacement_sd * length * base.stiffness(grid))
     return Information(
         tuple(names),
         tuple(point[name] for name in names),

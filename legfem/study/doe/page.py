@@ -41,9 +41,7 @@ def claims_page(results: Sequence[StudyResult], found: Sequence[Verdict], comman
         _markdown(["claim", "verdict"], [[v.claim, v.verdict] for v in found]),
     ]
     for result in results:
-        blocks += [
-            f"![Response surface: {result.definition.title}]({path})" for path in shown(result)
-        ]
+        blocks += [f"![Response surface: {result.definition.title}]({path})" for path in shown(result)]
     blocks.append(f"## What shows it\n\n{_evidence(found, titles)}")
     for result in results:
         if beside := tables.table_3_cells(result):
@@ -83,10 +81,7 @@ def _numbers(result: StudyResult) -> list[str]:
             tables.numerics_cells(result),
         ),
         ("Sobol indices, first order and total", tables.sobol_cells(result)),
-        (
-            "95 % half-widths of the parameters by the curve's depth",
-            tables.information_cells(result),
-        ),
+        ("95 % half-widths of the parameters by the curve's depth", tables.information_cells(result)),
     ):
         if cells is not None:
             blocks.append(f"{caption}:\n\n{_markdown(*cells)}")

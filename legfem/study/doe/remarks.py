@@ -55,9 +55,4 @@ def fascia_note(result: StudyResult) -> str:
 
 
 def _levels(factors: Sequence[Factor], name: str) -> list[float]:
-    return [
-        value * UNITS[PARAMETERS[name]][f.unit]
-        for f in factors
-        if f.name == name
-        for value in (f.low, f.high)
-    ]
+    return [value * UNITS[PARAMETERS[name]][f.unit] for f in factors if f.name == name for value in (f.low, f.high)]

@@ -30,10 +30,7 @@ class Workshop:
     progress: Progress
 
     def do(
-        self,
-        text: str,
-        requests: Sequence[Request],
-        on_found: Callable[[dict[int, Record]], None] = lambda found: None,
+        self, text: str, requests: Sequence[Request], on_found: Callable[[dict[int, Record]], None] = lambda found: None
     ) -> list[Record]:
         """Return the records of all requests; those kept from an earlier run aren't done again.
 
@@ -48,11 +45,16 @@ class Workshop:
         """
         # What gave nothing at all may lack memory or a disk: it is tried again the next time.
         return finish(
-            self.workers, requests, self.store, self.progress, text, progress_line,
+            self.workers,
+            requests,
+            self.store,
+            self.progress,
+            text,
+            progress_line,
             asked=lambda request: request.asked,
             worth=lambda record: len(record.displacement) > 0,
             on_found=on_found,
-        )  # fmt: skip
+        )
 
 
 def simulate(simulator: Simulator, request: Request) -> Record:
@@ -70,9 +72,7 @@ def progress_line(request: Request, record: Record) -> str:
     )
 
 
-def requests_at(
-    definition: Definition, coded: FloatArray, stage: str, fidelity: Fidelity = "default"
-) -> list[Request]:
+def requests_at(definition: Definition, coded: FloatArray, stage: str, fidelity: Fidelity = "default") -> list[Request]:
     """Return the simulations of coded points (n, k)."""
     return [
         Request(
@@ -86,9 +86,7 @@ def requests_at(
     ]
 
 
-def run_table(
-    definition: Definition, coded: FloatArray, records: Sequence[Record | None]
-) -> pd.DataFrame:
+def run_table(definition: Definition, coded: FloatArray, records: Sequence[Record | None]) -> pd.DataFrame:
     """Return a row a simulation: coded levels, values, metrics, how it went.
 
     Nothing in it depends on the machine's speed: the same study gives the same table.
@@ -99,10 +97,7 @@ def run_table(
     for number, (point, record) in enumerate(zip(coded, records, strict=True)):
         row: dict[str, object] = {"run": number + 1}
         row |= {f.symbol: float(c) for f, c in zip(definition.factors, point, strict=True)}
-        row |= {
-            f"{f.symbol}_{f.unit}": f.value(float(c))
-            for f, c in zip(definition.factors, point, strict=True)
-        }
+        row |= {f"{f.symbol}_{f.unit}": f.value(float(c)) for f, c in zip(definition.factors, point, strict=True)}
         curve = None if record is None else record.curve
         row |= {m.name: np.nan if curve is None else m.of(curve) for m in metrics}
         if record is not None:

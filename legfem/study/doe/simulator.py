@@ -10,10 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.experiments.plane_strain import (
-    PlaneStrainIndentation,
-    PlaneStrainSettings,
-)
+from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.experiments.tissues import tissues_of
 from legfem.jobs.fingerprint import code_fingerprint
 from legfem.solve.force_curve import ForceCurve
@@ -150,9 +147,7 @@ class PlaneStrainSimulator:
             {name: values / length for name, values in curve.sensitivities.items()},
         )
 
-    def _test(
-        self, thickness: float, diameter: float, fidelity: Fidelity
-    ) -> PlaneStrainIndentation:
+    def _test(self, thickness: float, diameter: float, fidelity: Fidelity) -> PlaneStrainIndentation:
         key = thickness, diameter, fidelity
         if key not in self._tests:
             while len(self._tests) >= _MESHES_KEPT:

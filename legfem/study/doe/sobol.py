@@ -39,20 +39,14 @@ class SobolIndices:
 
 
 def sobol_indices(
-    learn: pd.DataFrame,
-    test: pd.DataFrame,
-    factors: tuple[Factor, ...],
-    metric: Metric,
-    seed: int,
+    learn: pd.DataFrame, test: pd.DataFrame, factors: tuple[Factor, ...], metric: Metric, seed: int
 ) -> SobolIndices | None:
     """Return the indices; None where too few simulations have the metric."""
     symbols = [f.symbol for f in factors]
     learn, test = learn[np.isfinite(learn[metric.name])], test[np.isfinite(test[metric.name])]
     if len(learn) < 4 * len(factors) or len(test) < _ENOUGH:
         return None
-    emulator = MetricEmulator(
-        coordinates(factors, learn[symbols].to_numpy(float)), learn[metric.name].to_numpy(float)
-    )
+    emulator = MetricEmulator(coordinates(factors, learn[symbols].to_numpy(float)), learn[metric.name].to_numpy(float))
     at = coordinates(factors, test[symbols].to_numpy(float))
     simulated = test[metric.name].to_numpy(float)
     found = sobol_of(lambda coded: emulator(coordinates(factors, coded)), symbols, seed)
@@ -85,9 +79,7 @@ def coordinates(factors: tuple[Factor, ...], coded: FloatArray) -> FloatArray:
     return np.column_stack(columns)
 
 
-def sobol_of(
-    function: Callable[[FloatArray], FloatArray], symbols: list[str], seed: int
-) -> dict[str, FloatArray]:
+def sobol_of(function: Callable[[FloatArray], FloatArray], symbols: list[str], seed: int) -> dict[str, FloatArray]:
     """Return SALib's indices of a function of coded points (n, k)."""
     problem = {"num_vars": len(symbols), "names": symbols, "bounds": [[-1.0, 1.0]] * len(symbols)}
     sample = sobol_sample.sample(problem, _BASE_SAMPLES, calc_second_order=False, seed=seed)

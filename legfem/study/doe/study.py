@@ -12,14 +12,7 @@ from legfem.common.units import FloatArray
 from legfem.study.doe.anova import Anova, CoefficientTest, Counting, anova, coefficient_tests
 from legfem.study.doe.definition import Definition
 from legfem.study.doe.design import factorial_design, space_filling_design
-from legfem.study.doe.effects import (
-    CentreCurvature,
-    Lenth,
-    Normality,
-    centre_curvature,
-    lenth,
-    normality,
-)
+from legfem.study.doe.effects import CentreCurvature, Lenth, Normality, centre_curvature, lenth, normality
 from legfem.study.doe.information import Information, study_information
 from legfem.study.doe.metrics import Metric, metrics_in
 from legfem.study.doe.numerics import NumericalError, study_numerics
@@ -47,11 +40,7 @@ class MetricAnalysis:
 
     def main(self, prefix: str = "") -> list[CoefficientTest]:
         """Return main effects whose factor's symbol begins like this."""
-        return [
-            test
-            for test in self.tests[1:]
-            if not test.is_interaction and test.term.startswith(prefix)
-        ]
+        return [test for test in self.tests[1:] if not test.is_interaction and test.term.startswith(prefix)]
 
     def interactions(self) -> list[CoefficientTest]:
         """Return the two-factor interactions."""
@@ -121,9 +110,19 @@ def study(
         information = study_information(definition, subject, workshop)
         sobol = _sobol(definition, table, workshop, seed)
     return StudyResult(
-        definition, subject, counting, coded, tuple(records), table, analyses, not_analysed,
-        numerics, sobol, information, seconds,
-    )  # fmt: skip
+        definition,
+        subject,
+        counting,
+        coded,
+        tuple(records),
+        table,
+        analyses,
+        not_analysed,
+        numerics,
+        sobol,
+        information,
+        seconds,
+    )
 
 
 def analyse(
@@ -153,16 +152,11 @@ def analyse(
     return tuple(done), tuple(not_done)
 
 
-def _sobol(
-    definition: Definition, table: pd.DataFrame, workshop: Workshop, seed: int
-) -> tuple[SobolIndices, ...]:
+def _sobol(definition: Definition, table: pd.DataFrame, workshop: Workshop, seed: int) -> tuple[SobolIndices, ...]:
     if not definition.training or not definition.testing:
         return ()
     tables = {}
-    for stage, points, offset in (
-        ("training", definition.training, 0),
-        ("testing", definition.testing, 1_000_000),
-    ):
+    for stage, points, offset in (("training", definition.training, 0), ("testing", definition.testing, 1_000_000)):
         coded = space_filling_design(len(definition.factors), points, seed + offset)
         records = workshop.do(f"{stage} the emulator", requests_at(definition, coded, stage))
         tables[stage] = run_table(definition, coded, records)

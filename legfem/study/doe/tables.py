@@ -19,11 +19,20 @@ def anova_cells(result: StudyResult) -> Cells:
     rows = []
     for a in result.analyses:
         found = a.anova
-        rows.append([
-            a.metric.label, f"{found.ssr:.3g}", f"{found.msr:.2g}", f"{found.sse:.2g}",
-            f"{found.mse:.2g}", f"{found.r_squared:.4f}", f"{found.predicted_r_squared:.4f}",
-            f"{found.F:.0f}", f"{found.p_value:.0e}", f"{found.model_dof}, {found.error_dof}",
-        ])  # fmt: skip
+        rows.append(
+            [
+                a.metric.label,
+                f"{found.ssr:.3g}",
+                f"{found.msr:.2g}",
+                f"{found.sse:.2g}",
+                f"{found.mse:.2g}",
+                f"{found.r_squared:.4f}",
+                f"{found.predicted_r_squared:.4f}",
+                f"{found.F:.0f}",
+                f"{found.p_value:.0e}",
+                f"{found.model_dof}, {found.error_dof}",
+            ]
+        )
     return ["metric", "SSR", "MSR", "SSE", "MSE", "R2", "R2 predicted", "F", "p", "df"], rows
 
 
@@ -61,9 +70,19 @@ def _powers(value: float) -> str:
 def effects_cells(result: StudyResult) -> Cells:
     """Return what a statistician looks at beside the t tests."""
     rows = [_effects_row(a) for a in result.analyses]
-    header = ["metric", "largest", "Lenth's PSE", "margin", "simultaneous", "beyond it",
-              "corners - centre", "its p", "its share of SSE", "normal: outputs",
-              "residuals"]  # fmt: skip
+    header = [
+        "metric",
+        "largest",
+        "Lenth's PSE",
+        "margin",
+        "simultaneous",
+        "beyond it",
+        "corners - centre",
+        "its p",
+        "its share of SSE",
+        "normal: outputs",
+        "residuals",
+    ]
     return header, rows
 
 
@@ -74,15 +93,17 @@ def _effects_row(a: MetricAnalysis) -> list[str]:
     size = np.abs(a.lenth.values)
     centre = ["-", "-", "-"]
     if a.centre is not None:
-        centre = [
-            f"{a.centre.relative:+.1%} of the largest", f"{a.centre.p_value:.1g}",
-            f"{a.centre.share_of_sse:.1%}",
-        ]  # fmt: skip
+        centre = [f"{a.centre.relative:+.1%} of the largest", f"{a.centre.p_value:.1g}", f"{a.centre.share_of_sse:.1%}"]
     return [
-        a.metric.label, f"{size.max():.2e}", f"{a.lenth.pseudo_standard_error:.1e}",
-        f"{a.lenth.margin:.1e}", f"{a.lenth.simultaneous_margin:.1e}",
-        f"{int((size > a.lenth.simultaneous_margin).sum())} of {len(size)}", *centre, *tests,
-    ]  # fmt: skip
+        a.metric.label,
+        f"{size.max():.2e}",
+        f"{a.lenth.pseudo_standard_error:.1e}",
+        f"{a.lenth.margin:.1e}",
+        f"{a.lenth.simultaneous_margin:.1e}",
+        f"{int((size > a.lenth.simultaneous_margin).sum())} of {len(size)}",
+        *centre,
+        *tests,
+    ]
 
 
 def numerics_cells(result: StudyResult) -> Cells | None:
@@ -101,8 +122,13 @@ def numerics_cells(result: StudyResult) -> Cells | None:
             above = [t for t in analysis.tests[1:] if t.significant and abs(t.value) < bound]
             beside = [f"{bound / max(sizes):.2%}", f"{len(above)}"]
         rows.append([metric.label, *cells, f"{bound:.1e}", *beside])
-    header = ["metric", *(f"run {number}" for number in found.runs), "bound on a coefficient",
-              "of the largest", "significant ones below it"]  # fmt: skip
+    header = [
+        "metric",
+        *(f"run {number}" for number in found.runs),
+        "bound on a coefficient",
+        "of the largest",
+        "significant ones below it",
+    ]
     return header, rows
 
 
@@ -110,8 +136,7 @@ def sobol_cells(result: StudyResult) -> Cells | None:
     """Return first-order and total indices, and the emulator's error; None without them."""
     if not result.sobol:
         return None
-    header = ["metric", *(f.label for f in result.definition.factors), "sum of first",
-              "emulator's rms error / sd"]  # fmt: skip
+    header = ["metric", *(f.label for f in result.definition.factors), "sum of first", "emulator's rms error / sd"]
     rows = [
         [
             s.metric.label,
@@ -141,15 +166,22 @@ def information_cells(result: StudyResult) -> Cells | None:
         two = [found.relative_sd(d, pair)[pair.index(name)] for d in depths] if name in pair else []
         within = [found.relative_sd(d, within_ranges=True)[k] for d in depths]
         told = found.told_from(name, within_ranges=True)
-        rows.append([
-            label_of(name),
-            *(", ".join(map(_half, v)) or "-" for v in (alone, two, within, joint)),
-            "never" if told is None else f"{told:g} mm",
-        ])  # fmt: skip
+        rows.append(
+            [
+                label_of(name),
+                *(", ".join(map(_half, v)) or "-" for v in (alone, two, within, joint)),
+                "never" if told is None else f"{told:g} mm",
+            ]
+        )
     at = ", ".join(f"{d:g}" for d in depths)
-    header = ["parameter", f"alone, at {at} mm", "deep pair unknown",
-              "others within their ranges", "all unknown",
-              "others within ranges: told from"]  # fmt: skip
+    header = [
+        "parameter",
+        f"alone, at {at} mm",
+        "deep pair unknown",
+        "others within their ranges",
+        "all unknown",
+        "others within ranges: told from",
+    ]
     return header, rows
 
 

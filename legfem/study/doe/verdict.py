@@ -43,17 +43,14 @@ def verdicts(results: Sequence[StudyResult]) -> list[Verdict]:
     found = []
     for claim, judge in CLAIMS.items():
         findings = tuple(
-            judge(result) if result.analyses else ClaimFinding(None, "no metric was analysed", "")
-            for result in results
+            judge(result) if result.analyses else ClaimFinding(None, "no metric was analysed", "") for result in results
         )
         found.append(Verdict(claim, _in_words(findings, titles), findings))
     return found
 
 
 def _in_words(findings: tuple[ClaimFinding, ...], titles: list[str]) -> str:
-    told = [
-        (f.holds, title) for f, title in zip(findings, titles, strict=True) if f.holds is not None
-    ]
+    told = [(f.holds, title) for f, title in zip(findings, titles, strict=True) if f.holds is not None]
     if not told:
         return "can't be told"
     if all(holds for holds, _ in told):
@@ -126,8 +123,7 @@ def _small_fascia(result: StudyResult) -> ClaimFinding:
         shares[analysis.metric.label] = max(abs(test.value) for test in tests) / greatest
     worst = max(shares, key=lambda name: shares[name])
     text = (
-        "its larger coefficient over the metric's largest: "
-        f"{min(shares.values()):.0%} to {shares[worst]:.0%} ({worst})"
+        f"its larger coefficient over the metric's largest: {min(shares.values()):.0%} to {shares[worst]:.0%} ({worst})"
     )
     return ClaimFinding(shares[worst] < NEGLIGIBLE, text, "the response figure, panels B and C")
 
@@ -136,9 +132,7 @@ def _no_interactions(result: StudyResult) -> ClaimFinding:
     return _insignificant(result, lambda a: a.interactions(), "an interaction")
 
 
-def _insignificant(
-    result: StudyResult, chosen: Callable[[MetricAnalysis], list], what: str
-) -> ClaimFinding:
+def _insignificant(result: StudyResult, chosen: Callable[[MetricAnalysis], list], what: str) -> ClaimFinding:
     found, largest = [], 0.0
     for analysis in result.analyses:
         tests = chosen(analysis)
@@ -171,8 +165,7 @@ def _identifies_deep(result: StudyResult) -> ClaimFinding:
     within = 1.96 * information.relative_sd(depth, within_ranges=True)[at]
     exactly = 1.96 * information.relative_sd(depth, IDENTIFIED)
     nothing = 1.96 * information.relative_sd(depth)[at]
-    halves = [f"{_percent(first)} and {_percent(second)}" for first, second in
-              (within, exactly, nothing)]  # fmt: skip
+    halves = [f"{_percent(first)} and {_percent(second)}" for first, second in (within, exactly, nothing)]
     text = (
         f"95 % half-widths of C10 and C20 at {depth:g} mm: {halves[0]} with fat and fascia known "
         f"within their ranges, {halves[1]} with them known exactly, {halves[2]} with them unknown"
@@ -186,9 +179,7 @@ def _not_before_5_mm(result: StudyResult) -> ClaimFinding:
     information = result.information
     if information is None or not set(IDENTIFIED) <= set(information.names):
         return ClaimFinding(None, "no information was computed", "")
-    shallow, deep = (
-        1.96 * information.relative_sd(d, IDENTIFIED) for d in (5.0, result.definition.depth)
-    )
+    shallow, deep = (1.96 * information.relative_sd(d, IDENTIFIED) for d in (5.0, result.definition.depth))
     depths = [information.told_from(name, IDENTIFIED) for name in IDENTIFIED]
     at = ["never" if d is None else f"{d:g} mm" for d in depths]
     text = (

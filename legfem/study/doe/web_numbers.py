@@ -47,16 +47,12 @@ def number_chapters(result: StudyResult) -> list[web.Chapter]:
 def _variance(result: StudyResult) -> list[web.Block]:
     return [
         web.Bullets(run_notes(result)),
-        web.Prose(
-            f"{UNITS_NOTE} R² predicted is that of runs which the surface hasn't seen. "
-            f"{_counting(result)}"
-        ),
-        web.WebTable(
-            "Sums of squares and what they say, a row a metric", *tables.anova_cells(result)
-        ),
+        web.Prose(f"{UNITS_NOTE} R² predicted is that of runs which the surface hasn't seen. {_counting(result)}"),
+        web.WebTable("Sums of squares and what they say, a row a metric", *tables.anova_cells(result)),
         web.WebTable(
             "Effects without an error estimate (Lenth), curvature at the centre, normality",
-            *tables.effects_cells(result), folded=True,
+            *tables.effects_cells(result),
+            folded=True,
         ),
         web.Prose(
             "The runs are deterministic: what the t tests take for error is the surface's lack of "
@@ -65,7 +61,7 @@ def _variance(result: StudyResult) -> list[web.Block]:
             "'corners - centre' is 0 for a surface without squares. Normality: probabilities of "
             "Shapiro and Wilk's test."
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _counting(result: StudyResult) -> str:
@@ -86,14 +82,9 @@ def information_blocks(result: StudyResult) -> list[web.Block]:
     if found is None or cells is None:
         return []
     depth, instrument = result.definition.depth, result.subject.instrument
-    point = ", ".join(
-        f"{label_of(name)} {value:.4g}"
-        for name, value in zip(found.names, found.nominal, strict=True)
-    )
+    point = ", ".join(f"{label_of(name)} {value:.4g}" for name, value in zip(found.names, found.nominal, strict=True))
     return [
-        web.WebTable(
-            "95 % half-widths of the parameters by depth, the least that a test can have", *cells
-        ),
+        web.WebTable("95 % half-widths of the parameters by depth, the least that a test can have", *cells),
         web.Prose(
             "Relative to the value: the least that any unbiased estimate can have, at "
             f"{point} (MPa, mm), for one trial with one independent reading a mm, "
@@ -112,10 +103,7 @@ def _eigenvectors(found: Information, depth: float) -> list[str]:
     lines = []
     spread, vectors = found.directions(depth)
     for k, sd in enumerate(spread):
-        parts = " ".join(
-            f"{v:+.2f} ln {label_of(name)}"
-            for v, name in zip(vectors[:, k], found.names, strict=True)
-        )
+        parts = " ".join(f"{v:+.2f} ln {label_of(name)}" for v, name in zip(vectors[:, k], found.names, strict=True))
         lines.append(f"sd {sd:.2%}: {parts}" if sd < 100 else f"not determined: {parts}")
     return lines
 
@@ -127,7 +115,6 @@ def _biases(found: Information, depth: float) -> list[str]:
     for assumed in (name for name in found.names if name not in IDENTIFIED):
         first, second = found.bias(depth, IDENTIFIED, assumed)
         lines.append(
-            f"assumed {label_of(assumed)} 10 % too high: deep C10 {0.1 * first:+.1%}, "
-            f"deep C20 {0.1 * second:+.1%}"
+            f"assumed {label_of(assumed)} 10 % too high: deep C10 {0.1 * first:+.1%}, deep C20 {0.1 * second:+.1%}"
         )
     return lines

@@ -22,8 +22,7 @@ from legfem.study.doe.web_numbers import information_blocks, number_chapters
 
 _NOT_TESTED = (
     "Whether a real leg follows the model: every force here is simulated, in plane strain.",
-    "What the tissues do in time, friction, and other physics that the model leaves out: see "
-    "python -m legfem.plan.",
+    "What the tissues do in time, friction, and other physics that the model leaves out: see python -m legfem.plan.",
     "Values beyond the ranges below.",
 )
 _NO_METRIC = "No metric could be analysed."
@@ -47,16 +46,13 @@ def study_web_page(result: StudyResult, seed: int, command: str) -> web.WebPage:
         web.Chapter("The forces behind it", [_curves(result)]),
         web.Chapter("The response surface", _surface(result)),
         *number_chapters(result),
-        web.Chapter(
-            "What to measure", [web.Bullets(to_measure(result)), *information_blocks(result)]
-        ),
+        web.Chapter("What to measure", [web.Bullets(to_measure(result)), *information_blocks(result)]),
         web.Chapter("What was tested", _claims(result)),
         web.Chapter("What could not be tested", [web.Bullets(_NOT_TESTED)]),
     ]
     return web.WebPage(
         title="What does a compression test of this leg show?",
-        subject=f"{result.subject.title}, section of subject {result.subject.id}; "
-        f"{result.definition.title}",
+        subject=f"{result.subject.title}, section of subject {result.subject.id}; {result.definition.title}",
         origin="simulated",
         headline=_headline(result),
         warnings=_warnings(result),
@@ -117,22 +113,30 @@ def _warnings(result: StudyResult) -> list[str]:
 def _known(result: StudyResult) -> list[web.Known]:
     source = result.definition.source.name
     rows = [
-        web.Known(f.label, f"{f.low:g} to {f.high:g} {f.unit_text}", "assumed", source,
-              remark=f"range of the design, {f.coding}; its centre {f.value(0.0):.4g}")
+        web.Known(
+            f.label,
+            f"{f.low:g} to {f.high:g} {f.unit_text}",
+            "assumed",
+            source,
+            remark=f"range of the design, {f.coding}; its centre {f.value(0.0):.4g}",
+        )
         for f in result.definition.factors
-    ]  # fmt: skip
-    rows.append(
-        web.Known("depth of the press", f"{result.definition.depth:g} mm", "assumed", source)
-    )
+    ]
+    rows.append(web.Known("depth of the press", f"{result.definition.depth:g} mm", "assumed", source))
     found = result.information
     if found is not None:
         instrument = result.subject.instrument
         rows += [
-            web.Known("error of a force reading", f"{instrument.force_sd:.3g} N (sd)", "prior",
-                  "subject.toml, or usual"),
-            web.Known("error of a displacement reading",
-                  f"{instrument.displacement_sd:.3g} mm (sd)", "prior", "subject.toml, or usual"),
-        ]  # fmt: skip
+            web.Known(
+                "error of a force reading", f"{instrument.force_sd:.3g} N (sd)", "prior", "subject.toml, or usual"
+            ),
+            web.Known(
+                "error of a displacement reading",
+                f"{instrument.displacement_sd:.3g} mm (sd)",
+                "prior",
+                "subject.toml, or usual",
+            ),
+        ]
     return rows
 
 
@@ -171,11 +175,7 @@ def _curves(result: StudyResult) -> Curves:
         k = result.definition.factors.index(factor)
         for level, word, colour in ((-1, "low", "#E69F00"), (1, "high", "#0072B2")):
             chosen = corners[result.coded[: len(corners), k] == level]
-            lines.append(
-                Line(
-                    f"mean with {factor.label} {word}", chosen.mean(axis=0), None, colour, "dashed"
-                )
-            )
+            lines.append(Line(f"mean with {factor.label} {word}", chosen.mean(axis=0), None, colour, "dashed"))
     if np.isfinite(corners).any(axis=1).any():
         lines += [
             Line("least of all runs", corners.min(axis=0), None, FAINT, "dotted"),
@@ -221,19 +221,13 @@ def _surface(result: StudyResult) -> list[web.Block]:
                 SurfaceMetric(
                     a.metric.label,
                     a.metric.typeset_unit,
-                    {
-                        tuple(numbers[s] for s in t.term.split(":") if s in numbers): t.value
-                        for t in a.tests
-                    },
+                    {tuple(numbers[s] for s in t.term.split(":") if s in numbers): t.value for t in a.tests},
                 )
                 for a in result.analyses
             ],
             ["coefficient of the coded factors", *(a.metric.label for a in result.analyses)],
             [
-                [
-                    term_label(test.term, factors),
-                    *(_coefficient(a, k) for a in result.analyses),
-                ]
+                [term_label(test.term, factors), *(_coefficient(a, k) for a in result.analyses)]
                 for k, test in enumerate(result.analyses[0].tests)
             ],
             (numbers[first], numbers[second]),
@@ -247,9 +241,5 @@ def _coefficient(analysis: MetricAnalysis, number: int) -> str:
 
 
 def _claims(result: StudyResult) -> list[web.Block]:
-    rows = [
-        [v.claim, v.verdict, "; ".join(f.evidence for f in v.findings)] for v in verdicts([result])
-    ]
-    return [
-        web.WebTable("The paper's claims, put to this study", ["claim", "verdict", "why"], rows)
-    ]
+    rows = [[v.claim, v.verdict, "; ".join(f.evidence for f in v.findings)] for v in verdicts([result])]
+    return [web.WebTable("The paper's claims, put to this study", ["claim", "verdict", "why"], rows)]
