@@ -18,8 +18,8 @@ from legfem.diagnose.stations import Stations
 from legfem.diagnose.variants import Variants
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.experiments.tissues import tissues_of
-from legfem.inference.errors import error_model
-from legfem.inference.trial_noise import Noise
+from legfem.inverse.errors import error_model
+from legfem.inverse.trial_noise import Noise
 from legfem.recording import Instrument, Recording
 from legfem.solve.protocol import Protocol
 from legfem.subjects.loading import SUBJECTS, load_subject

@@ -10,7 +10,7 @@ import numpy as np
 from making import TOML, leg, press, write_contours, write_recording
 from making_identification import DEPTH, AnalyticLeg, pressed_leg
 
-from legfem.identify.forward import ForwardOutcome
+from legfem.inverse.outcome import Outcome
 from legfem.recording import Recording
 from legfem.sites.forward import SitesForward
 from legfem.subjects.subject import SitedLeg
@@ -38,7 +38,7 @@ class SiteLeg(AnalyticLeg):
     def prepare(self) -> None:
         """There is no mesh."""
 
-    def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> ForwardOutcome:
+    def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> Outcome:
         solved = super().solve(values, sensitivities)
         curve = solved.curve
         by = {name: self.factor * each for name, each in curve.sensitivities.items()}

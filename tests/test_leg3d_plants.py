@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from legfem.common.errors import InputError
 from legfem.common.progress import Silent
-from legfem.identify.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.solve.force_curve import ForceCurve
 from legfem.subjects.catalogue import RESOURCES
 from legfem.subjects.loading import load_subject

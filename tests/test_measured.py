@@ -25,7 +25,7 @@ from legfem.diagnose.run import accuracy_of
 from legfem.diagnose.sentences import next_experiments
 from legfem.diagnose.told import told_of
 from legfem.diagnose.unknown import unknown_errors
-from legfem.inference.evidence import Evidence
+from legfem.inverse.evidence import Evidence
 from legfem.report.web.diagnosis_headline import headline
 from legfem.subjects.loading import SUBJECTS, load_subject
 from legfem.subjects.subject import MeasuredEffect

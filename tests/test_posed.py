@@ -21,7 +21,7 @@ from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.experiments.posed import Ball, Indenting, Pose, Punch, posed
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.plane import turn_about_travel
-from legfem.identify.forward import PlaneStrainForward
+from legfem.legs.forward import PlaneStrainForward
 from legfem.mechanics.contact import FiniteCylinder
 from legfem.mechanics.materials import NeoHookean
 from legfem.subjects.loading import load_sites, load_subject

@@ -18,7 +18,7 @@ from legfem.diagnose.mechanisms.muscle_fibres import MuscleFibres
 from legfem.diagnose.nuisances import Nuisances
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses
-from legfem.inference.emulator import Emulator, Samples
+from legfem.inverse.emulator import Emulator, Samples
 from legfem.recording.phases import LOADING
 
 STIFFENINGS = (0.0, 0.8, 1.6)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from legfem.common.units import kpa_to_mpa
-from legfem.inference.elastography import elastography_priors
-from legfem.inference.least_squares import Priors
-from legfem.inference.parameter import Parameter
+from legfem.inverse.parameter import Parameter, Priors
+from legfem.legs.elastography_priors import elastography_priors
 from legfem.stocking.leg_model import PARAMETERS
 from legfem.subjects.elastography import ShearModulus
 

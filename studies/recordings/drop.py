@@ -11,7 +11,7 @@ from legfem.common.units import FloatArray
 from legfem.diagnose.mechanisms import Mechanism, Values
 from legfem.diagnose.mechanisms.base import strength
 from legfem.diagnose.observations import Observations
-from legfem.inference.parameter import Parameter
+from legfem.inverse.parameter import Parameter
 from legfem.recording import Recording
 from legfem.recording.smoothing import sample_noise
 

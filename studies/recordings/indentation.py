@@ -22,8 +22,8 @@ from legfem.diagnose.mechanisms.viscoelasticity import Viscoelasticity
 from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.predict import Predictor
 from legfem.diagnose.unknown import unknown_errors, with_unknown
-from legfem.inference.errors import error_model
-from legfem.inference.trial_noise import estimate_noise
+from legfem.inverse.errors import error_model
+from legfem.inverse.trial_noise import estimate_noise
 from legfem.recording import Instrument, Recording
 from legfem.recording.contact import find_first_contact
 from legfem.recording.smoothing import sample_noise

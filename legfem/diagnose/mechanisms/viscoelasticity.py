@@ -13,7 +13,7 @@ from scipy.stats import norm
 from legfem.common.units import FloatArray
 from legfem.diagnose.mechanisms.base import PressedLeg, Solution, TissueMechanism, Values, strength
 from legfem.diagnose.observations import Observations
-from legfem.inference.parameter import Parameter, Prior
+from legfem.inverse.parameter import Parameter, Prior
 from legfem.recording.phases import HOLD, UNLOADING
 
 if TYPE_CHECKING:
