@@ -29,12 +29,12 @@ from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainS
 from legfem.experiments.posed import Pose, posed
 from legfem.geometry.leg_shape import HULL, SKIN
 from legfem.geometry.slices import calf_levels
-from legfem.identify.applied_correction import Confirmation, SpatialEvidence
-from legfem.identify.leg_film import LegState, PressedLeg, seen
 from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.estimates import Estimate
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
+from legfem.legs.details import Confirmation, SpatialEvidence
+from legfem.legs.film_3d import LegState, PressedLeg, seen
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings
 from legfem.plan.designs import designs

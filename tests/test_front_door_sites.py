@@ -18,8 +18,9 @@ from legfem.commands.identify import app as identify_app
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.inverse.settings import IdentificationSettings
+from legfem.legs import fit_in_3d as spatial
+from legfem.legs import identification as joint
 from legfem.report.style import LAW_NAMES
-from legfem.sites import joint, spatial
 
 RATIO = ("deep.C10", "deep.fibre_ratio")
 IN_SPACE = "\n[recordings]\nplane_strain = false\n"

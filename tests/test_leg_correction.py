@@ -13,9 +13,9 @@ import pytest
 from making_legs_3d import cone_folder
 
 from legfem.common.errors import InputError
-from legfem.identify.spatial import ROUGHER, LegModels
 from legfem.inverse.outcome import Outcome
 from legfem.legs.forward import PlaneStrainForward
+from legfem.legs.model_3d import ROUGHER, LegModels
 from legfem.study.correction import of_leg
 from legfem.subjects.loading import load_subject
 from legfem.subjects.spatial import spatial_leg

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from legfem.identify.usual_stiffness import doubts_about_stiffness
 from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.population import population_prior
+from legfem.legs.usual_stiffness import doubts_about_stiffness
 from legfem.subjects.loading import SUBJECTS, load_subject
 from legfem.subjects.subject import Subject
 

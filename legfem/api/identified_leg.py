@@ -73,8 +73,8 @@ def identify_section(subject: Subject, asked: IdentifyCall) -> IdentifiedLeg:
     from legfem.correction.choice import choose_correction
     from legfem.experiments.tissues import tissues_of
     from legfem.identify.run import forward_model, identify_subject
-    from legfem.identify.spatial import SOLVES, LegModels, check_has_ends
     from legfem.legs.forward import values_of
+    from legfem.legs.model_3d import SOLVES, LegModels, check_has_ends
 
     nominal = values_of(tissues_of(subject))
     request = asked.request_of(nominal)

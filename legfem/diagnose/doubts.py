@@ -8,7 +8,7 @@ from typing import NamedTuple
 from legfem.common.doubts import Doubt
 from legfem.common.units import kpa_to_mpa
 from legfem.diagnose.diagnosis import Diagnosis
-from legfem.identify.usual_stiffness import doubts_about_stiffness
+from legfem.legs.usual_stiffness import doubts_about_stiffness
 from legfem.subjects.plausibility import doubts_about
 from legfem.subjects.subject import Subject
 

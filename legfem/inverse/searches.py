@@ -65,7 +65,7 @@ def run_plain(search: Search) -> None:
         values = law.values(domain.values(genes))
         trial = done.get(key_of_values(values))
         if trial is not None and trial.prediction is not None:
-            misfit = float(search.misfit.cost(trial.prediction.force))
+            misfit = float(search.misfit.cost(trial.prediction.values))
             search.generations.append(Generation(0, number, values, misfit))
     search.converged = search.is_near_optimum()
 
@@ -155,7 +155,7 @@ class Searches[C: Comparison]:
         """Return values and forces (n,), N, of the best solve for the law of most parameters."""
         most = max(names, key=lambda name: len(self.laws[name].parameters))
         (found,) = self.find([most])
-        return found.best.values, found.linear.prediction.force
+        return found.best.values, found.linear.prediction.values
 
     def _find(self, name: LawName) -> Found[C]:
         search = self._search(name)

@@ -72,7 +72,7 @@ def _begun(
     """Return recordings from where a fit has their contacts; None where all stay."""
     assert search.best.prediction is not None
     moved, misfit = list(fitted), search.misfit
-    for k, ahead in enumerate(misfit.aheads(search.best.prediction.force)):
+    for k, ahead in enumerate(misfit.aheads(search.best.prediction.values)):
         one = fitted[k]
         now, (expected, sd) = one.course.contact.displacement, expected_place(one.detected)
         # What is solved goes so deep.
@@ -94,5 +94,5 @@ def _misfit_beside(
     assert search.best.prediction is not None
     by_itself = misfit_of(fitted, model, folder, seeks)
     readings = search.law.readings(search.best.point)
-    slopes = by_itself.slopes(search.best.prediction.model_force, readings)
+    slopes = by_itself.slopes(search.best.prediction.model_values, readings)
     return misfit_of(fitted, model, folder, seeks, slopes=slopes)

@@ -21,9 +21,9 @@ from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
 from legfem.experiments.lateral_cylinder import LateralCylinder
 from legfem.experiments.suction import CupOnLayer, SuctionTest
 from legfem.experiments.uniaxial import Bar, UniaxialTest
-from legfem.identify.fibre_ratio import at_ratios, moduli, moduli_needed, ratio_of
 from legfem.inverse.catalogue import Values, is_ratio
 from legfem.inverse.outcome import Outcome
+from legfem.legs.fibre_ratio import at_ratios, moduli, moduli_needed, ratio_of
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.terms import Fibres

@@ -12,13 +12,13 @@ from scipy.stats import chi2
 
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, Silent
-from legfem.identify.assess import versions
-from legfem.identify.warnings import LEAST_CHANCE, of_compromise
 from legfem.inverse.comparison import total_of
 from legfem.inverse.estimates import Estimate, Optimum, correlations_of, estimates
+from legfem.inverse.fit import LEAST_CHANCE, versions
 from legfem.inverse.instrument import READINGS
 from legfem.inverse.intervals import quantile
 from legfem.inverse.laws import LawName, model_values
+from legfem.inverse.notices import of_compromise
 from legfem.inverse.outcome import FullSolver, Outcome
 from legfem.inverse.search import Search
 from legfem.inverse.settings import IdentificationSettings
@@ -123,7 +123,7 @@ def _identify(
         search, fitted = with_contacts(search, fitted, model, folder, seeks)
     misfit, best = search.misfit, search.best
     linear = search.linearised(best)
-    force = linear.prediction.force
+    force = linear.prediction.values
     readings = free.readings(best.point)
     stiffness = misfit.stiffness(linear.prediction, readings)
     apart = 0 if misfit.own is None else misfit.own.degrees
@@ -157,7 +157,7 @@ def _identify(
         own = misfit_of(predicted, beside, folder, seeks, stiffness)
         outcome = beside.solve(model_values(best.values), ())
         if outcome.complete:
-            seen = own.predict(outcome, readings).force
+            seen = own.predict(outcome, readings).values
             compared += [
                 ComparedRecording(one.name, one.specimen, False, one.course, seen[span])
                 for one, span in zip(predicted, own.spans, strict=True)

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from legfem.common.errors import InputError
-from legfem.identify.fibre_ratio import ratio_of
 from legfem.inverse.catalogue import (
     DEEP_C10,
     DEEP_C20,
@@ -24,6 +23,7 @@ from legfem.inverse.instrument import INSTRUMENT, RELAXATION
 from legfem.inverse.laws import LAWS, IdentifiedLaw, LawName
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.parse_parameters import Written, read_prior
+from legfem.legs.fibre_ratio import ratio_of
 from legfem.specimens.relaxation import relaxation_parameters
 from legfem.specimens.tissues import KINDS, ONE, SpecimenTissue
 

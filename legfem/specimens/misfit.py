@@ -21,7 +21,7 @@ from legfem.specimens.relaxation import borne, branch_ratios, clock
 GRID = 50
 """Displacements at which a test's force is known to the search."""
 WEIGHT = 0.01
-"""Of a recording's greatest force: what every station is taken to err by in the fit."""
+"""Of a recording's main_source force: what every station is taken to err by in the fit."""
 COUNTED = 20
 """Stations that a recording counts as, however many it has: neighbours err alike."""
 LEAST_GAIN_SD = 0.01
@@ -75,7 +75,7 @@ class SpecimenMisfit(Comparison):
     shape_sd: float = 0.0
 
     @cached_property
-    def measured_force(self) -> FloatArray:
+    def measured(self) -> FloatArray:
         """Of all stations (n,), N."""
         return np.concatenate([part.course.force for part in self.parts])
 
@@ -123,7 +123,7 @@ class SpecimenMisfit(Comparison):
     def expected_force(self) -> FloatArray:
         """Measured forces (n,), N, as they are expected of contacts where they are taken to be."""
         moved = np.concatenate([part.onset.expected for part in self.parts])
-        return np.asarray(self.measured_force - moved)
+        return np.asarray(self.measured - moved)
 
     def residual(self, force: FloatArray) -> FloatArray:
         """Return the weighted residual (..., n) of forces as read (..., n)."""
@@ -132,7 +132,7 @@ class SpecimenMisfit(Comparison):
 
     def aheads(self, force: FloatArray) -> list[float]:
         """Return how far (mm) each recording's contact is from where it is expected."""
-        left = self.measured_force - force
+        left = self.measured - force
         each = zip(self.parts, self.spans, self._sd, strict=True)
         return [part.onset.moved(left[span], sd) for part, span, sd in each]
 
@@ -208,7 +208,7 @@ class SpecimenMisfit(Comparison):
 
     def scales(self, force: FloatArray) -> FloatArray:
         """Return what would make each recording's share of forces (n,) fit it best."""
-        pairs = [(self.measured_force[span], force[span]) for span in self.spans]
+        pairs = [(self.measured[span], force[span]) for span in self.spans]
         return np.array([float(one @ other / (other @ other)) for one, other in pairs])
 
     def gain_sd(self, force: FloatArray) -> float:
@@ -221,13 +221,13 @@ class SpecimenMisfit(Comparison):
     @cached_property
     def covariance(self) -> FloatArray:
         """Of measured less predicted forces at the truth, (n, n), N2."""
-        return total_of(self.covariances_at(self.measured_force))
+        return total_of(self.covariances_at(self.measured))
 
     def stiffness(self, prediction: Prediction, readings: FloatArray) -> dict[str, float]:
         """Return every specimen's stiffness over the typical one; nothing where all are alike."""
         if self.own is None:
             return {}
-        return self.own.named(self._felt(prediction.model_force, readings))
+        return self.own.named(self._felt(prediction.model_values, readings))
 
     def covariances_at(self, force: FloatArray, spread: float = 0.0) -> Covariances:
         """Return covariances (n, n), N2, about predicted forces (n,), by their source.

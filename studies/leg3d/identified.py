@@ -10,9 +10,9 @@ from legfem.correction.choice import correction_of
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.identify.result import IdentificationResult
 from legfem.identify.run import forward_model, identify_subject
-from legfem.identify.spatial import SOLVES, LegModels
 from legfem.inverse.laws import LawName
 from legfem.inverse.settings import SearchRequest
+from legfem.legs.model_3d import SOLVES, LegModels
 from legfem.subjects.loading import load_subject
 from studies.leg3d.planted import Planted
 from studies.leg3d.real import PlantedInLeg

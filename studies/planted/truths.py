@@ -15,11 +15,11 @@ from scipy.stats import binomtest, qmc
 from legfem.common.errors import UnsolvedError
 from legfem.common.units import kpa_to_mpa
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.identify.identification import measured_curve
 from legfem.identify.result import IdentificationResult
 from legfem.identify.run import identify_subject
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
 from legfem.legs.forward import PlaneStrainForward
+from legfem.legs.site_test import measured_curve
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.meshing.section import SectionMeshSettings
 from legfem.solve.step_settings import StepSettings

@@ -9,10 +9,10 @@ import numpy as np
 
 from legfem.experiments.tissues import tissues_of
 from legfem.geometry.section import girth
-from legfem.identify.applied_correction import SpatialEvidence
 from legfem.identify.result import IdentificationResult
 from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.intervals import NUMERICAL_ERROR
+from legfem.legs.details import SpatialEvidence
 from legfem.legs.forward import values_of
 from legfem.report.style import LAW_NAMES
 from legfem.report.web.elastography import wave_rows

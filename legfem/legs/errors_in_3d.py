@@ -1,4 +1,4 @@
-"""What errors are left in the forces of a leg's sites in 3D: of mesh, length and fibres."""
+"""Errors that are left in the forces of a leg's sites in 3D: of mesh, length and fibres."""
 
 from __future__ import annotations
 
@@ -11,24 +11,50 @@ from legfem.common.progress import Progress, Silent
 from legfem.common.units import FloatArray
 from legfem.correction.fibres import FIBRES
 from legfem.correction.tabulated import FIRST_RATIO, TabulatedCorrection
-from legfem.identify.fibre_ratio import SHAPE_SD_OF_FIBRES
-from legfem.identify.leg_solver import LegSolver
-from legfem.identify.spatial import LegModels
 from legfem.inverse.catalogue import DEEP_RATIO, Values
-from legfem.inverse.comparison import OF_MODEL
+from legfem.inverse.comparison import JointComparison
 from legfem.inverse.laws import IdentifiedLaw
 from legfem.inverse.searches import Found
 from legfem.jobs.pool import Workers
-from legfem.sites.misfit import SitesMisfit
-from legfem.sites.result import SpatialSites
-from legfem.sites.ways_of_pressing import untold_of_fibres
+from legfem.legs.details import SpatialSites
+from legfem.legs.fibre_ratio import SHAPE_SD_OF_FIBRES
+from legfem.legs.model_3d import LegModels
+from legfem.legs.site_test import OF_MODEL
+from legfem.legs.solver_3d import LegSolver
 from legfem.solve.force_curve import ForceCurve
 from legfem.subjects.elastography import FibreRatio
 from legfem.subjects.subject import SitedLeg
 
+_UNLIKE_DEG = 30.0
+"""By which cylinders have to lie otherwise to bend fibres otherwise."""
+
+
+def ways_of_pressing(leg: SitedLeg) -> int:
+    """Return how many ways a leg is pressed in, by which its fibres are bent otherwise."""
+    shapes = {site.indenter.shape for site in leg.sites}
+    turns = sorted(
+        {abs((site.indenter.axis_deg + 90.0) % 180.0 - 90.0) for site in leg.sites if site.indenter.shape == "cylinder"}
+    )
+    unlike = len(turns) > 1 and turns[-1] - turns[0] >= _UNLIKE_DEG
+    return len(shapes) + unlike
+
+
+def why_fibres_undetermined(leg: SitedLeg) -> str:
+    """Return why the fibres' ratio can't be told from C10; empty where it can."""
+    if ways_of_pressing(leg) > 1:
+        return ""
+    how = leg.sites[0].indenter
+    where = "all sites are" if len(leg.sites) > 1 else "the leg is"
+    return (
+        f"The fibres' ratio can't be told from C10: {where} pressed in one way (by a {how}), and "
+        "more of the one looks like more of the other. Press in another way too (a cylinder across "
+        "the leg: axis_deg = 90; a punch, a ball), or state the ratio (fibre_ratio, "
+        "[[elastography]])."
+    )
+
 
 @dataclass(frozen=True, eq=False)
-class Left:
+class ModelErrors:
     """What errors are left in a leg's force in 3D.
 
     Parameters
@@ -38,7 +64,7 @@ class Left:
     modes
         Corrections of every site that change nothing, with errors as shares of its force.
     shapes, extruded, rough_solves
-        As in `legfem.sites.result.SpatialSites`.
+        As in `legfem.legs.details.SpatialSites`.
     """
 
     leg: SitedLeg
@@ -47,21 +73,21 @@ class Left:
     extruded: bool
     rough_solves: int
 
-    def told(self, found: Found[SitesMisfit]) -> SpatialSites:
-        """Return it beside what a law's search did."""
+    def summary(self, found: Found[JointComparison]) -> SpatialSites:
+        """Greatest errors by cause, with the solves of a law's search."""
         errors: dict[str, float] = {}
         for one in self.modes:
             for name, mode in one.errors.items():
                 greatest = float(np.abs(mode[one.displacement >= FIRST_RATIO]).max(initial=0.0))
                 errors[name] = max(errors.get(name, 0.0), greatest)
         solves = len(found.outcomes) * len(self.modes)
-        untold = untold_of_fibres(self.leg) if DEEP_RATIO in found.search.law.names else ""
+        untold = why_fibres_undetermined(self.leg) if DEEP_RATIO in found.search.law.names else ""
         return SpatialSites(self.shapes, self.extruded, solves, self.rough_solves, errors, untold)
 
 
-def what_is_left(
-    leg: SitedLeg, models: Sequence[LegModels], found: Found[SitesMisfit], progress: Progress, jobs: int = 1
-) -> Left:
+def model_errors(
+    leg: SitedLeg, models: Sequence[LegModels], found: Found[JointComparison], progress: Progress, jobs: int = 1
+) -> ModelErrors:
     """Solve every site by larger elements and of a shorter leg, near an optimum.
 
     Parameters
@@ -98,7 +124,7 @@ def what_is_left(
             f"{OF_MODEL}leg's length": share["leg's length"],
             **{name: mode for name, mode in share.items() if name.startswith(FIBRES)},
         }
-        if DEEP_RATIO in law.names and untold_of_fibres(leg):
+        if DEEP_RATIO in law.names and why_fibres_undetermined(leg):
             errors[f"{FIBRES}bend of the curve"] = SHAPE_SD_OF_FIBRES * grid / one.depth
         corrections.append(
             TabulatedCorrection(
@@ -111,7 +137,7 @@ def what_is_left(
             )
         )
     legs = [one.leg for one in models]
-    return Left(
+    return ModelErrors(
         leg,
         tuple(corrections),
         tuple(one.source for one in legs),

@@ -11,11 +11,11 @@ from legfem.common.units import FloatArray
 from legfem.correction.fibres import FIBRES
 from legfem.correction.tabulated import FIRST_RATIO, first_contact_error, mesh_error, smooth_ratio
 from legfem.experiments.leg_3d import FIBRE_PARAMETERS, fibres_of
-from legfem.identify.spatial import ROUGHER, LegModels
 from legfem.inverse.catalogue import DEEP_C10, Values
 from legfem.inverse.outcome import ForwardModel, FullSolver, Outcome
 from legfem.inverse.search import SearchError
 from legfem.jobs.store import Store
+from legfem.legs.model_3d import ROUGHER, LegModels
 from legfem.mechanics.terms import Fibres
 from legfem.solve.force_curve import ForceCurve
 from legfem.subjects.elastography import FibreRatio

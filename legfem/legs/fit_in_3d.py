@@ -9,7 +9,7 @@ and the length's alike at all.
 **Fibres.** Their ratio is told from C10 by ways of pressing that bend fibres unlike: a cylinder
 along the leg and one across, a punch, a ball. Pressed in one way alone, only the bend of the curve
 could tell, and real fibres bend it otherwise than the model has it: a mode of
-`legfem.identify.fibre_ratio.SHAPE_SD_OF_FIBRES` says so. How stiff fibres are in tension is known
+`legfem.legs.fibre_ratio.SHAPE_SD_OF_FIBRES` says so. How stiff fibres are in tension is known
 to a factor of 2, alike at all sites.
 """
 
@@ -21,30 +21,90 @@ from typing import Any
 
 from mpi4py import MPI
 
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.experiments.leg_3d import SolidLegSettings
-from legfem.identify.misfit import Misfit
-from legfem.identify.run import laws_of
-from legfem.identify.spatial import SOLVES, LegModels, SpatialForward
 from legfem.inverse.catalogue import DEEP_RATIO, Values
+from legfem.inverse.comparison import JointComparison
+from legfem.inverse.fit import Fit
 from legfem.inverse.laws import LawName
-from legfem.inverse.outcome import ForwardModel, Outcome
+from legfem.inverse.outcome import ForwardModel, JointForward, Outcome, solve_test
 from legfem.inverse.searches import Searches
 from legfem.inverse.settings import SearchRequest
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
+from legfem.legs.details import LegDetails
+from legfem.legs.errors_in_3d import model_errors
+from legfem.legs.laws import laws_of
+from legfem.legs.model_3d import SOLVES, LegModels, SpatialForward
+from legfem.legs.problem import LegProblem, split_instrument
+from legfem.legs.site_test import SiteTest, measured_curve, with_instrument_errors
 from legfem.recording import LoadingCurve
-from legfem.sites.errors_left import what_is_left
-from legfem.sites.forward import SitesForward, solve_site
-from legfem.sites.identification import asked_of, assessed, curves_of
-from legfem.sites.misfit import SitesMisfit
-from legfem.sites.result import SitesResult
 from legfem.subjects.subject import SitedLeg, Subject
 
 MOST_SOLVES = 12
 """Of all sites together, with a law."""
 FIRST_SOLVES = 3
 """After which errors are measured, near enough to the optimum."""
+
+
+def fit_in_3d(
+    leg: SitedLeg,
+    laws: Sequence[LawName],
+    request: SearchRequest | None = None,
+    settings: SolidLegSettings | None = None,
+    comm: MPI.Intracomm = MPI.COMM_SELF,
+    models: Sequence[LegModels] | None = None,
+) -> list[Fit[LegDetails]]:
+    """Fit tissues, and the ratio of muscle's fibres, that all sites of a leg share.
+
+    Parameters
+    ----------
+    leg : SitedLeg
+        With recordings at every site; one site does.
+    laws : sequence of str
+        Of the deep tissue: ``neo-hookean``, ``reduced-polynomial``.
+    request : SearchRequest, optional
+        As for `legfem.legs.problem.leg_problem`; ``deep.fibre_ratio`` can be among its
+        parameters. So many of its sites as it has jobs are solved side by side.
+    settings : SolidLegSettings, optional
+        Numerical.
+    comm : MPI.Intracomm
+        Over which every solve is spread, one after another if it has several ranks.
+    models : sequence of LegModels, optional
+        One a site, see `leg_models`.
+
+    Raises
+    ------
+    InputError
+        If a site's shape can't be had or meshed, its recordings can't be used, or there is no
+        parameter of a name.
+    SearchError
+        If too few full solves reach the measured depths.
+    """
+    request = request or SearchRequest()
+    parameters, own_errors = split_instrument(request.parameters, request.fixed)
+    curves = [with_instrument_errors(measured_curve(site, request.depth), own_errors) for site in leg.sites]
+    models = models or leg_models(leg, curves, request, settings, comm)
+    kept = tuple(_kept(one) for one in models)
+    jobs = min(request.jobs, len(models)) if comm.size == 1 else 1
+    unknowns = laws_of(leg.sites[0], laws, kept[0].nominal, parameters, request.fixed)
+    with (
+        Workers(solve_test, kept, jobs, along=True) as workers,
+        replace(request, jobs=1).solver(JointForward(kept, workers), unknowns) as solver,
+    ):
+        tests = tuple(SiteTest(site, curve) for site, curve in zip(leg.sites, curves, strict=True))
+        free = JointComparison(tests)
+        few = replace(request.settings, most_solves=FIRST_SOLVES)
+        most = max(laws, key=lambda name: len(unknowns[name].parameters))
+        (start,) = Searches(unknowns, solver, few, lambda law: free).find([most])
+        errors = model_errors(leg, models, start, request.progress, jobs)
+        problem = LegProblem(
+            leg, tests, JointForward(kept), unknowns, "covariance", own_errors, errors.summary
+        ).corrected(errors.modes)
+        near = problem.comparison(start.search.law, (start.best.values, start.linear.prediction.values))
+        settled = replace(request.settings, most_solves=MOST_SOLVES)
+        searches = Searches(unknowns, solver, settled, lambda law: near, {most: start.search})
+        found = searches.find(laws)
+    return [problem.assessed(one) for one in found]
 
 
 @dataclass(eq=False)
@@ -87,64 +147,6 @@ class KeptForward:
         return self.model.fingerprint()
 
 
-def identify_in_3d(
-    leg: SitedLeg,
-    laws: Sequence[LawName],
-    request: SearchRequest | None = None,
-    settings: SolidLegSettings | None = None,
-    comm: MPI.Intracomm = MPI.COMM_SELF,
-    models: Sequence[LegModels] | None = None,
-) -> list[SitesResult]:
-    """Identify tissues, and the ratio of muscle's fibres, that all sites of a leg share.
-
-    Parameters
-    ----------
-    leg : SitedLeg
-        With recordings at every site; one site does.
-    laws : sequence of str
-        Of the deep tissue: ``neo-hookean``, ``reduced-polynomial``.
-    request : SearchRequest, optional
-        As for `legfem.sites.identification.identify_sites`; ``deep.fibre_ratio`` can be among its
-        parameters. So many of its sites as it has jobs are solved side by side.
-    settings : SolidLegSettings, optional
-        Numerical.
-    comm : MPI.Intracomm
-        Over which every solve is spread, one after another if it has several ranks.
-    models : sequence of LegModels, optional
-        One a site, see `leg_models`.
-
-    Raises
-    ------
-    InputError
-        If a site's shape can't be had or meshed, its recordings can't be used, or there is no
-        parameter of a name.
-    SearchError
-        If too few full solves reach the measured depths.
-    """
-    request = request or SearchRequest()
-    asked = asked_of(request.parameters, request.fixed)
-    curves = curves_of(leg, asked, request.depth)
-    models = models or leg_models(leg, curves, request, settings, comm)
-    kept = tuple(_kept(one) for one in models)
-    jobs = min(request.jobs, len(models)) if comm.size == 1 else 1
-    chosen = laws_of(leg.sites[0], laws, kept[0].nominal, asked.parameters, asked.fixed)
-    with (
-        Workers(solve_site, kept, jobs, along=True) as workers,
-        replace(request, jobs=1).solver(SitesForward(kept, workers), chosen) as solver,
-    ):
-        free = SitesMisfit(tuple(Misfit(curve, "covariance") for curve in curves))
-        few = replace(request.settings, most_solves=FIRST_SOLVES)
-        most = max(laws, key=lambda name: len(chosen[name].parameters))
-        (start,) = Searches(chosen, solver, few, lambda law: free).find([most])
-        left = what_is_left(leg, models, start, request.progress, jobs)
-        parts = tuple(map(_carrying, curves, left.modes))
-        near = SitesMisfit(parts).near(start.best.values, start.linear.prediction.force)
-        settled = replace(request.settings, most_solves=MOST_SOLVES)
-        searches = Searches(chosen, solver, settled, lambda law: near, {most: start.search})
-        found = searches.find(laws)
-    return [assessed(leg, asked, one, left.told(one)) for one in found]
-
-
 def leg_models(
     leg: SitedLeg,
     curves: Sequence[LoadingCurve],
@@ -171,10 +173,6 @@ def seeks_ratio(subject: Subject, request: SearchRequest) -> bool:
     """Return whether the ratio of the muscle's fibres is among what is free, or held by request."""
     named = {one.name for one in request.parameters or ()} | set(request.fixed)
     return DEEP_RATIO in named or (subject.fibres is not None and subject.fibres.sd > 0)
-
-
-def _carrying(curve: LoadingCurve, left: TabulatedCorrection) -> Misfit:
-    return Misfit(curve, "covariance", left)
 
 
 def _kept(models: LegModels) -> KeptForward:
