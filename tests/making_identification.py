@@ -12,6 +12,7 @@ from making import write_subject
 
 from legfem.common.progress import Silent
 from legfem.correction.tabulated import TabulatedCorrection
+from legfem.data import Instrument, Recording
 from legfem.identify.forward import ForwardOutcome
 from legfem.identify.identification import Identification, beyond_of, measured_curve
 from legfem.identify.request import sensitivities_of
@@ -21,10 +22,9 @@ from legfem.identify.settings import IdentificationSettings
 from legfem.identify.solver import FullSolver
 from legfem.inference.parameter import Parameter
 from legfem.jobs.store import Store
-from legfem.recording import Instrument, Recording
+from legfem.legs.loading import load_subject
+from legfem.legs.subject import Subject
 from legfem.solve.force_curve import ForceCurve
-from legfem.subjects.loading import load_subject
-from legfem.subjects.subject import Subject
 
 DEPTH = 20.0
 LAWS = ("neo-hookean", "reduced-polynomial")

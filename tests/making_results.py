@@ -7,6 +7,7 @@ import math
 import numpy as np
 from making import press
 
+from legfem.data import Instrument, LoadingCurve, mean_loading_curve
 from legfem.identify.catalogue import parameter_of
 from legfem.identify.result import (
     Cost,
@@ -18,7 +19,6 @@ from legfem.identify.result import (
     PredictedCurve,
     SearchPath,
 )
-from legfem.recording import Instrument, LoadingCurve, mean_loading_curve
 
 INSTRUMENT = Instrument(force_sd=0.04, displacement_sd=0.02)
 NAMES = ("deep.C10", "deep.C20")

@@ -10,10 +10,10 @@ import numpy as np
 from making import TOML, leg, press, write_contours, write_recording
 from making_identification import DEPTH, AnalyticLeg, pressed_leg
 
+from legfem.data import Recording
 from legfem.identify.forward import ForwardOutcome
-from legfem.recording import Recording
+from legfem.legs.subject import SitedLeg
 from legfem.sites.forward import SitesForward
-from legfem.subjects.subject import SitedLeg
 
 SITES = ("back", "medial", "low")
 FACTORS = (1.0, 0.8, 1.3)

@@ -20,10 +20,10 @@ from legfem.diagnose.run import accuracy_of
 from legfem.identify.catalogue import parameter_of
 from legfem.inference.elastography import elastography_priors
 from legfem.inference.parameter import Prior
+from legfem.legs.elastography import FibreRatio, ShearModulus
+from legfem.legs.loading import load_subject
+from legfem.legs.plausibility import doubts_about
 from legfem.report.web.diagnosis import waves_say
-from legfem.subjects.elastography import FibreRatio, ShearModulus
-from legfem.subjects.loading import load_subject
-from legfem.subjects.plausibility import doubts_about
 
 ACROSS = '[[elastography]]\ntissue = "deep"\nplane = "across"\nshear_modulus_kPa = {}\nsd_kPa = {}\n'
 ALONG = ACROSS.replace('"across"', '"along"')

@@ -15,9 +15,9 @@ from legfem.identify.catalogue import DEEP_RATIO
 from legfem.identify.leg_solver import fibre_errors
 from legfem.identify.spatial import LegModels
 from legfem.jobs.pool import Workers
+from legfem.legs.elastography import FibreRatio
+from legfem.legs.loading import load_subject
 from legfem.sites.forward import SitesForward, solve_site
-from legfem.subjects.elastography import FibreRatio
-from legfem.subjects.loading import load_subject
 
 pytestmark = pytest.mark.slow
 DEPTH, C10, RATIO = 5.0, {"deep.C10": 1.2e-3}, 2.5

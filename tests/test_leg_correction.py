@@ -15,10 +15,10 @@ from making_legs_3d import cone_folder
 from legfem.common.errors import InputError
 from legfem.identify.forward import ForwardOutcome, PlaneStrainForward
 from legfem.identify.spatial import ROUGHER, LegModels
+from legfem.legs.loading import load_subject
+from legfem.legs.placement import spatial_leg
+from legfem.legs.subject import Subject
 from legfem.study.correction import of_leg
-from legfem.subjects.loading import load_subject
-from legfem.subjects.spatial import spatial_leg
-from legfem.subjects.subject import Subject
 
 DEPTH = 6.0
 

@@ -13,8 +13,8 @@ from legfem.fem.fields import FieldReader
 from legfem.geometry.leg_shape import SKIN
 from legfem.identify.leg_film import LegFilm, LegState, seen
 from legfem.identify.spatial import LegModels
+from legfem.legs.loading import load_subject
 from legfem.meshing.solid_leg import SolidMeshSettings
-from legfem.subjects.loading import load_subject
 
 DEPTH = 4.0
 COARSE = SolidLegSettings(

@@ -20,10 +20,10 @@ from legfem.identify.identification import measured_curve
 from legfem.identify.request import SearchRequest
 from legfem.identify.settings import IdentificationSettings
 from legfem.inference.parameter import Prior
+from legfem.legs.loading import load_sites, load_subject
 from legfem.report.sites import write_sites_report
 from legfem.sites.identification import identify_sites
 from legfem.sites.result import Chance
-from legfem.subjects.loading import load_sites, load_subject
 
 NEO_HOOKEAN = ("neo-hookean",)
 C10 = "deep.C10"

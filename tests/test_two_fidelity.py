@@ -17,6 +17,7 @@ from legfem.common.errors import InputError
 from legfem.common.progress import Silent
 from legfem.correction.confirmed import confirmed_correction
 from legfem.correction.tabulated import TabulatedCorrection
+from legfem.data import Instrument, Recording
 from legfem.identify.applied_correction import CLOSE
 from legfem.identify.document import result_document
 from legfem.identify.forward import ForwardOutcome
@@ -28,13 +29,12 @@ from legfem.identify.settings import IdentificationSettings
 from legfem.identify.solver import FullSolver
 from legfem.identify.spatial import LegModels, SpatialForward, check_has_ends
 from legfem.identify.two_fidelity import MOST_SOLVES, TwoFidelities
-from legfem.recording import Instrument, Recording
+from legfem.legs.elastography import FibreRatio
+from legfem.legs.loading import load_subject
+from legfem.legs.placement import spatial_leg
+from legfem.legs.subject import Subject
 from legfem.report.plain import plain_page
 from legfem.report.web.identification import identification_page
-from legfem.subjects.elastography import FibreRatio
-from legfem.subjects.loading import load_subject
-from legfem.subjects.spatial import spatial_leg
-from legfem.subjects.subject import Subject
 
 GRID = np.linspace(0.0, DEPTH, 41)
 

@@ -170,7 +170,6 @@ def run(
 
         from legfem.commands.outcome import print_outcome
         from legfem.correction.choice import choose_correction
-        from legfem.experiments.tissues import tissues_of
         from legfem.identify.forward import values_of
         from legfem.identify.request import SearchRequest
         from legfem.identify.run import forward_model, identify_subject, laws_of, write_results
@@ -178,14 +177,16 @@ def run(
         from legfem.identify.settings import IdentificationSettings
         from legfem.identify.spatial import SOLVES, LegModels, check_has_ends
         from legfem.identify.written import Written
+        from legfem.legs.experiments import tissues_of
+        from legfem.legs.loading import load_sites, load_subject
+        from legfem.legs.plausibility import doubts_about
+        from legfem.legs.schema import SUBJECTS
+        from legfem.legs.subject import Subject as Leg
         from legfem.report.identification import write_identification_report
         from legfem.report.plain import brief
         from legfem.report.web.identification import identification_page
         from legfem.report.web.page import command_line
         from legfem.sites.joint import joint_leg
-        from legfem.subjects.loading import SUBJECTS, load_sites, load_subject
-        from legfem.subjects.plausibility import doubts_about
-        from legfem.subjects.subject import Subject as Leg
 
         if seed < 0:
             raise InputError("--seed", f"{seed}", "is negative", "give 0 or more")

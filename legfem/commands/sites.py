@@ -12,7 +12,7 @@ from legfem.common.doubts import say
 from legfem.common.progress import progress_on
 from legfem.identify.settings import IdentificationSettings
 from legfem.identify.written import Written
-from legfem.subjects.subject import SitedLeg
+from legfem.legs.subject import SitedLeg
 
 
 def run_joint(
@@ -34,13 +34,13 @@ def run_joint(
     from legfem.commands.outcome import print_outcome
     from legfem.identify.request import SearchRequest
     from legfem.identify.search import SearchError
+    from legfem.legs.plausibility import doubts_about
     from legfem.report.plain import brief
     from legfem.report.sites import write_sites_report
     from legfem.report.web.page import command_line
     from legfem.report.web.sites import sites_web_page
     from legfem.sites.identification import asked_of
     from legfem.sites.joint import check_joint, identify_leg, nominal_of
-    from legfem.subjects.plausibility import doubts_about
 
     check_joint(leg, settings, correction, in_3d)
     for site in leg.sites:

@@ -21,7 +21,7 @@ from legfem.diagnose.observations import Observations
 from legfem.inference.errors import ErrorModel
 from legfem.inference.intervals import effective_degrees
 from legfem.inference.parameter import Prior
-from legfem.subjects.subject import MeasuredEffect
+from legfem.legs.subject import MeasuredEffect
 
 if TYPE_CHECKING:
     from legfem.correction.tabulated import TabulatedCorrection

@@ -13,6 +13,7 @@ from scipy.special import chdtrc
 from legfem.common.units import FloatArray, mpa_to_kpa, readable_unit
 from legfem.common.versions import versions_of
 from legfem.correction.choice import Correction
+from legfem.data import LoadingCurve
 from legfem.identify.applied_correction import AppliedCorrection
 from legfem.identify.catalogue import DEEP_C10, DEEP_C20, DEEP_D2, Values, key_of, short_key_of, unit_suffix, with_units
 from legfem.identify.error_sources import source_of_mode, total_of
@@ -31,8 +32,7 @@ from legfem.inference.constants import (
     WEAKLY_WITHIN,
     quantile,
 )
-from legfem.recording import LoadingCurve
-from legfem.subjects.subject import Subject
+from legfem.legs.subject import Subject
 
 _MAP_SIZE = 81
 _ASSUMED = ("superficial.C10", "fascia.C10")

@@ -20,7 +20,7 @@ from legfem.identify.result import (
     PredictedCurve,
     SearchPath,
 )
-from legfem.subjects.elastography import FibreRatio
+from legfem.legs.elastography import FibreRatio
 
 SCHEMA = "legfem.identify/1"
 

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import PARTS, LegSection
 from legfem.identify.catalogue import Values
 from legfem.jobs.fingerprint import code_fingerprint
+from legfem.legs.subject import Subject
 from legfem.solve.force_curve import ForceCurve
-from legfem.subjects.subject import Indenter, Subject
 
 if TYPE_CHECKING:
     from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
@@ -112,7 +113,7 @@ class PlaneStrainForward:
         """
         subject.indenter.check_lies_along(str(subject.directory / "subject.toml"))
         from legfem.experiments.plane_strain import PlaneStrainSettings
-        from legfem.experiments.tissues import tissues_of
+        from legfem.legs.experiments import tissues_of
 
         return cls(subject.section, subject.indenter, tissues_of(subject), settings or PlaneStrainSettings(), depth)
 

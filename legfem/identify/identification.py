@@ -9,6 +9,8 @@ from functools import partial
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.correction.choice import Correction
+from legfem.data import LoadingCurve, mean_loading_curve
+from legfem.data.reader import MINIMAL_DEPTH_MM
 from legfem.identify.assess import Assessment, assess
 from legfem.identify.catalogue import Values
 from legfem.identify.laws import IdentifiedLaw, LawName
@@ -19,9 +21,7 @@ from legfem.identify.searches import Searches
 from legfem.identify.settings import IdentificationSettings, Weighting
 from legfem.identify.solver import FullSolver
 from legfem.inference.parameter import Parameter
-from legfem.recording import LoadingCurve, mean_loading_curve
-from legfem.recording.reader import MINIMAL_DEPTH_MM
-from legfem.subjects.subject import Subject
+from legfem.legs.subject import Subject
 
 
 def measured_curve(subject: Subject, depth: float | None = None) -> LoadingCurve:

@@ -26,7 +26,7 @@ from legfem.identify.reading import INSTRUMENT, READINGS
 from legfem.inference.elastography import elastography_priors
 from legfem.inference.least_squares import Priors
 from legfem.inference.parameter import Parameter, Prior
-from legfem.subjects.subject import Subject
+from legfem.legs.subject import Subject
 
 LawName = Literal["neo-hookean", "reduced-polynomial", "yeoh", "exponential"]
 LAWS: tuple[LawName, ...] = ("neo-hookean", "reduced-polynomial")

@@ -17,9 +17,9 @@ from legfem.identify.search import SearchError
 from legfem.identify.solver import FullSolver
 from legfem.identify.spatial import ROUGHER, LegModels
 from legfem.jobs.store import Store
+from legfem.legs.elastography import FibreRatio
 from legfem.mechanics.terms import Fibres
 from legfem.solve.force_curve import ForceCurve
-from legfem.subjects.elastography import FibreRatio
 
 ROUGH_SOLVES = 2
 """That measure errors."""

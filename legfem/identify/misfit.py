@@ -12,13 +12,13 @@ from scipy.linalg import solve_triangular
 
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.correction.choice import Correction, correction_factor
+from legfem.data import LoadingCurve
 from legfem.identify.catalogue import DEEP_C10, DEEP_C20
 from legfem.identify.error_sources import Covariances, covariances_of_modes, total_of
 from legfem.identify.forward import ForwardOutcome
 from legfem.identify.reading import INSTRUMENT, Reading
 from legfem.identify.settings import Weighting
 from legfem.inference.errors import numerical_covariance
-from legfem.recording import LoadingCurve
 
 _STEP = 1e-4
 

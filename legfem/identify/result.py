@@ -10,6 +10,7 @@ import numpy as np
 
 from legfem.common.doubts import Doubt
 from legfem.common.units import FloatArray, readable_unit
+from legfem.data import LoadingCurve
 from legfem.identify.applied_correction import AppliedCorrection, SpatialEvidence
 from legfem.identify.catalogue import Values, key_of
 from legfem.identify.error_sources import ErrorSource
@@ -17,8 +18,7 @@ from legfem.identify.laws import LawName, model_values
 from legfem.inference.constants import VERDICTS, Identifiability
 from legfem.inference.identifiability import Bound, Estimated, bound_of
 from legfem.inference.parameter import Parameter
-from legfem.recording import LoadingCurve
-from legfem.subjects.elastography import FibreRatio
+from legfem.legs.elastography import FibreRatio
 
 
 @dataclass(frozen=True)

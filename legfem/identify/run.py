@@ -18,7 +18,7 @@ from legfem.identify.laws import IdentifiedLaw, LawName, law_of
 from legfem.identify.request import SearchRequest
 from legfem.identify.result import IdentificationResult
 from legfem.inference.parameter import Parameter
-from legfem.subjects.subject import Subject
+from legfem.legs.subject import Subject
 
 if TYPE_CHECKING:
     from legfem.experiments.plane_strain import PlaneStrainSettings

@@ -16,11 +16,11 @@ from scipy.special import ndtri
 
 from legfem.common.doubts import Doubt
 from legfem.common.units import mpa_to_kpa
+from legfem.data import ranges
 from legfem.identify.catalogue import key_of
 from legfem.inference.parameter import Prior
 from legfem.inference.population import CALF, SHIN, TISSUES, population, population_prior
-from legfem.subjects import ranges
-from legfem.subjects.subject import Subject
+from legfem.legs.subject import Subject
 
 _OUTSIDE = float(ndtri(0.995))
 """Standard deviations of the logarithm beyond which one in a hundred people is."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from legfem.common.doubts import Doubt
 from legfem.common.units import mpa_to_kpa
 from legfem.correction.choice import why_uncorrected, why_without_fibres
+from legfem.data import LoadingCurve
 from legfem.identify.applied_correction import AppliedCorrection
 from legfem.identify.catalogue import DEEP_C10, DEEP_C20, key_of
 from legfem.identify.laws import LawName
@@ -16,9 +17,8 @@ from legfem.identify.result import Cost, Estimate, FullSolve
 from legfem.identify.usual_stiffness import doubts_about_stiffness
 from legfem.inference.elastography import elastography_priors
 from legfem.inference.parameter import Prior
-from legfem.recording import LoadingCurve
-from legfem.subjects.plausibility import doubts_about, poisson_ratio
-from legfem.subjects.subject import Subject
+from legfem.legs.plausibility import doubts_about, poisson_ratio
+from legfem.legs.subject import Subject
 
 LEAST_CHANCE = 1e-3
 """Chance of so large a misfit, were the law right, below which the law is doubted."""

@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from legfem.common.units import FloatArray
+from legfem.data import LoadingCurve
 from legfem.identify.catalogue import symbol_of
 from legfem.identify.laws import LawName
 from legfem.identify.result import Estimate, IdentificationResult
-from legfem.recording import LoadingCurve
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES, new_figure, panel, styled, title
 
 

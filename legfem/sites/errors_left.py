@@ -19,12 +19,12 @@ from legfem.identify.leg_solver import LegSolver
 from legfem.identify.searches import Found
 from legfem.identify.spatial import LegModels
 from legfem.jobs.pool import Workers
+from legfem.legs.elastography import FibreRatio
+from legfem.legs.subject import SitedLeg
 from legfem.sites.misfit import SitesMisfit
 from legfem.sites.result import SpatialSites
 from legfem.sites.ways_of_pressing import untold_of_fibres
 from legfem.solve.force_curve import ForceCurve
-from legfem.subjects.elastography import FibreRatio
-from legfem.subjects.subject import SitedLeg
 
 
 @dataclass(frozen=True, eq=False)

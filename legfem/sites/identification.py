@@ -13,6 +13,7 @@ from scipy.stats import chi2
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.correction.tabulated import TabulatedCorrection
+from legfem.data import LoadingCurve
 from legfem.identify.assess import applied_correction, assumed_stiffness, held_values, versions
 from legfem.identify.catalogue import Values
 from legfem.identify.error_sources import Covariances, ErrorSource, total_of
@@ -28,13 +29,12 @@ from legfem.identify.searches import Found, Searches
 from legfem.identify.warnings import LEAST_CHANCE
 from legfem.inference.constants import quantile
 from legfem.inference.parameter import Parameter
-from legfem.recording import LoadingCurve
+from legfem.legs.subject import SitedLeg
 from legfem.sites.by_itself import Apart
 from legfem.sites.forward import SitesForward
 from legfem.sites.misfit import SitesMisfit, with_own_errors
 from legfem.sites.result import Chance, SiteFit, SitesResult, SpatialSites
 from legfem.sites.warnings import doubts_of, warnings_about
-from legfem.subjects.subject import SitedLeg
 
 if TYPE_CHECKING:
     from legfem.experiments.plane_strain import PlaneStrainSettings

@@ -11,11 +11,11 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from legfem.common.units import FloatArray
+from legfem.data import LoadingCurve
 from legfem.identify.error_sources import Covariances, covariances_of_modes, total_of
 from legfem.identify.forward import ForwardOutcome
 from legfem.identify.misfit import Compared, Misfit, Prediction
 from legfem.identify.reading import GAIN, OFFSET, ZERO
-from legfem.recording import LoadingCurve
 
 
 def with_own_errors(curve: LoadingCurve, sds: Mapping[str, float]) -> LoadingCurve:

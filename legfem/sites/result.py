@@ -9,11 +9,11 @@ import numpy as np
 
 from legfem.common.doubts import Doubt
 from legfem.common.units import FloatArray
+from legfem.data import LoadingCurve
 from legfem.identify.applied_correction import AppliedCorrection
 from legfem.identify.catalogue import Values
 from legfem.identify.result import IdentifiedParameters
-from legfem.recording import LoadingCurve
-from legfem.subjects.subject import SitedLeg, Subject
+from legfem.legs.subject import SitedLeg, Subject
 
 
 @dataclass(frozen=True)

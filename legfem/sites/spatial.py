@@ -22,6 +22,7 @@ from typing import Any
 from mpi4py import MPI
 
 from legfem.correction.tabulated import TabulatedCorrection
+from legfem.data import LoadingCurve
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.identify.catalogue import DEEP_RATIO, Values
 from legfem.identify.forward import ForwardModel, ForwardOutcome
@@ -33,13 +34,12 @@ from legfem.identify.searches import Searches
 from legfem.identify.spatial import SOLVES, LegModels, SpatialForward
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
-from legfem.recording import LoadingCurve
+from legfem.legs.subject import SitedLeg, Subject
 from legfem.sites.errors_left import what_is_left
 from legfem.sites.forward import SitesForward, solve_site
 from legfem.sites.identification import asked_of, assessed, curves_of
 from legfem.sites.misfit import SitesMisfit
 from legfem.sites.result import SitesResult
-from legfem.subjects.subject import SitedLeg, Subject
 
 MOST_SOLVES = 12
 """Of all sites together, with a law."""

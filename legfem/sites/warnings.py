@@ -18,8 +18,8 @@ from legfem.identify.warnings import (
     of_elastography,
     of_ends,
 )
+from legfem.legs.plausibility import doubts_about
 from legfem.sites.result import SiteFit, SitesResult, SpatialSites
-from legfem.subjects.plausibility import doubts_about
 
 
 def warnings_about(result: SitesResult) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from legfem.subjects.subject import SitedLeg
+from legfem.legs.subject import SitedLeg
 
 _UNLIKE_DEG = 30.0
 """By which cylinders have to lie otherwise to bend fibres otherwise."""

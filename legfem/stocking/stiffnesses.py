@@ -8,8 +8,8 @@ from legfem.common.units import kpa_to_mpa
 from legfem.inference.elastography import elastography_priors
 from legfem.inference.least_squares import Priors
 from legfem.inference.parameter import Parameter
+from legfem.legs.elastography import ShearModulus
 from legfem.stocking.leg_model import PARAMETERS
-from legfem.subjects.elastography import ShearModulus
 
 BOUNDS = (kpa_to_mpa(0.1), kpa_to_mpa(100.0))
 """Of a search (MPa)."""

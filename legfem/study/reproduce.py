@@ -19,7 +19,8 @@ from legfem.identify.request import SearchRequest
 from legfem.identify.result import IdentificationResult
 from legfem.identify.run import identify_subject
 from legfem.identify.settings import IdentificationSettings
-from legfem.subjects.loading import SUBJECTS, load_subject
+from legfem.legs.loading import load_subject
+from legfem.legs.schema import SUBJECTS
 
 
 @dataclass(frozen=True)

@@ -21,11 +21,11 @@ from legfem.identify.request import SearchRequest
 from legfem.identify.result import Estimate
 from legfem.identify.spatial import start_of_ratio
 from legfem.jobs.store import Store
+from legfem.legs.loading import load_sites
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.sites.identification import asked_of, curves_of
 from legfem.sites.result import Chance
 from legfem.sites.spatial import identify_in_3d, leg_models
-from legfem.subjects.loading import load_sites
 from studies.leg3d.orientations import FINE, WAYS, sited_folder
 from studies.leg3d.planted import Planted
 

@@ -13,7 +13,7 @@ from legfem.identify.request import SearchRequest
 from legfem.identify.result import IdentificationResult
 from legfem.identify.run import forward_model, identify_subject
 from legfem.identify.spatial import SOLVES, LegModels
-from legfem.subjects.loading import load_subject
+from legfem.legs.loading import load_subject
 from studies.leg3d.planted import Planted
 from studies.leg3d.real import PlantedInLeg
 
