@@ -14,7 +14,7 @@ from legfem.diagnose.diagnosis import Diagnosis, diagnose
 from legfem.diagnose.library_build import shown_mechanisms
 from legfem.diagnose.nuisances import Accuracy
 from legfem.diagnose.observations import Observations
-from legfem.identify.laws import LawName
+from legfem.inverse.laws import LawName
 
 BASE = {"C10": 1.0, "C20": 0.6}
 UNANSWERED = (

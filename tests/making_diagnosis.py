@@ -18,8 +18,8 @@ from legfem.diagnose.predict import Predictor
 from legfem.diagnose.stations import Stations
 from legfem.diagnose.variants import Variants
 from legfem.experiments.plane_strain import PlaneStrainSettings
-from legfem.inference.errors import error_model
-from legfem.inference.trial_noise import Noise
+from legfem.inverse.errors import error_model
+from legfem.inverse.trial_noise import Noise
 from legfem.legs.experiments import tissues_of
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS

@@ -13,14 +13,12 @@ from making import write_subject
 from legfem.common.progress import Silent
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.data import Instrument, Recording
-from legfem.identify.forward import ForwardOutcome
 from legfem.identify.identification import Identification, beyond_of, measured_curve
-from legfem.identify.request import sensitivities_of
 from legfem.identify.result import IdentificationResult
 from legfem.identify.run import laws_of
-from legfem.identify.settings import IdentificationSettings
-from legfem.identify.solver import FullSolver
-from legfem.inference.parameter import Parameter
+from legfem.inverse.outcome import FullSolver, Outcome
+from legfem.inverse.parameter import Parameter
+from legfem.inverse.settings import IdentificationSettings, sensitivities_of
 from legfem.jobs.store import Store
 from legfem.legs.loading import load_subject
 from legfem.legs.subject import Subject
@@ -54,7 +52,7 @@ class AnalyticLeg:
         assumed = {f"{name}.C10": c10 for name, c10 in tissues.items()}
         return {"deep.C10": 1e-3, "deep.D1": 28.0, "deep.C20": 0.0, "deep.D2": 28.0, **assumed}
 
-    def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> ForwardOutcome:
+    def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> Outcome:
         if self.calls >= self.killed_after:
             raise Killed
         self.calls += 1
@@ -75,7 +73,7 @@ class AnalyticLeg:
             "deep.D1": np.zeros(len(d)),
         }
         curve = ForceCurve(d, force, {name: by[name] for name in sensitivities})
-        return ForwardOutcome(values, (curve,), complete, "" if complete else "made to stop", 10, 0.0, self.compromise)
+        return Outcome(values, (curve,), complete, "" if complete else "made to stop", 10, 0.0, self.compromise)
 
 
 def curve_of(c10: float, c20: float, fat: float = 2.0) -> ForceCurve:
@@ -118,7 +116,7 @@ def identify(
 ) -> list[IdentificationResult]:
     """Return the results of laws, by default both."""
     model = model or AnalyticLeg(depth=DEPTH + beyond_of(parameters or (), fixed or {}))
-    store = None if solves is None else Store(solves, ForwardOutcome, model.fingerprint())
+    store = None if solves is None else Store(solves, Outcome, model.fingerprint())
     chosen = laws_of(subject, laws, model.nominal, parameters, fixed)
     with FullSolver(model, store, 1, Silent(), sensitivities_of(chosen)) as solver:
         settings = settings or IdentificationSettings()

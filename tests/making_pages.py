@@ -33,9 +33,9 @@ from legfem.experiments.posed import Pose, posed
 from legfem.geometry.leg_shape import HULL, SKIN
 from legfem.geometry.slices import calf_levels
 from legfem.identify.applied_correction import Confirmation, SpatialEvidence
-from legfem.identify.catalogue import parameter_of
 from legfem.identify.leg_film import LegState, PressedLeg, seen
-from legfem.identify.result import Estimate
+from legfem.inverse.catalogue import parameter_of
+from legfem.inverse.estimates import Estimate
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.legs.experiments import plane_strain_test

@@ -11,7 +11,7 @@ from making import TOML, leg, press, write_contours, write_recording
 from making_identification import DEPTH, AnalyticLeg, pressed_leg
 
 from legfem.data import Recording
-from legfem.identify.forward import ForwardOutcome
+from legfem.inverse.outcome import Outcome
 from legfem.legs.subject import SitedLeg
 from legfem.sites.forward import SitesForward
 
@@ -38,7 +38,7 @@ class SiteLeg(AnalyticLeg):
     def prepare(self) -> None:
         """There is no mesh."""
 
-    def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> ForwardOutcome:
+    def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> Outcome:
         solved = super().solve(values, sensitivities)
         curve = solved.curve
         by = {name: self.factor * each for name, each in curve.sensitivities.items()}

@@ -11,10 +11,10 @@ import numpy as np
 from making_identification import DEPTH, AnalyticLeg, pressed_leg
 
 from legfem.data import Recording
-from legfem.identify.catalogue import DEEP_C10, DEEP_RATIO
 from legfem.identify.fibre_ratio import at_ratios, moduli_needed
-from legfem.identify.forward import ForwardOutcome
 from legfem.identify.spatial import LegModels
+from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO
+from legfem.inverse.outcome import Outcome
 from legfem.legs.placement import spatial_leg
 from legfem.legs.subject import SitedLeg
 
@@ -43,7 +43,7 @@ class FibrousLeg(AnalyticLeg):
     def fingerprint(self) -> Mapping[str, Any]:
         return {"model": "fibrous", "rise": self.rise, "level": self.level}
 
-    def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> ForwardOutcome:
+    def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> Outcome:
         every = {DEEP_RATIO: 1.0, **self.nominal, **values}
         ratio, c10 = every[DEEP_RATIO], every[DEEP_C10]
         plain = (*dict.fromkeys([n for n in sensitivities if "fibre" not in n] + [DEEP_C10]),)

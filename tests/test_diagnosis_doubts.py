@@ -11,7 +11,7 @@ from making_diagnosed import BASE, diagnosed, diagnosed_of
 from making_diagnosis import INSTRUMENT, noisy, observations, ramps
 
 from legfem.diagnose.doubts import doubts_of
-from legfem.inference.trial_noise import estimate_noise
+from legfem.inverse.trial_noise import estimate_noise
 from legfem.legs.loading import load_subject
 
 

@@ -17,10 +17,10 @@ from legfem.common.errors import InputError
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.nuisances import DRAWN
 from legfem.diagnose.run import accuracy_of
-from legfem.identify.catalogue import parameter_of
-from legfem.inference.elastography import elastography_priors
-from legfem.inference.parameter import Prior
+from legfem.inverse.catalogue import parameter_of
+from legfem.inverse.parameter import Prior
 from legfem.legs.elastography import FibreRatio, ShearModulus
+from legfem.legs.elastography_priors import elastography_priors
 from legfem.legs.loading import load_subject
 from legfem.legs.plausibility import doubts_about
 from legfem.report.web.diagnosis import waves_say

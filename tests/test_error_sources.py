@@ -7,7 +7,7 @@ import pytest
 from making_identification import identify, pressed_leg
 
 from legfem.correction.tabulated import TabulatedCorrection
-from legfem.identify.error_sources import greatest, shares_of_error, total_of
+from legfem.inverse.comparison import greatest, shares_of_error, total_of
 from legfem.report.web.identification import identification_page
 
 DEEPER, LONGER = "press deeper", "take a longer cylinder, or solve this leg in 3D (--model 3d)"

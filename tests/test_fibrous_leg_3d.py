@@ -11,9 +11,9 @@ from test_leg_film import COARSE
 
 from legfem.correction.fibres import FIBRES
 from legfem.experiments.leg_3d import FIBRE_PARAMETERS
-from legfem.identify.catalogue import DEEP_RATIO
 from legfem.identify.leg_solver import fibre_errors
 from legfem.identify.spatial import LegModels
+from legfem.inverse.catalogue import DEEP_RATIO
 from legfem.jobs.pool import Workers
 from legfem.legs.elastography import FibreRatio
 from legfem.legs.loading import load_subject

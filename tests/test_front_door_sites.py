@@ -17,7 +17,7 @@ import legfem as lf
 from legfem.commands.identify import app as identify_app
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.experiments.plane_strain import PlaneStrainSettings
-from legfem.identify.settings import IdentificationSettings
+from legfem.inverse.settings import IdentificationSettings
 from legfem.report.style import LAW_NAMES
 from legfem.sites import joint, spatial
 
@@ -95,7 +95,7 @@ def test_a_folder_with_sites_is_a_leg_of_sites_and_one_of_them_a_leg(tmp_path) -
 @pytest.mark.parametrize("loaded", [False, True])
 def test_one_site_by_itself_is_identified_as_a_leg(tmp_path, monkeypatch, loaded) -> None:
     """Nothing is solved here: the forward model tells which leg it would solve."""
-    from legfem.identify.forward import PlaneStrainForward
+    from legfem.legs.forward import PlaneStrainForward
 
     folder, asked = write_sites(tmp_path / "leg"), []
 

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from legfem.common.errors import InputError
 from legfem.common.progress import Silent
 from legfem.data.folder import RESOURCES
-from legfem.identify.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.legs.loading import load_subject
 from legfem.solve.force_curve import ForceCurve
 from studies.leg3d import __main__ as study

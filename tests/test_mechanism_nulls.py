@@ -17,7 +17,7 @@ from legfem.diagnose.mechanisms import registry as registered
 from legfem.diagnose.mechanisms.base import null_of, prior_of, strength
 from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S, spectrum
 from legfem.diagnose.predict import onset_name
-from legfem.inference.parameter import Parameter
+from legfem.inverse.parameter import Parameter
 
 
 @pytest.fixture(scope="module")

@@ -21,8 +21,8 @@ from legfem.experiments.posed import Ball, Indenting, Pose, Punch, posed
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.plane import turn_about_travel
-from legfem.identify.forward import PlaneStrainForward
 from legfem.legs.experiments import plane_strain_test, spatial_test
+from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.loading import load_sites, load_subject
 from legfem.legs.placement import spatial_leg
 from legfem.mechanics.contact import FiniteCylinder

@@ -15,11 +15,10 @@ from legfem.commands.diagnose import app as diagnose_app
 from legfem.commands.identify import app as identify_app
 from legfem.common.errors import InputError
 from legfem.correction.tabulated import TabulatedCorrection
-from legfem.identify.catalogue import parameter_of
 from legfem.identify.identification import measured_curve
-from legfem.identify.request import SearchRequest
-from legfem.identify.settings import IdentificationSettings
-from legfem.inference.parameter import Prior
+from legfem.inverse.catalogue import parameter_of
+from legfem.inverse.parameter import Prior
+from legfem.inverse.settings import IdentificationSettings, SearchRequest
 from legfem.legs.loading import load_sites, load_subject
 from legfem.report.sites import write_sites_report
 from legfem.sites.identification import identify_sites

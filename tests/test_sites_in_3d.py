@@ -16,9 +16,9 @@ from making_sites_in_3d import IN_TENSION, RISES, TRUE_C10, TRUE_RATIO, leg_of, 
 from typer.testing import CliRunner
 
 from legfem.commands.identify import app as identify_app
-from legfem.identify.catalogue import DEEP_C10, DEEP_RATIO, parameter_of
-from legfem.identify.request import SearchRequest
 from legfem.identify.spatial import SOLVES
+from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, parameter_of
+from legfem.inverse.settings import SearchRequest
 from legfem.legs.elastography import FibreRatio
 from legfem.legs.subject import SitedLeg
 from legfem.report.sites_numbers import sites_document

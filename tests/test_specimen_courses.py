@@ -10,7 +10,7 @@ from making_specimens import BAR, BRANCHES, PLANTED, compressed, crept, ramp, re
 
 import legfem as lf
 from legfem.data import Recording, write_recording
-from legfem.identify.result import Estimate
+from legfem.inverse.estimates import Estimate
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.specimens.contacts import Onset
 from legfem.specimens.course import course_of

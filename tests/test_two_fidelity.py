@@ -20,15 +20,13 @@ from legfem.correction.tabulated import TabulatedCorrection
 from legfem.data import Instrument, Recording
 from legfem.identify.applied_correction import CLOSE
 from legfem.identify.document import result_document
-from legfem.identify.forward import ForwardOutcome
 from legfem.identify.identification import Identification, measured_curve
-from legfem.identify.request import sensitivities_of
 from legfem.identify.run import laws_of
-from legfem.identify.search import SearchError
-from legfem.identify.settings import IdentificationSettings
-from legfem.identify.solver import FullSolver
 from legfem.identify.spatial import LegModels, SpatialForward, check_has_ends
 from legfem.identify.two_fidelity import MOST_SOLVES, TwoFidelities
+from legfem.inverse.outcome import FullSolver, Outcome
+from legfem.inverse.search import SearchError
+from legfem.inverse.settings import IdentificationSettings, sensitivities_of
 from legfem.legs.elastography import FibreRatio
 from legfem.legs.loading import load_subject
 from legfem.legs.placement import spatial_leg
@@ -53,7 +51,7 @@ class AnalyticSolid(AnalyticLeg):
     def fingerprint(self) -> Mapping[str, Any]:
         return {"model": "analytic solid", "level": self.level}
 
-    def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> ForwardOutcome:
+    def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> Outcome:
         flat = super().solve(values, sensitivities)
         d = flat.curve.displacement
         factor = 1 - P_of(1e3 * values["deep.C10"], d, self.level)
@@ -137,7 +135,7 @@ class FibrousSolid(AnalyticSolid):
 
     BY_SHEAR, BY_EXTENSION = 30.0, 5.0
 
-    def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> ForwardOutcome:
+    def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> Outcome:
         found = super().solve(values, ())
         force = found.curve.force
         shares = {"deep.fibres.shear": self.BY_SHEAR, "deep.fibres.extension": self.BY_EXTENSION}

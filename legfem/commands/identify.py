@@ -170,14 +170,13 @@ def run(
 
         from legfem.commands.outcome import print_outcome
         from legfem.correction.choice import choose_correction
-        from legfem.identify.forward import values_of
-        from legfem.identify.request import SearchRequest
         from legfem.identify.run import forward_model, identify_subject, laws_of, write_results
-        from legfem.identify.search import SearchError
-        from legfem.identify.settings import IdentificationSettings
         from legfem.identify.spatial import SOLVES, LegModels, check_has_ends
-        from legfem.identify.written import Written
+        from legfem.inverse.parse_parameters import Written
+        from legfem.inverse.search import SearchError
+        from legfem.inverse.settings import IdentificationSettings, SearchRequest
         from legfem.legs.experiments import tissues_of
+        from legfem.legs.forward import values_of
         from legfem.legs.loading import load_sites, load_subject
         from legfem.legs.plausibility import doubts_about
         from legfem.legs.schema import SUBJECTS
@@ -269,9 +268,9 @@ def _run_specimens(
     as_json: bool,
 ) -> None:
     from legfem.commands.outcome import print_outcome
-    from legfem.identify.search import SearchError
-    from legfem.identify.settings import IdentificationSettings
-    from legfem.identify.written import Written
+    from legfem.inverse.parse_parameters import Written
+    from legfem.inverse.search import SearchError
+    from legfem.inverse.settings import IdentificationSettings
     from legfem.report.plain import brief
     from legfem.report.specimen import write_specimen_report
     from legfem.report.web.page import command_line

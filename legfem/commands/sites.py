@@ -10,8 +10,8 @@ import typer
 from legfem.common.command_edge import FAILED, check_out_folder
 from legfem.common.doubts import say
 from legfem.common.progress import progress_on
-from legfem.identify.settings import IdentificationSettings
-from legfem.identify.written import Written
+from legfem.inverse.parse_parameters import Written
+from legfem.inverse.settings import IdentificationSettings
 from legfem.legs.subject import SitedLeg
 
 
@@ -32,8 +32,8 @@ def run_joint(
     from mpi4py import MPI
 
     from legfem.commands.outcome import print_outcome
-    from legfem.identify.request import SearchRequest
-    from legfem.identify.search import SearchError
+    from legfem.inverse.search import SearchError
+    from legfem.inverse.settings import SearchRequest
     from legfem.legs.plausibility import doubts_about
     from legfem.report.plain import brief
     from legfem.report.sites import write_sites_report

@@ -30,8 +30,8 @@ from legfem.diagnose.ordinary import ordinary_explanation, ordinary_fit
 from legfem.diagnose.predict import LawName, Predictor, onset_name
 from legfem.diagnose.score import Assessment, assess
 from legfem.diagnose.solved import SolvedResponses
-from legfem.inference.errors import ErrorModel, error_model
-from legfem.inference.trial_noise import Noise, estimate_noise
+from legfem.inverse.errors import ErrorModel, error_model
+from legfem.inverse.trial_noise import Noise, estimate_noise
 
 Verdict = Literal["consistent", "named", "ambiguous", "unexplained"]
 SOUND = 0.5

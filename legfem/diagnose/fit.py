@@ -16,9 +16,9 @@ from legfem.diagnose.measured import MeasuredStrength
 from legfem.diagnose.mechanisms import Mechanism
 from legfem.diagnose.mechanisms.base import null_of, prior_of
 from legfem.diagnose.predict import Predictor
-from legfem.inference.errors import ErrorModel
-from legfem.inference.evidence import Linearised
-from legfem.inference.parameter import Parameter
+from legfem.inverse.errors import ErrorModel
+from legfem.inverse.evidence import Linearised
+from legfem.inverse.parameter import Parameter
 
 _FEW, _MANY = 6, 40
 """Evaluations of a search from each of several starts, and from the best of them."""

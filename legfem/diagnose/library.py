@@ -23,7 +23,7 @@ from legfem.diagnose.mechanisms.end_effects import EndEffects
 from legfem.diagnose.nuisances import Nuisances
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import end_effect
-from legfem.inference.emulator import Emulator
+from legfem.inverse.emulator import Emulator
 
 _REACH = 1.6
 

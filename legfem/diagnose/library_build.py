@@ -19,7 +19,7 @@ from legfem.diagnose.mechanisms.muscle_fibres import MuscleFibres
 from legfem.diagnose.nuisances import Nuisances
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses
-from legfem.inference.emulator import Emulator, Samples
+from legfem.inverse.emulator import Emulator, Samples
 
 STIFFENINGS = (0.0, 0.8, 1.6)
 """ln(1 + C20 / C10) of the lattice."""

@@ -18,9 +18,9 @@ from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.diagnose.observations import Observations
-from legfem.inference.errors import ErrorModel
-from legfem.inference.intervals import effective_degrees
-from legfem.inference.parameter import Prior
+from legfem.inverse.errors import ErrorModel
+from legfem.inverse.intervals import effective_degrees
+from legfem.inverse.parameter import Prior
 from legfem.legs.subject import MeasuredEffect
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ def variance_degrees(covariance: FloatArray, estimator: FloatArray, errors: Erro
     errors
         What they err by.
 
-    See `legfem.inference.intervals.effective_degrees`.
+    See `legfem.inverse.intervals.effective_degrees`.
     """
     by_cause: dict[tuple[str, float], FloatArray] = {}
     for name, effect in zip(errors.names, errors.known.T, strict=True):

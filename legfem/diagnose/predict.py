@@ -18,7 +18,7 @@ from legfem.common.units import FloatArray
 from legfem.diagnose.mechanisms import Mechanism, Stiffness, TissueMechanism, Values
 from legfem.diagnose.mechanisms.base import null_of
 from legfem.diagnose.observations import Observations
-from legfem.inference.parameter import Parameter, Prior
+from legfem.inverse.parameter import Parameter, Prior
 
 LawName = Literal["neo-hookean", "reduced-polynomial"]
 _FACTOR_NODES = 4

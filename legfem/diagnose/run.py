@@ -19,7 +19,7 @@ from legfem.diagnose.mechanisms.muscle_fibres import MuscleFibres
 from legfem.diagnose.nuisances import DRAWN, Accuracy
 from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.solved import SolvedResponses
-from legfem.inference.elastography import elastography_priors
+from legfem.legs.elastography_priors import elastography_priors
 from legfem.legs.subject import Subject
 
 STIFFENING = {"neo-hookean": 0.0, "reduced-polynomial": 0.8}

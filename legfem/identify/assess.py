@@ -15,23 +15,19 @@ from legfem.common.versions import versions_of
 from legfem.correction.choice import Correction
 from legfem.data import LoadingCurve
 from legfem.identify.applied_correction import AppliedCorrection
-from legfem.identify.catalogue import DEEP_C10, DEEP_C20, DEEP_D2, Values, key_of, short_key_of, unit_suffix, with_units
-from legfem.identify.error_sources import source_of_mode, total_of
-from legfem.identify.estimates import Optimum, correlations_of, estimates
-from legfem.identify.laws import IdentifiedLaw
+from legfem.identify.error_sources import source_of_mode
 from legfem.identify.misfit import Misfit
-from legfem.identify.result import Cost, CostMap, FullSolve, IdentificationResult, PredictedCurve, SearchPath
-from legfem.identify.search import Search
-from legfem.identify.searches import Found
-from legfem.identify.trial import Trial
+from legfem.identify.result import Cost, IdentificationResult, PredictedCurve
 from legfem.identify.warnings import LEAST_CHANCE, Finding, doubts_of, warnings_about
-from legfem.inference.constants import (
-    IDENTIFIABLE_WITHIN,
-    NUMERICAL_ERROR,
-    NUMERICAL_LENGTH_MM,
-    WEAKLY_WITHIN,
-    quantile,
-)
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, DEEP_D2, Values, key_of, short_key_of, unit_suffix, with_units
+from legfem.inverse.comparison import total_of
+from legfem.inverse.estimates import Optimum, correlations_of, estimates
+from legfem.inverse.intervals import IDENTIFIABLE_WITHIN, NUMERICAL_ERROR, NUMERICAL_LENGTH_MM, WEAKLY_WITHIN, quantile
+from legfem.inverse.laws import IdentifiedLaw
+from legfem.inverse.search import Search
+from legfem.inverse.search_log import CostMap, FullSolve, SearchLog
+from legfem.inverse.searches import Found
+from legfem.inverse.trial import Trial
 from legfem.legs.subject import Subject
 
 _MAP_SIZE = 81
@@ -105,7 +101,7 @@ def assess(given: Assessment) -> IdentificationResult:
             linear.prediction.force,
             MappingProxyType(dict(linear.prediction.sensitivities)),
         ),
-        search=SearchPath(law.names, solves, tuple(search.generations), _cost_map(search)),
+        search=SearchLog(law.names, solves, tuple(search.generations), _cost_map(search)),
         forward_solves=len(outcomes),
         reused_solves=given.found.reused_solves,
         factorisations=sum(one.factorisations for one in outcomes),

@@ -17,7 +17,7 @@ from dataclasses import replace
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.identify.catalogue import DEEP_RATIO, RATIO
+from legfem.inverse.catalogue import DEEP_RATIO, RATIO
 from legfem.mechanics.terms import Fibres
 from legfem.solve.force_curve import ForceCurve
 

@@ -12,15 +12,15 @@ from legfem.correction.choice import Correction
 from legfem.data import LoadingCurve, mean_loading_curve
 from legfem.data.reader import MINIMAL_DEPTH_MM
 from legfem.identify.assess import Assessment, assess
-from legfem.identify.catalogue import Values
-from legfem.identify.laws import IdentifiedLaw, LawName
 from legfem.identify.misfit import Misfit
-from legfem.identify.reading import OFFSET
 from legfem.identify.result import IdentificationResult
-from legfem.identify.searches import Searches
-from legfem.identify.settings import IdentificationSettings, Weighting
-from legfem.identify.solver import FullSolver
-from legfem.inference.parameter import Parameter
+from legfem.inverse.catalogue import Values
+from legfem.inverse.instrument import OFFSET
+from legfem.inverse.laws import IdentifiedLaw, LawName
+from legfem.inverse.outcome import FullSolver
+from legfem.inverse.parameter import Parameter
+from legfem.inverse.searches import Searches
+from legfem.inverse.settings import IdentificationSettings, Weighting
 from legfem.legs.subject import Subject
 
 

@@ -11,11 +11,10 @@ from legfem.common.units import FloatArray
 from legfem.correction.fibres import FIBRES
 from legfem.correction.tabulated import FIRST_RATIO, first_contact_error, mesh_error, smooth_ratio
 from legfem.experiments.leg_3d import FIBRE_PARAMETERS, fibres_of
-from legfem.identify.catalogue import DEEP_C10, Values
-from legfem.identify.forward import ForwardModel, ForwardOutcome
-from legfem.identify.search import SearchError
-from legfem.identify.solver import FullSolver
 from legfem.identify.spatial import ROUGHER, LegModels
+from legfem.inverse.catalogue import DEEP_C10, Values
+from legfem.inverse.outcome import ForwardModel, FullSolver, Outcome
+from legfem.inverse.search import SearchError
 from legfem.jobs.store import Store
 from legfem.legs.elastography import FibreRatio
 from legfem.mechanics.terms import Fibres
@@ -30,7 +29,7 @@ _GRID = 0.5
 class SolvedLeg:
     """The leg in 3D at one stiffness."""
 
-    outcome: ForwardOutcome
+    outcome: Outcome
     P: FloatArray
     """On the solver's grid, (n,)."""
     errors: dict[str, FloatArray]
@@ -99,7 +98,7 @@ class LegSolver:
             self._lasting |= {name: (P - 1) * share for name, share in errors.items()}
         return self._lasting
 
-    def _solve(self, solver: FullSolver, values: Values) -> ForwardOutcome:
+    def _solve(self, solver: FullSolver, values: Values) -> Outcome:
         (outcome,) = solver.solve([values])
         if not outcome.complete:
             raise SearchError(
@@ -112,7 +111,7 @@ class LegSolver:
     def _solver(self, model: ForwardModel, sensitivities: tuple[str, ...] = ()) -> FullSolver:
         kept, store = self.models.kept, None
         if kept is not None:
-            store = Store(kept, ForwardOutcome, model.fingerprint())
+            store = Store(kept, Outcome, model.fingerprint())
         return FullSolver(model, store, 1, self.progress, sensitivities)
 
 

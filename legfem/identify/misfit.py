@@ -2,131 +2,28 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.correction.choice import Correction, correction_factor
 from legfem.data import LoadingCurve
-from legfem.identify.catalogue import DEEP_C10, DEEP_C20
-from legfem.identify.error_sources import Covariances, covariances_of_modes, total_of
-from legfem.identify.forward import ForwardOutcome
-from legfem.identify.reading import INSTRUMENT, Reading
-from legfem.identify.settings import Weighting
-from legfem.inference.errors import numerical_covariance
+from legfem.identify.error_sources import covariances_of_modes
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.comparison import Comparison, Covariances, Prediction, total_of
+from legfem.inverse.errors import numerical_covariance
+from legfem.inverse.instrument import INSTRUMENT, Reading
+from legfem.inverse.outcome import Outcome
+from legfem.inverse.settings import Weighting
 
 _STEP = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
-    """A full solve on the measured curve's grid, correction and instrument included."""
-
-    force: FloatArray
-    """(n,), N."""
-    sensitivities: Mapping[str, FloatArray]
-    """(n,), N per unit of the parameter, by full name."""
-    model_force: FloatArray
-    """(m,), N: the model's on the misfit's grid, correction included."""
-    model_sensitivities: Mapping[str, FloatArray]
-    """(m,), N per unit, likewise."""
-
-    def jacobian(self, names: Sequence[str]) -> FloatArray:
-        """Return the derivatives by parameters; (n, p), N per unit."""
-        return np.column_stack([self.sensitivities[name] for name in names])
-
-    def of(self, span: slice) -> Prediction:
-        """Return a part of it, where the model's grid is the measured one."""
-        force = self.force[span]
-        by = {name: values[span] for name, values in self.sensitivities.items()}
-        return Prediction(force, by, force, by)
-
-
-class Compared(ABC):
-    """Forces of a model beside n measured ones: what a search needs to know of recordings."""
-
-    @property
-    @abstractmethod
-    def measured_force(self) -> FloatArray:
-        """What is to be met (n,), N."""
-
-    @property
-    @abstractmethod
-    def covariance(self) -> FloatArray:
-        """Of measured less predicted force at the truth; (n, n), N2."""
-
-    def covariance_at(self, values: Mapping[str, float]) -> FloatArray:
-        """Return `covariance` with what depends on the model's values; (n, n), N2."""
-        return self.covariance
-
-    @property
-    @abstractmethod
-    def reach(self) -> str:
-        """How far a solve has to come, in words."""
-
-    @property
-    def in_errors(self) -> bool:
-        """Whether the objective is in units of errors: 1 more of it is a standard error."""
-        return False
-
-    @abstractmethod
-    def reached_by(self, outcome: ForwardOutcome) -> bool:
-        """Return whether a solve came as far as what was measured."""
-
-    @abstractmethod
-    def predict(self, outcome: ForwardOutcome, readings: FloatArray) -> Prediction:
-        """Return a complete full solve as it is read; ``readings`` (k,) are those of a law."""
-
-    @abstractmethod
-    def read(self, force: FloatArray, readings: FloatArray) -> FloatArray:
-        """Return what is read (..., n) of the model's forces (..., m)."""
-
-    @property
-    @abstractmethod
-    def if_deeper(self) -> FloatArray:
-        """Change of the measured forces (n,) per relative change of the displacements, N."""
-
-    def weighted(self, values: FloatArray) -> FloatArray:
-        """Return values (n, ...) scaled so that `objective` is their sum of squares.
-
-        By the errors, unless a comparison says otherwise.
-        """
-        return np.asarray(solve_triangular(self._lower, values, lower=True))
-
-    @cached_property
-    def _lower(self) -> FloatArray:
-        return np.linalg.cholesky(self.covariance)
-
-    def __len__(self) -> int:
-        """Return n."""
-        return len(self.measured_force)
-
-    @cached_property
-    def weighting_matrix(self) -> FloatArray:
-        """What `weighted` multiplies with; (n, n)."""
-        return self.weighted(np.eye(len(self)))
-
-    def cost(self, force: FloatArray) -> FloatArray:
-        """Return Eq. 12 (N2) of forces as read (..., n)."""
-        return np.asarray(np.sum((force - self.measured_force) ** 2, axis=-1))
-
-    def residual(self, force: FloatArray) -> FloatArray:
-        """Return the weighted residual (..., n) of forces as read (..., n)."""
-        flat = (force - self.measured_force).reshape(-1, force.shape[-1])
-        return self.weighted(flat.T).T.reshape(force.shape)
-
-    def objective(self, force: FloatArray) -> FloatArray:
-        """Return what is minimised but the priors' part, for forces as read (..., n)."""
-        return np.asarray(np.sum(self.residual(force) ** 2, axis=-1))
-
-
-@dataclass(frozen=True, eq=False)
-class Misfit(Compared):
+class Misfit(Comparison):
     """How far forces are from the measured curve.
 
     Parameters
@@ -176,7 +73,7 @@ class Misfit(Compared):
         """The deepest point of the grid."""
         return f"{self.grid[-1]:g} mm"
 
-    def reached_by(self, outcome: ForwardOutcome) -> bool:
+    def reached_by(self, outcome: Outcome) -> bool:
         """Return whether a solve came to the grid's end; short of it says nothing of the rest."""
         return outcome.curve.depth >= self.grid[-1] - 1e-9
 
@@ -233,7 +130,7 @@ class Misfit(Compared):
         """Return what the instrument shows of the model's forces (..., m); (..., n)."""
         return self._reading(force, readings) if self.reads else force
 
-    def predict(self, outcome: ForwardOutcome, readings: FloatArray) -> Prediction:
+    def predict(self, outcome: Outcome, readings: FloatArray) -> Prediction:
         """Return a complete full solve as the instrument shows it."""
         instrument = readings[: len(INSTRUMENT)]
         force, by = self._corrected(outcome)
@@ -249,7 +146,7 @@ class Misfit(Compared):
     def _reading(self) -> Reading:
         return Reading(self.grid, self.displacement)
 
-    def _corrected(self, outcome: ForwardOutcome) -> tuple[FloatArray, dict[str, FloatArray]]:
+    def _corrected(self, outcome: Outcome) -> tuple[FloatArray, dict[str, FloatArray]]:
         curve, grid = outcome.curve, self.grid
         force = curve(grid)
         by = {name: curve.sensitivity(name, grid) for name in curve.sensitivities}

@@ -9,69 +9,15 @@ from typing import Any, Literal
 import numpy as np
 
 from legfem.common.doubts import Doubt
-from legfem.common.units import FloatArray, readable_unit
+from legfem.common.units import FloatArray
 from legfem.data import LoadingCurve
 from legfem.identify.applied_correction import AppliedCorrection, SpatialEvidence
-from legfem.identify.catalogue import Values, key_of
-from legfem.identify.error_sources import ErrorSource
-from legfem.identify.laws import LawName, model_values
-from legfem.inference.constants import VERDICTS, Identifiability
-from legfem.inference.identifiability import Bound, Estimated, bound_of
-from legfem.inference.parameter import Parameter
+from legfem.inverse.catalogue import Values, key_of
+from legfem.inverse.estimates import Estimate
+from legfem.inverse.intervals import VERDICTS, Identifiability
+from legfem.inverse.laws import LawName, model_values
+from legfem.inverse.search_log import SearchLog
 from legfem.legs.elastography import FibreRatio
-
-
-@dataclass(frozen=True)
-class Shown:
-    """Numbers of one parameter in the unit in which people read them."""
-
-    value: float
-    standard_error: float
-    ci95: tuple[float, float]
-    unit: str
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """One parameter that was free; numbers in its unit, which is the model's (MPa, not kPa)."""
-
-    parameter: Parameter
-    """With its bounds, role and prior."""
-    value: float
-    standard_error: float
-    """From the errors of the recordings and of the model, and the priors (see `ci95`)."""
-    ci95: tuple[float, float]
-    """95 % confidence interval; from a profile, so not always symmetric."""
-    identifiability: Identifiability
-    why: str
-    """Why the parameter is called that."""
-    moves: Mapping[str, float] = field(default_factory=dict)
-    """Relative change of the value if an assumed stiffness, by full name, or all forces or
-    displacements (``force_N``, ``displacement_mm``) were 10 % higher."""
-    error_shares: Mapping[ErrorSource, float] = field(default_factory=dict)
-    """Of the square of the standard error, by what causes it."""
-
-    @property
-    def unit(self) -> str:
-        """Of the numbers."""
-        return self.parameter.unit
-
-    @property
-    def at_bound(self) -> Bound:
-        """Whether the value stands at a bound of the search."""
-        return bound_of(self.value, self.parameter.bounds)
-
-    @property
-    def relative_half_width(self) -> float:
-        """Half the interval over the value; see `legfem.inference.identifiability.Estimated`."""
-        return Estimated(self.parameter, self.value, self.standard_error, self.ci95).relative_half_width
-
-    @property
-    def shown(self) -> Shown:
-        """The numbers as people read them: stresses in kPa."""
-        unit, factor = readable_unit(self.unit)
-        low, high = self.ci95
-        return Shown(factor * self.value, factor * self.standard_error, (factor * low, factor * high), unit)
 
 
 @dataclass(frozen=True)
@@ -114,62 +60,6 @@ class PredictedCurve:
     """(n,), N per unit of the parameter, by its full name (``deep.C10``, ..., ``fascia.C10``)."""
 
 
-@dataclass(frozen=True)
-class FullSolve:
-    """One full forward solve of the search."""
-
-    values: Values
-    """Of model and instrument, in their units."""
-    cost: float
-    """N2 (Eq. 12); NaN where the solve stopped short."""
-    stage: Literal["design", "proposal", "bound", "genetic"]
-    complete: bool
-    reason: str
-    """Why it stopped, if short of its depth."""
-    factorisations: int
-    seconds: float
-
-
-@dataclass(frozen=True)
-class Generation:
-    """The best of one generation of the genetic algorithm."""
-
-    round: int
-    """Refinement of the emulator that it searched on, from 0."""
-    number: int
-    values: Values
-    """Of model and instrument, in their units."""
-    cost: float
-    """N2 on the emulator (of the full model without one)."""
-
-
-@dataclass(frozen=True, eq=False)
-class CostMap:
-    """The cost over one or two parameters on a grid, from the emulator."""
-
-    names: tuple[str, ...]
-    """Of the parameters."""
-    across: FloatArray
-    """(m,), the first parameter, increasing, in its unit."""
-    up: FloatArray
-    """(k,), the second, likewise; a single 0 where there is none."""
-    cost: FloatArray
-    """(k, m), N2."""
-
-
-@dataclass(frozen=True, eq=False)
-class SearchPath:
-    """How the optimum was found."""
-
-    names: tuple[str, ...]
-    """Of the free parameters."""
-    solves: tuple[FullSolve, ...]
-    """In the order in which they were asked for."""
-    generations: tuple[Generation, ...]
-    cost_map: CostMap | None
-    """None without an emulator, or with more than two parameters."""
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class IdentifiedParameters:
     """What every identification of one law found, and how it was searched for."""
@@ -209,7 +99,7 @@ class IdentificationResult(IdentifiedParameters):
     cost: Cost
     measured: LoadingCurve
     predicted: PredictedCurve
-    search: SearchPath
+    search: SearchLog
     factorisations: int
     correction: AppliedCorrection | None
     weighting: Literal["paper", "covariance"]

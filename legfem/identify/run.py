@@ -10,14 +10,15 @@ from typing import TYPE_CHECKING
 from legfem.common.documents import write_document
 from legfem.common.errors import InputError
 from legfem.correction.tabulated import TabulatedCorrection
-from legfem.identify.catalogue import DEEP_C20, Values
 from legfem.identify.document import result_document
-from legfem.identify.forward import PlaneStrainForward
 from legfem.identify.identification import Identification, beyond_of, measured_curve, weighting_of
-from legfem.identify.laws import IdentifiedLaw, LawName, law_of
-from legfem.identify.request import SearchRequest
 from legfem.identify.result import IdentificationResult
-from legfem.inference.parameter import Parameter
+from legfem.inverse.catalogue import DEEP_C20, Values
+from legfem.inverse.laws import IdentifiedLaw, LawName
+from legfem.inverse.parameter import Parameter
+from legfem.inverse.settings import SearchRequest
+from legfem.legs.forward import PlaneStrainForward
+from legfem.legs.laws import law_of
 from legfem.legs.subject import Subject
 
 if TYPE_CHECKING:

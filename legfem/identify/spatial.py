@@ -14,14 +14,15 @@ from legfem.common.errors import InputError
 from legfem.common.progress import Progress, Silent
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membrane_of
 from legfem.experiments.pressing import OnStep
-from legfem.identify.catalogue import DEEP_RATIO, Values, stiffness_in_words
 from legfem.identify.fibre_ratio import USUAL_RATIO, at_ratios, moduli, moduli_needed
-from legfem.identify.forward import ForwardModel, ForwardOutcome, values_of
 from legfem.identify.leg_film import LegCamera, LegFilm, PressedLeg
+from legfem.inverse.catalogue import DEEP_RATIO, Values, stiffness_in_words
+from legfem.inverse.outcome import ForwardModel, Outcome
 from legfem.jobs.key import key_of
 from legfem.jobs.ranks import Together
 from legfem.legs.elastography import FibreRatio
 from legfem.legs.experiments import spatial_test, tissues_of
+from legfem.legs.forward import values_of
 from legfem.legs.placement import SpatialLeg, spatial_leg
 from legfem.legs.subject import Subject
 from legfem.mechanics.materials import NeoHookean
@@ -41,7 +42,7 @@ _FASCIA = "fascia."
 
 @dataclass(eq=False)
 class SpatialForward:
-    """A `legfem.identify.forward.ForwardModel` of the leg itself.
+    """A `legfem.inverse.outcome.ForwardModel` of the leg itself.
 
     Over several ranks of the experiment's communicator this is the first, and the others serve it,
     as `legfem.jobs.ranks.leading` has it.
@@ -91,11 +92,11 @@ class SpatialForward:
         self.__dict__.update(kept)
         self.__post_init__()
 
-    def solve(self, values: Values, sensitivities: Sequence[str] = ()) -> ForwardOutcome:
+    def solve(self, values: Values, sensitivities: Sequence[str] = ()) -> Outcome:
         """Solve in full for values by the names of the model in plane strain."""
         return self._ranks.do((values, sensitivities))
 
-    def solve_here(self, values: Values, sensitivities: Sequence[str]) -> ForwardOutcome:
+    def solve_here(self, values: Values, sensitivities: Sequence[str]) -> Outcome:
         """As `solve`; collective over the ranks."""
         every = {**self.nominal, **values}
         if self.fibre_ratio is not None:
@@ -109,7 +110,7 @@ class SpatialForward:
         )
         curve = _of_fascia(solved.curve, fascia, self.fascia_thickness, sensitivities)
         report = solved.report
-        return ForwardOutcome(
+        return Outcome(
             values,
             (at_ratios(curve, every, fibrous, sensitivities),),
             bool(report.complete),
@@ -123,7 +124,7 @@ class SpatialForward:
         if self.experiment.comm.size == 1:
             _ = self.experiment.pressing
 
-    def pressed(self, outcome: ForwardOutcome) -> PressedLeg | None:
+    def pressed(self, outcome: Outcome) -> PressedLeg | None:
         """Return a solve to be looked at; None where its states were not kept."""
         states = self.film.states(self._key(outcome.values)) if self.film is not None else []
         if not states:
@@ -230,7 +231,7 @@ class LegModels:
         shorter = pressed(trimmed, larger)
         return cls(full, rough, shorter, leg, depth, kept, fibres)
 
-    def pressed(self, outcome: ForwardOutcome) -> PressedLeg | None:
+    def pressed(self, outcome: Outcome) -> PressedLeg | None:
         """Return a full solve to be looked at; None where its states were not kept."""
         return self.full.pressed(outcome) if isinstance(self.full, SpatialForward) else None
 
@@ -258,7 +259,7 @@ def _of_fascia(curve: ForceCurve, fascia: NeoHookean, thickness: float, sensitiv
     return replace(curve, sensitivities=by | asked)
 
 
-def _solved(model: SpatialForward, task: tuple[Values, Sequence[str]]) -> ForwardOutcome:
+def _solved(model: SpatialForward, task: tuple[Values, Sequence[str]]) -> Outcome:
     return model.solve_here(*task)
 
 

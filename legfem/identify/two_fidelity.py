@@ -20,13 +20,13 @@ from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.correction.confirmed import confirmed_correction
 from legfem.correction.tabulated import FIRST_RATIO, TabulatedCorrection
 from legfem.identify.applied_correction import CLOSE, Confirmation, SpatialEvidence
-from legfem.identify.catalogue import DEEP_C10, DEEP_C20
 from legfem.identify.identification import Identification
-from legfem.identify.laws import LawName
 from legfem.identify.leg_film import PressedLeg
 from legfem.identify.leg_solver import LegSolver
 from legfem.identify.result import IdentificationResult
 from legfem.identify.spatial import LegModels
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.laws import LawName
 
 MOST_SOLVES = 8
 """In 3D, of all laws together, those that measure the errors among them."""

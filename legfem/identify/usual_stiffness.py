@@ -17,9 +17,9 @@ from scipy.special import ndtri
 from legfem.common.doubts import Doubt
 from legfem.common.units import mpa_to_kpa
 from legfem.data import ranges
-from legfem.identify.catalogue import key_of
-from legfem.inference.parameter import Prior
-from legfem.inference.population import CALF, SHIN, TISSUES, population, population_prior
+from legfem.inverse.catalogue import key_of
+from legfem.inverse.parameter import Prior
+from legfem.inverse.population import CALF, SHIN, TISSUES, population, population_prior
 from legfem.legs.subject import Subject
 
 _OUTSIDE = float(ndtri(0.995))

@@ -11,12 +11,14 @@ from legfem.common.units import mpa_to_kpa
 from legfem.correction.choice import why_uncorrected, why_without_fibres
 from legfem.data import LoadingCurve
 from legfem.identify.applied_correction import AppliedCorrection
-from legfem.identify.catalogue import DEEP_C10, DEEP_C20, key_of
-from legfem.identify.laws import LawName
-from legfem.identify.result import Cost, Estimate, FullSolve
+from legfem.identify.result import Cost
 from legfem.identify.usual_stiffness import doubts_about_stiffness
-from legfem.inference.elastography import elastography_priors
-from legfem.inference.parameter import Prior
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, key_of
+from legfem.inverse.estimates import Estimate
+from legfem.inverse.laws import LawName
+from legfem.inverse.parameter import Prior
+from legfem.inverse.search_log import FullSolve
+from legfem.legs.elastography_priors import elastography_priors
 from legfem.legs.plausibility import doubts_about, poisson_ratio
 from legfem.legs.subject import Subject
 
@@ -42,7 +44,7 @@ class Finding:
     correction: AppliedCorrection | None
     measured: LoadingCurve
     compromise: str
-    """Of the best solve; see `legfem.identify.forward.ForwardOutcome`."""
+    """Of the best solve; see `legfem.inverse.outcome.Outcome`."""
 
 
 def warnings_about(found: Finding) -> tuple[str, ...]:

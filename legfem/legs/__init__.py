@@ -1,1 +1,1 @@
-"""Folders of subjects: their schema, loading them, those that come with legfem."""
+"""A leg as kind of problem: its folder, its model in plane strain and in 3D, its laws, what is known of it."""

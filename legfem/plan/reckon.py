@@ -33,8 +33,8 @@ from legfem.diagnose.nuisances import Accuracy, Nuisances
 from legfem.diagnose.observations import Observations, blank_observations
 from legfem.diagnose.predict import Predictor
 from legfem.diagnose.unknown import unknown_errors
-from legfem.inference.errors import error_model
-from legfem.inference.trial_noise import Noise
+from legfem.inverse.errors import error_model
+from legfem.inverse.trial_noise import Noise
 from legfem.plan.designs import Design, Readings
 
 TOLD_APART = 3.0

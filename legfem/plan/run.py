@@ -18,8 +18,8 @@ from legfem.diagnose.mechanisms.base import prior_of
 from legfem.diagnose.observations import Observations, blank_observations
 from legfem.diagnose.predict import Predictor
 from legfem.diagnose.run import STIFFENING, Diagnoser, accuracy_of, ruled_out_of
-from legfem.inference.errors import error_model
-from legfem.inference.trial_noise import Noise
+from legfem.inverse.errors import error_model
+from legfem.inverse.trial_noise import Noise
 from legfem.legs.subject import Subject
 from legfem.plan.designs import Design, designs
 from legfem.plan.reckon import Candidate, Reckoned, before_any_test, ranked, reckon

@@ -10,9 +10,10 @@ from matplotlib.figure import Figure
 
 from legfem.common.units import FloatArray
 from legfem.data import LoadingCurve
-from legfem.identify.catalogue import symbol_of
-from legfem.identify.laws import LawName
-from legfem.identify.result import Estimate, IdentificationResult
+from legfem.identify.result import IdentificationResult
+from legfem.inverse.catalogue import symbol_of
+from legfem.inverse.estimates import Estimate
+from legfem.inverse.laws import LawName
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES, new_figure, panel, styled, title
 
 

@@ -15,11 +15,10 @@ import numpy as np
 from scipy.stats import chi2
 
 from legfem.common.units import FloatArray
-from legfem.identify.searches import Found
-from legfem.identify.trial import Linearised
-from legfem.inference.domain import Domain
-from legfem.inference.least_squares import with_unit_errors
-from legfem.inference.polish import polished
+from legfem.inverse.least_squares import polished, with_unit_errors
+from legfem.inverse.parameter import Domain
+from legfem.inverse.searches import Found
+from legfem.inverse.trial import Linearised
 from legfem.sites.misfit import SitesMisfit
 from legfem.sites.result import ByItself, Chance
 

@@ -11,13 +11,13 @@ from legfem.common.progress import Progress, Silent
 from legfem.common.units import FloatArray
 from legfem.correction.fibres import FIBRES
 from legfem.correction.tabulated import FIRST_RATIO, TabulatedCorrection
-from legfem.identify.catalogue import DEEP_RATIO, Values
-from legfem.identify.error_sources import OF_MODEL
 from legfem.identify.fibre_ratio import SHAPE_SD_OF_FIBRES
-from legfem.identify.laws import IdentifiedLaw
 from legfem.identify.leg_solver import LegSolver
-from legfem.identify.searches import Found
 from legfem.identify.spatial import LegModels
+from legfem.inverse.catalogue import DEEP_RATIO, Values
+from legfem.inverse.comparison import OF_MODEL
+from legfem.inverse.laws import IdentifiedLaw
+from legfem.inverse.searches import Found
 from legfem.jobs.pool import Workers
 from legfem.legs.elastography import FibreRatio
 from legfem.legs.subject import SitedLeg

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from legfem.identify.catalogue import Values
-from legfem.identify.forward import ForwardOutcome, PreparedModel
+from legfem.inverse.catalogue import Values
+from legfem.inverse.outcome import Forward, Outcome
 from legfem.jobs.pool import Workers
 
 type SiteTask = tuple[int, Values, Sequence[str]]
@@ -15,8 +15,8 @@ type SiteTask = tuple[int, Values, Sequence[str]]
 
 
 @dataclass(eq=False)
-class SitesForward[Model: PreparedModel]:
-    """Sites of the same tissues, a `legfem.identify.forward.ForwardModel`.
+class SitesForward[Model: Forward]:
+    """Sites of the same tissues, a `legfem.inverse.outcome.ForwardModel`.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ class SitesForward[Model: PreparedModel]:
     """
 
     models: tuple[Model, ...]
-    workers: Workers[tuple[Model, ...], SiteTask, ForwardOutcome] | None = None
+    workers: Workers[tuple[Model, ...], SiteTask, Outcome] | None = None
 
     @property
     def nominal(self) -> Values:
@@ -40,21 +40,21 @@ class SitesForward[Model: PreparedModel]:
         for model in self.models:
             model.prepare()
 
-    def solve(self, values: Values, sensitivities: Sequence[str]) -> ForwardOutcome:
+    def solve(self, values: Values, sensitivities: Sequence[str]) -> Outcome:
         """Solve every site in full."""
         tasks = [(number, values, sensitivities) for number in range(len(self.models))]
         if self.workers is None:
             every = [solve_site(self.models, task) for task in tasks]
         else:
             every = list(self.workers.in_order(tasks))
-        return ForwardOutcome.joined(values, every)
+        return Outcome.joined(values, every)
 
     def fingerprint(self) -> Mapping[str, Any]:
         """Return what the sites' solves depend on."""
         return {"model": "sites", "sites": [model.fingerprint() for model in self.models]}
 
 
-def solve_site[Model: PreparedModel](models: Sequence[Model], task: SiteTask) -> ForwardOutcome:
+def solve_site[Model: Forward](models: Sequence[Model], task: SiteTask) -> Outcome:
     """Solve one of several sites in full."""
     number, values, sensitivities = task
     return models[number].solve(values, sensitivities)

@@ -15,20 +15,20 @@ from legfem.common.units import FloatArray
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.data import LoadingCurve
 from legfem.identify.assess import applied_correction, assumed_stiffness, held_values, versions
-from legfem.identify.catalogue import Values
-from legfem.identify.error_sources import Covariances, ErrorSource, total_of
-from legfem.identify.estimates import Optimum, correlations_of, estimates
-from legfem.identify.forward import PlaneStrainForward
 from legfem.identify.identification import measured_curve
-from legfem.identify.laws import IdentifiedLaw, LawName
 from legfem.identify.misfit import Misfit
-from legfem.identify.reading import INSTRUMENT
-from legfem.identify.request import SearchRequest
 from legfem.identify.run import laws_of
-from legfem.identify.searches import Found, Searches
 from legfem.identify.warnings import LEAST_CHANCE
-from legfem.inference.constants import quantile
-from legfem.inference.parameter import Parameter
+from legfem.inverse.catalogue import Values
+from legfem.inverse.comparison import Covariances, ErrorSource, total_of
+from legfem.inverse.estimates import Optimum, correlations_of, estimates
+from legfem.inverse.instrument import INSTRUMENT
+from legfem.inverse.intervals import quantile
+from legfem.inverse.laws import IdentifiedLaw, LawName
+from legfem.inverse.parameter import Parameter
+from legfem.inverse.searches import Found, Searches
+from legfem.inverse.settings import SearchRequest
+from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.subject import SitedLeg
 from legfem.sites.by_itself import Apart
 from legfem.sites.forward import SitesForward

@@ -14,14 +14,13 @@ from legfem.common.errors import InputError
 from legfem.correction.choice import AUTO, NONE, choose_correction
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.experiments.plane_strain import PlaneStrainSettings
-from legfem.identify.catalogue import DEEP_RATIO
 from legfem.identify.fibre_ratio import check_in_plane
-from legfem.identify.forward import values_of
-from legfem.identify.laws import LawName
-from legfem.identify.request import SearchRequest
-from legfem.identify.settings import IdentificationSettings
 from legfem.identify.spatial import check_has_ends, start_of_ratio
+from legfem.inverse.catalogue import DEEP_RATIO
+from legfem.inverse.laws import LawName
+from legfem.inverse.settings import IdentificationSettings, SearchRequest
 from legfem.legs.experiments import tissues_of
+from legfem.legs.forward import values_of
 from legfem.legs.subject import SitedLeg, Subject
 from legfem.sites.identification import identify_sites, sites_model
 from legfem.sites.result import SitesResult

@@ -12,10 +12,11 @@ from scipy.linalg import block_diag
 
 from legfem.common.units import FloatArray
 from legfem.data import LoadingCurve
-from legfem.identify.error_sources import Covariances, covariances_of_modes, total_of
-from legfem.identify.forward import ForwardOutcome
-from legfem.identify.misfit import Compared, Misfit, Prediction
-from legfem.identify.reading import GAIN, OFFSET, ZERO
+from legfem.identify.error_sources import covariances_of_modes
+from legfem.identify.misfit import Misfit
+from legfem.inverse.comparison import Comparison, Covariances, Prediction, total_of
+from legfem.inverse.instrument import GAIN, OFFSET, ZERO
+from legfem.inverse.outcome import Outcome
 
 
 def with_own_errors(curve: LoadingCurve, sds: Mapping[str, float]) -> LoadingCurve:
@@ -39,7 +40,7 @@ def with_own_errors(curve: LoadingCurve, sds: Mapping[str, float]) -> LoadingCur
 
 
 @dataclass(frozen=True, eq=False)
-class SitesMisfit(Compared):
+class SitesMisfit(Comparison):
     """How far forces are from the measured curves of several sites.
 
     A site's errors are its own, but for the correction for the cylinder's ends: what is wrong with
@@ -91,11 +92,11 @@ class SitesMisfit(Compared):
         """Every site is weighed by its errors."""
         return True
 
-    def reached_by(self, outcome: ForwardOutcome) -> bool:
+    def reached_by(self, outcome: Outcome) -> bool:
         """Return whether every site came to its depth."""
         return all(part.reached_by(_of_site(outcome, k)) for k, part in enumerate(self.parts))
 
-    def predict(self, outcome: ForwardOutcome, readings: FloatArray) -> Prediction:
+    def predict(self, outcome: Outcome, readings: FloatArray) -> Prediction:
         """Return complete full solves as they are read."""
         every = [part.predict(_of_site(outcome, k), readings) for k, part in enumerate(self.parts)]
         force = np.concatenate([one.force for one in every])
@@ -138,5 +139,5 @@ class SitesMisfit(Compared):
         }
 
 
-def _of_site(outcome: ForwardOutcome, number: int) -> ForwardOutcome:
+def _of_site(outcome: Outcome, number: int) -> Outcome:
     return replace(outcome, curves=(outcome.curves[number],))

@@ -11,8 +11,8 @@ from legfem.common.doubts import Doubt
 from legfem.common.units import FloatArray
 from legfem.data import LoadingCurve
 from legfem.identify.applied_correction import AppliedCorrection
-from legfem.identify.catalogue import Values
 from legfem.identify.result import IdentifiedParameters
+from legfem.inverse.catalogue import Values
 from legfem.legs.subject import SitedLeg, Subject
 
 
@@ -121,7 +121,7 @@ class SitesResult(IdentifiedParameters):
     """Whether the reduced polynomial's optimum is its neo-Hookean limit."""
     failed_solves: int
     compromise: str
-    """Of the best solve; see `legfem.identify.forward.ForwardOutcome`."""
+    """Of the best solve; see `legfem.inverse.outcome.Outcome`."""
     doubts: tuple[Doubt, ...] = field(default=())
     spatial: SpatialSites | None = None
     """Of a leg that was solved in 3D."""

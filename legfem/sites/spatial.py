@@ -1,7 +1,7 @@
 r"""Identification of a leg in 3D from one or several of its sites, each as it was pressed.
 
 The search goes on full solves of every site in 3D with their exact derivatives: an emulator that is
-drawn through them leads from one to the next (`legfem.identify.search`), some four to eight
+drawn through them leads from one to the next (`legfem.inverse.search`), some four to eight
 of them. Once, near the optimum, every site is solved by larger elements and of a shorter leg; what
 that changes is an error that the weights and the intervals carry, the mesh's of each site by itself
 and the length's alike at all.
@@ -24,14 +24,14 @@ from mpi4py import MPI
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.data import LoadingCurve
 from legfem.experiments.leg_3d import SolidLegSettings
-from legfem.identify.catalogue import DEEP_RATIO, Values
-from legfem.identify.forward import ForwardModel, ForwardOutcome
-from legfem.identify.laws import LawName
 from legfem.identify.misfit import Misfit
-from legfem.identify.request import SearchRequest
 from legfem.identify.run import laws_of
-from legfem.identify.searches import Searches
 from legfem.identify.spatial import SOLVES, LegModels, SpatialForward
+from legfem.inverse.catalogue import DEEP_RATIO, Values
+from legfem.inverse.laws import LawName
+from legfem.inverse.outcome import ForwardModel, Outcome
+from legfem.inverse.searches import Searches
+from legfem.inverse.settings import SearchRequest
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.legs.subject import SitedLeg, Subject
@@ -60,7 +60,7 @@ class KeptForward:
     """
 
     model: ForwardModel
-    store: Store[ForwardOutcome] | None
+    store: Store[Outcome] | None
 
     @property
     def nominal(self) -> Values:
@@ -72,10 +72,10 @@ class KeptForward:
         if isinstance(self.model, SpatialForward):
             self.model.prepare()
 
-    def solve(self, values: Values, sensitivities: Sequence[str]) -> ForwardOutcome:
+    def solve(self, values: Values, sensitivities: Sequence[str]) -> Outcome:
         """Solve in full, or return what was kept."""
 
-        def made() -> ForwardOutcome:
+        def made() -> Outcome:
             return self.model.solve(values, sensitivities)
 
         if self.store is None:
@@ -181,5 +181,5 @@ def _kept(models: LegModels) -> KeptForward:
     model = models.full
     store = None
     if models.kept is not None:
-        store = Store(models.kept, ForwardOutcome, model.fingerprint())
+        store = Store(models.kept, Outcome, model.fingerprint())
     return KeptForward(model, store)

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from legfem.common.doubts import Doubt
-from legfem.identify.catalogue import DEEP_RATIO, key_of
 from legfem.identify.usual_stiffness import doubts_about_stiffness
 from legfem.identify.warnings import (
     LEAST_CHANCE,
@@ -18,6 +17,7 @@ from legfem.identify.warnings import (
     of_elastography,
     of_ends,
 )
+from legfem.inverse.catalogue import DEEP_RATIO, key_of
 from legfem.legs.plausibility import doubts_about
 from legfem.sites.result import SiteFit, SitesResult, SpatialSites
 

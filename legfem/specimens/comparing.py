@@ -9,8 +9,8 @@ import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.identify.catalogue import is_ratio
 from legfem.identify.fibre_ratio import SHAPE_SD_OF_FIBRES
+from legfem.inverse.catalogue import is_ratio
 from legfem.specimens.contacts import Onset
 from legfem.specimens.fibre_directions import WORDS
 from legfem.specimens.folder import FILE, SpecimenFolder

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 from legfem.common.errors import InputError
-from legfem.identify.search import Search
-from legfem.identify.side_by_side import run_together
+from legfem.inverse.search import Search
+from legfem.inverse.searches import run_together
 from legfem.specimens.comparing import misfit_of
 from legfem.specimens.contacts import SETTLED, expected_place, known
 from legfem.specimens.folder import SpecimenFolder

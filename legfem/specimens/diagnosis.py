@@ -21,7 +21,7 @@ from legfem.diagnose.nuisances import Accuracy
 from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.run import STIFFENING
 from legfem.diagnose.solved import PLAIN, SolvedResponses
-from legfem.identify.catalogue import RATIO
+from legfem.inverse.catalogue import RATIO
 from legfem.jobs.fingerprint import code_fingerprint
 from legfem.specimens.course import calmed
 from legfem.specimens.folder import FILE, SpecimenFolder, stiffness_doubts

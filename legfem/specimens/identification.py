@@ -13,17 +13,15 @@ from scipy.stats import chi2
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, Silent
 from legfem.identify.assess import versions
-from legfem.identify.error_sources import total_of
-from legfem.identify.estimates import Optimum, correlations_of, estimates
-from legfem.identify.forward import ForwardOutcome
-from legfem.identify.laws import LawName, model_values
-from legfem.identify.reading import READINGS
-from legfem.identify.result import Estimate
-from legfem.identify.search import Search
-from legfem.identify.settings import IdentificationSettings
-from legfem.identify.solver import FullSolver
 from legfem.identify.warnings import LEAST_CHANCE, of_compromise
-from legfem.inference.constants import quantile
+from legfem.inverse.comparison import total_of
+from legfem.inverse.estimates import Estimate, Optimum, correlations_of, estimates
+from legfem.inverse.instrument import READINGS
+from legfem.inverse.intervals import quantile
+from legfem.inverse.laws import LawName, model_values
+from legfem.inverse.outcome import FullSolver, Outcome
+from legfem.inverse.search import Search
+from legfem.inverse.settings import IdentificationSettings
 from legfem.jobs.store import Store
 from legfem.specimens.comparing import check_strained, misfit_of, seeks_ratio, untold
 from legfem.specimens.contact_search import where_it_seems, with_contacts
@@ -117,7 +115,7 @@ def _identify(
     seeks = seeks_ratio(free.names)
     why = untold(folder, fitted) if seeks else ""
     misfit = misfit_of(fitted, model, folder, seeks)
-    store = None if out is None else Store(out / "solves", ForwardOutcome, model.fingerprint())
+    store = None if out is None else Store(out / "solves", Outcome, model.fingerprint())
     sensitivities = tuple(free.names[k] for k in free.of_model)
     progress.stage(f"identifying the {name} law")
     with FullSolver(model, store, jobs, progress, sensitivities) as solver:

@@ -9,11 +9,10 @@ from itertools import pairwise
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.identify.error_sources import Covariances, total_of
-from legfem.identify.forward import ForwardOutcome
-from legfem.identify.misfit import Compared, Prediction
-from legfem.identify.reading import INSTRUMENT, READINGS, Reading
-from legfem.inference.errors import COMMON_GAIN_SD, numerical_covariance
+from legfem.inverse.comparison import Comparison, Covariances, Prediction, total_of
+from legfem.inverse.errors import COMMON_GAIN_SD, numerical_covariance
+from legfem.inverse.instrument import INSTRUMENT, READINGS, Reading
+from legfem.inverse.outcome import Outcome
 from legfem.specimens.contacts import Onset, power_of
 from legfem.specimens.course import SLOW_SHARE, STATIONS, Course
 from legfem.specimens.own_stiffness import OwnStiffness
@@ -51,7 +50,7 @@ class Part:
 
 
 @dataclass(frozen=True, eq=False)
-class SpecimenMisfit(Compared):
+class SpecimenMisfit(Comparison):
     """How far forces are from recordings.
 
     Parameters
@@ -93,7 +92,7 @@ class SpecimenMisfit(Compared):
         """The tests' depths."""
         return ", ".join(f"{depth:.3g}" for depth in self.depths) + " mm"
 
-    def reached_by(self, outcome: ForwardOutcome) -> bool:
+    def reached_by(self, outcome: Outcome) -> bool:
         """Return whether every test came to its depth."""
         return all(curve.depth >= depth - 1e-9 for curve, depth in zip(outcome.curves, self.depths, strict=True))
 
@@ -181,7 +180,7 @@ class SpecimenMisfit(Compared):
         together = np.concatenate([np.broadcast_to(f, (*shape, f.shape[-1])) for f in found], -1)
         return np.asarray(gain[..., None] * together)
 
-    def predict(self, outcome: ForwardOutcome, readings: FloatArray) -> Prediction:
+    def predict(self, outcome: Outcome, readings: FloatArray) -> Prediction:
         """Return complete full solves as they are read."""
         pairs = list(zip(outcome.curves, self.grids, strict=True))
         force = np.concatenate([curve(grid) for curve, grid in pairs])

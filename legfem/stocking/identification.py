@@ -16,8 +16,8 @@ import numpy as np
 from scipy.optimize import minimize
 
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
-from legfem.inference.constants import quantile
-from legfem.inference.least_squares import Priors
+from legfem.inverse.intervals import quantile
+from legfem.inverse.parameter import Priors
 from legfem.stocking.leg_model import PARAMETERS
 from legfem.stocking.misfit import ContourMisfit
 from legfem.stocking.nuisance import RIGID

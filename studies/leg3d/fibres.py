@@ -16,10 +16,10 @@ from legfem.common.markdown import markdown_table
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import mpa_to_kpa
 from legfem.experiments.leg_3d import SolidLegSettings
-from legfem.identify.catalogue import DEEP_C10, DEEP_RATIO, parameter_of
-from legfem.identify.request import SearchRequest
-from legfem.identify.result import Estimate
 from legfem.identify.spatial import start_of_ratio
+from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, parameter_of
+from legfem.inverse.estimates import Estimate
+from legfem.inverse.settings import SearchRequest
 from legfem.jobs.store import Store
 from legfem.legs.loading import load_sites
 from legfem.meshing.solid_leg import SolidMeshSettings

@@ -15,13 +15,12 @@ from scipy.stats import binomtest, qmc
 from legfem.common.errors import UnsolvedError
 from legfem.common.units import kpa_to_mpa
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.identify.forward import PlaneStrainForward
 from legfem.identify.identification import measured_curve
-from legfem.identify.request import SearchRequest
 from legfem.identify.result import IdentificationResult
 from legfem.identify.run import identify_subject
-from legfem.identify.settings import IdentificationSettings
+from legfem.inverse.settings import IdentificationSettings, SearchRequest
 from legfem.legs.experiments import plane_strain_test
+from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import Subject

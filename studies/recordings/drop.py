@@ -13,7 +13,7 @@ from legfem.data.smoothing import sample_noise
 from legfem.diagnose.mechanisms import Mechanism, Values
 from legfem.diagnose.mechanisms.base import strength
 from legfem.diagnose.observations import Observations
-from legfem.inference.parameter import Parameter
+from legfem.inverse.parameter import Parameter
 
 _LEAST_SHARE = 0.05
 """Of the peak force: less isn't called a drop."""

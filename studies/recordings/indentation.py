@@ -25,8 +25,8 @@ from legfem.diagnose.mechanisms.viscoelasticity import Viscoelasticity
 from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.predict import Predictor
 from legfem.diagnose.unknown import unknown_errors, with_unknown
-from legfem.inference.errors import error_model
-from legfem.inference.trial_noise import estimate_noise
+from legfem.inverse.errors import error_model
+from legfem.inverse.trial_noise import estimate_noise
 from legfem.specimens.rig import RigCompliance
 from studies.recordings.curves import DEEPEST, LayerCurves
 from studies.recordings.data import MeatTest

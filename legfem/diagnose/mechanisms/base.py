@@ -16,7 +16,7 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.diagnose.observations import Observations
-from legfem.inference.parameter import Parameter, Prior
+from legfem.inverse.parameter import Parameter, Prior
 
 if TYPE_CHECKING:
     from legfem.experiments.tissues import Tissues

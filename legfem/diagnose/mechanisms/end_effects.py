@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from legfem.diagnose.mechanisms.base import TissueMechanism, Values, strength
 from legfem.diagnose.observations import Observations
-from legfem.inference.parameter import Parameter, Prior
+from legfem.inverse.parameter import Parameter, Prior
 
 
 def _error(name: str, statement: str) -> Parameter:

@@ -12,7 +12,7 @@ from legfem.common.units import FloatArray
 from legfem.correction.fibres import read_fibres
 from legfem.diagnose.mechanisms.base import Mechanism, Values, factor, null_of
 from legfem.diagnose.observations import Observations
-from legfem.inference.parameter import Parameter, Prior
+from legfem.inverse.parameter import Parameter, Prior
 from legfem.legs.elastography import HIGHEST_RATIO
 
 

@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from legfem.common.doubts import doubt_lines
 from legfem.common.units import FloatArray
 from legfem.data import LoadingCurve
-from legfem.identify.catalogue import DEEP_C10
-from legfem.identify.laws import LawName
 from legfem.identify.result import IdentificationResult
+from legfem.inverse.catalogue import DEEP_C10
+from legfem.inverse.laws import LawName
 from legfem.legs.subject import Subject
 from legfem.report.law_comparison import comparison, fits, preferred
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES

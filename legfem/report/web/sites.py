@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from legfem.common.doubts import doubt_lines
 from legfem.common.units import readable_unit
-from legfem.identify.catalogue import DEEP_C10, symbol_of, unit_of
 from legfem.identify.warnings import LEAST_CHANCE
+from legfem.inverse.catalogue import DEEP_C10, symbol_of, unit_of
 from legfem.legs.subject import SitedLeg
 from legfem.report.style import LAW_NAMES
 from legfem.report.web import estimates

@@ -14,11 +14,11 @@ from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.correction.choice import correction_of
 from legfem.correction.tabulated import DEFINITION, TabulatedCorrection
-from legfem.identify.catalogue import DEEP_C10, DEEP_C20
-from legfem.identify.forward import PlaneStrainForward
 from legfem.identify.leg_solver import LegSolver, SolvedLeg
-from legfem.identify.search import SearchError
 from legfem.identify.spatial import SOLVES, LegModels
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.search import SearchError
+from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.loading import load_subject
 from legfem.legs.subject import Subject
 from legfem.report.plain import table
