@@ -26,9 +26,10 @@ from legfem.diagnose.library_build import build_library, shown_mechanisms
 from legfem.diagnose.run import STIFFENING, Diagnoser
 from legfem.diagnose.variants import Variants
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.legs.loading import load_subject
+from legfem.legs.schema import SUBJECTS
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.solve.report import SolveReport
-from legfem.subjects.loading import SUBJECTS, load_subject
 from studies.reconstruct import read_definition, test_of
 
 SUBJECT = "3"

@@ -7,11 +7,11 @@ import math
 import numpy as np
 from making import press
 
+from legfem.data import Instrument, LoadingCurve, mean_loading_curve
 from legfem.identify.result import Cost, IdentificationResult, PredictedCurve
 from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.search_log import CostMap, FullSolve, Generation, SearchLog
-from legfem.recording import Instrument, LoadingCurve, mean_loading_curve
 
 INSTRUMENT = Instrument(force_sd=0.04, displacement_sd=0.02)
 NAMES = ("deep.C10", "deep.C20")

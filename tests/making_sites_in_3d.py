@@ -17,6 +17,13 @@ from legfem.legs.model_3d import LegModels
 from legfem.recording import Recording
 from legfem.subjects.spatial import spatial_leg
 from legfem.subjects.subject import SitedLeg
+from legfem.data import Recording
+from legfem.identify.fibre_ratio import at_ratios, moduli_needed
+from legfem.identify.spatial import LegModels
+from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO
+from legfem.inverse.outcome import Outcome
+from legfem.legs.placement import spatial_leg
+from legfem.legs.subject import SitedLeg
 
 RISES = {"along": 0.06, "across": 0.12}
 """Of the force a unit of the fibres' ratio, by how the cylinder lies."""

@@ -26,9 +26,9 @@ import typer
 HERE = Path(__file__).resolve().parent
 CROSSCHECK = HERE / "data" / "crosscheck"
 OLD_NAMES = {
-    "legfem.subjects.loading": "legfem.subjects.subject",
+    "legfem.legs.loading": "legfem.legs.subject",
     "legfem.stocking.loading": "legfem.stocking.leg",
-    "legfem.subjects.subject": "legfem.subject",
+    "legfem.legs.subject": "legfem.subject",
     "legfem.correction.choice": "legfem.identify.correction",
     "legfem.correction.tabulated": "legfem.correction",
     "legfem.study.correction.cases": "legfem.study.correction_cases",
@@ -58,18 +58,18 @@ def module(name: str) -> Any:
 
 def own_subject(number: str) -> Any:
     """Load one of the four subjects."""
-    subjects = module("legfem.subjects.loading")
+    subjects = module("legfem.legs.loading")
     return subjects.load_subject(subjects.SUBJECTS.find(number))
 
 
 def forces() -> Entries:
     """F(d) with given stiffness (N), and its derivatives by two parameters (N/MPa)."""
-    test_of = module("legfem.experiments.plane_strain").PlaneStrainIndentation.of_subject
+    test_of = module("legfem.legs.experiments").plane_strain_test
     cases = {
         f"subject {number}": (own_subject(number), {"deep.C10": 1e-3 * c10, "deep.C20": 1e-3 * c20}, 30.0)
         for number, (c10, c20) in PAPER.items()
     }
-    load = module("legfem.subjects.loading").load_subject
+    load = module("legfem.legs.loading").load_subject
     for name, values in OTHER_CODE.items():
         cases[f"crosscheck {name}"] = load(CROSSCHECK / name), values, 20.0
     found: Entries = {}

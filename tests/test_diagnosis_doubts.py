@@ -12,7 +12,7 @@ from making_diagnosis import INSTRUMENT, noisy, observations, ramps
 
 from legfem.diagnose.doubts import doubts_of
 from legfem.inverse.trial_noise import estimate_noise
-from legfem.subjects.loading import load_subject
+from legfem.legs.loading import load_subject
 
 
 @pytest.fixture(scope="module")

@@ -19,11 +19,11 @@ from legfem.diagnose.nuisances import DRAWN
 from legfem.diagnose.run import accuracy_of
 from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.parameter import Prior
+from legfem.legs.elastography import FibreRatio, ShearModulus
 from legfem.legs.elastography_priors import elastography_priors
+from legfem.legs.loading import load_subject
+from legfem.legs.plausibility import doubts_about
 from legfem.report.web.diagnosis import waves_say
-from legfem.subjects.elastography import FibreRatio, ShearModulus
-from legfem.subjects.loading import load_subject
-from legfem.subjects.plausibility import doubts_about
 
 ACROSS = '[[elastography]]\ntissue = "deep"\nplane = "across"\nshear_modulus_kPa = {}\nsd_kPa = {}\n'
 ALONG = ACROSS.replace('"across"', '"along"')

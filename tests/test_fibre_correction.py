@@ -17,11 +17,12 @@ from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.mechanisms import mechanism_named
 from legfem.identify.document import result_document
 from legfem.legs.solver_3d import fibre_errors
+from legfem.identify.leg_solver import fibre_errors
+from legfem.legs.elastography import FibreRatio
+from legfem.legs.loading import load_subject
 from legfem.report.plain import plain_page
 from legfem.report.web.identification import identification_page
 from legfem.solve.force_curve import ForceCurve
-from legfem.subjects.elastography import FibreRatio
-from legfem.subjects.loading import load_subject
 
 GRID = np.linspace(0.0, 25.0, 26)
 NOTHING = np.asarray(1.0), np.asarray(0.0)

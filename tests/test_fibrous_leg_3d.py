@@ -18,6 +18,9 @@ from legfem.legs.model_3d import LegModels
 from legfem.legs.solver_3d import fibre_errors
 from legfem.subjects.elastography import FibreRatio
 from legfem.subjects.loading import load_subject
+from legfem.legs.elastography import FibreRatio
+from legfem.legs.loading import load_subject
+from legfem.sites.forward import SitesForward, solve_site
 
 pytestmark = pytest.mark.slow
 DEPTH, C10, RATIO = 5.0, {"deep.C10": 1.2e-3}, 2.5

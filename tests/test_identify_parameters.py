@@ -17,6 +17,8 @@ from typer.testing import CliRunner
 
 from legfem.commands.identify import app
 from legfem.common.errors import InputError
+from legfem.data import Recording
+from legfem.data.ranges import C10 as PLAUSIBLE
 from legfem.identify.document import result_document
 from legfem.inverse import minimiser
 from legfem.inverse.catalogue import parameter_of, stiffness_in_words
@@ -24,11 +26,9 @@ from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.parse_parameters import Written, read_prior, read_value
 from legfem.inverse.population import CALF, population
 from legfem.inverse.settings import IdentificationSettings
-from legfem.recording import Recording
 from legfem.report.fit_figure import fit_figure
 from legfem.report.plain import plain_page
 from legfem.report.web.identification import identification_page
-from legfem.subjects.ranges import C10 as PLAUSIBLE
 
 NOMINAL = AnalyticLeg().nominal
 POLYNOMIAL = ("reduced-polynomial",)

@@ -15,8 +15,9 @@ from legfem.correction.choice import choose_correction, correction_of, why_uncor
 from legfem.correction.leg_sizes import LegCorrections, read_leg_corrections
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.geometry.section import depth_to_bone
-from legfem.subjects.loading import SUBJECTS, load_subject
-from legfem.subjects.subject import Subject
+from legfem.legs.loading import load_subject
+from legfem.legs.schema import SUBJECTS
+from legfem.legs.subject import Subject
 
 GRID = np.linspace(0, 25, 51)
 BASE = TabulatedCorrection(

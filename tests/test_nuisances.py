@@ -28,8 +28,9 @@ from legfem.diagnose.nuisances import (
     variance_degrees,
 )
 from legfem.diagnose.run import accuracy_of
-from legfem.subjects.loading import SUBJECTS, load_subject
-from legfem.subjects.subject import LegAccuracy
+from legfem.legs.loading import load_subject
+from legfem.legs.schema import SUBJECTS
+from legfem.legs.subject import LegAccuracy
 
 
 @pytest.fixture(scope="module")

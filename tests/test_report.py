@@ -16,6 +16,12 @@ from scipy.stats import chi2
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.legs.details import AppliedCorrection
 from legfem.legs.notices import of_ends
+from legfem.experiments.plane_strain import PlaneStrainSettings
+from legfem.identify.applied_correction import AppliedCorrection
+from legfem.identify.warnings import Finding, warnings_about
+from legfem.legs.elastography import FibreRatio
+from legfem.legs.experiments import plane_strain_test
+from legfem.legs.loading import load_subject
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report.cost_figure import confidence_ellipse, cost_figure, linear_cost
 from legfem.report.fit_figure import fit_figure
@@ -25,8 +31,6 @@ from legfem.report.plain import brief, plain_page
 from legfem.report.style import save
 from legfem.report.web.identification import identification_page
 from legfem.report.words import number
-from legfem.subjects.elastography import FibreRatio
-from legfem.subjects.loading import load_subject
 
 
 @pytest.fixture(scope="module")
@@ -168,7 +172,7 @@ def test_report_folder_is_complete_and_can_be_written_again(tmp_path):
     measured = measured_curve(depth=4.0)
     results = [result("neo-hookean", measured), result("reduced-polynomial", measured)]
     coarse = PlaneStrainSettings(mesh=SectionMeshSettings(contact_size=3.0, far_size=12.0))
-    experiment = PlaneStrainIndentation.of_subject(subject, coarse)
+    experiment = plane_strain_test(subject, coarse)
     out = tmp_path / "out"
     for solved in (experiment, None):
         report = write_identification_report(results, subject, solved, out)

@@ -23,6 +23,10 @@ from legfem.legs.site_test import measured_curve
 from legfem.report.sites import write_sites_report
 from legfem.sites.identification import identify_sites
 from legfem.subjects.loading import load_sites, load_subject
+from legfem.legs.loading import load_sites, load_subject
+from legfem.report.sites import write_sites_report
+from legfem.sites.identification import identify_sites
+from legfem.sites.result import Chance
 
 NEO_HOOKEAN = ("neo-hookean",)
 C10 = "deep.C10"

@@ -27,6 +27,14 @@ from legfem.report.web.sites import sites_web_page
 from legfem.sites.identification import identify_in_3d
 from legfem.subjects.elastography import FibreRatio
 from legfem.subjects.subject import SitedLeg
+from legfem.legs.elastography import FibreRatio
+from legfem.legs.subject import SitedLeg
+from legfem.report.sites_numbers import sites_document
+from legfem.report.web.page import rendered
+from legfem.report.web.sites import sites_web_page
+from legfem.sites import spatial
+from legfem.sites.spatial import identify_in_3d
+from legfem.sites.ways_of_pressing import ways_of_pressing
 
 NEO_HOOKEAN = ("neo-hookean",)
 

@@ -16,6 +16,8 @@ from mpi4py import MPI
 from legfem.common.errors import InputError
 from legfem.correction.confirmed import confirmed_correction
 from legfem.correction.tabulated import TabulatedCorrection
+from legfem.data import Instrument, Recording
+from legfem.identify.applied_correction import CLOSE
 from legfem.identify.document import result_document
 from legfem.identify.result import identification_result
 from legfem.inverse.outcome import JointForward, Outcome
@@ -27,12 +29,13 @@ from legfem.legs.model_3d import LegModels, SpatialForward, check_has_ends
 from legfem.legs.problem import leg_problem
 from legfem.legs.two_fidelity import MOST_SOLVES
 from legfem.recording import Instrument, Recording
+from legfem.inverse.settings import IdentificationSettings, sensitivities_of
+from legfem.legs.elastography import FibreRatio
+from legfem.legs.loading import load_subject
+from legfem.legs.placement import spatial_leg
+from legfem.legs.subject import Subject
 from legfem.report.plain import plain_page
 from legfem.report.web.identification import identification_page
-from legfem.subjects.elastography import FibreRatio
-from legfem.subjects.loading import load_subject
-from legfem.subjects.spatial import spatial_leg
-from legfem.subjects.subject import Subject
 
 GRID = np.linspace(0.0, DEPTH, 41)
 

@@ -29,7 +29,7 @@ from legfem.imaging.volume_file import read_volume
 from legfem.stocking.loading import LEGS
 from legfem.stocking.leg_file import parse_leg_file
 from legfem.study.doe.definition import IDENTIFIED, PAPER, read_definition
-from legfem.subjects.loading import SUBJECTS, load_subject
+from legfem.legs.loading import SUBJECTS, load_subject
 
 installed = Path(legfem.__file__).resolve()
 assert installed.is_relative_to(Path(sys.prefix).resolve()), installed

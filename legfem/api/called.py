@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 from legfem.inverse.laws import LawName
-from legfem.subjects.subject import Subject
+from legfem.legs.subject import Subject
 
 if TYPE_CHECKING:
     from legfem.experiments.leg_3d import SolidLegSettings

@@ -14,7 +14,7 @@ from legfem.api.loading import Given, one_of
 from legfem.api.wording import in_calls_words
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
-from legfem.subjects.subject import SitedLeg, Subject
+from legfem.legs.subject import SitedLeg, Subject
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -15,8 +15,8 @@ from legfem.api.loading import Given, opened
 from legfem.api.wording import in_calls_words
 from legfem.common.errors import InputError
 from legfem.inverse.laws import LawName
-from legfem.subjects.loading import SUBJECTS
-from legfem.subjects.subject import SitedLeg, Subject
+from legfem.legs.schema import SUBJECTS
+from legfem.legs.subject import SitedLeg, Subject
 
 if TYPE_CHECKING:
     from legfem.api.called import Mesh

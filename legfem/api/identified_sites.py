@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
     from legfem.api.called import Mesh
     from legfem.experiments.leg_3d import SolidLegSettings
+    from legfem.legs.subject import SitedLeg
     from legfem.report.web.page import WebPage
     from legfem.sites.result import SitesResult
-    from legfem.subjects.subject import SitedLeg
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from legfem.common.doubts import say
 from legfem.common.progress import progress_on
 from legfem.inverse.parse_parameters import Written
 from legfem.inverse.settings import IdentificationSettings
-from legfem.subjects.subject import SitedLeg
+from legfem.legs.subject import SitedLeg
 
 
 def run_joint(
@@ -36,12 +36,15 @@ def run_joint(
     from legfem.inverse.settings import SearchRequest
     from legfem.legs.identification import check_joint, nominal_of
     from legfem.legs.problem import split_instrument
+    from legfem.legs.plausibility import doubts_about
     from legfem.report.plain import brief
     from legfem.report.sites import write_sites_report
     from legfem.report.web.page import command_line
     from legfem.report.web.sites import sites_web_page
     from legfem.sites.identification import identify_together
     from legfem.subjects.plausibility import doubts_about
+    from legfem.sites.identification import asked_of
+    from legfem.sites.joint import check_joint, identify_leg, nominal_of
 
     check_joint(leg, settings, correction, in_3d)
     for site in leg.sites:

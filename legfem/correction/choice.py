@@ -13,9 +13,9 @@ from legfem.common.units import FloatArray
 from legfem.correction.fibres import read_fibres, with_fibres
 from legfem.correction.leg_sizes import read_leg_corrections
 from legfem.correction.tabulated import TabulatedCorrection, read_correction
+from legfem.data.folder import RESOURCES
 from legfem.geometry.section import depth_to_bone, girth
-from legfem.subjects.catalogue import RESOURCES
-from legfem.subjects.subject import Subject
+from legfem.legs.subject import Subject
 
 STUDY = RESOURCES / "frauziols"
 REFERENCE, LEGS = STUDY / "correction.json", STUDY / "correction-legs.json"

@@ -24,8 +24,8 @@ from scipy.interpolate import PchipInterpolator
 from legfem.common.documents import write_document
 from legfem.common.units import FloatArray
 from legfem.correction.tabulated import TabulatedCorrection
-from legfem.subjects.catalogue import RESOURCES
-from legfem.subjects.elastography import FibreRatio
+from legfem.data.folder import RESOURCES
+from legfem.legs.elastography import FibreRatio
 
 FIBRES = "fibres: "
 """What names of a correction's modes begin with that fibres add."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from legfem.common.progress import Progress
 from legfem.correction.tabulated import TabulatedCorrection
+from legfem.data import Instrument
 from legfem.diagnose.about_solutions import base_about_solution, refitted_about_solutions
 from legfem.diagnose.averaged import averaged_interval
 from legfem.diagnose.explain import explain
@@ -31,7 +32,6 @@ from legfem.diagnose.score import Assessment, assess
 from legfem.diagnose.solved import SolvedResponses
 from legfem.inverse.errors import ErrorModel, error_model
 from legfem.inverse.trial_noise import Noise, estimate_noise
-from legfem.recording import Instrument
 
 Verdict = Literal["consistent", "named", "ambiguous", "unexplained"]
 SOUND = 0.5

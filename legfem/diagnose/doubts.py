@@ -11,6 +11,9 @@ from legfem.diagnose.diagnosis import Diagnosis
 from legfem.legs.usual_stiffness import doubts_about_stiffness
 from legfem.subjects.plausibility import doubts_about
 from legfem.subjects.subject import Subject
+from legfem.identify.usual_stiffness import doubts_about_stiffness
+from legfem.legs.plausibility import doubts_about
+from legfem.legs.subject import Subject
 
 
 def doubts_of(found: Diagnosis, subject: object) -> tuple[Doubt, ...]:

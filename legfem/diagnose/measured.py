@@ -15,7 +15,7 @@ from legfem.common.errors import InputError
 from legfem.diagnose.mechanisms import Mechanism, TissueMechanism, mechanisms
 from legfem.diagnose.mechanisms.base import null_of, prior_of, value_at
 from legfem.diagnose.nuisances import Accuracy
-from legfem.subjects.subject import MeasuredEffect
+from legfem.legs.subject import MeasuredEffect
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from legfem.diagnose.observations import Observations
 from legfem.inverse.errors import ErrorModel
 from legfem.inverse.intervals import effective_degrees
 from legfem.inverse.parameter import Prior
-from legfem.subjects.subject import MeasuredEffect
+from legfem.legs.subject import MeasuredEffect
 
 if TYPE_CHECKING:
     from legfem.correction.tabulated import TabulatedCorrection

@@ -20,7 +20,7 @@ from legfem.diagnose.nuisances import DRAWN, Accuracy
 from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.solved import SolvedResponses
 from legfem.legs.elastography_priors import elastography_priors
-from legfem.subjects.subject import Subject
+from legfem.legs.subject import Subject
 
 STIFFENING = {"neo-hookean": 0.0, "reduced-polynomial": 0.8}
 """ln(1 + C20 / C10) at which a leg's changes are tabulated, by its law."""

@@ -12,10 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from legfem.common.units import FloatArray
+from legfem.data.segmentation import HOLD
 from legfem.diagnose.observations import Observations
 from legfem.inverse.errors import ErrorModel
 from legfem.inverse.evidence import Unknown
-from legfem.recording.phases import HOLD
 
 SIZES = (0.002, 0.006, 0.02, 0.06)
 """Standard deviations over the largest force."""

@@ -14,6 +14,7 @@ from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate
 from legfem.inverse.search_log import CostMap, SearchLog
 from legfem.legs.details import AppliedCorrection, SpatialEvidence
 from legfem.subjects.elastography import FibreRatio
+from legfem.legs.elastography import FibreRatio
 
 SCHEMA = "legfem.identify/1"
 

@@ -10,6 +10,8 @@ import numpy as np
 
 from legfem.common.doubts import Doubt
 from legfem.common.units import FloatArray
+from legfem.data import LoadingCurve
+from legfem.identify.applied_correction import AppliedCorrection, SpatialEvidence
 from legfem.inverse.catalogue import Values, key_of
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import Fit
@@ -20,6 +22,7 @@ from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence, 
 from legfem.legs.notices import curve_of
 from legfem.recording import LoadingCurve
 from legfem.subjects.elastography import FibreRatio
+from legfem.legs.elastography import FibreRatio
 
 
 @dataclass(frozen=True)

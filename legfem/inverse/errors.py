@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 
 from legfem.common.units import FloatArray
+from legfem.data.noise import EXPECTED_GAIN_SD
 from legfem.inverse.intervals import NUMERICAL_ERROR, NUMERICAL_LENGTH_MM
 from legfem.inverse.trial_noise import Noise, Observed, trial_covariance
-from legfem.recording.instrument import EXPECTED_GAIN_SD
 
 ROUGHNESS, ROUGHNESS_LENGTH_MM = 1e-4, 0.5
 """Of the model's force along the way, over the largest: elements that come into contact."""

@@ -13,8 +13,8 @@ from typing import Literal
 from pydantic import BaseModel
 
 from legfem.common.units import kpa_to_mpa
+from legfem.data.folder import RESOURCES
 from legfem.inverse.parameter import Prior
-from legfem.subjects.catalogue import RESOURCES
 
 TABLE = RESOURCES / "people" / "population.json"
 CALF = "LL_P"

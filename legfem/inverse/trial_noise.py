@@ -14,8 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
-from legfem.recording.instrument import JITTER_LENGTH_MM, WANDER_LENGTH_MM, Instrument
-from legfem.recording.repeats import Differences, contrasts_of, sizes_from_repeats
+from legfem.data.noise import (
+    JITTER_LENGTH_MM,
+    WANDER_LENGTH_MM,
+    Differences,
+    Instrument,
+    contrasts_of,
+    sizes_from_repeats,
+)
 
 CORNER_MM = 5.0
 """Way that counts as walked between two phases: there the drive stops and turns, time passes, and

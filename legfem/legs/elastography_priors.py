@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from legfem.inverse.parameter import Prior
-from legfem.subjects.elastography import ShearModulus
+from legfem.legs.elastography import ShearModulus
 
 
 def elastography_priors(moduli: Iterable[ShearModulus]) -> dict[str, Prior]:

@@ -21,9 +21,12 @@ from legfem.legs.fibre_ratio import SHAPE_SD_OF_FIBRES
 from legfem.legs.model_3d import LegModels
 from legfem.legs.site_test import OF_MODEL
 from legfem.legs.solver_3d import LegSolver
+from legfem.legs.elastography import FibreRatio
+from legfem.legs.subject import SitedLeg
+from legfem.sites.misfit import SitesMisfit
+from legfem.sites.result import SpatialSites
+from legfem.sites.ways_of_pressing import untold_of_fibres
 from legfem.solve.force_curve import ForceCurve
-from legfem.subjects.elastography import FibreRatio
-from legfem.subjects.subject import SitedLeg
 
 _UNLIKE_DEG = 30.0
 """By which cylinders have to lie otherwise to bend fibres otherwise."""

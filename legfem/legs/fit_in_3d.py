@@ -21,6 +21,8 @@ from typing import Any
 
 from mpi4py import MPI
 
+from legfem.correction.tabulated import TabulatedCorrection
+from legfem.data import LoadingCurve
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.inverse.catalogue import DEEP_RATIO, Values
 from legfem.inverse.comparison import JointComparison
@@ -39,6 +41,12 @@ from legfem.legs.problem import LegProblem, split_instrument
 from legfem.legs.site_test import SiteTest, measured_curve, with_instrument_errors
 from legfem.recording import LoadingCurve
 from legfem.subjects.subject import SitedLeg, Subject
+from legfem.legs.subject import SitedLeg, Subject
+from legfem.sites.errors_left import what_is_left
+from legfem.sites.forward import SitesForward, solve_site
+from legfem.sites.identification import asked_of, assessed, curves_of
+from legfem.sites.misfit import SitesMisfit
+from legfem.sites.result import SitesResult
 
 MOST_SOLVES = 12
 """Of all sites together, with a law."""

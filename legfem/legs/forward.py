@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import PARTS, LegSection
 from legfem.inverse.catalogue import Values
 from legfem.inverse.outcome import Outcome
 from legfem.jobs.fingerprint import code_fingerprint
-from legfem.subjects.subject import Indenter, Subject
+from legfem.legs.subject import Subject
 
 if TYPE_CHECKING:
     from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
@@ -50,7 +51,7 @@ class PlaneStrainForward:
         """
         subject.indenter.check_lies_along(str(subject.directory / "subject.toml"))
         from legfem.experiments.plane_strain import PlaneStrainSettings
-        from legfem.experiments.tissues import tissues_of
+        from legfem.legs.experiments import tissues_of
 
         return cls(subject.section, subject.indenter, tissues_of(subject), settings or PlaneStrainSettings(), depth)
 

@@ -17,6 +17,8 @@ from legfem.correction.tabulated import TabulatedCorrection
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.experiments.tissues import tissues_of
+from legfem.identify.fibre_ratio import check_in_plane
+from legfem.identify.spatial import check_has_ends, start_of_ratio
 from legfem.inverse.catalogue import DEEP_RATIO
 from legfem.inverse.fit import Fit, fit
 from legfem.inverse.laws import LawName
@@ -29,6 +31,12 @@ from legfem.legs.model_3d import SOLVES, LegModels, check_has_ends, start_of_rat
 from legfem.legs.problem import LegProblem, leg_problem, pressed_depth
 from legfem.legs.two_fidelity import TwoFidelities
 from legfem.subjects.subject import SitedLeg, Subject
+from legfem.legs.experiments import tissues_of
+from legfem.legs.forward import values_of
+from legfem.legs.subject import SitedLeg, Subject
+from legfem.sites.identification import identify_sites, sites_model
+from legfem.sites.result import SitesResult
+from legfem.sites.spatial import identify_in_3d
 
 
 def as_leg(given: Subject | SitedLeg) -> SitedLeg:

@@ -15,19 +15,22 @@ from legfem.common.progress import Progress, Silent
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membrane_of
 from legfem.experiments.pressing import OnStep
 from legfem.experiments.tissues import tissues_of
+from legfem.identify.fibre_ratio import USUAL_RATIO, at_ratios, moduli, moduli_needed
+from legfem.identify.leg_film import LegCamera, LegFilm, PressedLeg
 from legfem.inverse.catalogue import DEEP_RATIO, Values, stiffness_in_words
 from legfem.inverse.outcome import ForwardModel, Outcome
 from legfem.jobs.key import key_of
 from legfem.jobs.ranks import Together
 from legfem.legs.fibre_ratio import USUAL_RATIO, at_ratios, moduli, moduli_needed
 from legfem.legs.film_3d import LegCamera, LegFilm, PressedLeg
+from legfem.legs.elastography import FibreRatio
+from legfem.legs.experiments import spatial_test, tissues_of
 from legfem.legs.forward import values_of
+from legfem.legs.placement import SpatialLeg, spatial_leg
+from legfem.legs.subject import Subject
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Fascia
 from legfem.solve.force_curve import ForceCurve
-from legfem.subjects.elastography import FibreRatio
-from legfem.subjects.spatial import SpatialLeg, spatial_leg
-from legfem.subjects.subject import Subject
 
 SOLVES = "solves-3d"
 """In a folder of results."""
@@ -224,7 +227,7 @@ class LegModels:
         ratio = None if fibres is None else fibres.value
 
         def pressed(shape: SpatialLeg, numbers: SolidLegSettings, film: LegFilm | None = None) -> SpatialForward:
-            test = LegIndentation3D.of_subject(subject, shape, numbers, comm)
+            test = spatial_test(subject, shape, numbers, comm)
             return SpatialForward(test, nominal, thickness, depth, ratio, states, told, film)
 
         full, rough = pressed(leg, settings, film), pressed(leg, larger)

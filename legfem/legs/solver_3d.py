@@ -16,9 +16,9 @@ from legfem.inverse.outcome import ForwardModel, FullSolver, Outcome
 from legfem.inverse.search import SearchError
 from legfem.jobs.store import Store
 from legfem.legs.model_3d import ROUGHER, LegModels
+from legfem.legs.elastography import FibreRatio
 from legfem.mechanics.terms import Fibres
 from legfem.solve.force_curve import ForceCurve
-from legfem.subjects.elastography import FibreRatio
 
 ROUGH_SOLVES = 2
 """That measure errors."""

@@ -16,11 +16,11 @@ from scipy.special import ndtri
 
 from legfem.common.doubts import Doubt
 from legfem.common.units import mpa_to_kpa
+from legfem.data import ranges
 from legfem.inverse.catalogue import key_of
 from legfem.inverse.parameter import Prior
 from legfem.inverse.population import CALF, SHIN, TISSUES, population, population_prior
-from legfem.subjects import ranges
-from legfem.subjects.subject import Subject
+from legfem.legs.subject import Subject
 
 _OUTSIDE = float(ndtri(0.995))
 """Standard deviations of the logarithm beyond which one in a hundred people is."""

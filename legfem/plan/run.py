@@ -20,11 +20,11 @@ from legfem.diagnose.predict import Predictor
 from legfem.diagnose.run import STIFFENING, Diagnoser, accuracy_of, ruled_out_of
 from legfem.inverse.errors import error_model
 from legfem.inverse.trial_noise import Noise
+from legfem.legs.subject import Subject
 from legfem.plan.designs import Design, designs
 from legfem.plan.reckon import Candidate, Reckoned, before_any_test, ranked, reckon
 from legfem.plan.reckon_readings import reckon_readings
 from legfem.solve.protocol import Protocol
-from legfem.subjects.subject import Subject
 
 USUAL_GAIN_SD = 0.01
 

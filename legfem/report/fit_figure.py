@@ -9,11 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from legfem.common.units import FloatArray
+from legfem.data import LoadingCurve
 from legfem.identify.result import IdentificationResult
 from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.laws import LawName
-from legfem.recording import LoadingCurve
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES, new_figure, panel, styled, title
 
 

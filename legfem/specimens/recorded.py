@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from legfem.recording import Recording
-from legfem.recording.contact import Contact
+from legfem.data import Recording
+from legfem.data.contact import Contact
 from legfem.specimens.course import Course, course_of
 from legfem.specimens.sizes import Sizes
 

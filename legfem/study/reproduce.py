@@ -18,7 +18,8 @@ from legfem.identify.result import IdentificationResult
 from legfem.identify.run import identify_subject
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
-from legfem.subjects.loading import SUBJECTS, load_subject
+from legfem.legs.loading import load_subject
+from legfem.legs.schema import SUBJECTS
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,11 @@ from legfem.legs.site_test import measured_curve
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.sites.identification import identify_in_3d
 from legfem.subjects.loading import load_sites
+from legfem.legs.loading import load_sites
+from legfem.meshing.solid_leg import SolidMeshSettings
+from legfem.sites.identification import asked_of, curves_of
+from legfem.sites.result import Chance
+from legfem.sites.spatial import identify_in_3d, leg_models
 from studies.leg3d.orientations import FINE, WAYS, sited_folder
 from studies.leg3d.planted import Planted
 

@@ -14,6 +14,7 @@ from legfem.inverse.laws import LawName
 from legfem.inverse.settings import SearchRequest
 from legfem.legs.model_3d import SOLVES, LegModels
 from legfem.subjects.loading import load_subject
+from legfem.legs.loading import load_subject
 from studies.leg3d.planted import Planted
 from studies.leg3d.real import PlantedInLeg
 

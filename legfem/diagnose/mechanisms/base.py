@@ -20,11 +20,11 @@ from legfem.inverse.parameter import Parameter, Prior
 
 if TYPE_CHECKING:
     from legfem.experiments.tissues import Tissues
+    from legfem.geometry.indenter import Indenter
     from legfem.geometry.section import LegSection
     from legfem.mechanics.contact_settings import TangentialName
     from legfem.mechanics.materials import Hyperelastic
     from legfem.mechanics.model import Formulation
-    from legfem.subjects.subject import Indenter
 
 Values = Mapping[str, float]
 type Stiffness = tuple[float, float]

@@ -13,7 +13,7 @@ from legfem.correction.fibres import read_fibres
 from legfem.diagnose.mechanisms.base import Mechanism, Values, factor, null_of
 from legfem.diagnose.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
-from legfem.subjects.elastography import HIGHEST_RATIO
+from legfem.legs.elastography import HIGHEST_RATIO
 
 
 def _error(name: str, statement: str) -> Parameter:

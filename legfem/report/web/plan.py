@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from legfem.common.doubts import Doubt, doubt_lines
 from legfem.diagnose.sentences import percent
 from legfem.geometry.section import girth
+from legfem.legs.subject import Subject
 from legfem.plan.reckon import Reckoned
 from legfem.plan.run import Expected
 from legfem.report.diagnosis_style import plain
@@ -16,7 +17,6 @@ from legfem.report.web import page as web
 from legfem.report.web.bars import Bar, Bars
 from legfem.report.web.identification import options_of
 from legfem.report.web.section import still_section
-from legfem.subjects.subject import Subject
 
 RANKED, SHOWN = "Tests, the most telling first", "What each test would show"
 """Chapters."""

@@ -8,6 +8,7 @@ from legfem.common.doubts import doubt_lines
 from legfem.common.units import readable_unit
 from legfem.inverse.catalogue import DEEP_C10, symbol_of, unit_of
 from legfem.inverse.fit import LEAST_CHANCE, Goodness
+from legfem.legs.subject import SitedLeg
 from legfem.report.style import LAW_NAMES
 from legfem.report.web import estimates
 from legfem.report.web import page as web
@@ -18,6 +19,7 @@ from legfem.report.web.usual import high_or_low
 from legfem.report.words import fit_probability
 from legfem.sites.result import SitesResult
 from legfem.subjects.subject import SitedLeg
+from legfem.sites.result import Chance, SitesResult
 
 _LIKEWISE = "cylinders that are 10 % shorter act as such forces do"
 _NOT_TESTED = (

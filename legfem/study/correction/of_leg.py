@@ -19,6 +19,8 @@ from legfem.inverse.search import SearchError
 from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.model_3d import SOLVES, LegModels
 from legfem.legs.solver_3d import LegSolver, SolvedLeg
+from legfem.legs.loading import load_subject
+from legfem.legs.subject import Subject
 from legfem.report.plain import table
 from legfem.report.style import FAINT, new_figure, save, styled
 from legfem.report.web.curves import Curves, Line
@@ -38,8 +40,6 @@ from legfem.report.web.page import (
 from legfem.solve.force_curve import ForceCurve
 from legfem.study.correction.calibration import versions
 from legfem.study.correction.tables import SHOWN, Cells
-from legfem.subjects.loading import load_subject
-from legfem.subjects.subject import Subject
 
 DOCUMENT = "leg.json"
 _LEG_COLOUR, _TABLE_COLOUR = "#0072B2", "#D55E00"
