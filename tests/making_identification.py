@@ -12,22 +12,17 @@ from making import write_subject
 
 from legfem.common.progress import Silent
 from legfem.correction.tabulated import TabulatedCorrection
+from legfem.data import Instrument, Recording
 from legfem.identify.result import IdentificationResult, identification_result
 from legfem.inverse.fit import fit_with
 from legfem.inverse.outcome import FullSolver, JointForward, Outcome
-from legfem.data import Instrument, Recording
-from legfem.identify.identification import Identification, beyond_of, measured_curve
-from legfem.identify.result import IdentificationResult
-from legfem.identify.run import laws_of
-from legfem.inverse.outcome import FullSolver, Outcome
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.settings import IdentificationSettings, SearchRequest, sensitivities_of
 from legfem.jobs.store import Store
 from legfem.legs.identification import as_leg
+from legfem.legs.loading import load_subject
 from legfem.legs.problem import leg_problem
 from legfem.legs.site_test import beyond_of
-from legfem.recording import Instrument, Recording
-from legfem.legs.loading import load_subject
 from legfem.legs.subject import Subject
 from legfem.solve.force_curve import ForceCurve
 

@@ -37,8 +37,8 @@ from legfem.inverse.estimates import Estimate
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.legs.details import Confirmation, SpatialEvidence
-from legfem.legs.film_3d import LegState, PressedLeg, seen
 from legfem.legs.experiments import plane_strain_test
+from legfem.legs.film_3d import LegState, PressedLeg, seen
 from legfem.legs.loading import load_subject
 from legfem.legs.subject import Subject
 from legfem.mechanics.materials import ReducedPolynomial

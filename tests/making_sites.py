@@ -10,13 +10,9 @@ import numpy as np
 from making import TOML, leg, press, write_contours, write_recording
 from making_identification import DEPTH, AnalyticLeg, pressed_leg
 
-from legfem.inverse.outcome import JointForward, Outcome
-from legfem.recording import Recording
-from legfem.subjects.subject import SitedLeg
 from legfem.data import Recording
-from legfem.inverse.outcome import Outcome
+from legfem.inverse.outcome import JointForward, Outcome
 from legfem.legs.subject import SitedLeg
-from legfem.sites.forward import SitesForward
 
 SITES = ("back", "medial", "low")
 FACTORS = (1.0, 0.8, 1.3)

@@ -10,18 +10,11 @@ from typing import Any
 import numpy as np
 from making_identification import DEPTH, AnalyticLeg, pressed_leg
 
+from legfem.data import Recording
 from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO
 from legfem.inverse.outcome import Outcome
 from legfem.legs.fibre_ratio import at_ratios, moduli_needed
 from legfem.legs.model_3d import LegModels
-from legfem.recording import Recording
-from legfem.subjects.spatial import spatial_leg
-from legfem.subjects.subject import SitedLeg
-from legfem.data import Recording
-from legfem.identify.fibre_ratio import at_ratios, moduli_needed
-from legfem.identify.spatial import LegModels
-from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO
-from legfem.inverse.outcome import Outcome
 from legfem.legs.placement import spatial_leg
 from legfem.legs.subject import SitedLeg
 

@@ -16,10 +16,9 @@ from legfem.correction.fibres import FIBRES, FibreTable, read_fibres, with_fibre
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.mechanisms import mechanism_named
 from legfem.identify.document import result_document
-from legfem.legs.solver_3d import fibre_errors
-from legfem.identify.leg_solver import fibre_errors
 from legfem.legs.elastography import FibreRatio
 from legfem.legs.loading import load_subject
+from legfem.legs.solver_3d import fibre_errors
 from legfem.report.plain import plain_page
 from legfem.report.web.identification import identification_page
 from legfem.solve.force_curve import ForceCurve

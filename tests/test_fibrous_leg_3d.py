@@ -14,13 +14,10 @@ from legfem.experiments.leg_3d import FIBRE_PARAMETERS
 from legfem.inverse.catalogue import DEEP_RATIO
 from legfem.inverse.outcome import JointForward, solve_test
 from legfem.jobs.pool import Workers
-from legfem.legs.model_3d import LegModels
-from legfem.legs.solver_3d import fibre_errors
-from legfem.subjects.elastography import FibreRatio
-from legfem.subjects.loading import load_subject
 from legfem.legs.elastography import FibreRatio
 from legfem.legs.loading import load_subject
-from legfem.sites.forward import SitesForward, solve_site
+from legfem.legs.model_3d import LegModels
+from legfem.legs.solver_3d import fibre_errors
 
 pytestmark = pytest.mark.slow
 DEPTH, C10, RATIO = 5.0, {"deep.C10": 1.2e-3}, 2.5

@@ -13,15 +13,12 @@ from making_results import measured_curve, result
 from matplotlib.image import imread
 from scipy.stats import chi2
 
-from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.legs.details import AppliedCorrection
-from legfem.legs.notices import of_ends
 from legfem.experiments.plane_strain import PlaneStrainSettings
-from legfem.identify.applied_correction import AppliedCorrection
-from legfem.identify.warnings import Finding, warnings_about
+from legfem.legs.details import AppliedCorrection
 from legfem.legs.elastography import FibreRatio
 from legfem.legs.experiments import plane_strain_test
 from legfem.legs.loading import load_subject
+from legfem.legs.notices import of_ends
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report.cost_figure import confidence_ellipse, cost_figure, linear_cost
 from legfem.report.fit_figure import fit_figure

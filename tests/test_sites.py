@@ -19,14 +19,10 @@ from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.fit import Goodness
 from legfem.inverse.parameter import Prior
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
+from legfem.legs.loading import load_sites, load_subject
 from legfem.legs.site_test import measured_curve
 from legfem.report.sites import write_sites_report
 from legfem.sites.identification import identify_sites
-from legfem.subjects.loading import load_sites, load_subject
-from legfem.legs.loading import load_sites, load_subject
-from legfem.report.sites import write_sites_report
-from legfem.sites.identification import identify_sites
-from legfem.sites.result import Chance
 
 NEO_HOOKEAN = ("neo-hookean",)
 C10 = "deep.C10"

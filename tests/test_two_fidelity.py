@@ -17,23 +17,20 @@ from legfem.common.errors import InputError
 from legfem.correction.confirmed import confirmed_correction
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.data import Instrument, Recording
-from legfem.identify.applied_correction import CLOSE
 from legfem.identify.document import result_document
 from legfem.identify.result import identification_result
 from legfem.inverse.outcome import JointForward, Outcome
 from legfem.inverse.search import SearchError
 from legfem.inverse.settings import SearchRequest
 from legfem.legs.details import CLOSE
-from legfem.legs.identification import as_leg, confirmed_in_3d
-from legfem.legs.model_3d import LegModels, SpatialForward, check_has_ends
-from legfem.legs.problem import leg_problem
-from legfem.legs.two_fidelity import MOST_SOLVES
-from legfem.recording import Instrument, Recording
-from legfem.inverse.settings import IdentificationSettings, sensitivities_of
 from legfem.legs.elastography import FibreRatio
+from legfem.legs.identification import as_leg, confirmed_in_3d
 from legfem.legs.loading import load_subject
+from legfem.legs.model_3d import LegModels, SpatialForward, check_has_ends
 from legfem.legs.placement import spatial_leg
+from legfem.legs.problem import leg_problem
 from legfem.legs.subject import Subject
+from legfem.legs.two_fidelity import MOST_SOLVES
 from legfem.report.plain import plain_page
 from legfem.report.web.identification import identification_page
 

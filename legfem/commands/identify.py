@@ -170,18 +170,16 @@ def run(
 
         from legfem.commands.outcome import print_outcome
         from legfem.correction.choice import choose_correction
-        from legfem.experiments.tissues import tissues_of
         from legfem.identify.run import forward_model, identify_subject, write_results
-        from legfem.identify.run import forward_model, identify_subject, laws_of, write_results
-        from legfem.identify.spatial import SOLVES, LegModels, check_has_ends
         from legfem.inverse.parse_parameters import Written
         from legfem.inverse.search import SearchError
         from legfem.inverse.settings import IdentificationSettings, SearchRequest
         from legfem.legs.experiments import tissues_of
         from legfem.legs.forward import values_of
+        from legfem.legs.identification import joint_leg
         from legfem.legs.laws import laws_of
-        from legfem.legs.model_3d import SOLVES, LegModels, check_has_ends
         from legfem.legs.loading import load_sites, load_subject
+        from legfem.legs.model_3d import SOLVES, LegModels, check_has_ends
         from legfem.legs.plausibility import doubts_about
         from legfem.legs.schema import SUBJECTS
         from legfem.legs.subject import Subject as Leg
@@ -190,10 +188,6 @@ def run(
         from legfem.report.web.identification import identification_page
         from legfem.report.web.page import command_line
         from legfem.sites.identification import joint_leg
-        from legfem.subjects.loading import SUBJECTS, load_sites, load_subject
-        from legfem.subjects.plausibility import doubts_about
-        from legfem.subjects.subject import Subject as Leg
-        from legfem.sites.joint import joint_leg
 
         if seed < 0:
             raise InputError("--seed", f"{seed}", "is negative", "give 0 or more")

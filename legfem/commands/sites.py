@@ -35,16 +35,13 @@ def run_joint(
     from legfem.inverse.search import SearchError
     from legfem.inverse.settings import SearchRequest
     from legfem.legs.identification import check_joint, nominal_of
-    from legfem.legs.problem import split_instrument
     from legfem.legs.plausibility import doubts_about
+    from legfem.legs.problem import split_instrument
     from legfem.report.plain import brief
     from legfem.report.sites import write_sites_report
     from legfem.report.web.page import command_line
     from legfem.report.web.sites import sites_web_page
     from legfem.sites.identification import identify_together
-    from legfem.subjects.plausibility import doubts_about
-    from legfem.sites.identification import asked_of
-    from legfem.sites.joint import check_joint, identify_leg, nominal_of
 
     check_joint(leg, settings, correction, in_3d)
     for site in leg.sites:

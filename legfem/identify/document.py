@@ -13,7 +13,6 @@ from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, key_of, short_k
 from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate
 from legfem.inverse.search_log import CostMap, SearchLog
 from legfem.legs.details import AppliedCorrection, SpatialEvidence
-from legfem.subjects.elastography import FibreRatio
 from legfem.legs.elastography import FibreRatio
 
 SCHEMA = "legfem.identify/1"

@@ -11,7 +11,6 @@ import numpy as np
 from legfem.common.doubts import Doubt
 from legfem.common.units import FloatArray
 from legfem.data import LoadingCurve
-from legfem.identify.applied_correction import AppliedCorrection, SpatialEvidence
 from legfem.inverse.catalogue import Values, key_of
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import Fit
@@ -19,10 +18,8 @@ from legfem.inverse.intervals import VERDICTS, Identifiability
 from legfem.inverse.laws import LawName, model_values
 from legfem.inverse.search_log import SearchLog
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence, SpatialSites
-from legfem.legs.notices import curve_of
-from legfem.recording import LoadingCurve
-from legfem.subjects.elastography import FibreRatio
 from legfem.legs.elastography import FibreRatio
+from legfem.legs.notices import curve_of
 
 
 @dataclass(frozen=True)

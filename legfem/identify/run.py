@@ -17,8 +17,6 @@ from legfem.inverse.settings import SearchRequest
 from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.identification import as_leg, confirmed_in_3d
 from legfem.legs.problem import leg_problem, pressed_depth
-from legfem.subjects.subject import Subject
-from legfem.legs.laws import law_of
 from legfem.legs.subject import Subject
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from legfem.common.units import FloatArray
 from legfem.inverse.catalogue import Values
-from legfem.subjects.subject import SitedLeg, Subject
+from legfem.legs.subject import SitedLeg, Subject
 
 if TYPE_CHECKING:
     from legfem.legs.film_3d import PressedLeg

@@ -17,15 +17,12 @@ from legfem.inverse.laws import IdentifiedLaw
 from legfem.inverse.searches import Found
 from legfem.jobs.pool import Workers
 from legfem.legs.details import SpatialSites
+from legfem.legs.elastography import FibreRatio
 from legfem.legs.fibre_ratio import SHAPE_SD_OF_FIBRES
 from legfem.legs.model_3d import LegModels
 from legfem.legs.site_test import OF_MODEL
 from legfem.legs.solver_3d import LegSolver
-from legfem.legs.elastography import FibreRatio
 from legfem.legs.subject import SitedLeg
-from legfem.sites.misfit import SitesMisfit
-from legfem.sites.result import SpatialSites
-from legfem.sites.ways_of_pressing import untold_of_fibres
 from legfem.solve.force_curve import ForceCurve
 
 _UNLIKE_DEG = 30.0

@@ -21,7 +21,6 @@ from typing import Any
 
 from mpi4py import MPI
 
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.data import LoadingCurve
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.inverse.catalogue import DEEP_RATIO, Values
@@ -39,14 +38,7 @@ from legfem.legs.laws import laws_of
 from legfem.legs.model_3d import SOLVES, LegModels, SpatialForward
 from legfem.legs.problem import LegProblem, split_instrument
 from legfem.legs.site_test import SiteTest, measured_curve, with_instrument_errors
-from legfem.recording import LoadingCurve
-from legfem.subjects.subject import SitedLeg, Subject
 from legfem.legs.subject import SitedLeg, Subject
-from legfem.sites.errors_left import what_is_left
-from legfem.sites.forward import SitesForward, solve_site
-from legfem.sites.identification import asked_of, assessed, curves_of
-from legfem.sites.misfit import SitesMisfit
-from legfem.sites.result import SitesResult
 
 MOST_SOLVES = 12
 """Of all sites together, with a law."""

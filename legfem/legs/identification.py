@@ -16,27 +16,19 @@ from legfem.correction.choice import AUTO, NONE, choose_correction
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.experiments.plane_strain import PlaneStrainSettings
-from legfem.experiments.tissues import tissues_of
-from legfem.identify.fibre_ratio import check_in_plane
-from legfem.identify.spatial import check_has_ends, start_of_ratio
 from legfem.inverse.catalogue import DEEP_RATIO
 from legfem.inverse.fit import Fit, fit
 from legfem.inverse.laws import LawName
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
 from legfem.legs.details import LegDetails
+from legfem.legs.experiments import tissues_of
 from legfem.legs.fibre_ratio import check_in_plane
 from legfem.legs.fit_in_3d import fit_in_3d
 from legfem.legs.forward import values_of
 from legfem.legs.model_3d import SOLVES, LegModels, check_has_ends, start_of_ratio
 from legfem.legs.problem import LegProblem, leg_problem, pressed_depth
-from legfem.legs.two_fidelity import TwoFidelities
-from legfem.subjects.subject import SitedLeg, Subject
-from legfem.legs.experiments import tissues_of
-from legfem.legs.forward import values_of
 from legfem.legs.subject import SitedLeg, Subject
-from legfem.sites.identification import identify_sites, sites_model
-from legfem.sites.result import SitesResult
-from legfem.sites.spatial import identify_in_3d
+from legfem.legs.two_fidelity import TwoFidelities
 
 
 def as_leg(given: Subject | SitedLeg) -> SitedLeg:

@@ -9,6 +9,7 @@ from dataclasses import replace
 from legfem.common.doubts import Doubt
 from legfem.common.units import mpa_to_kpa
 from legfem.correction.choice import why_uncorrected, why_without_fibres
+from legfem.data import LoadingCurve
 from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, key_of
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import Fit, TestFit
@@ -16,11 +17,10 @@ from legfem.inverse.notices import LAW_MISSES, UNCONVERGED, at_limits, far_from_
 from legfem.inverse.parameter import Prior
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence, SpatialSites
 from legfem.legs.elastography_priors import elastography_priors
+from legfem.legs.plausibility import doubts_about, poisson_ratio
 from legfem.legs.site_test import SiteTest
+from legfem.legs.subject import Subject
 from legfem.legs.usual_stiffness import doubts_about_stiffness
-from legfem.recording import LoadingCurve
-from legfem.subjects.plausibility import doubts_about, poisson_ratio
-from legfem.subjects.subject import Subject
 
 _DISAGREES = 2.0
 """Standard deviations that two ways of measuring shouldn't lie apart."""

@@ -42,7 +42,7 @@ from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.laws import laws_of
 from legfem.legs.notices import doubts_of, warnings_about
 from legfem.legs.site_test import SiteTest, beyond_of, measured_curve, source_of_mode, with_instrument_errors
-from legfem.subjects.subject import SitedLeg, Subject
+from legfem.legs.subject import SitedLeg, Subject
 
 if TYPE_CHECKING:
     from legfem.experiments.plane_strain import PlaneStrainSettings

@@ -12,16 +12,16 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.correction.choice import Correction, correction_factor
 from legfem.correction.fibres import FIBRES
+from legfem.data import LoadingCurve, mean_loading_curve
+from legfem.data.reader import MINIMAL_DEPTH_MM
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values
 from legfem.inverse.comparison import Covariances, ErrorSource, Mode, Prediction, Test
 from legfem.inverse.data import Channel, Data
 from legfem.inverse.errors import numerical_covariance
 from legfem.inverse.instrument import GAIN, INSTRUMENT, OFFSET, ZERO, Reading
 from legfem.inverse.parameter import Parameter
-from legfem.recording import LoadingCurve, mean_loading_curve
-from legfem.recording.reader import MINIMAL_DEPTH_MM
+from legfem.legs.subject import Subject
 from legfem.solve.force_curve import ForceCurve
-from legfem.subjects.subject import Subject
 
 OF_MODEL = "in 3D: "
 """Beginning of the names of modes that are errors of a leg's own model in 3D."""

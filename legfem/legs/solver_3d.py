@@ -15,8 +15,8 @@ from legfem.inverse.catalogue import DEEP_C10, Values
 from legfem.inverse.outcome import ForwardModel, FullSolver, Outcome
 from legfem.inverse.search import SearchError
 from legfem.jobs.store import Store
-from legfem.legs.model_3d import ROUGHER, LegModels
 from legfem.legs.elastography import FibreRatio
+from legfem.legs.model_3d import ROUGHER, LegModels
 from legfem.mechanics.terms import Fibres
 from legfem.solve.force_curve import ForceCurve
 

@@ -12,34 +12,14 @@ from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.inverse.fit import fit
 from legfem.inverse.laws import LawName
 from legfem.inverse.outcome import JointForward
-from legfem.data import LoadingCurve
-from legfem.identify.assess import applied_correction, assumed_stiffness, held_values, versions
-from legfem.identify.identification import measured_curve
-from legfem.identify.misfit import Misfit
-from legfem.identify.run import laws_of
-from legfem.identify.warnings import LEAST_CHANCE
-from legfem.inverse.catalogue import Values
-from legfem.inverse.comparison import Covariances, ErrorSource, total_of
-from legfem.inverse.estimates import Optimum, correlations_of, estimates
-from legfem.inverse.instrument import INSTRUMENT
-from legfem.inverse.intervals import quantile
-from legfem.inverse.laws import IdentifiedLaw, LawName
-from legfem.inverse.parameter import Parameter
-from legfem.inverse.searches import Found, Searches
 from legfem.inverse.settings import SearchRequest
 from legfem.legs.fit_in_3d import fit_in_3d
 from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.identification import as_leg, identify_leg, searches_in_3d
 from legfem.legs.model_3d import LegModels
 from legfem.legs.problem import leg_problem, section_forward
+from legfem.legs.subject import SitedLeg, Subject
 from legfem.sites.result import SitesResult, sites_result
-from legfem.subjects.subject import SitedLeg, Subject
-from legfem.legs.subject import SitedLeg
-from legfem.sites.by_itself import Apart
-from legfem.sites.forward import SitesForward
-from legfem.sites.misfit import SitesMisfit, with_own_errors
-from legfem.sites.result import Chance, SiteFit, SitesResult, SpatialSites
-from legfem.sites.warnings import doubts_of, warnings_about
 
 if TYPE_CHECKING:
     from legfem.experiments.plane_strain import PlaneStrainSettings

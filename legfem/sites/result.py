@@ -9,17 +9,12 @@ import numpy as np
 
 from legfem.common.doubts import Doubt
 from legfem.common.units import FloatArray
+from legfem.data import LoadingCurve
 from legfem.identify.result import IdentifiedParameters
 from legfem.inverse.catalogue import Values
 from legfem.inverse.fit import Fit, Goodness, OwnEstimate
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialSites
 from legfem.legs.notices import curve_of
-from legfem.recording import LoadingCurve
-from legfem.subjects.subject import SitedLeg, Subject
-from legfem.data import LoadingCurve
-from legfem.identify.applied_correction import AppliedCorrection
-from legfem.identify.result import IdentifiedParameters
-from legfem.inverse.catalogue import Values
 from legfem.legs.subject import SitedLeg, Subject
 
 

@@ -21,17 +21,12 @@ from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import Goodness
 from legfem.inverse.settings import SearchRequest
 from legfem.jobs.store import Store
-from legfem.legs.fit_in_3d import leg_models
+from legfem.legs.fit_in_3d import identify_in_3d, leg_models
+from legfem.legs.loading import load_sites
 from legfem.legs.model_3d import start_of_ratio
 from legfem.legs.site_test import measured_curve
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.sites.identification import identify_in_3d
-from legfem.subjects.loading import load_sites
-from legfem.legs.loading import load_sites
-from legfem.meshing.solid_leg import SolidMeshSettings
-from legfem.sites.identification import asked_of, curves_of
-from legfem.sites.result import Chance
-from legfem.sites.spatial import identify_in_3d, leg_models
 from studies.leg3d.orientations import FINE, WAYS, sited_folder
 from studies.leg3d.planted import Planted
 

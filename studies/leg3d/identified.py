@@ -12,9 +12,8 @@ from legfem.identify.result import IdentificationResult
 from legfem.identify.run import forward_model, identify_subject
 from legfem.inverse.laws import LawName
 from legfem.inverse.settings import SearchRequest
-from legfem.legs.model_3d import SOLVES, LegModels
-from legfem.subjects.loading import load_subject
 from legfem.legs.loading import load_subject
+from legfem.legs.model_3d import SOLVES, LegModels
 from studies.leg3d.planted import Planted
 from studies.leg3d.real import PlantedInLeg
 

@@ -20,9 +20,9 @@ from legfem.identify.run import identify_subject
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
 from legfem.legs.experiments import plane_strain_test
 from legfem.legs.forward import PlaneStrainForward
-from legfem.legs.site_test import measured_curve
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
+from legfem.legs.site_test import measured_curve
 from legfem.legs.subject import Subject
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.meshing.section import SectionMeshSettings

@@ -18,8 +18,6 @@ from legfem.report.web.sites_procedure import procedure
 from legfem.report.web.usual import high_or_low
 from legfem.report.words import fit_probability
 from legfem.sites.result import SitesResult
-from legfem.subjects.subject import SitedLeg
-from legfem.sites.result import Chance, SitesResult
 
 _LIKEWISE = "cylinders that are 10 % shorter act as such forces do"
 _NOT_TESTED = (

@@ -17,9 +17,9 @@ from legfem.correction.tabulated import DEFINITION, TabulatedCorrection
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.search import SearchError
 from legfem.legs.forward import PlaneStrainForward
+from legfem.legs.loading import load_subject
 from legfem.legs.model_3d import SOLVES, LegModels
 from legfem.legs.solver_3d import LegSolver, SolvedLeg
-from legfem.legs.loading import load_subject
 from legfem.legs.subject import Subject
 from legfem.report.plain import table
 from legfem.report.style import FAINT, new_figure, save, styled
