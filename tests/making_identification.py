@@ -11,7 +11,6 @@ import numpy as np
 from making import write_subject
 
 from legfem.common.progress import Silent
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.data import Instrument, Recording
 from legfem.identify.result import IdentificationResult, identification_result
 from legfem.inverse.fit import fit_with
@@ -19,6 +18,7 @@ from legfem.inverse.outcome import FullSolver, JointForward, Outcome
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.settings import IdentificationSettings, SearchRequest, sensitivities_of
 from legfem.jobs.store import Store
+from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.identification import as_leg
 from legfem.legs.loading import load_subject
 from legfem.legs.problem import leg_problem

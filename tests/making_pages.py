@@ -22,7 +22,6 @@ from making_specimens import write_bars
 from making_stocking import COARSE, laws, short_leg
 
 from legfem.common.progress import Silent
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.data.columns import propose, recording_of
 from legfem.data.formats import read_sheets
 from legfem.data.quality import quality_of
@@ -36,6 +35,7 @@ from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.estimates import Estimate
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
+from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.details import Confirmation, SpatialEvidence
 from legfem.legs.experiments import plane_strain_test
 from legfem.legs.film_3d import LegState, PressedLeg, seen

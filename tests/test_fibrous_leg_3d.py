@@ -9,11 +9,11 @@ import pytest
 from making_legs_3d import cone_folder
 from test_leg_film import COARSE
 
-from legfem.correction.fibres import FIBRES
 from legfem.experiments.leg_3d import FIBRE_PARAMETERS
 from legfem.inverse.catalogue import DEEP_RATIO
 from legfem.inverse.outcome import JointForward, solve_test
 from legfem.jobs.pool import Workers
+from legfem.legs.correction_of_leg import FIBRES
 from legfem.legs.elastography import FibreRatio
 from legfem.legs.loading import load_subject
 from legfem.legs.model_3d import LegModels

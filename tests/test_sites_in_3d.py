@@ -20,7 +20,7 @@ from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, parameter_of
 from legfem.inverse.settings import SearchRequest
 from legfem.legs import fit_in_3d as spatial
 from legfem.legs.elastography import FibreRatio
-from legfem.legs.errors_in_3d import ways_of_pressing
+from legfem.legs.fit_in_3d import ways_of_pressing
 from legfem.legs.model_3d import SOLVES
 from legfem.legs.subject import SitedLeg
 from legfem.report.sites_numbers import sites_document

@@ -14,14 +14,13 @@ from making_legs_3d import cone_folder
 from mpi4py import MPI
 
 from legfem.common.errors import InputError
-from legfem.correction.confirmed import confirmed_correction
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.data import Instrument, Recording
 from legfem.identify.document import result_document
 from legfem.identify.result import identification_result
 from legfem.inverse.outcome import JointForward, Outcome
 from legfem.inverse.search import SearchError
 from legfem.inverse.settings import SearchRequest
+from legfem.legs.correction import TabulatedCorrection, confirmed_correction
 from legfem.legs.details import CLOSE
 from legfem.legs.elastography import FibreRatio
 from legfem.legs.identification import as_leg, confirmed_in_3d

@@ -169,14 +169,13 @@ def run(
         from mpi4py import MPI
 
         from legfem.commands.outcome import print_outcome
-        from legfem.correction.choice import choose_correction
         from legfem.identify.run import forward_model, identify_subject, write_results
         from legfem.inverse.parse_parameters import Written
         from legfem.inverse.search import SearchError
         from legfem.inverse.settings import IdentificationSettings, SearchRequest
+        from legfem.legs.correction_of_leg import choose_correction
         from legfem.legs.experiments import tissues_of
         from legfem.legs.forward import values_of
-        from legfem.legs.identification import joint_leg
         from legfem.legs.laws import laws_of
         from legfem.legs.loading import load_sites, load_subject
         from legfem.legs.model_3d import SOLVES, LegModels, check_has_ends

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from legfem.common.documents import write_document
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.identify.document import result_document
 from legfem.identify.result import IdentificationResult, identification_result
 from legfem.inverse.fit import fit
 from legfem.inverse.laws import LawName
 from legfem.inverse.outcome import JointForward
 from legfem.inverse.settings import SearchRequest
+from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.identification import as_leg, confirmed_in_3d
 from legfem.legs.problem import leg_problem, pressed_depth

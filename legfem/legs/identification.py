@@ -12,14 +12,14 @@ from collections.abc import Collection, Sequence
 from mpi4py import MPI
 
 from legfem.common.errors import InputError
-from legfem.correction.choice import AUTO, NONE, choose_correction
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.inverse.catalogue import DEEP_RATIO
 from legfem.inverse.fit import Fit, fit
 from legfem.inverse.laws import LawName
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
+from legfem.legs.correction import TabulatedCorrection
+from legfem.legs.correction_of_leg import AUTO, NONE, choose_correction
 from legfem.legs.details import LegDetails
 from legfem.legs.experiments import tissues_of
 from legfem.legs.fibre_ratio import check_in_plane
@@ -110,7 +110,7 @@ def identify_leg(
     request
         What to identify, and with what means.
     correction
-        Name or file, see `legfem.correction.choice.choose_correction`; of a search in 3D there is none.
+        Name or file, see `legfem.legs.correction_of_leg.choose_correction`; of a search in 3D there is none.
     in_3d
         Whether to solve the leg itself.
     comm

@@ -21,7 +21,7 @@ from legfem.inverse.catalogue import (
 from legfem.inverse.instrument import INSTRUMENT
 from legfem.inverse.laws import IdentifiedLaw, LawName
 from legfem.inverse.parameter import Parameter, Prior
-from legfem.legs.elastography_priors import elastography_priors
+from legfem.legs.elastography import elastography_priors
 from legfem.legs.subject import Subject
 
 _OF_POLYNOMIAL_ONLY = (DEEP_C20, DEEP_D2)

@@ -8,15 +8,15 @@ from dataclasses import replace
 
 from legfem.common.doubts import Doubt
 from legfem.common.units import mpa_to_kpa
-from legfem.correction.choice import why_uncorrected, why_without_fibres
 from legfem.data import LoadingCurve
 from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, key_of
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import Fit, TestFit
 from legfem.inverse.notices import LAW_MISSES, UNCONVERGED, at_limits, far_from_priors, of_compromise
 from legfem.inverse.parameter import Prior
+from legfem.legs.correction_of_leg import why_uncorrected, why_without_fibres
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence, SpatialSites
-from legfem.legs.elastography_priors import elastography_priors
+from legfem.legs.elastography import elastography_priors
 from legfem.legs.plausibility import doubts_about, poisson_ratio
 from legfem.legs.site_test import SiteTest
 from legfem.legs.subject import Subject

@@ -12,8 +12,6 @@ import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, mpa_to_kpa
-from legfem.correction.choice import Correction
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.inverse.agreement import SingleTests
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, DEEP_D2, Values
 from legfem.inverse.comparison import Covariances, ErrorSource, JointComparison, Weighting, total_of
@@ -37,6 +35,8 @@ from legfem.inverse.outcome import Forward, JointForward
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.searches import Found
 from legfem.inverse.settings import SearchRequest
+from legfem.legs.correction import TabulatedCorrection
+from legfem.legs.correction_of_leg import Correction
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialSites
 from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.laws import laws_of

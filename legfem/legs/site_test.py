@@ -10,8 +10,6 @@ import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
-from legfem.correction.choice import Correction, correction_factor
-from legfem.correction.fibres import FIBRES
 from legfem.data import LoadingCurve, mean_loading_curve
 from legfem.data.reader import MINIMAL_DEPTH_MM
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values
@@ -20,6 +18,7 @@ from legfem.inverse.data import Channel, Data
 from legfem.inverse.errors import numerical_covariance
 from legfem.inverse.instrument import GAIN, INSTRUMENT, OFFSET, ZERO, Reading
 from legfem.inverse.parameter import Parameter
+from legfem.legs.correction_of_leg import FIBRES, Correction, correction_factor
 from legfem.legs.subject import Subject
 from legfem.solve.force_curve import ForceCurve
 

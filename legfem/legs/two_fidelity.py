@@ -1,7 +1,7 @@
 """Identification on a section, corrected by full solves of the leg itself in 3D.
 
 The search goes on the model in plane strain times a correction. The leg is solved in 3D at the
-optimum, the correction is made anew from that (`legfem.correction.confirmed`), and the search is
+optimum, the correction is made anew from that (`legfem.legs.correction`), and the search is
 repeated, until neither the force that the correction predicted nor the optimum moves. What is left
 is the correction's error, which the intervals carry: that of its last prediction, of the mesh, of
 how much of the leg is modelled, and of first contact.
@@ -17,13 +17,12 @@ import numpy as np
 
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
-from legfem.correction.confirmed import confirmed_correction
-from legfem.correction.tabulated import FIRST_RATIO, TabulatedCorrection
 from legfem.inverse.catalogue import DEEP_C10
 from legfem.inverse.fit import Fit, fit_with
 from legfem.inverse.laws import LawName
 from legfem.inverse.outcome import FullSolver
 from legfem.inverse.settings import IdentificationSettings
+from legfem.legs.correction import FIRST_RATIO, TabulatedCorrection, confirmed_correction
 from legfem.legs.details import CLOSE, Confirmation, LegDetails, SpatialEvidence
 from legfem.legs.film_3d import PressedLeg
 from legfem.legs.model_3d import LegModels

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 from mpi4py import MPI
 
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.inverse.fit import fit
 from legfem.inverse.laws import LawName
 from legfem.inverse.outcome import JointForward
 from legfem.inverse.settings import SearchRequest
+from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.fit_in_3d import fit_in_3d
 from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.identification import as_leg, identify_leg, searches_in_3d

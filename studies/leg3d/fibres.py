@@ -21,7 +21,7 @@ from legfem.inverse.estimates import Estimate
 from legfem.inverse.fit import Goodness
 from legfem.inverse.settings import SearchRequest
 from legfem.jobs.store import Store
-from legfem.legs.fit_in_3d import identify_in_3d, leg_models
+from legfem.legs.fit_in_3d import leg_models
 from legfem.legs.loading import load_sites
 from legfem.legs.model_3d import start_of_ratio
 from legfem.legs.site_test import measured_curve
