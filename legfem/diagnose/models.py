@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from legfem.diagnose.mechanisms import Solution
-from legfem.diagnose.nuisances import Displaced
+from legfem.diagnose.mechanisms.base import Solution
 from legfem.solve.protocol import Protocol as Motion
 
 if TYPE_CHECKING:
@@ -14,6 +14,15 @@ if TYPE_CHECKING:
     from legfem.experiments.placement import Placement
     from legfem.meshing.motion import MeshMotion
     from legfem.solve.path import Path
+
+
+@dataclass(frozen=True)
+class Displaced:
+    """A geometry other than the stated one, to be solved for."""
+
+    name: str
+    moved: MeshMotion | None = None
+    placement: Placement | None = None
 
 
 class Models(Protocol):
