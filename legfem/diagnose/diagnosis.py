@@ -24,7 +24,7 @@ from legfem.diagnose.ordinary import ordinary_explanation, ordinary_fit
 from legfem.diagnose.predict import LawName, Predictor, Responses, onset_name
 from legfem.diagnose.score import Assessment, assess
 from legfem.inference.errors import ErrorModel, error_model
-from legfem.inference.trial_noise import Noise, estimate_noise
+from legfem.inference.trial_noise import estimate_noise
 from legfem.recording import Instrument
 
 Verdict = Literal["consistent", "named", "ambiguous", "unexplained"]

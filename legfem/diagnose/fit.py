@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
 import math
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -16,10 +16,10 @@ from legfem.common.units import FloatArray
 from legfem.diagnose.mechanisms.base import MeasuredStrength, Mechanism, null_of, prior_of
 from legfem.diagnose.predict import Predictor
 from legfem.inference.errors import ErrorModel, error_model
-from legfem.inference.intervals import effective_degrees
-from legfem.inference.trial_noise import Noise
 from legfem.inference.evidence import Linearised
+from legfem.inference.intervals import effective_degrees
 from legfem.inference.parameter import Parameter
+from legfem.inference.trial_noise import Noise
 
 _FEW, _MANY = 6, 40
 """Evaluations of a search from each of several starts, and from the best of them."""

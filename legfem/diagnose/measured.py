@@ -53,5 +53,3 @@ def check_measured(toml: Path, effects: Sequence[MeasuredEffect]) -> None:
 
 def _sd_of(mechanism: Mechanism, one: MeasuredEffect) -> float:
     return one.sd / one.value if prior_of(mechanism.parameters[0]).scale == "log" else one.sd
-
-

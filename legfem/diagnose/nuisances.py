@@ -27,8 +27,6 @@ from legfem.subjects.subject import MeasuredEffect
 
 if TYPE_CHECKING:
     from legfem.correction.tabulated import TabulatedCorrection
-    from legfem.experiments.placement import Placement
-    from legfem.meshing.motion import MeshMotion
 
 CONTOUR_SD_MM = 0.5
 """Of a segmented outline (MRI of 1 mm pixels: inter-observer distances of 0.3 to 0.8 mm)."""

@@ -11,17 +11,17 @@ from legfem.common.progress import Progress
 from legfem.correction.choice import choose_correction, why_without_fibres
 from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.diagnosis import Diagnosis, diagnose
+from legfem.diagnose.fit import Fit, NuisanceEffect
 from legfem.diagnose.leg import solved_responses
 from legfem.diagnose.library import Library
-from legfem.diagnose.fit import Fit, NuisanceEffect
 from legfem.diagnose.library_build import WITHOUT_ENDS, build_library, shown_mechanisms, with_correction
 from legfem.diagnose.measured import check_measured, measured_strengths
 from legfem.diagnose.mechanisms import Mechanism, mechanisms
-from legfem.diagnose.predict import LawName, Predictor
 from legfem.diagnose.mechanisms.end_effects import EndEffects
 from legfem.diagnose.mechanisms.muscle_fibres import MuscleFibres
 from legfem.diagnose.nuisances import DRAWN, Accuracy, nuisance_effects
 from legfem.diagnose.observations import Observations, observe
+from legfem.diagnose.predict import LawName, Predictor
 from legfem.diagnose.solved import SolvedResponses
 from legfem.inference.elastography import elastography_priors
 from legfem.recording import Instrument
@@ -86,13 +86,7 @@ class Diagnoser:
         if keys not in self._libraries:
             able, _ = shown_mechanisms(observed, self.correction)
             self._libraries[keys] = build_library(
-                fine,
-                coarse,
-                observed,
-                able,
-                self.jobs,
-                progress,
-                STIFFENING[subject.tissues["deep"].law],
+                fine, coarse, observed, able, self.jobs, progress, STIFFENING[subject.tissues["deep"].law]
             )
         return self._libraries[keys], fine
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from legfem.diagnose.mechanisms import Solution, TissueMechanism, mechanisms
-from legfem.diagnose.nuisances import MATERIAL_LOG_SD, Displaced, displaced_geometries
+from legfem.diagnose.models import Displaced
+from legfem.diagnose.nuisances import MATERIAL_LOG_SD, displaced_geometries
 from legfem.solve.protocol import Protocol
 
 if TYPE_CHECKING:

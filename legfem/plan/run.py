@@ -148,14 +148,7 @@ def _library(
     blank = blank_observations(list(dict.fromkeys(p for t in tests for p in t.protocols)))
     fine, coarse = solved_responses(subject, blank, diagnoser.folder)
     return build_library(
-        fine,
-        coarse,
-        blank,
-        asked,
-        diagnoser.jobs,
-        progress,
-        STIFFENING[subject.tissues["deep"].law],
-        middle,
+        fine, coarse, blank, asked, diagnoser.jobs, progress, STIFFENING[subject.tissues["deep"].law], middle
     )
 
 
