@@ -11,7 +11,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import legfem as lf
-from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.experiments.plane_strain import PlaneStrainSettings
+from legfem.legs.experiments import plane_strain_test
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.terms import Prestress
 from legfem.mechanics.terms.dermis import Dermis
@@ -21,7 +22,7 @@ leg = lf.load_subject("3")
 mesh = SectionMeshSettings().refined(0.5)
 tape = PlaneStrainSettings(mesh)
 slippery = PlaneStrainSettings(mesh, ContactSettings(tangential="frictionless"))
-of = PlaneStrainIndentation.of_subject
+of = plane_strain_test
 tests = {
     "base model": of(leg, tape),
     "dermis of 0.1 N/mm": of(leg, tape, mechanisms=[Dermis(0.1)]),

@@ -11,12 +11,13 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import legfem as lf
-from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.experiments.plane_strain import PlaneStrainSettings
+from legfem.legs.experiments import plane_strain_test
 from legfem.meshing.section import SectionMeshSettings
 
 leg = lf.load_subject("3")
 coarse = PlaneStrainSettings(SectionMeshSettings().refined(0.5))
-test = PlaneStrainIndentation.of_subject(leg, coarse)
+test = plane_strain_test(leg, coarse)
 names = ("deep.C10", "deep.C20", "superficial.C10", "fascia.C10")
 stiffness = {"deep.C10": 0.70e-3, "deep.C20": 0.80e-3}  # MPa
 solved = test.solve(stiffness, depth=20.0, sensitivities=names)

@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import legfem as lf
-from legfem.recording.quality import quality_of
+from legfem.data.quality import quality_of
 
 leg = lf.load_subject("3")
 trial = leg.recordings[0]

@@ -9,11 +9,11 @@ A subject is a folder: contours, where the cylinder is aimed, recordings. Here i
 import matplotlib.pyplot as plt
 
 import legfem as lf
-from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.geometry.section import girth
+from legfem.legs.experiments import plane_strain_test
 
 leg = lf.load_subject("3")
-test = PlaneStrainIndentation.of_subject(leg)
+test = plane_strain_test(leg)
 meshed = test.section_mesh
 print(f"{leg.title}, {leg.origin}: girth {girth(leg.section):.0f} mm")
 print(f"worst element: {min(meshed.quality.minimum.values()):.2f} of an ideal one's 1")

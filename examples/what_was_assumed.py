@@ -11,8 +11,8 @@ import math
 import matplotlib.pyplot as plt
 
 import legfem as lf
-from legfem.identify.settings import IdentificationSettings
-from legfem.inference.parameter import Parameter, Prior
+from legfem.inverse.parameter import Parameter, Prior
+from legfem.inverse.settings import IdentificationSettings
 
 leg = lf.load_subject("3")
 fat = leg.tissues["superficial"].C10  # MPa

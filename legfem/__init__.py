@@ -74,7 +74,7 @@ def __dir__() -> list[str]:
 
 
 class _Room(ModuleType):
-    """A room that can be called: ``legfem.identify(leg)`` beside ``legfem.identify.search``."""
+    """A room that can be called: ``legfem.identify(leg)`` beside ``legfem.inverse.search``."""
 
     @property
     def __signature__(self) -> inspect.Signature:

@@ -2,7 +2,7 @@
 
     python -m studies.expected_force --legs 73 --seed 11
 
-prints two rows of coefficients as those in `legfem.subjects.expected_force`, which a first run of
+prints two rows of coefficients as those in `legfem.legs.plausible_recordings`, which a first run of
 the same legs gave.
 """
 
@@ -21,12 +21,13 @@ from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.experiments.tissues import Tissues
+from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection, depth_to_bone
+from legfem.legs.loading import load_subject
+from legfem.legs.plausible_recordings import SOFTEST_KPA, STIFFEST_C20_KPA, STIFFEST_KPA, features
+from legfem.legs.schema import SUBJECTS
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings
-from legfem.subjects.expected_force import SOFTEST_KPA, STIFFEST_C20_KPA, STIFFEST_KPA, features
-from legfem.subjects.loading import SUBJECTS, load_subject
-from legfem.subjects.subject import Indenter
 from studies.legs.calf import Calf, calf_section
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)

@@ -17,10 +17,10 @@ from legfem.common.command_edge import check_out_folder, command_edge, leave_to_
 from legfem.common.documents import json_types, write_atomically, write_document
 from legfem.common.progress import progress_on
 from legfem.common.versions import versions_of
+from legfem.legs.schema import SUBJECTS
 from legfem.meshing.exchange import write_mesh
 from legfem.meshing.quality import quality_of_file
 from legfem.stocking.loading import LEGS
-from legfem.subjects.loading import SUBJECTS
 
 MANIFEST = "meshes.json"
 PAGE = "README.md"

@@ -19,20 +19,20 @@ from legfem.common.command_edge import check_out_folder, command_edge, leave_to_
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import kpa_to_mpa
+from legfem.data import Instrument
 from legfem.experiments.base import Solved
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.experiments.pressing import solved_once
 from legfem.experiments.tissues import Tissues
+from legfem.geometry.indenter import Indenter
 from legfem.jobs.pool import Workers
+from legfem.legs.folder import check_new_folder, write_subject_folder
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings
-from legfem.recording import Instrument
 from legfem.solve.protocol import Protocol
 from legfem.solve.step_settings import StepSettings
 from legfem.study.options import Jobs
-from legfem.subjects.folder import check_new_folder, write_subject_folder
-from legfem.subjects.subject import Indenter
 from studies.lab.synthesis import InstrumentNoise, record_path
 from studies.legs.calf import Calf, calf_section
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from legfem.recording import Recording
+from legfem.data import Recording
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 CROSSCHECK = Path(__file__).resolve().parent / "data" / "crosscheck"

@@ -11,8 +11,9 @@ import numpy as np
 import pandas as pd
 
 from legfem.common.errors import InputError
-from legfem.subjects.loading import SUBJECTS, load_subject
-from legfem.subjects.plausibility import doubts_about
+from legfem.legs.loading import load_subject
+from legfem.legs.plausibility import doubts_about
+from legfem.legs.schema import SUBJECTS
 
 type Change = Callable[[Path], None]
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from legfem.common.units import FloatArray
+from legfem.data import Instrument, Recording
 from legfem.diagnose.fit import Fit, Problem, fit
 from legfem.diagnose.library import NuisanceChanges
 from legfem.diagnose.mechanisms import Mechanism, Stiffness, TissueMechanism, Values, mechanism_named
@@ -17,12 +18,12 @@ from legfem.diagnose.predict import Predictor
 from legfem.diagnose.stations import Stations
 from legfem.diagnose.variants import Variants
 from legfem.experiments.plane_strain import PlaneStrainSettings
-from legfem.experiments.tissues import tissues_of
-from legfem.inference.errors import error_model
-from legfem.inference.trial_noise import Noise
-from legfem.recording import Instrument, Recording
+from legfem.inverse.errors import error_model
+from legfem.inverse.trial_noise import Noise
+from legfem.legs.experiments import tissues_of
+from legfem.legs.loading import load_subject
+from legfem.legs.schema import SUBJECTS
 from legfem.solve.protocol import Protocol
-from legfem.subjects.loading import SUBJECTS, load_subject
 
 SOUGHT = tuple(
     mechanism_named(name) for name in ("contact-onset", "force-drift", "preconditioning", "support-compliance")

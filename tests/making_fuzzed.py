@@ -16,10 +16,10 @@ from making_stocking import LEG_TOML
 from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.shape_file import write_shape
+from legfem.legs.loading import load_subject
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.specimens.folder import load_specimen
 from legfem.stocking.loading import load_leg
-from legfem.subjects.loading import load_subject
 from studies.legs.parametric_leg import parametric_leg, read_legs
 from studies.stockings.command import LEGS
 

@@ -11,20 +11,20 @@ import numpy as np
 from making import write_subject
 
 from legfem.common.progress import Silent
-from legfem.correction.tabulated import TabulatedCorrection
-from legfem.identify.forward import ForwardOutcome
-from legfem.identify.identification import Identification, beyond_of, measured_curve
-from legfem.identify.request import sensitivities_of
-from legfem.identify.result import IdentificationResult
-from legfem.identify.run import laws_of
-from legfem.identify.settings import IdentificationSettings
-from legfem.identify.solver import FullSolver
-from legfem.inference.parameter import Parameter
+from legfem.data import Instrument, Recording
+from legfem.identify.result import IdentificationResult, identification_result
+from legfem.inverse.fit import fit_with
+from legfem.inverse.outcome import FullSolver, JointForward, Outcome
+from legfem.inverse.parameter import Parameter
+from legfem.inverse.settings import IdentificationSettings, SearchRequest
 from legfem.jobs.store import Store
-from legfem.recording import Instrument, Recording
+from legfem.legs.correction import TabulatedCorrection
+from legfem.legs.identification import as_leg
+from legfem.legs.loading import load_subject
+from legfem.legs.problem import leg_problem
+from legfem.legs.site_test import beyond_of
+from legfem.legs.subject import Subject
 from legfem.solve.force_curve import ForceCurve
-from legfem.subjects.loading import load_subject
-from legfem.subjects.subject import Subject
 
 DEPTH = 20.0
 LAWS = ("neo-hookean", "reduced-polynomial")
@@ -45,6 +45,9 @@ class AnalyticLeg:
     depth: float = DEPTH
     calls: int = field(default=0)
 
+    def prepare(self) -> None:
+        """Nothing is to be meshed."""
+
     def fingerprint(self) -> Mapping[str, Any]:
         return {"model": "analytic"}
 
@@ -54,7 +57,7 @@ class AnalyticLeg:
         assumed = {f"{name}.C10": c10 for name, c10 in tissues.items()}
         return {"deep.C10": 1e-3, "deep.D1": 28.0, "deep.C20": 0.0, "deep.D2": 28.0, **assumed}
 
-    def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> ForwardOutcome:
+    def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> Outcome:
         if self.calls >= self.killed_after:
             raise Killed
         self.calls += 1
@@ -75,7 +78,7 @@ class AnalyticLeg:
             "deep.D1": np.zeros(len(d)),
         }
         curve = ForceCurve(d, force, {name: by[name] for name in sensitivities})
-        return ForwardOutcome(values, (curve,), complete, "" if complete else "made to stop", 10, 0.0, self.compromise)
+        return Outcome(values, (curve,), complete, "" if complete else "made to stop", 10, 0.0, self.compromise)
 
 
 def curve_of(c10: float, c20: float, fat: float = 2.0) -> ForceCurve:
@@ -118,10 +121,9 @@ def identify(
 ) -> list[IdentificationResult]:
     """Return the results of laws, by default both."""
     model = model or AnalyticLeg(depth=DEPTH + beyond_of(parameters or (), fixed or {}))
-    store = None if solves is None else Store(solves, ForwardOutcome, model.fingerprint())
-    chosen = laws_of(subject, laws, model.nominal, parameters, fixed)
-    with FullSolver(model, store, 1, Silent(), sensitivities_of(chosen)) as solver:
-        settings = settings or IdentificationSettings()
-        measured = measured_curve(subject)
-        found = Identification(subject, measured, chosen, solver, settings, correction)
-        return found.identify(laws)
+    settings = settings or IdentificationSettings()
+    request = SearchRequest(parameters, fixed or {}, settings=settings)
+    problem = leg_problem(as_leg(subject), laws, request, [correction], JointForward((model,)))
+    store = None if solves is None else Store(solves, Outcome, model.fingerprint())
+    with FullSolver(problem.forward, store, 1, Silent(), problem.sensitivities) as solver:
+        return [identification_result(one) for one in fit_with(problem, laws, solver, settings)]

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from legfem.recording import Instrument, Recording
-from legfem.recording.writer import write_recording
-from legfem.subjects.folder import subject_text
+from legfem.data import Instrument, Recording
+from legfem.data.recording import write_recording
+from legfem.legs.folder import subject_text
 
 FAT, BONE = 9.0, 9.0
 LEVELS = np.arange(20.0, 181.0, 10.0)

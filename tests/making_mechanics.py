@@ -18,6 +18,7 @@ from mpi4py import MPI
 from legfem.experiments.tissues import Tissues
 from legfem.fem.spaces import LegSpaces, build_spaces
 from legfem.fem.system import System
+from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection
 from legfem.mechanics.contact import RigidCylinder
 from legfem.mechanics.contact_settings import ContactSettings
@@ -28,7 +29,6 @@ from legfem.meshing.section import BONE, DEEP, SKIN, SectionMeshSettings
 from legfem.solve.newton import NewtonOutcome, NewtonSolver
 from legfem.solve.newton_settings import NewtonSettings
 from legfem.solve.step_settings import StepSettings
-from legfem.subjects.subject import Indenter
 from studies.legs.calf import Calf, calf_section
 from studies.reconstruct import DEFINITION
 

@@ -22,27 +22,30 @@ from making_specimens import write_bars
 from making_stocking import COARSE, laws, short_leg
 
 from legfem.common.progress import Silent
-from legfem.correction.tabulated import TabulatedCorrection
+from legfem.data.columns import propose, recording_of
+from legfem.data.formats import read_sheets
+from legfem.data.quality import quality_of
 from legfem.diagnose.document import versions
 from legfem.experiments.indentation_3d import Cylinder
-from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.experiments.posed import Pose, posed
 from legfem.geometry.leg_shape import HULL, SKIN
 from legfem.geometry.slices import calf_levels
-from legfem.identify.applied_correction import Confirmation, SpatialEvidence
-from legfem.identify.catalogue import parameter_of
-from legfem.identify.leg_film import LegState, PressedLeg, seen
-from legfem.identify.result import Estimate
+from legfem.inverse.catalogue import parameter_of
+from legfem.inverse.estimates import Estimate
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
+from legfem.legs.correction import TabulatedCorrection
+from legfem.legs.details import Confirmation, SpatialEvidence
+from legfem.legs.experiments import plane_strain_test
+from legfem.legs.film_3d import LegState, PressedLeg, seen
+from legfem.legs.loading import load_subject
+from legfem.legs.subject import Subject
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings
 from legfem.plan.designs import designs
 from legfem.plan.reckon import Reckoned
 from legfem.plan.run import Expected
-from legfem.recording.columns import propose, recording_of
-from legfem.recording.formats import read_sheets
-from legfem.recording.quality import quality_of
 from legfem.report.look import recordings_toml
 from legfem.report.web.diagnosis import diagnosis_web_page
 from legfem.report.web.identification import identification_page
@@ -70,8 +73,6 @@ from legfem.study.doe.runs import Workshop, simulate
 from legfem.study.doe.simulator import Record
 from legfem.study.doe.study import StudyResult, study
 from legfem.study.doe.web_page import study_web_page
-from legfem.subjects.loading import load_subject
-from legfem.subjects.subject import Subject
 from studies.legs.parametric_leg import round_leg
 
 COMMAND = "python -m legfem.identify --subject-dir 'my <leg>'"
@@ -85,7 +86,7 @@ def subject_in(folder: Path):
 def pressed(subject: Subject) -> PressedSection | None:
     """Press a subject's section on a coarse mesh."""
     coarse = PlaneStrainSettings(mesh=SectionMeshSettings(contact_size=3.0, far_size=12.0))
-    film = Film(PlaneStrainIndentation.of_subject(subject, coarse), DEPTH)
+    film = Film(plane_strain_test(subject, coarse), DEPTH)
     solved = film.experiment.solve({}, DEPTH, on_step=film.take)
     return pressed_section(film, solved.curve.displacement, solved.curve.force, "A leg")
 

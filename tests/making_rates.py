@@ -10,8 +10,8 @@ import numpy as np
 from making_specimens import BAR, compressed
 from scipy.integrate import solve_ivp
 
+from legfem.data import Recording, write_recording
 from legfem.mechanics.materials import ExponentialStiffening
-from legfem.recording import Recording, write_recording
 
 LAW = ExponentialStiffening(0.6e-3, 1.0, C20=0.0, stiffening=1.2e-3, exponent=2.0)
 DEPTH, HOLD = 3.0, 300.0

@@ -7,18 +7,11 @@ import math
 import numpy as np
 from making import press
 
-from legfem.identify.catalogue import parameter_of
-from legfem.identify.result import (
-    Cost,
-    CostMap,
-    Estimate,
-    FullSolve,
-    Generation,
-    IdentificationResult,
-    PredictedCurve,
-    SearchPath,
-)
-from legfem.recording import Instrument, LoadingCurve, mean_loading_curve
+from legfem.data import Instrument, LoadingCurve, mean_loading_curve
+from legfem.identify.result import Cost, IdentificationResult, PredictedCurve
+from legfem.inverse.catalogue import parameter_of
+from legfem.inverse.estimates import Estimate
+from legfem.inverse.search_log import CostMap, FullSolve, Generation, SearchLog
 
 INSTRUMENT = Instrument(force_sd=0.04, displacement_sd=0.02)
 NAMES = ("deep.C10", "deep.C20")
@@ -104,7 +97,7 @@ def result(law: str, measured: LoadingCurve | None = None, **changes: object):
         ),
         "measured": measured,
         "predicted": PredictedCurve(depth, matrix @ optimum, rates),
-        "search": SearchPath(
+        "search": SearchLog(
             NAMES[: 2 if two else 1],
             tuple(
                 FullSolve({NAMES[0]: a, NAMES[1]: b}, float(cost(a, b)), stage, True, "", 60, 1.5)
@@ -115,6 +108,15 @@ def result(law: str, measured: LoadingCurve | None = None, **changes: object):
                 for k, at in enumerate(best + (starts[0] - best) * 0.7**j for j in range(10))
             ),
             CostMap(NAMES[: 2 if two else 1], c10, c20, cost(*np.meshgrid(c10, c20))),
+            converged=True,
+            seed=5,
+            wall_s=12.3,
+            emulator_error=0.003,
+            forward_solves=7,
+            failed_solves=0,
+            reused_solves=2,
+            factorisations=420,
+            compromise="",
         ),
         "forward_solves": 7,
         "reused_solves": 2,

@@ -18,8 +18,8 @@ from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 from legfem.geometry.__main__ import app
-from legfem.subjects.loading import load_subject
-from legfem.subjects.subject import Subject
+from legfem.legs.loading import load_subject
+from legfem.legs.subject import Subject
 
 HEIGHT = 100.0
 SPACING = (0.8, 0.9, 2.0)

@@ -10,10 +10,9 @@ import numpy as np
 from making import TOML, leg, press, write_contours, write_recording
 from making_identification import DEPTH, AnalyticLeg, pressed_leg
 
-from legfem.identify.forward import ForwardOutcome
-from legfem.recording import Recording
-from legfem.sites.forward import SitesForward
-from legfem.subjects.subject import SitedLeg
+from legfem.data import Recording
+from legfem.inverse.outcome import JointForward, Outcome
+from legfem.legs.subject import SitedLeg
 
 SITES = ("back", "medial", "low")
 FACTORS = (1.0, 0.8, 1.3)
@@ -38,7 +37,7 @@ class SiteLeg(AnalyticLeg):
     def prepare(self) -> None:
         """There is no mesh."""
 
-    def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> ForwardOutcome:
+    def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> Outcome:
         solved = super().solve(values, sensitivities)
         curve = solved.curve
         by = {name: self.factor * each for name, each in curve.sensitivities.items()}
@@ -66,10 +65,10 @@ def sited_leg(
     return SitedLeg("leg", "Closed form", tuple(sites), folder)
 
 
-def sites_model(depth: float = DEPTH) -> SitesForward:
+def sites_model(depth: float = DEPTH) -> JointForward:
     """Return the model of the leg."""
     models = tuple(SiteLeg(depth=depth, factor=factor) for factor in FACTORS)
-    return SitesForward(models)  # type: ignore[arg-type]
+    return JointForward(models)  # type: ignore[arg-type]
 
 
 def write_sites(folder: Path, tables: str = SITE_TABLES, names: Sequence[str] = SITES[:2]) -> Path:

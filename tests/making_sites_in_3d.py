@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from making_identification import DEPTH, AnalyticLeg, pressed_leg
 
-from legfem.identify.catalogue import DEEP_C10, DEEP_RATIO
-from legfem.identify.fibre_ratio import at_ratios, moduli_needed
-from legfem.identify.forward import ForwardOutcome
-from legfem.identify.spatial import LegModels
-from legfem.recording import Recording
-from legfem.subjects.spatial import spatial_leg
-from legfem.subjects.subject import SitedLeg
+from legfem.data import Recording
+from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO
+from legfem.inverse.fibre_ratio import at_ratios, moduli_needed
+from legfem.inverse.outcome import Outcome
+from legfem.legs.model_3d import LegModels
+from legfem.legs.placement import spatial_leg
+from legfem.legs.subject import SitedLeg
 
 RISES = {"along": 0.06, "across": 0.12}
 """Of the force a unit of the fibres' ratio, by how the cylinder lies."""
@@ -43,7 +43,7 @@ class FibrousLeg(AnalyticLeg):
     def fingerprint(self) -> Mapping[str, Any]:
         return {"model": "fibrous", "rise": self.rise, "level": self.level}
 
-    def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> ForwardOutcome:
+    def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> Outcome:
         every = {DEEP_RATIO: 1.0, **self.nominal, **values}
         ratio, c10 = every[DEEP_RATIO], every[DEEP_C10]
         plain = (*dict.fromkeys([n for n in sensitivities if "fibre" not in n] + [DEEP_C10]),)
@@ -106,7 +106,7 @@ def models_of(leg: SitedLeg, kept: Path | None = None, **more: Any) -> list[LegM
 
 
 def models_as_deep_as_asked() -> Callable[..., list[LegModels]]:
-    """Return what takes the place of `legfem.sites.spatial.leg_models`."""
+    """Return what takes the place of `legfem.legs.fit_in_3d.leg_models`."""
 
     def models(leg: SitedLeg, curves: Sequence[Any], *_: Any) -> list[LegModels]:
         depth = float(min(curve.displacement[-1] for curve in curves))

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import brentq
 
+from legfem.data import Recording, write_recording
 from legfem.mechanics.materials import Hyperelastic, ReducedPolynomial
-from legfem.recording import Recording, write_recording
 
 LENGTH, AREA = 10.0, 100.0
 BAR = """\

@@ -26,11 +26,11 @@ import typer
 HERE = Path(__file__).resolve().parent
 CROSSCHECK = HERE / "data" / "crosscheck"
 OLD_NAMES = {
-    "legfem.subjects.loading": "legfem.subjects.subject",
+    "legfem.legs.loading": "legfem.legs.subject",
     "legfem.stocking.loading": "legfem.stocking.leg",
-    "legfem.subjects.subject": "legfem.subject",
-    "legfem.correction.choice": "legfem.identify.correction",
-    "legfem.correction.tabulated": "legfem.correction",
+    "legfem.legs.subject": "legfem.subject",
+    "legfem.legs.correction_of_leg": "legfem.identify.correction",
+    "legfem.legs.correction": "legfem.correction",
     "legfem.study.correction.cases": "legfem.study.correction_cases",
 }
 """Of modules that moved, and of some of their functions: what they were before, since 898bc29."""
@@ -58,18 +58,18 @@ def module(name: str) -> Any:
 
 def own_subject(number: str) -> Any:
     """Load one of the four subjects."""
-    subjects = module("legfem.subjects.loading")
+    subjects = module("legfem.legs.loading")
     return subjects.load_subject(subjects.SUBJECTS.find(number))
 
 
 def forces() -> Entries:
     """F(d) with given stiffness (N), and its derivatives by two parameters (N/MPa)."""
-    test_of = module("legfem.experiments.plane_strain").PlaneStrainIndentation.of_subject
+    test_of = module("legfem.legs.experiments").plane_strain_test
     cases = {
         f"subject {number}": (own_subject(number), {"deep.C10": 1e-3 * c10, "deep.C20": 1e-3 * c20}, 30.0)
         for number, (c10, c20) in PAPER.items()
     }
-    load = module("legfem.subjects.loading").load_subject
+    load = module("legfem.legs.loading").load_subject
     for name, values in OTHER_CODE.items():
         cases[f"crosscheck {name}"] = load(CROSSCHECK / name), values, 20.0
     found: Entries = {}
@@ -99,7 +99,7 @@ def identified() -> Entries:
 
 def corrections() -> Entries:
     """P(d) of the tables at three stiffnesses, and of one coarse idealised leg."""
-    choice, tabulated = module("legfem.correction.choice"), module("legfem.correction.tabulated")
+    choice, tabulated = module("legfem.legs.correction_of_leg"), module("legfem.legs.correction")
     at = np.linspace(0.0, 25.0, 11)
     stiffness = np.array([0.3, 1.0, 5.0]), np.array([0.0, 1.0, 10.0])
     found: Entries = {}

@@ -11,15 +11,14 @@ from legfem.app.describe import DressedLeg, LabSpecimens, PressedLeg, contours_i
 from legfem.app.settings import read_value, settings_of, with_channels, with_settings
 from legfem.common.errors import InputError
 from legfem.common.toml_file import checked
+from legfem.data.columns import Channel, Channels
+from legfem.data.folder import RESOURCES
+from legfem.legs.loading import load_subject
+from legfem.legs.schema import SubjectFile, subject_entry
 from legfem.mechanics.materials import ReducedPolynomial
-from legfem.recording.columns import Channel, Channels
 from legfem.specimens.folder import load_specimen
 from legfem.specimens.schema import SpecimenFile, parse_specimen_file
 from legfem.stocking.leg_file import LegFile, parse_leg_file
-from legfem.subjects.catalogue import RESOURCES
-from legfem.subjects.loading import load_subject
-from legfem.subjects.schema import SubjectFile
-from legfem.subjects.sites import subject_entry
 
 SUBJECT = RESOURCES / "frauziols" / "subjects" / "3"
 

@@ -13,11 +13,11 @@ from walking import Server, loose_files, walk
 
 from legfem.app.runs import Run, RunState
 from legfem.common.errors import InputError
+from legfem.data.folder import RESOURCES
+from legfem.legs.loading import load_subject
+from legfem.legs.schema import subject_entry
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.specimens.schema import parse_specimen_file
-from legfem.subjects.catalogue import RESOURCES
-from legfem.subjects.loading import load_subject
-from legfem.subjects.sites import subject_entry
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(browser.browser() is None, reason="no Chromium here")]
 LEG = RESOURCES / "dubuis" / "subjects" / "1"

@@ -24,8 +24,8 @@ from legfem.common.errors import InputError
 from legfem.common.progress import Lines, Reached, reached
 from legfem.diagnose.document import document
 from legfem.identify.document import result_document
+from legfem.legs.loading import load_subject
 from legfem.report.words import number
-from legfem.subjects.loading import load_subject
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from starlette.requests import ClientDisconnect
 
 from legfem.app.workspace import Workspace, plain_name
 from legfem.common.errors import InputError
-from legfem.subjects.catalogue import RESOURCES
+from legfem.data.folder import RESOURCES
 
 SUBJECT = RESOURCES / "frauziols" / "subjects" / "3"
 

@@ -19,8 +19,9 @@ from mpi4py import MPI
 from legfem.common.errors import InputError
 from legfem.jobs.checkpoint import Checkpoint
 from legfem.jobs.store import Store
-from legfem.subjects.loading import SUBJECTS, load_subject
-from legfem.subjects.plausibility import doubts_about
+from legfem.legs.loading import load_subject
+from legfem.legs.plausibility import doubts_about
+from legfem.legs.schema import SUBJECTS
 
 FOREIGN = sorted((SHARED / "foreign").glob("case-*"))
 LONGEST_S = 60.0

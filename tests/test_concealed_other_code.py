@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from legfem.subjects.loading import load_subject
+from legfem.legs.loading import load_subject
 from studies.concealed.cases import make_cases
 from studies.concealed.other_code import OtherCase, OtherCode
 from studies.concealed.other_tissue import DeepTissue

@@ -14,8 +14,8 @@ from legfem.geometry.__main__ import app
 from legfem.geometry.cross_sections import section_from_outlines
 from legfem.geometry.plane import CuttingPlane
 from legfem.imaging.leg_source import LegSource
-from legfem.subjects.folder import folder_of_leg
-from legfem.subjects.loading import load_subject
+from legfem.legs.folder import folder_of_leg
+from legfem.legs.loading import load_subject
 
 REAL = SHARED / "data" / "leg_geometry" / "cross_sections_5mm.csv"
 real_leg = pytest.mark.skipif(not REAL.is_file(), reason="needs ../shared/data/leg_geometry")

@@ -15,7 +15,7 @@ from legfem.diagnose.library_tasks import CHANGES_AT
 from legfem.diagnose.mechanisms import Solution, mechanism_named
 from legfem.diagnose.solved import PLAIN, SolvedResponses
 from legfem.experiments.plane_strain import PlaneStrainIndentation
-from legfem.inference.constants import NUMERICAL_ERROR
+from legfem.inverse.intervals import NUMERICAL_ERROR
 from legfem.mechanics.terms.dermis import Dermis
 
 DEPTH, STIFFNESS = 6.0, 0.08

@@ -9,8 +9,7 @@ import pytest
 from making_diagnosis import INSTRUMENT
 
 from legfem.common.progress import Silent
-from legfem.correction.choice import REFERENCE
-from legfem.correction.tabulated import read_correction
+from legfem.data import Recording
 from legfem.diagnose.library_build import build_library, rounded, shown_mechanisms
 from legfem.diagnose.mechanisms import mechanism_named
 from legfem.diagnose.mechanisms.base import null_of
@@ -21,10 +20,12 @@ from legfem.diagnose.predict import Predictor
 from legfem.diagnose.run import ruled_out_of
 from legfem.diagnose.solved import PLAIN, NotKeptError, SolvedResponses
 from legfem.diagnose.variants import Stopped, Variants
-from legfem.recording import Recording
+from legfem.legs.correction import read_correction
+from legfem.legs.correction_of_leg import REFERENCE
+from legfem.legs.elastography import FibreRatio
+from legfem.legs.loading import load_subject
+from legfem.legs.schema import SUBJECTS
 from legfem.solve.protocol import Protocol
-from legfem.subjects.elastography import FibreRatio
-from legfem.subjects.loading import SUBJECTS, load_subject
 
 DEPTH = 6.0
 SOFT = (0.8, 0.9)
@@ -33,7 +34,7 @@ SOFT = (0.8, 0.9)
 @pytest.fixture(scope="module")
 def variants():
     from legfem.experiments.plane_strain import PlaneStrainSettings
-    from legfem.experiments.tissues import tissues_of
+    from legfem.legs.experiments import tissues_of
 
     subject = load_subject(SUBJECTS.find("3"), need_recordings=False)
     settings = PlaneStrainSettings()

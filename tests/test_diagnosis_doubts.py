@@ -11,8 +11,8 @@ from making_diagnosed import BASE, diagnosed, diagnosed_of
 from making_diagnosis import INSTRUMENT, noisy, observations, ramps
 
 from legfem.diagnose.doubts import doubts_of
-from legfem.inference.trial_noise import estimate_noise
-from legfem.subjects.loading import load_subject
+from legfem.inverse.trial_noise import estimate_noise
+from legfem.legs.loading import load_subject
 
 
 @pytest.fixture(scope="module")

@@ -16,6 +16,7 @@ from matplotlib.image import imread
 from legfem.diagnose.document import document
 from legfem.diagnose.sentences import next_experiments, percent, verdict_sentence
 from legfem.diagnose.windows import runs
+from legfem.legs.loading import load_subject
 from legfem.report import diagnosis as report
 from legfem.report import diagnosis_tables as tables
 from legfem.report.diagnosis_style import REPAIRED_COLOUR, model_name
@@ -25,7 +26,6 @@ from legfem.report.ranking_figure import ranking_figure
 from legfem.report.signature_figure import leading, matched, strongest
 from legfem.report.web.diagnosis import diagnosis_web_page
 from legfem.report.words import number, probability
-from legfem.subjects.loading import load_subject
 
 ASKED = ("fascia-stiffness", "force-drift", "support-compliance", "contact-onset")
 TWINS = ("fascia-stiffness", "prestress", "force-drift")

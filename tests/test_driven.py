@@ -10,9 +10,9 @@ from making import tissue_force
 from scipy.signal import lfilter
 
 from legfem.common.errors import InputError
+from legfem.data import Instrument, Recording, check_recording, split_phases
+from legfem.data.segmentation import AIR, HOLD, LOADING, UNLOADING
 from legfem.diagnose.observations import observe
-from legfem.recording import Instrument, Recording, check_recording, split_phases
-from legfem.recording.phases import AIR, HOLD, LOADING, UNLOADING
 
 INSTRUMENT = Instrument(force_sd=0.02, displacement_sd=0.02)
 

@@ -14,16 +14,15 @@ from making_diagnosis import noisy, observations, ramps
 from making_identification import AnalyticLeg, identify, pressed_leg
 
 from legfem.common.errors import InputError
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.nuisances import DRAWN
 from legfem.diagnose.run import accuracy_of
-from legfem.identify.catalogue import parameter_of
-from legfem.inference.elastography import elastography_priors
-from legfem.inference.parameter import Prior
+from legfem.inverse.catalogue import parameter_of
+from legfem.inverse.parameter import Prior
+from legfem.legs.correction import TabulatedCorrection
+from legfem.legs.elastography import FibreRatio, ShearModulus, elastography_priors
+from legfem.legs.loading import load_subject
+from legfem.legs.plausibility import doubts_about
 from legfem.report.web.diagnosis import waves_say
-from legfem.subjects.elastography import FibreRatio, ShearModulus
-from legfem.subjects.loading import load_subject
-from legfem.subjects.plausibility import doubts_about
 
 ACROSS = '[[elastography]]\ntissue = "deep"\nplane = "across"\nshear_modulus_kPa = {}\nsd_kPa = {}\n'
 ALONG = ACROSS.replace('"across"', '"along"')

@@ -9,9 +9,9 @@ import pytest
 from making_diagnosis import INSTRUMENT, NOISE, noisy, observations, ramps, two_rates
 from test_observations import observed as recorded
 
-from legfem.inference.constants import NUMERICAL_ERROR
-from legfem.inference.errors import COMMON_GAIN_SD, ErrorModel, error_model
-from legfem.inference.trial_noise import estimate_noise, trial_covariance
+from legfem.inverse.errors import COMMON_GAIN_SD, ErrorModel, error_model
+from legfem.inverse.intervals import NUMERICAL_ERROR
+from legfem.inverse.trial_noise import estimate_noise, trial_covariance
 from legfem.solve.protocol import Protocol
 
 TRUTH = {"C10": 1.0, "C20": 0.8}

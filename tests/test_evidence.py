@@ -10,10 +10,10 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
-from legfem.inference.errors import GAIN_SDS, ZERO_FACTORS, ErrorModel
-from legfem.inference.evidence import Evidence, Linearised, Unknown, probabilities
-from legfem.inference.posterior import Posterior
-from legfem.inference.trial_noise import Noise
+from legfem.inverse.errors import GAIN_SDS, ZERO_FACTORS, ErrorModel
+from legfem.inverse.evidence import Evidence, Linearised, Unknown, probabilities
+from legfem.inverse.posterior import Posterior
+from legfem.inverse.trial_noise import Noise
 
 N = 30
 ALONG = np.linspace(0.0, 1.0, N)

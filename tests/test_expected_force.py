@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.experiments.plane_strain import PlaneStrainSettings
+from legfem.legs.experiments import plane_strain_test
+from legfem.legs.loading import load_subject
+from legfem.legs.plausible_recordings import SLACK, SOFTEST_KPA, STIFFEST_KPA, force_range
+from legfem.legs.schema import SUBJECTS
 from legfem.meshing.section import SectionMeshSettings
-from legfem.subjects.expected_force import SOFTEST_KPA, STIFFEST_KPA, force_range
-from legfem.subjects.loading import SUBJECTS, load_subject
-from legfem.subjects.plausible_recordings import SLACK
 
 
 @pytest.mark.slow
@@ -17,7 +18,7 @@ from legfem.subjects.plausible_recordings import SLACK
 def test_a_leg_pushes_back_between_the_envelopes_and_they_are_tight(name):
     leg = load_subject(SUBJECTS.find(name), need_recordings=False)
     settings = PlaneStrainSettings(SectionMeshSettings().refined(0.5), defences=False)
-    test = PlaneStrainIndentation.of_subject(leg, settings)
+    test = plane_strain_test(leg, settings)
     at = np.array([5.0, 12.0, 20.0])
     low, high = force_range(leg, at)
     soft, stiff = (

@@ -21,8 +21,8 @@ from legfem.diagnose.strength import gained_by_width
 from legfem.diagnose.touch import posterior_of
 from legfem.diagnose.unknown import unknown_errors
 from legfem.diagnose.weighing import PRIOR_NONE, PRIOR_PAIR, PRIOR_SINGLE, PRIOR_UNKNOWN
-from legfem.inference.errors import error_model
-from legfem.inference.evidence import Evidence
+from legfem.inverse.errors import error_model
+from legfem.inverse.evidence import Evidence
 
 
 @pytest.mark.parametrize(

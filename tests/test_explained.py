@@ -23,8 +23,8 @@ from legfem.diagnose.remains import explained_share, remains_of
 from legfem.diagnose.strength import gained_by_width
 from legfem.diagnose.told import told_of
 from legfem.diagnose.unknown import unknown_errors
-from legfem.inference.evidence import Evidence
-from legfem.inference.mixture import Mixture
+from legfem.inverse.evidence import Evidence
+from legfem.inverse.mixture import Mixture
 
 
 def explanation(like: Explanation, mean: float, sd: float, probability: float) -> Explanation:

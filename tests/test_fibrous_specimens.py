@@ -18,17 +18,17 @@ from legfem.experiments.axisymmetric import AxisymmetricSettings
 from legfem.experiments.flat_punch import PunchOnLayer
 from legfem.experiments.lateral_cylinder import LateralCylinder
 from legfem.experiments.uniaxial import Bar
-from legfem.identify.written import Written
+from legfem.inverse.parse_parameters import Written
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Fibres
 from legfem.meshing.meridian import MeridianMeshSettings
 from legfem.report.specimen import write_specimen_report
 from legfem.solve.protocol import Protocol
+from legfem.specimens.comparison import OwnStiffness
 from legfem.specimens.fibre_directions import AXES
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.laws import asked_in_writing
-from legfem.specimens.own_stiffness import OwnStiffness
 from legfem.specimens.sizes import FibrousTest, LayeredTest, lengths_of, resized, sizes_text
 from legfem.specimens.slipping import slipping
 from legfem.specimens.tissues import SpecimenTissue

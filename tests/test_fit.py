@@ -15,9 +15,9 @@ from legfem.diagnose.held_out import folds_of, held_out
 from legfem.diagnose.mechanisms import Mechanism, mechanism_named
 from legfem.diagnose.mechanisms.base import strength
 from legfem.diagnose.predict import onset_name
-from legfem.inference.errors import error_model
-from legfem.inference.evidence import Evidence, Unknown
-from legfem.inference.parameter import Parameter, Prior
+from legfem.inverse.errors import error_model
+from legfem.inverse.evidence import Evidence, Unknown
+from legfem.inverse.parameter import Parameter, Prior
 
 
 @dataclass(frozen=True)

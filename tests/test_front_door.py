@@ -14,8 +14,8 @@ from making_results import result
 
 import legfem as lf
 from legfem.common.errors import InputError
-from legfem.identify.forward import PlaneStrainForward
-from legfem.subjects.loading import SUBJECTS
+from legfem.legs.forward import PlaneStrainForward
+from legfem.legs.schema import SUBJECTS
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -17,9 +17,10 @@ import legfem as lf
 from legfem.commands.identify import app as identify_app
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.experiments.plane_strain import PlaneStrainSettings
-from legfem.identify.settings import IdentificationSettings
+from legfem.inverse.settings import IdentificationSettings
+from legfem.legs import fit_in_3d as spatial
+from legfem.legs import problem
 from legfem.report.style import LAW_NAMES
-from legfem.sites import joint, spatial
 
 RATIO = ("deep.C10", "deep.fibre_ratio")
 IN_SPACE = "\n[recordings]\nplane_strain = false\n"
@@ -30,11 +31,11 @@ def closed_form(monkeypatch):
     """Sections of sites in closed form; returns the numbers that they would be solved with."""
     asked = []
 
-    def model(leg, depth, settings=None):
+    def model(leg, request, settings=None):
         asked.append(settings)
         return sites_model()
 
-    monkeypatch.setattr(joint, "sites_model", model)
+    monkeypatch.setattr(problem, "section_forward", model)
     return asked
 
 
@@ -47,7 +48,7 @@ def in_space(folder: Path) -> Path:
 @pytest.fixture(scope="module")
 def both(tmp_path_factory):
     patch = pytest.MonkeyPatch()
-    patch.setattr(joint, "sites_model", lambda *_: sites_model())
+    patch.setattr(problem, "section_forward", lambda *_: sites_model())
     found = lf.identify(sited_leg(tmp_path_factory.mktemp("leg"), 0.6, 1.5))
     patch.undo()
     return found
@@ -95,7 +96,7 @@ def test_a_folder_with_sites_is_a_leg_of_sites_and_one_of_them_a_leg(tmp_path) -
 @pytest.mark.parametrize("loaded", [False, True])
 def test_one_site_by_itself_is_identified_as_a_leg(tmp_path, monkeypatch, loaded) -> None:
     """Nothing is solved here: the forward model tells which leg it would solve."""
-    from legfem.identify.forward import PlaneStrainForward
+    from legfem.legs.forward import PlaneStrainForward
 
     folder, asked = write_sites(tmp_path / "leg"), []
 

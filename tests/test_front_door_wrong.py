@@ -9,7 +9,7 @@ from making import write_subject
 from making_specimens import PLANTED, write_bars
 
 import legfem as lf
-from legfem.identify.settings import IdentificationSettings
+from legfem.inverse.settings import IdentificationSettings
 
 LEG = {
     "a word for a depth": ({"depth": "deep"}, "depth: 'deep': is no depth; give a number of mm"),

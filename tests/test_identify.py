@@ -15,12 +15,12 @@ from typer.testing import CliRunner
 
 from legfem.commands.identify import app
 from legfem.identify.document import result_document
-from legfem.identify.forward import ForwardOutcome
-from legfem.identify.laws import default_parameters
 from legfem.identify.run import write_results
-from legfem.identify.settings import IdentificationSettings
-from legfem.inference.constants import IDENTIFIABLE_WITHIN
+from legfem.inverse.intervals import IDENTIFIABLE_WITHIN
+from legfem.inverse.outcome import Outcome
+from legfem.inverse.settings import IdentificationSettings
 from legfem.jobs.store import Store
+from legfem.legs.laws import default_parameters
 
 
 def same(result: object) -> str:
@@ -108,7 +108,7 @@ def test_killed_search_goes_on_to_the_same_result(tmp_path: Path) -> None:
 
 
 def test_kept_solves_are_exact_and_a_spoilt_file_is_solved_again(tmp_path: Path) -> None:
-    store = Store(tmp_path / "solves", ForwardOutcome, AnalyticLeg().fingerprint())
+    store = Store(tmp_path / "solves", Outcome, AnalyticLeg().fingerprint())
     values = {"deep.C10": 0.7123456789e-3, "deep.C20": 1e-4, "deep.D2": float("inf")}
     asked = values, ("deep.C10",)
     outcome = AnalyticLeg().solve(*asked)
@@ -118,7 +118,7 @@ def test_kept_solves_are_exact_and_a_spoilt_file_is_solved_again(tmp_path: Path)
     assert np.array_equal(kept.curve.force, outcome.curve.force)
     assert store.get(({**values, "deep.D2": 28.0}, ("deep.C10",))) is None
     assert store.get((values, ("deep.C10", "deep.C20"))) is None
-    deeper = Store(store.folder, ForwardOutcome, {"model": "analytic", "depth_mm": 1.0})
+    deeper = Store(store.folder, Outcome, {"model": "analytic", "depth_mm": 1.0})
     assert deeper.get(asked) is None
     store.path(asked).write_text('{"values": ')
     assert store.get(asked) is None

@@ -17,18 +17,18 @@ from typer.testing import CliRunner
 
 from legfem.commands.identify import app
 from legfem.common.errors import InputError
-from legfem.identify.catalogue import parameter_of, stiffness_in_words
+from legfem.data import Recording
+from legfem.data.ranges import C10 as PLAUSIBLE
 from legfem.identify.document import result_document
-from legfem.identify.settings import IdentificationSettings
-from legfem.identify.written import Written, read_prior, read_value
-from legfem.inference import minimiser
-from legfem.inference.parameter import Parameter, Prior
-from legfem.inference.population import CALF, population
-from legfem.recording import Recording
+from legfem.inverse import minimiser
+from legfem.inverse.catalogue import parameter_of, stiffness_in_words
+from legfem.inverse.parameter import Parameter, Prior
+from legfem.inverse.parse_parameters import Written, read_prior, read_value
+from legfem.inverse.population import CALF, population
+from legfem.inverse.settings import IdentificationSettings
 from legfem.report.fit_figure import fit_figure
 from legfem.report.plain import plain_page
 from legfem.report.web.identification import identification_page
-from legfem.subjects.ranges import C10 as PLAUSIBLE
 
 NOMINAL = AnalyticLeg().nominal
 POLYNOMIAL = ("reduced-polynomial",)

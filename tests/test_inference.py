@@ -9,22 +9,19 @@ import pytest
 from scipy.optimize import differential_evolution
 from scipy.stats import t as student_t
 
-from legfem.inference.constants import quantile
-from legfem.inference.domain import Domain
-from legfem.inference.emulator import Emulator, Samples
-from legfem.inference.genetic import Genetic
-from legfem.inference.identifiability import Estimated, bound_of, verdict_on
-from legfem.inference.intervals import cut_height, effective_degrees, profile_interval
-from legfem.inference.least_squares import (
-    Priors,
-    gain_matrix,
-    gauss_newton_step,
-    least_residual,
-    sandwich,
-    with_unit_errors,
+from legfem.inverse.emulator import Emulator, Samples
+from legfem.inverse.intervals import (
+    Estimated,
+    bound_of,
+    cut_height,
+    effective_degrees,
+    profile_interval,
+    quantile,
+    verdict_on,
 )
-from legfem.inference.minimiser import Minimum
-from legfem.inference.parameter import Parameter, Prior
+from legfem.inverse.least_squares import gain_matrix, gauss_newton_step, least_residual, sandwich, with_unit_errors
+from legfem.inverse.minimiser import Genetic, Minimum
+from legfem.inverse.parameter import Domain, Parameter, Prior, Priors
 
 FREE = (-1e3, 1e3)
 
@@ -170,7 +167,7 @@ def test_words_follow_the_width_the_bound_the_model_and_the_prior() -> None:
 
 
 def by_differential_evolution(cost, starts, seed):
-    """The example of `legfem.inference.minimiser`."""
+    """The example of `legfem.inverse.minimiser`."""
     found = differential_evolution(
         lambda columns: cost(columns.T),
         bounds=[(0, 1)] * starts.shape[1],

@@ -16,10 +16,10 @@ from openpyxl import Workbook
 from typer.testing import CliRunner
 
 from legfem.commands.data import app
-from legfem.recording import read_instrument_file
-from legfem.recording.formats.workbook import read_workbook
-from legfem.subjects.loading import load_subject
-from legfem.subjects.schema import RecordingsEntry
+from legfem.data import read_instrument_file
+from legfem.data.folder import RecordingsEntry
+from legfem.data.formats.workbook import read_workbook
+from legfem.legs.loading import load_subject
 
 
 def look(*arguments: object):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import kurtosis
 
-from legfem.subjects.loading import load_subject
+from legfem.legs.loading import load_subject
 from studies.lab.conditions import CONTOURS_MM, GAINS, drawn_errors, drawn_misstatement
 from studies.lab.rate import Rate
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, flicker, record

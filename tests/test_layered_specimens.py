@@ -17,7 +17,7 @@ from legfem.diagnose.mechanisms import Solution
 from legfem.diagnose.variants import Stopped
 from legfem.experiments.axisymmetric import BallOnLayer
 from legfem.experiments.flat_punch import PunchOnLayer
-from legfem.identify.written import Written
+from legfem.inverse.parse_parameters import Written
 from legfem.solve.protocol import Protocol
 from legfem.specimens.diagnosis import tissue_asked_for
 from legfem.specimens.forward import SpecimenForward

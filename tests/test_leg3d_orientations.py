@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import ufl
 
+from legfem.legs.loading import load_sites
 from legfem.solve.force_curve import ForceCurve
-from legfem.subjects.loading import load_sites
 from studies.leg3d import orientations
 from studies.leg3d.fibres import Told
 from studies.leg3d.planted import CYLINDER, Planted

@@ -11,10 +11,10 @@ from typer.testing import CliRunner
 
 from legfem.common.errors import InputError
 from legfem.common.progress import Silent
-from legfem.identify.catalogue import DEEP_C10, DEEP_C20
+from legfem.data.folder import RESOURCES
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.legs.loading import load_subject
 from legfem.solve.force_curve import ForceCurve
-from legfem.subjects.catalogue import RESOURCES
-from legfem.subjects.loading import load_subject
 from studies.leg3d import __main__ as study
 from studies.leg3d import plants
 from studies.leg3d.__main__ import app

@@ -13,12 +13,13 @@ import pytest
 from making_legs_3d import cone_folder
 
 from legfem.common.errors import InputError
-from legfem.identify.forward import ForwardOutcome, PlaneStrainForward
-from legfem.identify.spatial import ROUGHER, LegModels
+from legfem.inverse.outcome import Outcome
+from legfem.legs.forward import PlaneStrainForward
+from legfem.legs.loading import load_subject
+from legfem.legs.model_3d import ROUGHER, LegModels
+from legfem.legs.placement import spatial_leg
+from legfem.legs.subject import Subject
 from legfem.study.correction import of_leg
-from legfem.subjects.loading import load_subject
-from legfem.subjects.spatial import spatial_leg
-from legfem.subjects.subject import Subject
 
 DEPTH = 6.0
 
@@ -38,7 +39,7 @@ class WithEnds:
     def fingerprint(self) -> Mapping[str, Any]:
         return {"level": self.level}
 
-    def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> ForwardOutcome:
+    def solve(self, values: Mapping[str, float], sensitivities: Sequence[str]) -> Outcome:
         flat = self.section.solve(values, sensitivities)
         d = flat.curve.displacement
         curve = replace(flat.curve, force=(1 - self.level + 0.01 * d) * flat.curve.force)

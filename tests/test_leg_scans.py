@@ -11,13 +11,13 @@ from making_scans import PARTS, ellipse, entry_of, made_leg, outline, subject_of
 from shapely import Polygon
 from typer.testing import CliRunner
 
-from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.geometry.__main__ import app
 from legfem.geometry.plane import CuttingPlane
 from legfem.geometry.shape_file import read_shape
 from legfem.imaging.leg_source import LegSource
 from legfem.imaging.surfaces import read_surfaces
 from legfem.imaging.volume_file import read_volume
+from legfem.legs.experiments import plane_strain_test
 
 REAL = SHARED / "data" / "leg_geometry"
 LEVEL = 52.7
@@ -55,7 +55,7 @@ def test_the_force_is_the_same_from_label_volume_surfaces_and_cross_sections(tmp
     for kind in WITHIN:
         section = f"{entry_of(leg_files, kind)}\nlevel_mm = {LEVEL}"
         leg = subject_of_scan(tmp_path / kind, section, "aim_mm = [3.0, 0.0]\ndirection_deg = 270.0")
-        test = PlaneStrainIndentation.of_subject(leg)
+        test = plane_strain_test(leg)
         solved = test.solve({"deep.C10": 1e-3, "deep.C20": 1e-3}, depth=20.0)
         force[kind] = solved.curve([5.0, 10.0, 15.0, 20.0])
     for kind in WITHIN:
@@ -111,7 +111,7 @@ def test_the_force_on_a_real_leg_is_the_same_from_all_three(tmp_path):
     for kind, entry in entries.items():
         place = "aim_mm = [-80.0, 0.0]\ndirection_deg = 270.0"
         leg = subject_of_scan(tmp_path / kind, f"{entry}\nlevel_mm = 300.0", place)
-        test = PlaneStrainIndentation.of_subject(leg)
+        test = plane_strain_test(leg)
         solved = test.solve({"deep.C10": 1e-3, "deep.C20": 1e-3}, depth=20.0)
         force[kind] = solved.curve([5.0, 10.0, 15.0, 20.0])
     for kind in ("nifti", "stl"):

@@ -25,10 +25,11 @@ from legfem.diagnose.run import accuracy_of
 from legfem.diagnose.sentences import next_experiments
 from legfem.diagnose.told import told_of
 from legfem.diagnose.unknown import unknown_errors
-from legfem.inference.evidence import Evidence
+from legfem.inverse.evidence import Evidence
+from legfem.legs.loading import load_subject
+from legfem.legs.schema import SUBJECTS
+from legfem.legs.subject import MeasuredEffect
 from legfem.report.web.diagnosis_headline import headline
-from legfem.subjects.loading import SUBJECTS, load_subject
-from legfem.subjects.subject import MeasuredEffect
 
 DRIFT = mechanism_named("force-drift")
 SUPPORT = mechanism_named("support-compliance")

@@ -10,8 +10,8 @@ from making_diagnosis import GRID, SOUGHT, fat, observations, problem_of, ramps
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray
-from legfem.correction.choice import REFERENCE
-from legfem.correction.tabulated import read_correction
+from legfem.legs.correction_of_leg import REFERENCE
+from legfem.legs.correction import read_correction
 from legfem.diagnose.explain import explain
 from legfem.diagnose.fit import Cause, variance_degrees
 from legfem.diagnose.library import NuisanceChanges
@@ -30,8 +30,11 @@ from legfem.diagnose.nuisances import (
     nuisance_effects,
 )
 from legfem.diagnose.run import accuracy_of
-from legfem.subjects.loading import SUBJECTS, load_subject
-from legfem.subjects.subject import LegAccuracy
+from legfem.legs.correction import read_correction
+from legfem.legs.correction_of_leg import REFERENCE
+from legfem.legs.loading import load_subject
+from legfem.legs.schema import SUBJECTS
+from legfem.legs.subject import LegAccuracy
 
 
 def effects_of(*given) -> dict[str, FloatArray]:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from making_diagnosis import INSTRUMENT, pressed
 
+from legfem.data import Recording
 from legfem.diagnose.mechanisms import mechanisms
 from legfem.diagnose.observations import Observations, observe
-from legfem.recording import Recording
 from legfem.solve.protocol import Protocol
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from legfem.recording.oddities import cut_off
+from legfem.data.plausibility import cut_off
 
 DEPTH, NOISE = 20.0, 0.02
 

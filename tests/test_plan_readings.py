@@ -14,13 +14,13 @@ from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.mechanisms.base import prior_of
 from legfem.diagnose.nuisances import Accuracy
 from legfem.diagnose.sentences import next_experiments
+from legfem.legs.loading import load_subject
 from legfem.plan.designs import Readings
 from legfem.plan.reckon import TOLD_APART, Candidate, Reckoned
 from legfem.plan.reckon_readings import reckon_readings
 from legfem.report.plain import plain_page
 from legfem.report.plan import plan_lines
 from legfem.report.web.diagnosis import diagnosis_web_page
-from legfem.subjects.loading import load_subject
 
 TWINS = ("fascia-stiffness", "prestress", "force-drift")
 """The first two are alike in closed form."""

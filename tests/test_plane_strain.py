@@ -10,11 +10,11 @@ from making import write_subject
 from making_mechanics import COARSE, fixed_steps, subject_3
 
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.experiments.tissues import tissues_of
+from legfem.geometry.indenter import Indenter
+from legfem.legs.experiments import tissues_of
+from legfem.legs.loading import load_subject
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.solve.protocol import Protocol
-from legfem.subjects.loading import load_subject
-from legfem.subjects.subject import Indenter
 
 DEPTHS = np.array([1.0, 3.0, 5.0, 8.0])
 

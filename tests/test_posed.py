@@ -17,16 +17,16 @@ from legfem.commands.identify import app as identify_app
 from legfem.common.errors import InputError
 from legfem.experiments.indentation_3d import Cylinder
 from legfem.experiments.leg_3d import LegIndentation3D
-from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.experiments.posed import Ball, Indenting, Pose, Punch, posed
+from legfem.geometry.indenter import Indenter
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.plane import turn_about_travel
-from legfem.identify.forward import PlaneStrainForward
+from legfem.legs.experiments import plane_strain_test, spatial_test
+from legfem.legs.forward import PlaneStrainForward
+from legfem.legs.loading import load_sites, load_subject
+from legfem.legs.placement import spatial_leg
 from legfem.mechanics.contact import FiniteCylinder
 from legfem.mechanics.materials import NeoHookean
-from legfem.subjects.loading import load_sites, load_subject
-from legfem.subjects.spatial import spatial_leg
-from legfem.subjects.subject import Indenter
 
 TISSUES = {"deep": NeoHookean(1e-3, 28.0), "superficial": NeoHookean(2e-3, 22.5)}
 RADIUS, LENGTH = 40.0, 120.0
@@ -138,13 +138,13 @@ def test_a_folder_says_what_presses_and_how_it_lies(tmp_path, indenter, kind, ex
     subject = load_subject(folder_with(tmp_path, indenter), need_recordings=False)
     assert subject.indenter.extent == pytest.approx(extent)
     leg = spatial_leg(subject)
-    test = LegIndentation3D.of_subject(subject, leg)
+    test = spatial_test(subject, leg)
     assert type(test.indenter) is kind
     assert test.pose.axis_deg == (90.0 if kind is Cylinder else 0.0)
     with pytest.raises(InputError, match="plane strain"):
         PlaneStrainForward.of_subject(subject, 5.0)
     with pytest.raises(InputError, match="plane strain"):
-        PlaneStrainIndentation.of_subject(subject)
+        plane_strain_test(subject)
 
 
 @pytest.mark.parametrize(

@@ -8,10 +8,10 @@ import pytest
 
 from legfem.commands.data import app
 from legfem.common.errors import InputError
+from legfem.data.folder import RESOURCES
 from legfem.geometry.section import girth
+from legfem.legs.loading import load_subject
 from legfem.report.preview import preview_of
-from legfem.subjects.catalogue import RESOURCES
-from legfem.subjects.loading import load_subject
 
 SUBJECT = RESOURCES / "frauziols" / "subjects" / "3"
 SPECIMEN = Path(__file__).resolve().parents[1] / "examples" / "specimen"

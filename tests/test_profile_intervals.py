@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from legfem.inference.constants import quantile
-from legfem.inference.kriging import Kriging
+from legfem.inverse.emulator import Kriging
+from legfem.inverse.intervals import quantile
 from legfem.stocking.profile_intervals import FAR, FARTHEST, MOST, _coordinates, profile_intervals
 
 BOUNDS = (1e-4, 0.1)

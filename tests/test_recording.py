@@ -8,8 +8,8 @@ import pytest
 from making import CROSSCHECK, press, tissue_force, write_recording
 
 from legfem.common.errors import InputError
-from legfem.recording import Instrument, Recording, find_first_contact, mean_loading_curve, read_recording, split_phases
-from legfem.subjects.loading import load_subject
+from legfem.data import Instrument, Recording, find_first_contact, mean_loading_curve, read_recording, split_phases
+from legfem.legs.loading import load_subject
 
 INSTRUMENT = Instrument(force_sd=0.04, displacement_sd=0.02)
 

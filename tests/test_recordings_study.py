@@ -10,9 +10,9 @@ import pytest
 from making import SHARED
 
 from legfem.common.errors import InputError
+from legfem.data import Instrument, Recording
 from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S, Viscoelasticity, spectrum
 from legfem.diagnose.observations import observe
-from legfem.recording import Instrument, Recording
 from legfem.specimens.folder import load_specimen
 from studies.recordings.command import full_name
 from studies.recordings.curves import DEEPEST, STIFFENING_SHARES, THICKNESSES, ElasticCurves, LayerCurves, layer_curves

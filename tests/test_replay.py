@@ -6,7 +6,7 @@ import numpy as np
 from making_mechanics import subject_3
 
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.identify.forward import PlaneStrainForward
+from legfem.legs.forward import PlaneStrainForward
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report.filmed import filmed
 

@@ -10,8 +10,8 @@ from making_scans import PLACE, ellipse, entry_of, made_leg, subject_of_scan
 
 from legfem.common.errors import InputError
 from legfem.geometry.rigid import RigidTransform
-from legfem.subjects.loading import load_subject
-from legfem.subjects.plausibility import doubts_about
+from legfem.legs.loading import load_subject
+from legfem.legs.plausibility import doubts_about
 
 
 def test_a_pose_in_the_scan_makes_plane_aim_and_direction(tmp_path, leg_files):

@@ -11,8 +11,9 @@ from making_legs_3d import CONE, cone_folder
 from legfem.common.errors import InputError
 from legfem.geometry.curve import area_and_centroid
 from legfem.geometry.leg_shape import HULL, SKIN
-from legfem.subjects.loading import SUBJECTS, load_subject
-from legfem.subjects.spatial import LENGTH, spatial_leg
+from legfem.legs.loading import load_subject
+from legfem.legs.placement import LENGTH, spatial_leg
+from legfem.legs.schema import SUBJECTS
 
 
 def leg_of(folder: Path):

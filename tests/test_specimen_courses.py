@@ -9,9 +9,9 @@ import pytest
 from making_specimens import BAR, BRANCHES, PLANTED, compressed, crept, ramp, record, relaxing
 
 import legfem as lf
-from legfem.identify.result import Estimate
+from legfem.data import Recording, write_recording
+from legfem.inverse.estimates import Estimate
 from legfem.mechanics.materials import ReducedPolynomial
-from legfem.recording import Recording, write_recording
 from legfem.specimens.contacts import Onset
 from legfem.specimens.course import course_of
 from legfem.specimens.relaxation import borne, branch_ratios, clock

@@ -10,8 +10,8 @@ import pytest
 from making_specimens import BAR, PLANTED, compressed, ramp, record, write_bars
 
 import legfem as lf
-from legfem.identify.search import Search, is_settled
-from legfem.inference.parameter import Parameter, Prior
+from legfem.inverse.parameter import Parameter, Prior
+from legfem.inverse.search import Search, is_settled
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean, Yeoh
 from legfem.report.specimen import write_specimen_report
 from legfem.specimens.result import SpecimenResult

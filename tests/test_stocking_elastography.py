@@ -12,6 +12,7 @@ from legfem.common.errors import InputError
 from legfem.common.progress import Silent
 from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.slices import calf_levels
+from legfem.legs.elastography import ShearModulus
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.report.plain import plain_page
 from legfem.report.web.stocking import stocking_web_page
@@ -25,7 +26,6 @@ from legfem.stocking.leg_model import PARAMETERS, LegModel3D
 from legfem.stocking.run import StockingSettings, run_leg
 from legfem.stocking.stiffnesses import stiffness_priors
 from legfem.stocking.worn import WornLeg
-from legfem.subjects.elastography import ShearModulus
 
 FINE = SolidMeshSettings(skin_size=8, inside_size=10, bone_size=8)
 COARSE = SolidMeshSettings(skin_size=11, inside_size=14, bone_size=9)

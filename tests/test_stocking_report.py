@@ -20,7 +20,7 @@ from legfem.geometry.leg_shape import SKIN
 from legfem.geometry.rigid import RigidTransform
 from legfem.geometry.slices import calf_levels
 from legfem.imaging.registration import Registration
-from legfem.inference.constants import quantile
+from legfem.inverse.intervals import quantile
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.report.leg_directions import Directions, angle_round, unwrapped

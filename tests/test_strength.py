@@ -19,7 +19,7 @@ from legfem.diagnose.mechanisms.force_drift import ForceDrift
 from legfem.diagnose.strength import WIDTHS, gained_by_width, integrated
 from legfem.diagnose.touch import posterior_of
 from legfem.diagnose.unknown import unknown_errors
-from legfem.inference.evidence import Evidence, Linearised
+from legfem.inverse.evidence import Evidence, Linearised
 
 NAME = "prestress.tension"
 _DRAWS = 40

@@ -7,8 +7,8 @@ import pytest
 from making import CROSSCHECK, TOML, write_subject
 
 from legfem.common.errors import InputError
-from legfem.subjects.catalogue import Catalogue
-from legfem.subjects.loading import load_subject
+from legfem.data.folder import Catalogue
+from legfem.legs.loading import load_subject
 
 
 def test_a_folder_loads_in_internal_units(tmp_path):

@@ -13,7 +13,7 @@ from legfem.diagnose.mechanisms import mechanism_named
 from legfem.diagnose.predict import Predictor
 from legfem.diagnose.solved import SolvedResponses
 from legfem.diagnose.variants import Stopped, Variants
-from legfem.inference.constants import NUMERICAL_ERROR
+from legfem.inverse.intervals import NUMERICAL_ERROR
 
 DEPTH = 6.0
 SOFT = (0.8, 0.9)

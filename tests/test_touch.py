@@ -17,8 +17,8 @@ from legfem.diagnose.mechanisms.base import prior_of
 from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.predict import Predictor, detected_onset, onset_name
 from legfem.diagnose.touch import AT_TOUCH, posterior_of
-from legfem.inference.errors import GAIN_SDS, ZERO_FACTORS, error_model
-from legfem.inference.evidence import Evidence, Unknown
+from legfem.inverse.errors import GAIN_SDS, ZERO_FACTORS, error_model
+from legfem.inverse.evidence import Evidence, Unknown
 
 ALONE = [Unknown(None, 0.0, 0.0)]
 

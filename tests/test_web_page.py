@@ -18,8 +18,10 @@ from making_results import measured_curve, result
 from reading_page import read
 from test_diagnosis_report import CASES
 
-from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.fem.fields import FieldReader, fields_of
+from legfem.legs.experiments import plane_strain_test
+from legfem.legs.loading import load_subject
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report.leg_figure import DrawnSection
 from legfem.report.web.curves import Curves, Line, embedded, ways
@@ -28,7 +30,6 @@ from legfem.report.web.identification import identification_page
 from legfem.report.web.page import rendered
 from legfem.report.web.section import Film, pressed_section
 from legfem.report.web.usual import QUESTION, high_or_low
-from legfem.subjects.loading import load_subject
 
 MOST_BYTES = 2_000_000
 DEPTH = 4.0
@@ -49,7 +50,7 @@ def both():
 @pytest.fixture(scope="module")
 def film(subject):
     coarse = PlaneStrainSettings(mesh=SectionMeshSettings(contact_size=3.0, far_size=12.0))
-    taken = Film(PlaneStrainIndentation.of_subject(subject, coarse), DEPTH)
+    taken = Film(plane_strain_test(subject, coarse), DEPTH)
     solved = taken.experiment.solve({}, DEPTH, on_step=taken.take)
     return taken, solved, DrawnSection.of(fields_of(taken.experiment.system))
 

@@ -6,15 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
-from legfem.identify.laws import LawName
-from legfem.subjects.subject import Subject
+from legfem.inverse.laws import LawName
+from legfem.legs.subject import Subject
 
 if TYPE_CHECKING:
     from legfem.experiments.leg_3d import SolidLegSettings
     from legfem.experiments.plane_strain import PlaneStrainSettings
-    from legfem.identify.catalogue import Values
-    from legfem.identify.request import SearchRequest
-    from legfem.inference.parameter import Parameter
+    from legfem.inverse.catalogue import Values
+    from legfem.inverse.parameter import Parameter
+    from legfem.inverse.settings import SearchRequest
 
     type Mesh = PlaneStrainSettings | SolidLegSettings | Literal["coarse"]
 
@@ -63,7 +63,7 @@ class IdentifyCall:
         InputError
             For a name that the leg's values haven't.
         """
-        from legfem.identify.catalogue import check_known, parameter_of
+        from legfem.inverse.catalogue import check_known, parameter_of
 
         if self.parameters is None:
             return self.request
@@ -73,8 +73,8 @@ class IdentifyCall:
 
     def laws(self, request: SearchRequest, nominal: Values, subject: Subject) -> list[LawName]:
         """Return the laws to identify, as the command chooses them."""
-        from legfem.identify.laws import default_parameters
-        from legfem.identify.written import Written
+        from legfem.inverse.parse_parameters import Written
+        from legfem.legs.laws import default_parameters
 
         given = request.parameters
         free = default_parameters(nominal) if given is None else given

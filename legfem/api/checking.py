@@ -85,14 +85,14 @@ def check_search(parameters: Any, fixed: Any, depth: object, settings: object, o
     InputError
         If one is of another kind than `legfem.identify` says.
     """
-    from legfem.identify.settings import IdentificationSettings, Weighting
+    from legfem.inverse.settings import IdentificationSettings, Weighting
 
     check_whole("jobs", jobs, 1)
     if depth is not None and not (isinstance(depth, Real) and math.isfinite(depth)):
         raise InputError("depth", repr(depth), "is no depth", "give a number of mm")
     if settings is not None:
         if not isinstance(settings, IdentificationSettings):
-            raise _of_kind("settings", settings, "legfem.identify.settings.IdentificationSettings")
+            raise _of_kind("settings", settings, "legfem.inverse.settings.IdentificationSettings")
         check_whole("settings.seed", settings.seed, 0)
         known = get_args(Weighting)
         if settings.weighting not in (None, *known):
@@ -110,9 +110,9 @@ def check_search(parameters: Any, fixed: Any, depth: object, settings: object, o
 
 def _checked_names(parameters: Any) -> set[str]:
     """Return the names of what is to be identified."""
-    from legfem.inference.parameter import Parameter
+    from legfem.inverse.parameter import Parameter
 
-    listed = "a list of full names or of legfem.inference.parameter.Parameter"
+    listed = "a list of full names or of legfem.inverse.parameter.Parameter"
     if not isinstance(parameters, list | tuple | None):
         raise _of_kind("parameters", parameters, listed)
     names, free = set[str](), set[str]()
@@ -129,7 +129,7 @@ def _checked_names(parameters: Any) -> set[str]:
 
 
 def _check_fixed(fixed: Any) -> None:
-    from legfem.identify.catalogue import check_held
+    from legfem.inverse.catalogue import check_held
 
     if fixed is None:
         return

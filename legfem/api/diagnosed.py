@@ -14,7 +14,7 @@ from legfem.api.loading import Given, one_of
 from legfem.api.wording import in_calls_words
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
-from legfem.subjects.subject import SitedLeg, Subject
+from legfem.legs.subject import SitedLeg, Subject
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -221,10 +221,10 @@ def diagnose(
         With ``verdict`` (or ``verdicts`` by specimen), ``summary()``, ``plot()``, ``to_frame()``,
         ``document()``, ``write(folder)``.
     """
-    from legfem.correction.choice import REFERENCE
-    from legfem.correction.tabulated import read_correction
     from legfem.diagnose.leg import library_folder
     from legfem.diagnose.run import Diagnoser
+    from legfem.legs.correction import read_correction
+    from legfem.legs.correction_of_leg import REFERENCE
     from legfem.specimens.folder import SpecimenFolder
 
     check_whole("seed", seed, 0)

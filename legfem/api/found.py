@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from legfem.identify.laws import LawName
+from legfem.inverse.laws import LawName
 
 if TYPE_CHECKING:
     import pandas as pd

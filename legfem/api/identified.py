@@ -14,14 +14,14 @@ from legfem.api.identified_specimen import IdentifiedSpecimen, identify_folder
 from legfem.api.loading import Given, opened
 from legfem.api.wording import in_calls_words
 from legfem.common.errors import InputError
-from legfem.identify.laws import LawName
-from legfem.subjects.loading import SUBJECTS
-from legfem.subjects.subject import SitedLeg, Subject
+from legfem.inverse.laws import LawName
+from legfem.legs.schema import SUBJECTS
+from legfem.legs.subject import SitedLeg, Subject
 
 if TYPE_CHECKING:
     from legfem.api.called import Mesh
-    from legfem.identify.settings import IdentificationSettings
-    from legfem.inference.parameter import Parameter
+    from legfem.inverse.parameter import Parameter
+    from legfem.inverse.settings import IdentificationSettings
     from legfem.specimens.folder import SpecimenFolder
 
 
@@ -105,7 +105,7 @@ def identify(
     parameters : sequence of Parameter or str, optional
         What to identify, as full names (``"deep.C10"``, in 3D ``"deep.fibre_ratio"``) or with
         bounds and priors; C10 and C20 of the deep tissue without them. See
-        `legfem.identify.request.SearchRequest`.
+        `legfem.inverse.settings.SearchRequest`.
     fixed : Mapping[str, float], optional
         Values that are held in place of the folder's, by full name, in MPa, 1/MPa, N or mm.
     leave_out : sequence of str
@@ -129,10 +129,9 @@ def identify(
     SearchError
         If too few full solves reach the measured depth.
     """
-    from legfem.identify.laws import LAWS
-    from legfem.identify.request import SearchRequest
-    from legfem.identify.settings import IdentificationSettings
-    from legfem.sites.joint import joint_leg
+    from legfem.inverse.laws import LAWS
+    from legfem.inverse.settings import IdentificationSettings, SearchRequest
+    from legfem.sites.identification import joint_leg
     from legfem.specimens.folder import SpecimenFolder
 
     check_search(parameters, fixed, depth, settings, out, jobs)

@@ -11,7 +11,7 @@ from legfem.api.checking import wrong_mesh
 from legfem.api.found import ByLaw
 from legfem.api.loading import Given
 from legfem.common.progress import progress_on
-from legfem.subjects.subject import Subject
+from legfem.legs.subject import Subject
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -70,11 +70,11 @@ class IdentifiedLeg(ByLaw["IdentificationResult"]):
 
 def identify_section(subject: Subject, asked: IdentifyCall) -> IdentifiedLeg:
     """Identify a leg from its section; see `legfem.identify`."""
-    from legfem.correction.choice import choose_correction
-    from legfem.experiments.tissues import tissues_of
-    from legfem.identify.forward import values_of
     from legfem.identify.run import forward_model, identify_subject
-    from legfem.identify.spatial import SOLVES, LegModels, check_has_ends
+    from legfem.legs.correction_of_leg import choose_correction
+    from legfem.legs.experiments import tissues_of
+    from legfem.legs.forward import values_of
+    from legfem.legs.model_3d import SOLVES, LegModels, check_has_ends
 
     nominal = values_of(tissues_of(subject))
     request = asked.request_of(nominal)

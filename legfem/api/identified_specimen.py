@@ -14,8 +14,8 @@ from legfem.common.progress import progress_on
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from legfem.identify.settings import IdentificationSettings
-    from legfem.inference.parameter import Parameter
+    from legfem.inverse.parameter import Parameter
+    from legfem.inverse.settings import IdentificationSettings
     from legfem.report.web.page import WebPage
     from legfem.specimens.folder import SpecimenFolder
     from legfem.specimens.result import SpecimenResult

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 from legfem.api.wording import in_calls_words
 from legfem.common.doubts import say
 from legfem.common.errors import InputError
-from legfem.subjects.catalogue import Catalogue
-from legfem.subjects.loading import SUBJECTS
-from legfem.subjects.loading import load_sites as load_sites_folder
-from legfem.subjects.loading import load_subject as load_subject_folder
-from legfem.subjects.plausibility import doubts_about
-from legfem.subjects.sites import site_names
-from legfem.subjects.subject import SitedLeg, Subject
+from legfem.data.folder import Catalogue
+from legfem.legs.loading import load_sites as load_sites_folder
+from legfem.legs.loading import load_subject as load_subject_folder
+from legfem.legs.plausibility import doubts_about
+from legfem.legs.schema import SUBJECTS, site_names
+from legfem.legs.subject import SitedLeg, Subject
 
 if TYPE_CHECKING:
     from legfem.specimens.folder import SpecimenFolder

@@ -21,10 +21,10 @@ from pathlib import Path
 from legfem.common.errors import InputError
 from legfem.common.toml_file import FileTable
 from legfem.common.versions import legfem_version
-from legfem.recording.formats import READERS
+from legfem.data.formats import READERS
+from legfem.legs.schema import SubjectFile
 from legfem.specimens.schema import SpecimenFile
 from legfem.stocking.leg_file import LegFile
-from legfem.subjects.schema import SubjectFile
 
 DESCRIPTIONS: dict[str, type[FileTable]] = {
     "subject.toml": SubjectFile,

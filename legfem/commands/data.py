@@ -50,11 +50,11 @@ def look(
     """
     with command_edge(quiet=quiet):
         from legfem.common.documents import write_atomically, write_document
-        from legfem.recording.columns import propose, recording_of
-        from legfem.recording.formats import read_sheets
-        from legfem.recording.formats.units import Quantity
-        from legfem.recording.quality import ANY_DEPTH, quality_of
-        from legfem.recording.reader import MINIMAL_DEPTH_MM
+        from legfem.data.columns import propose, recording_of
+        from legfem.data.formats import read_sheets
+        from legfem.data.formats.sheet import Quantity
+        from legfem.data.quality import ANY_DEPTH, quality_of
+        from legfem.data.reader import MINIMAL_DEPTH_MM
         from legfem.report.look import LOOK, draw_look, look_document, look_text, recordings_toml
         from legfem.report.web.look import Looked, look_web_page
         from legfem.report.web.page import PAGE, command_line, write_page

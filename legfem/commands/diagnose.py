@@ -16,7 +16,7 @@ from legfem.common.doubts import say
 from legfem.common.errors import InputError
 from legfem.common.outcome_options import AsJson, Quiet
 from legfem.common.progress import progress_on
-from legfem.subjects.loading import SUBJECTS
+from legfem.legs.schema import SUBJECTS
 
 if TYPE_CHECKING:
     from legfem.specimens.folder import SpecimenFolder
@@ -79,17 +79,17 @@ def diagnose(
             raise InputError("--specimen", specimen[0], "is for specimens", "give --specimen-dir")
         from legfem.commands.outcome import print_outcome
         from legfem.common.documents import write_document
-        from legfem.correction.choice import REFERENCE
-        from legfem.correction.tabulated import read_correction
         from legfem.diagnose.document import document
         from legfem.diagnose.leg import library_folder
         from legfem.diagnose.run import Diagnoser
+        from legfem.legs.correction import read_correction
+        from legfem.legs.correction_of_leg import REFERENCE
+        from legfem.legs.loading import load_subject
+        from legfem.legs.plausibility import doubts_about
         from legfem.plan.run import plan_after
         from legfem.report.diagnosis import write_diagnosis_report
         from legfem.report.plan import plan_document, plan_lines
         from legfem.report.web.page import command_line
-        from legfem.subjects.loading import load_subject
-        from legfem.subjects.plausibility import doubts_about
 
         folder = SUBJECTS.named(subject, subject_dir)
         found = load_subject(folder, need_instrument=False, site=site or "")

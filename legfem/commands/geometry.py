@@ -61,11 +61,11 @@ def convert(
     with command_edge("run the same command again", quiet):
         from legfem.geometry.contour_table import write_outlines
         from legfem.geometry.plane import CuttingPlane
+        from legfem.legs.folder import folder_of_leg
+        from legfem.legs.loading import load_subject
+        from legfem.legs.plausibility import doubts_about
         from legfem.report.placement_figure import placement_figure
         from legfem.report.style import save
-        from legfem.subjects.folder import folder_of_leg
-        from legfem.subjects.loading import load_subject
-        from legfem.subjects.plausibility import doubts_about
 
         given = [source for source in (cross_sections, scan, surface, subject_dir) if source]
         if len(given) != 1:

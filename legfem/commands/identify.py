@@ -169,23 +169,24 @@ def run(
         from mpi4py import MPI
 
         from legfem.commands.outcome import print_outcome
-        from legfem.correction.choice import choose_correction
-        from legfem.experiments.tissues import tissues_of
-        from legfem.identify.forward import values_of
-        from legfem.identify.request import SearchRequest
-        from legfem.identify.run import forward_model, identify_subject, laws_of, write_results
-        from legfem.identify.search import SearchError
-        from legfem.identify.settings import IdentificationSettings
-        from legfem.identify.spatial import SOLVES, LegModels, check_has_ends
-        from legfem.identify.written import Written
+        from legfem.identify.run import forward_model, identify_subject, write_results
+        from legfem.inverse.parse_parameters import Written
+        from legfem.inverse.search import SearchError
+        from legfem.inverse.settings import IdentificationSettings, SearchRequest
+        from legfem.legs.correction_of_leg import choose_correction
+        from legfem.legs.experiments import tissues_of
+        from legfem.legs.forward import values_of
+        from legfem.legs.laws import laws_of
+        from legfem.legs.loading import load_sites, load_subject
+        from legfem.legs.model_3d import SOLVES, LegModels, check_has_ends
+        from legfem.legs.plausibility import doubts_about
+        from legfem.legs.schema import SUBJECTS
+        from legfem.legs.subject import Subject as Leg
         from legfem.report.identification import write_identification_report
         from legfem.report.plain import brief
         from legfem.report.web.identification import identification_page
         from legfem.report.web.page import command_line
-        from legfem.sites.joint import joint_leg
-        from legfem.subjects.loading import SUBJECTS, load_sites, load_subject
-        from legfem.subjects.plausibility import doubts_about
-        from legfem.subjects.subject import Subject as Leg
+        from legfem.sites.identification import joint_leg
 
         if seed < 0:
             raise InputError("--seed", f"{seed}", "is negative", "give 0 or more")
@@ -268,9 +269,9 @@ def _run_specimens(
     as_json: bool,
 ) -> None:
     from legfem.commands.outcome import print_outcome
-    from legfem.identify.search import SearchError
-    from legfem.identify.settings import IdentificationSettings
-    from legfem.identify.written import Written
+    from legfem.inverse.parse_parameters import Written
+    from legfem.inverse.search import SearchError
+    from legfem.inverse.settings import IdentificationSettings
     from legfem.report.plain import brief
     from legfem.report.specimen import write_specimen_report
     from legfem.report.web.page import command_line

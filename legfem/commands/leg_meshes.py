@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from legfem.experiments.indentation_3d import Cylinder
+from legfem.legs.loading import load_subject
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings, mesh_leg
 from legfem.meshing.named_mesh import NamedMesh, named_mesh
 from legfem.meshing.section import REGIONS, SectionMeshSettings, mesh_section
 from legfem.meshing.solid_leg import mesh_solid_leg, settings_for_cells
 from legfem.stocking.loading import load_leg
 from legfem.stocking.run import StockingSettings
-from legfem.subjects.loading import load_subject
 
 
 @dataclass(frozen=True, eq=False)

@@ -100,8 +100,8 @@ def _asked(subject: str | None, folder: Path | None, stocking: str | None, ideal
             "give one of --subject, --subject-dir, --stocking and --idealised",
         )
     from legfem.commands.leg_meshes import idealised_mesh, section_mesh, stocking_mesh
+    from legfem.legs.schema import SUBJECTS
     from legfem.stocking.loading import LEGS
-    from legfem.subjects.loading import SUBJECTS
 
     if idealised:
         return idealised_mesh(finer).mesh

@@ -13,7 +13,7 @@ from legfem.common.command_edge import check_out_folder, work_edge
 from legfem.common.doubts import say
 from legfem.common.outcome_options import AsJson, Quiet
 from legfem.common.progress import progress_on
-from legfem.subjects.loading import SUBJECTS
+from legfem.legs.schema import SUBJECTS
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -45,11 +45,13 @@ def plan(
     with work_edge(jobs, resume, quiet) as processes:
         from legfem.commands.outcome import print_outcome
         from legfem.common.documents import write_document
-        from legfem.correction.choice import REFERENCE
-        from legfem.correction.tabulated import read_correction
         from legfem.diagnose.document import versions
         from legfem.diagnose.leg import library_folder
         from legfem.diagnose.run import Diagnoser
+        from legfem.legs.correction import read_correction
+        from legfem.legs.correction_of_leg import REFERENCE
+        from legfem.legs.loading import load_subject
+        from legfem.legs.plausibility import doubts_about
         from legfem.plan.run import Expected, plan_before
         from legfem.report.in_place import REPORT, made_in_place
         from legfem.report.listing import NUMBERS, ReportFile
@@ -57,8 +59,6 @@ def plan(
         from legfem.report.plan import plan_document
         from legfem.report.web.page import command_line, listed, write_page
         from legfem.report.web.plan import RANKED, SHOWN, plan_web_page
-        from legfem.subjects.loading import load_subject
-        from legfem.subjects.plausibility import doubts_about
 
         check_finite(c10=c10, c20=c20, depth=depth, rate=rate)
         found = load_subject(

@@ -15,7 +15,7 @@ import numpy as np
 
 from legfem.diagnose.explanation import ADDS_FROM, Explained, Explanation, gain_over, singles_of
 from legfem.diagnose.weighing import Priors
-from legfem.inference.mixture import Mixture
+from legfem.inverse.mixture import Mixture
 
 _COUNTS = 1e-4
 """Probability from which an explanation counts."""

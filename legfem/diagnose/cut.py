@@ -8,10 +8,10 @@ import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.recording.contact import Contact
-from legfem.recording.phases import AIR, HOLD, LOADING, least_way, split_phases
-from legfem.recording.smoothing import sample_noise, smooth_displacement
-from legfem.recording.trial import Recording
+from legfem.data.contact import Contact
+from legfem.data.recording import Recording
+from legfem.data.segmentation import AIR, HOLD, LOADING, least_way, split_phases
+from legfem.data.smoothing import sample_noise, smooth_displacement
 
 _SHORTEST_SEGMENT = 8
 _CORNER_MM = 0.1

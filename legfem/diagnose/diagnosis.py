@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legfem.common.progress import Progress
+from legfem.data import Instrument
 from legfem.diagnose.about_solutions import base_about_solution, refitted_about_solutions
 from legfem.diagnose.averaged import averaged_interval
 from legfem.diagnose.explain import explain
@@ -23,9 +24,13 @@ from legfem.diagnose.observations import Observations
 from legfem.diagnose.ordinary import ordinary_explanation, ordinary_fit
 from legfem.diagnose.predict import LawName, Predictor, Responses, onset_name
 from legfem.diagnose.score import Assessment, assess
-from legfem.inference.errors import ErrorModel, error_model
-from legfem.inference.trial_noise import estimate_noise
-from legfem.recording import Instrument
+from legfem.inverse.errors import ErrorModel, error_model
+from legfem.inverse.trial_noise import estimate_noise
+from legfem.data import Instrument
+from legfem.diagnose.solved import SolvedResponses
+from legfem.inverse.errors import ErrorModel, error_model
+from legfem.inverse.trial_noise import Noise, estimate_noise
+from legfem.legs.correction import TabulatedCorrection
 
 Verdict = Literal["consistent", "named", "ambiguous", "unexplained"]
 SOUND = 0.5

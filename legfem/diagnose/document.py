@@ -11,6 +11,7 @@ import numpy as np
 from legfem.common.documents import json_types
 from legfem.common.doubts import doubt_documents
 from legfem.common.versions import versions_of
+from legfem.data.recording import Origin
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.doubts import doubts_of
 from legfem.diagnose.explanation import Explanation
@@ -19,7 +20,7 @@ from legfem.diagnose.held_out import HeldOut
 from legfem.diagnose.remains import explained_share, remains_of
 from legfem.diagnose.sentences import next_experiments
 from legfem.diagnose.windows import runs
-from legfem.subjects.subject import MeasuredEffect, Origin, Subject
+from legfem.legs.subject import MeasuredEffect, Subject
 
 SCHEMA = 3
 

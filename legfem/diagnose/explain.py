@@ -1,7 +1,7 @@
 r"""How probable each explanation of the recordings is.
 
 An explanation is nothing, one mechanism, two, or something unknown. Its weight is its prior times
-the evidence (`legfem.diagnose.weighing`, `legfem.inference.evidence`). Beside a mechanism something
+the evidence (`legfem.diagnose.weighing`, `legfem.inverse.evidence`). Beside a mechanism something
 unknown may be left: then it is named in part. Leading explanations are refitted about full
 finite-element solutions.
 """
@@ -21,8 +21,8 @@ from legfem.diagnose.strength import gained_by_width, integrated
 from legfem.diagnose.told import told_of
 from legfem.diagnose.unknown import unknown_errors, with_unknown
 from legfem.diagnose.weighing import PRIOR_NONE, PRIOR_UNKNOWN, Priors, weighed
-from legfem.inference.evidence import Evidence, Unknown
-from legfem.inference.posterior import Posterior
+from legfem.inverse.evidence import Evidence, Unknown
+from legfem.inverse.posterior import Posterior
 
 INEXACT_SHARE = 0.4
 """Of what shows of a mechanism, what its form may leave at most."""

@@ -12,9 +12,14 @@ from scipy.special import expit, logit
 
 from legfem.common.units import FloatArray
 from legfem.diagnose.fit import Fit, Problem, variance_degrees
-from legfem.inference.evidence import Unknown
-from legfem.inference.mixture import Mixture
-from legfem.inference.posterior import Posterior, Strands
+from legfem.inverse.evidence import Unknown
+from legfem.inverse.mixture import Mixture
+from legfem.inverse.posterior import Posterior, Strands
+from legfem.diagnose.fit import Fit, Problem
+from legfem.diagnose.nuisances import variance_degrees
+from legfem.inverse.evidence import Unknown
+from legfem.inverse.mixture import Mixture
+from legfem.inverse.posterior import Posterior, Strands
 
 HELD = 0.9
 """Explanations are listed until they hold this probability."""

@@ -15,11 +15,14 @@ from scipy.stats import chi2
 from legfem.common.units import FloatArray
 from legfem.diagnose.mechanisms.base import MeasuredStrength, Mechanism, null_of, prior_of
 from legfem.diagnose.predict import Predictor
-from legfem.inference.errors import ErrorModel, error_model
-from legfem.inference.evidence import Linearised
-from legfem.inference.intervals import effective_degrees
-from legfem.inference.parameter import Parameter
-from legfem.inference.trial_noise import Noise
+from legfem.inverse.errors import ErrorModel, error_model
+from legfem.inverse.evidence import Linearised
+from legfem.inverse.intervals import effective_degrees
+from legfem.inverse.parameter import Parameter
+from legfem.inverse.trial_noise import Noise
+from legfem.inverse.errors import ErrorModel
+from legfem.inverse.evidence import Linearised
+from legfem.inverse.parameter import Parameter
 
 _FEW, _MANY = 6, 40
 """Evaluations of a search from each of several starts, and from the best of them."""
@@ -64,7 +67,7 @@ def variance_degrees(
     causes
         Of the errors' known effects, by their names; those without one have a known size.
 
-    See `legfem.inference.intervals.effective_degrees`.
+    See `legfem.inverse.intervals.effective_degrees`.
     """
     by_cause: dict[Cause, FloatArray] = {}
     for name, effect in zip(errors.names, errors.known.T, strict=True):

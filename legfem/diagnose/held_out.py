@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from legfem.diagnose.fit import Fit, Problem, fit
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.predict import onset_name
-from legfem.inference.errors import ErrorModel
+from legfem.inverse.errors import ErrorModel
 
 
 @dataclass(frozen=True)

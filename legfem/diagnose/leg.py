@@ -9,7 +9,8 @@ from pathlib import Path
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses
 from legfem.diagnose.variants import Variants
-from legfem.subjects.subject import Subject
+from legfem.legs.correction import TabulatedCorrection
+from legfem.legs.subject import Subject
 
 _DEPTH_STEP_MM = 1.0
 COARSENING, COARSER = 1.7, 2.4
@@ -37,8 +38,8 @@ def solved_responses(
     Elastic curves go to the next mm beyond the recordings, so that recordings of one leg share
     them whatever their depths.
     """
-    from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-    from legfem.experiments.tissues import tissues_of
+    from legfem.experiments.plane_strain import PlaneStrainSettings
+    from legfem.legs.experiments import plane_strain_test, tissues_of
 
     depth = _DEPTH_STEP_MM * -(-(observed.depth + 0.3) // _DEPTH_STEP_MM)
     default = PlaneStrainSettings()
@@ -53,7 +54,7 @@ def solved_responses(
             depth,
             folder,
             {
-                **PlaneStrainIndentation.of_subject(subject, own).fingerprint(),
+                **plane_strain_test(subject, own).fingerprint(),
                 "model": "plane strain with mechanisms",
                 "depth_mm": depth,
             },

@@ -9,8 +9,10 @@ from scipy.interpolate import CubicSpline, make_smoothing_spline
 
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
-from legfem.correction.tabulated import TabulatedCorrection
+from legfem.legs.correction import TabulatedCorrection
 from legfem.diagnose.library import Library, NuisanceChanges, Table, coordinates, unchanged
+from legfem.data.segmentation import LOADING
+from legfem.diagnose.library import Library, Table, coordinates, unchanged
 from legfem.diagnose.library_tasks import Task, outcomes_of, tasks_for
 from legfem.diagnose.mechanisms import Mechanism, TissueMechanism, mechanisms
 from legfem.diagnose.mechanisms.base import testable
@@ -18,8 +20,8 @@ from legfem.diagnose.mechanisms.end_effects import EndEffects
 from legfem.diagnose.mechanisms.muscle_fibres import MuscleFibres
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses
-from legfem.inference.emulator import Emulator, Samples
-from legfem.recording.phases import LOADING
+from legfem.inverse.emulator import Emulator, Samples
+from legfem.legs.correction import TabulatedCorrection
 
 STIFFENINGS = (0.0, 0.8, 1.6)
 """ln(1 + C20 / C10) of the lattice."""

@@ -12,7 +12,7 @@ from legfem.common.errors import InputError
 from legfem.diagnose.mechanisms import Mechanism, mechanisms
 from legfem.diagnose.mechanisms.base import MeasuredStrength, measured_strength, null_of, prior_of
 from legfem.diagnose.nuisances import Accuracy
-from legfem.subjects.subject import MeasuredEffect
+from legfem.legs.subject import MeasuredEffect
 
 
 def measured_strengths(accuracy: Accuracy, able: Sequence[Mechanism]) -> tuple[MeasuredStrength, ...]:

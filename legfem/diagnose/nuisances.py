@@ -22,11 +22,11 @@ from legfem.diagnose.library import NuisanceChanges
 from legfem.diagnose.mechanisms.base import Stiffness
 from legfem.diagnose.models import Displaced
 from legfem.diagnose.observations import Observations
-from legfem.inference.parameter import Prior
-from legfem.subjects.subject import MeasuredEffect
+from legfem.inverse.parameter import Prior
+from legfem.legs.subject import MeasuredEffect
 
 if TYPE_CHECKING:
-    from legfem.correction.tabulated import TabulatedCorrection
+    from legfem.legs.correction import TabulatedCorrection
 
 CONTOUR_SD_MM = 0.5
 """Of a segmented outline (MRI of 1 mm pixels: inter-observer distances of 0.3 to 0.8 mm)."""

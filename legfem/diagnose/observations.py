@@ -11,11 +11,11 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
+from legfem.data import Instrument, Recording
+from legfem.data.contact import Contact, contact_at_start, find_first_contact
+from legfem.data.segmentation import HOLD, LOADING, UNLOADING
 from legfem.diagnose.cut import Trial, changes_speed, cut_trial
 from legfem.diagnose.stations import Stations, group_trials, read_at, stations_along, stations_of
-from legfem.recording import Instrument, Recording
-from legfem.recording.contact import Contact, contact_at_start, find_first_contact
-from legfem.recording.phases import HOLD, LOADING, UNLOADING
 from legfem.solve.protocol import Protocol
 
 

@@ -17,7 +17,7 @@ from scipy.interpolate import CubicSpline
 from legfem.common.units import FloatArray
 from legfem.diagnose.mechanisms.base import Mechanism, TissueResponses, null_of
 from legfem.diagnose.observations import Observations
-from legfem.inference.parameter import Parameter, Prior
+from legfem.inverse.parameter import Parameter, Prior
 
 LawName = Literal["neo-hookean", "reduced-polynomial"]
 _FACTOR_NODES = 4

@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from legfem.common.progress import Progress
-from legfem.correction.choice import choose_correction, why_without_fibres
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.diagnosis import Diagnosis, diagnose
 from legfem.diagnose.fit import Fit, NuisanceEffect
 from legfem.diagnose.leg import solved_responses
@@ -23,9 +21,13 @@ from legfem.diagnose.nuisances import DRAWN, Accuracy, nuisance_effects
 from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.predict import LawName, Predictor
 from legfem.diagnose.solved import SolvedResponses
-from legfem.inference.elastography import elastography_priors
-from legfem.recording import Instrument
-from legfem.subjects.subject import Subject
+from legfem.legs.elastography import elastography_priors
+from legfem.data import Instrument
+from legfem.legs.subject import Subject
+from legfem.legs.correction import TabulatedCorrection
+from legfem.legs.correction_of_leg import choose_correction, why_without_fibres
+from legfem.legs.elastography import elastography_priors
+from legfem.legs.subject import Subject
 
 STIFFENING = {"neo-hookean": 0.0, "reduced-polynomial": 0.8}
 """ln(1 + C20 / C10) at which a leg's changes are tabulated, by its law."""

@@ -24,6 +24,7 @@ from legfem.diagnose.stations import Stations
 from legfem.diagnose.variants import Stopped
 from legfem.jobs.key import key_of
 from legfem.jobs.store import Store
+from legfem.legs.correction import TabulatedCorrection
 from legfem.solve.protocol import Protocol
 
 GRID_STEP_MM = 0.5

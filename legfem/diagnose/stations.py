@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
+from legfem.data.segmentation import AIR, HOLD, LOADING
+from legfem.data.smoothing import local_line
 from legfem.diagnose.cut import Segment, Trial
-from legfem.recording.phases import AIR, HOLD, LOADING
-from legfem.recording.smoothing import local_line
 from legfem.solve.protocol import Protocol
 
 LOADING_STATIONS, HOLD_STATIONS, UNLOADING_STATIONS = 40, 12, 24

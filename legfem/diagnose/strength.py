@@ -30,8 +30,8 @@ from scipy.stats import norm
 from legfem.common.units import FloatArray
 from legfem.diagnose.fit import Fit, Problem, fit
 from legfem.diagnose.mechanisms.base import prior_of
-from legfem.inference.parameter import Prior
-from legfem.inference.posterior import Posterior, Strands, mixed, moments_of
+from legfem.inverse.parameter import Prior
+from legfem.inverse.posterior import Posterior, Strands, mixed, moments_of
 
 _BELOW = 6.0
 """ln below the greatest density at which steps end."""

@@ -21,8 +21,8 @@ from scipy.stats import norm
 from legfem.diagnose.fit import Fit, Problem
 from legfem.diagnose.mechanisms.base import MeasuredStrength, prior_of
 from legfem.diagnose.touch import posterior_of
-from legfem.inference.evidence import Evidence
-from legfem.inference.posterior import Posterior
+from legfem.inverse.evidence import Evidence
+from legfem.inverse.posterior import Posterior
 
 
 def told_of(problem: Problem, evidence: Evidence, fitted: Fit, shares: Sequence[float]) -> Posterior:

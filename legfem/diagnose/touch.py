@@ -17,8 +17,8 @@ from legfem.diagnose.fit import Fit
 from legfem.diagnose.mechanisms.base import prior_of
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.predict import detected_onset
-from legfem.inference.evidence import Evidence, Linearised
-from legfem.inference.posterior import Posterior, mixed
+from legfem.inverse.evidence import Evidence, Linearised
+from legfem.inverse.posterior import Posterior, mixed
 
 AT_TOUCH = 0.5
 """Prior probability that trials which show no air begin at first touch."""

@@ -12,10 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from legfem.common.units import FloatArray
+from legfem.data.segmentation import HOLD
 from legfem.diagnose.observations import Observations
-from legfem.inference.errors import ErrorModel
-from legfem.inference.evidence import Unknown
-from legfem.recording.phases import HOLD
+from legfem.inverse.errors import ErrorModel
+from legfem.inverse.evidence import Unknown
 
 SIZES = (0.002, 0.006, 0.02, 0.06)
 """Standard deviations over the largest force."""

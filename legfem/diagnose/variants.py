@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from legfem.experiments.placement import Placement
     from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
     from legfem.experiments.tissues import Tissues
+    from legfem.geometry.indenter import Indenter
     from legfem.geometry.section import LegSection
     from legfem.meshing.motion import MeshMotion
     from legfem.solve.path import Path
     from legfem.solve.report import SolveReport
-    from legfem.subjects.subject import Indenter
 
 
 _CUT_OF_SLIP = 0.25

@@ -9,7 +9,7 @@ import numpy as np
 
 from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.mechanisms import Mechanism
-from legfem.inference.evidence import probabilities
+from legfem.inverse.evidence import probabilities
 
 PRIOR_NONE, PRIOR_SINGLE, PRIOR_PAIR, PRIOR_UNKNOWN = 0.37, 0.37, 0.18, 0.08
 """Of all explanations of a kind together: one effect is expected in a test, by Poisson's

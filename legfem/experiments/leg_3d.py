@@ -13,14 +13,11 @@ from mpi4py import MPI
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments.base import made_when_needed
-from legfem.experiments.indentation_3d import Cylinder
-from legfem.experiments.posed import Ball, Indenting, Pose, Posed, Punch, posed
+from legfem.experiments.posed import Indenting, Pose, Posed, posed
 from legfem.experiments.pressing import Pressing, PressingTest, leg_model
-from legfem.experiments.tissues import tissues_of
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
 from legfem.geometry.leg_shape import SKIN, LegShape
-from legfem.geometry.shape_motion import without_layer
 from legfem.geometry.shape_surface import PartSurface
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import Hyperelastic
@@ -33,8 +30,6 @@ from legfem.solve.linear import LinearSettings
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.newton_settings import NewtonSettings
 from legfem.solve.step_settings import StepSettings
-from legfem.subjects.spatial import SpatialLeg
-from legfem.subjects.subject import Indenter, Subject
 
 _LEVELS, _TURNS, _LOOKS = 41, 720, 3
 """Along the leg and round it, at which the skin is looked for, each time nearer to the touch."""
@@ -111,45 +106,6 @@ class LegIndentation3D(PressingTest):
     comm: MPI.Intracomm = field(default_factory=lambda: MPI.COMM_SELF, repr=False)
     mechanisms: tuple[Term, ...] = ()
 
-    @classmethod
-    def of_subject(
-        cls,
-        subject: Subject,
-        leg: SpatialLeg,
-        settings: SolidLegSettings | None = None,
-        comm: MPI.Intracomm = MPI.COMM_SELF,
-    ) -> LegIndentation3D:
-        """Return the test of a subject; see `legfem.subjects.spatial.spatial_leg`.
-
-        The fascia's layer has no thickness here, and between soft tissues it doesn't yield across
-        it: it is taken out of the leg, so that fat and muscle are as thick as they are.
-        """
-        given, tissues, fibres = subject.indenter, tissues_of(subject), subject.fibres
-        thickness = subject.section.fascia_thickness
-        aim = float(given.aim[0]), float(given.aim[1])
-        return cls(
-            without_layer(leg.shape, thickness),
-            _indenting(given),
-            Pose(aim, 0.0, given.direction_deg, given.axis_deg),
-            {"deep": tissues.deep, "superficial": tissues.superficial},
-            membrane_of(tissues.fascia, thickness),
-            settings or SolidLegSettings(),
-            comm,
-            () if fibres is None else (fibres_of(tissues.deep.C10, fibres.value),),
-        )
-
-    def __post_init__(self) -> None:
-        """Check that the indenter lies over the leg."""
-        low, high = self._span
-        if low < self.shape.levels[0] or high > self.shape.levels[-1]:
-            raise InputError(
-                "indenter",
-                "level",
-                f"it reaches from {low:g} to {high:g} mm and leaves the leg, "
-                f"{self.shape.levels[0]:g} to {self.shape.levels[-1]:g} mm",
-                "scan a longer part of the leg, or give another level",
-            )
-
     @cached_property
     def posed(self) -> Posed[Any]:
         """The indenter in its pose."""
@@ -219,14 +175,6 @@ class LegIndentation3D(PressingTest):
         solver = NewtonSolver(system, settings.newton, settings.linear)
         radius = self.indenter.radius
         return Pressing(system, solver, settings.contact, radius, 1.0, settings.steps)
-
-
-def _indenting(given: Indenter) -> Indenting:
-    """Return what a subject's folder presses with."""
-    if given.shape == "ball":
-        return Ball(given.radius)
-    kind = Punch if given.shape == "punch" else Cylinder
-    return kind(given.radius, given.length)
 
 
 def _beside(values: FloatArray, k: int) -> tuple[float, float]:

@@ -19,10 +19,11 @@ from legfem.experiments.driven import motion
 from legfem.experiments.placement import Placement
 from legfem.experiments.pressing import SOFTER, Attempt, OnStep, Pressed, Pressing, PressingTest, leg_model
 from legfem.experiments.replay import Replays
-from legfem.experiments.tissues import Tissues, tissues_of
+from legfem.experiments.tissues import Tissues
 from legfem.fem.distortion import most_drawn_out
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
+from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import BONES, LegSection
 from legfem.mechanics.contact import RigidCylinder
 from legfem.mechanics.contact_settings import ContactSettings
@@ -44,7 +45,6 @@ from legfem.solve.newton import NewtonSolver
 from legfem.solve.newton_settings import NewtonSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.step_settings import StepSettings
-from legfem.subjects.subject import Indenter, Subject
 
 _LIKE = 0.03
 """Of the force: what a solution without pressures may be off, where both go."""
@@ -120,18 +120,6 @@ class PlaneStrainIndentation(PressingTest):
                 "one bone is on springs and the other isn't",
                 f"give one for each of {' and '.join(BONES)}; stiff springs hold a bone",
             )
-
-    @classmethod
-    def of_subject(
-        cls,
-        subject: Subject,
-        settings: PlaneStrainSettings | None = None,
-        comm: MPI.Intracomm = MPI.COMM_SELF,
-        mechanisms: Sequence[Term] = (),
-    ) -> PlaneStrainIndentation:
-        """Return the test of a subject; the deep tissue's law covers both of the paper's."""
-        tissues, settings = tissues_of(subject), settings or PlaneStrainSettings()
-        return cls(subject.section, subject.indenter, tissues, settings, comm, mechanisms)
 
     @cached_property
     def model(self) -> LegModel:

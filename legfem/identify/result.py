@@ -9,69 +9,17 @@ from typing import Any, Literal
 import numpy as np
 
 from legfem.common.doubts import Doubt
-from legfem.common.units import FloatArray, readable_unit
-from legfem.identify.applied_correction import AppliedCorrection, SpatialEvidence
-from legfem.identify.catalogue import Values, key_of
-from legfem.identify.error_sources import ErrorSource
-from legfem.identify.laws import LawName, model_values
-from legfem.inference.constants import VERDICTS, Identifiability
-from legfem.inference.identifiability import Bound, Estimated, bound_of
-from legfem.inference.parameter import Parameter
-from legfem.recording import LoadingCurve
-from legfem.subjects.elastography import FibreRatio
-
-
-@dataclass(frozen=True)
-class Shown:
-    """Numbers of one parameter in the unit in which people read them."""
-
-    value: float
-    standard_error: float
-    ci95: tuple[float, float]
-    unit: str
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """One parameter that was free; numbers in its unit, which is the model's (MPa, not kPa)."""
-
-    parameter: Parameter
-    """With its bounds, role and prior."""
-    value: float
-    standard_error: float
-    """From the errors of the recordings and of the model, and the priors (see `ci95`)."""
-    ci95: tuple[float, float]
-    """95 % confidence interval; from a profile, so not always symmetric."""
-    identifiability: Identifiability
-    why: str
-    """Why the parameter is called that."""
-    moves: Mapping[str, float] = field(default_factory=dict)
-    """Relative change of the value if an assumed stiffness, by full name, or all forces or
-    displacements (``force_N``, ``displacement_mm``) were 10 % higher."""
-    error_shares: Mapping[ErrorSource, float] = field(default_factory=dict)
-    """Of the square of the standard error, by what causes it."""
-
-    @property
-    def unit(self) -> str:
-        """Of the numbers."""
-        return self.parameter.unit
-
-    @property
-    def at_bound(self) -> Bound:
-        """Whether the value stands at a bound of the search."""
-        return bound_of(self.value, self.parameter.bounds)
-
-    @property
-    def relative_half_width(self) -> float:
-        """Half the interval over the value; see `legfem.inference.identifiability.Estimated`."""
-        return Estimated(self.parameter, self.value, self.standard_error, self.ci95).relative_half_width
-
-    @property
-    def shown(self) -> Shown:
-        """The numbers as people read them: stresses in kPa."""
-        unit, factor = readable_unit(self.unit)
-        low, high = self.ci95
-        return Shown(factor * self.value, factor * self.standard_error, (factor * low, factor * high), unit)
+from legfem.common.units import FloatArray
+from legfem.data import LoadingCurve
+from legfem.inverse.catalogue import Values, key_of
+from legfem.inverse.estimates import Estimate
+from legfem.inverse.fit import Fit
+from legfem.inverse.intervals import VERDICTS, Identifiability
+from legfem.inverse.laws import LawName, model_values
+from legfem.inverse.search_log import SearchLog
+from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence, SpatialSites
+from legfem.legs.elastography import FibreRatio
+from legfem.legs.notices import curve_of
 
 
 @dataclass(frozen=True)
@@ -114,62 +62,6 @@ class PredictedCurve:
     """(n,), N per unit of the parameter, by its full name (``deep.C10``, ..., ``fascia.C10``)."""
 
 
-@dataclass(frozen=True)
-class FullSolve:
-    """One full forward solve of the search."""
-
-    values: Values
-    """Of model and instrument, in their units."""
-    cost: float
-    """N2 (Eq. 12); NaN where the solve stopped short."""
-    stage: Literal["design", "proposal", "bound", "genetic"]
-    complete: bool
-    reason: str
-    """Why it stopped, if short of its depth."""
-    factorisations: int
-    seconds: float
-
-
-@dataclass(frozen=True)
-class Generation:
-    """The best of one generation of the genetic algorithm."""
-
-    round: int
-    """Refinement of the emulator that it searched on, from 0."""
-    number: int
-    values: Values
-    """Of model and instrument, in their units."""
-    cost: float
-    """N2 on the emulator (of the full model without one)."""
-
-
-@dataclass(frozen=True, eq=False)
-class CostMap:
-    """The cost over one or two parameters on a grid, from the emulator."""
-
-    names: tuple[str, ...]
-    """Of the parameters."""
-    across: FloatArray
-    """(m,), the first parameter, increasing, in its unit."""
-    up: FloatArray
-    """(k,), the second, likewise; a single 0 where there is none."""
-    cost: FloatArray
-    """(k, m), N2."""
-
-
-@dataclass(frozen=True, eq=False)
-class SearchPath:
-    """How the optimum was found."""
-
-    names: tuple[str, ...]
-    """Of the free parameters."""
-    solves: tuple[FullSolve, ...]
-    """In the order in which they were asked for."""
-    generations: tuple[Generation, ...]
-    cost_map: CostMap | None
-    """None without an emulator, or with more than two parameters."""
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class IdentifiedParameters:
     """What every identification of one law found, and how it was searched for."""
@@ -209,7 +101,7 @@ class IdentificationResult(IdentifiedParameters):
     cost: Cost
     measured: LoadingCurve
     predicted: PredictedCurve
-    search: SearchPath
+    search: SearchLog
     factorisations: int
     correction: AppliedCorrection | None
     weighting: Literal["paper", "covariance"]
@@ -253,3 +145,57 @@ class IdentificationResult(IdentifiedParameters):
     def residual(self) -> FloatArray:
         """Predicted less measured force (N); (n,)."""
         return self.predicted.force - self.measured.force
+
+
+def identification_result(fit: Fit[LegDetails]) -> IdentificationResult:
+    """Result of one leg's fit as pages and documents read it."""
+    (test,) = fit.tests
+    log, details, cost = fit.log, fit.details, fit.cost
+    settings = dict(fit.settings)
+    for name in ("depth_mm", "fascia_thickness_mm"):
+        (settings[name],) = settings[name]
+    spatial = details.spatial
+    assert not isinstance(spatial, SpatialSites)
+    return IdentificationResult(
+        law=fit.law,
+        parameters=fit.estimates,
+        correlations=fit.correlations,
+        values=fit.values,
+        assumed=fit.assumed,
+        forward_solves=log.forward_solves,
+        reused_solves=log.reused_solves,
+        wall_s=log.wall_s,
+        seed=log.seed,
+        emulator_error=log.emulator_error,
+        converged=log.converged,
+        warnings=fit.warnings,
+        versions=fit.versions,
+        subject_id=fit.subject.id,
+        subject_title=fit.subject.title,
+        subject_origin=fit.subject.origin,
+        cost=Cost(
+            cost.value,
+            cost.points,
+            cost.mean_square,
+            cost.per_length,
+            cost.rms,
+            cost.r_squared,
+            fit.goodness.chi_square,
+            fit.goodness.degrees_of_freedom,
+            fit.goodness.p_value,
+            cost.minimised,
+            cost.minimised_value,
+            cost.minimised_unit,
+        ),
+        measured=curve_of(test),
+        predicted=PredictedCurve(test.force.channel.station, test.force.predicted, test.force.sensitivities),
+        search=log,
+        factorisations=log.factorisations,
+        correction=details.corrections[0],
+        weighting=fit.weighting,
+        neo_hookean_limit=fit.neo_hookean_limit,
+        settings=settings,
+        doubts=fit.doubts,
+        fibres=details.subject.fibres,
+        spatial=spatial,
+    )

@@ -59,10 +59,7 @@ def read_surface(path: Path) -> Any:
     if not path.is_file():
         raise InputError(path, "file", "not found", "check the path")
     try:
-        if is_polydata(path):
-            surface = trimesh.Trimesh(*read_polydata(path))
-        else:
-            surface = trimesh.load(path, force="mesh")
+        surface = trimesh.Trimesh(*read_polydata(path)) if is_polydata(path) else trimesh.load(path, force="mesh")
     except ImportError:  # trimesh looks for the encoding of what it takes for text
         raise InputError(path, "file", "is neither a whole binary STL nor text", "save it again") from None
     except Exception as error:  # the readers raise all kinds

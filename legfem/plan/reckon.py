@@ -29,8 +29,8 @@ from legfem.diagnose.mechanisms.base import Mechanism, prior_of
 from legfem.diagnose.observations import Observations, blank_observations
 from legfem.diagnose.predict import Predictor, values_of
 from legfem.diagnose.unknown import unknown_errors
-from legfem.inference.errors import error_model
-from legfem.inference.trial_noise import Noise
+from legfem.inverse.errors import error_model
+from legfem.inverse.trial_noise import Noise
 from legfem.plan.designs import Design, Readings
 
 TOLD_APART = 3.0

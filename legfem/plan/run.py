@@ -8,7 +8,7 @@ import numpy as np
 
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
-from legfem.correction.choice import choose_correction
+from legfem.legs.correction_of_leg import choose_correction
 from legfem.diagnose.diagnosis import Diagnosis, slowest_of
 from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.fit import Fit, NuisanceEffect, Problem
@@ -20,13 +20,14 @@ from legfem.diagnose.nuisances import nuisance_effects
 from legfem.diagnose.observations import Observations, blank_observations
 from legfem.diagnose.predict import Predictor
 from legfem.diagnose.run import STIFFENING, Diagnoser, accuracy_of, ruled_out_of
-from legfem.inference.errors import error_model
-from legfem.inference.trial_noise import Noise
+from legfem.inverse.errors import error_model
+from legfem.inverse.trial_noise import Noise
+from legfem.legs.correction_of_leg import choose_correction
+from legfem.legs.subject import Subject
 from legfem.plan.designs import Design, designs
 from legfem.plan.reckon import Candidate, Reckoned, before_any_test, ranked, reckon
 from legfem.plan.reckon_readings import reckon_readings
 from legfem.solve.protocol import Protocol
-from legfem.subjects.subject import Subject
 
 USUAL_GAIN_SD = 0.01
 

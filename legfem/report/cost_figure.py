@@ -16,7 +16,8 @@ from matplotlib.patches import Patch
 from scipy.special import chdtri
 
 from legfem.common.units import FloatArray, readable_unit
-from legfem.identify.result import IdentificationResult, Shown
+from legfem.identify.result import IdentificationResult
+from legfem.inverse.estimates import Shown
 from legfem.report.cost_axes import draw_contours, follow_grid
 from legfem.report.style import LAW_COLOURS, LAW_NAMES, new_figure, panel, styled, title
 

@@ -8,7 +8,9 @@ from pathlib import Path
 from legfem.common.units import kpa_to_mpa
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.document import Recorded
-from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.experiments.plane_strain import PlaneStrainSettings
+from legfem.legs.experiments import plane_strain_test
+from legfem.legs.subject import Subject
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report.filmed import filmed
 from legfem.report.in_place import REPORT, made_in_place
@@ -25,7 +27,6 @@ from legfem.report.web.page import listed, write_page
 from legfem.report.web.section import PressedSection
 from legfem.solve.newton_settings import NewtonSettings
 from legfem.solve.step_settings import StepSettings
-from legfem.subjects.subject import Subject
 
 _COARSER = 2.4
 """Than the mesh that forces come from: that of the section to press."""
@@ -66,7 +67,7 @@ def _pressed(found: Diagnosis, subject: Subject) -> PressedSection | None:
         newton=NewtonSettings(reuse=0.7, relative_tolerance=1e-5),
         steps=StepSettings.regular(first=0.5, largest=2.0),
     )
-    experiment = PlaneStrainIndentation.of_subject(subject, settings)
+    experiment = plane_strain_test(subject, settings)
     base = found.base
     values = {f"deep.{name}": kpa_to_mpa(base.value(name)) for name in base.fit.stiffness}
     depth = float(found.observed.displacement.max())

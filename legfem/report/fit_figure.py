@@ -9,10 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from legfem.common.units import FloatArray
-from legfem.identify.catalogue import symbol_of
-from legfem.identify.laws import LawName
-from legfem.identify.result import Estimate, IdentificationResult
-from legfem.recording import LoadingCurve
+from legfem.data import LoadingCurve
+from legfem.identify.result import IdentificationResult
+from legfem.inverse.catalogue import symbol_of
+from legfem.inverse.estimates import Estimate
+from legfem.inverse.laws import LawName
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES, new_figure, panel, styled, title
 
 

@@ -10,6 +10,7 @@ from mpi4py import MPI
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.identify.result import IdentificationResult
 from legfem.jobs.aside import aside
+from legfem.legs.subject import Subject
 from legfem.report.cost_figure import cost_figure
 from legfem.report.filmed import filmed
 from legfem.report.fit_figure import fit_figure
@@ -23,7 +24,6 @@ from legfem.report.style import LAW_NAMES, save
 from legfem.report.web.identification import identification_page
 from legfem.report.web.page import listed, write_page
 from legfem.report.web.section import PressedSection
-from legfem.subjects.subject import Subject
 
 
 def write_identification_report(

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from legfem.common.markdown import markdown_table
-from legfem.recording import Channels, Recording
-from legfem.recording.columns import QUANTITIES, Proposal
-from legfem.recording.phases import AIR, HOLD, LOADING, UNLOADING
-from legfem.recording.quality import Quality
+from legfem.data import Channels, Recording
+from legfem.data.columns import QUANTITIES, Proposal
+from legfem.data.quality import Quality
+from legfem.data.segmentation import AIR, HOLD, LOADING, UNLOADING
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, save, styled
 
 _PHASE_COLOURS = {AIR: "#FFFFFF", LOADING: "#D6E6F4", HOLD: "#F3E9D2", UNLOADING: "#E3E3E3"}

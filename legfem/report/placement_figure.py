@@ -11,10 +11,11 @@ from matplotlib.patches import Polygon as Outline
 from shapely import Polygon
 
 from legfem.common.units import FloatArray
+from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import fat_thickness, first_crossing, girth
+from legfem.legs.plausibility import room_before
+from legfem.legs.subject import Subject
 from legfem.report.style import BONE_COLOUR, FAINT, REGION_COLOURS, REGION_NAMES, TOOL_COLOUR, new_figure, styled, title
-from legfem.subjects.plausibility import room_before
-from legfem.subjects.subject import Indenter, Subject
 
 SECTION_SHOWS = "the section that was given or cut, with the cylinder at first touch and its travel"
 

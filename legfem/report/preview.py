@@ -9,12 +9,16 @@ from pathlib import Path
 from legfem.common.documents import write_document
 from legfem.common.doubts import doubt_lines
 from legfem.common.errors import InputError
+from legfem.data.columns import Channels, Proposal, propose, recording_of
+from legfem.data.formats import READERS, read_sheets
+from legfem.data.quality import ANY_DEPTH, BEST_GRADE, quality_of
+from legfem.data.reader import MINIMAL_DEPTH_MM
 from legfem.geometry.section import fat_thickness, girth
 from legfem.geometry.shape_measures import perimeter
-from legfem.recording.columns import Channels, Proposal, propose, recording_of
-from legfem.recording.formats import READERS, read_sheets
-from legfem.recording.quality import ANY_DEPTH, BEST_GRADE, quality_of
-from legfem.recording.reader import MINIMAL_DEPTH_MM
+from legfem.legs.loading import load_subject
+from legfem.legs.plausibility import doubts_about, room_before
+from legfem.legs.schema import RECORDINGS, SUBJECTS, site_names, subject_entry
+from legfem.legs.subject import Subject
 from legfem.report.look import draw_look, look_text
 from legfem.report.placement_figure import SECTION_SHOWS, placement_figure
 from legfem.report.slices_figure import slices_figure
@@ -22,10 +26,6 @@ from legfem.report.style import save
 from legfem.specimens.folder import FILE, load_specimen
 from legfem.specimens.schema import parse_specimen_file
 from legfem.stocking.loading import LEGS, load_leg
-from legfem.subjects.loading import SUBJECTS, load_subject
-from legfem.subjects.plausibility import doubts_about, room_before
-from legfem.subjects.sites import RECORDINGS, site_names, subject_entry
-from legfem.subjects.subject import Subject
 
 PREVIEW = "preview.json"
 

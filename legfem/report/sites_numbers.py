@@ -8,8 +8,8 @@ from typing import Any
 from legfem.common.documents import json_types
 from legfem.common.doubts import doubt_documents
 from legfem.common.units import readable_unit
-from legfem.identify.catalogue import key_of, unit_of, with_units
 from legfem.identify.document import searched_document
+from legfem.inverse.catalogue import key_of, unit_of, with_units
 from legfem.sites.result import SiteFit, SitesResult
 
 SCHEMA = "legfem.identify-sites/1"

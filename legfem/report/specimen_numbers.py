@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from legfem.common.documents import json_types
-from legfem.identify.catalogue import with_units
 from legfem.identify.document import searched_document
+from legfem.inverse.catalogue import with_units
 from legfem.specimens.result import ComparedRecording, SpecimenResult
 
 SCHEMA = "legfem.identify-specimen/1"

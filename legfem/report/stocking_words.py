@@ -9,7 +9,7 @@ import numpy as np
 from legfem.common.units import FloatArray, mpa_to_kpa, mpa_to_mmhg
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.geometry.shape_measures import fat_thickness_around
-from legfem.inference.constants import quantile
+from legfem.inverse.intervals import quantile
 from legfem.report.leg_directions import Directions, angle_round
 from legfem.stocking.fat_pressures import too_low_by
 from legfem.stocking.run import StockingResult

@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.recording.contact import Contact
+from legfem.data.contact import Contact
 from legfem.specimens.course import SLOW_SHARE, Course
 
 SETTLED = 0.05

@@ -10,9 +10,9 @@ from scipy.signal import medfilt
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.recording import Instrument, Recording, find_first_contact
-from legfem.recording.contact import Contact, contact_at_start
-from legfem.recording.smoothing import sample_noise
+from legfem.data import Instrument, Recording, find_first_contact
+from legfem.data.contact import Contact, contact_at_start
+from legfem.data.smoothing import sample_noise
 
 STATIONS = 40
 """Of a loading: one for so large a share of its way, and of its time."""

@@ -14,14 +14,16 @@ from legfem.common.errors import InputError
 from legfem.common.progress import Progress
 from legfem.common.units import kpa_to_mpa
 from legfem.diagnose.diagnosis import Diagnosis
+from legfem.data import Instrument
+from legfem.data.recording import Origin
+from legfem.diagnose.diagnosis import Diagnosis, diagnose
 from legfem.diagnose.library_build import build_library, middle_of, shown_mechanisms
 from legfem.diagnose.nuisances import Accuracy
 from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.run import STIFFENING, diagnose_body
 from legfem.diagnose.solved import PLAIN, SolvedResponses
-from legfem.identify.catalogue import RATIO
+from legfem.inverse.catalogue import RATIO
 from legfem.jobs.fingerprint import code_fingerprint
-from legfem.recording import Instrument
 from legfem.specimens.course import calmed
 from legfem.specimens.folder import FILE, SpecimenFolder, stiffness_doubts
 from legfem.specimens.mechanisms import Scale, mechanisms_of
@@ -29,7 +31,6 @@ from legfem.specimens.recorded import LeftOut, SpecimenRecording
 from legfem.specimens.sizes import Sizes, fibres_text
 from legfem.specimens.tissues import SpecimenTissue
 from legfem.specimens.variants import SpecimenVariants
-from legfem.subjects.subject import Origin
 
 _POINTS = 60
 _BEYOND = 1.04

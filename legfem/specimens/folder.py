@@ -11,10 +11,11 @@ from legfem.common.doubts import Doubt
 from legfem.common.errors import InputError
 from legfem.common.text_file import check_shown
 from legfem.common.units import kpa_to_mpa
-from legfem.recording import Instrument
-from legfem.recording.copies import refuse_copies
-from legfem.recording.formats import READERS
-from legfem.recording.reader import read_samples
+from legfem.data import Instrument
+from legfem.data.formats import READERS
+from legfem.data.plausibility import refuse_copies
+from legfem.data.reader import read_samples
+from legfem.data.recording import Origin
 from legfem.specimens.course import course_of
 from legfem.specimens.plausibility import (
     doubts_about_course,
@@ -27,7 +28,6 @@ from legfem.specimens.schema import BaseLaw, SpecimenEntry, SpecimenFile, parse_
 from legfem.specimens.sizes import SizeError, Sizes, opening_of, sizes_of
 from legfem.specimens.suctions import suction_doubts
 from legfem.specimens.tissues import SpecimenTissue, tissues_of
-from legfem.subjects.subject import Origin
 
 FILE = "specimen.toml"
 

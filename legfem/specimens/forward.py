@@ -21,9 +21,9 @@ from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
 from legfem.experiments.lateral_cylinder import LateralCylinder
 from legfem.experiments.suction import CupOnLayer, SuctionTest
 from legfem.experiments.uniaxial import Bar, UniaxialTest
-from legfem.identify.catalogue import Values, is_ratio
-from legfem.identify.fibre_ratio import at_ratios, moduli, moduli_needed, ratio_of
-from legfem.identify.forward import ForwardOutcome
+from legfem.inverse.catalogue import Values, is_ratio
+from legfem.inverse.fibre_ratio import at_ratios, moduli, moduli_needed, ratio_of
+from legfem.inverse.outcome import Outcome
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.terms import Fibres
@@ -103,7 +103,7 @@ def _onset(faces: Faces, depth: float) -> ContactSettings:
 
 @dataclass(frozen=True, eq=False)
 class SpecimenForward(Homebound):
-    """Tests of one tissue, a `legfem.identify.forward.ForwardModel`.
+    """Tests of one tissue, a `legfem.inverse.outcome.ForwardModel`.
 
     Parameters
     ----------
@@ -148,6 +148,10 @@ class SpecimenForward(Homebound):
             for sizes, depth in zip(self.tests, self.depths, strict=True)
         ]
 
+    def prepare(self) -> None:
+        """Mesh and compile now."""
+        _ = self.experiments
+
     @property
     def nominal(self) -> Values:
         """The law's numbers (MPa, 1/MPa) and the fibres' ratio by full name."""
@@ -165,12 +169,12 @@ class SpecimenForward(Homebound):
         }
         return {**values, **missing}
 
-    def solve(self, values: Values, sensitivities: Sequence[str]) -> ForwardOutcome:
+    def solve(self, values: Values, sensitivities: Sequence[str]) -> Outcome:
         """Solve every test in full; one that breaks down is an outcome that stops at once."""
         every = [self.solve_one(k, values, sensitivities) for k in range(len(self.tests))]
-        return ForwardOutcome.joined(values, every)
+        return Outcome.joined(values, every)
 
-    def solve_one(self, number: int, values: Values, sensitivities: Sequence[str] = ()) -> ForwardOutcome:
+    def solve_one(self, number: int, values: Values, sensitivities: Sequence[str] = ()) -> Outcome:
         """Solve one of the tests.
 
         A derivative by a stiffness is that at the same Poisson's ratio where the values have no D1,
@@ -196,11 +200,11 @@ class SpecimenForward(Homebound):
         except (ArithmeticError, ValueError, RuntimeError, np.linalg.LinAlgError) as error:
             nothing = ForceCurve(np.zeros(1), np.zeros(1), dict.fromkeys(sensitivities, np.zeros(1)))
             reason = " ".join(str(error).split()) or type(error).__name__
-            return ForwardOutcome(values, (nothing,), False, reason, 0, 0.0)
+            return Outcome(values, (nothing,), False, reason, 0, 0.0)
         report = solved.report
         seconds = report.seconds + sum(before.seconds for before in report.earlier_attempts)
         curve = _at_poissons_ratio(solved.curve, every, tied)
-        return ForwardOutcome(
+        return Outcome(
             values,
             (at_ratios(curve, own, fibrous, sensitivities),),
             bool(report.complete),

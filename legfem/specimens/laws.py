@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from legfem.common.errors import InputError
-from legfem.identify.catalogue import (
+from legfem.inverse.catalogue import (
     DEEP_C10,
     DEEP_C20,
     RATIO,
@@ -19,11 +19,11 @@ from legfem.identify.catalogue import (
     parameter_of,
     within_prior,
 )
-from legfem.identify.fibre_ratio import ratio_of
-from legfem.identify.laws import LAWS, IdentifiedLaw, LawName
-from legfem.identify.reading import INSTRUMENT, RELAXATION
-from legfem.identify.written import Written, read_prior
-from legfem.inference.parameter import Parameter, Prior
+from legfem.inverse.fibre_ratio import ratio_of
+from legfem.inverse.instrument import INSTRUMENT, RELAXATION
+from legfem.inverse.laws import LAWS, IdentifiedLaw, LawName
+from legfem.inverse.parameter import Parameter, Prior
+from legfem.inverse.parse_parameters import Written, read_prior
 from legfem.specimens.relaxation import relaxation_parameters
 from legfem.specimens.tissues import KINDS, ONE, SpecimenTissue
 

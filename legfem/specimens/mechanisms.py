@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from legfem.diagnose.mechanisms import Mechanism, TissueMechanism
 from legfem.diagnose.mechanisms.base import factor, prior_of
 from legfem.experiments.uniaxial import Bar
-from legfem.inference.parameter import Parameter
+from legfem.inverse.parameter import Parameter
 from legfem.specimens.rig import RigCompliance, mechanisms_on_a_rig
 from legfem.specimens.sizes import Sizes, bare, layered
 from legfem.specimens.slipping import slipping

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from legfem.common.doubts import Doubt, PhysicalRange
 from legfem.common.units import mpa_to_kpa
+from legfem.data.plausibility import counts_samples, cut_off, spike_doubts
 from legfem.experiments.axisymmetric import CylinderBetweenPlates
 from legfem.experiments.uniaxial import Bar
-from legfem.recording.oddities import counts_samples, cut_off, spike_doubts
 from legfem.specimens import ranges
 from legfem.specimens.course import Course
 from legfem.specimens.recorded import SpecimenRecording

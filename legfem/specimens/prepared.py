@@ -10,7 +10,7 @@ import numpy as np
 from legfem.common.doubts import Doubt
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress
-from legfem.identify.forward import ForwardOutcome
+from legfem.inverse.outcome import Outcome
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.specimens.contacts import deepest_of
@@ -106,11 +106,9 @@ def prepare(
     )
 
 
-def _solved_once(
-    model: SpecimenForward, out: Path | None, jobs: int, progress: Progress
-) -> dict[Sizes, ForwardOutcome]:
-    store = None if out is None else Store(out / "solves", ForwardOutcome, (model.laws, model.fibre_ratios))
-    found: dict[Sizes, ForwardOutcome] = {}
+def _solved_once(model: SpecimenForward, out: Path | None, jobs: int, progress: Progress) -> dict[Sizes, Outcome]:
+    store = None if out is None else Store(out / "solves", Outcome, (model.laws, model.fibre_ratios))
+    found: dict[Sizes, Outcome] = {}
     asked = {sizes: ("once", sizes, depth) for sizes, depth in zip(model.tests, model.depths, strict=True)}
     for sizes in model.tests:
         kept = store.get(asked[sizes]) if store else None
@@ -127,5 +125,5 @@ def _solved_once(
     return found
 
 
-def _solve_one(model: SpecimenForward, number: int) -> ForwardOutcome:
+def _solve_one(model: SpecimenForward, number: int) -> Outcome:
     return model.solve_one(number, model.nominal)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from legfem.common.doubts import PhysicalRange
-from legfem.subjects import ranges
+from legfem.data import ranges
 
 _LENGTH = {"cm": 10.0, "m": 1e3, "micrometres": 1e-3}
 _LABS = "specimens and indenters of a lab"

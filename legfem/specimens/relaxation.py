@@ -28,7 +28,7 @@ from scipy.linalg import solve_banded
 
 from legfem.common.units import FloatArray
 from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S, Viscoelasticity, spectrum
-from legfem.inference.parameter import Parameter, Prior
+from legfem.inverse.parameter import Parameter, Prior
 
 QUICKENING = "viscoelasticity.quickening"
 _MOST = 3.0

@@ -9,7 +9,7 @@ from legfem.common.units import FloatArray
 from legfem.diagnose.mechanisms import Mechanism, Values, mechanisms
 from legfem.diagnose.mechanisms.support_compliance import SupportCompliance
 from legfem.diagnose.observations import Observations
-from legfem.inference.parameter import Parameter
+from legfem.inverse.parameter import Parameter
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from legfem.common.toml_file import FileTable, NotNegative, PlainName, Positive, Text, Title, parse_toml, trouble
-from legfem.identify.laws import LawName
+from legfem.data.folder import InstrumentEntry, RecordingsEntry
+from legfem.inverse.laws import LawName
 from legfem.specimens.fibre_directions import Direction
-from legfem.subjects.schema import InstrumentEntry, RecordingsEntry
 
 PoissonRatio = Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False)]
 Base = Literal["bonded", "sliding"]

@@ -9,7 +9,7 @@ import numpy as np
 from legfem.common.doubts import Doubt
 from legfem.common.errors import InputError
 from legfem.common.units import mpa_to_kpa
-from legfem.recording import Recording
+from legfem.data import Recording
 
 ATMOSPHERE_KPA = 101.325
 _SLACK = 1.05

@@ -16,8 +16,8 @@ import numpy as np
 from scipy.optimize import minimize
 
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
-from legfem.inference.constants import quantile
-from legfem.inference.least_squares import Priors
+from legfem.inverse.intervals import quantile
+from legfem.inverse.parameter import Priors
 from legfem.stocking.leg_model import PARAMETERS
 from legfem.stocking.misfit import ContourMisfit
 from legfem.stocking.nuisance import RIGID
@@ -237,10 +237,7 @@ class StiffnessSearch:
         before, settings, misfit = self._leg.states, self._settings, self._misfit
         damping, converged = 1e-3, False
         learnt = self._learnt.get(tuple(start))
-        if learnt is None:
-            worn = self._solve(start, differentiate=True)
-        else:
-            worn = self._leg.back_in(learnt, _by_name(start))
+        worn = self._solve(start, differentiate=True) if learnt is None else self._leg.back_in(learnt, _by_name(start))
         if not worn.state.report.complete or not self.nuisances.learnt:
             return self._unsolved("weighted", start, before, worn)
         parameters, here = start, self._profiled(start, worn)

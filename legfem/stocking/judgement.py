@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from legfem.inference.constants import Identifiability, quantile
-from legfem.inference.identifiability import Bound, bound_of, verdict_on
+from legfem.inverse.intervals import Bound, Identifiability, bound_of, quantile, verdict_on
 from legfem.stocking.accuracy import ContourAccuracy
 from legfem.stocking.identification import Identified
 from legfem.stocking.leg_model import PARAMETERS

@@ -9,13 +9,13 @@ from legfem.common.doubts import Doubt
 from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import LegShape
 from legfem.imaging.registration import Registration
+from legfem.legs.elastography import ShearModulus
 from legfem.mechanics.materials import NeoHookean
 from legfem.stocking.accuracy import ContourAccuracy
 from legfem.stocking.laplace import Stocking
 from legfem.stocking.posture import Posture
 from legfem.stocking.sensors import Sensor
 from legfem.stocking.veins import Vein
-from legfem.subjects.elastography import ShearModulus
 
 
 @dataclass(frozen=True, eq=False)

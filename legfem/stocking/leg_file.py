@@ -19,8 +19,8 @@ from legfem.common.toml_file import (
     trouble,
 )
 from legfem.imaging.shape_entry import LabelsEntry, ShapeEntry
+from legfem.legs.elastography import ElastographyEntry, check_once
 from legfem.stocking.sensors import KINDS
-from legfem.subjects.elastography import ElastographyEntry, check_once
 
 
 class StockingEntry(FileTable):

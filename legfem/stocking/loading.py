@@ -11,6 +11,7 @@ import numpy as np
 from legfem.common.errors import InputError
 from legfem.common.tables import read_table
 from legfem.common.units import FloatArray, kpa_to_mpa, mmhg_to_mpa
+from legfem.data.folder import RESOURCES, Catalogue
 from legfem.geometry.cross_sections import Clearances
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.shape_motion import rigidly_moved
@@ -20,6 +21,7 @@ from legfem.imaging.outlines import OutlineSettings
 from legfem.imaging.registration import Registration, register_shapes
 from legfem.imaging.shape_entry import ShapeEntry, existing
 from legfem.imaging.volume import check_same_spacing
+from legfem.legs.elastography import ShearModulus
 from legfem.mechanics.materials import NeoHookean
 from legfem.stocking.accuracy import ContourAccuracy
 from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
@@ -30,8 +32,6 @@ from legfem.stocking.plausibility import check_scans_differ, doubts_about_leg
 from legfem.stocking.posture import Posture
 from legfem.stocking.sensors import KINDS, USUAL_DIAMETER, Sensor, off_skin
 from legfem.stocking.veins import Vein, default_veins
-from legfem.subjects.catalogue import RESOURCES, Catalogue
-from legfem.subjects.elastography import ShearModulus
 
 LEVEL_SPACING = 5.0
 """Of the contours between which the leg's surfaces are smooth (mm)."""

@@ -11,12 +11,12 @@ import numpy as np
 from legfem.common.doubts import Doubt, PhysicalRange
 from legfem.common.errors import InputError
 from legfem.common.units import mpa_to_kpa, mpa_to_mmhg
+from legfem.data import ranges
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.shape_measures import perimeter
+from legfem.legs.elastography import doubts_about_elastography
+from legfem.legs.plausibility import doubts_about_size
 from legfem.stocking.laplace import Stocking, stocking_load
-from legfem.subjects import ranges
-from legfem.subjects.elastography import doubts_about_elastography
-from legfem.subjects.plausibility import doubts_about_size
 
 if TYPE_CHECKING:
     from legfem.stocking.leg import StockingLeg

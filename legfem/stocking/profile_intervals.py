@@ -4,7 +4,7 @@ A stiffness' profile is the least sum of squares with it held, the other one and
 their best. With :math:`w` the whitened distances, :math:`N` their slopes by the nuisances and
 :math:`\Sigma` the priors' covariance, that sum is
 :math:`w^T (1 + N \Sigma N^T)^{-1} w`, where :math:`w(\theta)` is interpolated between the
-equilibria that were solved (`legfem.inference.kriging`). Where an end lies far from all of them,
+equilibria that were solved (`legfem.inverse.emulator`). Where an end lies far from all of them,
 one is solved there. An interval that goes on at a bound of the search, or where the leg can't be
 computed, is open.
 """
@@ -17,10 +17,10 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from legfem.common.units import FloatArray, kpa_to_mpa
-from legfem.inference.constants import quantile
-from legfem.inference.intervals import profile_interval, profile_point
-from legfem.inference.kriging import Kriging
-from legfem.inference.least_squares import Priors, least_residual
+from legfem.inverse.emulator import Kriging
+from legfem.inverse.intervals import profile_interval, profile_point, quantile
+from legfem.inverse.least_squares import least_residual
+from legfem.inverse.parameter import Priors
 from legfem.stocking.misfit import ContourMisfit
 from legfem.stocking.nuisance_slopes import NuisanceSlopes
 from legfem.stocking.profiled import BesideScan

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from legfem.common.units import FloatArray
-from legfem.inference.least_squares import Priors
+from legfem.inverse.parameter import Priors
 from legfem.stocking.leg_model import PARAMETERS
 from legfem.stocking.linearised import LinearisedContours
 from legfem.stocking.misfit import ContourMisfit

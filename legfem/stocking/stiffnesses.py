@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from legfem.common.units import kpa_to_mpa
-from legfem.inference.elastography import elastography_priors
-from legfem.inference.least_squares import Priors
-from legfem.inference.parameter import Parameter
+from legfem.inverse.parameter import Parameter, Priors
+from legfem.legs.elastography import ShearModulus, elastography_priors
 from legfem.stocking.leg_model import PARAMETERS
-from legfem.subjects.elastography import ShearModulus
 
 BOUNDS = (kpa_to_mpa(0.1), kpa_to_mpa(100.0))
 """Of a search (MPa)."""

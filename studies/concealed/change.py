@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from legfem.common.units import FloatArray
+from legfem.data import Recording
 from legfem.diagnose.cut import cut_trial
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.stations import read_at
-from legfem.recording import Recording
 from studies.lab.conditions import drawn_errors
 from studies.lab.recording import Course, record
 

@@ -7,8 +7,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from legfem.subjects.loading import SUBJECTS, load_subject
-from legfem.subjects.subject import Subject
+from legfem.legs.loading import load_subject
+from legfem.legs.schema import SUBJECTS
+from legfem.legs.subject import Subject
 from studies.concealed.cases import SUBJECTS_OF_LEGS
 from studies.lab.conditions import drawn_misstatement
 from studies.lab.stated import misstated

@@ -17,7 +17,7 @@ from legfem.common.units import FloatArray
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.mechanisms.base import null_of
-from legfem.inference.parameter import Parameter
+from legfem.inverse.parameter import Parameter
 from legfem.jobs.arrays import write_arrays
 
 _STIFFNESSES = {"C10": 33, "C20": 17}

@@ -22,7 +22,7 @@ import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
 
 from legfem.common.units import FloatArray, kpa_to_mpa
-from legfem.subjects.subject import Subject, TissueParameters
+from legfem.legs.subject import Subject, TissueParameters
 from studies.concealed.other_mesh import GAUSS, mesh_leg
 from studies.concealed.other_pressing import OtherPressing, spread
 from studies.concealed.other_tissue import other_law

@@ -15,7 +15,7 @@ from legfem.jobs.key import Contents
 from legfem.jobs.pool import Workers
 from legfem.jobs.resume import finish
 from legfem.jobs.store import Store
-from legfem.subjects.loading import load_subject
+from legfem.legs.loading import load_subject
 from studies.concealed.metric import Metric
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.diagnose.run import Diagnoser
-from legfem.subjects.loading import load_subject
+from legfem.legs.loading import load_subject
 from studies.concealed.cases import SealedCase
 from studies.concealed.change import change_at_stations
 from studies.concealed.metric import Metric

@@ -16,15 +16,15 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray, kpa_to_mpa
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.mechanisms import Solution, TissueMechanism
 from legfem.diagnose.mechanisms.registry import mechanism_named
 from legfem.diagnose.variants import Stopped, Variants
 from legfem.jobs.store import Store
+from legfem.legs.correction import TabulatedCorrection
+from legfem.legs.subject import Subject
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.step_settings import StepSettings
-from legfem.subjects.subject import Subject
 from studies.concealed.cases import DEPTH_MM, TRIALS, SealedCase
 from studies.concealed.forms import BRANCHES_S, ON_COURSE, OUTSIDE_ON_COURSE, Pressed
 from studies.lab.recording import SAMPLING_HZ, Course
@@ -206,7 +206,7 @@ class Truths:
         return ForceCourse.of(time, path.force_at(time))
 
     def _made(self, settings: Any) -> Variants:
-        from legfem.experiments.tissues import tissues_of
+        from legfem.legs.experiments import tissues_of
 
         return Variants(self.leg.section, self.leg.indenter, tissues_of(self.leg), settings)
 

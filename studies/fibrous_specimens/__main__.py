@@ -13,7 +13,7 @@ from legfem.common.command_edge import study_edge
 from legfem.common.documents import json_types, write_atomically, write_document
 from legfem.common.markdown import markdown_table
 from legfem.common.progress import progress_on
-from legfem.inference.constants import VERDICTS
+from legfem.inverse.intervals import VERDICTS
 from legfem.jobs.pool import Workers
 from legfem.jobs.resume import finish
 from legfem.jobs.store import Store

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.recording import Instrument, Recording
+from legfem.data import Instrument, Recording
 
 SAMPLING_HZ = 10.0
 INSTRUMENT = Instrument(force_sd=0.03, displacement_sd=0.02)

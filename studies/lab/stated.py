@@ -8,8 +8,9 @@ from types import MappingProxyType
 import numpy as np
 
 from legfem.common.units import FloatArray
+from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import BONES, LegSection, minimal_fat_thickness
-from legfem.subjects.subject import Indenter, LegAccuracy, Subject
+from legfem.legs.subject import LegAccuracy, Subject
 
 AIM_MM, DIRECTION_DEG, FACTOR = 2.0, 3.0, 1.5
 STATED_ACCURACY = LegAccuracy(contour_sd=0.5, aim_sd=2.0, direction_sd=3.0)

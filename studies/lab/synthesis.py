@@ -8,8 +8,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 from legfem.common.units import FloatArray
-from legfem.recording.instrument import Instrument
-from legfem.recording.trial import Recording
+from legfem.data.noise import Instrument
+from legfem.data.recording import Recording
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from legfem.common.errors import InputError
 from legfem.common.markdown import markdown_table
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import mpa_to_kpa
-from legfem.identify.catalogue import DEEP_C10
-from legfem.subjects.elastography import HIGHEST_RATIO
+from legfem.inverse.catalogue import DEEP_C10
+from legfem.legs.elastography import HIGHEST_RATIO
 from studies.leg3d.identified import identified
 from studies.leg3d.other_code import PlantedByFelupe
 from studies.leg3d.planted import Planted

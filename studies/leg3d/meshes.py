@@ -18,11 +18,12 @@ from legfem.experiments.indentation_3d import IdealisedLegIndentation, Idealised
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, fibres_of
 from legfem.experiments.posed import Pose
 from legfem.experiments.pressing import PressingTest
+from legfem.legs.experiments import spatial_test
+from legfem.legs.loading import load_subject
+from legfem.legs.placement import spatial_leg
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
 from legfem.mechanics.terms import Fascia
 from legfem.meshing.idealised_leg import LegMeshSettings
-from legfem.subjects.loading import load_subject
-from legfem.subjects.spatial import spatial_leg
 from studies.leg3d.planted import CYLINDER, LEG, Planted, round_shape
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -116,7 +117,7 @@ def meshes(
         test = round_leg()
         if subject is not None:
             given = load_subject(subject, need_recordings=False, need_instrument=False)
-            test = LegIndentation3D.of_subject(given, spatial_leg(given))
+            test = spatial_test(given, spatial_leg(given))
         test = stiffened(test, c10, c20, fibres)
         rows = [
             row(f"{size:g} mm, finer by {factor:g}", refined(test, factor, size), depth)

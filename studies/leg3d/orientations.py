@@ -6,12 +6,12 @@ import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from legfem.data.recording import write_recording
 from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation, IdealisedLegSettings
 from legfem.jobs.store import Store
 from legfem.mechanics.contact import RigidIndenter
 from legfem.mechanics.turned_cylinder import TurnedCylinder
 from legfem.meshing.idealised_leg import LegMeshSettings
-from legfem.recording.writer import write_recording
 from legfem.solve.force_curve import ForceCurve
 from studies.leg3d.planted import CYLINDER, LEG, Planted, folder_of, recorded, whole_curve
 

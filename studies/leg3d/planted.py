@@ -13,18 +13,18 @@ import numpy as np
 
 from legfem.common.errors import UnsolvedError
 from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.data import Recording
 from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation, IdealisedLegSettings
 from legfem.experiments.leg_3d import fibres_of
 from legfem.experiments.pressing import PressingTest
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.section import LegSection
 from legfem.jobs.store import Store
+from legfem.legs.folder import write_subject_folder
 from legfem.mechanics.materials import Hyperelastic, NeoHookean, ReducedPolynomial
 from legfem.mechanics.terms import Fibres
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
-from legfem.recording import Recording
 from legfem.solve.force_curve import ForceCurve
-from legfem.subjects.folder import write_subject_folder
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
 
 LEG = IdealisedLeg(radius=40.0, bone_radius=12.0, length=70.0, fat=9.0, fascia=0.6, ends="held")

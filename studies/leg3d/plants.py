@@ -11,8 +11,8 @@ import numpy as np
 
 from legfem.common.progress import Progress
 from legfem.common.units import mpa_to_kpa
-from legfem.identify.catalogue import DEEP_C10, DEEP_C20
 from legfem.identify.result import IdentificationResult
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.jobs.store import Store
 from studies.leg3d.identified import identified
 from studies.leg3d.planted import Planted

@@ -11,13 +11,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from legfem.common.errors import InputError
-from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings
+from legfem.data import write_recording
+from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.jobs.store import Store
+from legfem.legs.experiments import spatial_test
+from legfem.legs.loading import load_subject
+from legfem.legs.placement import spatial_leg
 from legfem.mechanics.contact_settings import ContactSettings
-from legfem.recording import write_recording
 from legfem.solve.force_curve import ForceCurve
-from legfem.subjects.loading import load_subject
-from legfem.subjects.spatial import spatial_leg
 from studies.lab.recording import INSTRUMENT
 from studies.leg3d.meshes import refined, stiffened
 from studies.leg3d.planted import recorded, whole_curve, with_fibres
@@ -101,7 +102,7 @@ class PlantedInLeg:
         def solved() -> ForceCurve:
             subject = load_subject(self.subject, need_recordings=False, need_instrument=False)
             settings = replace(SolidLegSettings(), contact=CONTACT)
-            test = LegIndentation3D.of_subject(subject, spatial_leg(subject), settings)
+            test = spatial_test(subject, spatial_leg(subject), settings)
             test = stiffened(test, self.c10, self.c20, self.fibres)
             return whole_curve(refined(test, FINER, CONTACT_SIZE), self.depth)
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from legfem.diagnose.mechanisms import Mechanism
 from legfem.diagnose.mechanisms.base import null_of, prior_of
-from legfem.subjects.subject import MeasuredEffect
+from legfem.legs.subject import MeasuredEffect
 from studies.concealed.cases import SealedCase
 from studies.concealed.legs import SealedLeg
 

@@ -18,19 +18,25 @@ from typing import Any
 import numpy as np
 
 from legfem.common.progress import Silent
-from legfem.correction.choice import choose_correction
+from legfem.legs.correction_of_leg import choose_correction
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.leg import solved_responses
 from legfem.diagnose.library_build import build_library
 from legfem.diagnose.mechanisms import Mechanism
 from legfem.diagnose.run import STIFFENING, Diagnoser, accuracy_of, diagnose_body, ruled_out_of
+from legfem.data import Recording
+from legfem.diagnose.diagnosis import Diagnosis, diagnose
+from legfem.diagnose.leg import solved_responses
+from legfem.diagnose.library_build import build_library
+from legfem.diagnose.mechanisms import Mechanism
+from legfem.diagnose.run import STIFFENING, Diagnoser, accuracy_of, ruled_out_of
+from legfem.legs.correction_of_leg import choose_correction
+from legfem.legs.loading import load_subject
+from legfem.legs.subject import Subject
 from legfem.plan.designs import Design, Readings
 from legfem.plan.reckon import Reckoned
 from legfem.plan.run import plan_after
-from legfem.recording import Recording
 from legfem.solve.protocol import Protocol
-from legfem.subjects.loading import load_subject
-from legfem.subjects.subject import Subject
 from studies.concealed.cases import DEPTH_MM, TRIALS, SealedCase
 from studies.concealed.legs import SealedLeg, sealed_leg
 from studies.concealed.making import write_case

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from legfem.common.errors import InputError
-from legfem.subjects.loading import load_subject
-from legfem.subjects.subject import Subject
+from legfem.legs.loading import load_subject
+from legfem.legs.subject import Subject
 from studies.lab.clean import clean_courses
 from studies.lab.recording import Course
 

@@ -15,7 +15,7 @@ from legfem.common.documents import write_atomically, write_document
 from legfem.common.markdown import markdown_table
 from legfem.common.progress import progress_on
 from legfem.common.units import FloatArray, mpa_to_kpa
-from legfem.inference.population import TABLE, Population
+from legfem.inverse.population import TABLE, Population
 from legfem.report.style import save
 from studies.people.data import SITES, Indentations, read_indentations
 from studies.people.figures import draw_predicted, draw_stiffness
@@ -125,7 +125,7 @@ def population_of(found: Found) -> dict[str, Any]:
 
 
 def table_of(found: Found) -> Population:
-    """Return the population as `legfem.inference.population` ships it."""
+    """Return the population as `legfem.inverse.population` ships it."""
     return Population(
         schema_version=1,
         source=f"{len(found.rows.people)} people of MULTIS (doi 10.18735/S5R97F), by python -m studies.people",

@@ -14,7 +14,7 @@ from legfem.jobs.key import Contents
 from legfem.jobs.pool import Workers
 from legfem.jobs.resume import finish
 from legfem.jobs.store import Store
-from legfem.subjects.loading import SUBJECTS
+from legfem.legs.schema import SUBJECTS
 from studies.planted.truths import Planted, PlantedTruth, coverage, identify_truth, planted_truths
 
 

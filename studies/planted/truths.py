@@ -15,17 +15,18 @@ from scipy.stats import binomtest, qmc
 from legfem.common.errors import UnsolvedError
 from legfem.common.units import kpa_to_mpa
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.identify.forward import PlaneStrainForward
-from legfem.identify.identification import measured_curve
-from legfem.identify.request import SearchRequest
 from legfem.identify.result import IdentificationResult
 from legfem.identify.run import identify_subject
-from legfem.identify.settings import IdentificationSettings
+from legfem.inverse.settings import IdentificationSettings, SearchRequest
+from legfem.legs.experiments import plane_strain_test
+from legfem.legs.forward import PlaneStrainForward
+from legfem.legs.loading import load_subject
+from legfem.legs.schema import SUBJECTS
+from legfem.legs.site_test import measured_curve
+from legfem.legs.subject import Subject
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.meshing.section import SectionMeshSettings
 from legfem.solve.step_settings import StepSettings
-from legfem.subjects.loading import SUBJECTS, load_subject
-from legfem.subjects.subject import Subject
 from studies.lab.synthesis import InstrumentNoise, record_path
 
 C10_KPA = (0.1, 5.0)
@@ -130,7 +131,7 @@ def _subject(name: str) -> Subject:
 
 @cache
 def _experiment(name: str) -> PlaneStrainIndentation:
-    return PlaneStrainIndentation.of_subject(_subject(name), TRUTH_SETTINGS)
+    return plane_strain_test(_subject(name), TRUTH_SETTINGS)
 
 
 @cache

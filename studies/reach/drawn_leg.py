@@ -12,9 +12,9 @@ from legfem.common.units import FloatArray
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.experiments.tissues import Tissues
 from legfem.geometry.contours import check_section
+from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection, depth_to_bone
 from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
-from legfem.subjects.subject import Indenter
 from studies.legs.calf import bone_outline, outward_normals, oval
 
 RADIUS_MM, LENGTH_MM, DEEPEST_MM, SHARE = 15.0, 50.0, 30.0, 0.8

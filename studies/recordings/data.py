@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from legfem.common.errors import InputError
-from legfem.recording import Recording
+from legfem.data import Recording
 
 MEAT, PHANTOMS = "meat_indentation", "phantom_compression"
 _TIDY = ("test", "time_s", "force_N", "indentation_mm", "tool_gap_mm")

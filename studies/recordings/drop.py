@@ -8,12 +8,12 @@ from typing import ClassVar
 import numpy as np
 
 from legfem.common.units import FloatArray
+from legfem.data import Recording
+from legfem.data.smoothing import sample_noise
 from legfem.diagnose.mechanisms import Mechanism, Values
 from legfem.diagnose.mechanisms.base import strength
 from legfem.diagnose.observations import Observations
-from legfem.inference.parameter import Parameter
-from legfem.recording import Recording
-from legfem.recording.smoothing import sample_noise
+from legfem.inverse.parameter import Parameter
 
 _LEAST_SHARE = 0.05
 """Of the peak force: less isn't called a drop."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from legfem.common.documents import write_atomically
-from legfem.recording import Recording, write_recording
+from legfem.data import Recording, write_recording
 from studies.recordings.data import MeatTest, Phantom, phantom_kinds, read_meat, read_phantoms
 from studies.recordings.indentation import Assumed
 

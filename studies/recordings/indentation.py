@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from legfem.common.units import FloatArray
+from legfem.data import Instrument, Recording
+from legfem.data.contact import find_first_contact
+from legfem.data.smoothing import sample_noise
 from legfem.diagnose.diagnosis import slowest_of
 from legfem.diagnose.explain import explain
 from legfem.diagnose.explanation import Explained, Explanation
@@ -22,11 +25,8 @@ from legfem.diagnose.mechanisms.viscoelasticity import Viscoelasticity
 from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.predict import Predictor
 from legfem.diagnose.unknown import unknown_errors, with_unknown
-from legfem.inference.errors import error_model
-from legfem.inference.trial_noise import estimate_noise
-from legfem.recording import Instrument, Recording
-from legfem.recording.contact import find_first_contact
-from legfem.recording.smoothing import sample_noise
+from legfem.inverse.errors import error_model
+from legfem.inverse.trial_noise import estimate_noise
 from legfem.specimens.rig import RigCompliance
 from studies.recordings.curves import DEEPEST, LayerCurves
 from studies.recordings.data import MeatTest

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
+from legfem.data import Recording
+from legfem.data.segmentation import AIR, HOLD, split_phases
 from legfem.diagnose.observations import Observations
-from legfem.recording import Recording
-from legfem.recording.phases import AIR, HOLD, split_phases
 
 _HELD_WITHIN_MM = 0.02
 _BACK_SHARE = 0.02

@@ -14,7 +14,7 @@ from legfem.diagnose.run import Diagnoser
 from legfem.jobs.pool import Workers
 from legfem.jobs.resume import finish
 from legfem.jobs.store import Store
-from legfem.subjects.subject import Subject
+from legfem.legs.subject import Subject
 from studies.lab.conditions import drawn_errors
 from studies.lab.outcomes import said_line
 from studies.lab.recording import INSTRUMENT, record

@@ -13,13 +13,13 @@ from legfem.common.command_edge import study_edge
 from legfem.common.documents import json_types, write_atomically, write_document
 from legfem.common.markdown import markdown_table
 from legfem.common.progress import progress_on
-from legfem.identify.catalogue import DEEP_C10
+from legfem.inverse.catalogue import DEEP_C10
 from legfem.jobs.pool import Workers
 from legfem.jobs.resume import finish
 from legfem.jobs.store import Store
 from legfem.study.options import Jobs, Out
 from studies.lab.rate import Rate
-from studies.sites.identifying import FAT, PARAMETERS, Interval, Outcome, identified
+from studies.sites.identifying import FAT, PARAMETERS, FoundLeg, Interval, identified
 from studies.sites.planted import LEAST_MM, Truth, truths
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -41,7 +41,7 @@ def sites(
     """
     resume = "run the same command again to go on; solves that are done are kept"
     with study_edge("sites", out, jobs, resume) as (folder, processes):
-        store = Store(folder / "legs", Outcome, modules=("studies.sites.identifying",))
+        store = Store(folder / "legs", FoundLeg, modules=("studies.sites.identifying",))
         with progress_on() as progress, Workers(identified, folder, processes) as workers:
             found = finish(workers, truths(n, seed, depth), store, progress, "recording and identifying", _line)
         document = {"schema": 1, "origin": "simulated", "unit": "kPa", "seed": seed}
@@ -53,7 +53,7 @@ def sites(
         typer.echo(f"report: {folder / 'report.md'}")
 
 
-def page(found: Sequence[Outcome]) -> str:
+def page(found: Sequence[FoundLeg]) -> str:
     """Return the table of legs, and what all of them say."""
     rows = []
     for one in found:
@@ -74,7 +74,7 @@ def page(found: Sequence[Outcome]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _summary(found: Sequence[Outcome], name: str) -> str:
+def _summary(found: Sequence[FoundLeg], name: str) -> str:
     ratios = [one.together[name].width / one.best_alone(name).width for one in found]
     joint = [one.together[name].covers(_truths(one.truth)[name]) for one in found]
     single = [alone[name].covers(_truths(one.truth)[name]) for one in found for alone in one.alone.values()]
@@ -95,7 +95,7 @@ def _shown(one: Interval, truth: float) -> str:
     return f"{one.low:.3f} to {one.high:.3f}{'' if one.covers(truth) else ' *'}"
 
 
-def _line(truth: Truth, one: Outcome) -> str:
+def _line(truth: Truth, one: FoundLeg) -> str:
     return f"leg {truth.number}: C10 {truth.c10:.3f} -> {one.together[DEEP_C10].value:.3f} kPa"
 
 

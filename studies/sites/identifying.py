@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from legfem.identify.catalogue import DEEP_C10, DEEP_C20, Values, parameter_of
-from legfem.identify.forward import ForwardOutcome, PlaneStrainForward
-from legfem.identify.laws import LawName
-from legfem.identify.request import SearchRequest
-from legfem.identify.result import Estimate
 from legfem.identify.run import identify_subject
-from legfem.inference.parameter import Parameter, Prior
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, parameter_of
+from legfem.inverse.estimates import Estimate
+from legfem.inverse.laws import LawName
+from legfem.inverse.outcome import JointForward, Outcome
+from legfem.inverse.parameter import Parameter, Prior
+from legfem.inverse.settings import SearchRequest
 from legfem.jobs.store import Store
-from legfem.sites.forward import SitesForward
+from legfem.legs.forward import PlaneStrainForward
 from legfem.sites.identification import identify_sites, sites_model
 from studies.sites.planted import FAT_FACTOR, Truth, leg_of
 
@@ -45,7 +45,7 @@ class Interval:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class FoundLeg:
     """What was found of one leg."""
 
     truth: Truth
@@ -74,24 +74,24 @@ class Remembered(PlaneStrainForward):
         """Return a model with a memory."""
         return cls(model.section, model.indenter, model.tissues, model.settings, model.depth, kept=kept)
 
-    def solve(self, values: Values, sensitivities: Sequence[str]) -> ForwardOutcome:
+    def solve(self, values: Values, sensitivities: Sequence[str]) -> Outcome:
         """Return what is kept, or solve."""
-        store = Store(self.kept, ForwardOutcome, self.fingerprint())
+        store = Store(self.kept, Outcome, self.fingerprint())
         asked: Any = (dict(values), tuple(sensitivities))
         return store.get_or_make(asked, lambda: super(Remembered, self).solve(*asked))
 
 
-def identified(folder: Path, truth: Truth) -> Outcome:
+def identified(folder: Path, truth: Truth) -> FoundLeg:
     """Record a leg, and identify it from its sites together and from each."""
     leg = leg_of(truth, folder / "true")
     models = [Remembered.of(one, folder / "solves") for one in sites_model(leg).models]
     request = SearchRequest(_free(models[0].nominal))
-    (joint,) = identify_sites(leg, _LAW, request, model=SitesForward(tuple(models)))
+    (joint,) = identify_sites(leg, _LAW, request, model=JointForward(tuple(models)))
     alone = {}
     for site, model in zip(leg.sites, models, strict=True):
         (single,) = identify_subject(site, _LAW, request, model=model)
         alone[site.site] = _intervals(single.parameters)
-    return Outcome(
+    return FoundLeg(
         truth,
         _intervals(joint.parameters),
         alone,

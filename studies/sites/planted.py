@@ -15,10 +15,11 @@ import numpy as np
 
 from legfem.common.errors import UnsolvedError
 from legfem.common.units import kpa_to_mpa
-from legfem.experiments.plane_strain import PlaneStrainIndentation
+from legfem.geometry.indenter import Indenter
 from legfem.jobs.store import Store
+from legfem.legs.experiments import plane_strain_test
+from legfem.legs.subject import SitedLeg, Subject, TissueParameters
 from legfem.solve.force_curve import ForceCurve
-from legfem.subjects.subject import Indenter, SitedLeg, Subject, TissueParameters
 from studies.concealed.other_code import OtherCase, OtherCode
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
 from studies.legs.calf import Calf, calf_section
@@ -138,7 +139,7 @@ def _true_curve(truth: Truth, site: Subject, kept: Path) -> ForceCurve:
             if found.displacement[-1] < LEAST_MM:
                 raise UnsolvedError(f"{site.id}: felupe stops at {found.displacement[-1]:g} mm")
             return ForceCurve(found.displacement, found.force, {})
-        test = PlaneStrainIndentation.of_subject(true, TRUTH_SETTINGS)
+        test = plane_strain_test(true, TRUTH_SETTINGS)
         deep = {"deep.C10": kpa_to_mpa(truth.c10), "deep.C20": kpa_to_mpa(truth.c20)}
         pressed = test.solve(deep, truth.depth_mm)
         if not pressed.report.complete:

@@ -9,19 +9,20 @@ import numpy as np
 
 from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress
-from legfem.correction.tabulated import TabulatedCorrection
+from legfem.legs.correction import TabulatedCorrection
 from legfem.diagnose.library_build import with_correction
+from legfem.data import Recording
+from legfem.data.recording import Origin, write_recording
+from legfem.diagnose.diagnosis import diagnose
 from legfem.diagnose.observations import observe
 from legfem.diagnose.run import diagnose_body
 from legfem.experiments.indentation_3d import IdealisedLegIndentation, IdealisedLegSettings
 from legfem.jobs.store import Store
+from legfem.legs.correction import TabulatedCorrection
 from legfem.meshing.idealised_leg import LegMeshSettings
-from legfem.recording import Recording
-from legfem.recording.writer import write_recording
 from legfem.solve.force_curve import ForceCurve
 from legfem.solve.step_settings import StepSettings
 from legfem.study.correction.cases import CorrectionCase, Material
-from legfem.subjects.subject import Origin
 from studies.lab.recording import INSTRUMENT, Course, LabErrors, record
 from studies.worked.example import ExampleRow, WorkedTruth, diagnosed
 from studies.worked.plane_leg import MECHANISMS, plane_library, plane_responses

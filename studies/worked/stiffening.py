@@ -10,14 +10,15 @@ import numpy as np
 from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress
 from legfem.common.units import kpa_to_mpa
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.mechanisms import Solution
 from legfem.diagnose.run import Diagnoser
 from legfem.diagnose.variants import Stopped, Variants
-from legfem.experiments.tissues import tissues_of
+from legfem.legs.correction import TabulatedCorrection
+from legfem.legs.experiments import tissues_of
+from legfem.legs.folder import write_subject_folder
+from legfem.legs.loading import load_subject
+from legfem.legs.schema import SUBJECTS
 from legfem.solve.protocol import Protocol
-from legfem.subjects.folder import write_subject_folder
-from legfem.subjects.loading import SUBJECTS, load_subject
 from studies.concealed.cases import DEPTH_MM, FAST, HOLD_S, SLOW, TRIALS, ProtocolName
 from studies.concealed.legs import with_deep_law
 from studies.concealed.truth import TRUTH_SETTINGS

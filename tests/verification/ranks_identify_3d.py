@@ -12,10 +12,10 @@ from making_legs_3d import cone_folder
 from mpi4py import MPI
 
 from legfem.commands.identify import app
+from legfem.data import Recording
 from legfem.experiments.leg_3d import SolidLegSettings
-from legfem.identify import spatial
+from legfem.legs import model_3d as spatial
 from legfem.meshing.solid_leg import SolidMeshSettings
-from legfem.recording import Recording
 
 out = Path(sys.argv[1])
 comm = MPI.COMM_WORLD

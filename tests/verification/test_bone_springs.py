@@ -13,8 +13,9 @@ from scipy.interpolate import CubicSpline
 from legfem.common.errors import InputError
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.geometry.section import BONES
+from legfem.legs.experiments import plane_strain_test
+from legfem.legs.loading import load_subject
 from legfem.mechanics.terms import BoneSprings
-from legfem.subjects.loading import load_subject
 
 DEPTH = 8.0
 FOREIGN = SHARED / "foreign" / "case-05"
@@ -122,7 +123,7 @@ def test_another_code_s_bones_give_way_as_these_do():
     """FEBio's rigid bodies on springs of 5 N/mm, the fibula's of 3.5 across."""
     subject = load_subject(FOREIGN)
     both = springs(subject.section, subject.indenter.length)
-    free = PlaneStrainIndentation.of_subject(subject, mechanisms=both)
+    free = plane_strain_test(subject, mechanisms=both)
     stiffness = dict.fromkeys(SOFT, 5.0) | {"fibula.springs.y": 3.5}
     values = {**stiffness, "deep.C10": 1.7e-3, "deep.C20": 0.0}
     rows = np.genfromtxt(FOREIGN / "clean.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
@@ -132,7 +133,5 @@ def test_another_code_s_bones_give_way_as_these_do():
     theirs = np.interp(at, loading["displacement_mm"], loading["force_N"])
     ours = free.solve(values, depth=20.0).curve(at)
     assert ours == pytest.approx(theirs, rel=2e-3)
-    held = PlaneStrainIndentation.of_subject(subject).solve(
-        {name: values[name] for name in ("deep.C10", "deep.C20")}, depth=20.0
-    )
+    held = plane_strain_test(subject).solve({name: values[name] for name in ("deep.C10", "deep.C20")}, depth=20.0)
     assert held.curve(at)[-1] > 1.15 * theirs[-1]

@@ -9,12 +9,12 @@ from making_mechanics import COARSE, FORMULATIONS, block, fixed_steps, leg_model
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System
+from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.newton_settings import NewtonSettings
 from legfem.solve.stepping import press
-from legfem.subjects.subject import Indenter
 
 RADIUS = 8.0
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from legfem.common.progress import Silent
-from legfem.identify.catalogue import DEEP_C10
+from legfem.inverse.catalogue import DEEP_C10
 from studies.leg3d.__main__ import identified
 from studies.leg3d.planted import Planted
 

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 from making import CROSSCHECK
 
-from legfem.experiments.plane_strain import PlaneStrainIndentation
-from legfem.subjects.loading import load_subject
+from legfem.legs.experiments import plane_strain_test
+from legfem.legs.loading import load_subject
 
 # kPa to MPa; the other code has no (J - 1)^4 / D2 term.
 PARAMETERS = {
@@ -23,7 +23,7 @@ def test_the_curve_is_met_within_a_percent(case):
     other = pd.read_csv(folder / "clean.csv")
     at, force = other["displacement_mm"].to_numpy(), other["force_N"].to_numpy()
     compared = (at >= 2.0) & (at <= 20.0)
-    test = PlaneStrainIndentation.of_subject(load_subject(folder))
+    test = plane_strain_test(load_subject(folder))
     solved = test.solve(PARAMETERS[case], depth=min(20.0, at.max()))
     assert solved.report.complete
     error = solved.curve(at[compared]) / force[compared] - 1

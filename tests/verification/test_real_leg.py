@@ -12,10 +12,10 @@ import pandas as pd
 import pytest
 from making_mechanics import REAL_LEG
 
-from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.imaging.leg_source import LegSource
-from legfem.subjects.folder import folder_of_leg
-from legfem.subjects.loading import load_subject
+from legfem.legs.experiments import plane_strain_test
+from legfem.legs.folder import folder_of_leg
+from legfem.legs.loading import load_subject
 from studies.legs.parametric_leg import parametric_leg, read_legs
 from studies.stockings.command import LEGS
 
@@ -50,7 +50,7 @@ def test_a_real_leg_is_pressed_25_mm_at_its_back(level, tmp_path):
 def pressed_at_its_back(sections: Path, level: float, folder: Path) -> None:
     source = LegSource(str(sections), contours=sections)
     subject = load_subject(folder_of_leg(source, level, folder / "leg"), need_recordings=False)
-    test = PlaneStrainIndentation.of_subject(subject)
+    test = plane_strain_test(subject)
     assert test.section_mesh.quality.worst > 0.1
     balances = []
     solved = test.solve(

@@ -10,7 +10,7 @@ from legfem.app.outcomes import sentence_of
 from legfem.app.pages.frame import chip, drop_zone, framed, page_of, tag, when
 from legfem.app.runs import Run
 from legfem.app.workspace import Workspace, description_of, files_of
-from legfem.subjects.catalogue import RESOURCES
+from legfem.data.folder import RESOURCES
 
 _KINDS = {
     "subject.toml": "a leg that was pressed",

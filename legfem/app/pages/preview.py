@@ -11,7 +11,7 @@ from nicegui import ui
 from legfem.app.look import seen
 from legfem.app.pages.frame import command, refused, tag, warned
 from legfem.app.runs import Run
-from legfem.recording.quality import GRADES
+from legfem.data.quality import GRADES
 
 RUN = "Run"
 """The tab of the commands."""

@@ -16,15 +16,15 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.diagnose.observations import Observations
-from legfem.inference.parameter import Parameter, Prior
+from legfem.inverse.parameter import Parameter, Prior
 
 if TYPE_CHECKING:
     from legfem.experiments.tissues import Tissues
+    from legfem.geometry.indenter import Indenter
     from legfem.geometry.section import LegSection
     from legfem.mechanics.contact_settings import TangentialName
     from legfem.mechanics.materials import Hyperelastic
     from legfem.mechanics.model import Formulation
-    from legfem.subjects.subject import Indenter
 
 Values = Mapping[str, float]
 type Stiffness = tuple[float, float]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from legfem.diagnose.mechanisms.base import Solution, TissueMechanism, Values, strength
-from legfem.inference.parameter import Parameter
+from legfem.inverse.parameter import Parameter
 
 if TYPE_CHECKING:
     from legfem.mechanics.contact_settings import TangentialName

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from legfem.diagnose.mechanisms.base import PressedLeg, Solution, TissueMechanism, Values, strength
-from legfem.inference.parameter import Parameter
+from legfem.inverse.parameter import Parameter
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from legfem.diagnose.mechanisms.base import PressedLeg, Solution, TissueMechanism, Values, strength
 from legfem.diagnose.mechanisms.viscoelasticity import needs_time
 from legfem.diagnose.observations import Observations
-from legfem.inference.parameter import Parameter
+from legfem.inverse.parameter import Parameter
 
 if TYPE_CHECKING:
     from legfem.mechanics.model import Formulation

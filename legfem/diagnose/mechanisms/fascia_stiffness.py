@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from legfem.diagnose.mechanisms.base import Solution, TissueMechanism, Values, factor
-from legfem.inference.parameter import Parameter
+from legfem.inverse.parameter import Parameter
 
 
 @dataclass(frozen=True)

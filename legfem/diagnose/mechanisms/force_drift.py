@@ -8,7 +8,7 @@ from typing import ClassVar
 from legfem.common.units import FloatArray
 from legfem.diagnose.mechanisms.base import Mechanism, Values, strength
 from legfem.diagnose.observations import Observations
-from legfem.inference.parameter import Parameter
+from legfem.inverse.parameter import Parameter
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from legfem.common.units import FloatArray
 from legfem.diagnose.mechanisms.base import Mechanism, Values, strength
 from legfem.diagnose.mechanisms.timing import moments, shortest_programme, smooth_switch
 from legfem.diagnose.observations import Observations
-from legfem.inference.parameter import Parameter, Prior
+from legfem.inverse.parameter import Parameter, Prior
 
 
 @dataclass(frozen=True)

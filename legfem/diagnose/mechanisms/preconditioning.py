@@ -10,7 +10,7 @@ import numpy as np
 from legfem.common.units import FloatArray
 from legfem.diagnose.mechanisms.base import Mechanism, Values, strength
 from legfem.diagnose.observations import Observations
-from legfem.inference.parameter import Parameter, Prior
+from legfem.inverse.parameter import Parameter, Prior
 
 
 @dataclass(frozen=True)

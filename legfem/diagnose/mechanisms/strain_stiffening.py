@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from legfem.common.units import kpa_to_mpa
 from legfem.diagnose.mechanisms.base import PressedLeg, Solution, TissueMechanism, Values, strength
-from legfem.inference.parameter import Parameter
+from legfem.inverse.parameter import Parameter
 
 if TYPE_CHECKING:
     from legfem.mechanics.materials import Hyperelastic

@@ -10,7 +10,7 @@ from legfem.common.units import FloatArray
 from legfem.diagnose.mechanisms.base import PressedLeg, Solution, TissueMechanism, Values, strength
 from legfem.diagnose.observations import Observations
 from legfem.geometry.section import BONES
-from legfem.inference.parameter import Parameter, Prior
+from legfem.inverse.parameter import Parameter, Prior
 
 _LEAST = 1e-5
 """mm/N: as good as none."""

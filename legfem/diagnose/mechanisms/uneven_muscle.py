@@ -12,7 +12,7 @@ import numpy as np
 from legfem.common.units import FloatArray
 from legfem.diagnose.mechanisms.base import PressedLeg, Solution, TissueMechanism, Values, factor
 from legfem.diagnose.observations import Observations
-from legfem.inference.parameter import Parameter, Prior
+from legfem.inverse.parameter import Parameter, Prior
 
 _DEPTHS_MM, _SIDES_MM = (6.0, 18.0, 30.0), (-16.0, 0.0, 16.0)
 _RADIUS_MM = 8.0

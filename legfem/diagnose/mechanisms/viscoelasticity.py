@@ -11,10 +11,10 @@ import numpy as np
 from scipy.stats import norm
 
 from legfem.common.units import FloatArray
+from legfem.data.segmentation import HOLD, UNLOADING
 from legfem.diagnose.mechanisms.base import PressedLeg, Solution, TissueMechanism, Values, strength
 from legfem.diagnose.observations import Observations
-from legfem.inference.parameter import Parameter, Prior
-from legfem.recording.phases import HOLD, UNLOADING
+from legfem.inverse.parameter import Parameter, Prior
 
 if TYPE_CHECKING:
     from legfem.mechanics.materials import Hyperelastic

@@ -12,9 +12,10 @@ from legfem.diagnose.doubts import doubts_of
 from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.remains import explained_share
 from legfem.diagnose.sentences import percent, verdict_sentence
-from legfem.identify.catalogue import DEEP_C10
-from legfem.identify.warnings import disagreement
-from legfem.inference.elastography import elastography_priors
+from legfem.inverse.catalogue import DEEP_C10
+from legfem.legs.elastography import elastography_priors
+from legfem.legs.notices import disagreement
+from legfem.legs.subject import Subject
 from legfem.report import diagnosis_tables as tables
 from legfem.report.diagnosis_style import BASE_NAME, model_name, plain
 from legfem.report.style import LAW_NAMES
@@ -25,7 +26,6 @@ from legfem.report.web.diagnosis_next import next_blocks
 from legfem.report.web.diagnosis_numbers import known_of
 from legfem.report.web.section import PressedSection, still_section
 from legfem.report.words import ORIGINS
-from legfem.subjects.subject import Subject
 
 
 def diagnosis_web_page(

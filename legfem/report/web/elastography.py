@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from legfem.common.units import mpa_to_kpa
+from legfem.data.recording import Origin
+from legfem.legs.elastography import ShearModulus
+from legfem.legs.subject import Subject
 from legfem.report.web.page import Known
-from legfem.subjects.elastography import ShearModulus
-from legfem.subjects.subject import Origin, Subject
 
 
 def wave_rows(subject: Subject) -> list[Known]:

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from legfem.common.units import readable_unit
-from legfem.identify.catalogue import parameter_of, symbol_of, unit_of
-from legfem.identify.error_sources import ErrorSource, greatest
-from legfem.identify.estimates import DISPLACEMENT, FORCE
-from legfem.identify.result import Estimate, IdentificationResult, IdentifiedParameters
-from legfem.inference.parameter import Parameter
+from legfem.identify.result import IdentificationResult, IdentifiedParameters
+from legfem.inverse.catalogue import parameter_of, symbol_of, unit_of
+from legfem.inverse.comparison import ErrorSource, main_source
+from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate
+from legfem.inverse.parameter import Parameter
 from legfem.report.style import LAW_NAMES, REGION_NAMES
 from legfem.report.web.page import Block, Known, WebTable
 from legfem.report.words import ENERGIES, number
@@ -189,7 +189,7 @@ def how_to_narrow(parameters: Mapping[str, Estimate], remedies: Remedies) -> lis
     groups: dict[ErrorSource, list[str]] = {}
     for name, found in parameters.items():
         if found.identifiability != "identifiable":
-            groups.setdefault(greatest(found.error_shares), []).append(symbol_of(name))
+            groups.setdefault(main_source(found.error_shares), []).append(symbol_of(name))
     return [
         f"These recordings don't tell {', '.join(names)} well: {remedies.of(source)}."
         for source, names in groups.items()

@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 
 from legfem.common.doubts import doubt_lines
 from legfem.common.units import FloatArray
-from legfem.identify.catalogue import DEEP_C10
-from legfem.identify.laws import LawName
+from legfem.data import LoadingCurve
 from legfem.identify.result import IdentificationResult
-from legfem.recording import LoadingCurve
+from legfem.inverse.catalogue import DEEP_C10
+from legfem.inverse.laws import LawName
+from legfem.legs.subject import Subject
 from legfem.report.law_comparison import comparison, fits, preferred
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES
 from legfem.report.web import estimates
@@ -22,7 +23,6 @@ from legfem.report.web.pressed_leg import pressed_leg
 from legfem.report.web.section import PressedSection, still_section
 from legfem.report.web.turned import TurnedLeg
 from legfem.report.web.usual import high_or_low
-from legfem.subjects.subject import Subject
 
 _DASHES: dict[str, Dash] = {"neo-hookean": "dashed", "reduced-polynomial": "solid"}
 _LIKEWISE = "a length_mm that is 10 % lower acts as such forces do"

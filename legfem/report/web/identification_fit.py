@@ -8,14 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from legfem.common.units import mpa_to_kpa
-from legfem.identify.applied_correction import SpatialEvidence
 from legfem.identify.result import IdentificationResult
+from legfem.legs.details import SpatialEvidence
+from legfem.legs.subject import Subject
 from legfem.mechanics.materials import Hyperelastic
 from legfem.report.style import LAW_NAMES
 from legfem.report.web.estimates import how_found
 from legfem.report.web.page import Block, Prose, WebTable
 from legfem.report.words import fit_probability
-from legfem.subjects.subject import Subject
 
 _AT = (5.0, 15.0, 25.0)
 """mm."""

@@ -7,18 +7,18 @@ from math import isfinite, nan
 
 import numpy as np
 
-from legfem.experiments.tissues import tissues_of
 from legfem.geometry.section import girth
-from legfem.identify.applied_correction import SpatialEvidence
-from legfem.identify.catalogue import symbol_of
-from legfem.identify.forward import values_of
 from legfem.identify.result import IdentificationResult
-from legfem.inference.constants import NUMERICAL_ERROR
+from legfem.inverse.catalogue import symbol_of
+from legfem.inverse.intervals import NUMERICAL_ERROR
+from legfem.legs.details import SpatialEvidence
+from legfem.legs.experiments import tissues_of
+from legfem.legs.forward import values_of
+from legfem.legs.subject import Subject
 from legfem.report.style import LAW_NAMES
 from legfem.report.web.elastography import wave_rows
 from legfem.report.web.estimates import estimated, held_text, words_of
 from legfem.report.web.page import Known, Provenance
-from legfem.subjects.subject import Subject
 
 
 def known_of(results: Sequence[IdentificationResult], subject: Subject) -> list[Known]:

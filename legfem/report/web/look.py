@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from legfem.common.versions import versions_of
-from legfem.recording import Channels, Recording
-from legfem.recording.columns import QUANTITIES, Proposal
-from legfem.recording.phases import HOLD
-from legfem.recording.quality import GRADES, Quality
+from legfem.data import Channels, Recording
+from legfem.data.columns import QUANTITIES, Proposal
+from legfem.data.quality import GRADES, Quality
+from legfem.data.segmentation import HOLD
 from legfem.report.look import contact_text, recording_name
 from legfem.report.web.curves import Curves, Line
 from legfem.report.web.page import Bullets, Chapter, Headline, Repeat, Tone, Verbatim, WebPage, WebTable

@@ -15,11 +15,11 @@ from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.experiments.replay import is_due
 from legfem.fem.fields import FieldReader
 from legfem.geometry.section import BONES, PARTS, LegSection
+from legfem.legs.subject import Subject
 from legfem.meshing.section import REGIONS, first_touch
 from legfem.report.leg_figure import DrawnSection
 from legfem.report.style import BONE_COLOUR, REGION_COLOURS, REGION_NAMES
 from legfem.report.web.packed import packed
-from legfem.subjects.subject import Subject
 
 _MOVE, _SHARE = 1 / 200, 1 / 50_000
 """mm, and share of a measure's range, a count: what whole numbers of 16 bits hold of them."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from legfem.identify.catalogue import symbol_of
+from legfem.inverse.catalogue import symbol_of
 from legfem.sites.result import SitesResult
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from legfem.common.units import mpa_to_mmhg
 from legfem.geometry.leg_shape import SKIN
-from legfem.inference.constants import quantile
+from legfem.inverse.intervals import quantile
 from legfem.report.leg_directions import Directions, angle_round
 from legfem.report.stocking_words import both_units, correlation, place_in_fat, vein_interval
 from legfem.report.web.bars import Bar, Bars

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from legfem.common.units import mpa_to_kpa
-from legfem.inference.constants import IDENTIFIABLE_WITHIN, WEAKLY_WITHIN
+from legfem.inverse.intervals import IDENTIFIABLE_WITHIN, WEAKLY_WITHIN
 from legfem.report.stocking_words import stiffness_values
 from legfem.report.web.page import Block, Prose, WebTable
 from legfem.stocking.identification import Identified

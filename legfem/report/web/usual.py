@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+from legfem.data.ranges import PUBLISHED_C10, Published
 from legfem.report.style import REGION_NAMES
-from legfem.subjects.ranges import PUBLISHED_C10, Published
 
 QUESTION = "Is that high or low"
 _BEYOND = ("Softer than", "Stiffer than")

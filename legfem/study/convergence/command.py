@@ -9,12 +9,14 @@ import numpy as np
 from legfem.common.documents import write_document
 from legfem.common.progress import progress_on
 from legfem.common.units import kpa_to_mpa
-from legfem.experiments.tissues import Tissues, tissues_of
+from legfem.experiments.tissues import Tissues
+from legfem.legs.experiments import tissues_of
+from legfem.legs.loading import load_subject
+from legfem.legs.schema import SUBJECTS
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.report.plain import table
 from legfem.study.convergence.figure import draw_convergence
 from legfem.study.convergence.meshes import WINDOWS, Convergence, study_convergence
-from legfem.subjects.loading import SUBJECTS, load_subject
 
 
 def run(

@@ -12,12 +12,12 @@ from legfem.common.units import FloatArray
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
 from legfem.experiments.pressing import solved_once
 from legfem.experiments.tissues import Tissues
+from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection
 from legfem.jobs.pool import Workers
 from legfem.solve.force_curve import ForceCurve
 from legfem.solve.report import SolveReport
 from legfem.solve.step_settings import StepSettings
-from legfem.subjects.subject import Indenter
 
 DEPTHS = np.array([2.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0])
 WINDOWS = ((0.0, 5.0), (5.0, 20.0), (20.0, 30.0))

@@ -12,13 +12,15 @@ from legfem.common.documents import write_atomically, write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray, kpa_to_mpa
-from legfem.correction.choice import correction_of
-from legfem.correction.tabulated import DEFINITION, TabulatedCorrection
-from legfem.identify.catalogue import DEEP_C10, DEEP_C20
-from legfem.identify.forward import PlaneStrainForward
-from legfem.identify.leg_solver import LegSolver, SolvedLeg
-from legfem.identify.search import SearchError
-from legfem.identify.spatial import SOLVES, LegModels
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.inverse.search import SearchError
+from legfem.legs.correction import DEFINITION, TabulatedCorrection
+from legfem.legs.correction_of_leg import correction_of
+from legfem.legs.forward import PlaneStrainForward
+from legfem.legs.loading import load_subject
+from legfem.legs.model_3d import SOLVES, LegModels
+from legfem.legs.solver_3d import LegSolver, SolvedLeg
+from legfem.legs.subject import Subject
 from legfem.report.plain import table
 from legfem.report.style import FAINT, new_figure, save, styled
 from legfem.report.web.curves import Curves, Line
@@ -38,8 +40,6 @@ from legfem.report.web.page import (
 from legfem.solve.force_curve import ForceCurve
 from legfem.study.correction.calibration import versions
 from legfem.study.correction.tables import SHOWN, Cells
-from legfem.subjects.loading import load_subject
-from legfem.subjects.subject import Subject
 
 DOCUMENT = "leg.json"
 _LEG_COLOUR, _TABLE_COLOUR = "#0072B2", "#D55E00"

@@ -13,9 +13,13 @@ import pandas as pd
 
 from legfem.common.documents import write_atomically, write_document
 from legfem.common.progress import progress_on
+from legfem.data.folder import RESOURCES
 from legfem.jobs.pool import Workers
 from legfem.jobs.ranks import lead
 from legfem.jobs.store import Store
+from legfem.legs.loading import load_subject
+from legfem.legs.schema import SUBJECTS
+from legfem.legs.subject import Subject
 from legfem.report.in_place import REPORT
 from legfem.report.listing import RESULT, ReportFile
 from legfem.report.plain import plain_page, table
@@ -33,9 +37,6 @@ from legfem.study.doe.study import StudyResult, study
 from legfem.study.doe.tables import anova_cells, table_3_cells
 from legfem.study.doe.verdict import verdicts
 from legfem.study.doe.web_page import study_web_page
-from legfem.subjects.catalogue import RESOURCES
-from legfem.subjects.loading import SUBJECTS, load_subject
-from legfem.subjects.subject import Subject
 
 
 @dataclass(frozen=True)

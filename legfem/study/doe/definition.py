@@ -11,8 +11,8 @@ from typing import Any, get_args
 
 from legfem.common.errors import InputError
 from legfem.common.toml_file import read_toml
+from legfem.data.folder import RESOURCES
 from legfem.study.doe.factors import PARAMETERS, UNITS, Coding, Factor
-from legfem.subjects.catalogue import RESOURCES
 
 PAPER, IDENTIFIED = (RESOURCES / "frauziols" / name for name in ("doe.toml", "doe-identified.toml"))
 MOST_FACTORS = 8

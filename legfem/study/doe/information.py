@@ -16,11 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from legfem.common.units import FloatArray
+from legfem.legs.subject import Subject
 from legfem.study.doe.definition import Definition
 from legfem.study.doe.factors import OF_THE_GEOMETRY
 from legfem.study.doe.runs import Workshop
 from legfem.study.doe.simulator import Record, Request
-from legfem.subjects.subject import Subject
 
 IDENTIFIED = ("deep.C10", "deep.C20")
 """What is to be found."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from legfem.common.units import FloatArray
+from legfem.legs.subject import Subject
 from legfem.study.doe.anova import Anova, CoefficientTest, Counting, anova, coefficient_tests
 from legfem.study.doe.definition import Definition
 from legfem.study.doe.design import factorial_design, space_filling_design
@@ -20,7 +21,6 @@ from legfem.study.doe.runs import Workshop, requests_at, run_table
 from legfem.study.doe.simulator import Record
 from legfem.study.doe.sobol import SobolIndices, sobol_indices
 from legfem.study.doe.surface import NotEstimableError, Surface, fit_surface
-from legfem.subjects.subject import Subject
 
 
 @dataclass(frozen=True, eq=False)

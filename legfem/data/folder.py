@@ -1,0 +1,181 @@
+"""What folders of legs, stockings and specimens share: instruments, recordings, and those that come with legfem."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from pydantic import model_validator
+
+from legfem.common.errors import InputError
+from legfem.common.toml_file import FileTable, Positive, Text, trouble
+from legfem.data.columns import Channel, Channels
+
+# Half-width of a uniform distribution to its standard deviation.
+_UNIFORM = 1.0 / math.sqrt(3.0)
+
+
+class InstrumentEntry(FileTable):
+    """``[instrument]``: standard deviations, or accuracies and range.
+
+    An accuracy of plus or minus a is read as a uniform distribution of half-width a, whose
+    standard deviation is a / sqrt(3).
+    """
+
+    force_sd_N: Positive | None = None
+    force_accuracy_percent: Positive | None = None
+    force_range_N: Positive | None = None
+    displacement_sd_mm: Positive | None = None
+    displacement_accuracy_mm: Positive | None = None
+
+    @model_validator(mode="after")
+    def _each_once(self) -> InstrumentEntry:
+        stated = self.force_accuracy_percent is not None or self.force_range_N is not None
+        if self.force_sd_N is not None and stated:
+            raise trouble(
+                "force_sd_N",
+                "given beside accuracy and range",
+                "give either force_sd_N or force_accuracy_percent with force_range_N",
+            )
+        if self.force_sd_N is None:
+            for key in ("force_accuracy_percent", "force_range_N"):
+                if getattr(self, key) is None:
+                    raise trouble(
+                        key if stated else "force_sd_N",
+                        "missing",
+                        "give force_sd_N, or force_accuracy_percent and force_range_N",
+                    )
+        if (self.displacement_sd_mm is None) == (self.displacement_accuracy_mm is None):
+            missing = self.displacement_sd_mm is None
+            raise trouble(
+                "displacement_sd_mm",
+                "missing" if missing else "given beside displacement_accuracy_mm",
+                "give either displacement_sd_mm or displacement_accuracy_mm",
+            )
+        return self
+
+    def force_sd(self) -> float:
+        """Return the standard deviation of a force reading, N."""
+        if self.force_sd_N is not None:
+            return self.force_sd_N
+        assert self.force_accuracy_percent is not None and self.force_range_N is not None
+        return self.force_accuracy_percent / 100.0 * self.force_range_N * _UNIFORM
+
+    def displacement_sd(self) -> float:
+        """Return the standard deviation of a displacement reading, mm."""
+        if self.displacement_sd_mm is not None:
+            return self.displacement_sd_mm
+        assert self.displacement_accuracy_mm is not None
+        return self.displacement_accuracy_mm * _UNIFORM
+
+
+class ChannelEntry(FileTable):
+    """``[recordings.time]``, ``[recordings.displacement]`` or ``[recordings.force]``."""
+
+    column: Text
+    unit: Text
+    sign: Literal[1, -1] = 1
+
+
+class RecordingsEntry(FileTable):
+    """``[recordings]``, optional; its channels as ``python -m legfem.data look`` writes them."""
+
+    time: ChannelEntry | None = None
+    displacement: ChannelEntry | None = None
+    force: ChannelEntry | None = None
+    sheet: Text | None = None
+
+    starts_at_contact: bool = False
+    """Whether displacement counts from first touch; else first contact is looked for."""
+    plane_strain: bool | None = None
+    """Whether a plane-strain model made them, which has no ends; unless given, whether no leg was
+    measured."""
+
+    @model_validator(mode="after")
+    def _all_channels_or_none(self) -> RecordingsEntry:
+        keys = ("time", "displacement", "force")
+        given = [key for key in keys if getattr(self, key) is not None]
+        missing = [key for key in keys if key not in given]
+        if missing and (given or self.sheet is not None):
+            raise trouble(missing[0], "missing", f"give column and unit of {', '.join(keys)}")
+        return self
+
+    def channels(self) -> Channels | None:
+        """Return where the quantities are found; None where files are in legfem's own form."""
+        if self.time is None or self.displacement is None or self.force is None:
+            return None
+        time, displacement, force = (
+            Channel(entry.column, entry.unit, entry.sign) for entry in (self.time, self.displacement, self.force)
+        )
+        return Channels(time, displacement, force, self.sheet)
+
+
+RESOURCES = Path(__file__).resolve().parents[1] / "resources"
+"""What comes with legfem and runs need: subjects, tables of the correction, factors."""
+
+
+@dataclass(frozen=True)
+class Catalogue:
+    """Subjects of one kind that come with legfem.
+
+    Parameters
+    ----------
+    folder : Path
+        That holds a folder for each.
+    file : str
+        That every subject's folder holds.
+    """
+
+    folder: Path
+    file: str
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the subjects."""
+        return tuple(sorted(path.parent.name for path in self.folder.glob(f"*/{self.file}")))
+
+    def find(self, name: str) -> Path:
+        """Return a subject's folder.
+
+        Raises
+        ------
+        InputError
+            If there is none of that name; lists those there are.
+        """
+        if name in self.names:
+            return self.folder / name
+        known = ", ".join(self.names)
+        there = f"known subjects are {known}" if known else f"none are in {self.folder}"
+        raise InputError(
+            "--subject", name, "unknown subject", f"{there}; for a folder of your own give --subject-dir PATH"
+        )
+
+    def named(self, subject: str | None, subject_dir: Path | None) -> Path:
+        """Return the folder that a command's --subject or --subject-dir names.
+
+        Raises
+        ------
+        InputError
+            If both or none are given, or the subject isn't known.
+        """
+        if subject is not None and subject_dir is not None:
+            raise InputError("--subject", subject, "--subject-dir is given too", "give one of them")
+        if subject_dir is not None:
+            return subject_dir
+        if subject is None:
+            raise InputError("--subject", "missing", "no subject is given", "give --subject ID or --subject-dir PATH")
+        return self.find(subject)
+
+    def opened(self, directory: Path) -> Path:
+        """Return the subject's file in a folder.
+
+        Raises
+        ------
+        InputError
+            If there is no such folder.
+        """
+        if not directory.is_dir():
+            raise InputError(directory, "subject folder", "not found", f"give a folder that holds {self.file}")
+        return directory / self.file

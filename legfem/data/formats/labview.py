@@ -1,0 +1,95 @@
+"""LabVIEW's files: TDMS (by npTDMS) and LVM (by lvm_read).
+
+Sources: National Instruments, *Specification for the LabVIEW Measurement File (.lvm)*, and the
+waveform properties ``wf_increment``, ``wf_start_offset`` and ``unit_string`` of *The NI TDMS File
+Format*.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import lvm_read
+import numpy as np
+from nptdms import TdmsFile
+
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
+from legfem.data.formats.sheet import Column, Sheet, name_and_unit
+
+
+def read_tdms(path: Path) -> list[Sheet]:
+    """Read the groups of a TDMS file; a waveform's time comes from its increment."""
+    sheets = []
+    for group in TdmsFile.read(path).groups():
+        channels = [c for c in group.channels() if np.issubdtype(c.dtype, np.number) and len(c)]
+        columns = [_column(c.name, c.properties.get("unit_string"), np.asarray(c[:], float)) for c in channels]
+        steps = {float(c.properties.get("wf_increment", 0.0)) for c in channels} - {0.0}
+        remarks: tuple[str, ...] = ()
+        if len(steps) == 1 and columns and not any(_is_time(c) for c in columns):
+            step = steps.pop()
+            columns.insert(0, _clock(step, len(columns[0].values)))
+            remarks = (f"the time is counted in the waveforms' wf_increment of {step:g} s",)
+        if columns:
+            check_lengths(path, group.name, columns)
+            sheets.append(Sheet(group.name, tuple(columns), remarks))
+    return sheets
+
+
+def read_lvm(path: Path) -> list[Sheet]:
+    """Read the segment of an LVM file.
+
+    Raises
+    ------
+    InputError
+        If it has several segments: they are trials, or pieces whose gaps aren't known.
+    """
+    found = lvm_read.read(str(path), read_from_pickle=False, dump_file=False)
+    count = int(found["Segments"])
+    if count != 1:
+        raise InputError(path, "segments", f"{count} in one file", "save one trial a file")
+    segment = found[0]
+    values = np.asarray(segment["data"], dtype=np.float64)
+    labels = [str(name).strip() for name in segment["Channel names"]]
+    units = iter(str(unit).strip() for unit in segment.get("Y_Unit_Label", ()))
+    columns = []
+    for k, label in enumerate(labels):
+        if label == "X_Value":
+            columns.append(Column(label, "s", values[:, k]))
+        elif label != "Comment":
+            columns.append(_column(label, next(units, None), values[:, k]))
+    clocks = [c for c in columns if c.name == "X_Value"]
+    if len(clocks) > 1:
+        raise InputError(path, "X_Columns", "every channel has a time of its own", "save one time for all")
+    if clocks:
+        return [Sheet("", tuple(columns))]
+    step = float(np.atleast_1d(segment["Delta_X"])[0])
+    remark = f"the time is counted in the header's Delta_X of {step:g} s"
+    return [Sheet("", (_clock(step, len(values)), *columns), (remark,))]
+
+
+def check_lengths(path: Path, name: str, columns: list[Column]) -> None:
+    """Check that columns are of one length.
+
+    Raises
+    ------
+    InputError
+        If they aren't: a sample of one can't be told from one of another.
+    """
+    lengths = {len(c.values): c.name for c in columns}
+    if len(lengths) > 1:
+        told = ", ".join(f"'{column}' {length}" for length, column in lengths.items())
+        raise InputError(path, name or "columns", f"they differ in length: {told}", "record them together")
+
+
+def _column(label: str, unit: object, values: FloatArray) -> Column:
+    name, named = name_and_unit(label)
+    return Column(name, str(unit) if unit else named, values)
+
+
+def _is_time(column: Column) -> bool:
+    return "time" in column.name.lower() or column.unit == "s"
+
+
+def _clock(step: float, count: int) -> Column:
+    return Column("time", "s", step * np.arange(count))

@@ -1,0 +1,136 @@
+"""Tables in text: CSV of any dialect, and the exports of testing machines.
+
+Layouts: Instron Bluehill's ``Specimen_RawData_1.csv`` (label and value lines, then names, then
+units in brackets), MTS TestSuite's (names, then a row of units), Zwick testXpert's (German names, a
+row of units, semicolons, decimal commas), Bose WinTest's (quoted, a comma at the end of each line
+and a null byte after the first). All are names, perhaps units, and numbers below what else.
+"""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import re
+from pathlib import Path
+
+from legfem.common.errors import InputError
+from legfem.data.formats.sheet import FEWEST_ROWS, Cell, Sheet, sheet_of_rows
+
+_DELIMITERS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", " ": "spaces"}
+_NUMBER = {
+    mark: re.compile(rf"\s*[+-]?(\d+{re.escape(mark)}?\d*|{re.escape(mark)}\d+)([eE][+-]?\d+)?\s*") for mark in ".,"
+}
+_COMMENT = re.compile(r"^\s*[#%]+\s?")
+"""Before a line of names, as NumPy and gnuplot write it."""
+_CLOCK = re.compile(r"\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?")
+_THOUSANDS = re.compile(r"[+-]?\d{1,3}((,\d{3})+\.\d*|(\.\d{3})+,\d*)")
+_LINES_TRIED = 40
+
+
+def read_text(path: Path) -> list[Sheet]:
+    """Read a text file's table.
+
+    Raises
+    ------
+    InputError
+        If it is no text, or no table of numbers, or one that can be read in two ways.
+    """
+    text, encoding = _decoded(path)
+    lines = [_COMMENT.sub("", line) for line in text.splitlines()]
+    delimiter, decimal = _dialect(path, lines)
+    rows = [[_cell(c, decimal) for c in cells] for cells in _parted(lines, delimiter)]
+    remarks = (
+        f"text in {encoding}, columns parted by {_DELIMITERS[delimiter]}, decimals by "
+        f"{'points' if decimal == '.' else 'commas'}: so the numbers are complete",
+    )
+    found = sheet_of_rows(path, "", rows, remarks)
+    return [] if found is None else [found]
+
+
+def _decoded(path: Path) -> tuple[str, str]:
+    raw = path.read_bytes()
+    for mark, name in (
+        (codecs.BOM_UTF8, "utf-8-sig"),
+        (codecs.BOM_UTF16_LE, "utf-16"),
+        (codecs.BOM_UTF16_BE, "utf-16"),
+    ):
+        if raw.startswith(mark):
+            return raw.decode(name, errors="replace"), name.removesuffix("-sig")
+    if raw.count(0) > 0.002 * len(raw) + 1:
+        raise InputError(path, "file", "is no text (it holds null bytes)", "export it as CSV from its program")
+    raw = raw.replace(b"\0", b"")
+    try:
+        return raw.decode("utf-8"), "utf-8"
+    except UnicodeDecodeError:
+        return raw.decode("cp1252", errors="replace"), "cp1252 (it isn't utf-8)"
+
+
+def _dialect(path: Path, lines: list[str]) -> tuple[str, str]:
+    """Return delimiter and decimal mark with which the last lines are numbers throughout."""
+    filled = [line for line in lines if line.strip()]
+    # The middle, where no heading is, and the end, unless something follows there.
+    middle = len(filled) // 2
+    tried = filled[middle : middle + _LINES_TRIED] or filled
+    fits = [
+        (delimiter, decimal, widths.pop())
+        for delimiter in _DELIMITERS
+        for decimal in ".,"
+        if decimal != delimiter or any('"' in line for line in tried)
+        if len(widths := _widths(tried, delimiter, decimal)) == 1
+    ]
+    fits = [fit for fit in fits if fit[2] >= 2]
+    if len(filled) < FEWEST_ROWS or not fits:
+        ragged = any(len(_widths(tried, d, ".")) > 1 for d in "\t;,|")
+        problem, remedy = _no_numbers(tried) or (
+            "its rows have different numbers of cells"
+            if ragged and len(filled) >= FEWEST_ROWS
+            else "holds no table of numbers",
+            "export it again as CSV with one row a sample",
+        )
+        raise InputError(path, "file", problem, remedy)
+    marked = [fit for fit in fits if any(fit[1] in line for line in tried)] or fits
+    best = [fit for fit in marked if fit[0] != " "] or marked
+    # Without a point or comma in any number both marks fit alike.
+    best = best if len({fit[0] for fit in best}) > 1 else best[:1]
+    if len(best) > 1:
+        ways = " or ".join(f"{_DELIMITERS[d]} ({w} columns)" for d, _, w in best)
+        raise InputError(path, "file", f"its columns may be parted by {ways}", "part them by semicolons or tabs")
+    return best[0][0], best[0][1]
+
+
+def _no_numbers(lines: list[str]) -> tuple[str, str] | None:
+    """Return what keeps cells from being numbers, and how to mend it; None for anything else."""
+    cells = [cell for d in "\t;," for row in _parted(lines, d) for cell in row]
+    clock = next((found[0] for cell in cells if (found := _CLOCK.search(cell))), None)
+    if clock is not None:
+        return f"its times are a clock's ('{clock}')", "export time in seconds since the start"
+    grouped = next((cell for cell in cells if _THOUSANDS.fullmatch(cell)), None)
+    if grouped is not None:
+        return f"its numbers have thousands' separators ('{grouped}')", "export them without"
+    return None
+
+
+def _widths(lines: list[str], delimiter: str, decimal: str) -> set[int]:
+    """Return the widths of lines of numbers; with 0 where something else is in one."""
+    widths = set()
+    for cells in _parted(lines, delimiter):
+        while cells and not cells[-1].strip():
+            cells.pop()
+        numbers = all(_NUMBER[decimal].fullmatch(cell) for cell in cells)
+        widths.add(len(cells) if numbers else 0)
+    return widths
+
+
+def _parted(lines: list[str], delimiter: str) -> list[list[str]]:
+    if delimiter == " ":
+        return [line.split() for line in lines]
+    try:
+        return [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=delimiter)]
+    except csv.Error:  # a cell of a hundred thousand characters is no number either
+        return [[line] for line in lines]
+
+
+def _cell(text: str, decimal: str) -> Cell:
+    if _NUMBER[decimal].fullmatch(text):
+        return float(text.replace(",", "."))
+    return float("nan") if text.lower() in ("nan", "inf", "-inf", "#n/a") else text

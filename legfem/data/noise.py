@@ -1,0 +1,253 @@
+"""Errors of readings: as instruments state them, and as repeats of one trial show them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import LinAlgError, cholesky, helmert, solve_triangular
+from scipy.optimize import minimize
+from scipy.special import ndtri, stdtrit
+
+from legfem.common.units import FloatArray
+from legfem.data.recording import Recording
+from legfem.data.smoothing import sample_noise
+
+EXPECTED_GAIN_SD = 0.01
+"""Of the gain from trial to trial, before they are compared: repeats on one site."""
+WANDER_LENGTH_MM = 5.0
+"""Way over which a displacement sensor's slow error changes."""
+JITTER_LENGTH_MM = 0.5
+"""Way over which smoothed displacement errs alike: half of what it is smoothed over."""
+_LEAST_SLOW, _LEAST_WANDER = 0.12, 0.04
+"""Shares of a stated accuracy's variance that are slow at least, however much jitter is seen."""
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """Standard deviations of a single reading.
+
+    A stated accuracy (plus or minus a) is read as a uniform distribution, hence a standard
+    deviation of a / sqrt(3); see `legfem.legs.subject`.
+    """
+
+    force_sd: float
+    """N."""
+    displacement_sd: float
+    """mm."""
+    stated: bool = True
+    """Whether a data sheet says so; else seen in the recordings, see `seen_instrument`."""
+
+    def slow_force_sd(self, white_sd: float) -> float:
+        """Return the load cell's slow error, N: what of its accuracy isn't seen as white noise."""
+        whole = self.force_sd**2
+        return float(np.sqrt(max(whole - white_sd**2, _LEAST_SLOW * whole)))
+
+    def wander_sd(self, jitter_sd: float) -> float:
+        """Return the displacement sensor's slow error, mm, likewise."""
+        whole = self.displacement_sd**2
+        return float(np.sqrt(max(whole - jitter_sd**2, _LEAST_WANDER * whole)))
+
+
+def seen_instrument(recordings: Sequence[Recording]) -> Instrument:
+    """Return the errors that recordings show from sample to sample, where none are stated.
+
+    What is slow or the same in all trials isn't seen: these are lower bounds. At least a hundredth
+    of a newton and of a millimetre.
+    """
+    force = [sample_noise(r.force) ** 2 for r in recordings]
+    displacement = [sample_noise(r.displacement) ** 2 for r in recordings]
+    return Instrument(
+        max(0.01, float(np.sqrt(np.mean(force or [0.0])))),
+        max(0.01, float(np.sqrt(np.mean(displacement or [0.0])))),
+        stated=False,
+    )
+
+
+_FACTOR = 5.0
+"""Natural logarithm of how far sizes may lie from what is expected, either way."""
+_IMPOSSIBLE = 1e12
+
+
+@dataclass(frozen=True, eq=False)
+class Differences:
+    """Differences between the repeats of one programme."""
+
+    contrasts: FloatArray
+    """(m, R - 1), N: orthonormal contrasts between R trials; see `contrasts_of`."""
+    covariance: Callable[[FloatArray], FloatArray]
+    """Of one trial's values, (m, m), N^2, by the sizes (k,)."""
+
+
+def contrasts_of(values: FloatArray) -> FloatArray:
+    """Return (n, R - 1): what R trials (R, n) differ by; the true curve isn't in it.
+
+    Helmert's contrasts are orthonormal: each has the covariance of one trial.
+    """
+    return np.asarray((helmert(len(values)) @ values).T)
+
+
+def sizes_from_repeats(expected: FloatArray, vagueness: ArrayLike, differences: Sequence[Differences]) -> FloatArray:
+    """Return the sizes (k,) that maximise the differences' likelihood times what is expected.
+
+    Expectations are log-normal: they keep two or three repeats that happen to agree from claiming
+    certainty.
+
+    Parameters
+    ----------
+    expected
+        (k,): medians of what is expected.
+    vagueness
+        Their log-standard deviations, (k,) or one for all.
+    differences
+        Of each programme that was repeated.
+    """
+
+    def cost(logs: FloatArray) -> float:
+        total = 0.5 * float(np.sum((logs / np.asarray(vagueness)) ** 2))
+        for one in differences:
+            try:
+                lower = cholesky(one.covariance(expected * np.exp(logs)), lower=True)
+            except LinAlgError:
+                return _IMPOSSIBLE
+            white = solve_triangular(lower, one.contrasts, lower=True)
+            log_det = 2 * float(np.sum(np.log(np.diag(lower))))
+            total += 0.5 * (one.contrasts.shape[1] * log_det + float(np.sum(white**2)))
+        return total
+
+    bounds = [(-_FACTOR, _FACTOR)] * len(expected)
+    found = minimize(cost, np.zeros(len(expected)), method="L-BFGS-B", bounds=bounds)
+    return np.asarray(expected * np.exp(found.x))
+
+
+# Log-standard deviation of what is expected of each component before looking at the repeats.
+_VAGUENESS = 1.0
+_EXPECTED_LENGTH_MM = 1.0
+
+
+@dataclass(frozen=True)
+class NoiseEstimate:
+    """Components of one trial's error about the true curve.
+
+    A trial reads F + offset + gain F + shift dF/dd + slow + white, each independent between
+    trials; after air the trials are aligned and an error of their common shift is added.
+    Errors that all trials share (a load cell's calibration) aren't seen in repeats and aren't
+    in here.
+    """
+
+    force_sd: float
+    """Of one reading about its own trial's true curve (slow and white), N."""
+    white_sd: float
+    """Sample-to-sample part, N."""
+    slow_sd: float
+    """Part correlated over ``correlation_length``, N."""
+    correlation_length: float
+    """mm of displacement over which the slow part's correlation falls to 1/e."""
+    offset_sd: float
+    """N."""
+    gain_sd: float
+    """Dimensionless."""
+    shift_sd: float
+    """mm: between trials, in where first contact is put."""
+    common_shift_sd: float
+    """mm: of first contact in the mean curve, where it was found after air; else 0."""
+    repeat_dof: int
+    """Trials less one: degrees of freedom behind the components that repeats reveal."""
+    source: str
+    """``repeats and instrument``, or ``instrument`` for a single trial."""
+
+    def trial_covariance(self, displacement: FloatArray, force: FloatArray, slope: FloatArray) -> FloatArray:
+        """Return the covariance (n, n), N^2, of one trial's curve without its white part."""
+        few = self.small_sample_factor
+        return _covariance(
+            np.array(
+                [few * self.offset_sd, few * self.gain_sd, few * self.shift_sd, self.slow_sd, self.correlation_length]
+            ),
+            displacement,
+            force,
+            slope,
+        )
+
+    @property
+    def small_sample_factor(self) -> float:
+        """Student's over the normal 97.5 % quantile, for the components that differ by trial.
+
+        A few repeats tell their standard deviations poorly. The expectation counts as two more
+        degrees of freedom; a single trial has nothing but it, and is taken at its word.
+        """
+        if self.repeat_dof < 1:
+            return 1.0
+        return float(stdtrit(self.repeat_dof + 2, 0.975) / ndtri(0.975))
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """What instruments and contact fits say before the repeats are compared."""
+
+    offset_sd: float
+    """N."""
+    shift_sd: float
+    """mm, between trials."""
+    common_shift_sd: float
+    """mm, of the mean curve."""
+    slow_sd: float
+    """N."""
+    white_sd: float
+    """N."""
+
+
+def estimate_noise(
+    displacement: FloatArray, curves: FloatArray, slope: FloatArray, known_variance: FloatArray, expected: Expectation
+) -> NoiseEstimate:
+    """Estimate the components of the trials' errors from their differences, see `repeats`.
+
+    Parameters
+    ----------
+    displacement : (n,) array
+        The grid, mm.
+    curves : (R, n) array
+        The trials' forces on it, N.
+    slope : (n,) array
+        dF/dd of the mean curve, N/mm.
+    known_variance : (n,) array
+        Variance of a trial's grid values that comes from white noise, N^2.
+    expected : Expectation
+        Scales expected of the components.
+    """
+    repeats = len(curves)
+    centre = np.array([expected.offset_sd, EXPECTED_GAIN_SD, expected.shift_sd, expected.slow_sd, _EXPECTED_LENGTH_MM])
+    found = centre
+    if repeats > 1:
+        mean = curves.mean(axis=0)
+        ridge = np.diag(known_variance + 1e-12 * float(np.max(mean**2)))
+        differences = Differences(
+            contrasts_of(curves), lambda sizes: _covariance(sizes, displacement, mean, slope) + ridge
+        )
+        found = sizes_from_repeats(centre, _VAGUENESS, [differences])
+    offset, gain, shift, slow, length = (float(v) for v in found)
+    return NoiseEstimate(
+        force_sd=float(np.hypot(slow, expected.white_sd)),
+        white_sd=expected.white_sd,
+        slow_sd=slow,
+        correlation_length=length,
+        offset_sd=offset,
+        gain_sd=gain,
+        shift_sd=shift,
+        common_shift_sd=expected.common_shift_sd,
+        repeat_dof=repeats - 1,
+        source="repeats and instrument" if repeats > 1 else "instrument",
+    )
+
+
+def _covariance(components: FloatArray, displacement: FloatArray, force: FloatArray, slope: FloatArray) -> FloatArray:
+    offset, gain, shift, slow, length = components
+    apart = np.abs(displacement[:, None] - displacement[None, :])
+    total: FloatArray = (
+        offset**2
+        + gain**2 * np.outer(force, force)
+        + shift**2 * np.outer(slope, slope)
+        + slow**2 * np.exp(-apart / length)
+    )
+    return total

@@ -1,0 +1,75 @@
+"""One trial as it was recorded, and writing it as the reader wants it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from legfem.common.units import FloatArray, frozen_array
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One trial, untouched.
+
+    Parameters
+    ----------
+    time : (n,) array
+        s, strictly increasing; read-only.
+    displacement : (n,) array
+        mm, growing towards the leg; read-only.
+    force : (n,) array
+        N, positive in compression; read-only.
+    trial : str
+        Name of the trial (the file's stem).
+    source : Path or None
+        File it was read from.
+    """
+
+    time: FloatArray
+    displacement: FloatArray
+    force: FloatArray
+    trial: str
+    source: Path | None = None
+
+    def __post_init__(self) -> None:
+        """Keep read-only copies; raise ValueError if the arrays' shapes differ."""
+        for name in ("time", "displacement", "force"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+        if not (self.time.ndim == 1 and self.time.shape == self.displacement.shape == self.force.shape):
+            raise ValueError("time, displacement and force must be (n,) arrays of one length")
+
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        return len(self.time)
+
+
+def not_increasing(time: FloatArray) -> list[int]:
+    """Return the rows whose time isn't after that of the row before."""
+    return [int(row) for row in np.flatnonzero(np.diff(time) <= 0) + 1]
+
+
+def backwards(time: FloatArray, row: int) -> str:
+    """Return what time does at such a row, its bracket open for more."""
+    word = "repeats" if time[row] == time[row - 1] else "runs backwards"
+    return f"time {word} ({time[row - 1]:g} s, then {time[row]:g} s"
+
+
+def write_recording(recording: Recording, path: Path) -> None:
+    """Write ``time_s,displacement_mm,force_N``, to 0.1 um and 0.1 mN."""
+    import pandas as pd
+
+    table = pd.DataFrame(
+        {
+            "time_s": recording.time.round(4),
+            "displacement_mm": recording.displacement.round(4),
+            "force_N": recording.force.round(4),
+        }
+    )
+    table.to_csv(path, index=False)
+
+
+Origin = Literal["measured", "reconstructed", "simulated"]

@@ -1,0 +1,82 @@
+"""A rigid cylinder, ball or punch, and its line of travel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray, frozen_array
+
+IndenterShape = Literal["cylinder", "ball", "punch"]
+
+
+@dataclass(frozen=True, eq=False)
+class Indenter:
+    """A rigid cylinder, ball or punch, and its line of travel."""
+
+    radius: float
+    """mm."""
+    length: float
+    """mm, of a cylinder along its axis; of a ball its diameter."""
+    aim: FloatArray
+    """(2,), mm: a point on the line of travel of the cylinder's axis."""
+    direction_deg: float
+    """Direction of travel, degrees counter-clockwise from +x."""
+    shape: IndenterShape = "cylinder"
+    """A punch is a cylinder that is pressed with its flat end."""
+    axis_deg: float = 0.0
+    """Of a cylinder, by which it is turned about its travel: 0 lies along the leg, 90 across."""
+
+    def __post_init__(self) -> None:
+        """Keep a read-only copy of the aim."""
+        object.__setattr__(self, "aim", frozen_array(self.aim))
+
+    @property
+    def direction(self) -> FloatArray:
+        """Unit vector of travel; (2,)."""
+        angle = np.deg2rad(self.direction_deg)
+        return np.array([np.cos(angle), np.sin(angle)])
+
+    @property
+    def lies_along(self) -> bool:
+        """Whether it is a cylinder along the leg: a section in plane strain has no other."""
+        return self.shape == "cylinder" and self.axis_deg % 180 == 0
+
+    @property
+    def extent(self) -> float:
+        """How much of the leg's length it takes (mm)."""
+        if self.shape != "cylinder":
+            return 2 * self.radius
+        turn = np.deg2rad(self.axis_deg)
+        return float(self.length * abs(np.cos(turn)) + 2 * self.radius * abs(np.sin(turn)))
+
+    def __str__(self) -> str:
+        """Say what it is, as reports have it."""
+        across = f"{2 * self.radius:g} mm in diameter"
+        if self.shape == "ball":
+            return f"ball, {across}"
+        if self.shape == "punch":
+            return f"flat punch, {across}"
+        turn = self.axis_deg % 180
+        words = {0.0: "", 90.0: ", across the leg"}
+        lies = words.get(turn, f", turned by {turn:g}° from the leg's axis")
+        return f"cylinder, {across} and {self.length:g} mm long{lies}"
+
+    def check_lies_along(self, source: str) -> None:
+        """Check that a section in plane strain can have it.
+
+        Raises
+        ------
+        InputError
+            For a ball, a punch or a cylinder that doesn't lie along the leg.
+        """
+        if not self.lies_along:
+            raise InputError(
+                source,
+                "indenter",
+                f"a {self} isn't there in a section in plane strain",
+                "solve the leg in 3D: python -m legfem.identify --model 3d",
+            )

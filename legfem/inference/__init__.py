@@ -1,1 +1,0 @@
-"""What identification, diagnosis and stockings share of statistics."""

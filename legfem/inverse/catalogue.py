@@ -1,0 +1,217 @@
+"""The parameters that models and instruments have, by name: units, bounds, and how they are written."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Collection, Mapping
+
+from legfem.common.errors import InputError
+from legfem.common.units import kpa_to_mpa, readable_unit
+from legfem.inverse.instrument import INSTRUMENT, READINGS
+from legfem.inverse.parameter import Parameter, Scale
+
+type Values = Mapping[str, float]
+"""Numbers of a model and its instrument by full name, in the model's units (mm, N, MPa, s)."""
+
+DEEP_C10, DEEP_C20, DEEP_D2 = "deep.C10", "deep.C20", "deep.D2"
+RATIO = "fibre_ratio"
+"""What the ratio of a tissue's shear moduli along its fibres and across is called after it."""
+DEEP_RATIO = f"deep.{RATIO}"
+RATIO_BOUNDS = (1.0, 10.0)
+UNITS = {"C10": "MPa", "C20": "MPa", "C30": "MPa", "stiffening": "MPa", "D1": "1/MPa", "D2": "1/MPa"}
+_BOUNDS_KPA = {"C10": (0.02, 30.0), "C20": (0.0, 50.0)}
+# The designs' greatest extent: legs lie within, and the extremes take longest to solve.
+_USUAL_KPA = {DEEP_C10: (0.15, 4.0), DEEP_C20: (0.0, 6.0)}
+_USUAL_RATIO = 1.0, 4.0
+# By which an assumed number may be off, and by which it usually is at most.
+_MOST, _USUAL = 100.0, 3.0
+# Standard deviations of a prior that a design spans and that a search may go, and the least span.
+_PRIOR_SPAN, _PRIOR_MOST, _LEAST_SPAN = 2.0, 8.0, 1.2
+_INSTRUMENT_BOUNDS = {
+    "instrument.gain": (0.5, 2.0),
+    "instrument.zero": (-2.0, 2.0),
+    "instrument.contact_offset": (-2.0, 2.0),
+}
+_STATEMENTS = {
+    "C10": "stiffness at small strain",
+    "C20": "stiffening",
+    "D1": "compressibility",
+    "D2": "compressibility at large changes of volume",
+    RATIO: "shear modulus along the fibres over that across",
+    "instrument.gain": "factor by which the force is read too great",
+    "instrument.zero": "force that is read where there is none",
+    "instrument.contact_offset": "displacement at which contact truly began",
+}
+
+
+def known_names(nominal: Values) -> tuple[str, ...]:
+    """Return the names that a model's values and the instrument have."""
+    return (*nominal, *INSTRUMENT)
+
+
+def check_known(names: Collection[str], nominal: Values, source: str) -> None:
+    """Check that there are parameters of these names.
+
+    Raises
+    ------
+    InputError
+        With the nearest known name.
+    """
+    known = known_names(nominal)
+    for name in names:
+        if name not in known:
+            nearest = difflib.get_close_matches(name, known, 1, 0.0)
+            raise InputError(
+                source,
+                name,
+                "is no parameter of this model",
+                f"did you mean {nearest[0]}? There are {', '.join(known)}",
+            )
+
+
+def check_held(source: str, text: str, name: str, value: float) -> None:
+    """Check that a value can be held.
+
+    Raises
+    ------
+    InputError
+        If it is a stiffness or compressibility that is negative or nothing.
+    """
+    least = 0.0 if name.endswith("C20") else 1e-12
+    if not name.startswith("instrument.") and value < least:
+        raise InputError(source, text, "is negative or nothing", "give a positive value")
+
+
+def is_ratio(name: str) -> bool:
+    """Return whether a full name is that of a ratio of fibres."""
+    return name.endswith(f".{RATIO}")
+
+
+def unit_of(name: str) -> str:
+    """Return the model's unit of a parameter; 1 (-) where it isn't known."""
+    return READINGS[name].unit if name in READINGS else UNITS.get(name.rpartition(".")[2], "-")
+
+
+def parameter_of(name: str, nominal: Values) -> Parameter:
+    """Return a parameter with bounds that suit legs, without a prior.
+
+    Parameters
+    ----------
+    name : str
+        One of `known_names`.
+    nominal : Mapping[str, float]
+        The model's values as assumed.
+    """
+    term, _, field = name.rpartition(".")
+    statement = _STATEMENTS.get(name, f"{_STATEMENTS.get(field, field)} of the {term} tissue")
+    scale: Scale = "log"
+    if name in INSTRUMENT:
+        scale = "log" if name == "instrument.gain" else "linear"
+        bounds = _INSTRUMENT_BOUNDS[name]
+    elif field == RATIO:
+        bounds = RATIO_BOUNDS
+    elif term == "deep" and field in _BOUNDS_KPA:
+        low, high = _BOUNDS_KPA[field]
+        bounds = kpa_to_mpa(low), kpa_to_mpa(high)
+    else:
+        centre = centre_of(name, nominal)
+        low, high = kpa_to_mpa(_BOUNDS_KPA["C20"][0]), kpa_to_mpa(_BOUNDS_KPA["C20"][1])
+        bounds = (low, high) if field == "C20" else (centre / _MOST, centre * _MOST)
+    return Parameter(name, unit_of(name), bounds, scale=scale, statement=statement)
+
+
+def centre_of(name: str, nominal: Values) -> float:
+    """Return the value about which a parameter is looked for."""
+    if name in INSTRUMENT:
+        return INSTRUMENT[name].null
+    value = nominal.get(name, math.nan)
+    term, _, field = name.rpartition(".")
+    if field == "D2" and not math.isfinite(value):
+        return nominal.get(f"{term}.D1", math.nan)
+    return value
+
+
+def usual_range(parameter: Parameter, nominal: Values) -> tuple[float, float]:
+    """Return where a parameter usually lies, within its bounds: what a design spans."""
+    if (prior := parameter.prior) is not None:
+        low, high = (prior.value_at(side * _PRIOR_SPAN) for side in (-1, 1))
+        if parameter.scale == "log":
+            low = max(low, prior.centre / _USUAL**2)
+            low, high = min(low, prior.centre / _LEAST_SPAN), max(high, prior.centre * _LEAST_SPAN)
+    elif parameter.name in _USUAL_KPA:
+        low, high = _USUAL_KPA[parameter.name]
+        low, high = kpa_to_mpa(low), kpa_to_mpa(high)
+    elif is_ratio(parameter.name):
+        low, high = _USUAL_RATIO
+    elif parameter.scale == "log" and parameter.bounds[0] > 0:
+        centre = centre_of(parameter.name, nominal)
+        centre = parameter.inside(centre) if math.isfinite(centre) else math.nan
+        if math.isnan(centre):
+            centre = math.sqrt(parameter.bounds[0] * parameter.bounds[1])
+        low, high = centre / _USUAL, centre * _USUAL
+    else:
+        low, high = parameter.bounds
+    low, high = max(low, parameter.bounds[0]), min(high, parameter.bounds[1])
+    return (low, high) if low < high else parameter.bounds
+
+
+def within_prior(parameter: Parameter) -> Parameter:
+    """Return a parameter whose bounds don't reach where its prior rules it out."""
+    if (prior := parameter.prior) is None:
+        return parameter
+    low, high = (prior.value_at(side * _PRIOR_MOST) for side in (-1, 1))
+    bounds = max(low, parameter.bounds[0]), min(high, parameter.bounds[1])
+    if not bounds[0] < bounds[1]:
+        raise InputError(
+            "--prior",
+            parameter.name,
+            f"lies outside the bounds of the search, {parameter.bounds[0]:g} to "
+            f"{parameter.bounds[1]:g} {parameter.unit}",
+            "widen the bounds, or doubt the prior",
+        )
+    return Parameter(
+        parameter.name, parameter.unit, bounds, prior, parameter.role, parameter.scale, parameter.statement
+    )
+
+
+def key_of(name: str) -> str:
+    """Return how a parameter is called in documents: ``c10_deep`` for ``deep.C10``."""
+    term, _, field = name.rpartition(".")
+    return f"{field.lower()}_{term.replace('.', '_')}"
+
+
+def symbol_of(name: str) -> str:
+    """Return how a parameter is called in sentences: ``C10`` for ``deep.C10``."""
+    return name.removeprefix("deep.")
+
+
+def short_key_of(name: str) -> str:
+    """Return ``c10`` for ``deep.C10``, and `key_of` for what isn't the deep tissue's."""
+    return symbol_of(name).lower() if name.startswith("deep.") else key_of(name)
+
+
+def with_units(values: Values) -> dict[str, float]:
+    """Return values by names that end with the unit in which people read them."""
+    found = {}
+    for name, value in values.items():
+        unit, factor = readable_unit(unit_of(name))
+        found[f"{name.replace('.', '_')}_{unit_suffix(unit)}"] = factor * value
+    return found
+
+
+def stiffness_in_words(values: Values) -> str:
+    """Return stiffnesses, and the ratio of fibres, as progress tells them: ``C10 1.2 kPa``."""
+    told = []
+    for name, value in values.items():
+        unit, factor = readable_unit(unit_of(name))
+        if unit == "kPa":
+            told.append(f"{symbol_of(name)} {factor * value:.4g} kPa")
+        elif name == DEEP_RATIO:
+            told.append(f"fibres {value:.3g}")
+    return ", ".join(sorted(told))
+
+
+def unit_suffix(unit: str) -> str:
+    """Return a unit as the end of a document's key."""
+    return {"1/MPa": "per_MPa", "-": "1"}.get(unit, unit)

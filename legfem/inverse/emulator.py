@@ -1,0 +1,191 @@
+r"""A smooth stand-in for a model, through its solved values and exact derivatives.
+
+Of :math:`\ln F(d_i)` at all grid points :math:`d_i` at once (`legfem.inverse.emulator`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.optimize import minimize
+
+from legfem.common.units import FloatArray
+
+_LENGTHS = (0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6)
+# Up to here all combinations of these lengths are tried; above, an optimiser looks for them.
+_FEW = 2
+
+
+class Kriging:
+    """Quantities anywhere.
+
+    Parameters
+    ----------
+    at : (n, p) array
+        Coordinates; at least one place, through which alone all is linear.
+    values : (n, m) array
+        There.
+    slopes : (n, p, m) array
+        Derivatives of the values by the coordinates.
+    nugget : float
+        By how much samples may contradict each other: a variance over the process'.
+    """
+
+    def __init__(self, at: FloatArray, values: FloatArray, slopes: FloatArray, nugget: float) -> None:
+        self._at, self._nugget = at, nugget
+        self._values = np.vstack([values, *(slopes[:, j, :] for j in range(self.dimensions))])
+        self._trend = _trend(at, derivatives=True)
+
+    @property
+    def dimensions(self) -> int:
+        """Number of coordinates."""
+        return int(self._at.shape[1])
+
+    @property
+    def lengths(self) -> FloatArray:
+        """Lengths (p,) of the covariance."""
+        return self._fit.lengths
+
+    def __call__(self, at: FloatArray) -> FloatArray:
+        """Return the values (..., m) at coordinates (..., p)."""
+        flat = at.reshape(math.prod(at.shape[:-1]), self.dimensions)
+        covariance = _covariance(flat, self._at, self._fit.lengths, rows=False)
+        values = covariance @ self._fit.weights + _trend(flat, False) @ self._fit.trend
+        return np.asarray(values).reshape(*at.shape[:-1], values.shape[-1])
+
+    @cached_property
+    def _fit(self) -> _Fit:
+        if self.dimensions <= _FEW:
+            every = product(_LENGTHS, repeat=self.dimensions)
+            fits = [self._fitted(np.array(lengths)) for lengths in every]
+            return max(fits, key=lambda fit: fit.log_likelihood)
+        alike = [self._fitted(np.full(self.dimensions, length)) for length in _LENGTHS]
+        start = max(alike, key=lambda fit: fit.log_likelihood)
+        bounds = [(np.log(_LENGTHS[0]), np.log(_LENGTHS[-1]))] * self.dimensions
+        found = minimize(
+            lambda logs: -self._likelihood(np.exp(logs)),
+            np.log(start.lengths),
+            method="L-BFGS-B",
+            bounds=bounds,
+            options={"maxiter": 40},
+        )
+        best = self._fitted(np.exp(found.x))
+        return max(start, best, key=lambda fit: fit.log_likelihood)
+
+    def _likelihood(self, lengths: FloatArray) -> float:
+        try:
+            return self._fitted(lengths).log_likelihood
+        except LinAlgError:
+            return -1e12
+
+    def _fitted(self, lengths: FloatArray) -> _Fit:
+        covariance = _covariance(self._at, self._at, lengths, rows=True)
+        covariance += self._nugget * np.eye(len(covariance))
+        factor = cho_factor(covariance, lower=True)
+        whitened = cho_solve(factor, self._trend)
+        normal = self._trend.T @ whitened
+        trend = np.linalg.solve(normal, whitened.T @ self._values)
+        rest = self._values - self._trend @ trend
+        weights = cho_solve(factor, rest)
+        n, m = self._values.shape
+        variance = max(float(np.sum(rest * weights)) / (n * m), 1e-300)
+        log_determinant = 2 * float(np.sum(np.log(np.diag(factor[0]))))
+        return _Fit(lengths, weights, trend, -n * np.log(variance) - log_determinant)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    lengths: FloatArray
+    weights: FloatArray
+    trend: FloatArray
+    log_likelihood: float
+
+
+def _trend(at: FloatArray, derivatives: bool) -> FloatArray:
+    n, p = at.shape
+    value = np.hstack([np.ones((n, 1)), at])
+    if not derivatives:
+        return value
+    slopes = [np.tile(np.eye(p + 1)[j + 1], (n, 1)) for j in range(p)]
+    return np.vstack([value, *slopes])
+
+
+def _covariance(a: FloatArray, b: FloatArray, lengths: FloatArray, rows: bool) -> FloatArray:
+    """Return the covariance of values (and with ``rows`` derivatives) at a with both at b."""
+    inverse = 1 / lengths**2
+    apart = a[:, None, :] - b[None, :, :]
+    k = np.exp(-0.5 * np.einsum("ijp,p->ij", apart**2, inverse))
+    p = len(lengths)
+    by_b = [apart[:, :, q] * inverse[q] * k for q in range(p)]
+    top = np.hstack([k, *by_b])
+    if not rows:
+        return top
+    blocks = [top]
+    for q in range(p):
+        line = [-by_b[q]]
+        for r in range(p):
+            kronecker = inverse[q] if q == r else 0.0
+            line.append((kronecker - apart[:, :, q] * apart[:, :, r] * inverse[q] * inverse[r]) * k)
+        blocks.append(np.hstack(line))
+    return np.vstack(blocks)
+
+
+# The solved curve is a spline through adaptive steps, so that it is smooth in the stiffness to some
+# 1e-4 only; less makes neighbouring samples contradict each other.
+_NUGGET = 1e-8
+_SMALLEST_FORCE_N = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Solved points: forces on the grid and their derivatives.
+
+    Parameters
+    ----------
+    at : (n, p) array
+        Coordinates.
+    force : (n, m) array
+        N.
+    slopes : (n, p, m) array
+        Derivatives of the force by the coordinates (N).
+    """
+
+    at: FloatArray
+    force: FloatArray
+    slopes: FloatArray
+
+
+class Emulator:
+    """Force on a grid of displacement anywhere, from solved samples.
+
+    Parameters
+    ----------
+    samples : Samples
+        At least one, through which alone ln F is linear in the coordinates.
+    """
+
+    def __init__(self, samples: Samples) -> None:
+        self.samples = samples
+        force = np.maximum(samples.force, _SMALLEST_FORCE_N)
+        slopes = samples.slopes / force[:, None, :]
+        self._log_force = Kriging(samples.at, np.log(force), slopes, _NUGGET)
+
+    @property
+    def dimensions(self) -> int:
+        """Number of coordinates."""
+        return self._log_force.dimensions
+
+    @property
+    def lengths(self) -> FloatArray:
+        """Lengths (p,) of the covariance."""
+        return self._log_force.lengths
+
+    def __call__(self, at: FloatArray) -> FloatArray:
+        """Return the force (..., m) in N at coordinates (..., p)."""
+        # Far outside the samples the trend may run away.
+        return np.asarray(np.exp(np.clip(self._log_force(at), -30.0, 30.0)))

@@ -1,0 +1,193 @@
+r"""What recordings and predictions err by.
+
+A trial reads
+
+.. math:: (1 + g + g_t)\, F(d - \delta_t) + b_t + e,
+
+with the load cell's gain :math:`g`, a gain :math:`g_t` and a zero :math:`b_t` of each trial, its
+first contact :math:`\delta_t`, and errors :math:`e`: white, slow in the load cell (correlated over
+time) and slow in the displacement sensor (over displacement, times dF/dd). The model's own error is
+a share of its force. What is a share is one of the model's force, not of the recorded one, lest a
+wrong model be drawn to one side of the data (Peelle's puzzle).
+
+Sizes of the slow errors come from the differences between repeats and from the data sheet; those of
+gains and zeros stay open over a range (`GAIN_SDS`, `ErrorModel.zero_sds`) and are marginalised by
+`legfem.inverse.evidence`. First contact is a parameter of the fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cholesky, solve_triangular
+
+from legfem.common.units import FloatArray
+from legfem.data.noise import EXPECTED_GAIN_SD
+from legfem.inverse.intervals import NUMERICAL_ERROR, NUMERICAL_LENGTH_MM
+from legfem.inverse.trial_noise import Noise, Observed, trial_covariance
+
+ROUGHNESS, ROUGHNESS_LENGTH_MM = 1e-4, 0.5
+"""Of the model's force along the way, over the largest: elements that come into contact."""
+COMMON_GAIN_SD = 0.005
+"""Relative error of the load cell's calibration, the same in all trials (class 0.5 of ISO 376)."""
+GAIN_SDS = tuple(float(EXPECTED_GAIN_SD * np.exp(x)) for x in (-2.0, -1.0, 0.0, 1.0, 2.0))
+"""Standard deviations of the gain from trial to trial; a factor e either way is one standard
+deviation of what is expected."""
+ZERO_FACTORS = (0.37, 1.0, 2.7)
+"""Standard deviations of a trial's zero over the one expected: likewise."""
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorModel:
+    """The covariance of the observations about the prediction, in its parts.
+
+    Parameters
+    ----------
+    noise
+        Of the trials.
+    dense
+        (n, n), N^2: the trials' noise and the model's error.
+    known
+        (n, k), N: effects of what the model doesn't know, an effect of one standard deviation a
+        column; the load cell's common gain among them.
+    gains, zeros
+        (n, R): effects of a trial's gain of 1 (N) and of a zero of 1 N.
+    trial_sd
+        (n,), N: of one trial's values by its noise.
+    gain_sd, zero_sd
+        What `covariance` takes, of a trial's gain and zero (N).
+    names
+        Of the columns of ``known``.
+    """
+
+    noise: Noise
+    dense: FloatArray
+    known: FloatArray
+    gains: FloatArray
+    zeros: FloatArray
+    trial_sd: FloatArray
+    gain_sd: float = EXPECTED_GAIN_SD
+    zero_sd: float = 0.02
+    names: tuple[str, ...] = field(default_factory=tuple)
+
+    @property
+    def zero_sds(self) -> tuple[float, ...]:
+        """Standard deviations of a trial's zero that are possible, N."""
+        return tuple(factor * self.noise.zero_sd for factor in ZERO_FACTORS)
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """Of everything; (n, n), N^2."""
+        total = self.dense + self.known @ self.known.T
+        total += self.gain_sd**2 * self.gains @ self.gains.T
+        return np.asarray(total + self.zero_sd**2 * self.zeros @ self.zeros.T)
+
+    @cached_property
+    def lower(self) -> FloatArray:
+        """Cholesky factor L of the covariance; (n, n)."""
+        return np.asarray(cholesky(self.covariance, lower=True))
+
+    def whitened(self, values: FloatArray) -> FloatArray:
+        """Return L^-1 times vectors (n,) or (n, k)."""
+        return np.asarray(solve_triangular(self.lower, values, lower=True))
+
+    def part(self, kept: NDArray[np.bool_]) -> ErrorModel:
+        """Return the errors of some of the observations."""
+        return replace(
+            self,
+            dense=self.dense[np.ix_(kept, kept)],
+            known=self.known[kept],
+            gains=self.gains[kept],
+            zeros=self.zeros[kept],
+            trial_sd=self.trial_sd[kept],
+        )
+
+    def draw(self, number: int, generator: np.random.Generator) -> FloatArray:
+        """Return error vectors (number, n), N."""
+        normal = generator.normal(size=(number, len(self.covariance)))
+        return np.asarray(normal @ self.lower.T)
+
+    @cached_property
+    def effective_samples(self) -> float:
+        """Number of independent values with as much information about the curve's shape.
+
+        The trace of the whitening: sum of conditional over marginal precision's ratio.
+        """
+        marginal = np.diag(self.covariance)
+        inverse = np.linalg.inv(self.covariance)
+        return float(np.sum(1.0 / (marginal * np.diag(inverse))))
+
+
+def error_model(
+    observed: Observed,
+    noise: Noise,
+    force: FloatArray,
+    unknowns: Sequence[tuple[str, FloatArray]] = (),
+    numerical: float = NUMERICAL_ERROR,
+) -> ErrorModel:
+    """Return the errors of observations about a model.
+
+    Parameters
+    ----------
+    observed
+        The recordings.
+    noise
+        See `estimate_noise`.
+    force
+        (n,), N: that the model predicts.
+    unknowns
+        Names and effects (n,), N, of one standard deviation of what the model doesn't know.
+    numerical
+        Relative error of the model's force.
+    """
+    own = trial_covariance(observed, noise)
+    trials = np.eye(int(observed.trial.max()) + 1)[observed.trial]
+    names = ("load cell's gain", *(name for name, _ in unknowns))
+    columns = [COMMON_GAIN_SD * force, *(effect for _, effect in unknowns)]
+    return ErrorModel(
+        noise,
+        numerical_covariance(observed.displacement, force, numerical) + own,
+        np.column_stack(columns),
+        trials * force[:, None],
+        trials,
+        np.sqrt(np.diag(own)),
+        zero_sd=noise.zero_sd,
+        names=names,
+    )
+
+
+def numerical_covariance(
+    displacement: FloatArray,
+    force: FloatArray,
+    relative: float = NUMERICAL_ERROR,
+    length: float = NUMERICAL_LENGTH_MM,
+    power: float = 2.0,
+) -> FloatArray:
+    r"""Return the covariance (n, n), N^2, of a model's numerical error.
+
+    A smooth share of the force, and a rough one of the largest.
+
+    Parameters
+    ----------
+    displacement
+        (n,), mm.
+    force
+        (n,), N: that the model predicts.
+    relative
+        Standard deviation of the smooth error over the force.
+    length
+        Way l over which it is correlated, mm.
+    power
+        p of the correlation :math:`\exp(-(a / l)^p / p)` at a distance a: 2 for a smooth error, 1
+        where the errors of an emulator, which wiggle along the curve, are to weigh little.
+    """
+    size = np.abs(force)
+    apart = np.abs(displacement[:, None] - displacement[None, :])
+    rough = (ROUGHNESS * size.max()) ** 2
+    total = np.outer(size, size) * relative**2 * np.exp(-((apart / length) ** power) / power)
+    total += rough * np.exp(-0.5 * (apart / ROUGHNESS_LENGTH_MM) ** 2)
+    return np.asarray(total + 1e-2 * rough * np.eye(len(size)))

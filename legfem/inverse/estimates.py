@@ -1,0 +1,239 @@
+"""."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from legfem.common.units import FloatArray, readable_unit
+from legfem.inverse.catalogue import DEEP_C10, symbol_of
+from legfem.inverse.comparison import Covariances, ErrorSource, main_source, shares_of_error, total_of
+from legfem.inverse.intervals import (
+    ADDS_NOTHING,
+    Bound,
+    Estimated,
+    Identifiability,
+    bound_of,
+    cut_height,
+    profile_interval,
+)
+from legfem.inverse.least_squares import Residual
+from legfem.inverse.parameter import Domain, Parameter
+from legfem.inverse.trial import Linearised
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Numbers of one parameter in the unit in which people read them."""
+
+    value: float
+    standard_error: float
+    ci95: tuple[float, float]
+    unit: str
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter that was free; numbers in its unit, which is the model's (MPa, not kPa)."""
+
+    parameter: Parameter
+    """With its bounds, role and prior."""
+    value: float
+    standard_error: float
+    """From the errors of the recordings and of the model, and the priors (see `ci95`)."""
+    ci95: tuple[float, float]
+    """95 % confidence interval; from a profile, so not always symmetric."""
+    identifiability: Identifiability
+    why: str
+    """Why the parameter is called that."""
+    moves: Mapping[str, float] = field(default_factory=dict)
+    """Relative change of the value if an assumed stiffness, by full name, or all forces or
+    displacements (``force_N``, ``displacement_mm``) were 10 % higher."""
+    error_shares: Mapping[ErrorSource, float] = field(default_factory=dict)
+    """Of the square of the standard error, by what causes it."""
+
+    @property
+    def unit(self) -> str:
+        """Of the numbers."""
+        return self.parameter.unit
+
+    @property
+    def at_bound(self) -> Bound:
+        """Whether the value stands at a bound of the search."""
+        return bound_of(self.value, self.parameter.bounds)
+
+    @property
+    def relative_half_width(self) -> float:
+        """Half the interval over the value; see `legfem.inverse.intervals.Estimated`."""
+        return Estimated(self.parameter, self.value, self.standard_error, self.ci95).relative_half_width
+
+    @property
+    def shown(self) -> Shown:
+        """The numbers as people read them: stresses in kPa."""
+        unit, factor = readable_unit(self.unit)
+        low, high = self.ci95
+        return Shown(factor * self.value, factor * self.standard_error, (factor * low, factor * high), unit)
+
+
+# Correlation of the parameters' errors above which their trade is worth a word.
+_TRADE = 0.9
+_TENTH = 0.1
+FORCE, DISPLACEMENT = "force_N", "displacement_mm"
+_TOLD = {
+    "superficial.C10": "if the assumed C10 of the fat were 10 % higher",
+    "fascia.C10": "if the assumed C10 of the fascia were 10 % higher",
+}
+_RULED_BY: Mapping[ErrorSource, str] = {
+    "differences": "that recordings differ by a factor",
+    "model": "the model's own",
+    "ends": "that of the correction for the cylinder's ends",
+    "fibres": "that of the muscle fibres' ratio and effect",
+    "priors": "that of what was known beforehand",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """The optimum and what its intervals are drawn from.
+
+    Parameters
+    ----------
+    linear : Linearised
+        About the optimum; its law has p free parameters.
+    residual : callable
+        Weighted differences and departures of points (p,), without further full solves.
+    covariances : mapping
+        Of the forces' differences (N2), by source, correction included.
+    times : float
+        Standard errors that half a 95 % interval holds.
+    law_fits : bool
+        Whether the law describes the recordings within their errors.
+    assumed : Mapping[str, float]
+        Stiffnesses that were held, whose effect is told.
+    plane : bool
+        Whether the model is a section of a leg, which knows no ends.
+    """
+
+    linear: Linearised
+    residual: Residual
+    covariances: Covariances
+    times: float
+    law_fits: bool
+    assumed: Mapping[str, float]
+    plane: bool = True
+
+    @property
+    def spread(self) -> FloatArray:
+        """Covariance (p, p) of the parameters' errors."""
+        return self.linear.errors(total_of(self.covariances))
+
+
+def correlations_of(spread: FloatArray) -> FloatArray:
+    """Return the correlations (p, p) of a covariance."""
+    error = np.sqrt(np.diag(spread))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(spread / np.outer(error, error))
+
+
+def estimates(optimum: Optimum) -> dict[str, Estimate]:
+    """Return an estimate of each free parameter, by full name."""
+    law, at = optimum.linear.law, optimum.linear.point
+    spread, bounds = optimum.spread, Domain(law.parameters).bounds
+    jacobian = optimum.linear.jacobian
+    curvature = np.linalg.pinv(jacobian.T @ jacobian)
+    correlations = correlations_of(spread)
+    linear, misfit = optimum.linear, optimum.linear.misfit
+    sensitivities = linear.prediction.sensitivities
+    # By which measured forces would differ less from the model's, were each a tenth higher.
+    tenths = {
+        **{name: -value * sensitivities[name] for name, value in optimum.assumed.items() if name in sensitivities},
+        FORCE: misfit.measured,
+        DISPLACEMENT: misfit.if_deeper,
+    }
+    moves = {name: _moves(linear, _TENTH * change) for name, change in tenths.items()}
+    shares = shares_of_error(optimum.linear.gain, optimum.covariances)
+    found = {}
+    for k, parameter in enumerate(law.parameters):
+        error = math.sqrt(spread[k, k])
+        rise = cut_height(optimum.times, float(spread[k, k]), float(curvature[k, k]))
+        interval = profile_interval(optimum.residual, at, k, rise, bounds, optimum.times * error)
+        known = Estimated(parameter, float(at[k]), error, interval)
+        own = {name: float(change[k]) for name, change in moves.items()}
+        why = _why(known, optimum.law_fits, _trade(law.names, k, correlations), own)
+        source = main_source(shares[k])
+        if source in _RULED_BY:
+            part = f"{100 * shares[k][source]:.0f} % of the error's square is {_RULED_BY[source]}"
+            why += f"; {part}"
+        if optimum.plane and parameter.name == DEEP_C10:
+            why += "; a constant 3D factor can't be told from it"
+        found[parameter.name] = Estimate(
+            parameter, known.value, error, interval, known.verdict(optimum.law_fits), why, own, shares[k]
+        )
+    return found
+
+
+def _moves(linear: Linearised, change: FloatArray) -> FloatArray:
+    """Return the relative changes (p,) if measured forces changed by (n,) N; NaN at bounds."""
+    at, law = linear.point, linear.law
+    moves = np.full(len(at), math.nan)
+    free = [k for k, one in enumerate(law.parameters) if bound_of(at[k], one.bounds) == ""]
+    if not free:
+        return moves
+    gain = np.linalg.pinv(linear.jacobian[:, free])[:, : len(linear.misfit)]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        moves[free] = gain @ linear.misfit.weighted(change) / at[free]
+    return np.where(np.isfinite(moves), moves, math.nan)
+
+
+def _trade(names: tuple[str, ...], k: int, correlations: FloatArray) -> str:
+    """Return with which other parameter one trades off most, and how much; "" if none does."""
+    others = [j for j in range(len(names)) if j != k]
+    if not others:
+        return ""
+    most = max(others, key=lambda j: abs(np.nan_to_num(correlations[k, j])))
+    if not abs(correlations[k, most]) > _TRADE:
+        return ""
+    first, second = sorted((k, most))
+    return (
+        f"{symbol_of(names[first])} and {symbol_of(names[second])} trade off (correlation {correlations[k, most]:.2f})"
+    )
+
+
+def _why(known: Estimated, law_fits: bool, trade: str, moves: Mapping[str, float]) -> str:
+    parameter = known.parameter
+    unit, factor = readable_unit(parameter.unit)
+    low, high = (factor * end for end in known.ci95)
+    if known.at_bound == "lower":
+        reasons = [f"the optimum stands at the lower bound; at most {high:.3g} {unit} fits (95 %)"]
+    elif known.at_bound == "upper":
+        reasons = ["the optimum stands at the upper bound: widen the bounds or doubt the data"]
+    else:
+        share = _percent(known.relative_half_width)
+        of = " of what was open before" if parameter.scale == "linear" else ""
+        reasons = [f"95 % interval {low:.3g} to {high:.3g} {unit}, {share}{of} either side"]
+    if parameter.prior is not None:
+        left = known.error_over_prior
+        reasons.append(
+            "the recordings add nothing to its prior"
+            if left > ADDS_NOTHING
+            else f"the recordings narrow its prior to {100 * left:.0f} % of its width"
+        )
+    if not law_fits:
+        reasons.append("the law misses the recordings, so the value depends on the depth used")
+    if trade:
+        reasons.append(trade)
+    told = [
+        f"{100 * change:+.1f} % {_TOLD[name]}"
+        for name, change in moves.items()
+        if name in _TOLD and math.isfinite(change)
+    ]
+    if told:
+        reasons.append(f"{symbol_of(parameter.name)} changes by " + " and by ".join(told))
+    return "; ".join(reasons)
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %" if share < 1 else "over 100 %"

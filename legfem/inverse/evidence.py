@@ -1,0 +1,206 @@
+r"""How probable an explanation makes the data, all that is unknown integrated out.
+
+About its fit a prediction is linear in its parameters, and these are normal beforehand; so are the
+effects of what the model doesn't know, of gains and of zeros. With :math:`r` the residual about the
+parameters' expected values and :math:`V` all those effects of one standard deviation,
+
+.. math:: \ln Z = -\tfrac12 r^T S^{-1} r - \tfrac12 \ln |2 \pi S|, \quad S = A + V V^T,
+
+summed over what isn't normal: the sizes of gains and zeros, and an error of unknown shape
+(`Unknown`), whose covariance is part of :math:`A`. :math:`A` is factorised once for all
+explanations. C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning (2006),
+section 2.7; M. A. Woodbury, Princeton Statistical Research Group 42 (1950).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+from scipy.special import log_ndtr, logsumexp
+from scipy.stats import norm
+
+from legfem.common.units import FloatArray
+from legfem.inverse.bounded import within
+from legfem.inverse.errors import GAIN_SDS, ErrorModel
+from legfem.inverse.posterior import Posterior
+
+
+@dataclass(frozen=True, eq=False)
+class Unknown:
+    """An error of the model that has no name: smooth, of some size and length.
+
+    Parameters
+    ----------
+    covariance
+        (n, n), N^2; None for no such error.
+    size
+        Its standard deviation over the largest force.
+    log_prior
+        Logarithm of its share among all of them, that of none included.
+    """
+
+    covariance: FloatArray | None
+    size: float
+    log_prior: float
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """An explanation about its fit; parameters in standard deviations of what is known beforehand.
+
+    Parameters
+    ----------
+    residual
+        (n,), N: observed less predicted at the fit.
+    jacobian
+        (n, p), N: change of the prediction by one standard deviation of each parameter.
+    departure
+        (p,): of the fit from what was expected.
+    low, high
+        (p,): between which departures are possible.
+    """
+
+    residual: FloatArray
+    jacobian: FloatArray
+    departure: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Factor:
+    unknown: Unknown
+    lower: FloatArray
+    log_det: float
+    columns: FloatArray
+    """(n, k + 2 R), whitened."""
+
+
+class Evidence:
+    """The evidence of explanations of one set of observations.
+
+    Parameters
+    ----------
+    errors
+        Of the observations.
+    unknowns
+        Errors of unknown shape that are possible, none among them.
+    """
+
+    def __init__(self, errors: ErrorModel, unknowns: Sequence[Unknown]) -> None:
+        self.errors = errors
+        shared = np.hstack([errors.known, errors.gains, errors.zeros])
+        self._factors = []
+        for unknown in unknowns:
+            dense = errors.dense
+            if unknown.covariance is not None:
+                dense = dense + unknown.covariance
+            lower = np.asarray(cholesky(dense, lower=True))
+            self._factors.append(
+                _Factor(
+                    unknown,
+                    lower,
+                    2 * float(np.sum(np.log(np.diag(lower)))),
+                    solve_triangular(lower, shared, lower=True),
+                )
+            )
+        self._sizes = [
+            (gain, zero, _log_normal(k, len(GAIN_SDS)) + _log_normal(j, len(errors.zero_sds)))
+            for k, gain in enumerate(GAIN_SDS)
+            for j, zero in enumerate(errors.zero_sds)
+        ]
+
+    def of(self, about: Linearised, log_unknown: Sequence[float] | None = None) -> Posterior:
+        """Return the evidence of an explanation and what the data say of its parameters.
+
+        Parameters
+        ----------
+        about
+            The explanation about its fit.
+        log_unknown
+            Logarithms of the shares of the unknown errors beside this explanation; those that they
+            were made with by default.
+        """
+        n, p = about.jacobian.shape
+        k, trials = self.errors.known.shape[1], self.errors.gains.shape[1]
+        centred = about.residual + about.jacobian @ about.departure
+        logs, means, spreads, effects = [], [], [], []
+        scales = np.array(
+            [
+                np.concatenate([np.ones(p + k), np.full(trials, gain), np.full(trials, zero)])
+                for gain, zero, _ in self._sizes
+            ]
+        )
+        log_sizes = [log_size for _, _, log_size in self._sizes]
+        for number, factor in enumerate(self._factors):
+            mine = np.column_stack([centred, about.jacobian])
+            white = solve_triangular(factor.lower, mine, lower=True)
+            columns = np.hstack([white[:, 1:], factor.columns])
+            gram, along = columns.T @ columns, columns.T @ white[:, 0]
+            square = float(white[:, 0] @ white[:, 0])
+            prior = factor.unknown.log_prior if log_unknown is None else log_unknown[number]
+            # All sizes of gains and zeros at once: (sizes, m) and (sizes, m, m).
+            inner = np.eye(scales.shape[1]) + scales[:, :, None] * gram * scales[:, None, :]
+            lower = np.linalg.cholesky(inner)
+            inverse = np.linalg.inv(lower)
+            half = np.einsum("sij,sj->si", inverse, scales * along)
+            log_dets = np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)
+            log_det = factor.log_det + 2 * log_dets
+            squares = square - np.sum(half**2, axis=1)
+            logs += list(-0.5 * (squares + log_det + n * np.log(2 * np.pi)) + prior + np.array(log_sizes))
+            mean = np.einsum("sji,sj->si", inverse, half)
+            means += list(mean[:, :p])
+            effects += list(mean[:, p : p + k])
+            spreads += list(np.einsum("sji,sjk->sik", inverse[:, :, :p], inverse[:, :, :p]))
+        total = float(logsumexp(logs))
+        weights = np.exp(np.array(logs) - total)
+        mean = weights @ np.array(means)
+        apart = np.array(means) - mean
+        spread = np.einsum("i,ijk->jk", weights, np.array(spreads))
+        spread += np.einsum("i,ij,ik->jk", weights, apart, apart)
+        each = len(self._sizes)
+        of_unknown = weights.reshape(-1, each).sum(axis=1)
+        sizes = np.array([factor.unknown.size for factor in self._factors])
+        some = float(of_unknown[sizes > 0].sum())
+        of_sizes = weights.reshape(-1, each).sum(axis=0)
+        inside = _inside(about, mean, spread)
+        return Posterior(
+            total + inside,
+            *within(mean, spread, about.low, about.high),
+            some,
+            float(of_unknown @ sizes) / some if some > 0 else 0.0,
+            float(of_sizes @ [gain for gain, _, _ in self._sizes]),
+            float(of_sizes @ [zero for _, zero, _ in self._sizes]),
+            weights @ np.array(effects),
+            of_unknown,
+        )
+
+
+def _log_normal(number: int, count: int) -> float:
+    """Return the logarithm of a share of steps one standard deviation apart."""
+    steps = np.arange(count) - (count - 1) / 2
+    return float(norm.logpdf(steps[number]) - logsumexp(norm.logpdf(steps)))
+
+
+def _inside(about: Linearised, mean: FloatArray, spread: FloatArray) -> float:
+    """Return how bounds change the evidence: what lies within after, over what did before."""
+    sd = np.sqrt(np.diag(spread))
+    after = _log_between((about.low - mean) / sd, (about.high - mean) / sd)
+    return float(np.sum(after - _log_between(about.low, about.high)))
+
+
+def _log_between(low: FloatArray, high: FloatArray) -> FloatArray:
+    """Return the logarithm of a standard normal's share between two ends, however far out."""
+    beyond = low > 0
+    first, last = np.where(beyond, -high, low), np.where(beyond, -low, high)
+    more = log_ndtr(last)
+    return np.asarray(more + np.log1p(-np.exp(np.minimum(log_ndtr(first) - more, -1e-15))))
+
+
+def probabilities(log_weights: Sequence[float]) -> FloatArray:
+    """Return probabilities of logarithms of weights."""
+    logs = np.asarray(log_weights, dtype=float)
+    return np.asarray(np.exp(logs - logsumexp(logs)))

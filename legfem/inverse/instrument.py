@@ -1,0 +1,101 @@
+"""What an instrument shows of a force: gain, zero, and where contact began."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from legfem.common.units import FloatArray
+
+
+class InstrumentNumber(NamedTuple):
+    """A number of the instrument."""
+
+    unit: str
+    null: float
+    """At which the instrument shows the force as it is."""
+
+
+INSTRUMENT = {
+    "instrument.gain": InstrumentNumber("-", 1.0),
+    "instrument.zero": InstrumentNumber("N", 0.0),
+    "instrument.contact_offset": InstrumentNumber("mm", 0.0),
+}
+
+
+GAIN, ZERO, OFFSET = INSTRUMENT
+
+
+RELAXATION = {
+    "viscoelasticity.ratio": InstrumentNumber("-", 0.0),
+    "viscoelasticity.relaxation_time": InstrumentNumber("s", 8.0),
+    "viscoelasticity.spread": InstrumentNumber("-", 1.5),
+    "viscoelasticity.quickening": InstrumentNumber("-", 0.0),
+}
+"""Of specimens: what a spectrum makes of the elastic force, see `legfem.specimens.relaxation`."""
+
+
+READINGS = INSTRUMENT | RELAXATION
+"""All that acts on a model's curve in closed form, so that no solve is needed for it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """Readings at displacements from forces on a grid.
+
+    Parameters
+    ----------
+    grid : (m,) array
+        Displacement of the forces (mm), increasing, above 0; the force vanishes at 0.
+    displacement : (n,) array
+        Of the readings (mm).
+    """
+
+    grid: FloatArray
+    displacement: FloatArray
+
+    def __call__(self, force: FloatArray, instrument: FloatArray) -> FloatArray:
+        """Return the readings (..., n) of forces (..., m).
+
+        ``instrument`` (..., k) begins with the numbers of `INSTRUMENT`; the two broadcast.
+        """
+        gain, zero, offset = np.moveaxis(instrument, -1, 0)[:3]
+        return gain[..., None] * self.at(force, offset) + zero[..., None]
+
+    def derivatives(self, force: FloatArray, instrument: FloatArray) -> dict[str, FloatArray]:
+        """Return the derivatives (n,) of the readings of a force (m,) by the instrument's."""
+        gain, _, offset = instrument[:3]
+        return {
+            GAIN: self.at(force, np.asarray(offset)),
+            ZERO: np.ones(len(self.displacement)),
+            OFFSET: -gain * self.at(force, np.asarray(offset), derivative=True),
+        }
+
+    @cached_property
+    def _knots(self) -> FloatArray:
+        return np.concatenate([[0.0], self.grid])
+
+    @cached_property
+    def _coefficients(self) -> FloatArray:
+        """A cubic spline's coefficients by the forces; (4, m, m)."""
+        unit = np.eye(len(self._knots))[:, 1:]
+        return np.asarray(CubicSpline(self._knots, unit).c)
+
+    def at(self, force: FloatArray, offset: FloatArray, derivative: bool = False) -> FloatArray:
+        """Return forces (or their slopes) at the displacements less an offset."""
+        knots = self._knots
+        shape = np.broadcast_shapes(force.shape[:-1], offset.shape)
+        whole = np.broadcast_to(force, (*shape, len(self.grid))).reshape(-1, len(self.grid))
+        coefficients = self._coefficients @ whole.T
+        at = self.displacement - np.broadcast_to(offset, shape).reshape(-1, 1)
+        piece = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, len(knots) - 2)
+        third, second, first, value = coefficients[:, piece, np.arange(len(whole))[:, None]]
+        t = at - knots[piece]
+        result = (
+            (3 * third * t + 2 * second) * t + first if derivative else ((third * t + second) * t + first) * t + value
+        )
+        return np.where(at > 0, result, 0.0).reshape(*shape, len(self.displacement))

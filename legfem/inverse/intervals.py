@@ -1,0 +1,265 @@
+"""Confidence intervals by profile, and the verdicts that they lead to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import stdtrit
+
+from legfem.common.units import FloatArray
+from legfem.inverse.least_squares import Residual, least_residual
+from legfem.inverse.parameter import Parameter
+
+NUMERICAL_ERROR = 0.0025
+"""Standard deviation of the forward model's error relative to its force. The convergence study
+bounds it by 0.5 % (`python -m legfem.study convergence`), and another code's curves lie within
+0.35 % (`tests/verification/test_other_code.py`)."""
+NUMERICAL_LENGTH_MM = 10.0
+"""Displacement over which that error is correlated: so slowly do those differences change."""
+PRIOR_DOF = 10
+"""Degrees of freedom that a data sheet's figures are worth: a standard deviation known to some
+20 % (JCGM 100:2008, G.4.2)."""
+IDENTIFIABLE_WITHIN = 0.1
+"""Half-width of the 95 % interval over the value up to which a parameter is called identifiable:
+a third of how persons of one group differ (30 to 50 % in Frauziols et al., Table 5)."""
+WEAKLY_WITHIN = 0.5
+"""The same for weakly identifiable: the interval then still tells soft from stiff."""
+
+Identifiability = Literal["identifiable", "weakly identifiable", "not identifiable"]
+VERDICTS: tuple[Identifiability, ...] = ("identifiable", "weakly identifiable", "not identifiable")
+"""From best to worst."""
+
+
+def quantile(repeat_dof: int) -> float:
+    """Return Student's two-sided 95 % quantile for a covariance known from so many repeats."""
+    return float(stdtrit(PRIOR_DOF + repeat_dof, 0.975))
+
+
+def identifiability(half_width: float) -> Identifiability:
+    """Return the word for a 95 % interval's half-width over the value."""
+    if half_width <= IDENTIFIABLE_WITHIN:
+        return "identifiable"
+    return "weakly identifiable" if half_width <= WEAKLY_WITHIN else "not identifiable"
+
+
+Bound = Literal["", "lower", "upper"]
+"""At which bound of the search a value stands."""
+
+_WITHIN_PRIOR = (-1.96, 1.96)
+ADDS_NOTHING = 0.9
+"""Standard error over that of the prior, above which the data add nothing to the prior."""
+
+
+@dataclass(frozen=True)
+class Estimated:
+    """How well one parameter is known; numbers in the parameter's unit.
+
+    Parameters
+    ----------
+    parameter : Parameter
+        With its bounds and, if there is one, its prior.
+    value : float
+        Found.
+    standard_error : float
+        Of the value, with the prior.
+    ci95 : tuple of float
+        95 % interval.
+    """
+
+    parameter: Parameter
+    value: float
+    standard_error: float
+    ci95: tuple[float, float]
+
+    @property
+    def at_bound(self) -> Bound:
+        """Whether the value stands at a bound of the search."""
+        return bound_of(self.value, self.parameter.bounds)
+
+    @property
+    def relative_half_width(self) -> float:
+        """Half the interval over the value, infinite at 0.
+
+        Of a linear parameter, whose 0 is a value like others: over half of what was open before,
+        the prior's 95 % interval or the bounds.
+        """
+        half = 0.5 * (self.ci95[1] - self.ci95[0])
+        parameter = self.parameter
+        if parameter.scale == "linear":
+            prior = parameter.prior
+            low, high = parameter.bounds if prior is None else map(prior.value_at, _WITHIN_PRIOR)
+            return half / (0.5 * (high - low))
+        return half / self.value if self.value > 0 else math.inf
+
+    @property
+    def error_over_prior(self) -> float:
+        """Standard error over the prior's; 0 without a prior."""
+        prior = self.parameter.prior
+        if prior is None:
+            return 0.0
+        return self.standard_error / (prior.sd * (self.value if prior.scale == "log" else 1.0))
+
+    def verdict(self, model_fits: bool) -> Identifiability:
+        """Return the word for it; weakly identifiable at best where the model misses the data.
+
+        One at a bound of the search isn't identifiable, nor one of which the data say nothing
+        beyond its prior.
+        """
+        if self.error_over_prior > ADDS_NOTHING:
+            return "not identifiable"
+        return verdict_on(self.relative_half_width, self.at_bound, model_fits)
+
+
+def verdict_on(relative_half_width: float, at_bound: Bound, model_fits: bool) -> Identifiability:
+    """Return the word for a 95 % interval: of a bound, none; of a model that misses, a weak one."""
+    word = identifiability(relative_half_width)
+    if at_bound:
+        return "not identifiable"
+    return "weakly identifiable" if word == "identifiable" and not model_fits else word
+
+
+def bound_of(value: float, bounds: tuple[float, float], within: float = 0.0) -> Bound:
+    """Return at which bound a value stands, to within a relative distance."""
+    if value <= bounds[0] * (1 + within):
+        return "lower"
+    return "upper" if value >= bounds[1] * (1 - within) else ""
+
+
+# Of a value's size, for differences.
+_MOVE = 1e-5
+
+
+def effective_degrees(variance: float, parts: Iterable[tuple[float, float]]) -> float:
+    r"""Return the degrees of freedom of a variance, some of whose parts are known poorly.
+
+    Welch and Satterthwaite's :math:`V^2 / \sum_i V_i^2 / \nu_i` (JCGM 100:2008, G.4.1), where a
+    standard deviation known to a share r has :math:`\nu = 1 / (2 r^2)` (G.4.2).
+
+    Parameters
+    ----------
+    variance : float
+        The whole.
+    parts : pairs of float
+        Parts and their degrees of freedom; parts known exactly needn't be there.
+    """
+    total = sum(part**2 / degrees for part, degrees in parts)
+    return np.inf if total == 0 else variance**2 / total
+
+
+def cut_height(times: float, variance: float, inverse_curvature: float) -> float:
+    r"""Return the rise :math:`t^2 V_{kk} / (A^{-1})_{kk}` at which a profile is cut."""
+    return times**2 * variance / inverse_curvature
+
+
+def profile_interval(
+    residual: Residual, at: FloatArray, k: int, rise: float, bounds: FloatArray, half_width: float
+) -> tuple[float, float]:
+    """Return where the profile of a sum of squares stays within ``rise`` of its least.
+
+    Parameters
+    ----------
+    residual : callable
+        Weighted differences and departures (..., n) of values (..., p).
+    at : (p,) array
+        Where their sum of squares is least.
+    k : int
+        Which parameter.
+    rise : float
+        Height of the cut.
+    bounds : (p, 2) array
+        Of the values.
+    half_width : float
+        First guess.
+    """
+    profile = _Profile(residual, at, k, bounds, half_width)
+    least = float(np.sum(residual(at) ** 2))
+
+    def above(value: float) -> float:
+        return profile(value) - least - rise
+
+    def end(side: int) -> float:
+        inner, width = float(at[k]), half_width
+        bound = float(bounds[k, 0] if side < 0 else bounds[k, 1])
+        while inner != bound:
+            outer = float(np.clip(at[k] + side * width, *bounds[k]))
+            if above(outer) > 0:
+                return float(brentq(above, inner, outer, xtol=1e-6 * half_width))
+            inner, width = outer, 1.5 * width
+        return bound
+
+    return end(-1), end(1)
+
+
+def profile_point(
+    residual: Residual, at: FloatArray, k: int, value: float, bounds: FloatArray, half_width: float
+) -> FloatArray:
+    """Return all values (p,) where one of them is held and the others are refitted.
+
+    Parameters as for `profile_interval`; ``value`` is that of the k-th parameter.
+    """
+    return _Profile(residual, at, k, bounds, half_width).refitted(value)
+
+
+class _Profile:
+    """The least sum of squares with one parameter held, the others refitted."""
+
+    def __init__(self, residual: Residual, at: FloatArray, k: int, bounds: FloatArray, step: float) -> None:
+        self.residual, self.at, self.k, self.bounds = residual, at, k, bounds
+        self.others = [j for j in range(len(at)) if j != k]
+        self.units = _units(at, bounds)
+        self.slope = self._slope(step)
+
+    def __call__(self, value: float) -> float:
+        return float(np.sum(self.residual(self.refitted(value)) ** 2))
+
+    def refitted(self, value: float) -> FloatArray:
+        if not self.others:
+            return np.array([value])
+        others, units = self.others, self.units[self.others]
+        box = self.bounds[others] / units[:, None]
+        near = self.at[others] + self.slope * (value - self.at[self.k])
+        start = np.clip(near / units, *box.T)
+
+        def whole(free: FloatArray) -> FloatArray:
+            values = np.empty((*free.shape[:-1], len(self.at)))
+            values[..., self.k], values[..., others] = value, free * units
+            return np.asarray(np.clip(values, *self.bounds.T))
+
+        def left(free: FloatArray) -> FloatArray:
+            return self.residual(whole(free))
+
+        def slopes(free: FloatArray) -> FloatArray:
+            moves = _MOVE * np.eye(len(free))
+            up, down = np.clip(free + moves, *box.T), np.clip(free - moves, *box.T)
+            ends = left(np.concatenate([up, down]))
+            apart = np.diag(up - down)
+            return np.asarray((ends[: len(free)] - ends[len(free) :]).T / apart)
+
+        return whole(least_residual(left, start, box, jacobian=slopes))
+
+    def _slope(self, step: float) -> FloatArray:
+        """Return how the others follow the held one where the residual is linear; (p - 1,)."""
+        if not self.others:
+            return np.zeros(0)
+        columns = []
+        for j in range(len(self.at)):
+            move = np.zeros(len(self.at))
+            move[j] = 1e-3 * (step if j == self.k else self.units[j])
+            ends = [np.clip(self.at + sign * move, *self.bounds.T) for sign in (1, -1)]
+            apart = float(ends[0][j] - ends[1][j])
+            columns.append((self.residual(ends[0]) - self.residual(ends[1])) / apart)
+        jacobian = np.column_stack(columns)
+        units = self.units[self.others]
+        scaled = np.linalg.lstsq(jacobian[:, self.others] * units, -jacobian[:, self.k])[0]
+        return np.asarray(scaled * units)
+
+
+def _units(at: FloatArray, bounds: FloatArray) -> FloatArray:
+    """Return numbers of the values' sizes, so that a search steps alike in all."""
+    width = bounds[:, 1] - bounds[:, 0]
+    return np.clip(np.abs(at), 1e-3 * width, width)

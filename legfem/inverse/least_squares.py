@@ -1,0 +1,103 @@
+"""From a point in the right valley to the valley's floor, in genes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.optimize import least_squares, lsq_linear
+
+from legfem.common.units import FloatArray
+
+type Residual = Callable[[FloatArray], FloatArray]
+"""Weighted differences and departures (..., n) of values (..., p)."""
+
+
+def gauss_newton_step(jacobian: FloatArray, residual: FloatArray, limits: FloatArray) -> FloatArray:
+    """Return the Gauss-Newton step (p,).
+
+    Parameters
+    ----------
+    jacobian : (n, p) array
+        Of the weighted residual.
+    residual : (n,) array
+        Weighted.
+    limits : (p, 2) array
+        Least and greatest step of each parameter.
+    """
+    scale = np.linalg.norm(jacobian, axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    low, high = (limits * scale[:, None]).T
+    # lsq_linear wants its bounds apart.
+    found = lsq_linear(jacobian / scale, -residual, (low - 1e-15, high + 1e-15), method="bvls")
+    return np.clip(found.x / scale, limits[:, 0], limits[:, 1])
+
+
+def gain_matrix(jacobian: FloatArray, weighting: FloatArray) -> FloatArray:
+    """Return how the parameters follow the data; (p, n).
+
+    Parameters
+    ----------
+    jacobian : (m, p) array
+        Of the weighted residual.
+    weighting : (m, n) array
+        The weighting W, with a row of its own for every prior.
+    """
+    return np.asarray(np.linalg.pinv(jacobian) @ weighting)
+
+
+def sandwich(gain: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return the covariance (p, p) of the parameters' errors from that of the data, (n, n)."""
+    return np.asarray(gain @ covariance @ gain.T)
+
+
+def with_unit_errors(matrix: FloatArray, count: int) -> FloatArray:
+    """Return a matrix with an identity of ``count`` rows below and beside it, as priors have."""
+    rows, columns = matrix.shape
+    whole = np.zeros((rows + count, columns + count))
+    whole[:rows, :columns] = matrix
+    whole[rows:, columns:] = np.eye(count)
+    return whole
+
+
+def least_residual(
+    residual: Residual, start: FloatArray, bounds: FloatArray, most: int = 60, jacobian: Residual | None = None
+) -> FloatArray:
+    """Return where the sum of squares of a smooth residual is least, near a start.
+
+    Parameters
+    ----------
+    residual : callable
+        See `Residual`; of one point at a time.
+    start : (p,) array
+        Within the bounds.
+    bounds : (p, 2) array
+        Of the values.
+    most : int
+        Steps at most.
+    jacobian : callable, optional
+        Derivatives (n, p) of the residual; differences without it.
+    """
+    fit = least_squares(
+        residual,
+        start,
+        bounds=tuple(bounds.T),
+        method="dogbox",
+        jac=jacobian or "3-point",
+        xtol=1e-12,
+        ftol=1e-14,
+        gtol=1e-14,
+        max_nfev=most,
+    )
+    return np.asarray(fit.x)
+
+
+def polished(residual: Residual, start: FloatArray) -> FloatArray:
+    """Return the genes (p,), each from 0 to 1, of the least residual near a start."""
+    return least_residual(residual, start, np.tile([0.0, 1.0], (len(start), 1)))
+
+
+def polished_with(residual: Residual, start: FloatArray, k: int, held: float) -> FloatArray:
+    """Return the same with gene k held."""
+    rest = polished(lambda genes: residual(np.insert(genes, k, held)), np.delete(start, k))
+    return np.insert(rest, k, held)

@@ -1,0 +1,192 @@
+"""Parameters as people write them: ``superficial.C10=2±1 kPa``."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from legfem.common.errors import InputError
+from legfem.common.units import MPA_PER_KPA, kpa_to_mpa
+from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, DEEP_D2, Values, check_held, check_known, parameter_of, unit_of
+from legfem.inverse.laws import LAWS, LawName
+from legfem.inverse.parameter import Parameter, Prior
+from legfem.inverse.population import TISSUES, population_prior
+
+_NUMBER = r"[-+]?\d*\.?\d+(?:[eE][-+]?\d+)?"
+_LINEAR, _FACTOR = r"±|∓|\+/-|\+-|-\+|-/\+", r"x/|×/|\*/"
+_WRITTEN = re.compile(
+    rf"\s*(?P<name>[\w.]+)\s*=\s*(?P<value>{_NUMBER})"
+    rf"(?:\s*(?P<how>{_LINEAR}|{_FACTOR})\s*(?P<width>{_NUMBER}))?\s*(?P<unit>[^\s].*?)?\s*"
+)
+_FACTORS = {"kPa": ("MPa", MPA_PER_KPA), "1/kPa": ("1/MPa", 1 / MPA_PER_KPA)}
+_PRIOR_EXAMPLES = (
+    "'superficial.C10=2±1 kPa', 'superficial.C10=2 x/ 1.5 kPa' for a factor, or 'superficial.C10=population'"
+)
+_POPULATION = "population"
+_FIX_EXAMPLE = "'deep.D1=28 1/MPa'"
+
+
+@dataclass(frozen=True)
+class Written:
+    """What a command line asks for.
+
+    Parameters
+    ----------
+    identify : sequence of str
+        Full names; empty for the law's own.
+    priors : sequence of str
+        ``NAME=CENTRE±SD UNIT``, ``NAME=MEDIAN x/ FACTOR UNIT``, or ``NAME=population`` for that of
+        people's calves (`legfem.inverse.population`).
+    fixed : sequence of str
+        ``NAME=VALUE UNIT``.
+    c10_bounds, c20_bounds : tuple of float, optional
+        Of the deep tissue, kPa.
+    """
+
+    identify: Sequence[str] = ()
+    priors: Sequence[str] = ()
+    fixed: Sequence[str] = ()
+    c10_bounds: tuple[float, float] | None = None
+    c20_bounds: tuple[float, float] | None = None
+
+    def parameters(self, nominal: Values) -> tuple[Parameter, ...]:
+        """Return what is free: what is to be identified, and as nuisances what has a prior only.
+
+        Raises
+        ------
+        InputError
+            For names, numbers or units that can't be.
+        """
+        names = dict.fromkeys(self.identify or (DEEP_C10, DEEP_C20))
+        check_known(names, nominal, "--identify")
+        free = {name: parameter_of(name, nominal) for name in names}
+        for text in self.priors:
+            name, prior = read_prior(text, nominal)
+            own = free.get(name) or replace(parameter_of(name, nominal), role="nuisance")
+            free[name] = replace(own, prior=prior)
+        for option, name, least, bounds in (
+            ("--c10-bounds", DEEP_C10, 1e-6, self.c10_bounds),
+            ("--c20-bounds", DEEP_C20, 0.0, self.c20_bounds),
+        ):
+            if bounds is not None and name in free:
+                free[name] = replace(free[name], bounds=_bounds(option, bounds, least))
+        return tuple(free.values())
+
+    @property
+    def names(self) -> set[str]:
+        """Full names of all that is asked for, held or given a prior."""
+        written = [*self.identify, *self.priors, *self.fixed]
+        return {text.partition("=")[0].strip() for text in written}
+
+    def held(self, nominal: Values) -> dict[str, float]:
+        """Return what is held, in the model's units.
+
+        Raises
+        ------
+        InputError
+            For names, numbers or units that can't be, and for what is to be identified too.
+        """
+        held = dict(read_value(text, nominal) for text in self.fixed)
+        for name in held:
+            if name in self.identify:
+                raise InputError("--fix", name, "is to be identified too", "leave one of them out")
+        return held
+
+    def laws(
+        self, asked: str | None, parameters: Sequence[Parameter], given_c20: float | None, held: Values
+    ) -> list[LawName]:
+        """Return the laws to identify: ``both``, one, or without a word those of the names.
+
+        Parameters
+        ----------
+        asked : str, optional
+            ``both`` or a law's name.
+        parameters : sequence of Parameter
+            What is free.
+        given_c20 : float, optional
+            Of the deep tissue in the subject's folder (MPa).
+        held : Mapping[str, float]
+            Values that are held.
+        """
+        if asked is not None and asked != "both":
+            return [name for name in LAWS if name == asked]
+        names = {one.name for one in parameters}
+        if asked == "both" or (DEEP_C20 in names and names - {DEEP_C20, DEEP_D2}):
+            return list(LAWS)
+        stiffens = given_c20 is not None or DEEP_C20 in (*names, *held)
+        return ["reduced-polynomial" if stiffens else "neo-hookean"]
+
+
+def read_prior(text: str, nominal: Values) -> tuple[str, Prior]:
+    """Return the name and the prior of ``NAME=CENTRE±SD UNIT``, in the model's unit.
+
+    Raises
+    ------
+    InputError
+        If it can't be read.
+    """
+    name, _, wanted = (part.strip() for part in text.partition("="))
+    if wanted == _POPULATION:
+        check_known([name], nominal, "--prior")
+        if name not in TISSUES:
+            raise InputError(
+                "--prior", name, "is not in the population's table", f"there is one of {' and '.join(TISSUES)}"
+            )
+        return name, population_prior(name)
+    found = _WRITTEN.fullmatch(text)
+    if found is None or found["how"] is None:
+        raise InputError("--prior", text, "can't be read", f"write {_PRIOR_EXAMPLES}")
+    name, factor = _known(found, nominal, "--prior", _PRIOR_EXAMPLES)
+    centre, width = float(found["value"]), float(found["width"])
+    logarithmic = re.fullmatch(_FACTOR, found["how"]) is not None
+    if logarithmic and not (width > 1 and centre > 0):
+        raise InputError("--prior", text, "is no factor about a positive value", "give a factor over 1")
+    if not logarithmic and not width > 0:
+        raise InputError("--prior", text, "has no width", "give a standard deviation over 0")
+    sd = math.log(width) if logarithmic else width * factor
+    return name, Prior(centre * factor, sd, "log" if logarithmic else "linear", "--prior")
+
+
+def read_value(text: str, nominal: Values) -> tuple[str, float]:
+    """Return the name and the value of ``NAME=VALUE UNIT``, in the model's unit.
+
+    Raises
+    ------
+    InputError
+        If it can't be read.
+    """
+    found = _WRITTEN.fullmatch(text)
+    if found is None or found["how"] is not None:
+        raise InputError("--fix", text, "can't be read", f"write {_FIX_EXAMPLE}")
+    name, factor = _known(found, nominal, "--fix", _FIX_EXAMPLE)
+    value = float(found["value"]) * factor
+    check_held("--fix", text, name, value)
+    return name, value
+
+
+def _known(found: re.Match[str], nominal: Values, source: str, example: str) -> tuple[str, float]:
+    """Return the name, and the factor from the unit as written to the model's."""
+    name, unit = found["name"], found["unit"]
+    check_known([name], nominal, source)
+    wanted = unit_of(name)
+    own, factor = _FACTORS.get(unit or "-", (unit or "-", 1.0))
+    if own != wanted:
+        others = " or ".join([wanted, *(u for u, (o, _) in _FACTORS.items() if o == wanted)])
+        raise InputError(
+            source, name, f"has the unit {unit!r}" if unit else "has no unit", f"give it in {others}, as in {example}"
+        )
+    return name, factor
+
+
+def _bounds(option: str, bounds: tuple[float, float], least: float) -> tuple[float, float]:
+    low, high = bounds
+    if not least <= low < high < float("inf"):
+        raise InputError(
+            option,
+            f"{low:g} {high:g}",
+            "is no range of stiffnesses",
+            "give two values in kPa, the lower one first; C10 must be positive",
+        )
+    return kpa_to_mpa(low), kpa_to_mpa(high)

@@ -1,0 +1,284 @@
+"""The search: a minimiser on an emulator, full solves where it goes, until both agree."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from legfem.common.errors import UnsolvedError
+from legfem.common.units import FloatArray
+from legfem.inverse.catalogue import DEEP_C20, Values
+from legfem.inverse.comparison import Comparison
+from legfem.inverse.design import design, far_ends, half_way, stiffer
+from legfem.inverse.emulated import Coordinates, Emulated, Trust
+from legfem.inverse.laws import IdentifiedLaw, model_values
+from legfem.inverse.least_squares import gauss_newton_step, polished, polished_with
+from legfem.inverse.outcome import FullSolver, Outcome, key_of_values
+from legfem.inverse.parameter import Domain
+from legfem.inverse.search_log import Generation
+from legfem.inverse.settings import IdentificationSettings
+from legfem.inverse.trial import Asking, Linearised, Stage, Trial, objective_of, sizes_of
+
+# Converged: the emulator's optimum lies this near the best full solve, over the standard error or
+# over the value ...
+_AGREE_OF_ERROR, _AGREE_OF_VALUE = 0.1, 2e-3
+# ... and the full model's own Gauss-Newton step is no longer than this.
+_STEP_OF_ERROR, _STEP_OF_VALUE = 1e-3, 2e-5
+_LAST_STEP_OF_ERROR = 0.02
+# Of a sum of squares in units of errors, which rises by 1 within a standard error.
+_FLAT = 0.1
+# Of the least sum of squares: what a further solve has to gain where numbers are read off a curve.
+_WORTH = 1e-4
+# Optima of the emulator, one after another, that full solves showed to be none.
+_REFUTED = 3
+# Complete solves, the best first, from which an optimum among many parameters is polished.
+_MORE_STARTS = 4
+
+
+def is_settled(gained: float) -> bool:
+    """Whether a solve lowered the sum of squares by a share that isn't worth another one.
+
+    One that raised it says nothing of the kind: the emulator was wrong there.
+    """
+    return 0.0 <= gained <= _WORTH
+
+
+class SearchError(UnsolvedError):
+    """Too few full solves reached the measured depth."""
+
+
+@dataclass(eq=False)
+class Search[C: Comparison]:
+    """One law's search as it goes."""
+
+    law: IdentifiedLaw
+    misfit: C
+    settings: IdentificationSettings
+    solver: FullSolver
+    trials: list[Trial] = field(default_factory=list)
+    """All full solves, in the order asked for."""
+    generations: list[Generation] = field(default_factory=list)
+    converged: bool = False
+    emulator_error: float = math.nan
+    """N: the main_source, at the last proposal that was the best yet, before that was solved."""
+
+    @property
+    def domain(self) -> Domain:
+        """Bounds and genes."""
+        return Domain(self.law.parameters)
+
+    @property
+    def coordinates(self) -> Coordinates:
+        """The emulator's."""
+        return Coordinates(self.law)
+
+    @property
+    def complete(self) -> list[Trial]:
+        """Solves that reached the measured depth."""
+        return [trial for trial in self.trials if trial.prediction is not None]
+
+    @property
+    def best(self) -> Trial:
+        """The complete solve of the least objective."""
+        return min(self.complete, key=lambda trial: trial.objective)
+
+    def design(self) -> FloatArray:
+        """Return what to solve first; (n, p)."""
+        return self.domain.inside(design(self.law, self.settings.seed))
+
+    def solve(self, points: FloatArray, stage: Stage) -> list[Trial]:
+        """Solve points (n, p) in full, and remember them."""
+        values = [self.law.values(point) for point in points]
+        outcomes = self.solver.solve([model_values(one) for one in values])
+        trials = [
+            self._trial(point, one, outcome, stage)
+            for point, one, outcome in zip(points, values, outcomes, strict=True)
+        ]
+        self.trials += trials
+        return trials
+
+    def _trial(self, point: FloatArray, values: Values, outcome: Outcome, stage: Stage) -> Trial:
+        # A curve that stops short says nothing about the main_source forces.
+        if not (outcome.complete and self.misfit.reached_by(outcome)):
+            return Trial(point, values, outcome, stage, None, math.inf)
+        prediction = self.misfit.predict(outcome, self.law.readings(point))
+        objective = float(objective_of(self.law, self.misfit, prediction.values, point))
+        return Trial(point, values, outcome, stage, prediction, objective)
+
+    def beside(self, misfit: C) -> Search[C]:
+        """Return a search beside another reading of the recordings, with what was solved so far."""
+        other = replace(self, misfit=misfit, trials=[], generations=list(self.generations), converged=False)
+        other.trials += [other._trial(one.point, one.values, one.outcome, one.stage) for one in self.trials]
+        return other
+
+    def emulated(self) -> Emulated:
+        """Return the model between all complete solves."""
+        return Emulated.between(self.law, self.misfit, self.complete)
+
+    def linearised(self, trial: Trial) -> Linearised:
+        """Return the misfit about a complete full solve."""
+        assert trial.prediction is not None
+        return Linearised(self.law, self.misfit, trial.prediction, trial.point)
+
+    def asking(self) -> Asking:
+        """Search until the emulator's optimum and the full model's agree.
+
+        Others solve what is asked for: see `legfem.inverse.searches`.
+
+        Raises
+        ------
+        SearchError
+            If too few full solves reach the measured depth.
+        """
+        if not self.trials:
+            yield self.design(), "design"
+        while not self.complete:
+            yield self._stiffer(), "design"
+        if self._wide and (failed := [one.point for one in self.trials if one.prediction is None]):
+            known = np.array([trial.point for trial in self.complete])
+            yield half_way(self.coordinates, np.array(failed), known), "design"
+        gained, refuted = math.inf, 0
+        for attempt in range(self.settings.most_solves):
+            emulated = self.emulated()
+            proposal = self.propose(emulated, attempt)
+            # Near the optimum the full model's own derivatives are exact where the emulator isn't.
+            near = self._is_short(proposal - self.best.point, _AGREE_OF_ERROR, _AGREE_OF_VALUE)
+            if near and (self.is_stationary() or (self._reads and is_settled(gained))):
+                ends = far_ends(self.linearised(self.best), self.trials)
+                if len(ends) and len(self.trials) + len(ends) <= self.settings.most_solves:
+                    yield ends, "design"
+                    continue
+                self.converged = True
+                return
+            if self._wide and refuted >= _REFUTED and self.is_stationary():
+                self.converged = True
+                return
+            step = self.domain.inside(self.best.point + self.newton_step())
+            # Where forces grow without measure an emulator is wrong between its solves.
+            by_newton = near or (self._wide and gained < 0 and not self._solved(step))
+            if by_newton:
+                proposal = step
+            if self._wide and not near and self._solved(proposal):
+                best = self.best.point[None]
+                proposal = half_way(self.coordinates, proposal[None], best)[0]
+            if self._solved(proposal):
+                # The model isn't smooth enough for a shorter step to gain anything.
+                short = self._is_short(self.newton_step(), _LAST_STEP_OF_ERROR, _STEP_OF_VALUE)
+                self.converged = near and (short or self._is_flat(proposal))
+                return
+            if len(self.trials) >= self.settings.most_solves:
+                return
+            expected, before = emulated.values(proposal), self.best.objective
+            (trial,) = yield proposal[None], "proposal"
+            gained = 1 - trial.objective / before if before > 0 else 0.0
+            if not by_newton:
+                refuted = refuted + 1 if gained < 0 else 0
+            if trial.prediction is not None and trial is self.best:
+                self.emulator_error = float(np.max(np.abs(trial.prediction.values - expected)))
+
+    def propose(self, emulated: Emulated, attempt: int) -> FloatArray:
+        """Return the optimum (p,) on the emulator, where that is to be trusted."""
+        domain = self.domain
+        trust = self._trust()
+
+        def trusted(genes: FloatArray) -> FloatArray:
+            points = domain.values(np.atleast_2d(genes))
+            at = self.coordinates.of(points)
+            nearest, share = trust.share_of_way(at)
+            moved = self.coordinates.points(nearest + share[:, None] * (at - nearest), points)
+            return domain.inside(np.where(share[:, None] < 1.0, moved, points))
+
+        def cost(genes: FloatArray) -> FloatArray:
+            return emulated.objective(trusted(genes))
+
+        def residual(genes: FloatArray) -> FloatArray:
+            return emulated.residual(domain.values(genes))
+
+        start = domain.genes(self.best.point)
+        found = self.settings.minimiser(cost, start[None], self.settings.seed + attempt)
+        path = np.array([trusted(genes)[0] for genes, _ in found.path])
+        self._remember(emulated, path.reshape(-1, len(start)), attempt)
+        candidates = [start]
+        starts = [found.best, start]
+        if self._wide:
+            known = sorted(self.complete, key=lambda trial: trial.objective)[1:_MORE_STARTS]
+            starts += [domain.genes(trial.point) for trial in known]
+        for first in starts:
+            candidates.append(polished(residual, first))
+            if (limit := self.law.index(DEEP_C20)) is not None and len(start) > 1:
+                candidates.append(polished_with(residual, candidates[-1], limit, 0.0))
+        costs = cost(np.array(candidates))
+        return trusted(candidates[int(np.argmin(costs))])[0]
+
+    def newton_step(self) -> FloatArray:
+        """Return the Gauss-Newton step (p,) from the best full solve, within bounds."""
+        linear = self.linearised(self.best)
+        limits = self.domain.bounds - self.best.point[:, None]
+        return gauss_newton_step(linear.jacobian, linear.residual, limits)
+
+    def standard_error(self) -> FloatArray:
+        """Return the standard errors (p,) at the best full solve."""
+        spread = self.linearised(self.best).errors(self.misfit.covariance)
+        return np.asarray(np.sqrt(np.diag(spread)))
+
+    def is_stationary(self) -> bool:
+        """Whether Gauss-Newton hardly leaves the best full solve."""
+        return self._is_short(self.newton_step(), _STEP_OF_ERROR, _STEP_OF_VALUE)
+
+    def is_near_optimum(self) -> bool:
+        """Whether Gauss-Newton's step from the best full solve is well within its errors."""
+        return self._is_short(self.newton_step(), _AGREE_OF_ERROR, _AGREE_OF_VALUE)
+
+    def _is_short(self, step: FloatArray, of_error: float, of_value: float) -> bool:
+        sizes = sizes_of(self.best, self.law.parameters)
+        scale = np.maximum(of_error * self.standard_error(), of_value * sizes)
+        return bool(np.all(np.abs(step) <= scale))
+
+    def _is_flat(self, point: FloatArray) -> bool:
+        """Whether a solved point fits as well as the best, by what errors leave open."""
+        if not self.misfit.in_errors:
+            return False
+        (tried,) = (trial for trial in self.trials if trial.values == self.law.values(point))
+        return tried.objective - self.best.objective < _FLAT
+
+    def _solved(self, point: FloatArray) -> bool:
+        key = key_of_values(self.law.values(point))
+        return any(key_of_values(trial.values) == key for trial in self.trials)
+
+    def _trust(self) -> Trust:
+        def at(trials: Sequence[Trial]) -> FloatArray:
+            points = np.array([trial.point for trial in trials])
+            return self.coordinates.of(points.reshape(-1, len(self.law.parameters)))
+
+        failed = [trial for trial in self.trials if trial.prediction is None]
+        return Trust(at(self.complete), at(failed))
+
+    @property
+    def _wide(self) -> bool:
+        """Whether a design can't hold all corners: failures then leave whole regions unknown."""
+        return len(self.law.of_model) > 2
+
+    @property
+    def _reads(self) -> bool:
+        """Whether numbers are free that the emulator knows exactly, since no solve has them."""
+        return len(self.law.of_model) < len(self.law.parameters)
+
+    def _stiffer(self) -> FloatArray:
+        point = stiffer(self.law, np.array([trial.point for trial in self.trials]))
+        if point is None or len(self.trials) >= self.settings.most_solves:
+            raise SearchError(
+                f"too few full solves reach {self.misfit.reach} "
+                f"(the last stopped: {self.trials[-1].outcome.reason}); "
+                "use less of the recordings with --depth"
+            )
+        return point[None]
+
+    def _remember(self, emulated: Emulated, path: FloatArray, attempt: int) -> None:
+        costs = emulated.cost(path)
+        self.generations += [
+            Generation(attempt, number, self.law.values(point), float(cost))
+            for number, (point, cost) in enumerate(zip(path, costs, strict=True))
+        ]

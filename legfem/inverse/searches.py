@@ -1,0 +1,228 @@
+"""Searches for several laws, run side by side, and whose limits are compared."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from legfem.common.units import FloatArray
+from legfem.inverse.catalogue import DEEP_C20, Values
+from legfem.inverse.comparison import Comparison
+from legfem.inverse.laws import IdentifiedLaw, LawName, model_values
+from legfem.inverse.least_squares import Residual
+from legfem.inverse.outcome import FullSolver, Key, Outcome, key_of_values
+from legfem.inverse.parameter import Domain
+from legfem.inverse.search import Search, SearchError
+from legfem.inverse.search_log import Generation
+from legfem.inverse.settings import IdentificationSettings
+from legfem.inverse.trial import Linearised, Trial
+
+
+def run_together[C: Comparison](searches: Sequence[Search[C]]) -> None:
+    """Run searches of one solver side by side, which keeps all processes busy.
+
+    What each finds doesn't depend on the others.
+    """
+    going = {k: search.asking() for k, search in enumerate(searches)}
+    asked = {}
+    for k, asking in going.items():
+        with suppress(StopIteration):
+            asked[k] = next(asking)
+    while asked:
+        points = [model_values(searches[k].law.values(point)) for k, (several, _) in asked.items() for point in several]
+        searches[0].solver.solve(points)
+        # Known by now, these cost nothing.
+        answered = {k: searches[k].solve(*one) for k, one in asked.items()}
+        asked = {}
+        for k, trials in answered.items():
+            with suppress(StopIteration):
+                asked[k] = going[k].send(trials)
+
+
+def run_plain(search: Search) -> None:
+    """Search without an emulator; a repeated individual isn't solved again."""
+    domain, settings, law = search.domain, search.settings, search.law
+    done: dict[Key, Trial] = {}
+
+    def cost(genes: FloatArray) -> FloatArray:
+        points = domain.values(genes)
+        keys = [key_of_values(law.values(point)) for point in points]
+        new = {key: point for key, point in zip(keys, points, strict=True) if key not in done}
+        if new:
+            trials = search.solve(np.array(list(new.values())), "genetic")
+            done.update(zip(new, trials, strict=True))
+        return np.array([done[key].objective for key in keys])
+
+    middle = np.full((1, len(law.parameters)), 0.5)
+    found = settings.plain_minimiser(cost, middle, settings.seed)
+    if not search.complete:
+        raise SearchError(f"no full solve reaches {search.misfit.reach}")
+    for number, (genes, _) in enumerate(found.path):
+        values = law.values(domain.values(genes))
+        trial = done.get(key_of_values(values))
+        if trial is not None and trial.prediction is not None:
+            misfit = float(search.misfit.cost(trial.prediction.values))
+            search.generations.append(Generation(0, number, values, misfit))
+    search.converged = search.is_near_optimum()
+
+
+_MOST_REFINED = 6
+"""Times that a comparison is made anew about what a search found."""
+# C20 over its standard error below which the neo-Hookean limit is looked at by itself.
+_NEAR_LIMIT = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Found[C: Comparison]:
+    """A law's finished search."""
+
+    search: Search[C]
+    best: Trial
+    """The optimum, with a prediction: the law's own, or its neo-Hookean limit's."""
+    neo_hookean_limit: bool
+    wall_s: float
+
+    @property
+    def linear(self) -> Linearised:
+        """The misfit about the optimum."""
+        assert self.best.prediction is not None
+        search = self.search
+        return Linearised(search.law, search.misfit, self.best.prediction, self.best.point)
+
+    @property
+    def residual(self) -> Residual:
+        """The weighted residual of points (p,), without further full solves."""
+        search = self.search
+        if search.settings.emulator:
+            return search.emulated().residual
+        return self.linear.at
+
+    @property
+    def trials(self) -> list[Trial]:
+        """All full solves."""
+        known = self.search.trials
+        return [*known, *([] if self.best in known else [self.best])]
+
+    @property
+    def outcomes(self) -> list[Outcome]:
+        """Of the solves; points that differ in the instrument only are read from one."""
+        by_values = {key_of_values(one.outcome.values): one.outcome for one in self.trials}
+        return list(by_values.values())
+
+    @property
+    def reused_solves(self) -> int:
+        """How many of the solves an earlier run had kept."""
+        return sum(self.search.solver.was_reused(one.values) for one in self.outcomes)
+
+
+@dataclass(eq=False)
+class Searches[C: Comparison]:
+    """Finds laws; solves of one law aren't repeated for another.
+
+    Parameters
+    ----------
+    laws : Mapping[str, IdentifiedLaw]
+        By name, with what is free and what is held in each.
+    solver : FullSolver
+        Of the forward model.
+    settings : IdentificationSettings
+        Of the search.
+    misfit_of : callable
+        Returns the comparison with what was measured, given a law.
+    earlier : Mapping[str, Search]
+        Searches with other weights, with whose solves those of the same laws begin.
+    refined : callable
+        Returns a comparison made anew about what a search found, beside which it goes on; None where it ends.
+    """
+
+    laws: Mapping[LawName, IdentifiedLaw]
+    solver: FullSolver
+    settings: IdentificationSettings
+    misfit_of: Callable[[IdentifiedLaw], C]
+    earlier: Mapping[LawName, Search[C]] = field(default_factory=dict)
+    refined: Callable[[Search[C]], C | None] = lambda search: None
+
+    def __post_init__(self) -> None:
+        """Begin with no law searched for."""
+        self._searches: dict[LawName, Search[C]] = {}
+        self._seconds: dict[LawName, float] = {}
+
+    def find(self, names: Sequence[LawName]) -> list[Found[C]]:
+        """Return what was found of laws, in their order."""
+        self._run(names)
+        return [self._find(name) for name in names]
+
+    def nearest(self, names: Sequence[LawName]) -> tuple[Values, FloatArray]:
+        """Return values and forces (n,), N, of the best solve for the law of most parameters."""
+        most = max(names, key=lambda name: len(self.laws[name].parameters))
+        (found,) = self.find([most])
+        return found.best.values, found.linear.prediction.values
+
+    def _find(self, name: LawName) -> Found[C]:
+        search = self._search(name)
+        best, limit, law = search.best, False, search.law
+        k = law.index(DEEP_C20)
+        if k is not None and "neo-hookean" in self.laws:
+            near = bool(best.point[k] <= _NEAR_LIMIT * search.standard_error()[k])
+            if near or "neo-hookean" in self._searches:
+                neo_hookean = self._search("neo-hookean").best
+                if neo_hookean.objective <= best.objective:
+                    best = neo_hookean
+        if k is not None and best.values[DEEP_C20] == 0.0:
+            limit = True
+            search, best = _at_limit(search, best)
+        return Found(search, best, limit, self._seconds[name])
+
+    def _search(self, name: LawName) -> Search[C]:
+        if name not in self._searches:
+            self._run([name])
+        return self._searches[name]
+
+    def _run(self, names: Sequence[LawName]) -> None:
+        """Search for laws, with an emulator side by side."""
+        new = {name: self._new(name) for name in names}
+        self.solver.progress.stage(f"identifying the {' and the '.join(new)} law")
+        started = time.perf_counter()
+        self._settle(list(new.values()))
+        for name in new:
+            for _ in range(_MOST_REFINED):
+                if (comparison := self.refined(new[name])) is None:
+                    break
+                new[name] = new[name].beside(comparison)
+                self._settle([new[name]])
+        spent = time.perf_counter() - started
+        solves = sum(len(search.trials) for search in new.values())
+        for name, search in new.items():
+            self._searches[name] = search
+            self._seconds[name] = spent * len(search.trials) / solves
+
+    def _settle(self, searches: list[Search[C]]) -> None:
+        if self.settings.emulator:
+            run_together(searches)
+            return
+        for search in searches:
+            run_plain(search)
+
+    def _new(self, name: LawName) -> Search[C]:
+        law = self.laws[name]
+        misfit = self.misfit_of(law)
+        if name in self.earlier:
+            return replace(self.earlier[name].beside(misfit), settings=self.settings)
+        return Search(law, misfit, self.settings, self.solver)
+
+
+def _at_limit[C: Comparison](search: Search[C], best: Trial) -> tuple[Search[C], Trial]:
+    """Return a search and its neo-Hookean limit, as points of the search's own law."""
+    law = search.law
+    parameters = tuple(
+        replace(one, bounds=(0.0, one.bounds[1])) if one.name == DEEP_C20 else one for one in law.parameters
+    )
+    law = replace(law, parameters=parameters)
+    point = Domain(parameters).inside(law.point({**law.fixed, **best.values}))
+    if best in search.trials:
+        return replace(search, law=law), best
+    return replace(search, law=law), replace(best, point=point)

@@ -1,0 +1,257 @@
+r"""P(d) of one leg, from full solves of that leg in 3D at its own stiffness.
+
+.. math:: P(d; m) = P_1(d; m_1) + P_0(d; m) - P_0(d; m_1)
+
+with :math:`P_1` solved in full at the stiffness :math:`m_1`, and the trend of a table :math:`P_0`
+of idealised legs between there and :math:`m`; without a table P is the same at any stiffness. The
+trend is small where :math:`m_1` is near what is identified, and each further solve measures what is
+wrong with it. Its error replaces that of the table.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from scipy.interpolate import RegularGridInterpolator
+
+from legfem.common.documents import write_document
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
+from legfem.solve.force_curve import ForceCurve
+
+SCHEMA = 1
+KIND = "3d-correction"
+DEFINITION = "P(d) = 1 - (RF3D(d) / L) / RF2D(d); RF3D = (1 - P) L RF2D"
+FIRST_RATIO = 2.5
+"""Displacement (mm) from which the ratio of the forces is used."""
+_ORDER = 6
+
+
+def smooth_ratio(
+    spatial: ForceCurve, plane: ForceCurve, displacement: FloatArray, first: float = FIRST_RATIO
+) -> FloatArray:
+    """Return P at displacements (mm), smooth down to first contact.
+
+    Parameters
+    ----------
+    spatial, plane
+        Forces of the whole cylinder (N) in 3D and in plane strain.
+    displacement
+        mm, from 0 on.
+    first
+        Where the fit begins (mm).
+    """
+    depth = min(spatial.depth, plane.depth)
+    at = spatial.displacement[(spatial.displacement >= first) & (spatial.displacement <= depth)]
+    order = min(_ORDER, len(at) - 1)
+    fit = Polynomial.fit(at, 1 - spatial(at) / plane(at), order)
+    value, slope = fit(first), fit.deriv()(first)
+    below = value + slope * (displacement**2 - first**2) / (2 * first)
+    return np.where(displacement < first, below, fit(np.maximum(displacement, first)))
+
+
+def mesh_error(fine: FloatArray, rough: FloatArray, ratio: float) -> FloatArray:
+    """Return the error of a fine mesh's P by Richardson's estimate, for second-order convergence.
+
+    ``ratio`` is the size of the fine mesh's elements over that of the rough one's.
+    """
+    return np.asarray((fine - rough) / (ratio**-2 - 1))
+
+
+def first_contact_error(
+    spatial: ForceCurve, plane: ForceCurve, displacement: FloatArray, smooth: FloatArray
+) -> FloatArray:
+    """Return how far a smooth P is from the plain ratio of the forces, zero without force."""
+    force = plane(displacement)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        plain = 1 - spatial(displacement) / force
+    return np.where(force > 0, plain - smooth, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class TabulatedCorrection:
+    """P(d) for a range of the deep tissue's stiffness.
+
+    Parameters
+    ----------
+    name
+        What reports call it.
+    displacement
+        (n,), mm.
+    c10
+        (m,), kPa.
+    stiffening
+        (k,), :math:`q = C_{20} / (C_{10} + C_{20})`.
+    values
+        P, (m, k, n).
+    errors
+        Modes of P's error, (n,) each, by what causes them.
+    given
+        Geometry, material, mesh and numbers of the calibration, for the file.
+    """
+
+    name: str
+    displacement: FloatArray
+    c10: FloatArray
+    stiffening: FloatArray
+    values: FloatArray
+    errors: Mapping[str, FloatArray]
+    given: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Prepare the interpolation; a single point of an axis stands for all its values."""
+        axes = (np.log(self.c10), self.stiffening, self.displacement)
+        values, wide = self.values, []
+        for number, axis in enumerate(axes):
+            if len(axis) == 1:
+                axis = np.array([axis[0], axis[0] + 1])
+                values = np.repeat(values, 2, axis=number)
+            wide.append(axis)
+        object.__setattr__(self, "_table", RegularGridInterpolator(tuple(wide), values))
+        object.__setattr__(self, "_bounds", [(axis[0], axis[-1]) for axis in wide])
+
+    def correction(self, displacement: FloatArray, c10: FloatArray, c20: FloatArray) -> FloatArray:
+        """Return P (..., n) at displacements (n,) in mm for stiffnesses (...) in kPa."""
+        c10, c20 = np.asarray(c10, dtype=float), np.asarray(c20, dtype=float)
+        stiff = np.stack(np.broadcast_arrays(np.log(c10), c20 / (c10 + c20)), axis=-1)
+        shape = (*stiff.shape[:-1], len(displacement))
+        at = np.empty((*shape, 3))
+        at[..., :2] = stiff[..., None, :]
+        at[..., 2] = displacement
+        for number, (low, high) in enumerate(self._bounds):  # type: ignore[attr-defined]
+            at[..., number] = np.clip(at[..., number], low, high)
+        return np.asarray(self._table(at))  # type: ignore[attr-defined]
+
+    def factor(self, displacement: FloatArray, c10: FloatArray, c20: FloatArray) -> FloatArray:
+        """Return ``1 - P`` (..., n)."""
+        return 1 - self.correction(displacement, c10, c20)
+
+    def covariance(self, displacement: FloatArray, c10: float, c20: float) -> FloatArray:
+        """Return the covariance (n, n) of P's error, relative to the corrected force."""
+        total = np.zeros((len(displacement), len(displacement)))
+        for relative in self.relative_errors(displacement, c10, c20).values():
+            total += np.outer(relative, relative)
+        return total
+
+    def relative_errors(self, displacement: FloatArray, c10: float, c20: float) -> dict[str, FloatArray]:
+        """Return the modes (n,) of P's error, relative to the corrected force.
+
+        The force's relative error is that of P over the factor.
+        """
+        factor = self.factor(displacement, np.asarray(c10), np.asarray(c20))
+        return {name: np.interp(displacement, self.displacement, mode) / factor for name, mode in self.errors.items()}
+
+    def standard_deviation(self, displacement: FloatArray) -> FloatArray:
+        """Return that of P's error at displacements (n,) in mm."""
+        modes = [np.interp(displacement, self.displacement, m) for m in self.errors.values()]
+        return np.sqrt(np.sum(np.square(modes), axis=0))
+
+    def write(self, path: Path) -> Path:
+        """Write the correction as JSON."""
+        return write_document(
+            path,
+            {
+                "schema": SCHEMA,
+                "kind": KIND,
+                "name": self.name,
+                "definition": DEFINITION,
+                "first_ratio_mm": FIRST_RATIO,
+                **self.given,
+                "displacement_mm": _rounded(self.displacement),
+                "c10_kPa": self.c10.tolist(),
+                "c20_over_c10_plus_c20": self.stiffening.tolist(),
+                "P": _rounded(self.values),
+                "errors": {name: _rounded(mode) for name, mode in self.errors.items()},
+            },
+        )
+
+
+def _rounded(values: FloatArray) -> Any:
+    return np.round(values, 7).tolist()
+
+
+_KNOWN = ("displacement_mm", "c10_kPa", "c20_over_c10_plus_c20", "P", "errors")
+
+
+def read_correction(path: Path) -> TabulatedCorrection:
+    """Read a correction's file.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it is not a whole correction.
+    """
+    try:
+        content = json.loads(path.read_text())
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(
+            path,
+            "--correction",
+            f"can't be read ({error})",
+            "give a file that python -m legfem.study correction wrote, or none",
+        ) from None
+    if not isinstance(content, dict) or content.get("kind") != KIND:
+        raise InputError(path, "kind", f"is not {KIND}", "give a file that legfem.study correction wrote")
+    if content.get("schema") != SCHEMA:
+        raise InputError(path, "schema", f"is {content.get('schema')}", f"this legfem reads schema {SCHEMA}")
+    try:
+        displacement, c10, stiffening, values = (np.array(content[name], dtype=float) for name in _KNOWN[:-1])
+        errors = {name: np.array(mode, dtype=float) for name, mode in content["errors"].items()}
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(path, "P", f"is not a whole correction ({error!r})", "calibrate it again") from None
+    shape = (len(c10), len(stiffening), len(displacement))
+    fits = values.shape == shape and all(len(mode) == shape[2] for mode in errors.values())
+    axes = (c10, stiffening, displacement)
+    sound = all(len(axis) > 0 and np.all(np.diff(axis) > 0) for axis in axes) and np.all(c10 > 0)
+    if not (fits and sound and np.all(np.isfinite(values)) and np.all(values < 1)):
+        raise InputError(
+            path, "P", f"has shape {values.shape} on axes of {shape}, or values that can't be", "calibrate it again"
+        )
+    given = {
+        name: value
+        for name, value in content.items()
+        if name not in (*_KNOWN, "schema", "kind", "name", "definition", "first_ratio_mm")
+    }
+    return TabulatedCorrection(
+        str(content.get("name", path.stem)), displacement, c10, stiffening, values, errors, given
+    )
+
+
+def confirmed_correction(
+    name: str,
+    trend: TabulatedCorrection | None,
+    stiffness: tuple[float, float],
+    displacement: FloatArray,
+    P: FloatArray,
+    errors: Mapping[str, FloatArray],
+) -> TabulatedCorrection:
+    """Return the correction of a leg that was solved in 3D.
+
+    Parameters
+    ----------
+    name
+        What reports call it.
+    trend
+        How P changes with the stiffness; not at all without one.
+    stiffness
+        C10 and C20 of the deep tissue (kPa) that it was solved with.
+    displacement, P
+        (n,), mm and what was found there.
+    errors
+        Modes of P's error, (n,) each, by what causes them.
+    """
+    c10, c20 = stiffness
+    if trend is None:
+        return TabulatedCorrection(
+            name, displacement, np.array([c10]), np.array([c20 / (c10 + c20)]), P[None, None, :], errors
+        )
+    across, q = trend.c10[:, None], trend.stiffening[None, :]
+    table = trend.correction(displacement, across + 0 * q, across * q / (1 - q))
+    there = trend.correction(displacement, np.asarray(c10), np.asarray(c20))
+    return replace(trend, name=name, displacement=displacement, values=P + table - there, errors=errors, given={})

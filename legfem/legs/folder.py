@@ -1,0 +1,228 @@
+"""Writing a subject folder from a section, with or without recordings."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
+from legfem.data import Instrument, Recording, write_recording
+from legfem.geometry.contours import write_contours
+from legfem.geometry.cross_sections import facing_point, section_from_outlines
+from legfem.geometry.plane import CuttingPlane
+from legfem.geometry.section import LegSection
+
+if TYPE_CHECKING:
+    from legfem.imaging.leg_source import LegSource
+
+_TEMPLATE = """\
+id = {id}
+title = {title}
+origin = "{origin}"
+
+[section]
+contours = "contours.csv"
+fascia_thickness_mm = {thickness}
+
+[indenter]
+diameter_mm = 30.0
+length_mm = 50.0
+aim_mm = [{x:.4f}, {y:.4f}]  # a point on the line of travel
+direction_deg = {direction}  # of travel, from +x, counter-clockwise
+
+[tissues.deep]
+# C10_kPa and C20_kPa are what is identified.
+{deep}
+
+[tissues.superficial]
+law = "neo-hookean"
+C10_kPa = 2.0
+D1_per_MPa = 22.5
+
+[tissues.fascia]
+law = "neo-hookean"
+C10_kPa = 100.0
+D1_per_MPa = 22.5
+
+[instrument]
+# Give your instruments' own figures.
+{instrument}
+
+[recordings]
+# Whether displacement counts from first touch; if false, first contact is looked for.
+starts_at_contact = {starts_at_contact}
+{ends}"""
+_DEEP = {
+    "neo-hookean": 'law = "neo-hookean"\nD1_per_MPa = 28.0',
+    "reduced-polynomial": 'law = "reduced-polynomial"\nD1_per_MPa = 28.0\nD2_per_MPa = 28.0',
+}
+_PAPER_INSTRUMENT = """\
+force_accuracy_percent = 0.25
+force_range_N = 100.0
+displacement_accuracy_mm = 0.25"""
+
+
+def folder_of_leg(
+    source: LegSource,
+    level: float,
+    out: Path,
+    fascia_thickness: float = 0.6,
+    aim: FloatArray | None = None,
+    direction_deg: float = 270.0,
+) -> Path:
+    """Make a subject folder of one level of a scanned leg.
+
+    Tissues, indenter and instruments are the first paper's; put recordings into
+    ``recordings/`` and the instruments' own figures into ``subject.toml``.
+
+    Parameters
+    ----------
+    source : LegSource
+        A label volume, contours at several levels, or surfaces.
+    level : float
+        mm.
+    out : Path
+        The folder to make; must not exist, or be empty.
+    fascia_thickness : float
+        mm.
+    aim : (2,) array, optional
+        A point on the cylinder's line of travel, mm; by default the skin's point that faces it.
+    direction_deg : float
+        Direction of travel from +x, counter-clockwise; 270 presses along -y.
+
+    Returns
+    -------
+    Path
+        ``out``.
+
+    Raises
+    ------
+    InputError
+        If the leg can't be used or ``out`` isn't empty; nothing is written then.
+    """
+    outlines = source.outlines(CuttingPlane.at_level(level))
+    section = section_from_outlines(outlines, fascia_thickness, source.name)
+    title = f"{Path(source.name).name}, level {level:g} mm"
+    angle = np.deg2rad(direction_deg)
+    travel = np.array([np.cos(angle), np.sin(angle)])
+    target = facing_point(section, travel) if aim is None else aim
+    return write_subject_folder(section, out, title, target, direction_deg)
+
+
+def write_subject_folder(
+    section: LegSection,
+    out: Path,
+    title: str,
+    aim: FloatArray,
+    direction_deg: float,
+    origin: str = "measured",
+    recordings: Sequence[Recording] = (),
+    starts_at_contact: bool = False,
+    plane_strain: bool | None = None,
+    instrument: Instrument | None = None,
+    deep_law: str = "reduced-polynomial",
+) -> Path:
+    """Write ``subject.toml``, ``contours.csv`` and the recordings, all or nothing.
+
+    The instruments are the first paper's where none is given. ``plane_strain`` says whether
+    simulated recordings know no ends of the cylinder, and may stay open.
+
+    Raises
+    ------
+    InputError
+        If ``out`` exists and isn't an empty folder, or can't be written.
+    """
+    out = Path(out)
+    check_new_folder(out)
+    text = subject_text(
+        plain_id(out.resolve().name),
+        title,
+        origin,
+        section.fascia_thickness,
+        aim,
+        direction_deg,
+        starts_at_contact,
+        instrument,
+        deep_law,
+        plane_strain,
+    )
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
+    except OSError as error:
+        raise InputError(
+            "--out", str(out), f"can't be written ({error})", "give a folder that you may write to"
+        ) from None
+    try:
+        (scratch / "recordings").mkdir()
+        for recording in recordings:
+            write_recording(recording, scratch / "recordings" / f"{recording.trial}.csv")
+        write_contours(section, scratch / "contours.csv")
+        (scratch / "subject.toml").write_text(text, encoding="utf-8")
+        _check_loads(scratch)
+        scratch.chmod(0o755)
+        scratch.replace(out)
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+    return out
+
+
+def subject_text(
+    name: str,
+    title: str,
+    origin: str,
+    fascia_thickness: float,
+    aim: Sequence[float] | FloatArray,
+    direction_deg: float,
+    starts_at_contact: bool = False,
+    instrument: Instrument | None = None,
+    deep_law: str = "reduced-polynomial",
+    plane_strain: bool | None = None,
+) -> str:
+    """Return the text of a ``subject.toml``; lengths in mm, the tissues are the first paper's."""
+    return _TEMPLATE.format(
+        id=_toml_string(name),
+        title=_toml_string(title),
+        origin=origin,
+        thickness=fascia_thickness,
+        x=float(aim[0]),
+        y=float(aim[1]),
+        direction=float(direction_deg),
+        starts_at_contact=str(starts_at_contact).lower(),
+        ends="" if plane_strain is None else f"plane_strain = {str(plane_strain).lower()}\n",
+        deep=_DEEP[deep_law],
+        instrument=_PAPER_INSTRUMENT
+        if instrument is None
+        else f"force_sd_N = {instrument.force_sd}\ndisplacement_sd_mm = {instrument.displacement_sd}",
+    )
+
+
+def check_new_folder(out: Path) -> None:
+    """Raise InputError if a folder exists and isn't empty."""
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise InputError("--out", str(out), "exists already", "give a new folder or remove it")
+
+
+def _check_loads(folder: Path) -> None:
+    # Imported here: a subject stands above geometry.
+    from legfem.legs.loading import load_subject
+
+    load_subject(folder, need_recordings=False)
+
+
+def plain_id(name: str) -> str:
+    """Return a folder's name without what an id may not have."""
+    return re.sub(r"[^\w. -]", "-", name).lstrip(". -") or "leg"
+
+
+def _toml_string(text: str) -> str:
+    # A JSON string is a TOML basic string.
+    return json.dumps(text)

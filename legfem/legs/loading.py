@@ -1,0 +1,191 @@
+"""A subject out of the folder that gives it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+
+from legfem.common.errors import InputError
+from legfem.common.text_file import check_shown
+from legfem.common.units import kpa_to_mpa
+from legfem.data import Channels, Instrument, Recording, read_instrument_file, read_recording, seen_instrument
+from legfem.data.formats import READERS
+from legfem.geometry.indenter import Indenter
+from legfem.geometry.section import LegSection, first_crossing
+from legfem.legs.elastography import ShearModulus, fibre_ratio
+from legfem.legs.placement import placed
+from legfem.legs.plausibility import doubts_about
+from legfem.legs.schema import SUBJECTS, SubjectFile, TissueEntry, site_names, subject_entry
+from legfem.legs.subject import LegAccuracy, MeasuredEffect, SitedLeg, Subject, TissueParameters
+
+
+def load_sites(directory: Path) -> SitedLeg | None:
+    """Load all sites of a leg's folder, or None where it has no ``[[site]]``.
+
+    Raises
+    ------
+    InputError
+        As `load_subject` does.
+    """
+    directory = Path(directory)
+    names = site_names(SUBJECTS.opened(directory))
+    if not names:
+        return None
+    sites = tuple(_site(directory, name) for name in names)
+    first = sites[0]
+    leg_id, title = (
+        text.removesuffix(f"{joint}{first.site}") for text, joint in ((first.id, "-"), (first.title, ", "))
+    )
+    return SitedLeg(leg_id, title, sites, directory)
+
+
+def _site(directory: Path, name: str) -> Subject:
+    try:
+        return load_subject(directory, site=name)
+    except InputError as error:
+        told = f"site {name}, "
+        field = error.field if error.field.startswith(told) else told + error.field
+        raise InputError(error.source, field, error.problem, error.remedy) from None
+
+
+def load_subject(
+    directory: Path, need_recordings: bool = True, need_instrument: bool = True, site: str = ""
+) -> Subject:
+    """Load a subject folder: ``subject.toml``, contours or a scan, and ``recordings/*.csv``.
+
+    Parameters
+    ----------
+    directory : Path
+        The folder.
+    need_recordings : bool
+        False loads the leg alone and reads no recordings.
+    need_instrument : bool
+        False lets ``[instrument]`` be absent: its errors are then those seen in the recordings.
+    site : str
+        Of a leg with several ``[[site]]`` which.
+
+    Raises
+    ------
+    InputError
+        If anything in the folder is missing, wrong or impossible; names file, field and remedy.
+        What is only unlikely `legfem.legs.plausibility.doubts_about` tells.
+    """
+    directory = Path(directory)
+    toml = SUBJECTS.opened(directory)
+    entry = subject_entry(toml, site)
+    given = entry.given
+    place = placed(directory, toml, given)
+    section = place.section
+    indenter = Indenter(
+        radius=given.indenter.diameter_mm / 2,
+        length=given.indenter.own_length,
+        aim=place.aim,
+        direction_deg=place.direction_deg,
+        shape=given.indenter.shape,
+        axis_deg=place.axis_deg,
+    )
+    _check_aim(toml, section, indenter)
+    channels = given.recordings.channels()
+    folder = directory / entry.recordings
+    recordings = _recordings(folder, channels) if need_recordings else ()
+    moduli = tuple(map(ShearModulus.of, given.elastography))
+    deep = given.tissues.deep
+    subject = Subject(
+        id=given.id,
+        title=given.title,
+        origin=given.origin,
+        section=section,
+        indenter=indenter,
+        tissues=MappingProxyType(_tissues(given, moduli)),
+        instrument=_instrument(toml, given, recordings, need_instrument),
+        recordings=recordings,
+        directory=directory,
+        starts_at_contact=given.recordings.starts_at_contact,
+        plane_strain=(
+            given.origin != "measured" if given.recordings.plane_strain is None else given.recordings.plane_strain
+        ),
+        plane_strain_stated=given.recordings.plane_strain is not None,
+        accuracy=LegAccuracy(
+            given.accuracy.contour_sd_mm,
+            given.accuracy.aim_sd_mm,
+            given.accuracy.direction_sd_deg,
+            _relative(given.accuracy.assumed_sd_percent),
+        ),
+        confirmed=tuple(given.confirmed),
+        cut_from=place.cut_from,
+        landmark_residual=place.landmark_residual,
+        site=entry.site,
+        elastography=moduli,
+        fibres=fibre_ratio(moduli, deep.fibre_ratio, deep.fibre_ratio_sd),
+        measured=tuple(MeasuredEffect(**entry.model_dump()) for entry in given.measured),
+    )
+    doubts_about(subject)
+    return subject
+
+
+def _relative(percent: float | None) -> float | None:
+    return None if percent is None else percent / 100
+
+
+def _tissues(given: SubjectFile, moduli: Sequence[ShearModulus]) -> dict[str, TissueParameters]:
+    """Return the tissues' laws; what was measured of fat takes the place of what was assumed."""
+    tissues = {name: _tissue(getattr(given.tissues, name)) for name in ("deep", "superficial", "fascia")}
+    for one in moduli:
+        if one.tissue == "superficial":
+            tissues[one.tissue] = replace(tissues[one.tissue], C10=one.C10)
+    return tissues
+
+
+def _tissue(entry: TissueEntry) -> TissueParameters:
+    def stress(value: float | None) -> float | None:
+        return None if value is None else kpa_to_mpa(value)
+
+    return TissueParameters(
+        law=entry.law, C10=stress(entry.C10_kPa), C20=stress(entry.C20_kPa), D1=entry.D1_per_MPa, D2=entry.D2_per_MPa
+    )
+
+
+def _instrument(toml: Path, given: SubjectFile, recordings: Sequence[Recording], needed: bool) -> Instrument:
+    entry = given.instrument
+    if entry is not None:
+        return Instrument(entry.force_sd(), entry.displacement_sd())
+    if needed:
+        raise InputError(toml, "instrument", "missing", "add force_sd_N and displacement_sd_mm, or accuracies")
+    return seen_instrument(recordings)
+
+
+def _recordings(folder: Path, channels: Channels | None) -> tuple[Recording, ...]:
+    there = sorted(f for f in folder.glob("*") if f.suffix.lower() in READERS)
+    files = there if channels is not None else [f for f in there if f.suffix.lower() == ".csv"]
+    if not files:
+        raise InputError(
+            folder,
+            "*.csv",
+            "there are no recordings",
+            "run `python -m legfem.data look` on the instrument's files, and give [recordings]"
+            if there
+            else "put one CSV file a trial there: time_s,displacement_mm,force_N",
+        )
+    check_shown(*files)
+    stems = [file.stem for file in files]
+    twice = next((stem for stem in stems if stems.count(stem) > 1), None)
+    if twice is not None:
+        raise InputError(folder, twice, "two files have this name", "keep one file a trial, of one format")
+    if channels is None:
+        return tuple(read_recording(file) for file in files)
+    return tuple(read_instrument_file(file, channels) for file in files)
+
+
+def _check_aim(toml: Path, section: LegSection, indenter: Indenter) -> None:
+    skin = section.polygon("skin").exterior
+    try:
+        first_crossing(skin, indenter.aim, indenter.direction)
+    except ValueError:
+        raise InputError(
+            toml,
+            "indenter.aim_mm",
+            "the line of travel through this point misses the leg",
+            "give a point of the leg in the contours' coordinates, and direction_deg from +x",
+        ) from None

@@ -1,0 +1,235 @@
+"""Where a leg is pressed: its section and the line of travel in it, and its shape in 3D about the indenter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from legfem.common.errors import InputError
+from legfem.common.tables import read_table
+from legfem.common.units import FloatArray
+from legfem.geometry.contours import read_contours
+from legfem.geometry.cross_sections import section_from_outlines
+from legfem.geometry.leg_shape import HULL, SKIN, LegShape, shape_of_contours
+from legfem.geometry.plane import CuttingPlane, turn_about_travel
+from legfem.geometry.rigid import RigidTransform
+from legfem.geometry.section import BONES, LegSection
+from legfem.geometry.shape_motion import rigidly_moved
+from legfem.imaging.registration import register_points
+from legfem.imaging.shape_entry import existing
+from legfem.legs.schema import SUBJECTS, IndenterEntry, SubjectFile, subject_entry
+from legfem.legs.subject import Subject
+
+if TYPE_CHECKING:
+    from legfem.imaging.leg_source import LegSource
+
+_LANDMARKS = ("name", "x_mm", "y_mm", "z_mm", "scan_x_mm", "scan_y_mm", "scan_z_mm")
+_MOST_APART = 6.0
+"""Root mean square (mm) of registered landmarks' distances beyond which they aren't the same."""
+_RATHER_ACROSS_DEG = 45.0
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """A section, and a line of travel in its plane."""
+
+    section: LegSection
+    aim: FloatArray
+    """(2,), mm."""
+    direction_deg: float
+    cut_from: str = ""
+    """File and plane, where the section was cut."""
+    landmark_residual: float | None = None
+    """Root mean square of the distances of registered landmarks, mm; None without any."""
+    source: LegSource | None = None
+    """What the section was cut from; None where its contours alone are given."""
+    plane: CuttingPlane | None = None
+    """In which it was cut."""
+    axis_deg: float = 0.0
+    """By which a cylinder is turned about its travel, from lying square to the plane."""
+
+
+def placed(directory: Path, toml: Path, given: SubjectFile) -> Placement:
+    """Read or cut the section, and bring the line of travel into its plane.
+
+    Raises
+    ------
+    InputError
+        If a file is missing or wrong, or the plane doesn't cut a leg; names file, field and remedy.
+    """
+    entry, indenter = given.section, given.indenter
+    thickness = entry.fascia_thickness_mm
+    if not given.is_cut:
+        assert entry.contours is not None and indenter.aim_mm is not None
+        assert indenter.direction_deg is not None
+        path = existing(directory, entry.contours, toml, "section.contours")
+        section = read_contours(path, thickness)
+        aim = np.array(indenter.aim_mm)
+        return Placement(section, aim, indenter.direction_deg, axis_deg=indenter.axis_deg or 0.0)
+    # Readers of scans are slow to import, and most folders have none.
+    from legfem.imaging.leg_source import LegSource
+
+    source = LegSource.opened(directory, toml, "section", entry, given.labels)
+    if indenter.position_mm is None:
+        assert entry.level_mm is not None and indenter.aim_mm is not None
+        assert indenter.direction_deg is not None
+        plane = CuttingPlane.at_level(entry.level_mm)
+        section = section_from_outlines(source.outlines(plane), thickness, source.name)
+        cut = f"{Path(source.name).name}, {plane}"
+        aim = np.array(indenter.aim_mm)
+        return Placement(
+            section, aim, indenter.direction_deg, cut, source=source, plane=plane, axis_deg=indenter.axis_deg or 0.0
+        )
+    if source.volume is not None and not source.volume.transform:
+        raise InputError(
+            source.name,
+            "header",
+            "says not where the volume lies, which a pose needs",
+            "save it with its transform, or give the DICOM series it was labelled on as series",
+        )
+    motion, residual = _to_scan(directory, toml, indenter)
+    position = motion(np.array(indenter.position_mm))
+    direction = motion.rotation @ np.array(indenter.direction)
+    axis = None if indenter.axis is None else motion.rotation @ np.array(indenter.axis)
+    turn = indenter.axis_deg or 0.0
+    if axis is not None:
+        found = turn_about_travel(direction, axis, str(toml))
+        # Of a cylinder that lies rather across the leg, the section still is one of the leg.
+        axis, turn = (None, found) if abs(found) > _RATHER_ACROSS_DEG else (axis, 0.0)
+    plane = CuttingPlane.of_cylinder(position, direction, axis, str(toml))
+    section = section_from_outlines(source.outlines(plane), thickness, source.name)
+    along = plane.flat(direction)
+    angle = float(np.degrees(np.arctan2(along[1], along[0]))) % 360.0
+    cut = f"{Path(source.name).name}, {plane}"
+    return Placement(section, plane.flat(position), angle, cut, residual, source, plane, turn)
+
+
+def _to_scan(directory: Path, toml: Path, indenter: IndenterEntry) -> tuple[RigidTransform, float | None]:
+    """Return the motion from where the pose was measured to the scan, and what it leaves (mm)."""
+    if indenter.landmarks is None:
+        return RigidTransform(), None
+    path = existing(directory, indenter.landmarks, toml, "indenter.landmarks")
+    table = read_table(path, _LANDMARKS, text=("name",))
+    here, there = (table[list(columns)].to_numpy(np.float64) for columns in (_LANDMARKS[1:4], _LANDMARKS[4:]))
+    if len(table) < 3:
+        raise InputError(path, "rows", f"{len(table)} landmarks are too few", "give three or more")
+    found = register_points(here, there)
+    apart = np.linalg.norm(found.transform(here) - there, axis=1)
+    if found.residual > _MOST_APART:
+        worst = table.iloc[int(np.argmax(apart))]
+        raise InputError(
+            path,
+            str(worst["name"]),
+            f"lies {apart.max():.1f} mm off once registered ({found.residual:.1f} mm in the mean)",
+            "are points exchanged, or x and y of another sign (RAS)? give both in mm",
+        )
+    return found.transform, found.residual
+
+
+LENGTH = 120.0
+"""Of the leg that is modelled (mm), as that of the tabulated correction's idealised legs."""
+_LEVELS = 5
+_BEYOND = 10.0
+"""Past the ends (mm) a scan is read, so that they are smooth, and square to a tilted cylinder."""
+_SHORT = 1.0
+"""mm that a scan may lack before it is said."""
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialLeg:
+    """A segment of a leg, the middle of the cylinder's axis at z = 0, its axis along z.
+
+    Parameters
+    ----------
+    shape
+        In the coordinates of the subject's section.
+    source
+        What the shape was taken from, in words.
+    extruded
+        Whether one section stands for the whole length, which is an assumption.
+    """
+
+    shape: LegShape
+    source: str
+    extruded: bool
+
+    def trimmed(self, held: float, share: float) -> SpatialLeg:
+        """Return the leg with a share of what lies beyond the middle ``held`` (mm) cut away."""
+        half = 0.5 * held
+        low, high = self.shape.levels[0], self.shape.levels[-1]
+        z = np.linspace(low + share * (-half - low), high - share * (high - half), len(self.shape.levels))
+        return replace(self, shape=self.shape.at_levels(z))
+
+
+def spatial_leg(subject: Subject) -> SpatialLeg:
+    """Return the leg in 3D about a subject's cylinder.
+
+    It is taken from the scan, the stacked contours or the surfaces that the section was cut from.
+    Where contours of one level are all there is, they are extruded.
+
+    Raises
+    ------
+    InputError
+        If what it is taken from doesn't hold the cylinder's whole length, or can't be read.
+    """
+    toml = SUBJECTS.opened(subject.directory)
+    given = subject_entry(toml, subject.site).given
+    length = given.section.length_mm or LENGTH
+    held = subject.indenter.extent
+    if length <= held:
+        raise InputError(
+            toml,
+            "section.length_mm",
+            f"{length:g} mm is no longer than the cylinder",
+            f"give more than {held:g} mm, twice that or more",
+        )
+    place = placed(subject.directory, toml, given)
+    if place.source is None:
+        words = f"the measured section, extruded over {length:g} mm (assumed)"
+        return SpatialLeg(_extruded(subject.section, length), words, True)
+    shape = _about(place, 0.5 * length)
+    low, high = (float(shape.levels[k]) for k in (0, -1))
+    half = 0.5 * held
+    if low > -half or high < half:
+        raise InputError(
+            place.source.name,
+            "levels",
+            f"reach from {low:.4g} to {high:.4g} mm about the cylinder's middle, which takes {held:g} mm",
+            "scan a longer part of the leg, or press elsewhere",
+        )
+    words = f"{Path(place.source.name).name}, {low:.4g} to {high:+.4g} mm about the cylinder"
+    if high - low < length - _SHORT:
+        words += f" (all there is of {length:g} mm)"
+    return SpatialLeg(shape, words, False)
+
+
+def _extruded(section: LegSection, length: float) -> LegShape:
+    names = {SKIN: "skin", HULL: "fascia", **{bone: bone for bone in BONES}}
+    contours = {part: [section.contour(name)] * _LEVELS for part, name in names.items()}
+    return shape_of_contours(np.linspace(-length / 2, length / 2, _LEVELS), contours)
+
+
+def _about(place: Placement, half: float) -> LegShape:
+    """Return the shape in the coordinates of the plane, up to ``half`` (mm) on either side."""
+    plane, source = place.plane, place.source
+    assert plane is not None and source is not None
+    normal, tilt = plane.normal, float(np.hypot(plane.normal[0], plane.normal[1]))
+    # How far the plane itself goes up and down over the leg.
+    reach = (half + _BEYOND) * float(normal[2])
+    outline = place.section.skin
+    corners = outline[:, :1] * plane.axes[0] + outline[:, 1:] * plane.axes[1]
+    above = (corners + (normal @ plane.point) * normal)[:, 2]
+    shape = source.shape_between(float(above.min()) - reach, float(above.max()) + reach)
+    shift = -float(normal @ plane.point)
+    if tilt < 1e-9:
+        moved = LegShape(shape.levels + shift, shape.contours)
+    else:
+        moved = rigidly_moved(shape, np.vstack([plane.axes, normal]), np.array([0.0, 0.0, shift]))
+    low, high = max(-half, moved.levels[0]), min(half, moved.levels[-1])
+    if low >= high:
+        return moved
+    inside = moved.levels[(moved.levels > low + 0.1) & (moved.levels < high - 0.1)]
+    return moved.at_levels(np.concatenate([[low], inside, [high]]))

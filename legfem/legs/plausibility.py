@@ -1,0 +1,210 @@
+"""What in a subject can't be (an error) or is unlikely (a doubt): units, sizes, aim, tissues.
+
+The recordings are looked at in `legfem.legs.plausible_recordings`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from shapely import Point, Polygon
+
+from legfem.common.doubts import Doubt
+from legfem.common.units import FloatArray, mpa_to_kpa
+from legfem.data import ranges
+from legfem.geometry.section import BONES, PARTS, first_crossing, girth
+from legfem.legs.elastography import doubts_about_elastography
+from legfem.legs.plausible_recordings import doubts_about_recordings
+
+if TYPE_CHECKING:
+    from legfem.legs.subject import Subject, TissueParameters
+
+_GRAZING_DEG = 30.0
+"""Between travel and the skin's inward normal, beyond which a cylinder slides off."""
+_MISSING_DEG = 60.0
+_SHARP_DEG = 60.0
+_FAR_OUT, _FAR_OUT_MM = 3.0, 1.0
+"""Times the points' distance, or mm, that a spike is long."""
+_LANDMARKS_MM = 2.0
+"""Of error in the aim, which a diagnosis assumes without a word."""
+_MOST_OF_LEG = 0.8
+"""Of the leg's thickness along the line of travel: no deeper without a bone either."""
+
+
+def doubts_about(subject: Subject) -> tuple[Doubt, ...]:
+    """Return what is unlikely in a subject, but for what its folder says was confirmed.
+
+    Raises
+    ------
+    InputError
+        For what can't be; names file, field and remedy.
+    """
+    toml = subject.directory / "subject.toml"
+    found = [
+        *doubts_about_size(toml, "section.contours", girth(subject.section), subject.section.tibia),
+        *ranges.FASCIA_THICKNESS.doubts(toml, "section.fascia_thickness_mm", subject.section.fascia_thickness),
+        *(d for part in PARTS for d in _spike(toml, part, getattr(subject.section, part))),
+        *_landmarks(toml, subject),
+        *_indenter(toml, subject),
+        *(d for name, t in subject.tissues.items() for d in _tissue(toml, f"tissues.{name}", t)),
+        *doubts_about_elastography(toml, subject.elastography),
+        *doubts_about_recordings(subject, toml, room_before(subject)),
+    ]
+    return tuple(doubt for doubt in found if doubt.field not in subject.confirmed)
+
+
+def doubts_about_size(toml: Path, field: str, around: float, tibia: FloatArray) -> Iterator[Doubt]:
+    """Yield a doubt about a section that is too large or too small for a leg.
+
+    Parameters
+    ----------
+    toml, field
+        What names the section.
+    around
+        Its girth, mm.
+    tibia : (n, 2) array
+        Its outline, mm: bones are of one size where flesh isn't.
+
+    Raises
+    ------
+    InputError
+        For what no leg is.
+    """
+    remedy = "check that the coordinates are whole lengths in mm, not halved, nor in pixels"
+    width = math.sqrt(4 * Polygon(tibia).area / math.pi)
+    found = [*ranges.GIRTH.doubts(toml, field, around, remedy), *ranges.TIBIA.doubts(toml, field, width, remedy)]
+    low, high = ranges.LEG_MM2
+    if not found and not low <= around * width <= high:
+        size = "small" if around * width < low else "large"
+        problem = f"a girth of {around:.0f} mm with a tibia {width:.0f} mm wide: both are {size}"
+        found.append(Doubt(str(toml), field, f"{problem}, as if the section were scaled", remedy))
+    yield from found[:1]
+
+
+def poisson_ratio(tissue: TissueParameters) -> float | None:
+    """Return Poisson's ratio at small strain; None for a tissue without a stiffness."""
+    if tissue.C10 is None:
+        return None
+    bulk, shear = 2 / tissue.D1, 2 * tissue.C10
+    return (3 * bulk - 2 * shear) / (6 * bulk + 2 * shear)
+
+
+def room_before(subject: Subject) -> float:
+    """Return how far the cylinder can go from first touch until it meets a bone, mm.
+
+    At most 0.8 of the leg's thickness there.
+    """
+    section, indenter = subject.section, subject.indenter
+    skin, travel = section.polygon("skin"), (indenter.aim, indenter.direction)
+    touch = first_crossing(skin.buffer(indenter.radius).exterior, *travel)
+    near = first_crossing(skin.exterior, *travel)
+    far = -first_crossing(skin.exterior, indenter.aim, -indenter.direction)
+    reached = [_MOST_OF_LEG * (far - near)]
+    for bone in BONES:
+        try:
+            grown = section.polygon(bone).buffer(indenter.radius).exterior
+            reached.append(first_crossing(grown, *travel) - touch)
+        except ValueError:
+            continue
+    return min(reached)
+
+
+def _spike(toml: Path, part: str, outline: FloatArray) -> Iterator[Doubt]:
+    """Yield a doubt about a point of an outline (n, 2) that stands out alone, by how far it does.
+
+    The line to it goes out and back much farther than points lie apart.
+    """
+    before, after = np.roll(outline, 1, axis=0) - outline, np.roll(outline, -1, axis=0) - outline
+    ways = np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)
+    shorter = np.minimum(*ways)
+    cosine = np.sum(before * after, axis=1) / np.maximum(ways[0] * ways[1], 1e-12)
+    out = np.where(cosine > math.cos(math.radians(_SHARP_DEG)), shorter, 0.0)
+    worst = int(np.argmax(out))
+    if out[worst] > _FAR_OUT * max(float(np.median(ways[1])), _FAR_OUT_MM):
+        x, y = outline[worst]
+        yield Doubt(
+            str(toml),
+            "section.contours",
+            f"the {part} has a spike of {out[worst]:.2g} mm at ({x:.1f}, {y:.1f})",
+            "remove the point",
+        )
+
+
+def _landmarks(toml: Path, subject: Subject) -> Iterator[Doubt]:
+    apart = subject.landmark_residual
+    if apart is not None and apart > _LANDMARKS_MM:
+        yield Doubt(
+            str(toml),
+            "indenter.landmarks",
+            f"registered landmarks lie {apart:.1f} mm apart in the mean",
+            f"measure them again, or give accuracy.aim_sd_mm = {apart:.1f}",
+        )
+
+
+def _indenter(toml: Path, subject: Subject) -> Iterator[Doubt]:
+    indenter = subject.indenter
+    diameter = 2 * indenter.radius
+    yield from ranges.DIAMETER.doubts(toml, "indenter.diameter_mm", diameter, "check that it isn't the radius")
+    if diameter > girth(subject.section) / math.pi:
+        raise Doubt(
+            str(toml),
+            "indenter.diameter_mm",
+            f"{diameter:g} mm are more than the leg's own",
+            "give the cylinder's diameter in mm",
+        ).error()
+    yield from ranges.LENGTH.doubts(
+        toml, "indenter.length_mm", indenter.length, "give the contact's length along the leg"
+    )
+    angle = indenter.direction_deg
+    if abs(angle) < 2 * math.pi + 0.01 and angle != round(angle):
+        yield Doubt(
+            str(toml),
+            "indenter.direction_deg",
+            f"{angle:g} looks like radians",
+            f"if it is, give {math.degrees(angle):.4g} degrees",
+        )
+    slant = _slant_deg(subject)
+    if slant > _GRAZING_DEG:
+        found = Doubt(
+            str(toml),
+            "indenter.aim_mm",
+            f"the cylinder meets the skin at {slant:.0f} degrees from its normal, at the leg's edge",
+            "check aim_mm and direction_deg (degrees from +x, counter-clockwise) with a picture",
+        )
+        if slant > _MISSING_DEG:
+            raise found.error()
+        yield found
+
+
+def _slant_deg(subject: Subject) -> float:
+    """Return the angle between the line of travel and the skin's inward normal at first touch."""
+    skin, indenter = subject.section.polygon("skin"), subject.indenter
+    way = first_crossing(skin.buffer(indenter.radius).exterior, indenter.aim, indenter.direction)
+    centre: FloatArray = indenter.aim + way * indenter.direction
+    place = skin.exterior.interpolate(skin.exterior.project(Point(centre)))
+    inward = np.array([place.x, place.y]) - centre
+    cosine = float(inward @ indenter.direction) / float(np.linalg.norm(inward))
+    return math.degrees(math.acos(np.clip(cosine, -1.0, 1.0)))
+
+
+def _tissue(toml: Path, field: str, tissue: TissueParameters) -> Iterator[Doubt]:
+    name = field.rpartition(".")[2]
+    yield from ranges.D1.doubts(toml, f"{field}.D1_per_MPa", tissue.D1)
+    if tissue.C10 is None:
+        return
+    yield from ranges.C10[name].doubts(toml, f"{field}.C10_kPa", mpa_to_kpa(tissue.C10))
+    if tissue.C20 is not None:
+        yield from ranges.STIFFENING.doubts(toml, f"{field}.C20_kPa", tissue.C20 / tissue.C10)
+    ratio = poisson_ratio(tissue)
+    # A thin sheet's change of volume moves nothing: the published fascia's ratio is below zero.
+    if name != "fascia" and ratio is not None and ratio < 0:
+        yield Doubt(
+            str(toml),
+            f"{field}.D1_per_MPa",
+            f"Poisson's ratio is {ratio:.2f} with the C10 and D1 given",
+            "soft tissues' is near 0.5: check the units of both",
+        )

@@ -1,0 +1,303 @@
+"""What in a leg's recordings can't be or is unlikely: units, depth, rates, force, trials that differ."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from legfem.common.doubts import Doubt
+from legfem.common.units import FloatArray
+from legfem.data import Recording, ranges
+from legfem.data.contact import contact_at_start, find_first_contact
+from legfem.data.formats import READERS
+from legfem.data.plausibility import counts_samples, cut_off, refuse_copies, spike_doubts
+from legfem.data.reader import MINIMAL_DEPTH_MM
+from legfem.data.smoothing import sample_noise, smooth_displacement
+from legfem.geometry.section import depth_to_bone, fat_thickness, girth
+
+if TYPE_CHECKING:
+    from legfem.geometry.indenter import Indenter
+    from legfem.geometry.section import LegSection
+    from legfem.legs.subject import Subject
+
+SOFTEST_KPA, STIFFEST_KPA, STIFFEST_C20_KPA = 0.05, 10.0, 40.0
+"""C10 of the two deep tissues, and C20 of the stiffer."""
+_LEAST = (-4.452, 0.145, 0.139, 0.417, -0.994, 0.327, 1.195, 1.159, 0.002)
+_MOST = (-0.623, 0.185, 0.026, -0.33, 0.519, 0.103, 0.853, 2.98, -0.481)
+
+
+def force_range(subject: Subject, displacement: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the least and the most force (N) at displacements (mm) after first touch.
+
+    Of a fat and a fascia as the subject's folder states them.
+    """
+    fat, fascia = (1e3 * (subject.tissues[name].C10 or 0.0) for name in ("superficial", "fascia"))
+    about = features(subject.section, subject.indenter, fat, fascia, subject.tissues["superficial"].D1, displacement)
+    length = subject.indenter.length
+    return length * np.exp(about @ _LEAST), length * np.exp(about @ _MOST)
+
+
+def features(
+    section: LegSection, indenter: Indenter, fat_kpa: float, fascia_kpa: float, fat_d1: float, displacement: FloatArray
+) -> FloatArray:
+    """Return what the logarithm of the force per length (N/mm) is linear in, (n, 9)."""
+    aim, direction = indenter.aim, indenter.direction
+    fat = max(fat_thickness(section, aim, direction), 0.5)
+    depth = np.asarray(displacement, dtype=np.float64)
+    share = np.minimum(depth / depth_to_bone(section, aim, direction), 1.0)
+    same = [
+        1.0,
+        math.log(fat_kpa / 2.0),
+        math.log(fascia_kpa * section.fascia_thickness / 60.0),
+        math.log(fat / 6.0),
+        math.log(girth(section) / 360.0),
+        math.log(indenter.radius / 15.0),
+    ]
+    return np.column_stack(
+        [
+            np.tile(same, (len(depth), 1)),
+            np.log(depth / 20.0),
+            -np.log(1 - 0.9 * share),
+            np.full(len(depth), math.log(fat_d1 / 22.5)),
+        ]
+    )
+
+
+_LITTLE_ROOM = 0.96
+"""Share of the way to the bone beyond which next to nothing is left of the tissue."""
+_ALIKE = 1.5
+"""Ratio of repeats' forces that is still a repeat's: a first loading is up to 1.2 of a later."""
+_APART = 4.0
+_LIKE_SPEED = 2.0
+_NOISE_FACTOR = 5.0
+_QUIET, _SOFT = 0.15, 3.0
+"""Noise so far below what is stated is a sign of another unit where the leg is soft, too."""
+SLACK = 1.3
+"""That legs like none of those solved for may lie beyond the envelopes."""
+_IMPOSSIBLE = 20.0
+"""Times the most, or the least, that a leg can push back."""
+
+
+@dataclass(frozen=True, eq=False)
+class Loading:
+    """A trial's way from first touch to its deepest point; arrays are (n,)."""
+
+    recording: Recording
+    displacement: FloatArray
+    """mm after first contact, smoothed."""
+    force: FloatArray
+    """N above the baseline."""
+    speed: float
+    """mm/s, between a fifth and four fifths of the depth."""
+
+    @property
+    def source(self) -> str:
+        """Of the recording."""
+        return str(self.recording.source or self.recording.trial)
+
+    @property
+    def depth(self) -> float:
+        """Greatest displacement, mm."""
+        return float(self.displacement[-1])
+
+    def force_near(self, displacement: float) -> float:
+        """Return the mean force within a quarter of a millimetre of a displacement, N."""
+        near = np.abs(self.displacement - displacement) <= 0.25
+        if not near.any():
+            near = np.zeros(len(near), bool)
+            near[int(np.argmin(np.abs(self.displacement - displacement)))] = True
+        return float(self.force[near].mean())
+
+
+def loading_of(recording: Recording, starts_at_contact: bool) -> Loading:
+    """Return a trial's loading."""
+    contact = contact_at_start() if starts_at_contact else find_first_contact(recording)
+    smooth, _ = smooth_displacement(recording.time, recording.displacement)
+    end = int(np.argmax(smooth)) + 1
+    d = smooth[:end] - contact.displacement
+    low, high = (int(np.argmax(d >= share * d[-1])) for share in (0.2, 0.8))
+    taken = float(recording.time[high] - recording.time[low])
+    speed = float(d[high] - d[low]) / taken if taken > 0 else np.inf
+    return Loading(recording, d, recording.force[:end] - contact.baseline, speed)
+
+
+def doubts_about_recordings(subject: Subject, toml: Path, room: float) -> Iterator[Doubt]:
+    """Yield what is unlikely.
+
+    Parameters
+    ----------
+    subject : Subject
+        Whose recordings they are.
+    toml : Path
+        Its file.
+    room : float
+        mm that the cylinder can go; see `legfem.legs.plausibility.room_before`.
+
+    Raises
+    ------
+    InputError
+        For what can't be.
+    """
+    if subject.instrument.stated:
+        yield from ranges.FORCE_SD.doubts(toml, "instrument.force_sd_N", subject.instrument.force_sd)
+        yield from ranges.DISPLACEMENT_SD.doubts(
+            toml, "instrument.displacement_sd_mm", subject.instrument.displacement_sd
+        )
+    if not subject.recordings:
+        return
+    for k, recording in enumerate(subject.recordings):
+        refuse_copies(recording, subject.recordings[:k])
+    yield from _unread(subject)
+    for recording in subject.recordings:
+        _refuse_far_start(recording, subject.starts_at_contact)
+    loadings = [loading_of(r, subject.starts_at_contact) for r in subject.recordings]
+    for loading in loadings:
+        yield from _motion(loading, room)
+    yield from _differing(loadings)
+    yield from _force(subject, loadings)
+    if subject.instrument.stated:
+        yield from _noise(subject, toml)
+
+
+def _refuse_far_start(recording: Recording, starts_at_contact: bool) -> None:
+    start = float(recording.displacement[0])
+    if starts_at_contact and abs(start) > MINIMAL_DEPTH_MM:
+        raise Doubt(
+            str(recording.source or recording.trial),
+            "displacement_mm",
+            f"starts at {start:.4g} mm, where starts_at_contact says that it counts from first touch",
+            "subtract where it touches, or set starts_at_contact = false",
+        ).error()
+
+
+def _unread(subject: Subject) -> Iterator[Doubt]:
+    read = {one.source for one in subject.recordings}
+    folders = {path.parent for path in read if path is not None}
+    others = sorted(
+        file.name
+        for folder in folders
+        for file in folder.iterdir()
+        if file.suffix.lower() in READERS and file not in read
+    )
+    if others:
+        yield Doubt(
+            str(next(iter(folders))),
+            "recordings",
+            f"{', '.join(others[:5])} are not read",
+            "remove them, or give [recordings] from `python -m legfem.data look`",
+        )
+
+
+def _motion(loading: Loading, room: float) -> Iterator[Doubt]:
+    yield from ranges.SPEED.doubts(loading.source, "time_s", loading.speed, "check that time is in s (not min or ms)")
+    if counts_samples(loading.recording.time[: len(loading.force)]):
+        yield Doubt(
+            loading.source,
+            "time_s",
+            "goes up by exactly 1 from row to row, as a count of samples",
+            "divide it by the sampling rate in Hz, or confirm that there was one a second",
+        )
+    if way := cut_off(loading.displacement, loading.force):
+        yield Doubt(
+            loading.source,
+            "force_N",
+            f"stays at {loading.force.max():.3g} N for the last "
+            f"{way:.2g} mm of loading, as a load cell or an amplifier at its limit does",
+            "use a larger range, or remove what lies beyond",
+        )
+    yield from spike_doubts(loading.source, loading.recording)
+    if loading.depth <= _LITTLE_ROOM * room:
+        return
+    found = Doubt(
+        loading.source,
+        "displacement_mm",
+        f"the cylinder goes {loading.depth:.1f} mm deep where there is room for {room:.1f} mm "
+        "before a bone or the leg's far side",
+        "check the unit, and aim_mm, direction_deg and diameter_mm in subject.toml",
+    )
+    if loading.depth > room + 0.5:
+        raise found.error()
+    yield found
+
+
+def _differing(loadings: Sequence[Loading]) -> Iterator[Doubt]:
+    at = 0.9 * min(loading.depth for loading in loadings)
+    forces = {id(loading): loading.force_near(at) for loading in loadings}
+    worst, most = None, 1.0
+    for pair in combinations(loadings, 2):
+        soft, stiff = sorted(pair, key=lambda loading: forces[id(loading)])
+        ratio = forces[id(stiff)] / max(forces[id(soft)], 1e-9)
+        slow, fast = sorted(loading.speed for loading in pair)
+        allowed = _ALIKE if fast <= _LIKE_SPEED * slow else _APART
+        if ratio > allowed and ratio > most:
+            worst, most = (soft, stiff), ratio
+    if worst is None:
+        return
+    soft, stiff = worst
+    found = Doubt(
+        stiff.source,
+        "force_N",
+        f"is {most:.3g} times that of {soft.recording.trial} at {at:.1f} mm: no repeat",
+        "keep one leg, posture, unit and gain in a folder, or remove the trial that is off",
+    )
+    if most > _APART:
+        raise found.error()
+    yield found
+
+
+def _force(subject: Subject, loadings: Sequence[Loading]) -> Iterator[Doubt]:
+    if not subject.indenter.lies_along:  # the envelopes are of sections
+        return
+    depth = min(loading.depth for loading in loadings)
+    at = np.linspace(0.2, 0.9, 8) * depth
+    force = np.array([np.median([one.force_near(d) for one in loadings]) for d in at])
+    error = 2 * subject.instrument.force_sd / np.sqrt(len(loadings)) + 0.02
+    low, high = force_range(subject, at)
+    quiet = subject.instrument.stated and _noise_seen(subject) < _QUIET * subject.instrument.force_sd
+    low, high = low * (_SOFT if quiet else 1 / SLACK), high * SLACK
+    below, above = (force + error) / low, (force - error) / high
+    if below.min() >= 1 and above.max() <= 1:
+        return
+    soft = below.min() < 1
+    k = int(np.argmin(below) if soft else np.argmax(above))
+    units = {"kgf": 9.80665, "kN": 1e3} if soft else {"mN": 1e-3, "gf": 9.80665e-3}
+    hints = [
+        f"if it is in {unit}, multiply it by {factor:g}"
+        for unit, factor in units.items()
+        if (low <= factor * force + error).all() and (factor * force - error <= high).all()
+    ]
+    noise = f", and its noise is {_QUIET:g} times the stated force_sd_N or less" if soft and quiet else ""
+    found = Doubt(
+        str(subject.directory / "recordings"),
+        "force_N",
+        f"{force[k]:.3g} N at {at[k]:.1f} mm are {'less' if soft else 'more'} than the "
+        f"{(low if soft else high)[k]:.2g} N with which this leg would push back if it were very "
+        f"{'soft' if soft else 'stiff'} inside{noise}",
+        " or ".join([*hints, "check length_mm, C10_kPa and D1_per_MPa of the tissues, aim_mm"]),
+    )
+    if not (1 / _IMPOSSIBLE < below.min() and above.max() < _IMPOSSIBLE):
+        raise found.error()
+    yield found
+
+
+def _noise_seen(subject: Subject) -> float:
+    """Return the force's noise from sample to sample, N."""
+    return float(np.median([sample_noise(r.force) for r in subject.recordings]))
+
+
+def _noise(subject: Subject, toml: Path) -> Iterator[Doubt]:
+    seen = _noise_seen(subject)
+    stated = subject.instrument.force_sd
+    if seen > _NOISE_FACTOR * stated + 0.01:
+        yield Doubt(
+            str(toml),
+            "instrument.force_sd_N",
+            f"{stated:.3g} N is stated, but force_N jumps by {seen:.3g} N from sample to sample",
+            "check the unit of force_N, or the stated accuracy",
+        )

@@ -1,0 +1,371 @@
+"""The schema of ``subject.toml``, and its sites, each read as a subject of its own."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePath
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from legfem.common.errors import InputError
+from legfem.common.toml_file import (
+    FileTable,
+    Finite,
+    NotNegative,
+    PlainName,
+    Positive,
+    Text,
+    Title,
+    checked,
+    read_toml,
+    trouble,
+)
+from legfem.data.folder import RESOURCES, Catalogue, InstrumentEntry, RecordingsEntry
+from legfem.geometry.indenter import IndenterShape
+from legfem.imaging.shape_entry import LabelsEntry, ShapeEntry
+from legfem.legs.elastography import ElastographyEntry, StatedRatio, check_once
+
+Vector = Annotated[list[Finite], Field(min_length=3, max_length=3)]
+
+
+class IndenterEntry(FileTable):
+    """``[indenter]``."""
+
+    # Below 1 mm it is most likely metres or centimetres.
+    diameter_mm: Annotated[float, Field(ge=1.0, le=300.0, allow_inf_nan=False)]
+    length_mm: Annotated[float, Field(ge=1.0, le=1000.0, allow_inf_nan=False)] | None = None
+    """Of a cylinder, which has to have one."""
+    shape: IndenterShape = "cylinder"
+    """A punch is a cylinder that is pressed with its flat end."""
+    axis_deg: Finite | None = None
+    """By which a cylinder is turned about its travel: 0 lies along the leg, 90 across it."""
+    aim_mm: Annotated[list[Finite], Field(min_length=2, max_length=2)] | None = None
+    direction_deg: Finite | None = None
+
+    position_mm: Vector | None = None
+    """A point on the line of travel in the scan, in the place of ``aim_mm``."""
+    direction: Vector | None = None
+    """Of travel in the scan, in the place of ``direction_deg``."""
+    axis: Vector | None = None
+    """Of the cylinder in the scan; without it across the travel, as near to z as that is."""
+    landmarks: Text | None = None
+    """CSV of points in the coordinates of the pose and in the scan's, where they differ."""
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> IndenterEntry:
+        if self.shape == "cylinder" and self.length_mm is None:
+            raise trouble("length_mm", "missing", "give the cylinder's length")
+        for key in ("axis_deg", "axis"):
+            if self.shape != "cylinder" and getattr(self, key) is not None:
+                raise trouble(key, f"is of no use for a {self.shape}", "leave it out")
+        if self.axis is not None and self.axis_deg is not None:
+            raise trouble("axis_deg", "is given beside axis", "give one of them")
+        return self
+
+    @property
+    def own_length(self) -> float:
+        """Of a cylinder (mm); of a ball or punch, whose length has no effect, its diameter."""
+        if self.shape != "cylinder" or self.length_mm is None:
+            return self.diameter_mm
+        return self.length_mm
+
+    @model_validator(mode="after")
+    def _one_place(self) -> IndenterEntry:
+        for flat, spatial in (("aim_mm", "position_mm"), ("direction_deg", "direction")):
+            if (getattr(self, flat) is None) == (getattr(self, spatial) is None):
+                what = "missing" if getattr(self, flat) is None else f"given beside {spatial}"
+                raise trouble(flat, what, f"give {flat} in the section's plane, or {spatial} in the scan")
+        if (self.position_mm is None) != (self.direction is None):
+            raise trouble(
+                "direction",
+                "position_mm and direction belong together",
+                "give both in the scan, or aim_mm and direction_deg in the section's plane",
+            )
+        for key in ("axis", "landmarks"):
+            if getattr(self, key) is not None and self.position_mm is None:
+                raise trouble(key, "is of use with position_mm alone", "leave it out")
+        for key in ("direction", "axis"):
+            if getattr(self, key) is not None and not any(getattr(self, key)):
+                raise trouble(key, "has no length", "give a vector")
+        return self
+
+
+HOLDER = "a subject folder"
+"""That holds the file."""
+
+
+class SectionEntry(ShapeEntry):
+    """``[section]``: contours of one section, or what a section is cut from."""
+
+    fascia_thickness_mm: Positive
+    level_mm: Finite | None = None
+    """At which to cut, square to z; without it through the indenter's position."""
+    length_mm: Positive | None = None
+    """Of the leg that a model in 3D holds, the cylinder at its middle; 120 mm without it."""
+
+
+class TissueEntry(FileTable):
+    """What ``[tissues.deep]``, ``[tissues.superficial]`` and ``[tissues.fascia]`` share."""
+
+    law: Literal["neo-hookean", "reduced-polynomial"]
+    C10_kPa: Positive | None = None
+    C20_kPa: NotNegative | None = None
+    D1_per_MPa: Positive
+    D2_per_MPa: Positive | None = None
+
+    @model_validator(mode="after")
+    def _law_has_parameters(self) -> TissueEntry:
+        if self.law == "neo-hookean":
+            for key in ("C20_kPa", "D2_per_MPa"):
+                if getattr(self, key) is not None:
+                    raise trouble(
+                        key,
+                        "the neo-Hookean law has no such parameter",
+                        f'remove {key} or set law = "reduced-polynomial"',
+                    )
+        return self
+
+
+class GivenTissueEntry(TissueEntry):
+    """A tissue whose stiffness isn't identified and must be given."""
+
+    @model_validator(mode="after")
+    def _stiffness_is_given(self) -> GivenTissueEntry:
+        if self.C10_kPa is None:
+            raise trouble("C10_kPa", "missing", "give it; only the deep tissue is identified")
+        if self.law == "reduced-polynomial" and self.C20_kPa is None:
+            raise trouble("C20_kPa", "missing", "give it; only the deep tissue is identified")
+        return self
+
+
+class DeepTissueEntry(TissueEntry):
+    """``[tissues.deep]``."""
+
+    fibre_ratio: StatedRatio | None = None
+    """Shear modulus along the leg over that across; alike in all directions without it."""
+    fibre_ratio_sd: Positive | None = None
+
+    @model_validator(mode="after")
+    def _error_of_something(self) -> DeepTissueEntry:
+        if self.fibre_ratio_sd is not None and self.fibre_ratio is None:
+            raise trouble("fibre_ratio_sd", "is given without fibre_ratio", "give the ratio too")
+        return self
+
+
+class TissuesEntry(FileTable):
+    """``[tissues]``."""
+
+    deep: DeepTissueEntry
+    superficial: GivenTissueEntry
+    fascia: GivenTissueEntry
+
+
+class AccuracyEntry(FileTable):
+    """``[accuracy]``, optional: how well the leg is known."""
+
+    contour_sd_mm: NotNegative | None = None
+    """Of its outlines, over 20 mm of arc; 0 where they are exact."""
+    aim_sd_mm: NotNegative | None = None
+    direction_sd_deg: NotNegative | None = None
+    assumed_sd_percent: NotNegative | None = None
+    """Of what is assumed: stiffness of fat and fascia, compressibility."""
+
+
+class MeasuredEntry(FileTable):
+    """One of ``[[measured]]``: how strong an effect is, by another instrument than the indenter."""
+
+    effect: Text
+    """Name of a mechanism, as diagnoses have it."""
+    value: Finite
+    """Its strength, in its own unit."""
+    sd: Positive
+    """Of that, likewise."""
+    source: Text = "measured"
+
+
+class SubjectFile(FileTable):
+    """``subject.toml`` as it is written, in the file's units."""
+
+    id: PlainName
+    title: Title
+    origin: Literal["measured", "reconstructed", "simulated"]
+    section: SectionEntry
+    labels: LabelsEntry = LabelsEntry()
+    indenter: IndenterEntry
+    tissues: TissuesEntry
+    instrument: InstrumentEntry | None = None
+    recordings: RecordingsEntry = RecordingsEntry()
+    accuracy: AccuracyEntry = AccuracyEntry()
+    elastography: list[ElastographyEntry] = Field(default_factory=list)
+    measured: list[MeasuredEntry] = Field(default_factory=list)
+    confirmed: list[Text] = Field(default_factory=list)
+    """Fields whose unusual values are right: they aren't doubted."""
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether the section is cut from something, and not given as contours of its own."""
+        return self.section.level_mm is not None or self.indenter.position_mm is not None
+
+    @model_validator(mode="after")
+    def _said_once(self) -> SubjectFile:
+        check_once(self.elastography, self.tissues.deep.fibre_ratio is not None)
+        effects = [entry.effect for entry in self.measured]
+        for number, effect in enumerate(effects):
+            if effect in effects[:number]:
+                raise trouble(
+                    f"measured.{number}.effect",
+                    f"{effect} is given twice",
+                    "give the mean of the measurements, with its standard deviation",
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _one_plane(self) -> SubjectFile:
+        level, position = self.section.level_mm, self.indenter.position_mm
+        if level is not None and position is not None:
+            raise trouble(
+                "section.level_mm",
+                "is given beside indenter.position_mm",
+                "the position says where to cut: leave level_mm out",
+            )
+        if "labels" in self.model_fields_set and self.section.scan is None:
+            raise trouble("labels", "are given without a scan", "give the scan, or leave them out")
+        if not self.is_cut and self.section.contours is None:
+            raise trouble(
+                "section.level_mm",
+                "missing: nothing says where to cut the scan",
+                "give it, or position_mm and direction of the indenter",
+            )
+        return self
+
+
+RECORDINGS = "recordings"
+"""Folder of a leg's recordings; of a site, in it the folder of its name."""
+_OWN = ("section", "indenter")
+
+
+class SiteEntry(FileTable):
+    """One of ``[[site]]``: what it has in place of what the file gives for all."""
+
+    name: PlainName
+    recordings: Text | None = None
+    """Folder within the leg's; ``recordings/NAME`` without it."""
+    section: dict[str, Any] = Field(default_factory=dict)
+    indenter: dict[str, Any] = Field(default_factory=dict)
+    instrument: dict[str, Any] = Field(default_factory=dict)
+    starts_at_contact: bool | None = None
+
+    @property
+    def folder(self) -> str:
+        """Of its recordings, within the leg's."""
+        return self.recordings or f"{RECORDINGS}/{self.name}"
+
+
+class _SitesFile(BaseModel):
+    """The sites of a file; the rest is checked with each of them."""
+
+    model_config: ClassVar[ConfigDict] = ConfigDict(extra="ignore", strict=True, frozen=True)
+    site: Annotated[list[SiteEntry], Field(min_length=1)]
+
+
+@dataclass(frozen=True, eq=False)
+class SubjectEntry:
+    """What ``subject.toml`` gives of one section, pressed at one place."""
+
+    given: SubjectFile
+    recordings: str
+    """Folder within the subject's."""
+    site: str = ""
+    """Name; empty of a leg that was pressed at one place alone."""
+
+
+def site_names(toml: Path) -> tuple[str, ...]:
+    """Return the names of a leg's sites; none of a leg that was pressed at one place alone.
+
+    Raises
+    ------
+    InputError
+        If the file can't be read, or its sites are wrong.
+    """
+    return tuple(site.name for site in _sites(toml, read_toml(toml, HOLDER)))
+
+
+def subject_entry(toml: Path, site: str = "") -> SubjectEntry:
+    """Read and check ``subject.toml``, of a leg with several sites for one of them.
+
+    Raises
+    ------
+    InputError
+        For what `legfem.common.toml_file.parse_toml` raises one; if the leg has sites and none is
+        named, or none of that name.
+    """
+    content = read_toml(toml, HOLDER)
+    sites = {entry.name: entry for entry in _sites(toml, content)}
+    if not sites:
+        if site:
+            raise InputError("--site", site, f"{toml} has no [[site]]", "leave it out")
+        return SubjectEntry(checked(toml, content, SubjectFile), RECORDINGS)
+    names = ", ".join(sites)
+    if not site:
+        raise InputError(
+            toml,
+            "site",
+            f"the leg has {len(sites)} ({names}), and here one is taken by itself",
+            f"give --site {next(iter(sites))}; python -m legfem.identify fits them together",
+        )
+    if site not in sites:
+        raise InputError("--site", site, "is no site of the leg", f"give one of {names}")
+    return _entry(toml, content, sites[site])
+
+
+def _sites(toml: Path, content: Mapping[str, Any]) -> Sequence[SiteEntry]:
+    if "site" not in content:
+        return ()
+    if not isinstance(content["site"], list):
+        raise InputError(toml, "site", "is one table", "write [[site]] above each of the sites")
+    sites = checked(toml, content, _SitesFile).site
+    for what, values in (
+        ("name", [site.name for site in sites]),
+        ("recordings", [PurePath(site.folder).as_posix() for site in sites]),
+    ):
+        value, times = Counter(values).most_common(1)[0]
+        if times > 1:
+            raise InputError(
+                toml,
+                f"site.{what}",
+                f"{times} sites have {value!r}",
+                "give every site its own" if what == "name" else "keep its recordings apart",
+            )
+    for site in sites:
+        path = PurePath(site.folder)
+        if path.is_absolute() or ".." in path.parts:
+            raise InputError(toml, "site.recordings", f"{site.folder!r} leaves the folder", "name one within it")
+    return sites
+
+
+def _entry(toml: Path, content: Mapping[str, Any], site: SiteEntry) -> SubjectEntry:
+    """Return the file as it would be for one site alone."""
+    own = {key: value for key, value in content.items() if key != "site"}
+    for key in _OWN:
+        shared = content.get(key, {})
+        # What isn't a table is wrong, and told as such.
+        own[key] = {**shared, **getattr(site, key)} if isinstance(shared, dict) else shared
+    if site.instrument:
+        own["instrument"] = site.instrument
+    if site.starts_at_contact is not None:
+        own["recordings"] = {**content.get("recordings", {}), "starts_at_contact": site.starts_at_contact}
+    for key, joint in (("id", "-"), ("title", ", ")):
+        if isinstance(content.get(key), str):
+            own[key] = f"{content[key]}{joint}{site.name}"
+    try:
+        given = checked(toml, own, SubjectFile)
+    except InputError as error:
+        field = f"site {site.name}, {error.field}"
+        raise InputError(error.source, field, error.problem, error.remedy) from None
+    return SubjectEntry(given, site.folder, site.name)
+
+
+SUBJECTS = Catalogue(RESOURCES / "frauziols" / "subjects", "subject.toml")

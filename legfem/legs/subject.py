@@ -1,0 +1,114 @@
+"""A subject: one leg, how it was pressed, its tissues, and the recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from legfem.data import Instrument, Recording
+from legfem.data.recording import Origin
+from legfem.geometry.indenter import Indenter
+from legfem.geometry.section import LegSection
+from legfem.legs.elastography import FibreRatio, ShearModulus
+
+Law = Literal["neo-hookean", "reduced-polynomial"]
+
+
+@dataclass(frozen=True)
+class TissueParameters:
+    """A tissue's strain energy; None is a parameter that isn't given (or the law has not)."""
+
+    law: Law
+    C10: float | None
+    """MPa."""
+    C20: float | None
+    """MPa; None for neo-Hookean tissues."""
+    D1: float
+    """1/MPa."""
+    D2: float | None
+    """1/MPa; None leaves the (J - 1)^4 term out."""
+
+
+@dataclass(frozen=True)
+class LegAccuracy:
+    """How well a leg is known, where its folder states it; None where it doesn't."""
+
+    contour_sd: float | None = None
+    """Of its outlines, mm."""
+    aim_sd: float | None = None
+    """Of the cylinder's line of travel, mm."""
+    direction_sd: float | None = None
+    """Of its direction, degrees."""
+    assumed_sd: float | None = None
+    """Relative, of what is assumed: stiffness of fat and fascia, compressibility."""
+
+    @property
+    def stated(self) -> bool:
+        """Whether the folder says anything of it."""
+        return self != LegAccuracy()
+
+
+@dataclass(frozen=True)
+class MeasuredEffect:
+    """How strong an effect is that a model may leave out, by other means than the indenter."""
+
+    effect: str
+    """Name of a mechanism."""
+    value: float
+    """In the unit of the mechanism's strength."""
+    sd: float
+    source: str
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """Everything given about one leg; see ``load_subject``."""
+
+    id: str
+    title: str
+    origin: Origin
+    section: LegSection
+    indenter: Indenter
+    tissues: Mapping[str, TissueParameters]
+    """Keys ``deep``, ``superficial``, ``fascia``."""
+    instrument: Instrument
+    recordings: tuple[Recording, ...]
+    """One a trial; empty when loaded without recordings."""
+    directory: Path
+    starts_at_contact: bool = False
+    """Whether the recordings' displacement is known to count from first touch."""
+    plane_strain: bool = False
+    """Whether the recordings come from a plane-strain model: they know no end effects."""
+    plane_strain_stated: bool = False
+    """Whether the folder says so, rather than that no leg was measured."""
+    accuracy: LegAccuracy = LegAccuracy()
+    confirmed: tuple[str, ...] = ()
+    """Fields of subject.toml, or columns, that are unusual and right."""
+    cut_from: str = ""
+    """File and plane, where the section was cut from a scan."""
+    landmark_residual: float | None = None
+    """Root mean square of what registered landmarks are apart, mm; None without any."""
+    site: str = ""
+    """Of the leg's sites which; empty where there is but one."""
+    elastography: tuple[ShearModulus, ...] = ()
+    fibres: FibreRatio | None = None
+    """Of the deep tissue, along the leg; None where nothing is known of them."""
+    measured: tuple[MeasuredEffect, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class SitedLeg:
+    """One leg that was pressed at several sites; see `load_sites`."""
+
+    id: str
+    title: str
+    sites: tuple[Subject, ...]
+    """Of the same tissues, each with its own section, indenter and recordings."""
+    directory: Path
+
+    @property
+    def origin(self) -> Origin:
+        """Of the data."""
+        return self.sites[0].origin

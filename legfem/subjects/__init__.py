@@ -1,1 +1,0 @@
-"""Folders of subjects: their schema, loading them, those that come with legfem."""
