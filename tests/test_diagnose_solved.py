@@ -14,12 +14,13 @@ from legfem.diagnose.library_build import build_library, rounded, shown_mechanis
 from legfem.diagnose.mechanisms import mechanism_named
 from legfem.diagnose.mechanisms.base import null_of
 from legfem.diagnose.mechanisms.end_effects import EndEffects
+from legfem.diagnose.models import Stopped
 from legfem.diagnose.nuisances import displaced_geometries
 from legfem.diagnose.observations import observe
 from legfem.diagnose.predict import Predictor
 from legfem.diagnose.run import ruled_out_of
 from legfem.diagnose.solved import PLAIN, NotKeptError, SolvedResponses
-from legfem.diagnose.variants import Stopped, Variants
+from legfem.diagnose.variants import Variants
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.elastography import FibreRatio

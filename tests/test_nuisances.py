@@ -10,8 +10,6 @@ from making_diagnosis import GRID, SOUGHT, fat, observations, problem_of, ramps
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray
-from legfem.legs.correction_of_leg import REFERENCE
-from legfem.legs.correction import read_correction
 from legfem.diagnose.explain import explain
 from legfem.diagnose.fit import Cause, variance_degrees
 from legfem.diagnose.library import NuisanceChanges

@@ -10,9 +10,10 @@ from legfem.common.progress import Silent
 from legfem.diagnose.library_build import build_library, rounded
 from legfem.diagnose.library_tasks import CHANGES_AT
 from legfem.diagnose.mechanisms import mechanism_named
+from legfem.diagnose.models import Stopped
 from legfem.diagnose.predict import Predictor
 from legfem.diagnose.solved import SolvedResponses
-from legfem.diagnose.variants import Stopped, Variants
+from legfem.diagnose.variants import Variants
 from legfem.inverse.intervals import NUMERICAL_ERROR
 
 DEPTH = 6.0

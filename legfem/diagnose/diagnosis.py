@@ -26,11 +26,6 @@ from legfem.diagnose.predict import LawName, Predictor, Responses, onset_name
 from legfem.diagnose.score import Assessment, assess
 from legfem.inverse.errors import ErrorModel, error_model
 from legfem.inverse.trial_noise import estimate_noise
-from legfem.data import Instrument
-from legfem.diagnose.solved import SolvedResponses
-from legfem.inverse.errors import ErrorModel, error_model
-from legfem.inverse.trial_noise import Noise, estimate_noise
-from legfem.legs.correction import TabulatedCorrection
 
 Verdict = Literal["consistent", "named", "ambiguous", "unexplained"]
 SOUND = 0.5

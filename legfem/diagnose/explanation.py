@@ -15,11 +15,6 @@ from legfem.diagnose.fit import Fit, Problem, variance_degrees
 from legfem.inverse.evidence import Unknown
 from legfem.inverse.mixture import Mixture
 from legfem.inverse.posterior import Posterior, Strands
-from legfem.diagnose.fit import Fit, Problem
-from legfem.diagnose.nuisances import variance_degrees
-from legfem.inverse.evidence import Unknown
-from legfem.inverse.mixture import Mixture
-from legfem.inverse.posterior import Posterior, Strands
 
 HELD = 0.9
 """Explanations are listed until they hold this probability."""

@@ -20,9 +20,6 @@ from legfem.inverse.evidence import Linearised
 from legfem.inverse.intervals import effective_degrees
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.trial_noise import Noise
-from legfem.inverse.errors import ErrorModel
-from legfem.inverse.evidence import Linearised
-from legfem.inverse.parameter import Parameter
 
 _FEW, _MANY = 6, 40
 """Evaluations of a search from each of several starts, and from the best of them."""

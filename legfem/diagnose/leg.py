@@ -9,7 +9,6 @@ from pathlib import Path
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses
 from legfem.diagnose.variants import Variants
-from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.subject import Subject
 
 _DEPTH_STEP_MM = 1.0

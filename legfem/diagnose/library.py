@@ -19,14 +19,6 @@ from legfem.common.units import FloatArray
 from legfem.diagnose.mechanisms.base import Stiffness, TissueMechanism, Values, null_of, prior_of
 from legfem.diagnose.observations import Observations
 from legfem.inverse.emulator import Emulator
-from legfem.diagnose.mechanisms import Stiffness, TissueMechanism, Values
-from legfem.diagnose.mechanisms.base import null_of, prior_of
-from legfem.diagnose.mechanisms.end_effects import EndEffects
-from legfem.diagnose.nuisances import Nuisances
-from legfem.diagnose.observations import Observations
-from legfem.diagnose.solved import end_effect
-from legfem.inverse.emulator import Emulator
-from legfem.legs.correction import TabulatedCorrection
 
 _REACH = 1.6
 

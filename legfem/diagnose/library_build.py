@@ -9,10 +9,8 @@ from scipy.interpolate import CubicSpline, make_smoothing_spline
 
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
-from legfem.legs.correction import TabulatedCorrection
-from legfem.diagnose.library import Library, NuisanceChanges, Table, coordinates, unchanged
 from legfem.data.segmentation import LOADING
-from legfem.diagnose.library import Library, Table, coordinates, unchanged
+from legfem.diagnose.library import Library, NuisanceChanges, Table, coordinates, unchanged
 from legfem.diagnose.library_tasks import Task, outcomes_of, tasks_for
 from legfem.diagnose.mechanisms import Mechanism, TissueMechanism, mechanisms
 from legfem.diagnose.mechanisms.base import testable

@@ -10,7 +10,6 @@ from legfem.diagnose.mechanisms.base import Solution
 from legfem.solve.protocol import Protocol as Motion
 
 if TYPE_CHECKING:
-    from legfem.diagnose.variants import Stopped
     from legfem.experiments.placement import Placement
     from legfem.meshing.motion import MeshMotion
     from legfem.solve.path import Path
@@ -60,3 +59,10 @@ class Models(Protocol):
     def described(self, variant: str) -> str:
         """Return what tells a variant from others."""
         ...
+
+
+@dataclass(frozen=True)
+class Stopped:
+    """A solution that didn't follow its protocol to the end."""
+
+    why: str

@@ -18,9 +18,6 @@ from legfem.common.units import FloatArray
 from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.fit import Fit, Problem, fit, fit_base, variance_degrees
 from legfem.inverse.least_squares import sandwich
-from legfem.diagnose.fit import Fit, Problem, fit, fit_base
-from legfem.diagnose.nuisances import variance_degrees
-from legfem.inverse.least_squares import sandwich
 
 _ROUNDS = 4
 

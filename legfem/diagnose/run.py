@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from legfem.common.progress import Progress
+from legfem.data import Instrument
 from legfem.diagnose.diagnosis import Diagnosis, diagnose
 from legfem.diagnose.fit import Fit, NuisanceEffect
 from legfem.diagnose.leg import solved_responses
@@ -21,9 +22,6 @@ from legfem.diagnose.nuisances import DRAWN, Accuracy, nuisance_effects
 from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.predict import LawName, Predictor
 from legfem.diagnose.solved import SolvedResponses
-from legfem.legs.elastography import elastography_priors
-from legfem.data import Instrument
-from legfem.legs.subject import Subject
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import choose_correction, why_without_fibres
 from legfem.legs.elastography import elastography_priors

@@ -18,13 +18,11 @@ from scipy.interpolate import CubicSpline
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.diagnose.mechanisms import Solution, Stiffness, TissueMechanism, Values
 from legfem.diagnose.mechanisms.base import null_of
-from legfem.diagnose.models import Models
+from legfem.diagnose.models import Models, Stopped
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.stations import Stations
-from legfem.diagnose.variants import Stopped
 from legfem.jobs.key import key_of
 from legfem.jobs.store import Store
-from legfem.legs.correction import TabulatedCorrection
 from legfem.solve.protocol import Protocol
 
 GRID_STEP_MM = 0.5

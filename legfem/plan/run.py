@@ -8,7 +8,6 @@ import numpy as np
 
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
-from legfem.legs.correction_of_leg import choose_correction
 from legfem.diagnose.diagnosis import Diagnosis, slowest_of
 from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.fit import Fit, NuisanceEffect, Problem

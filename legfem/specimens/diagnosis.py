@@ -13,10 +13,9 @@ from legfem.common.doubts import doubt_lines
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress
 from legfem.common.units import kpa_to_mpa
-from legfem.diagnose.diagnosis import Diagnosis
 from legfem.data import Instrument
 from legfem.data.recording import Origin
-from legfem.diagnose.diagnosis import Diagnosis, diagnose
+from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.library_build import build_library, middle_of, shown_mechanisms
 from legfem.diagnose.nuisances import Accuracy
 from legfem.diagnose.observations import Observations, observe

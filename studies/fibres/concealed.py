@@ -15,11 +15,8 @@ import numpy as np
 
 from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress, Silent
-from legfem.legs.correction_of_leg import REFERENCE
-from legfem.legs.correction import read_correction
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.library_build import with_correction
-from legfem.diagnose.diagnosis import Diagnosis, diagnose
 from legfem.diagnose.mechanisms.end_effects import EndEffects
 from legfem.diagnose.mechanisms.muscle_fibres import MuscleFibres
 from legfem.diagnose.observations import observe

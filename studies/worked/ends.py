@@ -9,11 +9,9 @@ import numpy as np
 
 from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress
-from legfem.legs.correction import TabulatedCorrection
-from legfem.diagnose.library_build import with_correction
 from legfem.data import Recording
 from legfem.data.recording import Origin, write_recording
-from legfem.diagnose.diagnosis import diagnose
+from legfem.diagnose.library_build import with_correction
 from legfem.diagnose.observations import observe
 from legfem.diagnose.run import diagnose_body
 from legfem.experiments.indentation_3d import IdealisedLegIndentation, IdealisedLegSettings

@@ -15,11 +15,10 @@ from legfem.diagnose.mechanisms import Mechanism, TissueMechanism
 from legfem.diagnose.mechanisms.base import Solution
 from legfem.diagnose.mechanisms.compressibility import Compressibility
 from legfem.diagnose.mechanisms.strain_stiffening import StrainStiffening
-from legfem.diagnose.models import Displaced
+from legfem.diagnose.models import Displaced, Stopped
 from legfem.diagnose.nuisances import MATERIAL_LOG_SD
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses
-from legfem.diagnose.variants import Stopped
 from legfem.experiments.indentation_3d import IdealisedLegIndentation
 from legfem.jobs.fingerprint import code_fingerprint
 from legfem.legs.correction import TabulatedCorrection

@@ -9,10 +9,10 @@ from typing import ClassVar
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.legs.correction import TabulatedCorrection
 from legfem.diagnose.mechanisms.base import Mechanism, Stiffness, TissueResponses, Values, strength
 from legfem.diagnose.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
+from legfem.legs.correction import TabulatedCorrection
 
 
 def _error(name: str, statement: str) -> Parameter:
