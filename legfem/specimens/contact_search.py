@@ -9,7 +9,7 @@ from legfem.common.errors import InputError
 from legfem.inverse.search import Search
 from legfem.inverse.searches import run_together
 from legfem.specimens.comparing import misfit_of
-from legfem.specimens.contacts import SETTLED, expected_place, known
+from legfem.specimens.contacts import SETTLED
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.misfit import SpecimenMisfit
@@ -60,7 +60,7 @@ def with_contacts(
 def where_it_seems(one: SpecimenRecording, returns: bool) -> SpecimenRecording:
     """Return a recording from where contact seems to be: nothing of it then is air."""
     found = one.detected
-    if not known(found) and found.estimate > found.displacement:
+    if not found.known and found.estimate > found.displacement:
         with suppress(InputError):
             return one.begun(found.estimate, returns)
     return one
@@ -74,7 +74,7 @@ def _begun(
     moved, misfit = list(fitted), search.misfit
     for k, ahead in enumerate(misfit.aheads(search.best.prediction.force)):
         one = fitted[k]
-        now, (expected, sd) = one.course.contact.displacement, expected_place(one.detected)
+        now, (expected, sd) = one.course.contact.displacement, one.detected.expected
         # What is solved goes so deep.
         place = max(expected + ahead, now + one.course.depth - misfit.depths[misfit.parts[k].test])
         if abs(place - now) > SETTLED * sd:

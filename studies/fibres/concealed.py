@@ -17,6 +17,7 @@ from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress, Silent
 from legfem.correction.choice import REFERENCE
 from legfem.correction.tabulated import read_correction
+from legfem.data import segment_all
 from legfem.diagnose.diagnosis import Diagnosis, diagnose
 from legfem.diagnose.mechanisms.end_effects import EndEffects
 from legfem.diagnose.mechanisms.muscle_fibres import MuscleFibres
@@ -83,7 +84,7 @@ def diagnosed(given: Concealed, number: int, folder: Path, jobs: int, progress: 
     course = Course(time, RATE_MM_PER_S * time, curve(RATE_MM_PER_S * time))
     errors = LabErrors(gain_sd=GAIN_SD, air=AIR_MM if given.in_air else 0.0)
     recordings = record([course] * TRIALS, errors, np.random.default_rng(SEED + number))
-    observed = observe(recordings, INSTRUMENT, not given.in_air)
+    observed = observe(segment_all(recordings, INSTRUMENT, not given.in_air))
     correction = read_correction(REFERENCE)
     solved = plane_responses(PLANE, folder / "responses", correction)
     tables = plane_library(solved, observed, correction, jobs, Silent())
