@@ -10,9 +10,8 @@ in 3D; nothing is solved here.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from legfem.correction.choice import LEGS, REFERENCE
-from legfem.correction.leg_sizes import read_leg_corrections
-from legfem.correction.tabulated import read_correction
+from legfem.legs.correction import read_correction
+from legfem.legs.correction_of_leg import LEGS, REFERENCE, read_leg_corrections
 
 reference = read_correction(REFERENCE)
 sizes = read_leg_corrections(LEGS)

@@ -19,13 +19,13 @@ from rich.table import Table
 
 from legfem.common.command_edge import command_edge, leave_to_first_rank
 from legfem.common.progress import Silent
-from legfem.correction.choice import REFERENCE
-from legfem.correction.tabulated import read_correction
 from legfem.diagnose.leg import solved_responses
 from legfem.diagnose.library_build import build_library, shown_mechanisms
 from legfem.diagnose.run import STIFFENING, Diagnoser
 from legfem.diagnose.variants import Variants
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.legs.correction import read_correction
+from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.mechanics.contact_settings import ContactSettings

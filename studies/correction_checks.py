@@ -19,7 +19,7 @@ from rich.table import Table
 from legfem.common.command_edge import study_edge
 from legfem.common.documents import write_document
 from legfem.common.progress import Progress, progress_on
-from legfem.correction.tabulated import smooth_ratio
+from legfem.legs.correction import smooth_ratio
 from legfem.study.correction.calibration import run_cases, stiffened
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase
 from legfem.study.options import Jobs, Out

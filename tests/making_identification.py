@@ -11,16 +11,18 @@ import numpy as np
 from making import write_subject
 
 from legfem.common.progress import Silent
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.data import Instrument, Recording
-from legfem.identify.identification import Identification, beyond_of, measured_curve
-from legfem.identify.result import IdentificationResult
-from legfem.identify.run import laws_of
-from legfem.inverse.outcome import FullSolver, Outcome
+from legfem.identify.result import IdentificationResult, identification_result
+from legfem.inverse.fit import fit_with
+from legfem.inverse.outcome import FullSolver, JointForward, Outcome
 from legfem.inverse.parameter import Parameter
-from legfem.inverse.settings import IdentificationSettings, sensitivities_of
+from legfem.inverse.settings import IdentificationSettings, SearchRequest
 from legfem.jobs.store import Store
+from legfem.legs.correction import TabulatedCorrection
+from legfem.legs.identification import as_leg
 from legfem.legs.loading import load_subject
+from legfem.legs.problem import leg_problem
+from legfem.legs.site_test import beyond_of
 from legfem.legs.subject import Subject
 from legfem.solve.force_curve import ForceCurve
 
@@ -42,6 +44,9 @@ class AnalyticLeg:
     compromise: str = ""
     depth: float = DEPTH
     calls: int = field(default=0)
+
+    def prepare(self) -> None:
+        """Nothing is to be meshed."""
 
     def fingerprint(self) -> Mapping[str, Any]:
         return {"model": "analytic"}
@@ -116,10 +121,9 @@ def identify(
 ) -> list[IdentificationResult]:
     """Return the results of laws, by default both."""
     model = model or AnalyticLeg(depth=DEPTH + beyond_of(parameters or (), fixed or {}))
+    settings = settings or IdentificationSettings()
+    request = SearchRequest(parameters, fixed or {}, settings=settings)
+    problem = leg_problem(as_leg(subject), laws, request, [correction], JointForward((model,)))
     store = None if solves is None else Store(solves, Outcome, model.fingerprint())
-    chosen = laws_of(subject, laws, model.nominal, parameters, fixed)
-    with FullSolver(model, store, 1, Silent(), sensitivities_of(chosen)) as solver:
-        settings = settings or IdentificationSettings()
-        measured = measured_curve(subject)
-        found = Identification(subject, measured, chosen, solver, settings, correction)
-        return found.identify(laws)
+    with FullSolver(problem.forward, store, 1, Silent(), problem.sensitivities) as solver:
+        return [identification_result(one) for one in fit_with(problem, laws, solver, settings)]

@@ -22,7 +22,6 @@ from making_specimens import write_bars
 from making_stocking import COARSE, laws, short_leg
 
 from legfem.common.progress import Silent
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.data import segment
 from legfem.data.formats import read_sheets
 from legfem.data.quality import quality_of
@@ -33,13 +32,14 @@ from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.experiments.posed import Pose, posed
 from legfem.geometry.leg_shape import HULL, SKIN
 from legfem.geometry.slices import calf_levels
-from legfem.identify.applied_correction import Confirmation, SpatialEvidence
-from legfem.identify.leg_film import LegState, PressedLeg, seen
 from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.estimates import Estimate
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
+from legfem.legs.correction import TabulatedCorrection
+from legfem.legs.details import Confirmation, SpatialEvidence
 from legfem.legs.experiments import plane_strain_test
+from legfem.legs.film_3d import LegState, PressedLeg, seen
 from legfem.legs.loading import load_subject
 from legfem.legs.subject import Subject
 from legfem.mechanics.materials import ReducedPolynomial

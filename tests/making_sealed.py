@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from legfem.correction.choice import REFERENCE
-from legfem.correction.tabulated import read_correction
+from legfem.legs.correction import read_correction
+from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from studies.concealed.cases import DEPTH_MM

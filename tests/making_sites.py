@@ -11,9 +11,8 @@ from making import TOML, leg, press, write_contours, write_recording
 from making_identification import DEPTH, AnalyticLeg, pressed_leg
 
 from legfem.data import Recording
-from legfem.inverse.outcome import Outcome
+from legfem.inverse.outcome import JointForward, Outcome
 from legfem.legs.subject import SitedLeg
-from legfem.sites.forward import SitesForward
 
 SITES = ("back", "medial", "low")
 FACTORS = (1.0, 0.8, 1.3)
@@ -66,10 +65,10 @@ def sited_leg(
     return SitedLeg("leg", "Closed form", tuple(sites), folder)
 
 
-def sites_model(depth: float = DEPTH) -> SitesForward:
+def sites_model(depth: float = DEPTH) -> JointForward:
     """Return the model of the leg."""
     models = tuple(SiteLeg(depth=depth, factor=factor) for factor in FACTORS)
-    return SitesForward(models)  # type: ignore[arg-type]
+    return JointForward(models)  # type: ignore[arg-type]
 
 
 def write_sites(folder: Path, tables: str = SITE_TABLES, names: Sequence[str] = SITES[:2]) -> Path:

@@ -11,10 +11,10 @@ import numpy as np
 from making_identification import DEPTH, AnalyticLeg, pressed_leg
 
 from legfem.data import Recording
-from legfem.identify.fibre_ratio import at_ratios, moduli_needed
-from legfem.identify.spatial import LegModels
 from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO
+from legfem.inverse.fibre_ratio import at_ratios, moduli_needed
 from legfem.inverse.outcome import Outcome
+from legfem.legs.model_3d import LegModels
 from legfem.legs.placement import spatial_leg
 from legfem.legs.subject import SitedLeg
 
@@ -106,7 +106,7 @@ def models_of(leg: SitedLeg, kept: Path | None = None, **more: Any) -> list[LegM
 
 
 def models_as_deep_as_asked() -> Callable[..., list[LegModels]]:
-    """Return what takes the place of `legfem.sites.spatial.leg_models`."""
+    """Return what takes the place of `legfem.legs.fit_in_3d.leg_models`."""
 
     def models(leg: SitedLeg, curves: Sequence[Any], *_: Any) -> list[LegModels]:
         depth = float(min(curve.displacement[-1] for curve in curves))

@@ -29,8 +29,8 @@ OLD_NAMES = {
     "legfem.legs.loading": "legfem.legs.subject",
     "legfem.stocking.loading": "legfem.stocking.leg",
     "legfem.legs.subject": "legfem.subject",
-    "legfem.correction.choice": "legfem.identify.correction",
-    "legfem.correction.tabulated": "legfem.correction",
+    "legfem.legs.correction_of_leg": "legfem.identify.correction",
+    "legfem.legs.correction": "legfem.correction",
     "legfem.study.correction.cases": "legfem.study.correction_cases",
 }
 """Of modules that moved, and of some of their functions: what they were before, since 898bc29."""
@@ -99,7 +99,7 @@ def identified() -> Entries:
 
 def corrections() -> Entries:
     """P(d) of the tables at three stiffnesses, and of one coarse idealised leg."""
-    choice, tabulated = module("legfem.correction.choice"), module("legfem.correction.tabulated")
+    choice, tabulated = module("legfem.legs.correction_of_leg"), module("legfem.legs.correction")
     at = np.linspace(0.0, 25.0, 11)
     stiffness = np.array([0.3, 1.0, 5.0]), np.array([0.0, 1.0, 10.0])
     found: Entries = {}

@@ -11,9 +11,9 @@ from mpi4py import MPI
 
 from legfem.common.errors import InputError
 from legfem.common.progress import Silent
-from legfem.correction.choice import find_correction
-from legfem.correction.tabulated import TabulatedCorrection, read_correction, smooth_ratio
 from legfem.experiments.indentation_3d import IdealisedLegSettings
+from legfem.legs.correction import TabulatedCorrection, read_correction, smooth_ratio
+from legfem.legs.correction_of_leg import find_correction
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
 from legfem.solve.force_curve import ForceCurve
 from legfem.study.correction.calibration import Calibration, calibrate

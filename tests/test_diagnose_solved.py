@@ -9,8 +9,6 @@ import pytest
 from making_diagnosis import INSTRUMENT
 
 from legfem.common.progress import Silent
-from legfem.correction.choice import REFERENCE
-from legfem.correction.tabulated import read_correction
 from legfem.data import Recording, segment_all
 from legfem.diagnose.library_build import build_library, rounded, shown_mechanisms
 from legfem.diagnose.mechanisms import mechanism_named
@@ -22,6 +20,8 @@ from legfem.diagnose.predict import Predictor
 from legfem.diagnose.run import ruled_out_of
 from legfem.diagnose.solved import PLAIN, NotKeptError, SolvedResponses, end_effect
 from legfem.diagnose.variants import Stopped, Variants
+from legfem.legs.correction import read_correction
+from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.elastography import FibreRatio
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS

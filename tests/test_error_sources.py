@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from making_identification import identify, pressed_leg
 
-from legfem.correction.tabulated import TabulatedCorrection
-from legfem.inverse.comparison import greatest, shares_of_error, total_of
+from legfem.inverse.comparison import main_source, shares_of_error, total_of
+from legfem.legs.correction import TabulatedCorrection
 from legfem.report.web.identification import identification_page
 
 DEEPER, LONGER = "press deeper", "take a longer cylinder, or solve this leg in 3D (--model 3d)"
@@ -30,7 +30,7 @@ def test_shares_are_those_of_the_closed_form():
     squares = {"recordings": x @ x / white**2, "ends": (gain * p * x @ x / white**2) ** 2, "priors": prior**-2}
     whole = sum(squares.values())
     assert shares == pytest.approx({name: one / whole for name, one in squares.items()})
-    assert greatest(shares) == "ends" and greatest({}) == "recordings"
+    assert main_source(shares) == "ends" and main_source({}) == "recordings"
     np.testing.assert_array_equal(total_of(parts), parts["recordings"] + parts["ends"])
 
 
@@ -43,7 +43,7 @@ def test_advice_is_what_narrows_the_interval(tmp_path, noise, ends_sd, said, uns
     results = identify(subject, laws=("neo-hookean",), correction=of_ends(ends_sd))
     found = results[0].parameters["deep.C10"]
     assert found.identifiability == "weakly identifiable"
-    assert greatest(found.error_shares) == source
+    assert main_source(found.error_shares) == source
     assert sum(found.error_shares.values()) == pytest.approx(1.0)
     advice = dict(identification_page(results, subject, None).headline.answers)["What to do"]
     assert said in advice and unsaid not in advice

@@ -11,14 +11,21 @@ from making import TOML, write_subject
 from making_diagnosis import observations, ramps
 from making_identification import DEPTH, identify, pressed_leg
 
-from legfem.correction.choice import choose_correction, correction_of, why_without_fibres
-from legfem.correction.fibres import FIBRES, FibreTable, read_fibres, with_fibres
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.mechanisms import mechanism_named
 from legfem.identify.document import result_document
-from legfem.identify.leg_solver import fibre_errors
+from legfem.legs.correction import TabulatedCorrection
+from legfem.legs.correction_of_leg import (
+    FIBRES,
+    FibreTable,
+    choose_correction,
+    correction_of,
+    read_fibres,
+    why_without_fibres,
+    with_fibres,
+)
 from legfem.legs.elastography import FibreRatio
 from legfem.legs.loading import load_subject
+from legfem.legs.solver_3d import fibre_errors
 from legfem.report.plain import plain_page
 from legfem.report.web.identification import identification_page
 from legfem.solve.force_curve import ForceCurve

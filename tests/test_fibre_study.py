@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from making_diagnosed import diagnosed
 
-from legfem.correction.choice import REFERENCE
-from legfem.correction.fibres import read_fibres
-from legfem.correction.tabulated import read_correction
+from legfem.legs.correction import read_correction
+from legfem.legs.correction_of_leg import REFERENCE, read_fibres
 from legfem.solve.force_curve import ForceCurve
 from studies.fibres.concealed import CASES, HEADER, cells, score
 from studies.fibres.table import AT_RATIO, base_case, fibrous, smooth_log, varied

@@ -11,8 +11,8 @@ from dolfinx import fem, mesh
 from mpi4py import MPI
 
 from legfem.common.errors import InputError
-from legfem.correction.tabulated import smooth_ratio
 from legfem.experiments.indentation_3d import Cylinder, IdealisedLegIndentation, IdealisedLegSettings
+from legfem.legs.correction import smooth_ratio
 from legfem.mechanics.contact import FiniteCylinder
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings, mesh_leg

@@ -13,10 +13,10 @@ import pytest
 from making_legs_3d import cone_folder
 
 from legfem.common.errors import InputError
-from legfem.identify.spatial import ROUGHER, LegModels
 from legfem.inverse.outcome import Outcome
 from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.loading import load_subject
+from legfem.legs.model_3d import ROUGHER, LegModels
 from legfem.legs.placement import spatial_leg
 from legfem.legs.subject import Subject
 from legfem.study.correction import of_leg

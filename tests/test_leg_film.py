@@ -11,9 +11,9 @@ from making_legs_3d import cone_folder
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.fem.fields import FieldReader
 from legfem.geometry.leg_shape import SKIN
-from legfem.identify.leg_film import LegFilm, LegState, seen
-from legfem.identify.spatial import LegModels
+from legfem.legs.film_3d import LegFilm, LegState, seen
 from legfem.legs.loading import load_subject
+from legfem.legs.model_3d import LegModels
 from legfem.meshing.solid_leg import SolidMeshSettings
 
 DEPTH = 4.0

@@ -11,10 +11,15 @@ import pytest
 from making import TOML, write_subject
 
 from legfem.common.errors import InputError
-from legfem.correction.choice import choose_correction, correction_of, why_uncorrected
-from legfem.correction.leg_sizes import LegCorrections, read_leg_corrections
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.geometry.section import depth_to_bone
+from legfem.legs.correction import TabulatedCorrection
+from legfem.legs.correction_of_leg import (
+    LegCorrections,
+    choose_correction,
+    correction_of,
+    read_leg_corrections,
+    why_uncorrected,
+)
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import Subject
@@ -89,12 +94,12 @@ def test_depth_to_the_bone_is_measured_from_first_contact(tmp_path: Path):
 
 def test_a_measured_leg_gets_its_own_correction_by_default(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     leg = measured(tmp_path)
-    monkeypatch.setattr("legfem.correction.choice.LEGS", tmp_path / "none.json")
+    monkeypatch.setattr("legfem.legs.correction_of_leg.LEGS", tmp_path / "none.json")
     assert why_uncorrected(leg) is None
     found = choose_correction("auto", leg)
     assert found is not None and "reference leg" in found.name
     table = made().write(tmp_path / "legs.json")
-    monkeypatch.setattr("legfem.correction.choice.LEGS", table)
+    monkeypatch.setattr("legfem.legs.correction_of_leg.LEGS", table)
     found = choose_correction("auto", leg)
     assert found is not None and "60.0 mm" in found.name
     assert choose_correction("none", leg) is None

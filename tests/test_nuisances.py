@@ -9,8 +9,6 @@ import pytest
 from making_diagnosis import GRID, SOUGHT, fat, observations, problem_of, ramps
 from scipy.interpolate import CubicSpline
 
-from legfem.correction.choice import REFERENCE
-from legfem.correction.tabulated import read_correction
 from legfem.diagnose.explain import explain
 from legfem.diagnose.library_build import smoothed
 from legfem.diagnose.nuisances import (
@@ -28,6 +26,8 @@ from legfem.diagnose.nuisances import (
     variance_degrees,
 )
 from legfem.diagnose.run import accuracy_of
+from legfem.legs.correction import read_correction
+from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import LegAccuracy

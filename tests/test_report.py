@@ -14,11 +14,11 @@ from matplotlib.image import imread
 from scipy.stats import chi2
 
 from legfem.experiments.plane_strain import PlaneStrainSettings
-from legfem.identify.applied_correction import AppliedCorrection
-from legfem.identify.warnings import Finding, warnings_about
+from legfem.legs.details import AppliedCorrection
 from legfem.legs.elastography import FibreRatio
 from legfem.legs.experiments import plane_strain_test
 from legfem.legs.loading import load_subject
+from legfem.legs.notices import of_ends
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report.cost_figure import confidence_ellipse, cost_figure, linear_cost
 from legfem.report.fit_figure import fit_figure
@@ -79,17 +79,15 @@ def test_the_correction_is_named_with_its_size_and_error(both, subject):
     assert "without a correction for 3D effects" in text_of(both[:1], subject)
 
 
-def test_who_reads_a_corrected_c10_is_told_what_fibres_would_do_to_it(both, tmp_path):
+def test_who_reads_a_corrected_c10_is_told_what_fibres_would_do_to_it(tmp_path):
     leg = replace(load_subject(write_subject(tmp_path)), plane_strain=False)
-    one, own = both[0], AppliedCorrection("own", np.zeros(3), np.full(3, 0.1))
-    finding = Finding(leg, one.law, one.parameters, one.cost, False, True, (), own, one.measured, "")
-    for correction, told in ((own, True), (None, False)):
-        texts = warnings_about(replace(finding, correction=correction))
-        assert any("alike in all directions" in text for text in texts) == told
+    own = AppliedCorrection("own", np.zeros(3), np.full(3, 0.1))
+    for correction, expected in ((own, True), (None, False)):
+        texts = list(of_ends(leg, correction))
+        assert any("alike in all directions" in text for text in texts) == expected
     fibrous = replace(leg, fibres=FibreRatio(2.0, 0.3, "measured", "shear waves"))
     for with_fibres, said in ((True, "has what fibres do"), (False, "has no fibres")):
-        known = replace(finding, subject=fibrous, correction=replace(own, with_fibres=with_fibres))
-        texts = warnings_about(known)
+        texts = list(of_ends(fibrous, replace(own, with_fibres=with_fibres)))
         assert any(said in text for text in texts)
         assert not any("alike in all directions" in text for text in texts)
 

@@ -14,15 +14,15 @@ from typer.testing import CliRunner
 from legfem.commands.diagnose import app as diagnose_app
 from legfem.commands.identify import app as identify_app
 from legfem.common.errors import InputError
-from legfem.correction.tabulated import TabulatedCorrection
-from legfem.identify.identification import measured_curve
 from legfem.inverse.catalogue import parameter_of
+from legfem.inverse.fit import Goodness
 from legfem.inverse.parameter import Prior
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
+from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.loading import load_sites, load_subject
+from legfem.legs.site_test import measured_curve
 from legfem.report.sites import write_sites_report
 from legfem.sites.identification import identify_sites
-from legfem.sites.result import Chance
 
 NEO_HOOKEAN = ("neo-hookean",)
 C10 = "deep.C10"
@@ -78,7 +78,7 @@ def test_where_sites_differ_intervals_are_wider_by_the_birge_ratio(sites, least,
     error = alike.parameters[C10].standard_error
     assert found.parameters[C10].standard_error == pytest.approx(wider * error, rel=0.15)
     assert width(found) == pytest.approx(wider * width(alike), rel=0.2)
-    assert Chance(0.0, 0, 1.0).birge_ratio == 1.0, "of one site"
+    assert Goodness(0.0, 0, 1.0).birge_ratio == 1.0, "of one site"
 
 
 def test_what_is_wrong_alike_is_not_widened(tmp_path):
@@ -146,8 +146,8 @@ def test_one_site_gives_what_the_leg_by_itself_gives(tmp_path):
     leg = sited_leg(tmp_path, 1.0)
     first = replace(leg, sites=leg.sites[:1])
     model = replace(sites_model(), models=sites_model().models[:1])
-    (found,) = identify_sites(first, NEO_HOOKEAN, model=model)
     settings = IdentificationSettings(weighting="covariance")
+    (found,) = identify_sites(first, NEO_HOOKEAN, SearchRequest(settings=settings), model=model)
     (alone,) = identify(pressed_leg(tmp_path, 1.0, 0.0), settings, laws=NEO_HOOKEAN)
     assert found.parameters[C10].value == pytest.approx(alone.parameters[C10].value, rel=1e-4)
     assert found.parameters[C10].ci95 == pytest.approx(alone.parameters[C10].ci95, rel=2e-3)

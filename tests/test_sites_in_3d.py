@@ -16,17 +16,17 @@ from making_sites_in_3d import IN_TENSION, RISES, TRUE_C10, TRUE_RATIO, leg_of, 
 from typer.testing import CliRunner
 
 from legfem.commands.identify import app as identify_app
-from legfem.identify.spatial import SOLVES
 from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, parameter_of
 from legfem.inverse.settings import SearchRequest
+from legfem.legs import fit_in_3d as spatial
 from legfem.legs.elastography import FibreRatio
+from legfem.legs.fit_in_3d import ways_of_pressing
+from legfem.legs.model_3d import SOLVES
 from legfem.legs.subject import SitedLeg
 from legfem.report.sites_numbers import sites_document
 from legfem.report.web.page import rendered
 from legfem.report.web.sites import sites_web_page
-from legfem.sites import spatial
-from legfem.sites.spatial import identify_in_3d
-from legfem.sites.ways_of_pressing import ways_of_pressing
+from legfem.sites.identification import identify_in_3d
 
 NEO_HOOKEAN = ("neo-hookean",)
 

@@ -14,23 +14,22 @@ from making_legs_3d import cone_folder
 from mpi4py import MPI
 
 from legfem.common.errors import InputError
-from legfem.common.progress import Silent
-from legfem.correction.confirmed import confirmed_correction
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.data import Instrument, Recording
-from legfem.identify.applied_correction import CLOSE
 from legfem.identify.document import result_document
-from legfem.identify.identification import Identification, measured_curve
-from legfem.identify.run import laws_of
-from legfem.identify.spatial import LegModels, SpatialForward, check_has_ends
-from legfem.identify.two_fidelity import MOST_SOLVES, TwoFidelities
-from legfem.inverse.outcome import FullSolver, Outcome
+from legfem.identify.result import identification_result
+from legfem.inverse.outcome import JointForward, Outcome
 from legfem.inverse.search import SearchError
-from legfem.inverse.settings import IdentificationSettings, sensitivities_of
+from legfem.inverse.settings import SearchRequest
+from legfem.legs.correction import TabulatedCorrection, confirmed_correction
+from legfem.legs.details import CLOSE
 from legfem.legs.elastography import FibreRatio
+from legfem.legs.identification import as_leg, confirmed_in_3d
 from legfem.legs.loading import load_subject
+from legfem.legs.model_3d import LegModels, SpatialForward, check_has_ends
 from legfem.legs.placement import spatial_leg
+from legfem.legs.problem import leg_problem
 from legfem.legs.subject import Subject
+from legfem.legs.two_fidelity import MOST_SOLVES
 from legfem.report.plain import plain_page
 from legfem.report.web.identification import identification_page
 
@@ -100,10 +99,9 @@ def identified(
         DEPTH,
         kept,
     )
-    chosen = laws_of(subject, laws, section.nominal)
-    with FullSolver(section, None, 1, Silent(), sensitivities_of(chosen)) as solver:
-        found = Identification(subject, measured_curve(subject), chosen, solver, IdentificationSettings())
-        return TwoFidelities(found, models, Silent(), start).identify(laws)
+    request = SearchRequest()
+    problem = leg_problem(as_leg(subject), laws, request, [start], JointForward((section,)))
+    return [identification_result(one) for one in confirmed_in_3d(problem, laws, request, models)]
 
 
 @pytest.mark.parametrize("start", [table(0.3), table(0.0, trend=0.0), None])

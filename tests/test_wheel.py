@@ -21,10 +21,10 @@ import sys
 from pathlib import Path
 
 import legfem
-from legfem.correction.choice import LEGS as SIZES, REFERENCE
-from legfem.correction.fibres import read_fibres
-from legfem.correction.leg_sizes import read_leg_corrections
-from legfem.correction.tabulated import read_correction
+from legfem.legs.correction_of_leg import LEGS as SIZES, REFERENCE
+from legfem.legs.correction_of_leg import read_fibres
+from legfem.legs.correction_of_leg import read_leg_corrections
+from legfem.legs.correction import read_correction
 from legfem.imaging.volume_file import read_volume
 from legfem.stocking.loading import LEGS
 from legfem.stocking.leg_file import parse_leg_file

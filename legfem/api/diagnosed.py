@@ -221,10 +221,10 @@ def diagnose(
         With ``verdict`` (or ``verdicts`` by specimen), ``summary()``, ``plot()``, ``to_frame()``,
         ``document()``, ``write(folder)``.
     """
-    from legfem.correction.choice import REFERENCE
-    from legfem.correction.tabulated import read_correction
     from legfem.diagnose.leg import library_folder
     from legfem.diagnose.run import Diagnoser
+    from legfem.legs.correction import read_correction
+    from legfem.legs.correction_of_leg import REFERENCE
     from legfem.specimens.folder import SpecimenFolder
 
     check_whole("seed", seed, 0)

@@ -131,7 +131,7 @@ def identify(
     """
     from legfem.inverse.laws import LAWS
     from legfem.inverse.settings import IdentificationSettings, SearchRequest
-    from legfem.sites.joint import joint_leg
+    from legfem.sites.identification import joint_leg
     from legfem.specimens.folder import SpecimenFolder
 
     check_search(parameters, fixed, depth, settings, out, jobs)

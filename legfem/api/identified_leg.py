@@ -70,11 +70,11 @@ class IdentifiedLeg(ByLaw["IdentificationResult"]):
 
 def identify_section(subject: Subject, asked: IdentifyCall) -> IdentifiedLeg:
     """Identify a leg from its section; see `legfem.identify`."""
-    from legfem.correction.choice import choose_correction
     from legfem.identify.run import forward_model, identify_subject
-    from legfem.identify.spatial import SOLVES, LegModels, check_has_ends
+    from legfem.legs.correction_of_leg import choose_correction
     from legfem.legs.experiments import tissues_of
     from legfem.legs.forward import values_of
+    from legfem.legs.model_3d import SOLVES, LegModels, check_has_ends
 
     nominal = values_of(tissues_of(subject))
     request = asked.request_of(nominal)

@@ -67,7 +67,8 @@ class IdentifiedSites(ByLaw["SitesResult"]):
 
 def identify_together(leg: SitedLeg, asked: IdentifyCall) -> IdentifiedSites:
     """Identify what all sites of a leg share; see `legfem.identify`."""
-    from legfem.sites.joint import check_joint, identify_leg, nominal_of
+    from legfem.legs.identification import check_joint, nominal_of
+    from legfem.sites.identification import identify_together as together
 
     in_3d = asked.in_3d
     check_joint(leg, asked.request.settings, asked.correction, in_3d)
@@ -77,7 +78,7 @@ def identify_together(leg: SitedLeg, asked: IdentifyCall) -> IdentifiedSites:
     numbers = _solid_settings(asked.mesh) if in_3d else plane_settings(asked.mesh)
     with progress_on(quiet=not asked.progress) as told:
         request = replace(request, progress=told)
-        results = identify_leg(leg, laws, request, asked.correction, in_3d, settings=numbers)
+        results = together(leg, laws, request, asked.correction, in_3d, settings=numbers)
     return IdentifiedSites(leg, tuple(results))
 
 

@@ -79,11 +79,11 @@ def diagnose(
             raise InputError("--specimen", specimen[0], "is for specimens", "give --specimen-dir")
         from legfem.commands.outcome import print_outcome
         from legfem.common.documents import write_document
-        from legfem.correction.choice import REFERENCE
-        from legfem.correction.tabulated import read_correction
         from legfem.diagnose.document import document
         from legfem.diagnose.leg import library_folder
         from legfem.diagnose.run import Diagnoser
+        from legfem.legs.correction import read_correction
+        from legfem.legs.correction_of_leg import REFERENCE
         from legfem.legs.loading import load_subject
         from legfem.legs.plausibility import doubts_about
         from legfem.plan.run import plan_after

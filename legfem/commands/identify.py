@@ -169,15 +169,16 @@ def run(
         from mpi4py import MPI
 
         from legfem.commands.outcome import print_outcome
-        from legfem.correction.choice import choose_correction
-        from legfem.identify.run import forward_model, identify_subject, laws_of, write_results
-        from legfem.identify.spatial import SOLVES, LegModels, check_has_ends
+        from legfem.identify.run import forward_model, identify_subject, write_results
         from legfem.inverse.parse_parameters import Written
         from legfem.inverse.search import SearchError
         from legfem.inverse.settings import IdentificationSettings, SearchRequest
+        from legfem.legs.correction_of_leg import choose_correction
         from legfem.legs.experiments import tissues_of
         from legfem.legs.forward import values_of
+        from legfem.legs.laws import laws_of
         from legfem.legs.loading import load_sites, load_subject
+        from legfem.legs.model_3d import SOLVES, LegModels, check_has_ends
         from legfem.legs.plausibility import doubts_about
         from legfem.legs.schema import SUBJECTS
         from legfem.legs.subject import Subject as Leg
@@ -185,7 +186,7 @@ def run(
         from legfem.report.plain import brief
         from legfem.report.web.identification import identification_page
         from legfem.report.web.page import command_line
-        from legfem.sites.joint import joint_leg
+        from legfem.sites.identification import joint_leg
 
         if seed < 0:
             raise InputError("--seed", f"{seed}", "is negative", "give 0 or more")

@@ -45,11 +45,11 @@ def plan(
     with work_edge(jobs, resume, quiet) as processes:
         from legfem.commands.outcome import print_outcome
         from legfem.common.documents import write_document
-        from legfem.correction.choice import REFERENCE
-        from legfem.correction.tabulated import read_correction
         from legfem.diagnose.document import versions
         from legfem.diagnose.leg import library_folder
         from legfem.diagnose.run import Diagnoser
+        from legfem.legs.correction import read_correction
+        from legfem.legs.correction_of_leg import REFERENCE
         from legfem.legs.loading import load_subject
         from legfem.legs.plausibility import doubts_about
         from legfem.plan.run import Expected, plan_before

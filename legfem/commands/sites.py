@@ -34,27 +34,28 @@ def run_joint(
     from legfem.commands.outcome import print_outcome
     from legfem.inverse.search import SearchError
     from legfem.inverse.settings import SearchRequest
+    from legfem.legs.identification import check_joint, nominal_of
     from legfem.legs.plausibility import doubts_about
+    from legfem.legs.problem import split_instrument
     from legfem.report.plain import brief
     from legfem.report.sites import write_sites_report
     from legfem.report.web.page import command_line
     from legfem.report.web.sites import sites_web_page
-    from legfem.sites.identification import asked_of
-    from legfem.sites.joint import check_joint, identify_leg, nominal_of
+    from legfem.sites.identification import identify_together
 
     check_joint(leg, settings, correction, in_3d)
     for site in leg.sites:
         say(doubts_about(site))
     nominal = nominal_of(leg, in_3d)
     parameters, fixed = written.parameters(nominal), written.held(nominal)
-    asked = asked_of(parameters, fixed)
+    shared, _ = split_instrument(parameters, fixed)
     given_c20 = leg.sites[0].tissues["deep"].C20
-    chosen = written.laws(law, asked.parameters or (), given_c20, fixed)
+    chosen = written.laws(law, shared or (), given_c20, fixed)
     check_out_folder(folder)
     try:
         with progress_on(quiet=quiet) as progress:
             request = SearchRequest(parameters, fixed, depth, settings, folder, jobs, progress)
-            results = identify_leg(leg, chosen, request, correction, in_3d, MPI.COMM_WORLD)
+            results = identify_together(leg, chosen, request, correction, in_3d, MPI.COMM_WORLD)
     except SearchError as failure:
         print(f"{leg.id}: {failure}", file=sys.stderr)
         raise typer.Exit(FAILED) from None

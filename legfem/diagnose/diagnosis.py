@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legfem.common.progress import Progress
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.data import Instrument
 from legfem.diagnose.about_solutions import base_about_solution, refitted_about_solutions
 from legfem.diagnose.averaged import averaged_interval
@@ -32,6 +31,7 @@ from legfem.diagnose.score import Assessment, assess
 from legfem.diagnose.solved import SolvedResponses
 from legfem.inverse.errors import ErrorModel, error_model
 from legfem.inverse.trial_noise import Noise, estimate_noise
+from legfem.legs.correction import TabulatedCorrection
 
 Verdict = Literal["consistent", "named", "ambiguous", "unexplained"]
 SOUND = 0.5

@@ -8,9 +8,9 @@ from typing import NamedTuple
 from legfem.common.doubts import Doubt
 from legfem.common.units import kpa_to_mpa
 from legfem.diagnose.diagnosis import Diagnosis
-from legfem.identify.usual_stiffness import doubts_about_stiffness
 from legfem.legs.plausibility import doubts_about
 from legfem.legs.subject import Subject
+from legfem.legs.usual_stiffness import doubts_about_stiffness
 
 
 def doubts_of(found: Diagnosis, subject: object) -> tuple[Doubt, ...]:

@@ -6,10 +6,10 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses
 from legfem.diagnose.variants import Variants
+from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.subject import Subject
 
 _DEPTH_STEP_MM = 1.0

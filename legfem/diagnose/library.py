@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from legfem.common.units import FloatArray
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.mechanisms import Stiffness, TissueMechanism, Values
 from legfem.diagnose.mechanisms.base import null_of, prior_of
 from legfem.diagnose.mechanisms.end_effects import EndEffects
@@ -24,6 +23,7 @@ from legfem.diagnose.nuisances import Nuisances
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import end_effect
 from legfem.inverse.emulator import Emulator
+from legfem.legs.correction import TabulatedCorrection
 
 _REACH = 1.6
 

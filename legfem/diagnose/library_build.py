@@ -9,7 +9,6 @@ from scipy.interpolate import CubicSpline, make_smoothing_spline
 
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.data.segmentation import LOADING
 from legfem.diagnose.library import Library, Table, coordinates, unchanged
 from legfem.diagnose.library_tasks import Task, outcomes_of, tasks_for
@@ -20,6 +19,7 @@ from legfem.diagnose.nuisances import Nuisances
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses
 from legfem.inverse.emulator import Emulator, Samples
+from legfem.legs.correction import TabulatedCorrection
 
 STIFFENINGS = (0.0, 0.8, 1.6)
 """ln(1 + C20 / C10) of the lattice."""

@@ -24,8 +24,8 @@ from legfem.inverse.parameter import Prior
 from legfem.legs.subject import MeasuredEffect
 
 if TYPE_CHECKING:
-    from legfem.correction.tabulated import TabulatedCorrection
     from legfem.experiments.placement import Placement
+    from legfem.legs.correction import TabulatedCorrection
     from legfem.meshing.motion import MeshMotion
 
 CONTOUR_SD_MM = 0.5

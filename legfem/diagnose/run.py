@@ -7,8 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from legfem.common.progress import Progress
-from legfem.correction.choice import choose_correction, why_without_fibres
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.diagnosis import Diagnosis, diagnose
 from legfem.diagnose.leg import solved_responses
 from legfem.diagnose.library import Library
@@ -19,7 +17,9 @@ from legfem.diagnose.mechanisms.muscle_fibres import MuscleFibres
 from legfem.diagnose.nuisances import DRAWN, Accuracy
 from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.solved import SolvedResponses
-from legfem.legs.elastography_priors import elastography_priors
+from legfem.legs.correction import TabulatedCorrection
+from legfem.legs.correction_of_leg import choose_correction, why_without_fibres
+from legfem.legs.elastography import elastography_priors
 from legfem.legs.subject import Subject
 
 STIFFENING = {"neo-hookean": 0.0, "reduced-polynomial": 0.8}

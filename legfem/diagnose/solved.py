@@ -16,7 +16,6 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray, kpa_to_mpa
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.mechanisms import Solution, Stiffness, TissueMechanism, Values
 from legfem.diagnose.mechanisms.base import null_of
 from legfem.diagnose.mechanisms.end_effects import EndEffects
@@ -26,6 +25,7 @@ from legfem.diagnose.stations import Stations
 from legfem.diagnose.variants import Stopped
 from legfem.jobs.key import key_of
 from legfem.jobs.store import Store
+from legfem.legs.correction import TabulatedCorrection
 from legfem.solve.protocol import Protocol
 
 GRID_STEP_MM = 0.5

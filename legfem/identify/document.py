@@ -8,11 +8,11 @@ from typing import Any
 from legfem.common.documents import json_types
 from legfem.common.doubts import doubt_documents
 from legfem.common.units import readable_unit
-from legfem.identify.applied_correction import AppliedCorrection, SpatialEvidence
 from legfem.identify.result import Cost, IdentificationResult, IdentifiedParameters, PredictedCurve
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, key_of, short_key_of, unit_of, unit_suffix
 from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate
 from legfem.inverse.search_log import CostMap, SearchLog
+from legfem.legs.details import AppliedCorrection, SpatialEvidence
 from legfem.legs.elastography import FibreRatio
 
 SCHEMA = "legfem.identify/1"

@@ -11,13 +11,15 @@ import numpy as np
 from legfem.common.doubts import Doubt
 from legfem.common.units import FloatArray
 from legfem.data import LoadingCurve
-from legfem.identify.applied_correction import AppliedCorrection, SpatialEvidence
 from legfem.inverse.catalogue import Values, key_of
 from legfem.inverse.estimates import Estimate
+from legfem.inverse.fit import Fit
 from legfem.inverse.intervals import VERDICTS, Identifiability
 from legfem.inverse.laws import LawName, model_values
 from legfem.inverse.search_log import SearchLog
+from legfem.legs.details import AppliedCorrection, LegDetails, SpatialEvidence, SpatialSites
 from legfem.legs.elastography import FibreRatio
+from legfem.legs.notices import curve_of
 
 
 @dataclass(frozen=True)
@@ -143,3 +145,57 @@ class IdentificationResult(IdentifiedParameters):
     def residual(self) -> FloatArray:
         """Predicted less measured force (N); (n,)."""
         return self.predicted.force - self.measured.force
+
+
+def identification_result(fit: Fit[LegDetails]) -> IdentificationResult:
+    """Result of one leg's fit as pages and documents read it."""
+    (test,) = fit.tests
+    log, details, cost = fit.log, fit.details, fit.cost
+    settings = dict(fit.settings)
+    for name in ("depth_mm", "fascia_thickness_mm"):
+        (settings[name],) = settings[name]
+    spatial = details.spatial
+    assert not isinstance(spatial, SpatialSites)
+    return IdentificationResult(
+        law=fit.law,
+        parameters=fit.estimates,
+        correlations=fit.correlations,
+        values=fit.values,
+        assumed=fit.assumed,
+        forward_solves=log.forward_solves,
+        reused_solves=log.reused_solves,
+        wall_s=log.wall_s,
+        seed=log.seed,
+        emulator_error=log.emulator_error,
+        converged=log.converged,
+        warnings=fit.warnings,
+        versions=fit.versions,
+        subject_id=fit.subject.id,
+        subject_title=fit.subject.title,
+        subject_origin=fit.subject.origin,
+        cost=Cost(
+            cost.value,
+            cost.points,
+            cost.mean_square,
+            cost.per_length,
+            cost.rms,
+            cost.r_squared,
+            fit.goodness.chi_square,
+            fit.goodness.degrees_of_freedom,
+            fit.goodness.p_value,
+            cost.minimised,
+            cost.minimised_value,
+            cost.minimised_unit,
+        ),
+        measured=curve_of(test),
+        predicted=PredictedCurve(test.force.channel.station, test.force.predicted, test.force.sensitivities),
+        search=log,
+        factorisations=log.factorisations,
+        correction=details.corrections[0],
+        weighting=fit.weighting,
+        neo_hookean_limit=fit.neo_hookean_limit,
+        settings=settings,
+        doubts=fit.doubts,
+        fibres=details.subject.fibres,
+        spatial=spatial,
+    )

@@ -1,36 +1,122 @@
-"""Predictions of a model beside what was measured, and what their difference costs."""
+r"""Predictions of a model beside what was measured, and what their difference costs.
+
+A problem has n readings, of one or several tests and of one or several channels each (`legfem.inverse.data`).
+Their errors are known by source; an error that several tests have alike is a mode with a name, and is theirs
+together: it doesn't average out over them.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from itertools import pairwise
+from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg import block_diag, solve_triangular
 
 from legfem.common.units import FloatArray
+from legfem.inverse.catalogue import Values
+from legfem.inverse.data import Data
 from legfem.inverse.least_squares import sandwich
 from legfem.inverse.outcome import Outcome
+from legfem.solve.force_curve import ForceCurve
+
+Weighting = Literal["paper", "covariance"]
+"""What is minimised: the plain sum of squares (Eq. 12 of the paper), or the sum weighted by the errors."""
+ErrorSource = Literal["recordings", "differences", "model", "ends", "fibres", "priors"]
+"""Readings; a factor by which recordings or specimens differ; the model's numerical error; the correction for
+the cylinder's ends; muscle fibres' part in it; what was known beforehand."""
+Covariances = Mapping[ErrorSource, FloatArray]
+"""Covariances of the readings (n, n), in their units squared, by source; they add up."""
+
+
+class Mode(NamedTuple):
+    """An error of one standard deviation that tests share."""
+
+    source: ErrorSource
+    effect: FloatArray
+    """Effect on the readings, (n,)."""
+
+
+def total_of(covariances: Covariances) -> FloatArray:
+    """Sum of the covariances of all sources, (n, n)."""
+    return np.asarray(sum(covariances.values()))
+
+
+def shares_of_error(gain: FloatArray, covariances: Covariances) -> list[dict[ErrorSource, float]]:
+    r"""Share of each source in the variance of each parameter.
+
+    With the gain :math:`G` by which parameters follow readings and priors, the share of a source of
+    covariance :math:`\Sigma_s` in parameter k is :math:`(G \Sigma_s G^T)_{kk}` over the sum of
+    these; priors have errors of one.
+
+    Parameters
+    ----------
+    gain : (p, n + k) array
+        Of `legfem.inverse.trial.Linearised`: p parameters, n readings, k priors.
+    covariances : mapping
+        Of the readings, by source.
+    """
+    n = len(total_of(covariances))
+    of_readings, of_priors = gain[:, :n], gain[:, n:]
+    parts: dict[ErrorSource, FloatArray] = {
+        source: np.asarray(np.diag(sandwich(of_readings, covariance))) for source, covariance in covariances.items()
+    }
+    if of_priors.shape[1]:
+        parts["priors"] = np.asarray(np.sum(of_priors**2, axis=1))
+    whole = np.sum(list(parts.values()), axis=0)
+    return [
+        {source: float(part[k] / whole[k]) for source, part in parts.items() if whole[k] > 0} for k in range(len(gain))
+    ]
+
+
+def main_source(shares: Mapping[ErrorSource, float]) -> ErrorSource:
+    """Source of most of an error; the recordings where no source is known."""
+    return max(shares, key=lambda source: shares[source], default="recordings")
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """A full solve as it is read: corrected, and seen by the instrument."""
+
+    values: FloatArray
+    """Predicted readings (n,)."""
+    sensitivities: Mapping[str, FloatArray]
+    """Derivatives (n,) of the readings by parameters, by full name, per unit of the parameter."""
+    model_values: FloatArray
+    """What the model gives on its own grid (m,), correction included, before the instrument."""
+    model_sensitivities: Mapping[str, FloatArray]
+    """Derivatives (m,) of these."""
+
+    def jacobian(self, names: Sequence[str]) -> FloatArray:
+        """Derivatives of the readings by parameters, (n, p)."""
+        return np.column_stack([self.sensitivities[name] for name in names])
+
+    def part(self, span: slice) -> Prediction:
+        """Prediction of some of the readings; nothing of the model's grid goes along."""
+        values = self.values[span]
+        by = {name: derivative[span] for name, derivative in self.sensitivities.items()}
+        return Prediction(values, by, values, by)
 
 
 class Comparison(ABC):
-    """Forces of a model beside n measured ones: what a search needs to know of recordings."""
+    """Predicted readings beside n measured ones: what a search needs to know of them."""
 
     @property
     @abstractmethod
-    def measured_force(self) -> FloatArray:
-        """What is to be met (n,), N."""
+    def measured(self) -> FloatArray:
+        """Readings to be met, (n,)."""
 
     @property
     @abstractmethod
     def covariance(self) -> FloatArray:
-        """Of measured less predicted force at the truth; (n, n), N2."""
+        """Covariance of measured less predicted readings at the truth, (n, n), as the weights have it."""
 
-    def covariance_at(self, values: Mapping[str, float]) -> FloatArray:
-        """Return `covariance` with what depends on the model's values; (n, n), N2."""
+    def covariance_at(self, values: Values) -> FloatArray:
+        """`covariance` with the errors that depend on the model's values, (n, n)."""
         return self.covariance
 
     @property
@@ -45,26 +131,31 @@ class Comparison(ABC):
 
     @abstractmethod
     def reached_by(self, outcome: Outcome) -> bool:
-        """Return whether a solve came as far as what was measured."""
+        """Whether a solve came as far as what was measured."""
 
     @abstractmethod
-    def predict(self, outcome: Outcome, readings: FloatArray) -> Prediction:
-        """Return a complete full solve as it is read; ``readings`` (k,) are those of a law."""
+    def predict(self, outcome: Outcome, instrument: FloatArray) -> Prediction:
+        """Read a complete full solve.
+
+        Parameters
+        ----------
+        outcome
+            That reached what was measured.
+        instrument
+            (k,): numbers of `legfem.inverse.instrument.READINGS`.
+        """
 
     @abstractmethod
-    def read(self, force: FloatArray, readings: FloatArray) -> FloatArray:
-        """Return what is read (..., n) of the model's forces (..., m)."""
+    def read(self, model_values: FloatArray, instrument: FloatArray) -> FloatArray:
+        """Readings (..., n) of what the model gives on its grid (..., m), by an instrument (..., k)."""
 
     @property
     @abstractmethod
     def if_deeper(self) -> FloatArray:
-        """Change of the measured forces (n,) per relative change of the displacements, N."""
+        """Change of the measured readings (n,) per relative change of the displacements."""
 
     def weighted(self, values: FloatArray) -> FloatArray:
-        """Return values (n, ...) scaled so that `objective` is their sum of squares.
-
-        By the errors, unless a comparison says otherwise.
-        """
+        """Scale values (n, ...) so that `objective` is their sum of squares: by the errors, unless overridden."""
         return np.asarray(solve_triangular(self._lower, values, lower=True))
 
     @cached_property
@@ -72,97 +163,203 @@ class Comparison(ABC):
         return np.linalg.cholesky(self.covariance)
 
     def __len__(self) -> int:
-        """Return n."""
-        return len(self.measured_force)
+        """Number n of readings."""
+        return len(self.measured)
 
     @cached_property
     def weighting_matrix(self) -> FloatArray:
-        """What `weighted` multiplies with; (n, n)."""
+        """What `weighted` multiplies with, (n, n)."""
         return self.weighted(np.eye(len(self)))
 
-    def cost(self, force: FloatArray) -> FloatArray:
-        """Return Eq. 12 (N2) of forces as read (..., n)."""
-        return np.asarray(np.sum((force - self.measured_force) ** 2, axis=-1))
+    def cost(self, values: FloatArray) -> FloatArray:
+        """Sum of squared differences (...) of predicted readings (..., n): Eq. 12, N2 of forces."""
+        return np.asarray(np.sum((values - self.measured) ** 2, axis=-1))
 
-    def residual(self, force: FloatArray) -> FloatArray:
-        """Return the weighted residual (..., n) of forces as read (..., n)."""
-        flat = (force - self.measured_force).reshape(-1, force.shape[-1])
-        return self.weighted(flat.T).T.reshape(force.shape)
+    def residual(self, values: FloatArray) -> FloatArray:
+        """Weighted residual (..., n) of predicted readings (..., n)."""
+        flat = (values - self.measured).reshape(-1, values.shape[-1])
+        return self.weighted(flat.T).T.reshape(values.shape)
 
-    def objective(self, force: FloatArray) -> FloatArray:
-        """Return what is minimised but the priors' part, for forces as read (..., n)."""
-        return np.asarray(np.sum(self.residual(force) ** 2, axis=-1))
+    def objective(self, values: FloatArray) -> FloatArray:
+        """What is minimised (...) but for the priors, of predicted readings (..., n)."""
+        return np.asarray(np.sum(self.residual(values) ** 2, axis=-1))
+
+
+class Test(ABC):
+    """One thing that was measured: a site of a leg, or a recording of a specimen."""
+
+    __test__ = False  # pytest's
+
+    @property
+    @abstractmethod
+    def name(self) -> str:
+        """What people call it."""
+
+    @property
+    @abstractmethod
+    def data(self) -> Data:
+        """Channels of n readings."""
+
+    @property
+    @abstractmethod
+    def reach(self) -> str:
+        """How far a solve has to come, in words."""
+
+    @property
+    @abstractmethod
+    def if_deeper(self) -> FloatArray:
+        """Change of the readings (n,) per relative change of the displacements."""
+
+    @property
+    @abstractmethod
+    def model_size(self) -> int:
+        """Number m of values that the model gives on its grid."""
+
+    @abstractmethod
+    def reached_by(self, curve: ForceCurve) -> bool:
+        """Whether a solve of this test came as far as what was measured."""
+
+    @abstractmethod
+    def predict(self, curve: ForceCurve, values: Values, instrument: FloatArray) -> Prediction:
+        """Read a solve that was made at the model's values, by an instrument (k,)."""
+
+    @abstractmethod
+    def read(self, model_values: FloatArray, instrument: FloatArray) -> FloatArray:
+        """Readings (..., n) of what the model gives on its grid (..., m)."""
+
+    @property
+    @abstractmethod
+    def own_errors(self) -> Covariances:
+        """Errors that no other test has, (n, n) by source."""
+
+    def shared_errors(self, values: Values, predicted: FloatArray) -> Mapping[str, Mode]:
+        """Errors that tests of a problem have alike, by name, about predicted readings (n,) at values."""
+        return {}
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
-    """A full solve on the measured curve's grid, correction and instrument included."""
-
-    force: FloatArray
-    """(n,), N."""
-    sensitivities: Mapping[str, FloatArray]
-    """(n,), N per unit of the parameter, by full name."""
-    model_force: FloatArray
-    """(m,), N: the model's on the misfit's grid, correction included."""
-    model_sensitivities: Mapping[str, FloatArray]
-    """(m,), N per unit, likewise."""
-
-    def jacobian(self, names: Sequence[str]) -> FloatArray:
-        """Return the derivatives by parameters; (n, p), N per unit."""
-        return np.column_stack([self.sensitivities[name] for name in names])
-
-    def of(self, span: slice) -> Prediction:
-        """Return a part of it, where the model's grid is the measured one."""
-        force = self.force[span]
-        by = {name: values[span] for name, values in self.sensitivities.items()}
-        return Prediction(force, by, force, by)
-
-
-ErrorSource = Literal["recordings", "differences", "model", "ends", "fibres", "priors"]
-"""Readings; a factor by which recordings or specimens differ; the model's numerical error; the
-correction for the cylinder's ends; muscle fibres' part in it; what was known beforehand."""
-
-
-OF_MODEL = "in 3D: "
-"""What names of modes begin with that are errors of a leg's own model in 3D."""
-
-
-Covariances = Mapping[ErrorSource, FloatArray]
-"""Of forces (n, n), N2, by source; they add up."""
-
-
-def total_of(covariances: Covariances) -> FloatArray:
-    """Return the sum (n, n), N2."""
-    return np.asarray(sum(covariances.values()))
-
-
-def shares_of_error(gain: FloatArray, covariances: Covariances) -> list[dict[ErrorSource, float]]:
-    r"""Return each source's share of the variance of each parameter.
-
-    With the gain :math:`G` by which parameters follow forces and priors, the share of a source of
-    covariance :math:`\Sigma_s` in parameter k is :math:`(G \Sigma_s G^T)_{kk}` over the sum of
-    these; priors have errors of one.
+class JointComparison(Comparison):
+    """One or several tests that the same unknowns predict.
 
     Parameters
     ----------
-    gain : (p, n + k) array
-        Of `legfem.inverse.trial.Linearised`: p parameters, n forces, k priors.
-    covariances : mapping
-        Of the forces, by source.
+    tests : tuple of Test
+        With n readings together; every one is solved, in this order, in one outcome.
+    weighting : {"covariance", "paper"}
+        What `objective` sums.
+    near : tuple, optional
+        Values and predicted readings (n,) of a solve near the optimum, about which shared errors count in the weights
+        too, as they must where what was known beforehand is weighed against the recordings. Shares of recorded
+        forces would draw the model to one side (Peelle's puzzle).
     """
-    n = len(total_of(covariances))
-    of_forces, of_priors = gain[:, :n], gain[:, n:]
-    parts: dict[ErrorSource, FloatArray] = {
-        source: np.asarray(np.diag(sandwich(of_forces, covariance))) for source, covariance in covariances.items()
-    }
-    if of_priors.shape[1]:
-        parts["priors"] = np.asarray(np.sum(of_priors**2, axis=1))
-    whole = np.sum(list(parts.values()), axis=0)
-    return [
-        {source: float(part[k] / whole[k]) for source, part in parts.items() if whole[k] > 0} for k in range(len(gain))
-    ]
+
+    tests: tuple[Test, ...]
+    weighting: Weighting = "covariance"
+    near: tuple[Values, FloatArray] | None = None
+
+    @cached_property
+    def spans(self) -> list[slice]:
+        """Place of every test's readings among the n."""
+        return _spans(len(test.data) for test in self.tests)
+
+    @cached_property
+    def _model_spans(self) -> list[slice]:
+        return _spans(test.model_size for test in self.tests)
+
+    @cached_property
+    def measured(self) -> FloatArray:
+        """Readings of all tests, (n,)."""
+        return np.concatenate([test.data.values for test in self.tests])
+
+    @property
+    def if_deeper(self) -> FloatArray:
+        """Change of the readings (n,) per relative change of the displacements."""
+        return np.concatenate([test.if_deeper for test in self.tests])
+
+    @property
+    def reach(self) -> str:
+        """Depths of the tests."""
+        return ", ".join(test.reach for test in self.tests)
+
+    @property
+    def in_errors(self) -> bool:
+        """Whether readings are weighed by their errors."""
+        return self.weighting == "covariance"
+
+    def reached_by(self, outcome: Outcome) -> bool:
+        """Whether every test came to its depth."""
+        return all(test.reached_by(curve) for test, curve in zip(self.tests, outcome.curves, strict=True))
+
+    def predict(self, outcome: Outcome, instrument: FloatArray) -> Prediction:
+        """Read a complete full solve of all tests."""
+        every = [
+            test.predict(curve, outcome.values, instrument)
+            for test, curve in zip(self.tests, outcome.curves, strict=True)
+        ]
+
+        def joined(of: Callable[[Prediction], Mapping[str, FloatArray]]) -> dict[str, FloatArray]:
+            return {name: np.concatenate([of(one)[name] for one in every]) for name in of(every[0])}
+
+        return Prediction(
+            np.concatenate([one.values for one in every]),
+            joined(lambda one: one.sensitivities),
+            np.concatenate([one.model_values for one in every]),
+            joined(lambda one: one.model_sensitivities),
+        )
+
+    def read(self, model_values: FloatArray, instrument: FloatArray) -> FloatArray:
+        """Readings (..., n) of what the model gives on all tests' grids (..., m)."""
+        parts = zip(self.tests, self._model_spans, strict=True)
+        read = [test.read(model_values[..., span], instrument) for test, span in parts]
+        return np.concatenate(read, axis=-1)
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """Covariance (n, n) that weighs the readings: errors of single tests, and shared ones about `near`."""
+        return total_of(self._own_errors if self.near is None else self._covariances(*self.near))
+
+    def covariance_at(self, values: Values) -> FloatArray:
+        """Covariance (n, n) of all errors at the model's values."""
+        return total_of(self.covariances_at(values))
+
+    def covariances_at(self, values: Values) -> Covariances:
+        """Covariances (n, n) by source at the model's values, about the measured readings."""
+        return self._covariances(values, self.measured)
+
+    @cached_property
+    def _own_errors(self) -> dict[ErrorSource, FloatArray]:
+        every = [test.own_errors for test in self.tests]
+        sources = dict.fromkeys(source for errors in every for source in errors)
+        sizes = [len(test.data) for test in self.tests]
+        nothing = [np.zeros((size, size)) for size in sizes]
+        return {
+            source: np.asarray(
+                block_diag(*(errors.get(source, zero) for errors, zero in zip(every, nothing, strict=True)))
+            )
+            for source in sources
+        }
+
+    def _covariances(self, values: Values, predicted: FloatArray) -> dict[ErrorSource, FloatArray]:
+        modes: dict[str, Mode] = {}
+        for test, span in zip(self.tests, self.spans, strict=True):
+            for name, mode in test.shared_errors(values, predicted[span]).items():
+                whole = modes.setdefault(name, Mode(mode.source, np.zeros(len(self))))
+                whole.effect[span] = mode.effect
+        shared: dict[ErrorSource, FloatArray] = {}
+        for mode in modes.values():
+            shared[mode.source] = shared.get(mode.source, 0.0) + np.outer(mode.effect, mode.effect)
+        # A source whose error was measured, as modes, isn't taken to be what is usual too.
+        return {**self._own_errors, **shared}
+
+    def weighted(self, values: FloatArray) -> FloatArray:
+        """Scale values (n, ...) so that `objective` is their sum of squares."""
+        return values if self.weighting == "paper" else super().weighted(values)
+
+    def alone(self, number: int) -> JointComparison:
+        """One of the tests by itself, with the same weights."""
+        near = None if self.near is None else (self.near[0], self.near[1][self.spans[number]])
+        return JointComparison((self.tests[number],), self.weighting, near)
 
 
-def greatest(shares: Mapping[ErrorSource, float]) -> ErrorSource:
-    """Return the source of most of an error; the recordings where nothing is known of it."""
-    return max(shares, key=lambda source: shares[source], default="recordings")
+def _spans(sizes: Iterable[int]) -> list[slice]:
+    return [slice(*pair) for pair in pairwise(np.cumsum([0, *sizes]))]

@@ -154,7 +154,7 @@ class Emulated:
         predictions = [trial.prediction for trial in complete if trial.prediction is not None]
         points = np.array([trial.point for trial in complete])
         names = [law.names[k] for k in law.of_model]
-        force = np.array([one.model_force for one in predictions])
+        force = np.array([one.model_values for one in predictions])
         by = np.array([[one.model_sensitivities[name] for name in names] for one in predictions])
         coordinates = Coordinates(law)
         slopes = np.einsum(
@@ -162,20 +162,20 @@ class Emulated:
         )
         return cls(law, misfit, Emulator(Samples(coordinates.of(points), force, slopes)))
 
-    def force(self, points: FloatArray) -> FloatArray:
+    def values(self, points: FloatArray) -> FloatArray:
         """Return what the instrument shows (..., n), N, at points (..., p)."""
         force = self.emulator(Coordinates(self.law).of(points))
         return self.misfit.read(force, self.law.readings(points))
 
     def residual(self, points: FloatArray) -> FloatArray:
         """Return weighted differences and departures (..., n + k) of points (..., p)."""
-        own = self.misfit.residual(self.force(points))
+        own = self.misfit.residual(self.values(points))
         return np.concatenate([own, self.law.priors.residual(points)], axis=-1)
 
     def objective(self, points: FloatArray) -> FloatArray:
         """Return what is minimised (...) at points (..., p)."""
-        return objective_of(self.law, self.misfit, self.force(points), points)
+        return objective_of(self.law, self.misfit, self.values(points), points)
 
     def cost(self, points: FloatArray) -> FloatArray:
         """Return the cost (...) at points (..., p), without the priors."""
-        return self.misfit.cost(self.force(points))
+        return self.misfit.cost(self.values(points))

@@ -10,7 +10,7 @@ import numpy as np
 
 from legfem.common.units import FloatArray, readable_unit
 from legfem.inverse.catalogue import DEEP_C10, symbol_of
-from legfem.inverse.comparison import Covariances, ErrorSource, greatest, shares_of_error, total_of
+from legfem.inverse.comparison import Covariances, ErrorSource, main_source, shares_of_error, total_of
 from legfem.inverse.intervals import (
     ADDS_NOTHING,
     Bound,
@@ -150,7 +150,7 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
     # By which measured forces would differ less from the model's, were each a tenth higher.
     tenths = {
         **{name: -value * sensitivities[name] for name, value in optimum.assumed.items() if name in sensitivities},
-        FORCE: misfit.measured_force,
+        FORCE: misfit.measured,
         DISPLACEMENT: misfit.if_deeper,
     }
     moves = {name: _moves(linear, _TENTH * change) for name, change in tenths.items()}
@@ -163,7 +163,7 @@ def estimates(optimum: Optimum) -> dict[str, Estimate]:
         known = Estimated(parameter, float(at[k]), error, interval)
         own = {name: float(change[k]) for name, change in moves.items()}
         why = _why(known, optimum.law_fits, _trade(law.names, k, correlations), own)
-        source = greatest(shares[k])
+        source = main_source(shares[k])
         if source in _RULED_BY:
             part = f"{100 * shares[k][source]:.0f} % of the error's square is {_RULED_BY[source]}"
             why += f"; {part}"

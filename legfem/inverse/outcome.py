@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from legfem.common.progress import Progress
 from legfem.inverse.catalogue import Values, stiffness_in_words
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.solve.force_curve import ForceCurve
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,3 +169,53 @@ def key_of_values(values: Values) -> Key:
 
 def _solve(model: ForwardModel, task: _Task) -> Outcome:
     return model.solve(*task)
+
+
+@dataclass(eq=False)
+class JointForward[Model: Forward]:
+    """Sites of the same tissues, a `legfem.inverse.outcome.ForwardModel`.
+
+    Parameters
+    ----------
+    models : tuple of PreparedModel
+        One a site, each pressed as deep as its recordings go.
+    workers : Workers, optional
+        Of `solve_site` and the same models: processes that solve sites side by side. One site
+        after another without them.
+    """
+
+    models: tuple[Model, ...]
+    workers: Workers[tuple[Model, ...], TestTask, Outcome] | None = None
+
+    @property
+    def nominal(self) -> Values:
+        """The tissues' values, which are the same at all sites (MPa, 1/MPa)."""
+        return self.models[0].nominal
+
+    def prepare(self) -> None:
+        """Compile and mesh now."""
+        for model in self.models:
+            model.prepare()
+
+    def solve(self, values: Values, sensitivities: Sequence[str]) -> Outcome:
+        """Solve every site in full."""
+        tasks = [(number, values, sensitivities) for number in range(len(self.models))]
+        if self.workers is None:
+            every = [solve_test(self.models, task) for task in tasks]
+        else:
+            every = list(self.workers.in_order(tasks))
+        return Outcome.joined(values, every)
+
+    def fingerprint(self) -> Mapping[str, Any]:
+        """Return what the sites' solves depend on."""
+        return {"model": "sites", "sites": [model.fingerprint() for model in self.models]}
+
+
+type TestTask = tuple[int, Values, Sequence[str]]
+"""A site's number, the tissues' values, and what its solve is differentiated by."""
+
+
+def solve_test[Model: Forward](models: Sequence[Model], task: TestTask) -> Outcome:
+    """Solve one of several sites in full."""
+    number, values, sensitivities = task
+    return models[number].solve(values, sensitivities)

@@ -63,7 +63,7 @@ class Search[C: Comparison]:
     generations: list[Generation] = field(default_factory=list)
     converged: bool = False
     emulator_error: float = math.nan
-    """N: the greatest, at the last proposal that was the best yet, before that was solved."""
+    """N: the main_source, at the last proposal that was the best yet, before that was solved."""
 
     @property
     def domain(self) -> Domain:
@@ -101,11 +101,11 @@ class Search[C: Comparison]:
         return trials
 
     def _trial(self, point: FloatArray, values: Values, outcome: Outcome, stage: Stage) -> Trial:
-        # A curve that stops short says nothing about the greatest forces.
+        # A curve that stops short says nothing about the main_source forces.
         if not (outcome.complete and self.misfit.reached_by(outcome)):
             return Trial(point, values, outcome, stage, None, math.inf)
         prediction = self.misfit.predict(outcome, self.law.readings(point))
-        objective = float(objective_of(self.law, self.misfit, prediction.force, point))
+        objective = float(objective_of(self.law, self.misfit, prediction.values, point))
         return Trial(point, values, outcome, stage, prediction, objective)
 
     def beside(self, misfit: C) -> Search[C]:
@@ -171,13 +171,13 @@ class Search[C: Comparison]:
                 return
             if len(self.trials) >= self.settings.most_solves:
                 return
-            expected, before = emulated.force(proposal), self.best.objective
+            expected, before = emulated.values(proposal), self.best.objective
             (trial,) = yield proposal[None], "proposal"
             gained = 1 - trial.objective / before if before > 0 else 0.0
             if not by_newton:
                 refuted = refuted + 1 if gained < 0 else 0
             if trial.prediction is not None and trial is self.best:
-                self.emulator_error = float(np.max(np.abs(trial.prediction.force - expected)))
+                self.emulator_error = float(np.max(np.abs(trial.prediction.values - expected)))
 
     def propose(self, emulated: Emulated, attempt: int) -> FloatArray:
         """Return the optimum (p,) on the emulator, where that is to be trusted."""

@@ -63,3 +63,20 @@ class SearchLog:
     generations: tuple[Generation, ...]
     cost_map: CostMap | None
     """None without an emulator, or with more than two parameters."""
+    converged: bool
+    seed: int
+    """Seed of all random numbers."""
+    wall_s: float
+    """Time that the search took, s."""
+    emulator_error: float
+    """Greatest difference between the emulator before the last solve and that solve, at the optimum, in the readings'
+    unit (N); NaN without an emulator."""
+    forward_solves: int
+    """Full solves that the fit rests on, failed ones included."""
+    failed_solves: int
+    """Those of them that stopped short."""
+    reused_solves: int
+    """Those of them that were found on disk from an earlier run."""
+    factorisations: int
+    compromise: str
+    """What the best solve's model gave up to go on, in words; empty if nothing."""

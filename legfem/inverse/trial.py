@@ -85,7 +85,7 @@ class Linearised:
     def residual(self) -> FloatArray:
         """Weighted differences and departures; (n + k,)."""
         departures = self.law.priors.residual(self.point)
-        return np.concatenate([self.misfit.residual(self.prediction.force), departures])
+        return np.concatenate([self.misfit.residual(self.prediction.values), departures])
 
     @property
     def jacobian(self) -> FloatArray:
@@ -107,5 +107,5 @@ class Linearised:
     def at(self, points: FloatArray) -> FloatArray:
         """Return `residual` (..., n + k) at points (..., p), the force linear in the parameters."""
         moved = (points - self.point) @ self.jacobian[: len(self.misfit)].T
-        forces = self.misfit.residual(self.prediction.force) + moved
+        forces = self.misfit.residual(self.prediction.values) + moved
         return np.concatenate([forces, self.law.priors.residual(points)], axis=-1)

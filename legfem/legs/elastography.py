@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -14,6 +14,7 @@ from legfem.common.doubts import Doubt
 from legfem.common.toml_file import FileTable, Positive, Text, trouble
 from legfem.common.units import kpa_to_mpa, mpa_to_kpa
 from legfem.data import ranges
+from legfem.inverse.parameter import Prior
 
 Waved = Literal["deep", "superficial"]
 Plane = Literal["across", "along"]
@@ -164,3 +165,16 @@ def doubts_about_elastography(toml: Path, moduli: Sequence[ShearModulus]) -> Ite
 def _quotient(along: ShearModulus, across: ShearModulus) -> tuple[float, float]:
     """Return the moduli's ratio and its relative error."""
     return along.value / across.value, math.hypot(along.sd / along.value, across.sd / across.value)
+
+
+def elastography_priors(moduli: Iterable[ShearModulus]) -> dict[str, Prior]:
+    r"""Return priors of stiffnesses (MPa), by full name.
+
+    At small strain the shear modulus of every law here is :math:`2 C_{10}`, of muscle with fibres
+    that across them.
+    """
+    return {
+        f"{one.tissue}.C10": Prior(one.C10, one.sd / 2, "linear", one.source)
+        for one in moduli
+        if one.tissue == "superficial" or one.plane == "across"
+    }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 from legfem.common.errors import InputError
@@ -20,7 +21,7 @@ from legfem.inverse.catalogue import (
 from legfem.inverse.instrument import INSTRUMENT
 from legfem.inverse.laws import IdentifiedLaw, LawName
 from legfem.inverse.parameter import Parameter, Prior
-from legfem.legs.elastography_priors import elastography_priors
+from legfem.legs.elastography import elastography_priors
 from legfem.legs.subject import Subject
 
 _OF_POLYNOMIAL_ONLY = (DEEP_C20, DEEP_D2)
@@ -104,3 +105,25 @@ def _with_what_is_known(given: Sequence[Parameter], subject: Subject, nominal: V
         own = known.get(name) or replace(parameter_of(name, nominal), role="nuisance")
         known[name] = replace(own, prior=own.prior or prior)
     return list(known.values())
+
+
+def laws_of(
+    subject: Subject,
+    names: Sequence[LawName],
+    nominal: Values,
+    parameters: Sequence[Parameter] | None = None,
+    fixed: Values | None = None,
+) -> dict[LawName, IdentifiedLaw]:
+    """Return the laws asked for, and the neo-Hookean one if it is the limit of another.
+
+    Raises
+    ------
+    InputError
+        For a name that the model hasn't, or a stiffness that is neither free nor given.
+    """
+    laws = {name: law_of(name, subject, nominal, parameters, fixed) for name in names}
+    stiffening = any(law.index(DEEP_C20) is not None for law in laws.values())
+    if stiffening and "neo-hookean" not in laws:
+        with suppress(InputError):
+            laws["neo-hookean"] = law_of("neo-hookean", subject, nominal, parameters, fixed)
+    return laws

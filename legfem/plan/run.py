@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from legfem.common.progress import Progress
-from legfem.correction.choice import choose_correction
 from legfem.diagnose.diagnosis import Diagnosis, slowest_of
 from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.fit import Fit, Problem
@@ -20,6 +19,7 @@ from legfem.diagnose.predict import Predictor
 from legfem.diagnose.run import STIFFENING, Diagnoser, accuracy_of, ruled_out_of
 from legfem.inverse.errors import error_model
 from legfem.inverse.trial_noise import Noise
+from legfem.legs.correction_of_leg import choose_correction
 from legfem.legs.subject import Subject
 from legfem.plan.designs import Design, designs
 from legfem.plan.reckon import Candidate, Reckoned, before_any_test, ranked, reckon

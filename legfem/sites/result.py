@@ -10,43 +10,12 @@ import numpy as np
 from legfem.common.doubts import Doubt
 from legfem.common.units import FloatArray
 from legfem.data import LoadingCurve
-from legfem.identify.applied_correction import AppliedCorrection
 from legfem.identify.result import IdentifiedParameters
 from legfem.inverse.catalogue import Values
+from legfem.inverse.fit import Fit, Goodness, OwnEstimate
+from legfem.legs.details import AppliedCorrection, LegDetails, SpatialSites
+from legfem.legs.notices import curve_of
 from legfem.legs.subject import SitedLeg, Subject
-
-
-@dataclass(frozen=True)
-class ByItself:
-    """A parameter as one site alone says it, in the model's unit.
-
-    From the solves of the joint fit, without further ones; `legfem.identify` of that site has an
-    interval of its own.
-    """
-
-    value: float
-    standard_error: float
-    departure: float
-    """From the joint value, over the standard error of their difference."""
-
-
-@dataclass(frozen=True)
-class Chance:
-    """A sum of squares over their errors, and the chance of one as large."""
-
-    chi_square: float
-    degrees_of_freedom: int
-    p_value: float
-
-    @property
-    def birge_ratio(self) -> float:
-        """By how much larger errors would have to be to make it usual; 1 at least.
-
-        R. T. Birge, Phys. Rev. 40 (1932) 207; the Particle Data Group's scale factor.
-        """
-        if self.degrees_of_freedom == 0:
-            return 1.0
-        return float(np.sqrt(max(self.chi_square / self.degrees_of_freedom, 1.0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +27,9 @@ class SiteFit:
     predicted: FloatArray
     """Force on the measured curve's grid (n,), N, correction included."""
     correction: AppliedCorrection | None
-    misfit: Chance
+    misfit: Goodness
     """Of this site's differences alone; as many degrees of freedom as forces."""
-    by_itself: Mapping[str, ByItself]
+    by_itself: Mapping[str, OwnEstimate]
     """By full name, what is identified."""
 
     @property
@@ -85,25 +54,6 @@ class SiteFit:
         return 1 - float(np.sum(self.residual**2) / np.sum((force - force.mean()) ** 2))
 
 
-@dataclass(frozen=True, eq=False)
-class SpatialSites:
-    """What the solves of a leg in 3D were of, and what errors are left in them."""
-
-    shapes: tuple[str, ...]
-    """Where the leg's shape about every site was taken from."""
-    extruded: bool
-    """Whether one section stands for a site's whole length, which is an assumption."""
-    full_solves: int
-    """Of single sites, for a law."""
-    rough_solves: int
-    """By larger elements, or of a shorter leg."""
-    errors: Mapping[str, float]
-    """Greatest share of a site's force, by cause."""
-    untold: str
-    """Why the fibres' ratio can't be told from C10, as a sentence; empty if it can, or isn't
-    sought."""
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SitesResult(IdentifiedParameters):
     """One law identified from several sites of a leg together."""
@@ -112,9 +62,9 @@ class SitesResult(IdentifiedParameters):
     own_errors: Values
     """Standard deviations of what each site's instrument errs by, of its own."""
     sites: tuple[SiteFit, ...]
-    misfit: Chance
+    misfit: Goodness
     """Of all differences, with their covariance, and of priors."""
-    agreement: Chance
+    agreement: Goodness
     """Of what the sites say by themselves, were the parameters the same at all; its Birge ratio
     widens the errors that sites have of their own, and so the intervals."""
     neo_hookean_limit: bool
@@ -129,3 +79,38 @@ class SitesResult(IdentifiedParameters):
     def farthest(self, name: str) -> SiteFit:
         """Return the site that by itself departs most from the joint value of a parameter."""
         return max(self.sites, key=lambda one: abs(one.by_itself[name].departure))
+
+
+def sites_result(fit: Fit[LegDetails]) -> SitesResult:
+    """Result of a leg's fit as pages and documents of sites read it."""
+    log, details = fit.log, fit.details
+    spatial = details.spatial
+    assert spatial is None or isinstance(spatial, SpatialSites)
+    return SitesResult(
+        law=fit.law,
+        parameters=fit.estimates,
+        correlations=fit.correlations,
+        values=fit.values,
+        assumed=fit.assumed,
+        forward_solves=log.forward_solves,
+        reused_solves=log.reused_solves,
+        wall_s=log.wall_s,
+        seed=log.seed,
+        emulator_error=log.emulator_error,
+        converged=log.converged,
+        warnings=fit.warnings,
+        versions=fit.versions,
+        leg=details.leg,
+        own_errors=details.own_errors,
+        sites=tuple(
+            SiteFit(site, curve_of(one), one.force.predicted, correction, one.goodness, one.by_itself)
+            for site, one, correction in zip(details.leg.sites, fit.tests, details.corrections, strict=True)
+        ),
+        misfit=fit.goodness,
+        agreement=fit.agreement,
+        neo_hookean_limit=fit.neo_hookean_limit,
+        failed_solves=log.failed_solves,
+        compromise=log.compromise,
+        doubts=fit.doubts,
+        spatial=spatial,
+    )

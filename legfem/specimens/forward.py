@@ -21,8 +21,8 @@ from legfem.experiments.flat_punch import FlatPunchIndentation, PunchOnLayer
 from legfem.experiments.lateral_cylinder import LateralCylinder
 from legfem.experiments.suction import CupOnLayer, SuctionTest
 from legfem.experiments.uniaxial import Bar, UniaxialTest
-from legfem.identify.fibre_ratio import at_ratios, moduli, moduli_needed, ratio_of
 from legfem.inverse.catalogue import Values, is_ratio
+from legfem.inverse.fibre_ratio import at_ratios, moduli, moduli_needed, ratio_of
 from legfem.inverse.outcome import Outcome
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import Hyperelastic
@@ -147,6 +147,10 @@ class SpecimenForward(Homebound):
             experiment_of(sizes, self.laws, depth, next(iter(self.fibre_ratios), ONE))
             for sizes, depth in zip(self.tests, self.depths, strict=True)
         ]
+
+    def prepare(self) -> None:
+        """Mesh and compile now."""
+        _ = self.experiments
 
     @property
     def nominal(self) -> Values:

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from legfem.common.errors import InputError
-from legfem.identify.fibre_ratio import ratio_of
 from legfem.inverse.catalogue import (
     DEEP_C10,
     DEEP_C20,
@@ -20,6 +19,7 @@ from legfem.inverse.catalogue import (
     parameter_of,
     within_prior,
 )
+from legfem.inverse.fibre_ratio import ratio_of
 from legfem.inverse.instrument import INSTRUMENT, RELAXATION
 from legfem.inverse.laws import LAWS, IdentifiedLaw, LawName
 from legfem.inverse.parameter import Parameter, Prior

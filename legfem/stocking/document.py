@@ -13,7 +13,7 @@ from legfem.common.units import FloatArray, mpa_to_kpa
 from legfem.common.versions import versions_of
 from legfem.geometry.shape_measures import fat_thickness_around
 from legfem.inverse.parameter import Prior
-from legfem.legs.elastography_priors import elastography_priors
+from legfem.legs.elastography import elastography_priors
 from legfem.stocking.fat_pressures import FatPressures, too_low_by
 from legfem.stocking.identification import Identified
 from legfem.stocking.judgement import KnownStiffness, expected_rms, judge, starts_agree

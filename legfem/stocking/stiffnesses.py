@@ -6,8 +6,7 @@ from collections.abc import Iterable
 
 from legfem.common.units import kpa_to_mpa
 from legfem.inverse.parameter import Parameter, Priors
-from legfem.legs.elastography import ShearModulus
-from legfem.legs.elastography_priors import elastography_priors
+from legfem.legs.elastography import ShearModulus, elastography_priors
 from legfem.stocking.leg_model import PARAMETERS
 
 BOUNDS = (kpa_to_mpa(0.1), kpa_to_mpa(100.0))

@@ -8,8 +8,8 @@ import numpy as np
 
 from legfem.common.units import FloatArray, mpa_to_kpa, mpa_to_mmhg
 from legfem.geometry.leg_shape import SKIN, LegShape
-from legfem.identify.warnings import disagreement
-from legfem.legs.elastography_priors import elastography_priors
+from legfem.legs.elastography import elastography_priors
+from legfem.legs.notices import disagreement
 from legfem.stocking.identification import Identified
 from legfem.stocking.judgement import MISSED_BEYOND, expected_rms, judge, model_misses, starts_agree
 from legfem.stocking.laplace import StockingLoad

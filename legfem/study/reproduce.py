@@ -11,13 +11,13 @@ import numpy as np
 from legfem.common.documents import write_atomically, write_document
 from legfem.common.markdown import markdown_table
 from legfem.common.progress import progress_on
-from legfem.correction.choice import correction_of, size_of
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.identify.document import result_document
 from legfem.identify.result import IdentificationResult
 from legfem.identify.run import identify_subject
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
+from legfem.legs.correction import TabulatedCorrection
+from legfem.legs.correction_of_leg import correction_of, size_of
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 

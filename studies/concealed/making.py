@@ -9,9 +9,9 @@ from typing import Any
 
 from legfem.common.documents import write_atomically
 from legfem.common.progress import Progress
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.data import Recording
 from legfem.jobs.pool import Workers
+from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.folder import write_subject_folder
 from legfem.legs.subject import Subject
 from studies.concealed.cases import SealedCase

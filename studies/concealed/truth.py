@@ -16,11 +16,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray, kpa_to_mpa
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.mechanisms import Solution, TissueMechanism
 from legfem.diagnose.mechanisms.registry import mechanism_named
 from legfem.diagnose.variants import Stopped, Variants
 from legfem.jobs.store import Store
+from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.subject import Subject
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.solve.protocol import Protocol

@@ -16,10 +16,10 @@ from legfem.common.errors import UnsolvedError
 from legfem.common.markdown import markdown_table
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray
-from legfem.correction.fibres import TABLE
-from legfem.correction.tabulated import smooth_ratio
 from legfem.experiments.indentation_3d import IdealisedLegSettings
 from legfem.jobs.pool import Workers
+from legfem.legs.correction import smooth_ratio
+from legfem.legs.correction_of_leg import TABLE
 from legfem.meshing.idealised_leg import LegMeshSettings
 from legfem.report.style import save
 from legfem.study.correction.cases import CorrectionCase, Material, remembered_case

@@ -15,8 +15,6 @@ import numpy as np
 
 from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress, Silent
-from legfem.correction.choice import REFERENCE
-from legfem.correction.tabulated import read_correction
 from legfem.data import segment_all
 from legfem.diagnose.diagnosis import Diagnosis, diagnose
 from legfem.diagnose.mechanisms.end_effects import EndEffects
@@ -24,6 +22,8 @@ from legfem.diagnose.mechanisms.muscle_fibres import MuscleFibres
 from legfem.diagnose.observations import observe
 from legfem.experiments.indentation_3d import IdealisedLegIndentation
 from legfem.jobs.store import Store
+from legfem.legs.correction import read_correction
+from legfem.legs.correction_of_leg import REFERENCE
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
 from legfem.solve.force_curve import ForceCurve
 from legfem.study.correction.cases import CorrectionCase, Material

@@ -17,9 +17,9 @@ from numpy.polynomial import Polynomial
 from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
-from legfem.correction.fibres import FibreTable
-from legfem.correction.tabulated import FIRST_RATIO, mesh_error
 from legfem.experiments.indentation_3d import IdealisedLegSettings
+from legfem.legs.correction import FIRST_RATIO, mesh_error
+from legfem.legs.correction_of_leg import FibreTable
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
 from legfem.solve.force_curve import ForceCurve
 from legfem.study.correction.calibration import run_cases, stiffened

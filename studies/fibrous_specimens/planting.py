@@ -10,7 +10,7 @@ import numpy as np
 
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.data import write_recording
-from legfem.identify.fibre_ratio import ratio_of
+from legfem.inverse.fibre_ratio import ratio_of
 from legfem.inverse.intervals import Identifiability
 from legfem.specimens.fibre_directions import Direction
 from legfem.specimens.folder import load_specimen

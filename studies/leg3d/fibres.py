@@ -16,16 +16,17 @@ from legfem.common.markdown import markdown_table
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import mpa_to_kpa
 from legfem.experiments.leg_3d import SolidLegSettings
-from legfem.identify.spatial import start_of_ratio
 from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO, parameter_of
 from legfem.inverse.estimates import Estimate
+from legfem.inverse.fit import Goodness
 from legfem.inverse.settings import SearchRequest
 from legfem.jobs.store import Store
+from legfem.legs.fit_in_3d import leg_models
 from legfem.legs.loading import load_sites
+from legfem.legs.model_3d import start_of_ratio
+from legfem.legs.site_test import measured_curve
 from legfem.meshing.solid_leg import SolidMeshSettings
-from legfem.sites.identification import asked_of, curves_of
-from legfem.sites.result import Chance
-from legfem.sites.spatial import identify_in_3d, leg_models
+from legfem.sites.identification import identify_in_3d
 from studies.leg3d.orientations import FINE, WAYS, sited_folder
 from studies.leg3d.planted import Planted
 
@@ -71,7 +72,7 @@ class FibreResult:
     c10: Told
     ratio: Told
     untold: bool
-    misfit: Chance
+    misfit: Goodness
     """Of all forces, over as many degrees of freedom."""
     converged: bool
     full_solves: int
@@ -91,7 +92,7 @@ def found_of(planted: Planted, tests: str, elements: str, seed: int, out: Path, 
         asked = tuple(parameter_of(name, nominal) for name in nominal)
         # Solves in 3D are shared by all that press alike.
         request = SearchRequest(asked, out=out, progress=progress)
-        curves = curves_of(leg, asked_of(asked, {}), None)
+        curves = [measured_curve(site) for site in leg.sites]
         models = leg_models(leg, curves, request, ELEMENTS[elements])
         request = replace(request, out=out / "solves" / place.name)
         (result,) = identify_in_3d(leg, ["neo-hookean"], request, models=models)

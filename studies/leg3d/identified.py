@@ -6,14 +6,14 @@ import shutil
 from pathlib import Path
 
 from legfem.common.progress import Progress
-from legfem.correction.choice import correction_of
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.identify.result import IdentificationResult
 from legfem.identify.run import forward_model, identify_subject
-from legfem.identify.spatial import SOLVES, LegModels
 from legfem.inverse.laws import LawName
 from legfem.inverse.settings import SearchRequest
+from legfem.legs.correction import TabulatedCorrection
+from legfem.legs.correction_of_leg import correction_of
 from legfem.legs.loading import load_subject
+from legfem.legs.model_3d import SOLVES, LegModels
 from studies.leg3d.planted import Planted
 from studies.leg3d.real import PlantedInLeg
 

@@ -8,12 +8,12 @@ from pathlib import Path
 from legfem.common.documents import write_atomically, write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress
-from legfem.correction.choice import REFERENCE
-from legfem.correction.tabulated import read_correction
 from legfem.diagnose.run import Diagnoser
 from legfem.jobs.pool import Workers
 from legfem.jobs.resume import finish
 from legfem.jobs.store import Store
+from legfem.legs.correction import read_correction
+from legfem.legs.correction_of_leg import REFERENCE
 from studies.concealed.running import asked, case_folders, diagnoses
 from studies.next_test.page import page, tried_document
 from studies.next_test.trying import Lab, Tried, try_case

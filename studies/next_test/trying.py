@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 
 from legfem.common.progress import Silent
-from legfem.correction.choice import choose_correction
 from legfem.data import Recording
 from legfem.diagnose.diagnosis import Diagnosis, diagnose
 from legfem.diagnose.leg import solved_responses
 from legfem.diagnose.library_build import build_library
 from legfem.diagnose.mechanisms import Mechanism
 from legfem.diagnose.run import STIFFENING, Diagnoser, accuracy_of, ruled_out_of
+from legfem.legs.correction_of_leg import choose_correction
 from legfem.legs.loading import load_subject
 from legfem.legs.subject import Subject
 from legfem.plan.designs import Design, Readings

@@ -15,7 +15,6 @@ from scipy.stats import binomtest, qmc
 from legfem.common.errors import UnsolvedError
 from legfem.common.units import kpa_to_mpa
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.identify.identification import measured_curve
 from legfem.identify.result import IdentificationResult
 from legfem.identify.run import identify_subject
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
@@ -23,6 +22,7 @@ from legfem.legs.experiments import plane_strain_test
 from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
+from legfem.legs.site_test import measured_curve
 from legfem.legs.subject import Subject
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.meshing.section import SectionMeshSettings

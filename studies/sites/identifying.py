@@ -13,12 +13,11 @@ from legfem.identify.run import identify_subject
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values, parameter_of
 from legfem.inverse.estimates import Estimate
 from legfem.inverse.laws import LawName
-from legfem.inverse.outcome import Outcome
+from legfem.inverse.outcome import JointForward, Outcome
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.settings import SearchRequest
 from legfem.jobs.store import Store
 from legfem.legs.forward import PlaneStrainForward
-from legfem.sites.forward import SitesForward
 from legfem.sites.identification import identify_sites, sites_model
 from studies.sites.planted import FAT_FACTOR, Truth, leg_of
 
@@ -87,7 +86,7 @@ def identified(folder: Path, truth: Truth) -> FoundLeg:
     leg = leg_of(truth, folder / "true")
     models = [Remembered.of(one, folder / "solves") for one in sites_model(leg).models]
     request = SearchRequest(_free(models[0].nominal))
-    (joint,) = identify_sites(leg, _LAW, request, model=SitesForward(tuple(models)))
+    (joint,) = identify_sites(leg, _LAW, request, model=JointForward(tuple(models)))
     alone = {}
     for site, model in zip(leg.sites, models, strict=True):
         (single,) = identify_subject(site, _LAW, request, model=model)

@@ -9,8 +9,8 @@ from rich.console import Console
 
 from legfem.common.documents import write_atomically, write_document
 from legfem.common.progress import progress_on
-from legfem.correction.choice import REFERENCE
-from legfem.correction.tabulated import read_correction
+from legfem.legs.correction import read_correction
+from legfem.legs.correction_of_leg import REFERENCE
 from studies.worked.ends import run_ends
 from studies.worked.example import FIGURE, ExampleRow
 from studies.worked.page import page, terminal_table

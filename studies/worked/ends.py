@@ -9,13 +9,13 @@ import numpy as np
 
 from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.data import Recording, segment_all
 from legfem.data.recording import Origin, write_recording
 from legfem.diagnose.diagnosis import diagnose
 from legfem.diagnose.observations import observe
 from legfem.experiments.indentation_3d import IdealisedLegIndentation, IdealisedLegSettings
 from legfem.jobs.store import Store
+from legfem.legs.correction import TabulatedCorrection
 from legfem.meshing.idealised_leg import LegMeshSettings
 from legfem.solve.force_curve import ForceCurve
 from legfem.solve.step_settings import StepSettings

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from legfem.common.progress import Progress
-from legfem.correction.tabulated import TabulatedCorrection
 from legfem.diagnose.library import Library
 from legfem.diagnose.library_build import build_library, shown_mechanisms
 from legfem.diagnose.mechanisms import Mechanism, TissueMechanism
@@ -23,6 +22,7 @@ from legfem.diagnose.solved import SolvedResponses
 from legfem.diagnose.variants import Stopped
 from legfem.experiments.indentation_3d import IdealisedLegIndentation
 from legfem.jobs.fingerprint import code_fingerprint
+from legfem.legs.correction import TabulatedCorrection
 from legfem.solve.protocol import Protocol
 from legfem.specimens.rig import mechanisms_on_a_rig
 from legfem.study.correction.cases import CorrectionCase

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from mpi4py import MPI
 
-from legfem.correction.tabulated import smooth_ratio
 from legfem.experiments.indentation_3d import IdealisedLegSettings
+from legfem.legs.correction import smooth_ratio
 from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
 from legfem.solve.linear import LinearSettings
 from legfem.study.correction.cases import CorrectionCase, solve_case

@@ -14,7 +14,7 @@ from mpi4py import MPI
 from legfem.commands.identify import app
 from legfem.data import Recording
 from legfem.experiments.leg_3d import SolidLegSettings
-from legfem.identify import spatial
+from legfem.legs import model_3d as spatial
 from legfem.meshing.solid_leg import SolidMeshSettings
 
 out = Path(sys.argv[1])

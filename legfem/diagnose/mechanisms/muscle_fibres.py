@@ -9,10 +9,10 @@ from typing import ClassVar
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.correction.fibres import read_fibres
 from legfem.diagnose.mechanisms.base import Mechanism, Values, factor, null_of
 from legfem.diagnose.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
+from legfem.legs.correction_of_leg import read_fibres
 from legfem.legs.elastography import HIGHEST_RATIO
 
 
@@ -23,7 +23,7 @@ def _error(name: str, statement: str) -> Parameter:
 
 @dataclass(frozen=True)
 class MuscleFibres(Mechanism):
-    r"""Force times :math:`f(d; r)^{1 + \sum_k a_k e_k(d)}`, see `legfem.correction.fibres`.
+    r"""Force times :math:`f(d; r)^{1 + \sum_k a_k e_k(d)}`, see `legfem.legs.correction_of_leg`.
 
     The two :math:`e_k` are the modes that the table's errors are mostly made of, as shares of
     :math:`\ln f` and in standard deviations. Only a cylinder that ends bends fibres, so that it

@@ -12,9 +12,9 @@ from legfem.diagnose.doubts import doubts_of
 from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.remains import explained_share
 from legfem.diagnose.sentences import percent, verdict_sentence
-from legfem.identify.warnings import disagreement
 from legfem.inverse.catalogue import DEEP_C10
-from legfem.legs.elastography_priors import elastography_priors
+from legfem.legs.elastography import elastography_priors
+from legfem.legs.notices import disagreement
 from legfem.legs.subject import Subject
 from legfem.report import diagnosis_tables as tables
 from legfem.report.diagnosis_style import BASE_NAME, model_name, plain

@@ -11,7 +11,7 @@ import numpy as np
 from legfem.common.units import readable_unit
 from legfem.identify.result import IdentificationResult, IdentifiedParameters
 from legfem.inverse.catalogue import parameter_of, symbol_of, unit_of
-from legfem.inverse.comparison import ErrorSource, greatest
+from legfem.inverse.comparison import ErrorSource, main_source
 from legfem.inverse.estimates import DISPLACEMENT, FORCE, Estimate
 from legfem.inverse.parameter import Parameter
 from legfem.report.style import LAW_NAMES, REGION_NAMES
@@ -189,7 +189,7 @@ def how_to_narrow(parameters: Mapping[str, Estimate], remedies: Remedies) -> lis
     groups: dict[ErrorSource, list[str]] = {}
     for name, found in parameters.items():
         if found.identifiability != "identifiable":
-            groups.setdefault(greatest(found.error_shares), []).append(symbol_of(name))
+            groups.setdefault(main_source(found.error_shares), []).append(symbol_of(name))
     return [
         f"These recordings don't tell {', '.join(names)} well: {remedies.of(source)}."
         for source, names in groups.items()

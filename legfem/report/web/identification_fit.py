@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from legfem.common.units import mpa_to_kpa
-from legfem.identify.applied_correction import SpatialEvidence
 from legfem.identify.result import IdentificationResult
+from legfem.legs.details import SpatialEvidence
 from legfem.legs.subject import Subject
 from legfem.mechanics.materials import Hyperelastic
 from legfem.report.style import LAW_NAMES

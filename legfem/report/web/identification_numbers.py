@@ -8,10 +8,10 @@ from math import isfinite, nan
 import numpy as np
 
 from legfem.geometry.section import girth
-from legfem.identify.applied_correction import SpatialEvidence
 from legfem.identify.result import IdentificationResult
 from legfem.inverse.catalogue import symbol_of
 from legfem.inverse.intervals import NUMERICAL_ERROR
+from legfem.legs.details import SpatialEvidence
 from legfem.legs.experiments import tissues_of
 from legfem.legs.forward import values_of
 from legfem.legs.subject import Subject

@@ -129,7 +129,7 @@ def _warnings(ranked: Sequence[Reckoned], names: Sequence[str]) -> list[str]:
 
 def _tests(ranked: Sequence[Reckoned]) -> Bars:
     return Bars(
-        "Chance that whatever is wrong is told from all else",
+        "Goodness that whatever is wrong is told from all else",
         ("test", "chance"),
         [Bar(f"({k}) {one.design.name}", 100 * one.chance, percent(one.chance)) for k, one in enumerate(ranked, 1)],
         greatest=100.0,
@@ -138,7 +138,7 @@ def _tests(ranked: Sequence[Reckoned]) -> Bars:
 
 def _chances(ranked: Sequence[Reckoned], names: Sequence[str]) -> web.WebTable:
     return web.WebTable(
-        "Chance that a test tells an effect from a leg without it; tests by their rank",
+        "Goodness that a test tells an effect from a leg without it; tests by their rank",
         ["effect", *(f"({k})" for k in range(1, len(ranked) + 1))],
         [[plain(n), *(percent(one.chances[n, NOTHING]) for one in ranked)] for n in names],
     )

@@ -9,7 +9,7 @@ import numpy as np
 from legfem.common.units import FloatArray
 from legfem.experiments.posed import Posed
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
-from legfem.identify.leg_film import PressedLeg
+from legfem.legs.film_3d import PressedLeg
 from legfem.report.web.turned import SkinField, Slider, Tool, TurnedLeg, View, turned_leg
 
 _SIDES = (

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from legfem.common.doubts import doubt_lines
 from legfem.common.units import readable_unit
-from legfem.identify.warnings import LEAST_CHANCE
 from legfem.inverse.catalogue import DEEP_C10, symbol_of, unit_of
+from legfem.inverse.fit import LEAST_CHANCE, Goodness
 from legfem.legs.subject import SitedLeg
 from legfem.report.style import LAW_NAMES
 from legfem.report.web import estimates
@@ -17,7 +17,7 @@ from legfem.report.web.identification import fit_curves, options_of
 from legfem.report.web.sites_procedure import procedure
 from legfem.report.web.usual import high_or_low
 from legfem.report.words import fit_probability
-from legfem.sites.result import Chance, SitesResult
+from legfem.sites.result import SitesResult
 
 _LIKEWISE = "cylinders that are 10 % shorter act as such forces do"
 _NOT_TESTED = (
@@ -242,7 +242,7 @@ def _together(result: SitesResult) -> str:
 
 def _next(best: SitesResult) -> list[str]:
     worst = min(best.sites, key=lambda one: one.misfit.p_value)
-    far = max(best.sites, key=lambda one: max(abs(own.departure) for own in one.by_itself.values()))
+    far = max(best.sites, key=lambda one: max((abs(own.departure) for own in one.by_itself.values()), default=0.0))
     suspect = worst if _agree(best) else far
     diagnose = f"python -m legfem.diagnose {options_of(suspect.subject)}"
     # A diagnosis is of a section in plane strain.
@@ -296,7 +296,7 @@ def _agreement(result: SitesResult) -> str:
     return text
 
 
-def _told(chance: Chance) -> str:
+def _told(chance: Goodness) -> str:
     """Return a sum of squares beside its degrees of freedom."""
     return (
         f"{chance.chi_square:.3g} for {chance.degrees_of_freedom} degrees of freedom "

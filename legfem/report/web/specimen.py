@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from legfem.common.units import FloatArray
-from legfem.identify.warnings import LEAST_CHANCE
 from legfem.inverse.catalogue import RATIO, symbol_of
+from legfem.inverse.fit import LEAST_CHANCE
 from legfem.inverse.instrument import RELAXATION
 from legfem.report.specimen_text import differing, followed, origin_text, predictions, procedure
 from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES

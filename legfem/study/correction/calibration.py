@@ -21,8 +21,8 @@ from mpi4py import MPI
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
-from legfem.correction.tabulated import TabulatedCorrection, first_contact_error, mesh_error, smooth_ratio
 from legfem.jobs.pool import Workers
+from legfem.legs.correction import TabulatedCorrection, first_contact_error, mesh_error, smooth_ratio
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase, Material, remembered_case
 
 GRID = 0.5
@@ -37,7 +37,7 @@ class Calibration:
     reference
         The leg, the material of the paper and the fine mesh.
     c10_kPa, stiffening
-        The table's axes; see `legfem.correction.tabulated`.
+        The table's axes; see `legfem.legs.correction`.
     coarse
         Size of the fine mesh's elements over that of the coarse one's.
     between

@@ -11,9 +11,9 @@ from mpi4py import MPI
 from legfem.common.documents import write_atomically, write_document
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray
-from legfem.correction.tabulated import smooth_ratio
 from legfem.experiments.indentation_3d import IdealisedLegIndentation
 from legfem.fem.fields import fields_of
+from legfem.legs.correction import smooth_ratio
 from legfem.report.paraview import write_fields
 from legfem.report.plain import table
 from legfem.report.web.page import PAGE, command_line, rendered

@@ -19,8 +19,8 @@ from mpi4py import MPI
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
-from legfem.correction.leg_sizes import LegCorrections
-from legfem.correction.tabulated import smooth_ratio
+from legfem.legs.correction import smooth_ratio
+from legfem.legs.correction_of_leg import LegCorrections
 from legfem.meshing.idealised_leg import IdealisedLeg
 from legfem.study.correction.calibration import GRID, Calibration, coarsened, run_cases, stiffened
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase, Material
@@ -39,7 +39,7 @@ class LegTable:
     depth
         From the skin to the bone, over the radius.
     c10_kPa, stiffening
-        Of the materials; see `legfem.correction.tabulated`.
+        Of the materials; see `legfem.legs.correction`.
     checked_radius, checked_depth, checked_c10_kPa, checked_stiffening
         Of the leg that lies between the table's points.
     fat, fascia

@@ -12,14 +12,14 @@ from legfem.common.documents import write_atomically, write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import FloatArray, kpa_to_mpa
-from legfem.correction.choice import correction_of
-from legfem.correction.tabulated import DEFINITION, TabulatedCorrection
-from legfem.identify.leg_solver import LegSolver, SolvedLeg
-from legfem.identify.spatial import SOLVES, LegModels
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
 from legfem.inverse.search import SearchError
+from legfem.legs.correction import DEFINITION, TabulatedCorrection
+from legfem.legs.correction_of_leg import correction_of
 from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.loading import load_subject
+from legfem.legs.model_3d import SOLVES, LegModels
+from legfem.legs.solver_3d import LegSolver, SolvedLeg
 from legfem.legs.subject import Subject
 from legfem.report.plain import table
 from legfem.report.style import FAINT, new_figure, save, styled

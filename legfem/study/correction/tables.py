@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.correction.tabulated import smooth_ratio
+from legfem.legs.correction import smooth_ratio
 from legfem.study.correction.calibration import GRID, Calibrated
 
 SHOWN = np.array([2.5, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0])

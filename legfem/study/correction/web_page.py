@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.correction.tabulated import DEFINITION
+from legfem.legs.correction import DEFINITION
 from legfem.report.web import page as web
 from legfem.report.web.curves import Curves, Dash, Line
 from legfem.study.correction import tables

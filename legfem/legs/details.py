@@ -8,9 +8,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from legfem.common.units import FloatArray
+from legfem.inverse.catalogue import Values
+from legfem.legs.subject import SitedLeg, Subject
 
 if TYPE_CHECKING:
-    from legfem.identify.leg_film import PressedLeg
+    from legfem.legs.film_3d import PressedLeg
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +61,7 @@ class SpatialEvidence:
     rough_solves: int
     """By larger elements, which measured errors."""
     errors: Mapping[str, float]
-    """Greatest error of P from `legfem.correction.tabulated.FIRST_RATIO` on, by its cause."""
+    """Greatest error of P from `legfem.legs.correction.FIRST_RATIO` on, by its cause."""
     table_P: FloatArray | None
     """What the table of idealised legs says here, (n,); None without one."""
     pressed: PressedLeg | None = None
@@ -74,3 +76,46 @@ class SpatialEvidence:
 
 CLOSE = 0.01
 """Of the force that was predicted in 3D, and of C10 from search to search: where they have met."""
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialSites:
+    """What the solves of a leg in 3D were of, and what errors are left in them."""
+
+    shapes: tuple[str, ...]
+    """Where the leg's shape about every site was taken from."""
+    extruded: bool
+    """Whether one section stands for a site's whole length, which is an assumption."""
+    full_solves: int
+    """Of single sites, for a law."""
+    rough_solves: int
+    """By larger elements, or of a shorter leg."""
+    errors: Mapping[str, float]
+    """Greatest share of a site's force, by cause."""
+    untold: str
+    """Why the fibres' ratio can't be told from C10, as a sentence; empty if it can, or isn't
+    sought."""
+
+
+@dataclass(frozen=True, eq=False)
+class LegDetails:
+    """What a fit of a leg has beside that of any test."""
+
+    leg: SitedLeg
+    """With its sites; one pressed in one way has one."""
+    own_errors: Values
+    """Standard deviations by which each site's instrument errs, by full name."""
+    corrections: tuple[AppliedCorrection | None, ...]
+    """Correction of each site's force at the optimum."""
+    spatial: SpatialEvidence | SpatialSites | None = None
+    """What the leg's own solves in 3D are and say; None of a model in plane strain with a table's correction."""
+
+    @property
+    def subject(self) -> Subject:
+        """The first site, whose tissues are those of all."""
+        return self.leg.sites[0]
+
+    @property
+    def plane(self) -> bool:
+        """Whether the search went on a section in plane strain."""
+        return not isinstance(self.spatial, SpatialSites)

@@ -8,15 +8,15 @@ import numpy as np
 
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
-from legfem.correction.fibres import FIBRES
-from legfem.correction.tabulated import FIRST_RATIO, first_contact_error, mesh_error, smooth_ratio
 from legfem.experiments.leg_3d import FIBRE_PARAMETERS, fibres_of
-from legfem.identify.spatial import ROUGHER, LegModels
 from legfem.inverse.catalogue import DEEP_C10, Values
 from legfem.inverse.outcome import ForwardModel, FullSolver, Outcome
 from legfem.inverse.search import SearchError
 from legfem.jobs.store import Store
+from legfem.legs.correction import FIRST_RATIO, first_contact_error, mesh_error, smooth_ratio
+from legfem.legs.correction_of_leg import FIBRES
 from legfem.legs.elastography import FibreRatio
+from legfem.legs.model_3d import ROUGHER, LegModels
 from legfem.mechanics.terms import Fibres
 from legfem.solve.force_curve import ForceCurve
 
@@ -129,7 +129,7 @@ def fibre_errors(curve: ForceCurve, fibres: FibreRatio, c10: float, displacement
     c10
         Across the fibres, MPa.
     displacement
-        (n,), mm. Before `legfem.correction.tabulated.FIRST_RATIO` it is level.
+        (n,), mm. Before `legfem.legs.correction.FIRST_RATIO` it is level.
     """
     at = np.maximum(displacement, min(FIRST_RATIO, curve.depth))
     by = {name: curve.sensitivity(name, at) for name in FIBRE_PARAMETERS}

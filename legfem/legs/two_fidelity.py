@@ -1,7 +1,7 @@
 """Identification on a section, corrected by full solves of the leg itself in 3D.
 
 The search goes on the model in plane strain times a correction. The leg is solved in 3D at the
-optimum, the correction is made anew from that (`legfem.correction.confirmed`), and the search is
+optimum, the correction is made anew from that (`legfem.legs.correction`), and the search is
 repeated, until neither the force that the correction predicted nor the optimum moves. What is left
 is the correction's error, which the intervals carry: that of its last prediction, of the mesh, of
 how much of the leg is modelled, and of first contact.
@@ -10,23 +10,26 @@ how much of the leg is modelled, and of first contact.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from legfem.common.progress import Progress
-from legfem.common.units import FloatArray, mpa_to_kpa
-from legfem.correction.confirmed import confirmed_correction
-from legfem.correction.tabulated import FIRST_RATIO, TabulatedCorrection
-from legfem.identify.applied_correction import CLOSE, Confirmation, SpatialEvidence
-from legfem.identify.identification import Identification
-from legfem.identify.leg_film import PressedLeg
-from legfem.identify.leg_solver import LegSolver
-from legfem.identify.result import IdentificationResult
-from legfem.identify.spatial import LegModels
-from legfem.inverse.catalogue import DEEP_C10, DEEP_C20
+from legfem.common.units import FloatArray
+from legfem.inverse.catalogue import DEEP_C10
+from legfem.inverse.fit import Fit, fit_with
 from legfem.inverse.laws import LawName
+from legfem.inverse.outcome import FullSolver
+from legfem.inverse.settings import IdentificationSettings
+from legfem.legs.correction import FIRST_RATIO, TabulatedCorrection, confirmed_correction
+from legfem.legs.details import CLOSE, Confirmation, LegDetails, SpatialEvidence
+from legfem.legs.film_3d import PressedLeg
+from legfem.legs.model_3d import LegModels
+from legfem.legs.notices import of_two_fidelities
+from legfem.legs.problem import LegProblem
+from legfem.legs.site_test import deep_stiffness
+from legfem.legs.solver_3d import LegSolver
 
 MOST_SOLVES = 8
 """In 3D, of all laws together, those that measure the errors among them."""
@@ -34,22 +37,28 @@ MOST_SOLVES = 8
 
 @dataclass(eq=False)
 class TwoFidelities:
-    """Identifies laws of a subject by two models.
+    """Fits laws to one site by two models.
 
     Parameters
     ----------
-    section : Identification
-        By the model in plane strain; its correction, if it has one, is where the search starts and
-        how the correction changes with the stiffness.
+    problem : LegProblem
+        Of one site in plane strain; its correction, if it has one, is where the search starts and how the correction
+        changes with the stiffness.
+    solver : FullSolver
+        Of the section in plane strain.
+    settings : IdentificationSettings
+        Of the searches.
     models : LegModels
         Of the leg in 3D.
     progress : Progress
-        Told of every solve.
+        Shown every solve.
     table : TabulatedCorrection, optional
         Of idealised legs.
     """
 
-    section: Identification
+    problem: LegProblem
+    solver: FullSolver
+    settings: IdentificationSettings
     models: LegModels
     progress: Progress
     table: TabulatedCorrection | None
@@ -60,27 +69,27 @@ class TwoFidelities:
         """Lay out the solver of the leg."""
         self._leg = LegSolver(self.models, self.progress)
 
-    def identify(self, names: Sequence[LawName]) -> list[IdentificationResult]:
-        """Return the results of laws, in their order.
+    def fit(self, names: Sequence[LawName]) -> list[Fit[LegDetails]]:
+        """Fit laws, in their order.
 
         Raises
         ------
         SearchError
             If a solve in 3D stops short of the depth, or too few of the others reach it.
         """
-        return [self._identify(name) for name in names]
+        return [self._fit(name) for name in names]
 
-    def _identify(self, name: LawName) -> IdentificationResult:
+    def _fit(self, name: LawName) -> Fit[LegDetails]:
         started = time.perf_counter()
         correction = self._last or self.table
-        result = self._fitted(name, correction)
+        result = self._on_section(name, correction)
         confirmations: list[Confirmation] = []
         while True:
             done = self._leg.full_solves + self._leg.rough_solves
             if done + self._leg.next_solves > MOST_SOLVES:
                 break
             found, correction = self._confirmed(result, correction)
-            before, result = result, self._fitted(name, correction)
+            before, result = result, self._on_section(name, correction)
             found = replace(found, moved=_moved(before, result))
             confirmations.append(found)
             self.progress.advance(
@@ -89,20 +98,20 @@ class TwoFidelities:
             )
             if found.error < CLOSE and found.moved < CLOSE:
                 break
-        return self._told(result, confirmations, time.perf_counter() - started)
+        return self._with_evidence(result, confirmations, time.perf_counter() - started)
 
-    def _fitted(self, name: LawName, correction: TabulatedCorrection | None) -> IdentificationResult:
-        (result,) = replace(self.section, correction=correction).identify([name])
+    def _on_section(self, name: LawName, correction: TabulatedCorrection | None) -> Fit[LegDetails]:
+        (result,) = fit_with(self.problem.corrected([correction]), [name], self.solver, self.settings)
         return result
 
     def _confirmed(
-        self, result: IdentificationResult, predicted: TabulatedCorrection | None
+        self, result: Fit[LegDetails], predicted: TabulatedCorrection | None
     ) -> tuple[Confirmation, TabulatedCorrection]:
-        """Solve the leg at an optimum, and return what that says of the correction."""
+        """Solve the leg at an optimum; return what that says of the correction, and the correction made anew."""
         values, grid = result.model_values, self._leg.grid
-        c10, c20 = stiffness = _stiffness(values)
+        c10, c20 = stiffness = deep_stiffness(values)
         self.progress.stage(f"the leg in 3D at C10 {c10:.3g}, C20 {c20:.3g} kPa")
-        (section,) = self.section.solver.solve([values])
+        (section,) = self.solver.solve([values])
         solved = self._leg.at(values, section.curve)
         before: FloatArray = np.zeros(len(grid))
         if predicted is not None:
@@ -122,14 +131,13 @@ class TwoFidelities:
         )
         outcome = solved.outcome
         self._seen = self.models.pressed(outcome)
-        told = Confirmation(c10, c20, outcome.seconds, outcome.factorisations, share)
-        return told, self._last
+        return Confirmation(c10, c20, outcome.seconds, outcome.factorisations, share), self._last
 
-    def _told(
-        self, result: IdentificationResult, confirmations: Sequence[Confirmation], seconds: float
-    ) -> IdentificationResult:
-        grid, leg = result.measured.displacement, self.models.leg
-        c10, c20 = _stiffness(result.values)
+    def _with_evidence(
+        self, result: Fit[LegDetails], confirmations: Sequence[Confirmation], seconds: float
+    ) -> Fit[LegDetails]:
+        grid, leg = result.tests[0].force.channel.station, self.models.leg
+        c10, c20 = deep_stiffness(result.values)
         assert self._last is not None
         table = None
         if self.table is not None:
@@ -149,32 +157,20 @@ class TwoFidelities:
             table,
             self._seen,
         )
-        warnings = []
-        if not evidence.converged:
-            warnings.append(
-                f"The correction in 3D has not settled within {MOST_SOLVES} solves: its interval "
-                "carries what its last prediction missed."
-            )
-        if leg.extruded:
-            warnings.append(
-                "The leg in 3D is the measured section, extruded: how the leg's girth changes "
-                "along the cylinder is left out. Give a scan, surfaces or contours at several "
-                "levels as [section]."
-            )
-        return replace(result, spatial=evidence, warnings=(*result.warnings, *warnings), wall_s=seconds)
+        return replace(
+            result,
+            details=replace(result.details, spatial=evidence),
+            log=replace(result.log, wall_s=seconds),
+            warnings=(*result.warnings, *of_two_fidelities(evidence, MOST_SOLVES)),
+        )
 
 
-def _stiffness(values: Mapping[str, float]) -> tuple[float, float]:
-    """Return C10 and C20 of the deep tissue, kPa."""
-    return mpa_to_kpa(values[DEEP_C10]), mpa_to_kpa(values.get(DEEP_C20, 0.0))
-
-
-def _moved(before: IdentificationResult, after: IdentificationResult) -> float:
-    """Return by how much C10, or without it what else was identified, moved; relative."""
-    names = [DEEP_C10] if DEEP_C10 in after.parameters else list(after.parameters)
+def _moved(before: Fit[LegDetails], after: Fit[LegDetails]) -> float:
+    """Relative change of C10, or without it of what else was identified."""
+    names = [DEEP_C10] if DEEP_C10 in after.estimates else list(after.estimates)
     moves = (
-        abs(after.parameters[name].value / before.parameters[name].value - 1)
+        abs(after.estimates[name].value / before.estimates[name].value - 1)
         for name in names
-        if before.parameters[name].value != 0
+        if before.estimates[name].value != 0
     )
     return max(moves, default=0.0)

@@ -1,29 +1,18 @@
-r"""The 3D correction of the plane-strain force on the idealised leg (Eq. 3 of Frauziols et al.).
+r"""P(d) of one leg, from full solves of that leg in 3D at its own stiffness.
 
-.. math:: P(d) = 1 - \frac{RF_{3D}(d) / L}{RF_{2D}(d)}, \qquad RF_{3D} = (1 - P)\, L\, RF_{2D},
+.. math:: P(d; m) = P_1(d; m_1) + P_0(d; m) - P_0(d; m_1)
 
-with the cylinder's length :math:`L` and the plane-strain force per length :math:`RF_{2D}`. A
-negative P says that plane strain gives too small a force.
-
-**First contact.** At :math:`d = 0` the definition is 0/0, and as long as the contact is narrower
-than an element its forces are those of single quadrature points. The ratio is therefore taken from
-`FIRST_RATIO` on only, where a polynomial is fitted to it. Below, P goes on as
-:math:`P_s + P_s' (d^2 - s^2) / 2 s` from the value and slope at :math:`s`: smooth, and level at
-:math:`d = 0`.
-
-**Stiffness.** P depends on the law only through :math:`D_1 C_{10}` and :math:`C_{20} / C_{10}`. The
-table is over :math:`\ln C_{10}` and :math:`q = C_{20} / (C_{10} + C_{20})`, linear between its
-points and constant beyond.
-
-**Errors** are modes over d, each fully correlated and independent of the others: their outer
-products add up to the covariance that `legfem.identify` puts into its intervals.
+with :math:`P_1` solved in full at the stiffness :math:`m_1`, and the trend of a table :math:`P_0`
+of idealised legs between there and :math:`m`; without a table P is the same at any stiffness. The
+trend is small where :math:`m_1` is near what is identified, and each further solve measures what is
+wrong with it. Its error replaces that of the table.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -232,3 +221,37 @@ def read_correction(path: Path) -> TabulatedCorrection:
     return TabulatedCorrection(
         str(content.get("name", path.stem)), displacement, c10, stiffening, values, errors, given
     )
+
+
+def confirmed_correction(
+    name: str,
+    trend: TabulatedCorrection | None,
+    stiffness: tuple[float, float],
+    displacement: FloatArray,
+    P: FloatArray,
+    errors: Mapping[str, FloatArray],
+) -> TabulatedCorrection:
+    """Return the correction of a leg that was solved in 3D.
+
+    Parameters
+    ----------
+    name
+        What reports call it.
+    trend
+        How P changes with the stiffness; not at all without one.
+    stiffness
+        C10 and C20 of the deep tissue (kPa) that it was solved with.
+    displacement, P
+        (n,), mm and what was found there.
+    errors
+        Modes of P's error, (n,) each, by what causes them.
+    """
+    c10, c20 = stiffness
+    if trend is None:
+        return TabulatedCorrection(
+            name, displacement, np.array([c10]), np.array([c20 / (c10 + c20)]), P[None, None, :], errors
+        )
+    across, q = trend.c10[:, None], trend.stiffening[None, :]
+    table = trend.correction(displacement, across + 0 * q, across * q / (1 - q))
+    there = trend.correction(displacement, np.asarray(c10), np.asarray(c20))
+    return replace(trend, name=name, displacement=displacement, values=P + table - there, errors=errors, given={})

@@ -1,1 +1,0 @@
-"""The 3D correction of the plane-strain force."""

@@ -1,0 +1,366 @@
+"""The 3D correction of a leg's force in plane strain: by its girth and depth to the bone, with its fibres, or none."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator, RegularGridInterpolator
+
+from legfem.common.documents import write_document
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
+from legfem.data.folder import RESOURCES
+from legfem.geometry.section import depth_to_bone, girth
+from legfem.legs.correction import TabulatedCorrection, read_correction
+from legfem.legs.elastography import FibreRatio
+from legfem.legs.subject import Subject
+
+SCHEMA = 1
+LEGS_KIND = "3d-correction-of-legs"
+
+
+@dataclass(frozen=True, eq=False)
+class LegCorrections:
+    """The change of P from the reference leg to others.
+
+    Parameters
+    ----------
+    radius
+        Of the legs (mm), (a,).
+    depth
+        From the skin to the bone, over the radius, (b,).
+    displacement, c10, stiffening
+        As those of `TabulatedCorrection`: (n,), (m,), (k,).
+    change
+        (a, b, m, k, n).
+    errors
+        Modes of its error, (n,) each, by what causes them.
+    given
+        How it was made, for the file.
+    """
+
+    radius: FloatArray
+    depth: FloatArray
+    displacement: FloatArray
+    c10: FloatArray
+    stiffening: FloatArray
+    change: FloatArray
+    errors: Mapping[str, FloatArray] = field(default_factory=dict)
+    given: Mapping[str, Any] = field(default_factory=dict)
+
+    def change_of(self, radius: float, depth_to_bone: float) -> TabulatedCorrection:
+        """Return the change for a leg's radius and depth to bone (mm), as a table of its own."""
+        at = self._inside(radius, depth_to_bone)
+        change = RegularGridInterpolator((self.radius, self.depth), self.change)(at)
+        return TabulatedCorrection("change", self.displacement, self.c10, self.stiffening, change, self.errors)
+
+    def covers(self, radius: float, depth_to_bone: float) -> bool:
+        """Tell whether the table holds a leg of these sizes (mm)."""
+        return self._inside(radius, depth_to_bone) == (radius, depth_to_bone / radius)
+
+    def of_leg(self, base: TabulatedCorrection, radius: float, depth_to_bone: float) -> TabulatedCorrection:
+        """Return the correction of a leg, given that of the reference leg.
+
+        Parameters
+        ----------
+        base
+            Of the reference leg.
+        radius, depth_to_bone
+            mm.
+        """
+        change = self.change_of(radius, depth_to_bone)
+        c10, q = base.c10[:, None], base.stiffening[None, :]
+        at = np.minimum(base.displacement, self.displacement[-1])
+        values = base.values + change.correction(at, c10 + 0 * q, c10 * q / (1 - q))
+        modes = {name: np.interp(base.displacement, self.displacement, mode) for name, mode in self.errors.items()}
+        beyond = "" if self.covers(radius, depth_to_bone) else ", beyond the table: its nearest leg"
+        name = f"{base.name}, radius {radius:.1f} mm, {depth_to_bone:.1f} mm of tissue before the bone"
+        return replace(base, name=name + beyond, values=values, errors={**base.errors, **modes})
+
+    def write(self, path: Path) -> Path:
+        """Write the table as JSON."""
+        return write_document(
+            path,
+            {
+                "schema": SCHEMA,
+                "kind": LEGS_KIND,
+                **self.given,
+                "radius_mm": self.radius.tolist(),
+                "depth_to_bone_over_radius": self.depth.tolist(),
+                "displacement_mm": self.displacement.tolist(),
+                "c10_kPa": self.c10.tolist(),
+                "c20_over_c10_plus_c20": self.stiffening.tolist(),
+                "change_of_P": np.round(self.change, 6).tolist(),
+                "errors": {name: np.round(mode, 6).tolist() for name, mode in self.errors.items()},
+            },
+        )
+
+    def _inside(self, radius: float, depth_to_bone: float) -> tuple[float, float]:
+        depth = depth_to_bone / radius
+        return (
+            min(max(radius, float(self.radius[0])), float(self.radius[-1])),
+            min(max(depth, float(self.depth[0])), float(self.depth[-1])),
+        )
+
+
+_KNOWN_OF_LEGS = (
+    "radius_mm",
+    "depth_to_bone_over_radius",
+    "displacement_mm",
+    "c10_kPa",
+    "c20_over_c10_plus_c20",
+    "change_of_P",
+)
+
+
+def read_leg_corrections(path: Path) -> LegCorrections:
+    """Read a table of legs.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it is not a whole table.
+    """
+    remedy = "give a file that python -m legfem.study correction --legs wrote"
+    try:
+        content = json.loads(path.read_text())
+        if content.get("kind") != LEGS_KIND or content.get("schema") != SCHEMA:
+            raise InputError(path, "kind", f"is not {LEGS_KIND} of schema {SCHEMA}", remedy)
+        *axes, change = (np.array(content[name], dtype=float) for name in _KNOWN_OF_LEGS)
+        errors = {name: np.array(mode, dtype=float) for name, mode in content["errors"].items()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise InputError(path, "table", f"can't be read ({error!r})", remedy) from None
+    radius, depth, displacement, c10, stiffening = axes
+    if change.shape != tuple(map(len, (radius, depth, c10, stiffening, displacement))):
+        raise InputError(path, "change_of_P", f"has shape {change.shape}", remedy)
+    given = {
+        name: value for name, value in content.items() if name not in (*_KNOWN_OF_LEGS, "schema", "kind", "errors")
+    }
+    return LegCorrections(radius, depth, displacement, c10, stiffening, change, errors, given)
+
+
+FIBRES = "fibres: "
+"""What names of a correction's modes begin with that fibres add."""
+TABLE = RESOURCES / "frauziols" / "correction-fibres.json"
+FIBRES_KIND = "fibres-of-legs"
+
+
+@dataclass(frozen=True, eq=False)
+class FibreTable:
+    """The logarithm of the factor on a leg's force.
+
+    Parameters
+    ----------
+    ratio
+        Of the shear moduli along the leg and across, over 1; (r,).
+    displacement
+        (n,), mm.
+    log_factor
+        (r, n).
+    errors
+        By what causes them: standard deviations as shares of the logarithm, (n,) each.
+    given
+        How it was made, for the file.
+    """
+
+    ratio: FloatArray
+    displacement: FloatArray
+    log_factor: FloatArray
+    errors: Mapping[str, FloatArray]
+    given: Mapping[str, Any] = field(default_factory=dict)
+
+    def log_at(self, ratio: float, displacement: FloatArray) -> FloatArray:
+        """Return the factor's logarithm (n,) at displacements (n,) in mm, level beyond the last."""
+        return np.interp(displacement, self.displacement, self._by_ratio(np.log(ratio)))
+
+    def slope_at(self, ratio: float, displacement: FloatArray) -> FloatArray:
+        """Return its derivative (n,) by the ratio's logarithm."""
+        return np.interp(displacement, self.displacement, self._by_ratio(np.log(ratio), 1))
+
+    def errors_at(self, displacement: FloatArray) -> dict[str, FloatArray]:
+        """Return its errors (n,) by cause, as shares of itself."""
+        return {name: np.interp(displacement, self.displacement, share) for name, share in self.errors.items()}
+
+    @cached_property
+    def _by_ratio(self) -> PchipInterpolator:
+        nodes = np.log([1.0, *self.ratio])
+        return PchipInterpolator(nodes, [np.zeros(len(self.displacement)), *self.log_factor])
+
+    def write(self, path: Path) -> Path:
+        """Write the table as JSON."""
+        return write_document(
+            path,
+            {
+                "schema": SCHEMA,
+                "kind": FIBRES_KIND,
+                **self.given,
+                "ratio": self.ratio.tolist(),
+                "displacement_mm": self.displacement.tolist(),
+                "log_factor": np.round(self.log_factor, 5).tolist(),
+                "errors": {name: np.round(share, 4).tolist() for name, share in self.errors.items()},
+            },
+        )
+
+
+_KNOWN = ("ratio", "displacement_mm", "log_factor", "errors")
+
+
+@cache
+def read_fibres(path: Path = TABLE) -> FibreTable:
+    """Read a table that ``python -m studies.fibres --table`` wrote."""
+    content = json.loads(path.read_text(encoding="utf-8"))
+    ratio, displacement, log = (np.array(content[name], dtype=float) for name in _KNOWN[:-1])
+    errors = {name: np.array(share, dtype=float) for name, share in content["errors"].items()}
+    given = {k: v for k, v in content.items() if k not in (*_KNOWN, "schema", "kind")}
+    return FibreTable(ratio, displacement, log, errors, given)
+
+
+def with_fibres(correction: TabulatedCorrection, table: FibreTable, fibres: FibreRatio) -> TabulatedCorrection:
+    """Return a correction of muscle with fibres, given that of muscle alike in all directions.
+
+    Its errors stay what they are of the force, and those of the ratio and of the table join them.
+    """
+    d = correction.displacement
+    log, slope = table.log_at(fibres.value, d), table.slope_at(fibres.value, d)
+    factor = np.exp(log)
+    force = (1 - correction.values) * factor
+    usual = np.mean(force, axis=(0, 1))
+    errors = {
+        **{name: mode * factor for name, mode in correction.errors.items()},
+        f"{FIBRES}ratio": -usual * slope * fibres.sd / fibres.value,
+        **{f"{FIBRES}{name}": -usual * log * share for name, share in table.errors_at(d).items()},
+    }
+    name = f"{correction.name}, muscle {fibres} times as stiff in shear along the leg as across"
+    return replace(correction, name=name, values=1 - force, errors=errors)
+
+
+STUDY = RESOURCES / "frauziols"
+REFERENCE, LEGS = STUDY / "correction.json", STUDY / "correction-legs.json"
+AUTO, OWN, NONE = "auto", "own", "none"
+
+
+class Correction(Protocol):
+    """A factor on the plane-strain force, with its uncertainty (``1 - P(d)``, Eq. 3).
+
+    Stiffnesses are those of the deep tissue in kPa, of any shape ``(...)``; displacements are
+    ``(n,)`` in mm.
+    """
+
+    @property
+    def name(self) -> str:
+        """What reports call it."""
+        ...
+
+    def factor(self, displacement: FloatArray, c10: FloatArray, c20: FloatArray) -> FloatArray:
+        """Return the factor (..., n)."""
+        ...
+
+    def covariance(self, displacement: FloatArray, c10: float, c20: float) -> FloatArray:
+        """Return the covariance (n, n) of the factor's relative error, for the intervals."""
+        ...
+
+    def relative_errors(self, displacement: FloatArray, c10: float, c20: float) -> Mapping[str, FloatArray]:
+        """Return the modes (n,) that the covariance is made of, by what causes them."""
+        ...
+
+
+def choose_correction(name: str, subject: Subject) -> TabulatedCorrection | None:
+    """Return the correction that ``--correction`` names, with the leg's fibres if they are known.
+
+    Parameters
+    ----------
+    name
+        ``own`` for the leg's own from legfem's table, ``auto`` for that where it is due (see
+        `why_uncorrected`), ``none``, or a file.
+    subject
+        Whose leg it is for.
+
+    Raises
+    ------
+    InputError
+        If the file isn't a correction's.
+    """
+    if name == OWN or (name == AUTO and not why_uncorrected(subject)):
+        return correction_of(subject)
+    found = None if name == AUTO else find_correction(name)
+    return None if found is None else _of_muscle(subject, found)
+
+
+def find_correction(name: str) -> TabulatedCorrection | None:
+    """Return the correction in a file; None for ``none``.
+
+    Raises
+    ------
+    InputError
+        If the file isn't a correction's.
+    """
+    return None if name == NONE else read_correction(Path(name))
+
+
+def correction_of(subject: Subject) -> TabulatedCorrection:
+    """Return legfem's correction at a subject's girth and depth to the bone, with known fibres.
+
+    Without a table of legs that of the reference leg, which its name says.
+    """
+    base = read_correction(REFERENCE)
+    if not LEGS.exists():
+        own = replace(base, name=f"{base.name}, of the reference leg's girth and bone")
+    else:
+        own = read_leg_corrections(LEGS).of_leg(base, *size_of(subject))
+    return _of_muscle(subject, own)
+
+
+def _of_muscle(subject: Subject, correction: TabulatedCorrection) -> TabulatedCorrection:
+    """Return a correction with what the subject's fibres do to the force, if that can be told."""
+    if subject.fibres is None or why_without_fibres(subject):
+        return correction
+    return with_fibres(correction, read_fibres(), subject.fibres)
+
+
+def size_of(subject: Subject) -> tuple[float, float]:
+    """Return a leg's girth over 2 pi, and how deep its bones lie under the cylinder (mm)."""
+    section, indenter = subject.section, subject.indenter
+    return (girth(section) / (2 * np.pi), depth_to_bone(section, indenter.aim, indenter.direction))
+
+
+def why_uncorrected(subject: Subject) -> str | None:
+    """Return why there is no correction by default; None where there is one."""
+    if subject.plane_strain:
+        return "the recordings are simulated in plane strain, which has no ends"
+    if other := _another_cylinder(subject, read_correction(REFERENCE).given["cylinder"]):
+        return (
+            f"legfem's own is for {other}; calibrate one with "
+            "python -m legfem.study correction --cylinder-length, and give it with --correction"
+        )
+    return None
+
+
+def why_without_fibres(subject: Subject) -> str | None:
+    """Return why legfem can't tell what fibres do to a force; None where it can."""
+    if other := _another_cylinder(subject, read_fibres().given["cylinder"]):
+        return f"legfem's table of fibres is for {other}"
+    return None
+
+
+def _another_cylinder(subject: Subject, tabulated: Mapping[str, float]) -> str:
+    """Return of which cylinder a table is, and of which it isn't; empty if it is the subject's."""
+    size = (2 * subject.indenter.radius, subject.indenter.length)
+    own = (2 * tabulated["radius"], tabulated["length"])
+    if np.allclose(size, own, rtol=0.01):
+        return ""
+    return f"a cylinder of {own[0]:g} x {own[1]:g} mm, not {size[0]:g} x {size[1]:g} mm"
+
+
+def correction_factor(
+    correction: Correction | None, displacement: FloatArray, c10: FloatArray, c20: FloatArray
+) -> FloatArray:
+    """Return the factor (..., n); 1 without a correction."""
+    if correction is None:
+        return np.ones((*np.shape(c10), len(displacement)))
+    return correction.factor(displacement, c10, c20)
