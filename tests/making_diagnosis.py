@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.data import Instrument, Recording
+from legfem.data import Instrument, Recording, segment_all
 from legfem.diagnose.fit import Fit, Problem, fit
 from legfem.diagnose.library import NuisanceChanges
 from legfem.diagnose.mechanisms import Mechanism, Stiffness, TissueMechanism, Values, mechanism_named
@@ -163,7 +163,7 @@ def _of(values: Mapping[str, float]) -> dict[str, float]:
 
 def observations(recordings: list[Recording]) -> tuple[Observations, Predictor]:
     """Return empty observations, from first contact on, with a predictor for them."""
-    observed = observe(recordings, INSTRUMENT, starts_at_contact=True)
+    observed = observe(segment_all(recordings, INSTRUMENT, True))
     observed = replace(
         observed, white_sd=NOISE.white_sd, white_variance=np.full(len(observed.force), NOISE.white_sd**2 / 8)
     )

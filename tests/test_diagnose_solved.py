@@ -9,7 +9,7 @@ import pytest
 from making_diagnosis import INSTRUMENT
 
 from legfem.common.progress import Silent
-from legfem.data import Recording
+from legfem.data import Recording, segment_all
 from legfem.diagnose.library_build import build_library, rounded, shown_mechanisms
 from legfem.diagnose.mechanisms import mechanism_named
 from legfem.diagnose.mechanisms.base import null_of
@@ -51,7 +51,7 @@ def observed():
         time = np.arange(0, protocol.duration, 0.1)
         force = np.zeros(len(time))
         recordings.append(Recording(time, protocol.displacement_at(time), force, f"rate{rate:g}"))
-    return observe(recordings, INSTRUMENT, starts_at_contact=True)
+    return observe(segment_all(recordings, INSTRUMENT, True))
 
 
 def test_ends_are_looked_for_where_there_may_be_some(observed):

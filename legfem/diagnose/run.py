@@ -57,7 +57,7 @@ class Diagnoser:
 
     def observations(self, subject: Subject) -> Observations:
         """Return a subject's recordings at their stations."""
-        observed = observe(subject.recordings, subject.instrument, subject.starts_at_contact)
+        observed = observe(subject.trials)
         remarks = list(observed.remarks)
         if not subject.instrument.stated:
             remarks.append(

@@ -23,7 +23,6 @@ from legfem.diagnose.run import STIFFENING, diagnose_body
 from legfem.diagnose.solved import PLAIN, SolvedResponses
 from legfem.inverse.catalogue import RATIO
 from legfem.jobs.fingerprint import code_fingerprint
-from legfem.specimens.course import calmed
 from legfem.specimens.folder import FILE, SpecimenFolder, stiffness_doubts
 from legfem.specimens.mechanisms import Scale, mechanisms_of
 from legfem.specimens.recorded import LeftOut, SpecimenRecording
@@ -157,7 +156,7 @@ def _diagnosed(
 
 
 def _observed(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Observations:
-    observed = observe([calmed(one.recording) for one in used], _instrument(folder, used), folder.starts_at_contact)
+    observed = observe([one.trial for one in used])
     remarks = list(observed.remarks)
     if folder.instrument is None:
         remarks.append(

@@ -15,6 +15,7 @@ import numpy as np
 
 from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress, Silent
+from legfem.data import segment_all
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.library_build import with_correction
 from legfem.diagnose.mechanisms.end_effects import EndEffects
@@ -85,7 +86,7 @@ def diagnosed(given: Concealed, number: int, folder: Path, jobs: int, progress: 
     course = Course(time, RATE_MM_PER_S * time, curve(RATE_MM_PER_S * time))
     errors = LabErrors(gain_sd=GAIN_SD, air=AIR_MM if given.in_air else 0.0)
     recordings = record([course] * TRIALS, errors, np.random.default_rng(SEED + number))
-    observed = observe(recordings, INSTRUMENT, not given.in_air)
+    observed = observe(segment_all(recordings, INSTRUMENT, not given.in_air))
     correction = read_correction(REFERENCE)
     solved = plane_responses(PLANE, folder / "responses")
     tables = plane_library(solved, observed, correction, jobs, Silent())

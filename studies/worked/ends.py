@@ -9,7 +9,7 @@ import numpy as np
 
 from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress
-from legfem.data import Recording
+from legfem.data import Recording, segment_all
 from legfem.data.recording import Origin, write_recording
 from legfem.diagnose.library_build import with_correction
 from legfem.diagnose.observations import observe
@@ -93,7 +93,7 @@ def run_ends(out: Path, library: Path, correction: TabulatedCorrection, jobs: in
     (out / "recordings").mkdir(parents=True, exist_ok=True)
     for recording in recordings:
         write_recording(recording, out / "recordings" / f"{recording.trial}.csv")
-    observed = observe(recordings, INSTRUMENT, False)
+    observed = observe(segment_all(recordings, INSTRUMENT))
     solved = plane_responses(PLANE, library)
     tables = plane_library(solved, observed, correction, jobs, progress)
     return diagnosed(
