@@ -11,10 +11,9 @@ from making_diagnosis import INSTRUMENT, ClosedForm, mechanisms_in, noisy, obser
 from legfem.common.progress import Silent
 from legfem.data import Recording
 from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.library_build import shown_mechanisms
 from legfem.diagnose.nuisances import Accuracy
 from legfem.diagnose.observations import Observations
-from legfem.diagnose.run import diagnose_body
+from legfem.diagnose.run import diagnose_body, shown_mechanisms
 from legfem.inverse.laws import LawName
 
 BASE = {"C10": 1.0, "C20": 0.6}

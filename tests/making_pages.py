@@ -44,9 +44,8 @@ from legfem.legs.loading import load_subject
 from legfem.legs.subject import Subject
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings
-from legfem.plan.designs import designs
-from legfem.plan.reckon import Reckoned
-from legfem.plan.run import Expected
+from legfem.plan.reckon import DesignValue
+from legfem.plan.run import Expected, designs
 from legfem.report.look import recordings_toml
 from legfem.report.web.diagnosis import diagnosis_web_page
 from legfem.report.web.identification import identification_page
@@ -130,10 +129,10 @@ def diagnosis(folder: Path) -> WebPage:
     return diagnosis_web_page(found, subject, (), COMMAND, pressed=pressed(subject))
 
 
-def ranked(chances: tuple[tuple[float, float], ...] = ((0.96, 0.1), (0.4, 0.05))) -> list[Reckoned]:
+def ranked(chances: tuple[tuple[float, float], ...] = ((0.96, 0.1), (0.4, 0.05))) -> list[DesignValue]:
     """Tests that tell a stiff fascia and a gain with these chances."""
     return [
-        Reckoned(design, {("fascia-stiffness", "nothing"): a, ("gain", "nothing"): b, ("nothing", "gain"): 0.5}, a)
+        DesignValue(design, {("fascia-stiffness", "nothing"): a, ("gain", "nothing"): b, ("nothing", "gain"): 0.5}, a)
         for design, (a, b) in zip(designs(20.0, 0.5, 30.0), chances, strict=False)
     ]
 

@@ -10,7 +10,7 @@ from making_diagnosis import INSTRUMENT
 
 from legfem.common.progress import Silent
 from legfem.data import Recording, segment_all
-from legfem.diagnose.library_build import build_library, rounded, shown_mechanisms
+from legfem.diagnose.library_build import build_library, rounded
 from legfem.diagnose.mechanisms import mechanism_named
 from legfem.diagnose.mechanisms.base import null_of
 from legfem.diagnose.mechanisms.end_effects import EndEffects
@@ -18,9 +18,9 @@ from legfem.diagnose.models import Stopped
 from legfem.diagnose.nuisances import displaced_geometries
 from legfem.diagnose.observations import observe
 from legfem.diagnose.predict import Predictor
-from legfem.diagnose.run import ruled_out_of
+from legfem.diagnose.run import ruled_out_of, shown_mechanisms
 from legfem.diagnose.solved import PLAIN, NotKeptError, SolvedResponses
-from legfem.diagnose.variants import Variants
+from legfem.diagnose.variants import LegVariants
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.elastography import FibreRatio
@@ -40,7 +40,7 @@ def variants():
     subject = load_subject(SUBJECTS.find("3"), need_recordings=False)
     settings = PlaneStrainSettings()
     coarse = PlaneStrainSettings(mesh=settings.mesh.refined(0.4))
-    return Variants(subject.section, subject.indenter, tissues_of(subject), coarse)
+    return LegVariants(subject.section, subject.indenter, tissues_of(subject), coarse)
 
 
 @pytest.fixture(scope="module")

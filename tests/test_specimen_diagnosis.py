@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from legfem.commands.diagnose import app
 from legfem.common.progress import Silent
 from legfem.diagnose.mechanisms import Solution
-from legfem.diagnose.models import Models, Stopped
+from legfem.diagnose.models import BodyModels, Stopped
 from legfem.experiments.axisymmetric import BallOnLayer, CylinderBetweenPlates
 from legfem.experiments.lateral_cylinder import CylinderOnBlock
 from legfem.experiments.uniaxial import Bar
@@ -103,7 +103,7 @@ def test_two_effects_are_named_together(tmp_path: Path) -> None:
 def test_one_solution_serves_every_stiffness(sizes, depth: float) -> None:
     """Against solutions at that stiffness, and differences of them."""
     c10, c20 = 3.7e-2, 1.9e-2
-    models: Models = SpecimenVariants(sizes, depth)
+    models: BodyModels = SpecimenVariants(sizes, depth)
     at = np.linspace(0.3, 1.0, 5) * depth
     asked = ("deep.C10", "deep.C20", "size.height" if hasattr(sizes, "height") else "deep.D1")
     given = {"deep.C10": c10, "deep.C20": c20}

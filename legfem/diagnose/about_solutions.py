@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.fit import Fit, Problem, fit
+from legfem.diagnose.fit import LinearisedFit, LinearisedProblem, fit
 from legfem.diagnose.ordinary import ordinary_fit
 from legfem.diagnose.predict import Predictor, Responses
 
@@ -16,7 +16,9 @@ _STAYS = 0.25
 """Of a trial's noise: a refit that moves the prediction by less stays."""
 
 
-def base_about_solution(problem: Problem, base: Fit, solved: Responses | None) -> tuple[Problem, Fit, float]:
+def base_about_solution(
+    problem: LinearisedProblem, base: LinearisedFit, solved: Responses | None
+) -> tuple[LinearisedProblem, LinearisedFit, float]:
     """Refit the base model about a full solution; return also the emulator's error there.
 
     Parameters
@@ -38,7 +40,9 @@ def base_about_solution(problem: Problem, base: Fit, solved: Responses | None) -
     return problem, ordinary_fit(problem, [base.values]), error
 
 
-def refitted_about_solutions(solved: Responses, problem: Problem, fitted: Fit) -> tuple[Problem, Fit, bool]:
+def refitted_about_solutions(
+    solved: Responses, problem: LinearisedProblem, fitted: LinearisedFit
+) -> tuple[LinearisedProblem, LinearisedFit, bool]:
     """Refit about full solutions until the refit stays; return also whether there was one.
 
     Fat that slides folds in one way or in another, so that a model may have solutions on several
@@ -54,7 +58,7 @@ def refitted_about_solutions(solved: Responses, problem: Problem, fitted: Fit) -
     fitted
         What is to be refitted.
     """
-    made: list[tuple[Problem, Fit]] = []
+    made: list[tuple[LinearisedProblem, LinearisedFit]] = []
     for _ in range(_MOST):
         offset = _offset(problem.predictor, fitted, solved)
         if offset is None:
@@ -70,7 +74,7 @@ def refitted_about_solutions(solved: Responses, problem: Problem, fitted: Fit) -
     return *min(made, key=lambda one: one[1].cost), True
 
 
-def _offset(predictor: Predictor, fitted: Fit, solved: Responses) -> FloatArray | None:
+def _offset(predictor: Predictor, fitted: LinearisedFit, solved: Responses) -> FloatArray | None:
     """Return the full prediction less the emulated one (n,), N; None where it stopped."""
     plain = replace(predictor, offset=0.0)
     full = replace(plain, responses=solved)

@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from legfem.diagnose.explanation import ADDS_FROM, Explained, Explanation, gain_over, singles_of
-from legfem.diagnose.weighing import Priors
+from legfem.diagnose.weighing import ExplanationPriors
 from legfem.inverse.mixture import Mixture
 
 _COUNTS = 1e-4
@@ -92,7 +92,7 @@ def untried_pairs(explained: Explained, name: str) -> list[HiddenPair]:
     if like is None or name not in base.fit.free:
         return []
     alone = singles_of(explained.every).values()
-    priors = Priors.among([e.fit.mechanisms[0] for e in alone])
+    priors = ExplanationPriors.among([e.fit.mechanisms[0] for e in alone])
     # Two that explain the same misfit don't add: those that explain none do.
     singles = [e for e in alone if name in e.fit.free and gain_over(e, base) < ADDS_FROM]
     each = {e.names[0]: e.distribution(name) for e in singles}

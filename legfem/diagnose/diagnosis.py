@@ -16,15 +16,16 @@ from legfem.diagnose.about_solutions import base_about_solution, refitted_about_
 from legfem.diagnose.averaged import averaged_interval
 from legfem.diagnose.explain import explain
 from legfem.diagnose.explanation import Explained, Explanation
-from legfem.diagnose.fit import Fit, NuisanceEffect, Problem, fit
+from legfem.diagnose.fit import LinearisedFit, LinearisedProblem, NuisanceEffect, fit, variance_degrees
 from legfem.diagnose.held_out import HeldOut, held_out
 from legfem.diagnose.limits import Limit, limits_of
 from legfem.diagnose.mechanisms.base import MeasuredStrength, Mechanism
 from legfem.diagnose.observations import Observations
-from legfem.diagnose.ordinary import ordinary_explanation, ordinary_fit
+from legfem.diagnose.ordinary import equally_weighted, ordinary_fit
 from legfem.diagnose.predict import LawName, Predictor, Responses, onset_name
-from legfem.diagnose.score import Assessment, assess
+from legfem.diagnose.score import MisfitAssessment, score_tests
 from legfem.inverse.errors import ErrorModel, error_model
+from legfem.inverse.least_squares import sandwich
 from legfem.inverse.trial_noise import estimate_noise
 
 Verdict = Literal["consistent", "named", "ambiguous", "unexplained"]
@@ -46,7 +47,7 @@ class Diagnosis:
     """The base model by ordinary least squares."""
     models: tuple[Explanation, ...]
     """Explanations that are listed, the most probable first; none if consistent."""
-    assessment: Assessment
+    assessment: MisfitAssessment
     """What the base model's residual says: windows, and signs of mechanisms."""
     base_held_out: HeldOut
     held_out: tuple[HeldOut, ...]
@@ -114,7 +115,7 @@ class FullSolutions(Responses, Protocol):
         ...
 
 
-type Nuisances = Callable[[Fit], Sequence[NuisanceEffect]]
+type Nuisances = Callable[[LinearisedFit], Sequence[NuisanceEffect]]
 """What isn't known exactly does to the prediction of the base model's fit."""
 
 
@@ -163,7 +164,7 @@ def diagnose(
     confirm = None if solved is None else partial(refitted_about_solutions, solved)
     explained = explain(problem, base, mechanisms, confirm, ordinary.values)
     progress.stage("where the base model is wrong")
-    assessment = assess(problem, base, mechanisms, seed)
+    assessment = score_tests(problem, base, mechanisms, seed)
     verdict, models = _verdict(explained)
     held = tuple(held_out(m.problem, m.fit) for m in models)
     plainly = ordinary_explanation(problem, ordinary, explained.base)
@@ -200,7 +201,9 @@ def starts(law: LawName, middle: float) -> list[dict[str, float]]:
     return [{"C10": factor * middle, "C20": share * middle} for factor, share in ((0.6, 1.0), (1.0, 0.3), (1.4, 0.1))]
 
 
-def _fitted(predictor: Predictor, instrument: Instrument, nuisances: Nuisances) -> tuple[Problem, Fit]:
+def _fitted(
+    predictor: Predictor, instrument: Instrument, nuisances: Nuisances
+) -> tuple[LinearisedProblem, LinearisedFit]:
     """Fit the base model by ordinary least squares, and find errors that are shares of its force.
 
     The noise is estimated anew once the trials' first contacts are fitted.
@@ -208,7 +211,7 @@ def _fitted(predictor: Predictor, instrument: Instrument, nuisances: Nuisances) 
     observed, slowest = predictor.observed, slowest_of(predictor.observed)
     noise = estimate_noise(observed, instrument, slowest)
     middle = float(np.sqrt(np.prod(predictor.responses.c10_bounds)))
-    problem = Problem(predictor, error_model(observed, noise, observed.force))
+    problem = LinearisedProblem(predictor, error_model(observed, noise, observed.force))
     found = ordinary_fit(problem, starts(predictor.law, middle))
     noise = estimate_noise(observed, instrument, slowest, found.residual)
     return problem.with_nuisances(noise, found.prediction, nuisances(found)), found
@@ -225,7 +228,11 @@ def _verdict(explained: Explained) -> tuple[Verdict, tuple[Explanation, ...]]:
 
 
 def _located(
-    explained: Explained, base: Fit, models: tuple[Explanation, ...], assessment: Assessment, errors: ErrorModel
+    explained: Explained,
+    base: LinearisedFit,
+    models: tuple[Explanation, ...],
+    assessment: MisfitAssessment,
+    errors: ErrorModel,
 ) -> NDArray[np.bool_]:
     """Return where the base model errs by more than a trial's noise.
 
@@ -239,3 +246,30 @@ def _located(
     for window in assessment.windows:
         located[list(window.stations)] = True
     return located
+
+
+def ordinary_explanation(problem: LinearisedProblem, fitted: LinearisedFit, base: Explanation) -> Explanation:
+    """Return an ordinary fit as an explanation that is shown, with its intervals.
+
+    Parameters
+    ----------
+    problem
+        The observations with their errors.
+    fitted
+        By equal weights.
+    base
+        The base model by its errors.
+    """
+    same = equally_weighted(problem, fitted.residual)
+    weighed = fitted.change / np.diag(same.errors.dense)[:, None]
+    own = np.eye(len(fitted.free))
+    spread = np.linalg.inv(fitted.change.T @ weighed + own)
+    estimator = spread @ weighed.T
+    covariance = sandwich(estimator, problem.errors.covariance) + spread @ spread
+    return replace(
+        base,
+        problem=same,
+        fit=fitted,
+        posterior=replace(base.posterior, mean=fitted.departure, covariance=covariance),
+        degrees=variance_degrees(covariance, estimator, problem.errors, problem.causes),
+    )

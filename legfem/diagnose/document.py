@@ -15,9 +15,9 @@ from legfem.data.recording import Origin
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.doubts import doubts_of
 from legfem.diagnose.explanation import Explanation
-from legfem.diagnose.fit import Fit
+from legfem.diagnose.fit import LinearisedFit
 from legfem.diagnose.held_out import HeldOut
-from legfem.diagnose.remains import explained_share, remains_of
+from legfem.diagnose.remains import explained_share, residual_intervals
 from legfem.diagnose.sentences import next_experiments
 from legfem.diagnose.windows import runs
 from legfem.legs.subject import MeasuredEffect, Subject
@@ -118,7 +118,7 @@ def document(found: Diagnosis, subject: Recorded, seed: int, seconds: float) -> 
                     "probability": model.probability,
                     "in_part": model.in_part,
                     "explained_share_of_misfit": explained_share(found, model),
-                    "remains": [asdict(r) for r in remains_of(found, model)],
+                    "remains": [asdict(r) for r in residual_intervals(found, model)],
                     "held_out_rmse_N": held.rmse,
                     "confirmed_by_full_solutions": model.confirmed,
                 }
@@ -162,7 +162,7 @@ def versions() -> dict[str, str]:
     return versions_of("legfem", "dolfinx", "python")
 
 
-def r_squared(fitted: Fit, found: Diagnosis) -> float:
+def r_squared(fitted: LinearisedFit, found: Diagnosis) -> float:
     """Return the coefficient of determination over all observations."""
     force = found.observed.force
     return 1.0 - float(np.sum(fitted.residual**2) / np.sum((force - force.mean()) ** 2))

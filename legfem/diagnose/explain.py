@@ -15,13 +15,13 @@ from functools import partial
 import numpy as np
 
 from legfem.diagnose.explanation import INEXACT, Explained, Explanation, counts_for, gain_over, singles_of
-from legfem.diagnose.fit import Fit, Problem, fit
+from legfem.diagnose.fit import LinearisedFit, LinearisedProblem, fit
 from legfem.diagnose.mechanisms import Mechanism
-from legfem.diagnose.strength import gained_by_width, integrated
-from legfem.diagnose.told import told_of
-from legfem.diagnose.unknown import unknown_errors, with_unknown
-from legfem.diagnose.weighing import PRIOR_NONE, PRIOR_UNKNOWN, Priors, weighed
-from legfem.inverse.evidence import Evidence, Unknown
+from legfem.diagnose.strength import gain_of_widths, integrate_strength
+from legfem.diagnose.told import laplace_posterior
+from legfem.diagnose.unknown import possible_discrepancies, with_discrepancy
+from legfem.diagnose.weighing import PRIOR_NONE, PRIOR_UNKNOWN, ExplanationPriors, with_probabilities
+from legfem.inverse.evidence import Discrepancy, Evidence
 from legfem.inverse.posterior import Posterior
 
 INEXACT_SHARE = 0.4
@@ -30,13 +30,13 @@ CONFIRMED_FROM, CONFIRMED_MOST = 0.02, 5
 PAIRS_OF, PAIRS_WITH = 3, 7
 """The best single mechanisms are tried in pairs with more of them, the first with all; so are those
 that may be what was left out once full solutions stand behind them."""
-type Confirm = Callable[[Problem, Fit], tuple[Problem, Fit, bool]]
+type Confirm = Callable[[LinearisedProblem, LinearisedFit], tuple[LinearisedProblem, LinearisedFit, bool]]
 """Refits about a full solution: the problem shifted to it, the refit, and whether it was made."""
 
 
 def explain(
-    problem: Problem,
-    base: Fit,
+    problem: LinearisedProblem,
+    base: LinearisedFit,
     mechanisms: Sequence[Mechanism],
     confirm: Confirm | None = None,
     start: Mapping[str, float] | None = None,
@@ -56,11 +56,11 @@ def explain(
     start
         Base parameters that searches begin with; the base model's fit without it.
     """
-    unknowns = unknown_errors(problem.predictor.observed, base.prediction)
+    unknowns = possible_discrepancies(problem.predictor.observed, base.prediction)
     evidence = Evidence(problem.errors, unknowns)
     found = [_base(problem, base, evidence, unknowns, False)]
     found.append(_base(problem, base, evidence, unknowns, True))
-    priors = Priors.among(mechanisms)
+    priors = ExplanationPriors.among(mechanisms)
     singles = [
         _explanation(problem, fit(problem, [m], start or base.values), base, evidence, unknowns, priors.log_of(m.name))
         for m in mechanisms
@@ -80,7 +80,7 @@ def explain(
             )
             for one, other in pairs
         ]
-        found = weighed(found)
+        found = with_probabilities(found)
         if confirm is not None:
             found = _confirmed(found, base, evidence, unknowns, confirm)
         pairs = _untried(found)
@@ -95,41 +95,46 @@ def _nothing(found: Sequence[Explanation]) -> Explanation:
 
 def _open(found: Sequence[Explanation]) -> bool:
     """Tell whether pairs may matter: nothing alone isn't what most probably describes the data."""
-    return not weighed(found)[0].nothing
+    return not with_probabilities(found)[0].nothing
 
 
 def _base(
-    problem: Problem, base: Fit, evidence: Evidence, unknowns: Sequence[Unknown], unknown: bool, confirmed: bool = False
+    problem: LinearisedProblem,
+    base: LinearisedFit,
+    evidence: Evidence,
+    unknowns: Sequence[Discrepancy],
+    unknown: bool,
+    confirmed: bool = False,
 ) -> Explanation:
     """Return the base model alone, or with something unknown."""
     shares = [
         (-np.inf if unknown else 0.0) if u.covariance is None else (u.log_prior if unknown else -np.inf)
         for u in unknowns
     ]
-    posterior = told_of(problem, evidence, base, shares)
+    posterior = laplace_posterior(problem, evidence, base, shares)
     prior = float(np.log(PRIOR_UNKNOWN if unknown else PRIOR_NONE))
     return Explanation(problem, base, posterior, prior, unknown, confirmed)
 
 
 def _explanation(
-    problem: Problem,
-    fitted: Fit,
-    base: Fit,
+    problem: LinearisedProblem,
+    fitted: LinearisedFit,
+    base: LinearisedFit,
     evidence: Evidence,
-    unknowns: Sequence[Unknown],
+    unknowns: Sequence[Discrepancy],
     log_prior: float,
     confirmed: bool = False,
 ) -> Explanation:
     shares = _shares_beside(problem, fitted, base, unknowns)
-    posterior, plain = told_of(problem, evidence, fitted, shares), fitted
+    posterior, plain = laplace_posterior(problem, evidence, fitted, shares), fitted
     if posterior.unknown > 0.5:
         # Beside something unknown the parameters are elsewhere than a fit without it finds them,
         # and the evidence is linear about where they are.
         aware = _beside(problem, fitted, _aware(problem, posterior, unknowns))
-        again = told_of(problem, evidence, aware, shares)
+        again = laplace_posterior(problem, evidence, aware, shares)
         if again.log_evidence > posterior.log_evidence:
             fitted, posterior = aware, again
-    of_any_width = posterior.log_evidence + gained_by_width(fitted, posterior)
+    of_any_width = posterior.log_evidence + gain_of_widths(fitted, posterior)
     return Explanation(
         problem,
         fitted,
@@ -142,7 +147,9 @@ def _explanation(
     )
 
 
-def _shares_beside(problem: Problem, fitted: Fit, base: Fit, unknowns: Sequence[Unknown]) -> list[float]:
+def _shares_beside(
+    problem: LinearisedProblem, fitted: LinearisedFit, base: LinearisedFit, unknowns: Sequence[Discrepancy]
+) -> list[float]:
     """Return the logarithms of the shares of unknown errors beside a model with mechanisms."""
     shown = shown_effect(problem, fitted, base)
     largest = float(np.abs(base.prediction).max())
@@ -155,34 +162,37 @@ def _shares_beside(problem: Problem, fitted: Fit, base: Fit, unknowns: Sequence[
     ]
 
 
-def _integrated(found: list[Explanation], evidence: Evidence, unknowns: Sequence[Unknown]) -> list[Explanation]:
+def _integrated(found: list[Explanation], evidence: Evidence, unknowns: Sequence[Discrepancy]) -> list[Explanation]:
     """Integrate out the strength of every explanation that may be what was left out."""
     while waiting := [e for e in found if e.names and not e.whole and e.probability >= CONFIRMED_FROM]:
         for one in waiting:
             problem = one.problem
             # Steps are fitted as the fit itself was, or they begin at another minimum.
             aware = None if one.fit_alone is None else _aware(problem, one.posterior, unknowns)
-            posterior = integrated(
-                aware or problem, one.fit, one.posterior, partial(told_of, problem, evidence, shares=one.shares)
+            posterior = integrate_strength(
+                aware or problem,
+                one.fit,
+                one.posterior,
+                partial(laplace_posterior, problem, evidence, shares=one.shares),
             )
             found[found.index(one)] = replace(one, posterior=posterior, whole=True)
-        found = weighed(found)
+        found = with_probabilities(found)
     return found
 
 
-def _aware(problem: Problem, posterior: Posterior, unknowns: Sequence[Unknown]) -> Problem:
+def _aware(problem: LinearisedProblem, posterior: Posterior, unknowns: Sequence[Discrepancy]) -> LinearisedProblem:
     """Return the problem with the most probable of the unknown errors among its own."""
     most = unknowns[int(np.argmax(posterior.of_unknown))]
-    return problem.with_errors(with_unknown(problem.errors, most))
+    return problem.with_errors(with_discrepancy(problem.errors, most))
 
 
-def _beside(problem: Problem, fitted: Fit, aware: Problem) -> Fit:
+def _beside(problem: LinearisedProblem, fitted: LinearisedFit, aware: LinearisedProblem) -> LinearisedFit:
     """Refit with something unknown among the errors; its misfit is told by the errors alone."""
     refit = fit(aware, fitted.mechanisms, fitted.values)
     return replace(refit, whitened=problem.whitened(refit.residual), jacobian=problem.whitened(refit.change))
 
 
-def shown_effect(problem: Problem, fitted: Fit, base: Fit) -> float:
+def shown_effect(problem: LinearisedProblem, fitted: LinearisedFit, base: LinearisedFit) -> float:
     """Return the root mean square (N) of what a mechanism changes that the base model can't."""
     change = fitted.prediction - base.prediction
     basis = np.linalg.qr(base.jacobian)[0]
@@ -219,7 +229,7 @@ def _untried(found: Sequence[Explanation]) -> list[tuple[Explanation, Explanatio
     return list(missing.values())
 
 
-def _joint(problem: Problem, one: Explanation, other: Explanation) -> Fit:
+def _joint(problem: LinearisedProblem, one: Explanation, other: Explanation) -> LinearisedFit:
     """Return the fit of two mechanisms, begun from what each explained."""
     shapes = {k: v for k, v in other.fit.values.items() if k.split(".")[0] in other.names}
     both = [*one.fit.mechanisms, *other.fit.mechanisms]
@@ -227,7 +237,7 @@ def _joint(problem: Problem, one: Explanation, other: Explanation) -> Fit:
 
 
 def _confirmed(
-    found: list[Explanation], base: Fit, evidence: Evidence, unknowns: Sequence[Unknown], confirm: Confirm
+    found: list[Explanation], base: LinearisedFit, evidence: Evidence, unknowns: Sequence[Discrepancy], confirm: Confirm
 ) -> list[Explanation]:
     """Refit the leading explanations about full solutions, until none of them is emulated.
 
@@ -255,7 +265,7 @@ def _confirmed(
                 about = fit(shifted, pair.fit.mechanisms, pair.fit.values)
                 found[found.index(pair)] = _explanation(shifted, about, base, evidence, unknowns, pair.log_prior)
             found[found.index(one)] = again if made else _as_confirmed(one)
-        found = weighed(found)
+        found = with_probabilities(found)
     return found
 
 

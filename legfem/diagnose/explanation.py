@@ -11,10 +11,10 @@ from scipy.linalg import solve_triangular
 from scipy.special import expit, logit
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.fit import Fit, Problem, variance_degrees
-from legfem.inverse.evidence import Unknown
+from legfem.diagnose.fit import LinearisedFit, LinearisedProblem, variance_degrees
+from legfem.inverse.evidence import Discrepancy
 from legfem.inverse.mixture import Mixture
-from legfem.inverse.posterior import Posterior, Strands
+from legfem.inverse.posterior import MixtureComponents, Posterior
 
 HELD = 0.9
 """Explanations are listed until they hold this probability."""
@@ -32,8 +32,8 @@ _COUNTS = 0.01
 class Explanation:
     """A model with mechanisms, or with something unknown, and its probability."""
 
-    problem: Problem
-    fit: Fit
+    problem: LinearisedProblem
+    fit: LinearisedFit
     posterior: Posterior
     log_prior: float
     unknown: bool
@@ -47,7 +47,7 @@ class Explanation:
     """See `degrees_of_freedom`, where the fit isn't weighed by the errors."""
     shares: tuple[float, ...] = ()
     """Logarithms of the shares of unknown errors beside its mechanisms."""
-    fit_alone: Fit | None = None
+    fit_alone: LinearisedFit | None = None
     """Its mechanisms' fit with nothing unknown beside them, where that is another one."""
 
     @cached_property
@@ -114,7 +114,7 @@ class Explanation:
     def distribution(self, name: str) -> Mixture:
         """Return a fitted parameter's distribution, as a departure from what was known."""
         k, posterior = self.fit.free.index(name), self.posterior
-        strands = posterior.strands or Strands(
+        strands = posterior.strands or MixtureComponents(
             np.ones(1), posterior.mean[None], np.sqrt(np.diag(posterior.covariance))[None]
         )
         degrees = np.full(len(strands.weights), self.degrees_of_freedom[k])
@@ -239,7 +239,7 @@ def gain_over(one: Explanation, nothing: Explanation) -> float:
     return one.posterior.log_evidence - nothing.posterior.log_evidence
 
 
-def unknown_course(explanation: Explanation, unknowns: Sequence[Unknown]) -> FloatArray:
+def unknown_course(explanation: Explanation, unknowns: Sequence[Discrepancy]) -> FloatArray:
     """Return the expected course (n,), N, of what is unknown beside an explanation, if it is."""
     residual, total = explanation.fit.residual, explanation.problem.errors.covariance
     course = np.zeros_like(residual)

@@ -16,7 +16,7 @@ from legfem.common.units import FloatArray
 from legfem.diagnose.mechanisms.base import MeasuredStrength, Mechanism, null_of, prior_of
 from legfem.diagnose.predict import Predictor
 from legfem.inverse.errors import ErrorModel, error_model
-from legfem.inverse.evidence import Linearised
+from legfem.inverse.evidence import Linearisation
 from legfem.inverse.intervals import effective_degrees
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.trial_noise import Noise
@@ -79,7 +79,7 @@ def variance_degrees(
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class LinearisedFit:
     """A model fitted to the observations, or to a part of them."""
 
     mechanisms: tuple[Mechanism, ...]
@@ -187,10 +187,10 @@ class Fit:
         return prior_of(self.parameters[k]).value_at(self.departure[k] + deviations * sd)
 
     @property
-    def linearised(self) -> Linearised:
+    def linearised(self) -> Linearisation:
         """The fit as the evidence sees it."""
         ends = np.array([[prior_of(p).departure(end) for end in p.bounds] for p in self.parameters])
-        return Linearised(self.residual, self.change, self.departure, ends[:, 0], ends[:, 1])
+        return Linearisation(self.residual, self.change, self.departure, ends[:, 0], ends[:, 1])
 
     def moved(self, departure: FloatArray) -> dict[str, float]:
         """Return all values with the fitted ones at other departures."""
@@ -199,7 +199,7 @@ class Fit:
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class LinearisedProblem:
     """Observations with their errors and the model's predictions: what fits need."""
 
     predictor: Predictor
@@ -211,19 +211,19 @@ class Problem:
     causes: Mapping[str, Cause] = field(default_factory=dict)
     """By the names of the errors' known effects."""
 
-    def without(self, left_out: NDArray[np.bool_]) -> Problem:
+    def without(self, left_out: NDArray[np.bool_]) -> LinearisedProblem:
         """Return the problem with observations left out."""
         return replace(self, kept=~left_out)
 
-    def corrected(self, offset: FloatArray) -> Problem:
+    def corrected(self, offset: FloatArray) -> LinearisedProblem:
         """Return the problem with the predictor shifted to a full solution."""
         return replace(self, predictor=self.predictor.corrected(offset))
 
-    def with_errors(self, errors: ErrorModel) -> Problem:
+    def with_errors(self, errors: ErrorModel) -> LinearisedProblem:
         """Return the problem with other errors."""
         return replace(self, errors=errors)
 
-    def with_nuisances(self, noise: Noise, force: FloatArray, effects: Sequence[NuisanceEffect]) -> Problem:
+    def with_nuisances(self, noise: Noise, force: FloatArray, effects: Sequence[NuisanceEffect]) -> LinearisedProblem:
         """Return the problem with the errors of noise and nuisance parameters about a force (n,), N."""
         known = [(one.name, one.force) for one in effects]
         errors = error_model(self.predictor.observed, noise, force, known)
@@ -244,8 +244,8 @@ class Problem:
 
 
 def fit(
-    problem: Problem, mechanisms: Sequence[Mechanism], start: Mapping[str, float], held: Collection[str] = ()
-) -> Fit:
+    problem: LinearisedProblem, mechanisms: Sequence[Mechanism], start: Mapping[str, float], held: Collection[str] = ()
+) -> LinearisedFit:
     """Fit the base parameters and the mechanisms', from each of the mechanisms' starts.
 
     Parameters
@@ -276,18 +276,18 @@ def fit(
     return _fit_from(problem, mechanisms, starts[0], held, _MANY)
 
 
-def fit_base(problem: Problem, starts: Sequence[Mapping[str, float]]) -> Fit:
+def fit_base(problem: LinearisedProblem, starts: Sequence[Mapping[str, float]]) -> LinearisedFit:
     """Fit the base model from several starts."""
     return min((fit(problem, (), start) for start in starts), key=lambda f: f.cost)
 
 
 def _fit_from(
-    problem: Problem,
+    problem: LinearisedProblem,
     mechanisms: Sequence[Mechanism],
     start: Mapping[str, float],
     held: Collection[str],
     evaluations: int,
-) -> Fit:
+) -> LinearisedFit:
     predictor = problem.predictor
     every = problem.parameters(mechanisms)
     free = tuple(p for p in every if p.name not in held)
@@ -317,7 +317,7 @@ def _fit_from(
     prediction = predictor(values, mechanisms)
     change = _change(predictor, mechanisms, values_at, found.x, ends)
     count = len(found.fun) - len(free)
-    return Fit(
+    return LinearisedFit(
         tuple(mechanisms),
         values,
         free,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from legfem.diagnose.fit import Fit, Problem, fit
+from legfem.diagnose.fit import LinearisedFit, LinearisedProblem, fit
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.predict import onset_name
 from legfem.inverse.errors import ErrorModel
@@ -48,7 +48,7 @@ def folds_of(observed: Observations) -> tuple[str, list[NDArray[np.bool_]]]:
     return how, folds
 
 
-def held_out(problem: Problem, fitted: Fit, errors: ErrorModel | None = None) -> HeldOut:
+def held_out(problem: LinearisedProblem, fitted: LinearisedFit, errors: ErrorModel | None = None) -> HeldOut:
     """Return the error of predicting each fold from the others.
 
     Parameters

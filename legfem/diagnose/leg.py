@@ -8,7 +8,7 @@ from pathlib import Path
 
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses
-from legfem.diagnose.variants import Variants
+from legfem.diagnose.variants import LegVariants
 from legfem.legs.subject import Subject
 
 _DEPTH_STEP_MM = 1.0
@@ -49,7 +49,7 @@ def solved_responses(
     def on_mesh(coarsening: float, rougher: SolvedResponses | None = None) -> SolvedResponses:
         own = replace(settings, mesh=settings.mesh.refined(1 / coarsening))
         return SolvedResponses(
-            Variants(subject.section, subject.indenter, tissues, own),
+            LegVariants(subject.section, subject.indenter, tissues, own),
             depth,
             folder,
             {

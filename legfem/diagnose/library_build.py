@@ -12,14 +12,10 @@ from legfem.common.units import FloatArray
 from legfem.data.segmentation import LOADING
 from legfem.diagnose.library import Library, NuisanceChanges, Table, coordinates, unchanged
 from legfem.diagnose.library_tasks import Task, outcomes_of, tasks_for
-from legfem.diagnose.mechanisms import Mechanism, TissueMechanism, mechanisms
-from legfem.diagnose.mechanisms.base import testable
-from legfem.diagnose.mechanisms.end_effects import EndEffects
-from legfem.diagnose.mechanisms.muscle_fibres import MuscleFibres
+from legfem.diagnose.mechanisms import Mechanism, TissueMechanism
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses
 from legfem.inverse.emulator import Emulator, Samples
-from legfem.legs.correction import TabulatedCorrection
 
 STIFFENINGS = (0.0, 0.8, 1.6)
 """ln(1 + C20 / C10) of the lattice."""
@@ -33,10 +29,6 @@ _WIGGLE = 0.1
 """Of the largest change: the most that a wiggle may be."""
 _FEWEST = 5
 """Points of a curve that can be smoothed."""
-WITHOUT_ENDS: Mapping[str, str] = {
-    MuscleFibres.name: "the base model has no ends of the cylinder, at which fibres would bend"
-}
-"""What can't be left out of a base model without the cylinder's ends, and why."""
 
 
 def middle_of(observed: Observations, coarse: SolvedResponses, stiffening: float) -> float:
@@ -73,37 +65,6 @@ def middle_of(observed: Observations, coarse: SolvedResponses, stiffening: float
 def rounded(c10: float) -> float:
     """Return a stiffness (kPa) of a round logarithm near one."""
     return float(np.exp(_ROUND * round(float(np.log(c10)) / _ROUND)))
-
-
-def shown_mechanisms(
-    observed: Observations,
-    correction: TabulatedCorrection | None,
-    ruled_out: Mapping[str, str] | None = None,
-    every: Sequence[Mechanism] | None = None,
-) -> tuple[list[Mechanism], dict[str, str]]:
-    """Return the mechanisms that recordings can show, and why the others can't be.
-
-    Parameters
-    ----------
-    observed
-        The recordings.
-    correction
-        For the cylinder's ends.
-    ruled_out
-        Mechanisms by name that can't be what was left out, and why; those of a base model without
-        the cylinder's ends by default.
-    every
-        Mechanisms that the body may have; all that legfem knows without it.
-    """
-    known = with_correction(mechanisms() if every is None else every, correction)
-    return testable(known, observed, WITHOUT_ENDS if ruled_out is None else ruled_out)
-
-
-def with_correction(every: Sequence[Mechanism], correction: TabulatedCorrection | None) -> list[Mechanism]:
-    """Return mechanisms, that of the cylinder's ends with a leg's correction, where there is one."""
-    if correction is None:
-        return list(every)
-    return [EndEffects(correction) if one.name == EndEffects.name else one for one in every]
 
 
 def build_library(

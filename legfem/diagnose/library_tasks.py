@@ -10,7 +10,7 @@ import numpy as np
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.diagnose.mechanisms.base import Stiffness, TissueMechanism, null_of
-from legfem.diagnose.models import Displaced, Models
+from legfem.diagnose.models import BodyModels, Displaced
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import NotKeptError, SolvedResponses
 from legfem.diagnose.stations import Stations
@@ -76,7 +76,7 @@ def tasks_for(
     tissue: Sequence[TissueMechanism],
     middle: float,
     stiffening: float,
-    models: Models,
+    models: BodyModels,
     stiffenings: Sequence[float],
 ) -> list[Task]:
     """Return what a library is solved of: at a middle C10 (kPa) and about it.

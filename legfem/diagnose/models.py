@@ -24,7 +24,7 @@ class Displaced:
     placement: Placement | None = None
 
 
-class Models(Protocol):
+class BodyModels(Protocol):
     """The models of one body that show mechanisms, one for every variant."""
 
     @property
@@ -37,7 +37,7 @@ class Models(Protocol):
         """Geometries other than the stated one, whose forces tell of what isn't known of it."""
         ...
 
-    def moved_to(self, moved: MeshMotion) -> Models:
+    def moved_to(self, moved: MeshMotion) -> BodyModels:
         """Return the body with its mesh moved."""
         ...
 
@@ -49,7 +49,7 @@ class Models(Protocol):
         sensitivities: Sequence[str] = (),
         placement: Placement | None = None,
     ) -> Path | Stopped:
-        """Solve a protocol for a stiffness; see `legfem.diagnose.variants.Variants.follow`."""
+        """Solve a protocol for a stiffness; see `legfem.diagnose.variants.LegVariants.follow`."""
         ...
 
     def parameters(self, variant: str) -> Mapping[str, float]:

@@ -15,14 +15,12 @@ from dataclasses import replace
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.explanation import Explanation
-from legfem.diagnose.fit import Fit, Problem, fit, fit_base, variance_degrees
-from legfem.inverse.least_squares import sandwich
+from legfem.diagnose.fit import LinearisedFit, LinearisedProblem, fit, fit_base
 
 _ROUNDS = 4
 
 
-def ordinary_fit(problem: Problem, starts: Sequence[Mapping[str, float]]) -> Fit:
+def ordinary_fit(problem: LinearisedProblem, starts: Sequence[Mapping[str, float]]) -> LinearisedFit:
     """Return the base model's fit with equal weights.
 
     Parameters
@@ -32,40 +30,13 @@ def ordinary_fit(problem: Problem, starts: Sequence[Mapping[str, float]]) -> Fit
     starts
         Where searches begin.
     """
-    found = fit_base(_equally(problem, 0.05 * problem.predictor.observed.force), starts)
+    found = fit_base(equally_weighted(problem, 0.05 * problem.predictor.observed.force), starts)
     for _ in range(_ROUNDS):
-        found = fit(_equally(problem, found.residual), (), found.values)
+        found = fit(equally_weighted(problem, found.residual), (), found.values)
     return found
 
 
-def ordinary_explanation(problem: Problem, fitted: Fit, base: Explanation) -> Explanation:
-    """Return an ordinary fit as an explanation that is shown, with its intervals.
-
-    Parameters
-    ----------
-    problem
-        The observations with their errors.
-    fitted
-        By equal weights.
-    base
-        The base model by its errors.
-    """
-    same = _equally(problem, fitted.residual)
-    weighed = fitted.change / np.diag(same.errors.dense)[:, None]
-    own = np.eye(len(fitted.free))
-    spread = np.linalg.inv(fitted.change.T @ weighed + own)
-    estimator = spread @ weighed.T
-    covariance = sandwich(estimator, problem.errors.covariance) + spread @ spread
-    return replace(
-        base,
-        problem=same,
-        fit=fitted,
-        posterior=replace(base.posterior, mean=fitted.departure, covariance=covariance),
-        degrees=variance_degrees(covariance, estimator, problem.errors, problem.causes),
-    )
-
-
-def _equally(problem: Problem, misfit: FloatArray) -> Problem:
+def equally_weighted(problem: LinearisedProblem, misfit: FloatArray) -> LinearisedProblem:
     """Return a problem whose weights are equal, and the misfit's beside what is known."""
     errors = problem.errors
     size = max(float(np.sqrt(np.mean(misfit**2))), float(np.median(errors.trial_sd)))

@@ -8,7 +8,7 @@ import numpy as np
 
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.explanation import Explanation, unknown_course
-from legfem.diagnose.unknown import unknown_errors
+from legfem.diagnose.unknown import possible_discrepancies
 from legfem.diagnose.windows import runs
 
 _LEAST_OF_NOISE = 1.0
@@ -18,7 +18,7 @@ _LEAST_OF_FORCE = 0.002
 
 
 @dataclass(frozen=True)
-class Remains:
+class ResidualInterval:
     """An interval in which something is left over."""
 
     trial: str
@@ -37,12 +37,12 @@ def explained_share(found: Diagnosis, model: Explanation) -> float:
     return 1.0 - min(after / before, 1.0) if before > 0 else 0.0
 
 
-def remains_of(found: Diagnosis, model: Explanation) -> list[Remains]:
+def residual_intervals(found: Diagnosis, model: Explanation) -> list[ResidualInterval]:
     """Return where something unknown is left beside an explanation, the greatest first."""
     if not model.leaves:
         return []
     observed, base = found.observed, found.alone.fit
-    course = unknown_course(model, unknown_errors(observed, base.prediction))
+    course = unknown_course(model, possible_discrepancies(observed, base.prediction))
     least = np.maximum(_LEAST_OF_NOISE * found.errors.trial_sd, _LEAST_OF_FORCE * np.abs(base.prediction).max())
     marked = np.where(np.abs(course) > least, np.sign(course), 0).astype(int)
     result = []
@@ -54,7 +54,7 @@ def remains_of(found: Diagnosis, model: Explanation) -> list[Remains]:
                 d = observed.displacement[run]
                 largest = run[int(np.argmax(np.abs(course[run])))]
                 result.append(
-                    Remains(
+                    ResidualInterval(
                         trial, str(observed.phase[run[0]]), (float(d.min()), float(d.max())), float(course[largest])
                     )
                 )

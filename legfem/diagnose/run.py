@@ -10,12 +10,13 @@ from typing import Any
 from legfem.common.progress import Progress
 from legfem.data import Instrument
 from legfem.diagnose.diagnosis import Diagnosis, diagnose
-from legfem.diagnose.fit import Fit, NuisanceEffect
+from legfem.diagnose.fit import LinearisedFit, NuisanceEffect
 from legfem.diagnose.leg import solved_responses
 from legfem.diagnose.library import Library
-from legfem.diagnose.library_build import WITHOUT_ENDS, build_library, shown_mechanisms, with_correction
+from legfem.diagnose.library_build import build_library
 from legfem.diagnose.measured import check_measured, measured_strengths
 from legfem.diagnose.mechanisms import Mechanism, mechanisms
+from legfem.diagnose.mechanisms.base import testable
 from legfem.diagnose.mechanisms.end_effects import EndEffects
 from legfem.diagnose.mechanisms.muscle_fibres import MuscleFibres
 from legfem.diagnose.nuisances import DRAWN, Accuracy, nuisance_effects
@@ -146,7 +147,7 @@ def diagnose_body(
     seed
         Of the draws that windows are judged by.
     ruled_out
-        See `legfem.diagnose.library_build.shown_mechanisms`.
+        See `legfem.diagnose.run.shown_mechanisms`.
     every
         Mechanisms that the body may have; all that legfem knows without it.
     """
@@ -154,7 +155,7 @@ def diagnose_body(
     able, untested = shown_mechanisms(observed, None, ruled_out, every)
     able = [m for m in able if m.name not in library.missing]
 
-    def nuisances(base: Fit) -> list[NuisanceEffect]:
+    def nuisances(base: LinearisedFit) -> list[NuisanceEffect]:
         stiffness = base.values["C10"], base.values.get("C20", 0.0)
         return nuisance_effects(library.nuisances, observed, base.prediction, accuracy, ends, stiffness)
 
@@ -209,3 +210,40 @@ def accuracy_of(subject: Subject) -> Accuracy:
         measured=elastography_priors(subject.elastography),
         effects=subject.measured,
     )
+
+
+WITHOUT_ENDS: Mapping[str, str] = {
+    MuscleFibres.name: "the base model has no ends of the cylinder, at which fibres would bend"
+}
+"""What can't be left out of a base model without the cylinder's ends, and why."""
+
+
+def shown_mechanisms(
+    observed: Observations,
+    correction: TabulatedCorrection | None,
+    ruled_out: Mapping[str, str] | None = None,
+    every: Sequence[Mechanism] | None = None,
+) -> tuple[list[Mechanism], dict[str, str]]:
+    """Return the mechanisms that recordings can show, and why the others can't be.
+
+    Parameters
+    ----------
+    observed
+        The recordings.
+    correction
+        For the cylinder's ends.
+    ruled_out
+        Mechanisms by name that can't be what was left out, and why; those of a base model without
+        the cylinder's ends by default.
+    every
+        Mechanisms that the body may have; all that legfem knows without it.
+    """
+    known = with_correction(mechanisms() if every is None else every, correction)
+    return testable(known, observed, WITHOUT_ENDS if ruled_out is None else ruled_out)
+
+
+def with_correction(every: Sequence[Mechanism], correction: TabulatedCorrection | None) -> list[Mechanism]:
+    """Return mechanisms, that of the cylinder's ends with a leg's correction, where there is one."""
+    if correction is None:
+        return list(every)
+    return [EndEffects(correction) if one.name == EndEffects.name else one for one in every]

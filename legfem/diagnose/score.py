@@ -22,7 +22,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.fit import Fit, Problem
+from legfem.diagnose.fit import LinearisedFit, LinearisedProblem
 from legfem.diagnose.mechanisms import Mechanism, Values
 from legfem.diagnose.mechanisms.base import null_of, value_at
 from legfem.diagnose.windows import Window, windows_of
@@ -56,7 +56,7 @@ class Score:
 
 
 @dataclass(frozen=True, eq=False)
-class Assessment:
+class MisfitAssessment:
     """What the residual of a fit says."""
 
     lack_of_fit: float
@@ -79,7 +79,7 @@ class Assessment:
 
 
 def signatures_of(
-    problem: Problem, fitted: Fit, mechanisms: Sequence[Mechanism]
+    problem: LinearisedProblem, fitted: LinearisedFit, mechanisms: Sequence[Mechanism]
 ) -> tuple[list[Signature], list[float]]:
     """Return the projected signatures at a fit, and the share of each that is concealed."""
     basis = np.linalg.qr(fitted.span)[0]
@@ -112,7 +112,9 @@ def signatures_of(
     return found, hidden
 
 
-def assess(problem: Problem, fitted: Fit, mechanisms: Sequence[Mechanism], seed: int = 0) -> Assessment:
+def score_tests(
+    problem: LinearisedProblem, fitted: LinearisedFit, mechanisms: Sequence[Mechanism], seed: int = 0
+) -> MisfitAssessment:
     """Test a fit's residual against errors, mechanisms and windows; no solution is needed."""
     found, hidden = signatures_of(problem, fitted, mechanisms)
     basis = np.linalg.qr(fitted.span)[0]
@@ -145,7 +147,7 @@ def assess(problem: Problem, fitted: Fit, mechanisms: Sequence[Mechanism], seed:
         for name, row, p in zip(names, table, each, strict=False)
     ]
     threshold = np.sort(window_scores[1:].max(axis=1))
-    return Assessment(
+    return MisfitAssessment(
         float(misfit[0]),
         tuple(sorted(scores, key=lambda s: (s.p_value, -s.statistic))),
         windows.significant(window_scores[0], threshold, fitted.residual),
@@ -156,12 +158,12 @@ def assess(problem: Problem, fitted: Fit, mechanisms: Sequence[Mechanism], seed:
     )
 
 
-def _padded(white: FloatArray, fitted: Fit) -> FloatArray:
+def _padded(white: FloatArray, fitted: LinearisedFit) -> FloatArray:
     """Return vectors (n,) or (n, k) that say nothing of what was known of the parameters."""
     return np.concatenate([white, np.zeros((len(fitted.free), *white.shape[1:]))])
 
 
-def _lack_of_fit(problem: Problem, fitted: Fit, rows: FloatArray) -> FloatArray:
+def _lack_of_fit(problem: LinearisedProblem, fitted: LinearisedFit, rows: FloatArray) -> FloatArray:
     """Return the sums of squares of the trials' mean residuals, whitened, off the parameters.
 
     Differences between repeats don't count: the errors' sizes were estimated from them.

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.mechanisms import Mechanism
-from legfem.diagnose.mechanisms.viscoelasticity import Viscoelasticity
-from legfem.diagnose.remains import explained_share, remains_of
+from legfem.diagnose.mechanisms.viscoelasticity import TissueRelaxation
+from legfem.diagnose.remains import explained_share, residual_intervals
 
 _HOLDS_RECORDED = "hold at half the depth too, and for several minutes: relaxation takes the same time at every depth"
 _NO_MECHANISM = (
@@ -79,7 +79,7 @@ def percent(probability: float) -> str:
 def _in_part(found: Diagnosis, model: Explanation) -> str:
     if not model.in_part:
         return ""
-    left = remains_of(found, model)
+    left = residual_intervals(found, model)
     share = f" It explains {percent(explained_share(found, model))} of the misfit"
     if not left:
         return f"{share}; what remains is below a trial's noise."
@@ -126,7 +126,7 @@ def stiffness_sentence(before: Explanation, after: Explanation) -> str:
 def _wanted(found: Diagnosis, mechanism: Mechanism) -> str:
     observed = found.observed
     recorded = "hold" in observed.phases and len(observed.rates) > 1
-    if recorded and isinstance(mechanism, Viscoelasticity):
+    if recorded and isinstance(mechanism, TissueRelaxation):
         return _HOLDS_RECORDED
     return mechanism.next_experiment
 

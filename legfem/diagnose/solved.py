@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.diagnose.mechanisms import Solution, Stiffness, TissueMechanism, Values
 from legfem.diagnose.mechanisms.base import null_of
-from legfem.diagnose.models import Models, Stopped
+from legfem.diagnose.models import BodyModels, Stopped
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.stations import Stations
 from legfem.jobs.key import key_of
@@ -45,7 +45,7 @@ type Columns = dict[str, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class PathRequest:
     """A solution, and where on its path it is asked for.
 
     Parameters
@@ -106,7 +106,7 @@ class SolvedResponses:
         Of the grid, mm.
     """
 
-    variants: Models
+    variants: BodyModels
     depth: float
     folder: Path | None
     fingerprint: Mapping[str, Any]
@@ -144,8 +144,8 @@ class SolvedResponses:
         asked = self._at_grid(stiffness, Solution())
         return self._solve(replace(asked, derivatives=ELASTIC_DERIVATIVES))
 
-    def _at_grid(self, stiffness: Stiffness, solution: Solution) -> Asked:
-        return Asked(Protocol.ramp(self.depth, 1.0), self.grid, stiffness, solution)
+    def _at_grid(self, stiffness: Stiffness, solution: Solution) -> PathRequest:
+        return PathRequest(Protocol.ramp(self.depth, 1.0), self.grid, stiffness, solution)
 
     def relative_change(
         self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
@@ -169,7 +169,7 @@ class SolvedResponses:
         porous = solution.variant == "porous"
         null = Solution("porous", dict.fromkeys(solution.parameters, 0.0)) if porous else Solution()
         before = _at_displacement(self.grid, self.ramp(stiffness, null), stations.displacement)
-        asked = Asked(stations.protocol, stations.time, stiffness, solution)
+        asked = PathRequest(stations.protocol, stations.time, stiffness, solution)
         changed = self._solve(asked)["force"]
         return changed / np.maximum(before, _SMALLEST_FORCE_N) - 1.0
 
@@ -181,7 +181,7 @@ class SolvedResponses:
         solution = mechanism.solution({p.name: null_of(p) for p in mechanism.parameters})
         asked = self._at_grid(stiffness, solution)
         if stations is not None:
-            asked = Asked(stations.protocol, stations.time, stiffness, solution)
+            asked = PathRequest(stations.protocol, stations.time, stiffness, solution)
         columns = self._solve(replace(asked, derivatives=mechanism.derivatives))
         force = np.maximum(columns["force"], _SMALLEST_FORCE_N)
         return np.array([columns[name] / force for name in mechanism.derivatives])
@@ -202,7 +202,7 @@ class SolvedResponses:
         before = np.maximum(self._solve(asked)["force"], _SMALLEST_FORCE_N)
         return after / before - 1.0
 
-    def _solve(self, asked: Asked) -> Columns:
+    def _solve(self, asked: PathRequest) -> Columns:
         """Return force and derivatives at times of a protocol."""
         entry = asked.entry(self.variants.described(asked.solution.variant))
         key = key_of(entry)
@@ -224,7 +224,7 @@ class SolvedResponses:
             return None
         return Store(self.folder, dict[str, FloatArray], self.fingerprint)
 
-    def _made(self, asked: Asked) -> Columns:
+    def _made(self, asked: PathRequest) -> Columns:
         if self.only_kept:
             raise NotKeptError
         self.solutions += 1

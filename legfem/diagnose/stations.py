@@ -165,7 +165,7 @@ def stations_along(protocol: Protocol) -> Stations:
 
 
 @dataclass(frozen=True, eq=False)
-class Readings:
+class StationReadings:
     """A trial brought to its protocol's stations; arrays are (m,)."""
 
     force: FloatArray
@@ -176,7 +176,7 @@ class Readings:
     """Variance of the smoothed displacement there over that of one reading."""
 
 
-def read_at(trial: Segmentation, stations: Stations) -> Readings:
+def read_at(trial: Segmentation, stations: Stations) -> StationReadings:
     """Bring a trial to stations, by straight lines fitted to the samples round each."""
     force, leverage, jitter = (np.empty(len(stations.time)) for _ in range(3))
     starts = stations.protocol.time
@@ -197,4 +197,4 @@ def read_at(trial: Segmentation, stations: Stations) -> Readings:
         line = local_line(segment.displacement[order], segment.force[order], d, half)
         force[here], leverage[here] = line.value, line.leverage
         jitter[here] = np.interp(d, segment.displacement[order], segment.leverage[order])
-    return Readings(force, leverage, jitter)
+    return StationReadings(force, leverage, jitter)

@@ -28,10 +28,10 @@ from scipy.special import logsumexp
 from scipy.stats import norm
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.fit import Fit, Problem, fit
+from legfem.diagnose.fit import LinearisedFit, LinearisedProblem, fit
 from legfem.diagnose.mechanisms.base import prior_of
 from legfem.inverse.parameter import Prior
-from legfem.inverse.posterior import Posterior, Strands, mixed, moments_of
+from legfem.inverse.posterior import MixtureComponents, Posterior, mixed, moments_of
 
 _BELOW = 6.0
 """ln below the greatest density at which steps end."""
@@ -43,14 +43,14 @@ _CLOSE = 1e-3
 _POINTS = 161
 WIDTHS: Mapping[float, float] = {1.0: 0.6, 0.3: 0.2, 0.1: 0.2}
 """Of the stated standard deviation of a strength that begins at nothing, and how probable."""
-type Conditional = Callable[[Fit], Posterior]
+type Conditional = Callable[[LinearisedFit], Posterior]
 """What the data say of a fit with its strength held."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Step:
     z: float
-    fit: Fit
+    fit: LinearisedFit
     posterior: Posterior
     log_likelihood: float
     """Of the data, all but the strength integrated out."""
@@ -58,14 +58,16 @@ class _Step:
     """With the widest prior."""
 
 
-def least_told(fitted: Fit, posterior: Posterior) -> int:
+def least_determined(fitted: LinearisedFit, posterior: Posterior) -> int:
     """Return which of the mechanisms' strengths the data tell least of, as a parameter's number."""
     first = [f"{m.name}.{m.parameters[0].name}" for m in fitted.mechanisms]
     numbers = [fitted.free.index(name) for name in first]
     return max(numbers, key=lambda k: float(posterior.covariance[k, k]))
 
 
-def integrated(problem: Problem, fitted: Fit, posterior: Posterior, of: Conditional) -> Posterior:
+def integrate_strength(
+    problem: LinearisedProblem, fitted: LinearisedFit, posterior: Posterior, of: Conditional
+) -> Posterior:
     """Return what the data say of a model, one strength integrated out.
 
     Parameters
@@ -79,7 +81,7 @@ def integrated(problem: Problem, fitted: Fit, posterior: Posterior, of: Conditio
     of
         What the data say of a fit with its strength held.
     """
-    k = least_told(fitted, posterior)
+    k = least_determined(fitted, posterior)
     prior = prior_of(fitted.parameters[k])
     low, high = sorted(prior.departure(end) for end in fitted.parameters[k].bounds)
     steps = _steps(problem, fitted, k, of, (low, high))
@@ -100,12 +102,14 @@ def integrated(problem: Problem, fitted: Fit, posterior: Posterior, of: Conditio
         PchipInterpolator(z, np.array([getattr(part, name) for part in parts]))(fine) for name in ("mean", "covariance")
     )
     mean, covariance = moments_of(shares, means, covariances)
-    strands = Strands(shares, means, np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)))
+    strands = MixtureComponents(shares, means, np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)))
     found = mixed(total - _log_inside(prior, low, high), hats @ shares, parts)
     return replace(found, mean=mean, covariance=covariance, strands=strands)
 
 
-def _steps(problem: Problem, fitted: Fit, k: int, of: Conditional, ends: tuple[float, float]) -> list[_Step]:
+def _steps(
+    problem: LinearisedProblem, fitted: LinearisedFit, k: int, of: Conditional, ends: tuple[float, float]
+) -> list[_Step]:
     """Return steps in order, from the fit to either side."""
     sd = float(np.sqrt(fitted.covariance[k, k]))
     first = _held(problem, fitted, k, float(np.clip(fitted.departure[k], *ends)), of)
@@ -130,18 +134,18 @@ def _best(steps: Sequence[_Step]) -> float:
     return max(step.log_density for step in steps)
 
 
-def _held(problem: Problem, near: Fit, k: int, z: float, of: Conditional) -> _Step:
+def _held(problem: LinearisedProblem, near: LinearisedFit, k: int, z: float, of: Conditional) -> _Step:
     """Return all else fitted with the strength held, beginning at a fit nearby."""
     every = problem.parameters(near.mechanisms)
     own = every[k]
     value = own.inside(prior_of(own).value_at(z))
     held = fit(problem, near.mechanisms, {**near.values, own.name: value}, (own.name,))
     posterior = of(held)
-    likelihood = posterior.log_evidence + gained_by_width(held, posterior)
+    likelihood = posterior.log_evidence + gain_of_widths(held, posterior)
     return _Step(z, held, posterior, likelihood, likelihood + float(norm.logpdf(z)))
 
 
-def gained_by_width(fitted: Fit, posterior: Posterior) -> float:
+def gain_of_widths(fitted: LinearisedFit, posterior: Posterior) -> float:
     r"""Return what strengths of any width gain in evidence over those of the stated one, ln.
 
     About a fit, for a strength that was found with mean m and standard deviation s by the stated

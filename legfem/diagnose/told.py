@@ -18,14 +18,16 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import norm
 
-from legfem.diagnose.fit import Fit, Problem
+from legfem.diagnose.fit import LinearisedFit, LinearisedProblem
 from legfem.diagnose.mechanisms.base import MeasuredStrength, prior_of
-from legfem.diagnose.touch import posterior_of
+from legfem.diagnose.touch import contact_posterior
 from legfem.inverse.evidence import Evidence
 from legfem.inverse.posterior import Posterior
 
 
-def told_of(problem: Problem, evidence: Evidence, fitted: Fit, shares: Sequence[float]) -> Posterior:
+def laplace_posterior(
+    problem: LinearisedProblem, evidence: Evidence, fitted: LinearisedFit, shares: Sequence[float]
+) -> Posterior:
     """Return what the recordings and all readings of strengths say of a model.
 
     Parameters
@@ -39,13 +41,13 @@ def told_of(problem: Problem, evidence: Evidence, fitted: Fit, shares: Sequence[
     shares
         Logarithms of the shares of unknown errors beside it.
     """
-    posterior = posterior_of(evidence, fitted, problem.predictor.observed, shares)
+    posterior = contact_posterior(evidence, fitted, problem.predictor.observed, shares)
     for reading in problem.measured:
         posterior = _told(reading, fitted, posterior)
     return posterior
 
 
-def _told(reading: MeasuredStrength, fitted: Fit, posterior: Posterior) -> Posterior:
+def _told(reading: MeasuredStrength, fitted: LinearisedFit, posterior: Posterior) -> Posterior:
     if reading.name not in fitted.free:
         strength = reading.mechanism.parameters[0]
         held = reading.mechanism.name in fitted.names

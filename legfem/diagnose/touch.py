@@ -13,18 +13,20 @@ from dataclasses import replace
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.fit import Fit
+from legfem.diagnose.fit import LinearisedFit
 from legfem.diagnose.mechanisms.base import prior_of
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.predict import detected_onset
-from legfem.inverse.evidence import Evidence, Linearised
+from legfem.inverse.evidence import Evidence, Linearisation
 from legfem.inverse.posterior import Posterior, mixed
 
-AT_TOUCH = 0.5
+STARTS_AT_CONTACT = 0.5
 """Prior probability that trials which show no air begin at first touch."""
 
 
-def posterior_of(evidence: Evidence, fitted: Fit, observed: Observations, shares: Sequence[float]) -> Posterior:
+def contact_posterior(
+    evidence: Evidence, fitted: LinearisedFit, observed: Observations, shares: Sequence[float]
+) -> Posterior:
     """Return what the data say of a model, whether its trials begin at the skin or not.
 
     Parameters
@@ -44,14 +46,14 @@ def posterior_of(evidence: Evidence, fitted: Fit, observed: Observations, shares
     scale, shift = _to_detected(fitted, observed)
     free = evidence.of(_rescaled(fitted.linearised, scale, shift), shares)
     logs = np.array([free.log_evidence, touching.log_evidence])
-    logs += np.log([1 - AT_TOUCH, AT_TOUCH])
+    logs += np.log([1 - STARTS_AT_CONTACT, STARTS_AT_CONTACT])
     total = float(np.logaddexp(*logs))
     weights = np.exp(logs - total)
     back = replace(free, mean=scale * free.mean + shift, covariance=np.outer(scale, scale) * free.covariance)
     return mixed(total, weights, (back, touching))
 
 
-def _to_detected(fitted: Fit, observed: Observations) -> tuple[FloatArray, FloatArray]:
+def _to_detected(fitted: LinearisedFit, observed: Observations) -> tuple[FloatArray, FloatArray]:
     """Return what takes departures from detected contacts to those from first touch at zero."""
     scale, shift = np.ones(len(fitted.parameters)), np.zeros(len(fitted.parameters))
     onsets = [k for k, p in enumerate(fitted.parameters) if p.role == "nuisance"]
@@ -62,8 +64,8 @@ def _to_detected(fitted: Fit, observed: Observations) -> tuple[FloatArray, Float
     return scale, shift
 
 
-def _rescaled(about: Linearised, scale: FloatArray, shift: FloatArray) -> Linearised:
-    return Linearised(
+def _rescaled(about: Linearisation, scale: FloatArray, shift: FloatArray) -> Linearisation:
+    return Linearisation(
         about.residual,
         about.jacobian * scale,
         (about.departure - shift) / scale,

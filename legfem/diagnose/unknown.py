@@ -15,7 +15,7 @@ from legfem.common.units import FloatArray
 from legfem.data.segmentation import HOLD
 from legfem.diagnose.observations import Observations
 from legfem.inverse.errors import ErrorModel
-from legfem.inverse.evidence import Unknown
+from legfem.inverse.evidence import Discrepancy
 
 SIZES = (0.002, 0.006, 0.02, 0.06)
 """Standard deviations over the largest force."""
@@ -25,7 +25,7 @@ _LEAST = 0.15
 """Of the size at first touch, over that at the largest force."""
 
 
-def unknown_errors(observed: Observations, force: FloatArray) -> list[Unknown]:
+def possible_discrepancies(observed: Observations, force: FloatArray) -> list[Discrepancy]:
     """Return the errors that are possible, none first.
 
     Parameters
@@ -41,14 +41,14 @@ def unknown_errors(observed: Observations, force: FloatArray) -> list[Unknown]:
     same_segment = np.equal.outer(observed.segment, observed.segment)
     same_programme = np.equal.outer(observed.protocol, observed.protocol)
     same_trial = np.equal.outer(observed.trial, observed.trial)
-    found = [Unknown(None, 0.0, 0.0)]
+    found = [Discrepancy(None, 0.0, 0.0)]
     share = -float(np.log(len(SIZES) * len(LENGTHS) * 2))
     for length in LENGTHS:
         apart = np.subtract.outer(along, along) / length
         shape = np.exp(-0.5 * apart**2) * same_segment * same_programme
         for kernel in (shape, shape * same_trial):
             scaled = kernel * np.outer(envelope, envelope)
-            found += [Unknown((size * largest) ** 2 * scaled, size, share) for size in SIZES]
+            found += [Discrepancy((size * largest) ** 2 * scaled, size, share) for size in SIZES]
     return found
 
 
@@ -62,7 +62,7 @@ def _along(observed: Observations) -> FloatArray:
     return np.asarray(along)
 
 
-def with_unknown(errors: ErrorModel, unknown: Unknown) -> ErrorModel:
+def with_discrepancy(errors: ErrorModel, unknown: Discrepancy) -> ErrorModel:
     """Return the errors with an error of unknown shape among them."""
     if unknown.covariance is None:
         return errors

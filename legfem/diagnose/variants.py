@@ -42,7 +42,7 @@ class Tally:
 
 
 @dataclass(eq=False)
-class Variants:
+class LegVariants:
     """A leg's finite-element models, meshed and compiled when first asked for.
 
     Parameters
@@ -78,7 +78,7 @@ class Variants:
         """Geometries whose forces tell of outlines, aim and direction."""
         return tuple(displaced_geometries())
 
-    def moved_to(self, moved: MeshMotion) -> Variants:
+    def moved_to(self, moved: MeshMotion) -> LegVariants:
         """Return the leg with its mesh moved."""
         return replace(self, moved=moved)
 

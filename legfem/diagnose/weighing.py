@@ -17,7 +17,7 @@ distribution none, one or two; what is left is more than two, or what no mechani
 
 
 @dataclass(frozen=True)
-class Priors:
+class ExplanationPriors:
     """How probable mechanisms are before the recordings, alone and in pairs.
 
     Parameters
@@ -29,7 +29,7 @@ class Priors:
     expected: Mapping[str, float]
 
     @classmethod
-    def among(cls, mechanisms: Sequence[Mechanism]) -> Priors:
+    def among(cls, mechanisms: Sequence[Mechanism]) -> ExplanationPriors:
         """Return the priors of the mechanisms that recordings can show."""
         return cls({m.name: m.expected for m in mechanisms})
 
@@ -42,7 +42,7 @@ class Priors:
         return float(np.log(PRIOR_PAIR * own / (0.5 * (each.sum() ** 2 - each @ each))))
 
 
-def weighed(found: Sequence[Explanation]) -> list[Explanation]:
+def with_probabilities(found: Sequence[Explanation]) -> list[Explanation]:
     """Return explanations with their probabilities, the most probable first."""
     shares = probabilities([e.log_weight for e in found])
     each = [replace(e, probability=float(p)) for e, p in zip(found, shares, strict=True)]

@@ -29,7 +29,7 @@ from legfem.inverse.posterior import Posterior
 
 
 @dataclass(frozen=True, eq=False)
-class Unknown:
+class Discrepancy:
     """An error of the model that has no name: smooth, of some size and length.
 
     Parameters
@@ -48,7 +48,7 @@ class Unknown:
 
 
 @dataclass(frozen=True, eq=False)
-class Linearised:
+class Linearisation:
     """An explanation about its fit; parameters in standard deviations of what is known beforehand.
 
     Parameters
@@ -72,7 +72,7 @@ class Linearised:
 
 @dataclass(frozen=True, eq=False)
 class _Factor:
-    unknown: Unknown
+    unknown: Discrepancy
     lower: FloatArray
     log_det: float
     columns: FloatArray
@@ -90,7 +90,7 @@ class Evidence:
         Errors of unknown shape that are possible, none among them.
     """
 
-    def __init__(self, errors: ErrorModel, unknowns: Sequence[Unknown]) -> None:
+    def __init__(self, errors: ErrorModel, unknowns: Sequence[Discrepancy]) -> None:
         self.errors = errors
         shared = np.hstack([errors.known, errors.gains, errors.zeros])
         self._factors = []
@@ -113,7 +113,7 @@ class Evidence:
             for j, zero in enumerate(errors.zero_sds)
         ]
 
-    def of(self, about: Linearised, log_unknown: Sequence[float] | None = None) -> Posterior:
+    def of(self, about: Linearisation, log_unknown: Sequence[float] | None = None) -> Posterior:
         """Return the evidence of an explanation and what the data say of its parameters.
 
         Parameters
@@ -185,7 +185,7 @@ def _log_normal(number: int, count: int) -> float:
     return float(norm.logpdf(steps[number]) - logsumexp(norm.logpdf(steps)))
 
 
-def _inside(about: Linearised, mean: FloatArray, spread: FloatArray) -> float:
+def _inside(about: Linearisation, mean: FloatArray, spread: FloatArray) -> float:
     """Return how bounds change the evidence: what lies within after, over what did before."""
     sd = np.sqrt(np.diag(spread))
     after = _log_between((about.low - mean) / sd, (about.high - mean) / sd)

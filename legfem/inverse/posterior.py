@@ -11,7 +11,7 @@ from legfem.common.units import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
-class Strands:
+class MixtureComponents:
     """Distributions of p parameters as m normal ones by weight."""
 
     weights: FloatArray
@@ -42,7 +42,7 @@ class Posterior:
     """(k,): expected effects of what the model doesn't know, in standard deviations."""
     of_unknown: FloatArray
     """(u,): probabilities of the unknown errors, none among them."""
-    strands: Strands | None = None
+    strands: MixtureComponents | None = None
     """The parameters' distributions, where these are no normal ones."""
 
 

@@ -24,16 +24,16 @@ from scipy.stats import norm
 from legfem.common.units import FloatArray
 from legfem.diagnose.explain import INEXACT_SHARE
 from legfem.diagnose.explanation import INEXACT
-from legfem.diagnose.fit import Fit, NuisanceEffect, Problem
+from legfem.diagnose.fit import LinearisedFit, LinearisedProblem, NuisanceEffect
 from legfem.diagnose.mechanisms.base import Mechanism, prior_of
 from legfem.diagnose.observations import Observations, blank_observations
 from legfem.diagnose.predict import Predictor, values_of
-from legfem.diagnose.unknown import unknown_errors
+from legfem.diagnose.unknown import possible_discrepancies
 from legfem.inverse.errors import error_model
 from legfem.inverse.trial_noise import Noise
-from legfem.plan.designs import Design, Readings
+from legfem.plan.designs import Design, DirectReadings
 
-TOLD_APART = 3.0
+DISTINGUISHED = 3.0
 """ln of the Bayes factor: twenty to one."""
 _STEP = 1e-3
 _SEEN_ONSET_SD_MM = 0.05
@@ -56,17 +56,17 @@ class Candidate:
     """
 
     name: str
-    fit: Fit
+    fit: LinearisedFit
     mean: FloatArray
     covariance: FloatArray
     probability: float
 
 
 @dataclass(frozen=True)
-class Reckoned:
+class DesignValue:
     """What a test is worth."""
 
-    design: Design | Readings
+    design: Design | DirectReadings
     chances: Mapping[tuple[str, str], float]
     """That data of the first explanation tell it from the second."""
     chance: float
@@ -77,14 +77,14 @@ type DesignedNuisances = Callable[[Design, Observations, FloatArray], Sequence[N
 """What isn't known exactly does to the force (n,), N, at a test's stations."""
 
 
-def reckon(
+def evaluate_design(
     design: Design,
     candidates: Sequence[Candidate],
     predictor: Predictor,
     nuisances: DesignedNuisances,
     noise: Noise,
     gain_sd: float,
-) -> Reckoned | None:
+) -> DesignValue | None:
     """Return what a test is worth; None where a response to it isn't known.
 
     Parameters
@@ -115,13 +115,13 @@ def reckon(
             if other is one:
                 continue
             apart, total = mine.force - its.force, known + its.taken
-            exact = told_apart(apart, total)
-            left = told_apart(apart, total + mine.inexact + its.inexact)
+            exact = chance_to_distinguish(apart, total)
+            left = chance_to_distinguish(apart, total + mine.inexact + its.inexact)
             chances[one.name, other.name] = (1 - INEXACT) * exact + INEXACT * left
-    return reckoned(design, chances, candidates)
+    return design_value(design, chances, candidates)
 
 
-def told_apart(apart: FloatArray, total: FloatArray) -> float:
+def chance_to_distinguish(apart: FloatArray, total: FloatArray) -> float:
     """Return the chance that data tell two explanations apart.
 
     Parameters
@@ -132,19 +132,19 @@ def told_apart(apart: FloatArray, total: FloatArray) -> float:
         (n, n): covariance of all that the data and the second may be off by.
     """
     m = 0.5 * float(apart @ np.linalg.solve(total, apart))
-    return float(norm.cdf((m - TOLD_APART) / np.sqrt(2 * m + 1e-9)))
+    return float(norm.cdf((m - DISTINGUISHED) / np.sqrt(2 * m + 1e-9)))
 
 
-def reckoned(
-    design: Design | Readings, chances: Mapping[tuple[str, str], float], candidates: Sequence[Candidate]
-) -> Reckoned:
+def design_value(
+    design: Design | DirectReadings, chances: Mapping[tuple[str, str], float], candidates: Sequence[Candidate]
+) -> DesignValue:
     """Return what a test is worth, from the chances that it tells each from each."""
     weights = np.array([c.probability for c in candidates])
     each = [min((chances[c.name, o.name] for o in candidates if o is not c), default=1.0) for c in candidates]
-    return Reckoned(design, chances, float(weights @ each / weights.sum()))
+    return DesignValue(design, chances, float(weights @ each / weights.sum()))
 
 
-def ranked(found: Sequence[Reckoned]) -> list[Reckoned]:
+def ranked(found: Sequence[DesignValue]) -> list[DesignValue]:
     """Return tests, the most telling first."""
     return sorted(found, key=lambda one: -one.chance)
 
@@ -178,7 +178,7 @@ def _inexact(blank: Observations, force: FloatArray, shown: FloatArray) -> Float
     """
     if not shown.any():
         return np.zeros((len(force), len(force)))
-    unknowns = unknown_errors(blank, force)[1:]
+    unknowns = possible_discrepancies(blank, force)[1:]
     size = INEXACT_SHARE * float(np.sqrt(np.mean(shown**2)) / np.abs(force).max())
     most = max(size, unknowns[0].size)
     largest = max((u for u in unknowns if u.size <= most), key=lambda u: u.size)
@@ -228,7 +228,9 @@ def _known(candidate: Candidate, design: Design) -> FloatArray:
     return total
 
 
-def before_any_test(problem: Problem, base: Fit, mechanisms: Sequence[Mechanism]) -> list[Candidate]:
+def prior_candidates(
+    problem: LinearisedProblem, base: LinearisedFit, mechanisms: Sequence[Mechanism]
+) -> list[Candidate]:
     """Return nothing and every mechanism at a usual strength, all as probable.
 
     Parameters

@@ -13,16 +13,16 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.diagnose.mechanisms.base import AssumedAccuracy, Mechanism, measured_strength, null_of
-from legfem.plan.designs import Readings
-from legfem.plan.reckon import Candidate, Reckoned, reckoned, told_apart
+from legfem.plan.designs import DirectReadings
+from legfem.plan.reckon import Candidate, DesignValue, chance_to_distinguish, design_value
 
 _WORTH = 0.1
 """Of a chance, by which a second reading has to better the first one's."""
 
 
-def reckon_readings(
+def evaluate_readings(
     mechanisms: Sequence[Mechanism], candidates: Sequence[Candidate], accuracy: AssumedAccuracy
-) -> list[Reckoned]:
+) -> list[DesignValue]:
     """Return what it is worth to measure effects by themselves: each, and the best two if better.
 
     Parameters
@@ -42,14 +42,16 @@ def reckon_readings(
     return [*single, most] if most is not None and most.chance > best + _WORTH else single
 
 
-def _worth(mechanisms: tuple[Mechanism, ...], candidates: Sequence[Candidate], accuracy: AssumedAccuracy) -> Reckoned:
+def _worth(
+    mechanisms: tuple[Mechanism, ...], candidates: Sequence[Candidate], accuracy: AssumedAccuracy
+) -> DesignValue:
     errors = np.diag([_error(m, accuracy) ** 2 for m in mechanisms])
     means, spreads = zip(*(_strengths(c, mechanisms) for c in candidates), strict=True)
     chances = {
-        (one.name, other.name): told_apart(means[i] - means[j], errors + spreads[j])
+        (one.name, other.name): chance_to_distinguish(means[i] - means[j], errors + spreads[j])
         for (i, one), (j, other) in permutations(enumerate(candidates), 2)
     }
-    return reckoned(Readings(mechanisms), chances, candidates)
+    return design_value(DirectReadings(mechanisms), chances, candidates)
 
 
 def _error(mechanism: Mechanism, accuracy: AssumedAccuracy) -> float:

@@ -10,22 +10,22 @@ from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.diagnose.diagnosis import Diagnosis, slowest_of
 from legfem.diagnose.explanation import Explanation
-from legfem.diagnose.fit import Fit, NuisanceEffect, Problem
+from legfem.diagnose.fit import LinearisedFit, LinearisedProblem, NuisanceEffect
 from legfem.diagnose.library import Library
-from legfem.diagnose.library_build import build_library, rounded, shown_mechanisms
+from legfem.diagnose.library_build import build_library, rounded
 from legfem.diagnose.mechanisms import Mechanism
 from legfem.diagnose.mechanisms.base import prior_of
 from legfem.diagnose.nuisances import nuisance_effects
 from legfem.diagnose.observations import Observations, blank_observations
 from legfem.diagnose.predict import Predictor
-from legfem.diagnose.run import STIFFENING, Diagnoser, accuracy_of, ruled_out_of
+from legfem.diagnose.run import STIFFENING, Diagnoser, accuracy_of, ruled_out_of, shown_mechanisms
 from legfem.inverse.errors import error_model
 from legfem.inverse.trial_noise import Noise
 from legfem.legs.correction_of_leg import choose_correction
 from legfem.legs.subject import Subject
-from legfem.plan.designs import Design, designs
-from legfem.plan.reckon import Candidate, Reckoned, before_any_test, ranked, reckon
-from legfem.plan.reckon_readings import reckon_readings
+from legfem.plan.designs import Design
+from legfem.plan.reckon import Candidate, DesignValue, evaluate_design, prior_candidates, ranked
+from legfem.plan.reckon_readings import evaluate_readings
 from legfem.solve.protocol import Protocol
 
 USUAL_GAIN_SD = 0.01
@@ -49,7 +49,7 @@ class Expected:
     rate: float
 
 
-def plan_after(found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progress: Progress) -> list[Reckoned]:
+def plan_after(found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progress: Progress) -> list[DesignValue]:
     """Return what could be done next, the best first; nothing unless the verdict is ambiguous.
 
     Parameters
@@ -78,11 +78,11 @@ def plan_after(found: Diagnosis, subject: Subject, diagnoser: Diagnoser, progres
     )
     accuracy = accuracy_of(subject)
     known = {one.effect for one in accuracy.effects}
-    by_readings = reckon_readings([m for m in asked if m.name not in known], candidates, accuracy)
+    by_readings = evaluate_readings([m for m in asked if m.name not in known], candidates, accuracy)
     return ranked([*found_by_tests, *by_readings])
 
 
-def plan_before(subject: Subject, diagnoser: Diagnoser, expected: Expected, progress: Progress) -> list[Reckoned]:
+def plan_before(subject: Subject, diagnoser: Diagnoser, expected: Expected, progress: Progress) -> list[DesignValue]:
     """Return what tests of a leg would tell, the most telling first.
 
     Parameters
@@ -108,9 +108,9 @@ def plan_before(subject: Subject, diagnoser: Diagnoser, expected: Expected, prog
     noise = _stated(subject, observed)
     values = {"C10": expected.c10, "C20": expected.c20}
     force = predictor(values)
-    problem = Problem(predictor, error_model(observed.with_force(force), noise, force))
+    problem = LinearisedProblem(predictor, error_model(observed.with_force(force), noise, force))
     base = _at(problem, values)
-    candidates = before_any_test(problem, base, able)
+    candidates = prior_candidates(problem, base, able)
     return ranked(_reckoned(tests, candidates, predictor, library, subject, noise, USUAL_GAIN_SD))
 
 
@@ -122,7 +122,7 @@ def _reckoned(
     subject: Subject,
     noise: Noise,
     gain_sd: float,
-) -> list[Reckoned]:
+) -> list[DesignValue]:
     """Return what tests are worth whose responses are known."""
     known = accuracy_of(subject)
 
@@ -130,7 +130,7 @@ def _reckoned(
         accuracy = replace(known, contour_sd=0.0) if test.outlines_known else known
         return nuisance_effects(library.nuisances, blank, force, accuracy)
 
-    found = [reckon(test, candidates, predictor, nuisances, noise, gain_sd) for test in tests]
+    found = [evaluate_design(test, candidates, predictor, nuisances, noise, gain_sd) for test in tests]
     return [one for one in found if one is not None]
 
 
@@ -171,11 +171,71 @@ def _stated(subject: Subject, observed: Observations) -> Noise:
     )
 
 
-def _at(problem: Problem, values: dict[str, float]) -> Fit:
+def _at(problem: LinearisedProblem, values: dict[str, float]) -> LinearisedFit:
     """Return a fit that stands at values."""
     parameters = problem.parameters(())
     departure = np.array([prior_of(p).departure(values.get(p.name, prior_of(p).centre)) for p in parameters])
     prediction = problem.predictor(values)
     nothing = np.zeros(len(prediction))
     slopes = np.zeros((len(prediction), len(parameters)))
-    return Fit((), values, parameters, departure, prediction, nothing, slopes, nothing, slopes)
+    return LinearisedFit((), values, parameters, departure, prediction, nothing, slopes, nothing, slopes)
+
+
+def designs(depth: float, rate: float, deepest: float, in_air: bool = False) -> list[Design]:
+    """Return the tests that are weighed.
+
+    Parameters
+    ----------
+    depth, rate
+        Of the test that was made, or is meant to be made (mm, mm/s).
+    deepest
+        That the leg's responses reach (mm).
+    in_air
+        Whether the recordings of the test that was made begin above the skin: to begin there again
+        tells nothing more.
+    """
+    same = Protocol.ramp(depth, rate)
+    held = Protocol.cycle(depth, rate, _HOLD_S)
+    fast = Protocol.cycle(depth, _FASTER * rate, _HOLD_S)
+    found = [
+        Design(f"repeat the same test {REPEATS} times", (same,) * REPEATS),
+        Design(f"hold the deepest position for {_HOLD_S:g} s, and record the unloading", (held,) * REPEATS),
+        Design(
+            f"press at two rates ({rate:.2g} and {_FASTER * rate:.2g} mm/s), each with a hold and unloading",
+            (held,) * REPEATS + (fast,) * REPEATS,
+        ),
+        Design(
+            "measure the outlines of skin and fascia under the indenter (ultrasound), and press again",
+            (same,) * REPEATS,
+            outlines_known=True,
+        ),
+        Design("press with a cylinder of twice the length", (same,) * REPEATS, length_factor=2.0),
+        Design(
+            "press half as deep, with the same cylinder and more repeats",
+            (Protocol.ramp(0.5 * depth, rate),) * (2 * REPEATS),
+        ),
+    ]
+    if not in_air:
+        found.append(
+            Design(
+                "begin 2 mm above the skin, slowly, so that first contact is seen",
+                (same,) * REPEATS,
+                contact_known=True,
+            )
+        )
+    deeper = min(depth + _DEEPER_MM, deepest)
+    if deeper > depth + 1.0:
+        found.append(Design(f"press {deeper:.0f} mm deep", (Protocol.ramp(deeper, rate),) * REPEATS))
+    return found
+
+
+_FASTER = 5.0
+
+
+_HOLD_S = 60.0
+
+
+_DEEPER_MM = 5.0
+
+
+REPEATS = 3

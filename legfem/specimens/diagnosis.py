@@ -16,10 +16,10 @@ from legfem.common.units import kpa_to_mpa
 from legfem.data import Instrument
 from legfem.data.recording import Origin
 from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.library_build import build_library, middle_of, shown_mechanisms
+from legfem.diagnose.library_build import build_library, middle_of
 from legfem.diagnose.nuisances import Accuracy
 from legfem.diagnose.observations import Observations, observe
-from legfem.diagnose.run import STIFFENING, diagnose_body
+from legfem.diagnose.run import STIFFENING, diagnose_body, shown_mechanisms
 from legfem.diagnose.solved import PLAIN, SolvedResponses
 from legfem.inverse.catalogue import RATIO
 from legfem.jobs.fingerprint import code_fingerprint

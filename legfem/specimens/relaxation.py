@@ -27,7 +27,7 @@ import numpy as np
 from scipy.linalg import solve_banded
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S, Viscoelasticity, spectrum
+from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S, TissueRelaxation, spectrum
 from legfem.inverse.parameter import Parameter, Prior
 
 QUICKENING = "viscoelasticity.quickening"
@@ -40,7 +40,7 @@ def relaxation_parameters() -> tuple[Parameter, ...]:
     """Return ratio, middle and spread of the spectrum within bounds alone, and the quickening."""
     spectral = tuple(
         replace(one, name=f"viscoelasticity.{one.name}", prior=None, role="identified")
-        for one in Viscoelasticity.parameters
+        for one in TissueRelaxation.parameters
     )
     quickening = Parameter(
         QUICKENING,

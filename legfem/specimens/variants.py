@@ -52,7 +52,7 @@ type _Asked = tuple[str, Protocol, _Numbers, tuple[str, ...]]
 
 @dataclass(eq=False)
 class SpecimenVariants:
-    """A specimen's models, `legfem.diagnose.models.Models`, made when first asked for.
+    """A specimen's models, `legfem.diagnose.models.BodyModels`, made when first asked for.
 
     Parameters
     ----------
@@ -191,7 +191,7 @@ class SpecimenVariants:
         sensitivities: Sequence[str] = (),
         placement: Placement | None = None,
     ) -> Path | Stopped:
-        """Solve a protocol, as `legfem.diagnose.variants.Variants.follow` does for a leg.
+        """Solve a protocol, as `legfem.diagnose.variants.LegVariants.follow` does for a leg.
 
         Compressibility goes with 1 / C10, so that Poisson's ratio stays. Layers of stated stiffness
         are as much softer in the solution as the force is scaled up.

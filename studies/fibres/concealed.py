@@ -17,11 +17,10 @@ from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress, Silent
 from legfem.data import segment_all
 from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.library_build import with_correction
 from legfem.diagnose.mechanisms.end_effects import EndEffects
 from legfem.diagnose.mechanisms.muscle_fibres import MuscleFibres
 from legfem.diagnose.observations import observe
-from legfem.diagnose.run import diagnose_body
+from legfem.diagnose.run import diagnose_body, with_correction
 from legfem.experiments.indentation_3d import IdealisedLegIndentation
 from legfem.jobs.store import Store
 from legfem.legs.correction import read_correction

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from legfem.common.progress import Progress
 from legfem.diagnose.library import Library
-from legfem.diagnose.library_build import build_library, shown_mechanisms
+from legfem.diagnose.library_build import build_library
 from legfem.diagnose.mechanisms import Mechanism, TissueMechanism
 from legfem.diagnose.mechanisms.base import Solution
 from legfem.diagnose.mechanisms.compressibility import Compressibility
@@ -18,6 +18,7 @@ from legfem.diagnose.mechanisms.strain_stiffening import StrainStiffening
 from legfem.diagnose.models import Displaced, Stopped
 from legfem.diagnose.nuisances import MATERIAL_LOG_SD
 from legfem.diagnose.observations import Observations
+from legfem.diagnose.run import shown_mechanisms
 from legfem.diagnose.solved import SolvedResponses
 from legfem.experiments.indentation_3d import IdealisedLegIndentation
 from legfem.jobs.fingerprint import code_fingerprint

@@ -31,7 +31,7 @@ type Stiffness = tuple[float, float]
 """C10 and C20 of the deep tissue, kPa."""
 
 
-class PressedLeg(Protocol):
+class IndentedLeg(Protocol):
     """A leg and how it is pressed: what a mechanism's terms may ask of it."""
 
     @property
@@ -331,7 +331,7 @@ class TissueMechanism(Mechanism):
         """Return what finite-element solutions say."""
         return responses.relative_change(self, values, at, observed)
 
-    def terms(self, leg: PressedLeg) -> Sequence[Any]:
+    def terms(self, leg: IndentedLeg) -> Sequence[Any]:
         """Return the terms that it adds to the leg's model, at their nulls."""
         return ()
 

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from legfem.diagnose.mechanisms.base import PressedLeg, Solution, TissueMechanism, Values, strength
+from legfem.diagnose.mechanisms.base import IndentedLeg, Solution, TissueMechanism, Values, strength
 from legfem.inverse.parameter import Parameter
 
 
 @dataclass(frozen=True)
-class Dermis(TissueMechanism):
+class DermisTension(TissueMechanism):
     """The dermis as a membrane on the fat, which both papers leave out.
 
     At 1 mm of dermis, Young's modulus under suction (129 kPa on the forearm; Diridollou et al.
@@ -38,11 +38,11 @@ class Dermis(TissueMechanism):
     """An estimate: a third of a usual stiffness."""
     strengths: ClassVar[tuple[float, ...]] = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)
 
-    def terms(self, leg: PressedLeg) -> Sequence[Any]:
+    def terms(self, leg: IndentedLeg) -> Sequence[Any]:
         """Return the membrane."""
-        from legfem.mechanics.terms.dermis import Dermis as Membrane
+        from legfem.mechanics.terms.dermis import Dermis
 
-        return [Membrane()]
+        return [Dermis()]
 
     def solution(self, values: Values) -> Solution:
         """Return the model with the membrane's stiffness."""

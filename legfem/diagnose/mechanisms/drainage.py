@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from legfem.diagnose.mechanisms.base import PressedLeg, Solution, TissueMechanism, Values, strength
+from legfem.diagnose.mechanisms.base import IndentedLeg, Solution, TissueMechanism, Values, strength
 from legfem.diagnose.mechanisms.viscoelasticity import needs_time
 from legfem.diagnose.observations import Observations
 from legfem.inverse.parameter import Parameter
@@ -37,7 +37,7 @@ class PoroelasticDrainage(TissueMechanism):
         """Return whether there are a hold, an unloading or two rates."""
         return needs_time(observed)
 
-    def terms(self, leg: PressedLeg) -> Sequence[Any]:
+    def terms(self, leg: IndentedLeg) -> Sequence[Any]:
         """Return the flow."""
         from legfem.mechanics.terms import Drainage
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from legfem.common.units import kpa_to_mpa
-from legfem.diagnose.mechanisms.base import PressedLeg, Solution, TissueMechanism, Values, strength
+from legfem.diagnose.mechanisms.base import IndentedLeg, Solution, TissueMechanism, Values, strength
 from legfem.inverse.parameter import Parameter
 
 
@@ -23,7 +23,7 @@ class FatStiffening(TissueMechanism):
     next_experiment: ClassVar[str] = "image the fat's thickness under load, at several depths"
     strengths: ClassVar[tuple[float, ...]] = (1.0, 6.0, 25.0)
 
-    def terms(self, leg: PressedLeg) -> Sequence[Any]:
+    def terms(self, leg: IndentedLeg) -> Sequence[Any]:
         """Return the fat with more coefficients of its energy."""
         from legfem.mechanics.materials import Yeoh
         from legfem.mechanics.terms import Tissue

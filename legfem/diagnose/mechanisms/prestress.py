@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from legfem.common.units import kpa_to_mpa
-from legfem.diagnose.mechanisms.base import PressedLeg, Solution, TissueMechanism, Values, strength
+from legfem.diagnose.mechanisms.base import IndentedLeg, Solution, TissueMechanism, Values, strength
 from legfem.inverse.parameter import Parameter
 
 
 @dataclass(frozen=True)
-class Prestress(TissueMechanism):
+class FasciaPrestress(TissueMechanism):
     """Tension of the fascia in the imaged state."""
 
     name: ClassVar[str] = "prestress"
@@ -27,11 +27,11 @@ class Prestress(TissueMechanism):
     """An estimate: 1 kPa of pressure times the fascia's radius over its thickness."""
     strengths: ClassVar[tuple[float, ...]] = (20.0, 100.0, 300.0)
 
-    def terms(self, leg: PressedLeg) -> Sequence[Any]:
+    def terms(self, leg: IndentedLeg) -> Sequence[Any]:
         """Return the fascia's tension."""
-        from legfem.mechanics.terms import Prestress as Tension
+        from legfem.mechanics.terms import Prestress
 
-        return [Tension(leg.section.fascia)]
+        return [Prestress(leg.section.fascia)]
 
     def solution(self, values: Values) -> Solution:
         """Return the model with the tension."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from legfem.common.units import kpa_to_mpa
-from legfem.diagnose.mechanisms.base import PressedLeg, Solution, TissueMechanism, Values, strength
+from legfem.diagnose.mechanisms.base import IndentedLeg, Solution, TissueMechanism, Values, strength
 from legfem.inverse.parameter import Parameter
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ class StrainStiffening(TissueMechanism):
     strengths: ClassVar[tuple[float, ...]] = (0.3, 1.2, 4.0)
     stands_for_C20: ClassVar[bool] = True
 
-    def terms(self, leg: PressedLeg) -> Sequence[Any]:
+    def terms(self, leg: IndentedLeg) -> Sequence[Any]:
         """Return the tissue with a third coefficient of its energy."""
         return self.terms_of(leg.tissues.deep)
 

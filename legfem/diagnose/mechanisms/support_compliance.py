@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.mechanisms.base import PressedLeg, Solution, TissueMechanism, Values, strength
+from legfem.diagnose.mechanisms.base import IndentedLeg, Solution, TissueMechanism, Values, strength
 from legfem.diagnose.observations import Observations
 from legfem.geometry.section import BONES
 from legfem.inverse.parameter import Parameter, Prior
@@ -64,7 +64,7 @@ class SupportCompliance(TissueMechanism):
         """Return how much of what bones do otherwise than a frame there is."""
         return values["at_bones"]
 
-    def terms(self, leg: PressedLeg) -> Sequence[Any]:
+    def terms(self, leg: IndentedLeg) -> Sequence[Any]:
         """Return the bones' springs."""
         from legfem.mechanics.terms import BoneSprings
 

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.mechanisms.base import PressedLeg, Solution, TissueMechanism, Values, factor
+from legfem.diagnose.mechanisms.base import IndentedLeg, Solution, TissueMechanism, Values, factor
 from legfem.diagnose.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
 
@@ -72,7 +72,7 @@ class UnevenMuscle(TissueMechanism):
             for depth, side in ((8.0, 0.0), (26.0, 0.0), (14.0, -12.0), (14.0, 12.0))
         )
 
-    def terms(self, leg: PressedLeg) -> Sequence[Any]:
+    def terms(self, leg: IndentedLeg) -> Sequence[Any]:
         """Return the muscle's excess of stiffness at the lattice's places."""
         from legfem.geometry.section import first_crossing
         from legfem.mechanics.terms.uneven_stiffness import UnevenStiffness

@@ -12,7 +12,7 @@ from scipy.stats import norm
 
 from legfem.common.units import FloatArray
 from legfem.data.segmentation import HOLD, UNLOADING
-from legfem.diagnose.mechanisms.base import PressedLeg, Solution, TissueMechanism, Values, strength
+from legfem.diagnose.mechanisms.base import IndentedLeg, Solution, TissueMechanism, Values, strength
 from legfem.diagnose.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
 
@@ -55,7 +55,7 @@ def needs_time(observed: Observations) -> str | None:
 
 
 @dataclass(frozen=True)
-class Viscoelasticity(TissueMechanism):
+class TissueRelaxation(TissueMechanism):
     """A spectrum of Prony branches of the deep tissue's deviatoric stress."""
 
     name: ClassVar[str] = "viscoelasticity"
@@ -102,7 +102,7 @@ class Viscoelasticity(TissueMechanism):
             for spread in (0.4, 2.0)
         )
 
-    def terms(self, leg: PressedLeg) -> Sequence[Any]:
+    def terms(self, leg: IndentedLeg) -> Sequence[Any]:
         """Return the branches."""
         return self._branches_of(getattr(leg.tissues, self.region))
 
@@ -111,9 +111,9 @@ class Viscoelasticity(TissueMechanism):
         return self._branches_of(law) if self.region == "deep" else ()
 
     def _branches_of(self, law: Hyperelastic) -> Sequence[Any]:
-        from legfem.mechanics.terms import Viscoelasticity as Branch
+        from legfem.mechanics.terms import Viscoelasticity
 
-        return [Branch(self.region, law, branch=str(k + 1)) for k in range(len(TIMES_S))]
+        return [Viscoelasticity(self.region, law, branch=str(k + 1)) for k in range(len(TIMES_S))]
 
     @property
     def derivatives(self) -> tuple[str, ...]:
@@ -138,7 +138,7 @@ class Viscoelasticity(TissueMechanism):
 
 
 @dataclass(frozen=True)
-class SuperficialViscoelasticity(Viscoelasticity):
+class SuperficialViscoelasticity(TissueRelaxation):
     """The same of the fat."""
 
     name: ClassVar[str] = "superficial-viscoelasticity"
