@@ -19,15 +19,14 @@ from rich.table import Table
 
 from legfem.common.command_edge import command_edge, leave_to_first_rank
 from legfem.common.progress import Silent
-from legfem.diagnose.leg import solved_responses
-from legfem.diagnose.library_build import build_library
-from legfem.diagnose.run import STIFFENING, Diagnoser, shown_mechanisms
-from legfem.diagnose.variants import LegVariants
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
+from legfem.inverse.library_build import build_library
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
+from legfem.legs.diagnosis import STIFFENING, Diagnoser, shown_mechanisms
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
+from legfem.legs.variants import LegVariants, solved_responses
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.solve.report import SolveReport
 from studies.reconstruct import read_definition, test_of

@@ -9,20 +9,20 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.data import Instrument, Recording, segment_all
-from legfem.diagnose.fit import LinearisedFit, LinearisedProblem, fit
-from legfem.diagnose.library import NuisanceChanges
-from legfem.diagnose.mechanisms import Mechanism, Stiffness, TissueMechanism, Values, mechanism_named
-from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S, TissueRelaxation
-from legfem.diagnose.observations import Observations, observe
-from legfem.diagnose.predict import Predictor
-from legfem.diagnose.stations import Stations
-from legfem.diagnose.variants import LegVariants
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.inverse.errors import error_model
+from legfem.inverse.library import NuisanceChanges
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit
+from legfem.inverse.observations import Observations, observe
+from legfem.inverse.predictor import Predictor
+from legfem.inverse.stations import Stations
 from legfem.inverse.trial_noise import Noise
 from legfem.legs.experiments import tissues_of
 from legfem.legs.loading import load_subject
+from legfem.legs.mechanisms import Mechanism, Stiffness, TissueMechanism, Values, mechanism_named
+from legfem.legs.mechanisms.viscoelasticity import TIMES_S, TissueRelaxation
 from legfem.legs.schema import SUBJECTS
+from legfem.legs.variants import LegVariants
 from legfem.solve.protocol import Protocol
 
 SOUGHT = tuple(

@@ -26,7 +26,6 @@ from legfem.data import segment
 from legfem.data.formats import read_sheets
 from legfem.data.quality import quality_of
 from legfem.data.reader import propose, recording_of
-from legfem.diagnose.document import versions
 from legfem.experiments.indentation_3d import Cylinder
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.experiments.posed import Pose, posed
@@ -34,6 +33,7 @@ from legfem.geometry.leg_shape import HULL, SKIN
 from legfem.geometry.slices import calf_levels
 from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.estimates import Estimate
+from legfem.inverse.plan import DesignValue
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.legs.correction import TabulatedCorrection
@@ -41,11 +41,11 @@ from legfem.legs.details import Confirmation, SpatialEvidence
 from legfem.legs.experiments import plane_strain_test
 from legfem.legs.film_3d import LegState, PressedLeg, seen
 from legfem.legs.loading import load_subject
+from legfem.legs.plan import Expected, designs
 from legfem.legs.subject import Subject
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings
-from legfem.plan.reckon import DesignValue
-from legfem.plan.run import Expected, designs
+from legfem.report.diagnosis_document import versions
 from legfem.report.look import recordings_toml
 from legfem.report.web.diagnosis import diagnosis_web_page
 from legfem.report.web.identification import identification_page

@@ -10,10 +10,10 @@ import pytest
 from making_diagnosis import GRID, problem_of, ramps
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.about_solutions import base_about_solution, refitted_about_solutions
-from legfem.diagnose.fit import LinearisedProblem, fit
-from legfem.diagnose.mechanisms import mechanism_named
-from legfem.diagnose.predict import Responses
+from legfem.inverse.explain import base_about_solution, refitted_about_solutions
+from legfem.inverse.linearised import LinearisedProblem, fit
+from legfem.inverse.predictor import Responses
+from legfem.legs.mechanisms import mechanism_named
 
 SUPPORT = mechanism_named("support-compliance")
 

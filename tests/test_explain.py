@@ -9,20 +9,18 @@ import pytest
 from making_diagnosis import GRID, SOUGHT, TRUTH, fat, noisy, one_at_each_rate, problem_of, ramps
 from scipy.stats import norm
 
-from legfem.diagnose import explain as explain_module
-from legfem.diagnose.averaged import averaged_interval
-from legfem.diagnose.explain import CONFIRMED_FROM, explain
-from legfem.diagnose.explanation import HELD, Explained
-from legfem.diagnose.fit import LinearisedFit, LinearisedProblem, fit
-from legfem.diagnose.library import NuisanceChanges
-from legfem.diagnose.mechanisms import mechanism_named
-from legfem.diagnose.nuisances import MATERIAL_LOG_SD, Accuracy, nuisance_effects
-from legfem.diagnose.strength import gain_of_widths
-from legfem.diagnose.touch import contact_posterior
-from legfem.diagnose.unknown import possible_discrepancies
-from legfem.diagnose.weighing import PRIOR_NONE, PRIOR_PAIR, PRIOR_SINGLE, PRIOR_UNKNOWN
+from legfem.inverse import explain as explain_module
+from legfem.inverse.averaging import averaged_interval
+from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.errors import error_model
 from legfem.inverse.evidence import Evidence
+from legfem.inverse.explain import CONFIRMED_FROM, PRIOR_NONE, PRIOR_PAIR, PRIOR_SINGLE, PRIOR_UNKNOWN, explain
+from legfem.inverse.explanation import HELD, Explained
+from legfem.inverse.laplace import contact_posterior, gain_of_widths
+from legfem.inverse.library import NuisanceChanges
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit
+from legfem.legs.mechanisms import mechanism_named
+from legfem.legs.nuisances import MATERIAL_LOG_SD, Accuracy, nuisance_effects
 
 
 @pytest.mark.parametrize(
@@ -189,7 +187,7 @@ def test_a_pair_that_is_more_than_either_takes_a_solution_of_its_own():
 
 def test_what_full_solutions_put_first_is_tried_in_pairs_with_all(monkeypatch):
     """The emulator may be off by more than what tells two mechanisms apart."""
-    monkeypatch.setattr("legfem.diagnose.explain.PAIRS_OF", 1)
+    monkeypatch.setattr("legfem.inverse.explain.PAIRS_OF", 1)
     problem, base = problem_of(ramps(), {"support-compliance.compliance": 0.3}, seed=3)
     wave = 0.3 * np.sin(2 * problem.predictor.observed.displacement)
 
@@ -210,7 +208,7 @@ def test_what_full_solutions_put_first_is_tried_in_pairs_with_all(monkeypatch):
 
 def test_all_that_may_be_what_was_left_out_is_tried_in_pairs_with_all(monkeypatch):
     """Pairs that explain no more count for their mechanism: fewer would be held against it."""
-    monkeypatch.setattr("legfem.diagnose.explain.PAIRS_OF", 1)
+    monkeypatch.setattr("legfem.inverse.explain.PAIRS_OF", 1)
     problem, base = problem_of(ramps(), {"support-compliance.compliance": 0.003}, seed=3)
     found = explain(problem, base, SOUGHT).every
     likely = [e.names[0] for e in found if len(e.names) == 1 and e.probability > CONFIRMED_FROM]

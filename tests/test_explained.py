@@ -12,19 +12,17 @@ from scipy.optimize import brentq
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
-from legfem.diagnose.averaged import averaged_interval, untried_pairs
-from legfem.diagnose.explain import explain
-from legfem.diagnose.explanation import INEXACT, Explained, Explanation, gain_over, singles_of
-from legfem.diagnose.fit import fit
-from legfem.diagnose.limits import limits_of
-from legfem.diagnose.mechanisms import mechanism_named
-from legfem.diagnose.predict import onset_name
-from legfem.diagnose.remains import explained_share, residual_intervals
-from legfem.diagnose.strength import gain_of_widths
-from legfem.diagnose.told import laplace_posterior
-from legfem.diagnose.unknown import possible_discrepancies
+from legfem.inverse.averaging import averaged_interval, untried_pairs
+from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.evidence import Evidence
-from legfem.inverse.mixture import Mixture
+from legfem.inverse.explain import explain
+from legfem.inverse.explanation import INEXACT, Explained, Explanation, gain_over, singles_of
+from legfem.inverse.laplace import gain_of_widths, laplace_posterior
+from legfem.inverse.linearised import fit
+from legfem.inverse.posterior import Mixture
+from legfem.inverse.predictor import onset_name
+from legfem.inverse.verdict import explained_share, limits_of, residual_intervals
+from legfem.legs.mechanisms import mechanism_named
 
 
 def explanation(like: Explanation, mean: float, sd: float, probability: float) -> Explanation:

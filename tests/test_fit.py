@@ -10,14 +10,15 @@ import pytest
 from making_diagnosis import TRUTH, ClosedForm, noisy, one_at_each_rate, problem_of, ramps, two_rates
 from scipy.stats import truncnorm
 
-from legfem.diagnose.fit import LinearisedProblem, fit
-from legfem.diagnose.held_out import folds_of, held_out
-from legfem.diagnose.mechanisms import Mechanism, mechanism_named
-from legfem.diagnose.mechanisms.base import strength
-from legfem.diagnose.predict import onset_name
+from legfem.inverse.cross_validation import folds_of, held_out
+from legfem.inverse.discrepancy import Discrepancy
 from legfem.inverse.errors import error_model
-from legfem.inverse.evidence import Discrepancy, Evidence
+from legfem.inverse.evidence import Evidence
+from legfem.inverse.linearised import LinearisedProblem, fit
+from legfem.inverse.mechanism import strength
 from legfem.inverse.parameter import Parameter, Prior
+from legfem.inverse.predictor import onset_name
+from legfem.legs.mechanisms import Mechanism, mechanism_named
 
 
 @dataclass(frozen=True)

@@ -14,21 +14,20 @@ from scipy.special import logsumexp
 from scipy.stats import norm
 
 from legfem.common.errors import InputError
-from legfem.diagnose.averaged import averaged_interval
-from legfem.diagnose.explain import explain
-from legfem.diagnose.fit import fit
-from legfem.diagnose.measured import measured_strength, measured_strengths
-from legfem.diagnose.mechanisms import mechanism_named, mechanisms
-from legfem.diagnose.mechanisms.base import null_of, prior_of
-from legfem.diagnose.nuisances import MATERIAL_LOG_SD, Accuracy
-from legfem.diagnose.run import accuracy_of
-from legfem.diagnose.sentences import next_experiments
-from legfem.diagnose.told import laplace_posterior
-from legfem.diagnose.unknown import possible_discrepancies
+from legfem.inverse.averaging import averaged_interval
+from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.evidence import Evidence
+from legfem.inverse.explain import explain
+from legfem.inverse.laplace import laplace_posterior
+from legfem.inverse.linearised import fit
+from legfem.inverse.mechanism import null_of, prior_of
+from legfem.legs.diagnosis import accuracy_of, measured_strength, measured_strengths
 from legfem.legs.loading import load_subject
+from legfem.legs.mechanisms import mechanism_named, mechanisms
+from legfem.legs.nuisances import MATERIAL_LOG_SD, Accuracy
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import MeasuredEffect
+from legfem.report.diagnosis_sentences import next_experiments
 from legfem.report.web.diagnosis_headline import headline
 
 DRIFT = mechanism_named("force-drift")

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from making_sealed import square_truths
 
-from legfem.diagnose.mechanisms import mechanism_named
-from legfem.plan.designs import DirectReadings
-from legfem.plan.run import designs
+from legfem.inverse.plan import DirectReadings
+from legfem.legs.mechanisms import mechanism_named
+from legfem.legs.plan import designs
 from legfem.solve.protocol import Protocol
 from studies.concealed.cases import DEPTH_MM, SealedCase, make_cases
 from studies.concealed.legs import sealed_leg

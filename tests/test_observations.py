@@ -7,8 +7,8 @@ import pytest
 from making_diagnosis import INSTRUMENT, pressed
 
 from legfem.data import Recording, segment_all
-from legfem.diagnose.mechanisms import mechanisms
-from legfem.diagnose.observations import Observations, observe
+from legfem.inverse.observations import Observations, observe
+from legfem.legs.mechanisms import mechanisms
 from legfem.solve.protocol import Protocol
 
 

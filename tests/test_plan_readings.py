@@ -10,14 +10,12 @@ from making import write_subject
 from making_diagnosed import diagnosed
 from scipy.stats import norm
 
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.mechanisms.base import prior_of
-from legfem.diagnose.nuisances import Accuracy
-from legfem.diagnose.sentences import next_experiments
+from legfem.inverse.mechanism import prior_of
+from legfem.inverse.plan import DISTINGUISHED, Candidate, DesignValue, DirectReadings, evaluate_readings
+from legfem.inverse.verdict import Diagnosis
 from legfem.legs.loading import load_subject
-from legfem.plan.designs import DirectReadings
-from legfem.plan.reckon import DISTINGUISHED, Candidate, DesignValue
-from legfem.plan.reckon_readings import evaluate_readings
+from legfem.legs.nuisances import Accuracy
+from legfem.report.diagnosis_sentences import next_experiments
 from legfem.report.plain import plain_page
 from legfem.report.plan import plan_lines
 from legfem.report.web.diagnosis import diagnosis_web_page

@@ -9,12 +9,11 @@ import pytest
 from making_diagnosed import diagnosed
 from making_diagnosis import NOISE
 
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.explanation import Explanation
-from legfem.diagnose.nuisances import Accuracy, nuisance_effects
+from legfem.inverse.explanation import Explanation
+from legfem.inverse.plan import Candidate, Design, evaluate_design
+from legfem.inverse.verdict import Diagnosis
+from legfem.legs.nuisances import Accuracy, nuisance_effects
 from legfem.plan import evaluate_design as reckoning
-from legfem.plan.designs import Design
-from legfem.plan.reckon import Candidate, evaluate_design
 from legfem.solve.protocol import Protocol
 
 TWINS = ("fascia-stiffness", "prestress", "force-drift")

@@ -11,8 +11,8 @@ from making import SHARED
 
 from legfem.common.errors import InputError
 from legfem.data import Instrument, Recording, segment_all
-from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S, TissueRelaxation, spectrum
-from legfem.diagnose.observations import observe
+from legfem.inverse.observations import observe
+from legfem.legs.mechanisms.viscoelasticity import TIMES_S, TissueRelaxation, spectrum
 from legfem.specimens.folder import load_specimen
 from studies.recordings.command import full_name
 from studies.recordings.curves import DEEPEST, STIFFENING_SHARES, THICKNESSES, ElasticCurves, LayerCurves, layer_curves

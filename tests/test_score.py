@@ -6,8 +6,8 @@ import pytest
 from making_diagnosis import problem_of, ramps
 from scipy.stats import kstest
 
-from legfem.diagnose.mechanisms import mechanism_named
-from legfem.diagnose.score import score_tests
+from legfem.inverse.location import score_tests
+from legfem.legs.mechanisms import mechanism_named
 
 SOUGHT = [mechanism_named(name) for name in ("contact-onset", "force-drift", "preconditioning", "support-compliance")]
 

@@ -10,16 +10,15 @@ import pytest
 from making_diagnosis import ClosedForm, problem_of, ramps
 from scipy.stats import multivariate_normal, norm
 
-from legfem.diagnose.averaged import averaged_interval, widened_by
-from legfem.diagnose.explain import explain
-from legfem.diagnose.fit import fit
-from legfem.diagnose.mechanisms import mechanism_named
-from legfem.diagnose.mechanisms.base import strength
-from legfem.diagnose.mechanisms.force_drift import ForceDrift
-from legfem.diagnose.strength import WIDTHS, gain_of_widths, integrate_strength
-from legfem.diagnose.touch import contact_posterior
-from legfem.diagnose.unknown import possible_discrepancies
+from legfem.inverse.averaging import averaged_interval, widened_by
+from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.evidence import Evidence, Linearisation
+from legfem.inverse.explain import explain
+from legfem.inverse.laplace import WIDTHS, contact_posterior, gain_of_widths, integrate_strength
+from legfem.inverse.linearised import fit
+from legfem.inverse.mechanism import strength
+from legfem.legs.mechanisms import mechanism_named
+from legfem.legs.mechanisms.force_drift import ForceDrift
 
 NAME = "prestress.tension"
 _DRAWS = 40
@@ -140,7 +139,7 @@ def test_a_strength_s_usual_size_decides_little_between_what_does_the_same(monke
         return one - other
 
     of_any_width = gap()
-    monkeypatch.setattr("legfem.diagnose.strength.WIDTHS", {1.0: 1.0})
+    monkeypatch.setattr("legfem.inverse.laplace.WIDTHS", {1.0: 1.0})
     assert 1.5 < gap() < np.log(10) and abs(of_any_width) < 0.6 * gap()
 
 

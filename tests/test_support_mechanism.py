@@ -7,14 +7,12 @@ import pytest
 from making_diagnosis import coarse_leg, observations, ramps
 
 from legfem.common.progress import Silent
-from legfem.diagnose.library_build import build_library, rounded
-from legfem.diagnose.library_tasks import CHANGES_AT
-from legfem.diagnose.mechanisms import mechanism_named
-from legfem.diagnose.models import Stopped
-from legfem.diagnose.predict import Predictor
-from legfem.diagnose.solved import SolvedResponses
-from legfem.diagnose.variants import LegVariants
 from legfem.inverse.intervals import NUMERICAL_ERROR
+from legfem.inverse.library_build import CHANGES_AT, build_library, rounded
+from legfem.inverse.predictor import Predictor
+from legfem.inverse.responses import SolvedResponses, Stopped
+from legfem.legs.mechanisms import mechanism_named
+from legfem.legs.variants import LegVariants
 
 DEPTH = 6.0
 SOFT = (0.8, 0.9)

@@ -12,14 +12,15 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
 from legfem.data import segment_all
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.fit import LinearisedProblem, fit
-from legfem.diagnose.mechanisms.base import prior_of
-from legfem.diagnose.observations import Observations, observe
-from legfem.diagnose.predict import Predictor, detected_onset, onset_name
-from legfem.diagnose.touch import STARTS_AT_CONTACT, contact_posterior
+from legfem.inverse.discrepancy import Discrepancy
 from legfem.inverse.errors import GAIN_SDS, ZERO_FACTORS, error_model
-from legfem.inverse.evidence import Discrepancy, Evidence
+from legfem.inverse.evidence import Evidence
+from legfem.inverse.laplace import STARTS_AT_CONTACT, contact_posterior
+from legfem.inverse.linearised import LinearisedProblem, fit
+from legfem.inverse.mechanism import prior_of
+from legfem.inverse.observations import Observations, observe
+from legfem.inverse.predictor import Predictor, detected_onset, onset_name
+from legfem.inverse.verdict import Diagnosis
 
 ALONE = [Discrepancy(None, 0.0, 0.0)]
 

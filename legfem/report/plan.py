@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from legfem.diagnose.sentences import percent
-from legfem.plan.reckon import DesignValue
+from legfem.inverse.plan import DesignValue
+from legfem.report.diagnosis_sentences import percent
 
 SCHEMA = 1
 NOTHING = "nothing"

@@ -13,9 +13,9 @@ from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from legfem.common.units import FloatArray
 from legfem.data.segmentation import HOLD, LOADING
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.fit import LinearisedFit
-from legfem.diagnose.stations import Stations
+from legfem.inverse.linearised import LinearisedFit
+from legfem.inverse.stations import Stations
+from legfem.inverse.verdict import Diagnosis
 from legfem.report.diagnosis_style import BASE_COLOUR, BASE_NAME, LOCATED_COLOUR, REPAIRED_COLOUR, Shown, shown_models
 from legfem.report.located import Place, places_of
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, styled, title

@@ -16,13 +16,12 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray, kpa_to_mpa
-from legfem.diagnose.mechanisms import Solution, TissueMechanism
-from legfem.diagnose.mechanisms.registry import mechanism_named
-from legfem.diagnose.models import Stopped
-from legfem.diagnose.variants import LegVariants
+from legfem.inverse.responses import Stopped
 from legfem.jobs.store import Store
 from legfem.legs.correction import TabulatedCorrection
+from legfem.legs.mechanisms import Solution, TissueMechanism, mechanism_named
 from legfem.legs.subject import Subject
+from legfem.legs.variants import LegVariants
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.step_settings import StepSettings
@@ -168,7 +167,7 @@ class Truths:
         return self._solved(case, effects, Protocol.ramp(DEPTH_MM, ELASTIC_RATE))
 
     def _solved(self, case: SealedCase, effects: dict[str, dict[str, float]], protocol: Protocol) -> ForceCourse | None:
-        modules = ("studies.concealed.other_code" if case.code == "felupe" else "legfem.diagnose.variants",)
+        modules = ("studies.concealed.other_code" if case.code == "felupe" else "legfem.legs.variants",)
         store = Store(self.folder, ForceCourse, _leg_of(self.leg), modules)
         asked = [
             case.code,

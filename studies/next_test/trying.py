@@ -19,17 +19,16 @@ import numpy as np
 
 from legfem.common.progress import Silent
 from legfem.data import Recording
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.leg import solved_responses
-from legfem.diagnose.library_build import build_library
-from legfem.diagnose.mechanisms import Mechanism
-from legfem.diagnose.run import STIFFENING, Diagnoser, accuracy_of, diagnose_body, ruled_out_of
+from legfem.inverse.library_build import build_library
+from legfem.inverse.plan import Design, DesignValue, DirectReadings
+from legfem.inverse.verdict import Diagnosis
 from legfem.legs.correction_of_leg import choose_correction
+from legfem.legs.diagnosis import STIFFENING, Diagnoser, accuracy_of, diagnose_body, ruled_out_of
 from legfem.legs.loading import load_subject
+from legfem.legs.mechanisms import Mechanism
+from legfem.legs.plan import plan_after
 from legfem.legs.subject import Subject
-from legfem.plan.designs import Design, DirectReadings
-from legfem.plan.reckon import DesignValue
-from legfem.plan.run import plan_after
+from legfem.legs.variants import solved_responses
 from legfem.solve.protocol import Protocol
 from studies.concealed.cases import DEPTH_MM, TRIALS, SealedCase
 from studies.concealed.legs import SealedLeg, sealed_leg

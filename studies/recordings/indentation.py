@@ -12,20 +12,20 @@ from scipy.interpolate import PchipInterpolator
 from legfem.common.units import FloatArray
 from legfem.data import Instrument, Recording, segment, segment_all
 from legfem.data.smoothing import sample_noise
-from legfem.diagnose.diagnosis import slowest_of
-from legfem.diagnose.explain import explain
-from legfem.diagnose.explanation import Explained, Explanation
-from legfem.diagnose.fit import LinearisedFit, LinearisedProblem, fit, fit_base
-from legfem.diagnose.mechanisms import Mechanism
-from legfem.diagnose.mechanisms.contact_onset import ContactOnset
-from legfem.diagnose.mechanisms.force_drift import ForceDrift
-from legfem.diagnose.mechanisms.strain_stiffening import StrainStiffening
-from legfem.diagnose.mechanisms.viscoelasticity import TissueRelaxation
-from legfem.diagnose.observations import Observations, observe
-from legfem.diagnose.predict import Predictor
-from legfem.diagnose.unknown import possible_discrepancies, with_discrepancy
+from legfem.inverse.discrepancy import possible_discrepancies, with_discrepancy
 from legfem.inverse.errors import error_model
+from legfem.inverse.explain import explain
+from legfem.inverse.explanation import Explained, Explanation
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit, fit_base
+from legfem.inverse.observations import Observations, observe
+from legfem.inverse.predictor import Predictor
 from legfem.inverse.trial_noise import estimate_noise
+from legfem.inverse.verdict import slowest_of
+from legfem.legs.mechanisms import Mechanism
+from legfem.legs.mechanisms.contact_onset import ContactOnset
+from legfem.legs.mechanisms.force_drift import ForceDrift
+from legfem.legs.mechanisms.strain_stiffening import StrainStiffening
+from legfem.legs.mechanisms.viscoelasticity import TissueRelaxation
 from legfem.specimens.rig import RigCompliance
 from studies.recordings.curves import DEEPEST, LayerCurves
 from studies.recordings.data import MeatTest

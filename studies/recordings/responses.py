@@ -16,9 +16,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.mechanisms import Stiffness, TissueMechanism, Values
-from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S, TissueRelaxation
-from legfem.diagnose.observations import Observations
+from legfem.inverse.observations import Observations
+from legfem.legs.mechanisms import Stiffness, TissueMechanism, Values
+from legfem.legs.mechanisms.viscoelasticity import TIMES_S, TissueRelaxation
 from studies.recordings.curves import ElasticCurves
 from studies.recordings.motion import Motion
 
@@ -30,7 +30,7 @@ _KEPT = 50
 
 @dataclass(frozen=True, eq=False)
 class SpecimenResponses:
-    """Responses of one specimen; see `legfem.diagnose.predict.Responses`.
+    """Responses of one specimen; see `legfem.inverse.predictor.Responses`.
 
     Parameters
     ----------

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from legfem.common.doubts import Doubt, doubt_lines
-from legfem.diagnose.sentences import percent
 from legfem.geometry.section import girth
+from legfem.inverse.plan import DesignValue
+from legfem.legs.plan import Expected
 from legfem.legs.subject import Subject
-from legfem.plan.reckon import DesignValue
-from legfem.plan.run import Expected
+from legfem.report.diagnosis_sentences import percent
 from legfem.report.diagnosis_style import plain
 from legfem.report.plan import NOTE, NOTHING, effects_of
 from legfem.report.style import LAW_NAMES

@@ -1,1 +1,0 @@
-"""The next experiment, reckoned: which test would tell explanations apart, and how probably."""
