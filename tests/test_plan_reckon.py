@@ -9,11 +9,11 @@ import pytest
 from making_diagnosed import diagnosed
 from making_diagnosis import NOISE
 
+from legfem.inverse import plan as reckoning
 from legfem.inverse.explanation import Explanation
 from legfem.inverse.plan import Candidate, Design, evaluate_design
 from legfem.inverse.verdict import Diagnosis
 from legfem.legs.nuisances import Accuracy, nuisance_effects
-from legfem.plan import evaluate_design as reckoning
 from legfem.solve.protocol import Protocol
 
 TWINS = ("fascia-stiffness", "prestress", "force-drift")

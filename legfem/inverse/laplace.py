@@ -3,14 +3,14 @@ r"""Posterior of an explanation: Laplace's approximation about its fit, and wher
 **First contact** is ambiguous in recordings that show no air. Most labs start at first touch, and then it is known to a
 twentieth of a millimetre; some start above the skin by less than a recording shows. The evidence is that of both.
 
-**Strengths measured by other means**: a reading :math:`m` with standard deviation :math:`\sigma` multiplies the evidence
-of every explanation by :math:`N(m;\ \mu,\ \sigma^2 + s^2)`, with the strength's mean :math:`\mu` and standard deviation s
-by the recordings (its null and nought where the explanation hasn't that mechanism), and moves an explanation's
-parameters as an observation of one of them does (R. E. Kalman, J. Basic Eng. 82 (1960) 35).
+**Strengths measured by other means**: a reading :math:`m` with standard deviation :math:`\sigma` multiplies the
+evidence of every explanation by :math:`N(m;\ \mu,\ \sigma^2 + s^2)`, with the strength's mean :math:`\mu` and standard
+deviation s by the recordings (its null and nought where the explanation hasn't that mechanism), and moves an
+explanation's parameters as an observation of one of them does (R. E. Kalman, J. Basic Eng. 82 (1960) 35).
 
-**A strength's effect** is often far from linear: fat ten times as stiff isn't twice as much as five times, and a tension
-takes ever more of the force. So the strength :math:`z` (in standard deviations of its prior) is held at steps either
-side of the fit, all else is fitted anew at each, and
+**A strength's effect** is often far from linear: fat ten times as stiff isn't twice as much as five times, and a
+tension takes ever more of the force. So the strength :math:`z` (in standard deviations of its prior) is held at steps
+either side of the fit, all else is fitted anew at each, and
 
 .. math:: Z = \int p(z) Z(z) dz \Big/ \int p(z) dz
 

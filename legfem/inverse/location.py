@@ -7,9 +7,9 @@ projected signature :math:`s`,
 
 .. math:: T = \frac{\max(0, s^T w)^2}{s^T s}
 
-(two-sided where the strength may have either sign), the largest over the mechanism's shapes. Draws of the errors through
-the same arithmetic give p-values for each mechanism, for the largest of all (family-wise), and for windows of stations,
-whose signatures are boxes.
+(two-sided where the strength may have either sign), the largest over the mechanism's shapes. Draws of the errors
+through the same arithmetic give p-values for each mechanism, for the largest of all (family-wise), and for windows of
+stations, whose signatures are boxes.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 r"""The probability that a further test would distinguish explanations.
 
 Data of one explanation are predicted by another with its parameters' posterior of today. With :math:`\Delta` the
-difference of both predictions, :math:`S` the errors of the new test and :math:`J \Sigma J^T` what the other's parameters
-may still take up,
+difference of both predictions, :math:`S` the errors of the new test and :math:`J \Sigma J^T` what the other's
+parameters may still take up,
 
 .. math:: m = \tfrac12 \Delta^T (S + J \Sigma J^T)^{-1} \Delta
 
@@ -11,8 +11,8 @@ reached with probability :math:`\Phi((m - 3) / \sqrt{2 m})`. No effect has quite
 that a form leaves something, what it may leave of both is among the errors. Compare D. V. Lindley, Ann. Math. Statist.
 27 (1956) 986-1005.
 
-A direct reading of an effect's strength, without the indenter, is an observation of one of the explanations' parameters:
-the strength that the recordings gave it, or its null where an explanation hasn't that effect.
+A direct reading of an effect's strength, without the indenter, is an observation of one of the explanations'
+parameters: the strength that the recordings gave it, or its null where an explanation hasn't that effect.
 """
 
 from __future__ import annotations
