@@ -284,7 +284,7 @@ def test_a_strength_is_integrated_out_as_its_explanation_was_weighed(monkeypatch
     seen = []
     monkeypatch.setattr(
         explain_module,
-        "integrated",
+        "integrate_strength",
         lambda own, fitted, posterior, of: seen.append((own, fitted, of.keywords)) or posterior,
     )
     weighed = [e for e in explain(problem, base, SOUGHT).every if e.whole]

@@ -1,6 +1,6 @@
 """``python -m legfem.diagnose``: see `legfem.commands.diagnose`."""
 
-if __name__ == "__main__":
-    from legfem.commands.diagnose import app
+from legfem.commands.diagnose import app
 
+if __name__ == "__main__":
     app(prog_name="python -m legfem.diagnose")

@@ -1,6 +1,6 @@
 """``python -m legfem.plan``: see `legfem.commands.plan`."""
 
-if __name__ == "__main__":
-    from legfem.commands.plan import app
+from legfem.commands.plan import app
 
+if __name__ == "__main__":
     app(prog_name="python -m legfem.plan")

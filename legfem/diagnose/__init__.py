@@ -1,0 +1,1 @@
+"""The command ``python -m legfem.diagnose``, and the callable ``legfem.diagnose(...)``."""
