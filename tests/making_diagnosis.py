@@ -10,9 +10,9 @@ import numpy as np
 from legfem.common.units import FloatArray
 from legfem.data import Instrument, Recording, segment_all
 from legfem.diagnose.fit import Fit, Problem, fit
+from legfem.diagnose.library import NuisanceChanges
 from legfem.diagnose.mechanisms import Mechanism, Stiffness, TissueMechanism, Values, mechanism_named
 from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S, Viscoelasticity
-from legfem.diagnose.nuisances import Nuisances
 from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.predict import Predictor
 from legfem.diagnose.stations import Stations
@@ -66,10 +66,9 @@ class ClosedForm:
     grid: FloatArray = field(default_factory=GRID.copy)
     c10_bounds: tuple[float, float] = (0.05, 20.0)
     c20_bounds: tuple[float, float] = (0.0, 20.0)
-    correction: None = None
     missing: Mapping[str, str] = field(default_factory=dict)
     """Mechanisms that aren't tested, and why."""
-    nuisances: Nuisances = field(default_factory=lambda: Nuisances(GRID, {}, {}))
+    nuisances: NuisanceChanges = field(default_factory=lambda: NuisanceChanges(GRID, {}, {}))
 
     def curve(self, c10: float, c20: float) -> FloatArray:
         """Return the force (N)."""

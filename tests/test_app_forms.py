@@ -18,7 +18,7 @@ from legfem.legs.schema import SubjectFile, subject_entry
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.specimens.folder import load_specimen
 from legfem.specimens.schema import SpecimenFile, parse_specimen_file
-from legfem.stocking.leg_file import LegFile, parse_leg_file
+from legfem.stockings.schema import LegFile, parse_leg_file
 
 SUBJECT = RESOURCES / "frauziols" / "subjects" / "3"
 

@@ -26,7 +26,7 @@ from legfem.report.slices_figure import slices_figure
 from legfem.report.style import save
 from legfem.specimens.folder import FILE, load_specimen
 from legfem.specimens.schema import parse_specimen_file
-from legfem.stocking.loading import LEGS, load_leg
+from legfem.stockings.loading import LEGS, load_leg
 
 PREVIEW = "preview.json"
 
