@@ -26,7 +26,10 @@ def data() -> None:
 def look(
     files: Annotated[
         list[Path] | None,
-        typer.Argument(help="CSV, text, xlsx, TDMS, LVM, MAT or HDF5; one trial each.", show_default=False),
+        typer.Argument(
+            help="CSV, text, xlsx, xls, TDMS, LVM, MAT, HDF5, or one of them zipped; one trial each.",
+            show_default=False,
+        ),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for results; results/look by default.")] = None,
     time: Annotated[str | None, typer.Option(help="NAME or NAME:UNIT of the column.")] = None,

@@ -11,7 +11,7 @@ from legfem.common.errors import InputError
 from legfem.common.input_files import check_printable
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Channels, Instrument, Recording, check_trial, read_samples, seen_instrument
-from legfem.data.formats import READERS
+from legfem.data.formats import recording_files
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection, first_crossing
 from legfem.legs.elastography import ShearModulus, fibre_ratio
@@ -159,7 +159,7 @@ def _instrument(toml: Path, given: SubjectFile, recordings: Sequence[Recording],
 
 
 def _recordings(folder: Path, channels: Channels | None) -> tuple[Recording, ...]:
-    there = sorted(f for f in folder.glob("*") if f.suffix.lower() in READERS)
+    there = recording_files(folder)
     files = there if channels is not None else [f for f in there if f.suffix.lower() == ".csv"]
     if not files:
         raise InputError(
