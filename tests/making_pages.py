@@ -59,12 +59,11 @@ from legfem.solve.force_curve import ForceCurve
 from legfem.specimens.folder import load_specimen
 from legfem.specimens.recorded import LeftOut
 from legfem.specimens.result import ComparedRecording, SpecimenResult
-from legfem.stocking.accuracy import ContourAccuracy
-from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
-from legfem.stocking.leg import StockingLeg
-from legfem.stocking.leg_model import SURFACES
-from legfem.stocking.run import StockingResult, StockingSettings, run_leg
-from legfem.stocking.veins import default_veins
+from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
+from legfem.stockings.leg import StockingLeg, default_veins
+from legfem.stockings.leg_model import SURFACES
+from legfem.stockings.misfit import ContourAccuracy
+from legfem.stockings.result import StockingResult, StockingSettings, run_leg
 from legfem.study.correction.calibration import Calibrated, Calibration
 from legfem.study.correction.cases import CaseOutcome
 from legfem.study.correction.web_page import correction_web_page

@@ -19,12 +19,12 @@ from itertools import count
 from pathlib import Path
 
 from legfem.common.errors import InputError
-from legfem.common.toml_file import FileTable
+from legfem.common.input_files import FileTable
 from legfem.common.versions import legfem_version
 from legfem.data.formats import READERS
 from legfem.legs.schema import SubjectFile
 from legfem.specimens.schema import SpecimenFile
-from legfem.stocking.leg_file import LegFile
+from legfem.stockings.schema import LegFile
 
 DESCRIPTIONS: dict[str, type[FileTable]] = {
     "subject.toml": SubjectFile,

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from legfem.common.command_edge import command_edge, leave_to_first_rank
+from legfem.common.command_line import AsJson, Quiet, command_edge, leave_to_first_rank
 from legfem.common.errors import InputError
-from legfem.common.outcome_options import AsJson, Quiet
 
 if TYPE_CHECKING:
     from legfem.meshing.named_mesh import NamedMesh
@@ -101,7 +100,7 @@ def _asked(subject: str | None, folder: Path | None, stocking: str | None, ideal
         )
     from legfem.commands.leg_meshes import idealised_mesh, section_mesh, stocking_mesh
     from legfem.legs.schema import SUBJECTS
-    from legfem.stocking.loading import LEGS
+    from legfem.stockings.loading import LEGS
 
     if idealised:
         return idealised_mesh(finer).mesh

@@ -20,7 +20,7 @@ from legfem.inverse.library_build import build_library, middle_of
 from legfem.inverse.observations import Observations, observe
 from legfem.inverse.responses import PLAIN, SolvedResponses
 from legfem.inverse.verdict import Diagnosis
-from legfem.jobs.fingerprint import code_fingerprint
+from legfem.jobs.key import code_fingerprint
 from legfem.legs.diagnosis import STIFFENING, diagnose_body, shown_mechanisms
 from legfem.legs.nuisances import Accuracy
 from legfem.specimens.folder import FILE, SpecimenFolder, stiffness_doubts

@@ -11,8 +11,7 @@ from legfem.common.errors import InputError
 from legfem.common.progress import Progress, Silent
 from legfem.jobs.key import Contents
 from legfem.jobs.pool import Workers
-from legfem.jobs.resume import finish
-from legfem.jobs.store import Store
+from legfem.jobs.store import Store, finish
 from legfem.legs.diagnosis import Diagnoser
 from legfem.legs.loading import load_subject
 from legfem.report.diagnosis_document import document

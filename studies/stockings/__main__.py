@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_edge import check_out_folder, command_edge, leave_to_first_rank, usable_cores
+from legfem.common.command_line import check_out_folder, command_edge, leave_to_first_rank, usable_cores
 from legfem.study.options import Jobs
 
 
@@ -50,7 +50,7 @@ def stockings(
     if part is not Part.SIZES:
         leave_to_first_rank()
     with command_edge():
-        from legfem.stocking.run import StockingSettings
+        from legfem.stockings.result import StockingSettings
         from studies.stockings import command
 
         check_out_folder(out)

@@ -15,7 +15,7 @@ from legfem.inverse.library_build import build_library
 from legfem.inverse.mechanism import Solution
 from legfem.inverse.observations import Observations
 from legfem.inverse.responses import Displaced, SolvedResponses, Stopped
-from legfem.jobs.fingerprint import code_fingerprint
+from legfem.jobs.key import code_fingerprint
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.diagnosis import shown_mechanisms
 from legfem.legs.mechanisms import Mechanism, TissueMechanism

@@ -1,0 +1,159 @@
+r"""95 % intervals of muscle's and fat's stiffness by profile likelihood.
+
+The profile of one stiffness is the least sum of squares with it held, over the other stiffness and
+the nuisances. With :math:`w` the whitened distances, :math:`N` their derivatives by the nuisances
+and :math:`\Sigma` the priors' covariance, that sum is :math:`w^T (1 + N \Sigma N^T)^{-1} w`, where
+:math:`w(\theta)` is interpolated between the equilibria solved so far (`legfem.inverse.emulator`).
+Where an end of an interval lies far from all of them, one more is solved there. An interval that
+reaches a bound of the search, or stiffnesses at which the leg can't be computed, is open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.inverse.emulator import Kriging
+from legfem.inverse.intervals import profile_interval, profile_point, quantile
+from legfem.inverse.least_squares import least_residual
+from legfem.inverse.parameter import Priors
+from legfem.stockings.misfit import ContourMisfit
+from legfem.stockings.nuisances import NuisanceSlopes
+from legfem.stockings.scan_fit import BesideScan
+
+FAR, FARTHEST = 0.35, 1.0
+"""Distance from all equilibria that were solved, in `_coordinates`, beyond which an end is solved
+for, and how far from them that may be."""
+MOST = 8
+"""Equilibria solved for the ends."""
+_NUGGET = 1e-6
+"""An equilibrium is found to some 1e-4 of its pressure."""
+_MIDDLE = kpa_to_mpa(3.0)
+
+type Compare = Callable[[FloatArray], BesideScan | None]
+"""Solves at stiffnesses (MPa); None where that can't be."""
+
+
+class MisfitEmulator:
+    """The misfit at any stiffness, nuisances at their best, from worn legs that were solved.
+
+    Parameters
+    ----------
+    found
+        Beside the scan.
+    misfit, nuisances
+        Of the leg.
+    sensor_sd
+        Of its sensors' readings, (s,), MPa.
+    priors
+        Of the stiffnesses (MPa).
+    """
+
+    def __init__(
+        self,
+        found: Sequence[BesideScan],
+        misfit: ContourMisfit,
+        nuisances: NuisanceSlopes,
+        sensor_sd: FloatArray,
+        priors: Priors,
+    ) -> None:
+        self._priors = priors
+        self._white, self._sensor_sd = nuisances.of(misfit.whitened), sensor_sd
+        self.at = _coordinates(np.log([one.parameters for one in found]))
+        values = [np.concatenate([misfit.whitened(one.distances), one.felt]) for one in found]
+        slopes = np.stack([np.vstack([misfit.whitened(one.slopes), one.felt_slopes]).T for one in found])
+        # Of q = exp(-x / 2) the derivative by x is -q / 2.
+        slopes /= -0.5 * self.at[:, :, None]
+        self._values = Kriging(self.at, np.array(values), slopes, _NUGGET)
+
+    def residual(self, logs: FloatArray) -> FloatArray:
+        """Return what adds up to the sum of squares (..., m), at logarithms of C10 (..., 2)."""
+        flat = logs.reshape(-1, logs.shape[-1])
+        every = [
+            self._uncorrelated(np.exp(one), values)
+            for one, values in zip(flat, self._values(_coordinates(flat)), strict=True)
+        ]
+        return np.array(every).reshape(*logs.shape[:-1], -1)
+
+    def _uncorrelated(self, parameters: FloatArray, values: FloatArray) -> FloatArray:
+        felt = self._white.felt(parameters) / self._sensor_sd[:, None]
+        slopes = np.vstack([self._white.at(parameters), felt]) * self._white.sd
+        factor = np.linalg.cholesky(np.eye(len(slopes)) + slopes @ slopes.T)
+        unexplained = solve_triangular(factor, values, lower=True)
+        return np.concatenate([unexplained, self._priors.residual(parameters)])
+
+
+def profile_intervals(
+    best: FloatArray,
+    log_covariance: FloatArray,
+    bounds: tuple[float, float],
+    emulate: Callable[[], MisfitEmulator],
+    compare: Compare,
+) -> FloatArray:
+    """Return 95 % intervals of the stiffnesses, (2, 2), MPa; 0 and infinity where they are open.
+
+    Parameters
+    ----------
+    best : (2,) array
+        Best stiffnesses found (MPa).
+    log_covariance : (2, 2) array
+        Of their logarithms, for a first guess.
+    bounds : (float, float)
+        Of the search (MPa).
+    emulate
+        Returns the emulator of all that was compared by now.
+    compare
+        Solves for one more equilibrium.
+    """
+    box = np.tile(np.log(bounds), (len(best), 1))
+    half = np.clip(quantile(0) * np.sqrt(np.diag(log_covariance)), 0.02, 1.0)
+    reach = np.full(box.shape, FARTHEST)
+    for solved in range(MOST + 1):
+        emulator = emulate()
+        least = least_residual(emulator.residual, np.clip(np.log(best), *box.T), box)
+        ends = np.array(
+            [profile_interval(emulator.residual, least, k, quantile(0) ** 2, box, half[k]) for k in range(len(best))]
+        )
+        points = np.array(
+            [
+                [profile_point(emulator.residual, least, k, end, box, half[k]) for end in ends[k]]
+                for k in range(len(best))
+            ]
+        )
+        away = _gaps_to_solved(points, emulator.at)
+        unknown = away >= FAR
+        tried = np.where(reach >= FAR, away, 0.0)
+        if solved == MOST or tried.max() < FAR:
+            break
+        end = np.unravel_index(np.argmax(tried), tried.shape)
+        if compare(np.exp(_nearer(points[end], emulator.at, reach[end]))) is None:
+            # Where a leg can't be computed, a point nearer to the others may do.
+            reach[end] /= 2
+    lost = unknown & (reach < FAR)
+    found = np.exp(ends)
+    found[(ends[:, 0] <= box[:, 0] + 1e-9) | lost[:, 0], 0] = 0.0
+    found[(ends[:, 1] >= box[:, 1] - 1e-9) | lost[:, 1], 1] = np.inf
+    return found
+
+
+def _coordinates(logs: FloatArray) -> FloatArray:
+    r"""Return :math:`\sqrt{3\,\mathrm{kPa} / C_{10}}`: a leg hardly changes where it is stiff."""
+    return np.asarray(np.exp(-0.5 * (logs - np.log(_MIDDLE))))
+
+
+def _gaps_to_solved(logs: FloatArray, at: FloatArray) -> FloatArray:
+    """Return how far logarithms of C10 (..., 2) are from the nearest solved ones (n, 2); (...)."""
+    apart = at - _coordinates(logs)[..., None, :]
+    return np.asarray(np.linalg.norm(apart, axis=-1).min(axis=-1))
+
+
+def _nearer(logs: FloatArray, at: FloatArray, reach: float) -> FloatArray:
+    """Return logarithms of C10 that are no farther from the solved ones than a reach."""
+    wanted = _coordinates(logs)
+    nearest = at[np.argmin(np.linalg.norm(at - wanted, axis=1))]
+    share = min(1.0, reach / float(np.linalg.norm(wanted - nearest)))
+    reached = nearest + share * (wanted - nearest)
+    return np.asarray(np.log(_MIDDLE) - 2 * np.log(reached))

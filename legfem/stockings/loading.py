@@ -1,0 +1,222 @@
+"""Loading of the folder of a leg in a stocking: ``leg.toml`` and the scans that it names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from legfem.common.errors import InputError
+from legfem.common.input_files import read_table
+from legfem.common.units import FloatArray, kpa_to_mpa, mmhg_to_mpa
+from legfem.data.folder import RESOURCES, Catalogue
+from legfem.geometry.cross_sections import Clearances
+from legfem.geometry.leg_shape import LegShape
+from legfem.geometry.shape_motion import rigidly_moved
+from legfem.geometry.slices import calf_levels
+from legfem.imaging.leg_source import LegSource
+from legfem.imaging.outlines import OutlineSettings
+from legfem.imaging.registration import Registration, register_shapes
+from legfem.imaging.shape_entry import ShapeEntry, existing
+from legfem.imaging.volume import check_same_spacing
+from legfem.legs.elastography import ShearModulus
+from legfem.mechanics.materials import NeoHookean
+from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking
+from legfem.stockings.leg import Posture, StockingLeg, Vein, default_veins
+from legfem.stockings.misfit import ContourAccuracy
+from legfem.stockings.plausibility import check_scans_differ, doubts_about_leg
+from legfem.stockings.schema import LegFile, SegmentEntry, StockingEntry, parse_leg_file
+from legfem.stockings.sensors import KINDS, USUAL_DIAMETER, Sensor, off_skin
+
+LEVEL_SPACING = 5.0
+"""Of the contours between which the leg's surfaces are smooth (mm)."""
+_MARGINS = {"bare": 10.0, "compressed": 40.0}
+"""Beyond the segment that is read (mm): smoothing reaches there; the second scan may be shifted."""
+_OFF_SKIN = 15.0
+"""Of a sensor's place (mm), beyond which it isn't on this leg."""
+OUTLINES = OutlineSettings()
+ROOM = Clearances(bone_to_fascia=1.5, fascia_to_skin=1.5)
+LEGS = Catalogue(RESOURCES / "dubuis" / "subjects", "leg.toml")
+
+
+def load_leg(directory: Path) -> StockingLeg:
+    """Load the folder of a leg: ``leg.toml`` and the files it names.
+
+    Raises
+    ------
+    InputError
+        If anything in the folder is missing or wrong; names file, field and remedy.
+    """
+    directory = Path(directory)
+    toml = LEGS.opened(directory)
+    given = parse_leg_file(toml)
+    bare_scan, levels = _opened(directory, toml, "bare", given.bare, given)
+    bare, scanned_bare = (bare_scan.shape(OUTLINES, levels, room) for room in (ROOM, None))
+    shapes, registration = [bare, scanned_bare], None
+    if given.compressed is not None:
+        scan, levels = _opened(directory, toml, "compressed", given.compressed, given)
+        if bare_scan.volume is not None and scan.volume is not None:
+            check_same_spacing(bare_scan.volume, scan.volume)
+        scanned = scan.shape(OUTLINES, levels)
+        check_scans_differ(scanned_bare, scanned, toml)
+        registration = register_shapes(_dense(scanned), _dense(scanned_bare))
+        motion = registration.transform
+        shapes.append(rigidly_moved(scanned, motion.rotation, motion.translation))
+    bare, scanned_bare, *others = _segment(toml, given, shapes)
+    compressed = others[0] if others else None
+    slices = calf_levels(bare)
+    tissues = {
+        name: NeoHookean(kpa_to_mpa(entry.C10_kPa or 3.0), entry.D1_per_MPa)
+        for name, entry in (("deep", given.tissues.deep), ("superficial", given.tissues.superficial))
+    }
+    leg = StockingLeg(
+        given.id,
+        given.title,
+        given.origin,
+        bare,
+        scanned_bare,
+        compressed,
+        registration,
+        _stocking(directory, toml, given.stocking, bare),
+        _accuracy(given, registration),
+        tissues,
+        None not in (given.tissues.deep.C10_kPa, given.tissues.superficial.C10_kPa),
+        given.segment.ends,
+        slices,
+        _veins(given, bare, float(np.median(slices))),
+        _sensors(toml, given, bare),
+        _posture(given),
+        tuple(map(ShearModulus.of, given.elastography)),
+    )
+    return replace(leg, doubts=doubts_about_leg(leg, toml))
+
+
+def _opened(
+    directory: Path, toml: Path, field: str, entry: ShapeEntry, given: LegFile
+) -> tuple[LegSource, FloatArray | None]:
+    """Return what a leg's shape is taken from, and the levels at which to cut surfaces (mm)."""
+    source = LegSource.opened(directory, toml, field, entry, given.labels)
+    source = source.between(*_levels_to_read(field, given.segment))
+    if source.surfaces is None:
+        return source, None
+    low, high = given.segment.from_mm, given.segment.to_mm
+    if low is None or high is None:
+        raise InputError(toml, "segment", "surfaces need the part of the leg to model", "add from_mm and to_mm")
+    return source, np.linspace(low, high, max(1 + round((high - low) / LEVEL_SPACING), 2))
+
+
+def _levels_to_read(field: str, segment: SegmentEntry) -> tuple[float, float]:
+    """Return the levels of a scan that the segment needs: what lies beyond may be anything."""
+    margin = _MARGINS[field]
+    return (
+        -np.inf if segment.from_mm is None else segment.from_mm - margin,
+        np.inf if segment.to_mm is None else segment.to_mm + margin,
+    )
+
+
+def _dense(shape: LegShape) -> LegShape:
+    """Return the shape at a level a millimetre: registration wants the bones' surfaces."""
+    return shape.at_levels(np.linspace(shape.levels[0], shape.levels[-1], 1 + round(shape.length)))
+
+
+def _segment(toml: Path, given: LegFile, shapes: Sequence[LegShape]) -> list[LegShape]:
+    """Cut shapes to the levels that they share and the file asks for, evenly spaced."""
+    low = max(shape.levels[0] for shape in shapes)
+    high = min(shape.levels[-1] for shape in shapes)
+    asked = given.segment
+    for name, value in (("from_mm", asked.from_mm), ("to_mm", asked.to_mm)):
+        if value is not None and not low - 1e-6 <= value <= high + 1e-6:
+            raise InputError(
+                toml,
+                f"segment.{name}",
+                f"{value:g} mm is not in what the scans share, {low:.4g} to {high:.4g} mm",
+                "choose a level within it",
+            )
+    low = low if asked.from_mm is None else max(low, asked.from_mm)
+    high = high if asked.to_mm is None else min(high, asked.to_mm)
+    if high - low < 40.0:
+        raise InputError(toml, "segment", f"is {high - low:.3g} mm long", "give scans that share 40 mm or more")
+    levels = np.linspace(low, high, 1 + max(2, round((high - low) / LEVEL_SPACING)))
+    return [shape.at_levels(levels) for shape in shapes]
+
+
+def _stocking(directory: Path, toml: Path, entry: StockingEntry, bare: LegShape) -> Stocking:
+    if entry.compression_class is not None:
+        chosen = CompressionClass(entry.compression_class)
+        return fitted_stocking(bare, ClassFit(chosen, entry.stiffness_N_per_mm))
+    if entry.unstretched_mm is not None:
+        return Stocking(entry.stiffness_N_per_mm, bare.levels[:1], np.array([entry.unstretched_mm]))
+    assert entry.unstretched is not None
+    path = existing(directory, entry.unstretched, toml, "stocking.unstretched")
+    table = read_table(path, ("level_mm", "perimeter_mm"))
+    return Stocking(
+        entry.stiffness_N_per_mm, table["level_mm"].to_numpy(np.float64), table["perimeter_mm"].to_numpy(np.float64)
+    )
+
+
+def _accuracy(given: LegFile, registration: Registration | None) -> ContourAccuracy:
+    smoothed = given.bare.scan is not None
+    accuracy = ContourAccuracy(
+        given.accuracy.contour_sd_mm,
+        given.accuracy.correlation_mm,
+        OUTLINES.around if smoothed else 0.0,
+        OUTLINES.along if smoothed else 0.0,
+        pressure_sd=given.accuracy.pressure_relative_sd,
+        tension_sd=given.accuracy.tension_relative_sd,
+    )
+    if registration is None:
+        return accuracy
+    sx, sy, sz = map(float, np.maximum(registration.standard_error, 0.02))
+    tx, ty, tz = map(float, np.maximum(np.radians(registration.rotation_error), 1e-4))
+    return replace(accuracy, shift_sd=(sx, sy, sz), turn_sd=(tx, ty, tz))
+
+
+def _posture(given: LegFile) -> Posture | None:
+    entry = given.posture
+    if entry is None:
+        return None
+    lying = None if entry.lying_mmHg is None else mmhg_to_mpa(entry.lying_mmHg)
+    return Posture(entry.heart_mm, lying)
+
+
+def _sensors(toml: Path, given: LegFile, bare: LegShape) -> tuple[Sensor, ...]:
+    found = []
+    for entry in given.sensor:
+        field, position = f"sensor {entry.name}", np.array(entry.position_mm)
+        if not bare.levels[0] <= position[2] <= bare.levels[-1]:
+            raise InputError(
+                toml,
+                f"{field}, position_mm",
+                f"z = {position[2]:g} mm is not in the part of the leg that is modelled, "
+                f"{bare.levels[0]:.4g} to {bare.levels[-1]:.4g} mm",
+                "model more, or leave it out",
+            )
+        away = off_skin(bare, position)
+        if away > _OFF_SKIN:
+            raise InputError(
+                toml,
+                f"{field}, position_mm",
+                f"lies {away:.0f} mm off the bare leg's skin",
+                "give a point of the skin in the bare scan's coordinates, mm",
+            )
+        pressure = mmhg_to_mpa(entry.pressure_mmHg)
+        if entry.instrument is None:
+            assert entry.sd_mmHg is not None
+            sd, usual = mmhg_to_mpa(entry.sd_mmHg), USUAL_DIAMETER
+        else:
+            kind = KINDS[entry.instrument]
+            sd, usual = kind.relative_sd * pressure, kind.diameter
+        found.append(Sensor(entry.name, position, pressure, sd, entry.diameter_mm or usual))
+    names = [one.name for one in found]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise InputError(toml, "sensor.name", f"two are called {twice!r}", "give each its own")
+    return tuple(found)
+
+
+def _veins(given: LegFile, bare: LegShape, level: float) -> tuple[Vein, ...]:
+    if given.veins:
+        return tuple(Vein(vein.name, np.array(vein.position_mm)) for vein in given.veins)
+    return default_veins(bare, level) if {"tibia", "fibula"} <= set(bare.bones) else ()
