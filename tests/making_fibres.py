@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from legfem.experiments.axisymmetric import BallOnLayer, CylinderBetweenPlates
 from legfem.experiments.lateral_cylinder import CylinderOnBlock
-from legfem.legs.fibre_ratio import ratio_of
+from legfem.inverse.fibre_ratio import ratio_of
 from legfem.specimens.forward import SpecimenForward
 from legfem.specimens.tissues import SpecimenTissue
 

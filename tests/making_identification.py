@@ -16,7 +16,7 @@ from legfem.identify.result import IdentificationResult, identification_result
 from legfem.inverse.fit import fit_with
 from legfem.inverse.outcome import FullSolver, JointForward, Outcome
 from legfem.inverse.parameter import Parameter
-from legfem.inverse.settings import IdentificationSettings, SearchRequest, sensitivities_of
+from legfem.inverse.settings import IdentificationSettings, SearchRequest
 from legfem.jobs.store import Store
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.identification import as_leg
@@ -125,5 +125,5 @@ def identify(
     request = SearchRequest(parameters, fixed or {}, settings=settings)
     problem = leg_problem(as_leg(subject), laws, request, [correction], JointForward((model,)))
     store = None if solves is None else Store(solves, Outcome, model.fingerprint())
-    with FullSolver(problem.forward, store, 1, Silent(), sensitivities_of(problem.unknowns)) as solver:
+    with FullSolver(problem.forward, store, 1, Silent(), problem.sensitivities) as solver:
         return [identification_result(one) for one in fit_with(problem, laws, solver, settings)]

@@ -12,8 +12,8 @@ from making_identification import DEPTH, AnalyticLeg, pressed_leg
 
 from legfem.data import Recording
 from legfem.inverse.catalogue import DEEP_C10, DEEP_RATIO
+from legfem.inverse.fibre_ratio import at_ratios, moduli_needed
 from legfem.inverse.outcome import Outcome
-from legfem.legs.fibre_ratio import at_ratios, moduli_needed
 from legfem.legs.model_3d import LegModels
 from legfem.legs.placement import spatial_leg
 from legfem.legs.subject import SitedLeg

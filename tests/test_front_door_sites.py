@@ -19,7 +19,7 @@ from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.inverse.settings import IdentificationSettings
 from legfem.legs import fit_in_3d as spatial
-from legfem.legs import identification as joint
+from legfem.legs import problem
 from legfem.report.style import LAW_NAMES
 
 RATIO = ("deep.C10", "deep.fibre_ratio")
@@ -31,11 +31,11 @@ def closed_form(monkeypatch):
     """Sections of sites in closed form; returns the numbers that they would be solved with."""
     asked = []
 
-    def model(leg, depth, settings=None):
+    def model(leg, request, settings=None):
         asked.append(settings)
         return sites_model()
 
-    monkeypatch.setattr(joint, "sites_model", model)
+    monkeypatch.setattr(problem, "section_forward", model)
     return asked
 
 
@@ -48,7 +48,7 @@ def in_space(folder: Path) -> Path:
 @pytest.fixture(scope="module")
 def both(tmp_path_factory):
     patch = pytest.MonkeyPatch()
-    patch.setattr(joint, "sites_model", lambda *_: sites_model())
+    patch.setattr(problem, "section_forward", lambda *_: sites_model())
     found = lf.identify(sited_leg(tmp_path_factory.mktemp("leg"), 0.6, 1.5))
     patch.undo()
     return found

@@ -9,7 +9,7 @@ import pytest
 from making_specimens import BAR, PLANTED, compressed, ramp, record
 
 import legfem as lf
-from legfem.specimens.own_stiffness import OwnStiffness
+from legfem.specimens.comparison import OwnStiffness
 
 
 def test_specimens_of_differing_stiffness_tell_one_law(tmp_path: Path) -> None:

@@ -19,8 +19,8 @@ from legfem.common.doubts import Doubt
 from legfem.common.units import FloatArray, readable_unit
 from legfem.common.versions import versions_of
 from legfem.inverse.catalogue import DEEP_C20, Values, key_of, short_key_of, unit_suffix, with_units
-from legfem.inverse.comparison import Comparison, Covariances, JointComparison, Test, Weighting
-from legfem.inverse.data import Channel
+from legfem.inverse.comparison import Comparison, Covariances, JointComparison, Weighting
+from legfem.inverse.data import Channel, Data
 from legfem.inverse.estimates import Estimate, Optimum, correlations_of, estimates
 from legfem.inverse.intervals import VERDICTS, Identifiability
 from legfem.inverse.laws import IdentifiedLaw, LawName, model_values
@@ -148,13 +148,27 @@ class ChannelFit:
         return 1 - float(np.sum(self.residual**2) / np.sum((values - values.mean()) ** 2))
 
 
+class Measured(Protocol):
+    """A test as its result has it."""
+
+    @property
+    def name(self) -> str:
+        """What people call it."""
+        ...
+
+    @property
+    def data(self) -> Data:
+        """Channels of readings."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class TestFit:
     """One test beside the fit."""
 
     __test__ = False  # pytest's
 
-    test: Test
+    test: Measured
     channels: tuple[ChannelFit, ...]
     goodness: Goodness
     """Of this test's differences alone, with as many degrees of freedom as readings."""
@@ -254,8 +268,17 @@ class Problem[C: Comparison](Protocol):
         ...
 
     @property
+    def sensitivities(self) -> tuple[str, ...]:
+        """Full names of the model's parameters that solves are differentiated by."""
+        ...
+
+    @property
     def weighs_shared_errors(self) -> bool:
         """Whether errors that tests share are weighed against what was known beforehand."""
+        ...
+
+    def refined(self, search: Search[C]) -> C | None:
+        """Comparison made anew about what a search found, to search again; None where it stays as it is."""
         ...
 
     def assessed(self, found: Found[C]) -> Fit[Any]:
@@ -282,7 +305,7 @@ def fit[C: Comparison](problem: Problem[C], laws: Sequence[LawName], request: Se
     SearchError
         If too few full solves come as far as what was measured.
     """
-    with request.solver(problem.forward, problem.unknowns) as solver:
+    with request.solver(problem.forward, problem.sensitivities, len(problem.unknowns)) as solver:
         return fit_with(problem, laws, solver, request.settings)
 
 
@@ -293,7 +316,9 @@ def fit_with[C: Comparison](
     near = None
     if problem.weighs_shared_errors:
         near = Searches(problem.unknowns, solver, settings, problem.comparison).nearest(laws)
-    searches = Searches(problem.unknowns, solver, settings, lambda law: problem.comparison(law, near))
+    searches = Searches(
+        problem.unknowns, solver, settings, lambda law: problem.comparison(law, near), refined=problem.refined
+    )
     return [problem.assessed(found) for found in searches.find(laws)]
 
 

@@ -70,6 +70,8 @@ def run_plain(search: Search) -> None:
     search.converged = search.is_near_optimum()
 
 
+_MOST_REFINED = 6
+"""Times that a comparison is made anew about what a search found."""
 # C20 over its standard error below which the neo-Hookean limit is looked at by itself.
 _NEAR_LIMIT = 3.0
 
@@ -133,6 +135,8 @@ class Searches[C: Comparison]:
         Returns the comparison with what was measured, given a law.
     earlier : Mapping[str, Search]
         Searches with other weights, with whose solves those of the same laws begin.
+    refined : callable
+        Returns a comparison made anew about what a search found, beside which it goes on; None where it ends.
     """
 
     laws: Mapping[LawName, IdentifiedLaw]
@@ -140,6 +144,7 @@ class Searches[C: Comparison]:
     settings: IdentificationSettings
     misfit_of: Callable[[IdentifiedLaw], C]
     earlier: Mapping[LawName, Search[C]] = field(default_factory=dict)
+    refined: Callable[[Search[C]], C | None] = lambda search: None
 
     def __post_init__(self) -> None:
         """Begin with no law searched for."""
@@ -182,16 +187,25 @@ class Searches[C: Comparison]:
         new = {name: self._new(name) for name in names}
         self.solver.progress.stage(f"identifying the {' and the '.join(new)} law")
         started = time.perf_counter()
-        if self.settings.emulator:
-            run_together(list(new.values()))
-        else:
-            for search in new.values():
-                run_plain(search)
+        self._settle(list(new.values()))
+        for name in new:
+            for _ in range(_MOST_REFINED):
+                if (comparison := self.refined(new[name])) is None:
+                    break
+                new[name] = new[name].beside(comparison)
+                self._settle([new[name]])
         spent = time.perf_counter() - started
         solves = sum(len(search.trials) for search in new.values())
         for name, search in new.items():
             self._searches[name] = search
             self._seconds[name] = spent * len(search.trials) / solves
+
+    def _settle(self, searches: list[Search[C]]) -> None:
+        if self.settings.emulator:
+            run_together(searches)
+            return
+        for search in searches:
+            run_plain(search)
 
     def _new(self, name: LawName) -> Search[C]:
         law = self.laws[name]

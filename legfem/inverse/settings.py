@@ -47,10 +47,6 @@ class IdentificationSettings:
     plain_minimiser: Minimiser = field(default_factory=lambda: Genetic(population=12, generations=25))
 
 
-_ALWAYS_BY = ("deep.C10", "deep.C20", "superficial.C10", "fascia.C10")
-"""What every solve differentiates the force by: the back-substitutions cost next to nothing."""
-
-
 @dataclass(frozen=True)
 class SearchRequest:
     """What is to be identified, and with what means.
@@ -83,15 +79,24 @@ class SearchRequest:
     jobs: int = 1
     progress: Progress = field(default_factory=Silent)
 
-    def solver(self, model: Forward, laws: Mapping[LawName, IdentifiedLaw]) -> FullSolver:
-        """Return what solves a model, to be entered; the model is meshed and compiled here.
+    def solver(self, model: Forward, sensitivities: tuple[str, ...], laws: int = 1) -> FullSolver:
+        """Make what solves a model, to be entered; the model is meshed and compiled here.
 
         That compiles once for all processes, and finds what can't be meshed before files are made.
+
+        Parameters
+        ----------
+        model
+            Of all tests.
+        sensitivities
+            Full names of the model's parameters that solves are differentiated by.
+        laws
+            Number of laws that are searched for side by side.
         """
-        solver = FullSolver(model, None, self.jobs, self.progress, sensitivities_of(laws))
+        solver = FullSolver(model, None, self.jobs, self.progress, sensitivities)
         kept = None if self.out is None else self.out / "solves"
         if kept is None or not kept.exists():
-            solver.start(_prepare, most=len(laws) - 1)
+            solver.start(_prepare, most=laws - 1)
         self.progress.stage("meshing; on a machine's first run, compiling forms (some 20 s)")
         try:
             model.prepare()
@@ -107,7 +112,6 @@ def _prepare(model: Forward) -> None:
     model.prepare()
 
 
-def sensitivities_of(laws: Mapping[LawName, IdentifiedLaw]) -> tuple[str, ...]:
-    """Return the model's parameters that solves differentiate the force by."""
-    free = (law.names[k] for law in laws.values() for k in law.of_model)
-    return tuple(dict.fromkeys((*_ALWAYS_BY, *free)))
+def free_of_model(laws: Mapping[LawName, IdentifiedLaw]) -> tuple[str, ...]:
+    """Full names of the model's parameters, not the instrument's, that are free in any of the laws."""
+    return tuple(dict.fromkeys(law.names[k] for law in laws.values() for k in law.of_model))

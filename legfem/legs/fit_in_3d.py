@@ -9,7 +9,7 @@ and the length's alike at all.
 **Fibres.** Their ratio is told from C10 by ways of pressing that bend fibres unlike: a cylinder
 along the leg and one across, a punch, a ball. Pressed in one way alone, only the bend of the curve
 could tell, and real fibres bend it otherwise than the model has it: a mode of
-`legfem.legs.fibre_ratio.SHAPE_SD_OF_FIBRES` says so. How stiff fibres are in tension is known
+`legfem.inverse.fibre_ratio.SHAPE_SD_OF_FIBRES` says so. How stiff fibres are in tension is known
 to a factor of 2, alike at all sites.
 """
 
@@ -28,6 +28,7 @@ from legfem.data import LoadingCurve
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.inverse.catalogue import DEEP_RATIO, Values
 from legfem.inverse.comparison import JointComparison
+from legfem.inverse.fibre_ratio import SHAPE_SD_OF_FIBRES
 from legfem.inverse.fit import Fit
 from legfem.inverse.laws import IdentifiedLaw, LawName
 from legfem.inverse.outcome import ForwardModel, JointForward, Outcome, solve_test
@@ -39,7 +40,6 @@ from legfem.legs.correction import FIRST_RATIO, TabulatedCorrection
 from legfem.legs.correction_of_leg import FIBRES
 from legfem.legs.details import LegDetails, SpatialSites
 from legfem.legs.elastography import FibreRatio
-from legfem.legs.fibre_ratio import SHAPE_SD_OF_FIBRES
 from legfem.legs.laws import laws_of
 from legfem.legs.model_3d import SOLVES, LegModels, SpatialForward
 from legfem.legs.problem import LegProblem, split_instrument
@@ -241,19 +241,18 @@ def fit_in_3d(
     kept = tuple(_kept(one) for one in models)
     jobs = min(request.jobs, len(models)) if comm.size == 1 else 1
     unknowns = laws_of(leg.sites[0], laws, kept[0].nominal, parameters, request.fixed)
+    tests = tuple(SiteTest(site, curve) for site, curve in zip(leg.sites, curves, strict=True))
+    problem = LegProblem(leg, tests, JointForward(kept), unknowns, "covariance", own_errors)
     with (
         Workers(solve_test, kept, jobs, along=True) as workers,
-        replace(request, jobs=1).solver(JointForward(kept, workers), unknowns) as solver,
+        replace(request, jobs=1).solver(JointForward(kept, workers), problem.sensitivities) as solver,
     ):
-        tests = tuple(SiteTest(site, curve) for site, curve in zip(leg.sites, curves, strict=True))
         free = JointComparison(tests)
         few = replace(request.settings, most_solves=FIRST_SOLVES)
         most = max(laws, key=lambda name: len(unknowns[name].parameters))
         (start,) = Searches(unknowns, solver, few, lambda law: free).find([most])
         errors = model_errors(leg, models, start, request.progress, jobs)
-        problem = LegProblem(
-            leg, tests, JointForward(kept), unknowns, "covariance", own_errors, errors.summary
-        ).corrected(errors.modes)
+        problem = replace(problem, spatial=errors.summary).corrected(errors.modes)
         near = problem.comparison(start.search.law, (start.best.values, start.linear.prediction.values))
         settled = replace(request.settings, most_solves=MOST_SOLVES)
         searches = Searches(unknowns, solver, settled, lambda law: near, {most: start.search})

@@ -15,6 +15,7 @@ from legfem.common.errors import InputError
 from legfem.experiments.leg_3d import SolidLegSettings
 from legfem.experiments.plane_strain import PlaneStrainSettings
 from legfem.inverse.catalogue import DEEP_RATIO
+from legfem.inverse.fibre_ratio import check_in_plane
 from legfem.inverse.fit import Fit, fit
 from legfem.inverse.laws import LawName
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
@@ -22,7 +23,6 @@ from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import AUTO, NONE, choose_correction
 from legfem.legs.details import LegDetails
 from legfem.legs.experiments import tissues_of
-from legfem.legs.fibre_ratio import check_in_plane
 from legfem.legs.fit_in_3d import fit_in_3d
 from legfem.legs.forward import values_of
 from legfem.legs.model_3d import SOLVES, LegModels, check_has_ends, start_of_ratio
@@ -147,6 +147,6 @@ def confirmed_in_3d(
     """Fit one site's section, its correction confirmed by solves of the leg in 3D; see `TwoFidelities`."""
     (test,) = problem.tests
     assert test.correction is None or isinstance(test.correction, TabulatedCorrection)
-    with request.solver(problem.forward, problem.unknowns) as solver:
+    with request.solver(problem.forward, problem.sensitivities) as solver:
         both = TwoFidelities(problem, solver, request.settings, models, request.progress, test.correction)
         return both.fit(laws)

@@ -15,12 +15,12 @@ from legfem.common.progress import Progress, Silent
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membrane_of
 from legfem.experiments.pressing import OnStep
 from legfem.inverse.catalogue import DEEP_RATIO, Values, stiffness_in_words
+from legfem.inverse.fibre_ratio import USUAL_RATIO, at_ratios, moduli, moduli_needed
 from legfem.inverse.outcome import ForwardModel, Outcome
 from legfem.jobs.key import key_of
 from legfem.jobs.ranks import Together
 from legfem.legs.elastography import FibreRatio
 from legfem.legs.experiments import spatial_test, tissues_of
-from legfem.legs.fibre_ratio import USUAL_RATIO, at_ratios, moduli, moduli_needed
 from legfem.legs.film_3d import LegCamera, LegFilm, PressedLeg
 from legfem.legs.forward import values_of
 from legfem.legs.placement import SpatialLeg, spatial_leg

@@ -33,8 +33,9 @@ from legfem.inverse.intervals import IDENTIFIABLE_WITHIN, NUMERICAL_ERROR, NUMER
 from legfem.inverse.laws import IdentifiedLaw, LawName
 from legfem.inverse.outcome import Forward, JointForward
 from legfem.inverse.parameter import Parameter
+from legfem.inverse.search import Search
 from legfem.inverse.searches import Found
-from legfem.inverse.settings import SearchRequest
+from legfem.inverse.settings import SearchRequest, free_of_model
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import Correction
 from legfem.legs.details import AppliedCorrection, LegDetails, SpatialSites
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
 
 ALIKE: frozenset[ErrorSource] = frozenset({"ends", "fibres"})
 """Sources of error that all sites of a leg have alike: they make none differ from another."""
+_ALWAYS_BY = ("deep.C10", "deep.C20", "superficial.C10", "fascia.C10")
 _ASSUMED = ("superficial.C10", "fascia.C10")
 
 
@@ -100,6 +102,14 @@ class LegProblem:
         (test,) = self.tests
         read = replace(test, beyond=beyond_of(law.parameters, law.fixed), by_instrument=law.reads)
         return JointComparison((read,), weighting_of(law, self.weighting), near)
+
+    @property
+    def sensitivities(self) -> tuple[str, ...]:
+        """What solves are differentiated by; the stiffnesses always, since back-substitutions cost next to nothing."""
+        return tuple(dict.fromkeys((*_ALWAYS_BY, *free_of_model(self.unknowns))))
+
+    def refined(self, search: Search[JointComparison]) -> None:
+        """Nothing: the sites' curves stay as they are."""
 
     def corrected(self, corrections: Sequence[Correction | None]) -> LegProblem:
         """The same with other corrections, one a site."""

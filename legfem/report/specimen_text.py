@@ -11,7 +11,7 @@ from legfem.experiments.suction import CupOnLayer
 from legfem.experiments.uniaxial import Bar
 from legfem.inverse.catalogue import is_ratio
 from legfem.report.words import ORIGINS
-from legfem.specimens.misfit import SHAPE_SD_OF_LAYERS
+from legfem.specimens.comparison import SHAPE_SD_OF_LAYERS
 from legfem.specimens.result import ComparedRecording, SpecimenResult
 from legfem.specimens.sizes import Sizes, bare, opening_of
 

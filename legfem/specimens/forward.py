@@ -22,8 +22,8 @@ from legfem.experiments.lateral_cylinder import LateralCylinder
 from legfem.experiments.suction import CupOnLayer, SuctionTest
 from legfem.experiments.uniaxial import Bar, UniaxialTest
 from legfem.inverse.catalogue import Values, is_ratio
+from legfem.inverse.fibre_ratio import at_ratios, moduli, moduli_needed, ratio_of
 from legfem.inverse.outcome import Outcome
-from legfem.legs.fibre_ratio import at_ratios, moduli, moduli_needed, ratio_of
 from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.terms import Fibres
@@ -147,6 +147,10 @@ class SpecimenForward(Homebound):
             experiment_of(sizes, self.laws, depth, next(iter(self.fibre_ratios), ONE))
             for sizes, depth in zip(self.tests, self.depths, strict=True)
         ]
+
+    def prepare(self) -> None:
+        """Mesh and compile now."""
+        _ = self.experiments
 
     @property
     def nominal(self) -> Values:

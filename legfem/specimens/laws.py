@@ -19,11 +19,11 @@ from legfem.inverse.catalogue import (
     parameter_of,
     within_prior,
 )
+from legfem.inverse.fibre_ratio import ratio_of
 from legfem.inverse.instrument import INSTRUMENT, RELAXATION
 from legfem.inverse.laws import LAWS, IdentifiedLaw, LawName
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.parse_parameters import Written, read_prior
-from legfem.legs.fibre_ratio import ratio_of
 from legfem.specimens.relaxation import relaxation_parameters
 from legfem.specimens.tissues import KINDS, ONE, SpecimenTissue
 

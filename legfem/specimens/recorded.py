@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from legfem.data import Recording
 from legfem.data.contact import Contact
+from legfem.inverse.data import Channel, Data
 from legfem.specimens.course import Course, course_of
 from legfem.specimens.sizes import Sizes
 
@@ -27,6 +30,13 @@ class SpecimenRecording:
     """First contact as detected, where the course begins at another."""
     reach: float = math.inf
     """Displacement (mm) beyond which its test can't be modelled."""
+
+    @property
+    def data(self) -> Data:
+        """One channel, the force (N) along the time after first contact (s)."""
+        course = self.course
+        sd = course.instrument.force_sd / np.sqrt(course.count)
+        return Data((Channel("force", "N", course.time, "time_s", course.force, sd),))
 
     @property
     def detected(self) -> Contact:

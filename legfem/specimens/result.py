@@ -9,7 +9,9 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.identify.result import IdentifiedParameters
+from legfem.inverse.fit import Fit
 from legfem.specimens.course import Course
+from legfem.specimens.details import SpecimenDetails, recording_of
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.recorded import LeftOut
 
@@ -98,3 +100,39 @@ class SpecimenResult(IdentifiedParameters):
         """Root mean square of the fit's differences over each recording's greatest force."""
         shares = [(one.rmse / one.course.peak) ** 2 for one in self.fitted]
         return 100 * float(np.sqrt(np.mean(shares)))
+
+
+def specimen_result(fit: Fit[SpecimenDetails]) -> SpecimenResult:
+    """Result of a fit of specimens as pages and documents read it."""
+    log, details = fit.log, fit.details
+    return SpecimenResult(
+        law=fit.law,
+        parameters=fit.estimates,
+        correlations=fit.correlations,
+        values=fit.values,
+        assumed=fit.assumed,
+        forward_solves=log.forward_solves,
+        reused_solves=log.reused_solves,
+        wall_s=log.wall_s,
+        seed=log.seed,
+        emulator_error=log.emulator_error,
+        converged=log.converged,
+        warnings=fit.warnings,
+        versions=fit.versions,
+        folder=details.folder,
+        recordings=tuple(
+            ComparedRecording(
+                one.name, recording_of(one).specimen, one.fitted, recording_of(one).course, one.force.predicted
+            )
+            for one in fit.tests
+        ),
+        left_out=details.left_out,
+        chi_square=fit.goodness.chi_square,
+        degrees_of_freedom=fit.goodness.degrees_of_freedom,
+        p_value=fit.goodness.p_value,
+        gain_sd=details.gain_sd,
+        failed_solves=log.failed_solves,
+        stiffness=details.stiffness,
+        stiffness_spread=details.stiffness_spread,
+        untold=details.ratio_undetermined,
+    )

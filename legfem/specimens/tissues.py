@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 
 from legfem.common.units import kpa_to_mpa
 from legfem.inverse.catalogue import RATIO
+from legfem.inverse.fibre_ratio import USUAL_RATIO
 from legfem.inverse.laws import LawName
-from legfem.legs.fibre_ratio import USUAL_RATIO
 from legfem.mechanics.materials import ExponentialStiffening, Hyperelastic, NeoHookean, ReducedPolynomial, Yeoh
 from legfem.specimens.schema import FibresEntry, LayerEntry, SpecimenFile
 

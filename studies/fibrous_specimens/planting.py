@@ -10,8 +10,8 @@ import numpy as np
 
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.data import write_recording
+from legfem.inverse.fibre_ratio import ratio_of
 from legfem.inverse.intervals import Identifiability
-from legfem.legs.fibre_ratio import ratio_of
 from legfem.specimens.fibre_directions import Direction
 from legfem.specimens.folder import load_specimen
 from legfem.specimens.identification import identify_specimen

@@ -1,22 +1,121 @@
-"""Recordings of several tests beside one model, each counting alike."""
+"""Recordings of several specimens beside one model: each counts alike, and each may have a stiffness of its own."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
+from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
+from legfem.inverse.catalogue import is_ratio
 from legfem.inverse.comparison import Comparison, Covariances, Prediction, total_of
 from legfem.inverse.errors import COMMON_GAIN_SD, numerical_covariance
+from legfem.inverse.fibre_ratio import SHAPE_SD_OF_FIBRES
 from legfem.inverse.instrument import INSTRUMENT, READINGS, Reading
 from legfem.inverse.outcome import Outcome
 from legfem.specimens.contacts import Onset, power_of
 from legfem.specimens.course import SLOW_SHARE, STATIONS, Course
-from legfem.specimens.own_stiffness import OwnStiffness
+from legfem.specimens.fibre_directions import WORDS
+from legfem.specimens.folder import FILE, SpecimenFolder
+from legfem.specimens.forward import SpecimenForward
+from legfem.specimens.recorded import SpecimenRecording
 from legfem.specimens.relaxation import borne, branch_ratios, clock
+from legfem.specimens.sizes import fibres_text, level_of
+
+_LEAST = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class OwnStiffness:
+    """The specimens' factors on a model's forces.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Of g specimens.
+    specimen : ndarray
+        (n,): number of every station's.
+    measured : ndarray
+        (n,), N.
+    weighted : callable
+        Weights values (n, ...), each recording's for itself.
+    known : Mapping[str, float], optional
+        Factors found elsewhere, by name; a specimen that isn't among them is typical. Without them
+        factors are those that fit.
+    kinds : tuple of str, optional
+        Of specimens (g), each with a typical one of its own; all are of one kind without them.
+    """
+
+    names: tuple[str, ...]
+    specimen: NDArray[np.intp]
+    measured: FloatArray
+    weighted: Callable[[FloatArray], FloatArray]
+    known: Mapping[str, float] | None = None
+    kinds: tuple[str, ...] = ()
+
+    @property
+    def degrees(self) -> int:
+        """By how many numbers the specimens' factors differ."""
+        return len(self.names) - len(set(self.kinds or ("",)))
+
+    @cached_property
+    def _of_a_kind(self) -> FloatArray:
+        """What takes the mean over specimens of a kind, (g, g)."""
+        kinds = np.array(self.kinds or ("",) * len(self.names))
+        same = np.asarray(kinds[:, None] == kinds, float)
+        return np.asarray(same / same.sum(axis=1))
+
+    @cached_property
+    def _members(self) -> FloatArray:
+        """Which stations are of which specimen, (g, n)."""
+        return np.asarray(self.specimen == np.arange(len(self.names))[:, None], float)
+
+    @property
+    def same(self) -> FloatArray:
+        """Which pairs of stations are of one specimen, (n, n)."""
+        return np.asarray(self.specimen[:, None] == self.specimen, float)
+
+    @cached_property
+    def _seen(self) -> FloatArray:
+        return self._weighed(self.measured)
+
+    def _weighed(self, values: FloatArray) -> FloatArray:
+        flat = values.reshape(-1, values.shape[-1])
+        return self.weighted(flat.T).T.reshape(values.shape)
+
+    def _relative(self, felt: FloatArray) -> FloatArray:
+        """Return the factors (..., g) at forces (..., n) of typical specimens."""
+        if self.known is not None:
+            return np.array([self.known.get(name, 1.0) for name in self.names])
+        seen = self._weighed(felt)
+        best = (self._seen * seen) @ self._members.T
+        best = best / np.maximum(seen**2 @ self._members.T, 1e-300)
+        logs = np.log(np.maximum(best, _LEAST))
+        return np.asarray(np.exp(logs - logs @ self._of_a_kind))
+
+    def __call__(self, felt: FloatArray) -> FloatArray:
+        """Return the factors (..., n) on forces (..., n) of typical specimens."""
+        return np.asarray(self._relative(felt)[..., self.specimen])
+
+    def named(self, felt: FloatArray) -> dict[str, float]:
+        """Return the factors by name, at forces (n,)."""
+        return dict(zip(self.names, map(float, self._relative(felt)), strict=True))
+
+    def slope(self, felt: FloatArray, by: FloatArray) -> FloatArray:
+        """Return the derivative (n,) of the factors times forces (n,) whose own is ``by`` (n,)."""
+        factor = self(felt)
+        if self.known is not None:
+            return factor * by
+        seen, change = self._weighed(felt), self._weighed(by)
+        logs = ((self._seen * change) @ self._members.T) / ((self._seen * seen) @ self._members.T)
+        logs = logs - 2 * ((seen * change) @ self._members.T) / (seen**2 @ self._members.T)
+        return np.asarray(factor * (by + felt * (logs - logs @ self._of_a_kind)[self.specimen]))
+
 
 GRID = 50
 """Displacements at which a test's force is known to the search."""
@@ -41,16 +140,21 @@ def grid_to(depth: float) -> FloatArray:
 class Part:
     """One recording, and which of the tests that are solved it is of."""
 
-    course: Course
+    recording: SpecimenRecording
     onset: Onset
     test: int
-    specimen: str = ""
+    """Number of its test among those that are solved."""
     kind: str = ""
-    """Of the test: the model's shape errs alike in all of a kind."""
+    """Kind of test: the model's shape errs alike in all of one."""
+
+    @property
+    def course(self) -> Course:
+        """What the recording shows after first contact."""
+        return self.recording.course
 
 
 @dataclass(frozen=True, eq=False)
-class SpecimenMisfit(Comparison):
+class SpecimenComparison(Comparison):
     """How far forces are from recordings.
 
     Parameters
@@ -95,6 +199,11 @@ class SpecimenMisfit(Comparison):
     def reached_by(self, outcome: Outcome) -> bool:
         """Return whether every test came to its depth."""
         return all(curve.depth >= depth - 1e-9 for curve, depth in zip(outcome.curves, self.depths, strict=True))
+
+    @property
+    def recordings(self) -> list[SpecimenRecording]:
+        """Recordings of the parts."""
+        return [part.recording for part in self.parts]
 
     @cached_property
     def grids(self) -> list[FloatArray]:
@@ -265,3 +374,124 @@ class SpecimenMisfit(Comparison):
             differences[span, span] += gain**2 * np.outer(own, own)
             model[span, span] += numerical_covariance(d, own, length=course.depth / 3, power=1.0)
         return {"recordings": readings, "differences": differences, "model": model}
+
+
+def seeks_ratio(names: Collection[str]) -> bool:
+    """Return whether the fibres' ratio is among free parameters' full names."""
+    return any(is_ratio(name) for name in names)
+
+
+def kinds_of(recordings: Sequence[SpecimenRecording]) -> dict[str, tuple[str, ...]]:
+    """Return how the fibres of each specimen lay in its tests, by its name; "" without fibres."""
+    names = dict.fromkeys(one.specimen for one in recordings)
+    return {name: tuple(sorted({level_of(one.sizes) for one in recordings if one.specimen == name})) for name in names}
+
+
+def _directions(recordings: Sequence[SpecimenRecording]) -> list[str]:
+    return sorted({level_of(one.sizes) for one in recordings})
+
+
+def _turned(recordings: Sequence[SpecimenRecording]) -> bool:
+    """Return whether one specimen was tested in several directions."""
+    return any(len(kinds) > 1 for kinds in kinds_of(recordings).values())
+
+
+def tells_ratio(folder: SpecimenFolder, recordings: Sequence[SpecimenRecording]) -> bool:
+    """Return whether forces along the fibres and across tell their ratio.
+
+    Specimens that have a stiffness of their own do so if one was tested in several directions, or
+    if one direction has several: their spread then is that by which typical ones of the directions
+    may differ by chance.
+    """
+    directions = len(_directions(recordings))
+    several = len(kinds_of(recordings)) > directions
+    return directions > 1 and (folder.equally_stiff or _turned(recordings) or several)
+
+
+def check_strained(folder: SpecimenFolder, recordings: Sequence[SpecimenRecording]) -> None:
+    """Check that fibres whose ratio is looked for are stretched or sheared by a test.
+
+    Raises
+    ------
+    InputError
+        If none is.
+    """
+    if _directions(recordings) == [WORDS["cylinder"]]:
+        raise InputError(
+            folder.directory / FILE,
+            "fibres.ratio",
+            f"no fitted test strains fibres {WORDS['cylinder']}",
+            "state it (it changes nothing here), or test another direction too",
+        )
+
+
+def comparison_of(
+    recordings: Sequence[SpecimenRecording],
+    model: SpecimenForward,
+    folder: SpecimenFolder,
+    seeks: bool,
+    known: Mapping[str, float] | None = None,
+    slopes: Sequence[FloatArray | None] = (),
+) -> SpecimenComparison:
+    """Return recordings beside a model; known factors of specimens aren't looked for.
+
+    Parameters
+    ----------
+    recordings
+        That count.
+    model
+        Of their tests.
+    folder
+        Theirs.
+    seeks
+        Whether the fibres' ratio is free.
+    known
+        Stiffness of specimens over a typical one, by name.
+    slopes
+        Of the recordings' forces at their stations, N/mm; their own without them.
+    """
+    parts = tuple(
+        Part(one, Onset.of(one.course, one.detected, slope), model.tests.index(one.sizes), fibres_text(one.sizes))
+        for one, slope in zip(recordings, slopes or [None] * len(recordings), strict=True)
+    )
+    told = tells_ratio(folder, recordings)
+    bent = len(folder.tissues) > 1 or any(part.kind for part in parts)
+    shape_sd = SHAPE_SD_OF_LAYERS if bent else 0.0
+    if seeks and not told:
+        shape_sd = SHAPE_SD_OF_FIBRES
+    misfit = SpecimenComparison(parts, model.depths, folder.relaxes, shape_sd=shape_sd)
+    kinds = kinds_of(recordings)
+    names = tuple(kinds)
+    if folder.equally_stiff or (known is None and len(names) < 2):
+        return misfit
+    stations = [len(part.course.time) for part in parts]
+    specimen = np.repeat([names.index(part.recording.specimen) for part in parts], stations)
+    apart = seeks and told and not _turned(recordings)
+    own = OwnStiffness(
+        names,
+        specimen,
+        misfit.expected_force,
+        misfit.weighted,
+        known,
+        tuple(kind for (kind,) in kinds.values()) if apart else (),
+    )
+    return replace(misfit, own=own)
+
+
+def why_ratio_undetermined(folder: SpecimenFolder, recordings: Sequence[SpecimenRecording]) -> str:
+    """Return why the ratio of the fibres' stiffness can't be told, as a sentence; "" if it can."""
+    if tells_ratio(folder, recordings):
+        return ""
+    directions = _directions(recordings)
+    if len(directions) == 1:
+        return (
+            f"The fibres' ratio can't be told from C10: all fitted tests have fibres "
+            f"{directions[0]}, where more of one looks like more of the other. Test another "
+            "direction too, or state [fibres] ratio."
+        )
+    return (
+        "The fibres' ratio can't be told from how specimens differ: each direction has one "
+        "specimen of a stiffness of its own. Give them one name if they are one piece, turned; say "
+        "[tissue] one_stiffness = true if they are equally stiff; test several in a direction; or "
+        "state [fibres] ratio."
+    )

@@ -1,0 +1,88 @@
+"""What a fit of specimens has beside that of any test."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from legfem.common.units import FloatArray
+from legfem.inverse.fit import Fit, TestFit
+from legfem.specimens.course import Course
+from legfem.specimens.folder import SpecimenFolder
+from legfem.specimens.recorded import LeftOut, SpecimenRecording
+
+
+@dataclass(frozen=True, eq=False)
+class SpecimenDetails:
+    """Folder, and how its specimens differ."""
+
+    folder: SpecimenFolder
+    left_out: tuple[LeftOut, ...]
+    """Recordings that couldn't be used."""
+    gain_sd: float
+    """Factor by which recordings differ, one standard deviation."""
+    stiffness: Mapping[str, float]
+    """Stiffness of every fitted specimen over the typical one that the estimates are of; empty where all are alike."""
+    stiffness_spread: float
+    """Standard deviation of its logarithm, among specimens of a kind."""
+    ratio_undetermined: str
+    """Why the fibres' ratio can't be determined, as a sentence, where it was looked for in vain."""
+
+
+def recording_of(one: TestFit) -> SpecimenRecording:
+    """Recording that a test's fit is of."""
+    assert isinstance(one.test, SpecimenRecording)
+    return one.test
+
+
+@dataclass(frozen=True, eq=False)
+class SampleFit:
+    """A recording's own samples beside a prediction at its stations."""
+
+    course: Course
+    predicted: FloatArray
+    """Force at the course's stations, (n,), N."""
+
+    @classmethod
+    def of(cls, one: TestFit) -> SampleFit:
+        """Samples of a test beside its fit."""
+        return cls(recording_of(one).course, one.force.predicted)
+
+    @property
+    def _differences(self) -> FloatArray:
+        samples = self.course.samples
+        inside = samples.time <= self.course.time[-1]
+        known = np.concatenate([[0.0], self.course.time])
+        at = np.interp(samples.time[inside], known, np.concatenate([[0.0], self.predicted]))
+        return np.asarray(at - samples.force[inside])
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square of the samples' differences, N."""
+        return float(np.sqrt(np.mean(self._differences**2)))
+
+    @property
+    def r_squared(self) -> float:
+        """Share of the samples' variance that is predicted."""
+        left = self._differences
+        force = self.course.samples.force[: len(left)]
+        return 1 - float(np.sum(left**2) / np.sum((force - force.mean()) ** 2))
+
+    @property
+    def scale(self) -> float:
+        """Factor on the prediction that would fit best."""
+        force = self.course.force
+        return float(force @ self.predicted / (self.predicted @ self.predicted))
+
+    @property
+    def shape_r_squared(self) -> float:
+        """Share of the variance that is predicted with the stiffness that fits best."""
+        return SampleFit(self.course, self.scale * self.predicted).r_squared
+
+
+def rms_percent(fit: Fit[SpecimenDetails]) -> float:
+    """Root mean square of the fit's differences over each recording's greatest force, %."""
+    shares = [(SampleFit.of(one).rmse / recording_of(one).course.peak) ** 2 for one in fit.tests if one.fitted]
+    return 100 * float(np.sqrt(np.mean(shares)))

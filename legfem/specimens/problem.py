@@ -1,0 +1,319 @@
+"""Specimens as a problem: recordings beside a model of all their tests, with first contact found along with the law."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from legfem.common.errors import InputError
+from legfem.common.units import FloatArray
+from legfem.inverse.catalogue import Values
+from legfem.inverse.comparison import total_of
+from legfem.inverse.fit import (
+    EXACT,
+    ChannelFit,
+    Fit,
+    Goodness,
+    Identity,
+    TestFit,
+    cost_of,
+    fit,
+    goodness_of,
+    log_of,
+    optimum_of,
+    search_settings,
+    versions,
+)
+from legfem.inverse.instrument import READINGS
+from legfem.inverse.intervals import quantile
+from legfem.inverse.laws import IdentifiedLaw, LawName, model_values
+from legfem.inverse.notices import LAW_MISSES, of_compromise
+from legfem.inverse.search import Search
+from legfem.inverse.searches import Found
+from legfem.inverse.settings import SearchRequest, free_of_model
+from legfem.specimens.comparison import (
+    SpecimenComparison,
+    check_strained,
+    comparison_of,
+    seeks_ratio,
+    why_ratio_undetermined,
+)
+from legfem.specimens.contacts import SETTLED, expected_place, known
+from legfem.specimens.details import SpecimenDetails
+from legfem.specimens.folder import SpecimenFolder, stiffness_doubts
+from legfem.specimens.forward import SpecimenForward
+from legfem.specimens.laws import Asked, identified_law
+from legfem.specimens.prepared import Prepared, prepare
+from legfem.specimens.recorded import SpecimenRecording
+from legfem.specimens.relaxation import QUICKENING, shows_quickening
+from legfem.specimens.tissues import REFERENCE_MPA
+
+
+@dataclass(frozen=True, eq=False)
+class SpecimenProblem:
+    """A law beside all recordings of a folder; a `legfem.inverse.fit.Problem`.
+
+    Parameters
+    ----------
+    folder : SpecimenFolder
+        With recordings.
+    law : IdentifiedLaw
+        What is free and held.
+    prepared : Prepared
+        Recordings that can be modelled.
+    held_out : frozenset of str
+        Names of recordings that are predicted, and not fitted.
+    """
+
+    folder: SpecimenFolder
+    law: IdentifiedLaw
+    prepared: Prepared
+    held_out: frozenset[str]
+
+    @property
+    def forward(self) -> SpecimenForward:
+        """Model of the fitted recordings' tests."""
+        return self._model([one for one in self.prepared.recordings if one.name not in self.held_out])
+
+    @property
+    def unknowns(self) -> dict[LawName, IdentifiedLaw]:
+        """The law."""
+        return {self.law.name: self.law}
+
+    @property
+    def sensitivities(self) -> tuple[str, ...]:
+        """The law's free parameters."""
+        return free_of_model(self.unknowns)
+
+    @property
+    def weighs_shared_errors(self) -> bool:
+        """Recordings count alike in the search, whatever they share."""
+        return False
+
+    def comparison(self, law: IdentifiedLaw, near: tuple[Values, FloatArray] | None = None) -> SpecimenComparison:
+        """Forces beside the recordings, from where their contact seems to be: nothing after that is air."""
+        fitted = [
+            _from_seeming_contact(one, self.folder.returns)
+            for one in self.prepared.recordings
+            if one.name not in self.held_out
+        ]
+        return comparison_of(fitted, self.forward, self.folder, self._seeks_ratio)
+
+    def refined(self, search: Search[SpecimenComparison]) -> SpecimenComparison | None:
+        """Comparison with contacts moved to where a fit has them, and slopes of its forces; None where all stay."""
+        assert search.best.prediction is not None
+        now = search.misfit
+        moved = self._moved(now, now.aheads(search.best.prediction.values))
+        if moved is None:
+            return None
+        model = self.forward
+        by_itself = comparison_of(moved, model, self.folder, self._seeks_ratio)
+        readings = search.law.readings(search.best.point)
+        slopes = by_itself.slopes(search.best.prediction.model_values, readings)
+        return comparison_of(moved, model, self.folder, self._seeks_ratio, slopes=slopes)
+
+    def assessed(self, found: Found[SpecimenComparison]) -> Fit[SpecimenDetails]:
+        """Fit of a finished search."""
+        comparison, best, law = found.search.misfit, found.best, found.search.law
+        linear = found.linear
+        force, readings = linear.prediction.values, law.readings(best.point)
+        stiffness = comparison.stiffness(linear.prediction, readings)
+        apart = 0 if comparison.own is None else comparison.own.degrees
+        spread = float(np.sqrt(np.sum(np.log(list(stiffness.values())) ** 2) / apart)) if apart else 0.0
+        covariance = total_of(comparison.covariances_at(force))
+        goodness = goodness_of(found, covariance, comparison.expected_force, lost=apart)
+        fitted = comparison.recordings
+        estimates, correlations = optimum_of(
+            found, comparison.covariances_at(force, spread), quantile(apart or len(fitted) - 1), goodness, {}, False
+        )
+        tests = [_test_fit(one, force[span]) for one, span in zip(fitted, comparison.spans, strict=True)]
+        predicted, notes = self._predicted(found, stiffness, readings)
+        why = why_ratio_undetermined(self.folder, fitted) if self._seeks_ratio else ""
+        values = self.forward.with_compressibility(best.values)
+        result = Fit(
+            kind="specimens",
+            subject=Identity(self.folder.id, self.folder.title, self.folder.origin),
+            law=law.name,
+            estimates=estimates,
+            correlations=correlations,
+            values=MappingProxyType(values),
+            assumed=MappingProxyType(
+                {name: value for name, value in values.items() if name not in law.names and np.isfinite(value)}
+            ),
+            goodness=goodness,
+            cost=cost_of(found),
+            agreement=EXACT,
+            tests=(*tests, *predicted),
+            log=log_of(found),
+            neo_hookean_limit=found.neo_hookean_limit,
+            weighting="covariance",
+            settings=search_settings(found.search),
+            versions=versions(),
+            details=SpecimenDetails(
+                self.folder, self.prepared.left_out, comparison.gain_sd(force), MappingProxyType(stiffness), spread, why
+            ),
+            doubts=self._doubts(),
+        )
+        return replace(result, warnings=self._warnings(result, found, (why, *notes)))
+
+    @property
+    def _seeks_ratio(self) -> bool:
+        return seeks_ratio(self.law.names)
+
+    def _model(self, recordings: Sequence[SpecimenRecording]) -> SpecimenForward:
+        depth_of = dict(zip(self.prepared.tests, self.prepared.depths, strict=True))
+        tests = tuple(dict.fromkeys(one.sizes for one in recordings))
+        tissues = [one.of_law(self.law.name) for one in self.folder.tissues]
+        return SpecimenForward.of_tissues(tests, tuple(depth_of[sizes] for sizes in tests), tissues, self.prepared.c10)
+
+    def _moved(self, now: SpecimenComparison, aheads: Sequence[float]) -> list[SpecimenRecording] | None:
+        """Recordings from where a fit has their contacts; None where all stay."""
+        recordings = list(now.recordings)
+        moved = list(recordings)
+        for k, (one, ahead) in enumerate(zip(recordings, aheads, strict=True)):
+            at, (expected, sd) = one.course.contact.displacement, expected_place(one.detected)
+            # What is solved goes so deep.
+            place = max(expected + ahead, at + one.course.depth - now.depths[now.parts[k].test])
+            if abs(place - at) > SETTLED * sd:
+                with suppress(InputError):
+                    moved[k] = one.begun(place, self.folder.returns)
+        return None if moved == recordings else moved
+
+    def _predicted(
+        self, found: Found[SpecimenComparison], stiffness: dict[str, float], readings: FloatArray
+    ) -> tuple[list[TestFit], list[str]]:
+        """Recordings that were left out beside the law, and what is to be said of them."""
+        others = [one for one in self.prepared.recordings if one.name in self.held_out]
+        missing = self.held_out - {one.name for one in others}
+        notes = [f"{name} was to be predicted, and can't be modelled." for name in sorted(missing)]
+        if not others:
+            return [], notes
+        model = self._model(others)
+        own = comparison_of(others, model, self.folder, self._seeks_ratio, stiffness)
+        outcome = model.solve(model_values(found.best.values), ())
+        if not outcome.complete:
+            return [], [f"What was left out can't be predicted: {outcome.reason}.", *notes]
+        seen = own.predict(outcome, readings).values
+        return [_test_fit(one, seen[span], fitted=False) for one, span in zip(others, own.spans, strict=True)], notes
+
+    def _doubts(self) -> tuple:
+        doubted = [
+            one
+            for one in (*self.prepared.doubts, *stiffness_doubts(self.folder, self.prepared.c10))
+            if one.field not in self.folder.confirmed
+        ]
+        return (*self.folder.doubts, *doubted)
+
+    def _warnings(
+        self, result: Fit[SpecimenDetails], found: Found[SpecimenComparison], notes: Sequence[str]
+    ) -> tuple[str, ...]:
+        """One sentence each, the gravest first."""
+        texts = [f"DOUBTFUL INPUT: {doubt}" for doubt in result.doubts]
+        if not result.log.converged:
+            texts.append("The search ended before it converged: rerun with another --seed.")
+        texts += of_compromise(result.log.compromise)
+        texts += [
+            f"{name} stands at the {one.at_bound} bound of the search."
+            for name, one in result.estimates.items()
+            if one.at_bound and not (name == QUICKENING and one.at_bound == "lower")
+        ]
+        if not result.goodness.fits:
+            texts.append(f"The law does not describe these recordings within their errors. {LAW_MISSES}")
+        in_air = [one.name for one in found.search.misfit.recordings if one.course.in_air]
+        if in_air:
+            texts.append(
+                f"{len(in_air)} recordings seem to begin in air ({', '.join(in_air)}): first contact "
+                "was looked for. If displacement counts from first touch, say so in specimen.toml: "
+                "[recordings] starts_at_contact = true."
+            )
+        failed = [one for one in result.log.solves if not one.complete]
+        if failed:
+            texts.append(
+                f"{len(failed)} of {len(result.log.solves)} full solves stopped short; the search kept "
+                f"away from them ({failed[0].reason})."
+            )
+        return (*texts, *self.prepared.notes, *filter(None, notes))
+
+
+def fit_specimens(
+    folder: SpecimenFolder,
+    laws: Sequence[LawName],
+    asked: Asked | None = None,
+    leave_out: Sequence[str] = (),
+    request: SearchRequest | None = None,
+) -> list[Fit[SpecimenDetails]]:
+    """Fit laws to all recordings of a folder together.
+
+    Parameters
+    ----------
+    folder : SpecimenFolder
+        With recordings.
+    laws : sequence of str
+        ``neo-hookean``, ``reduced-polynomial``, ``yeoh``, ``exponential``.
+    asked : Asked, optional
+        What is to be free or held, in place of the laws' own.
+    leave_out : sequence of str
+        Names of recordings or specimens that are predicted, and not fitted.
+    request : SearchRequest, optional
+        Means of the search: settings, folder for kept solves, processes, progress.
+
+    Raises
+    ------
+    InputError
+        If no recording can be modelled, or there is no parameter or recording of a name.
+    SearchError
+        If too few full solves reach the recordings' depth.
+    """
+    held = {one for name in leave_out for one in folder.named(name)}
+    if len(held) == len(folder.recordings):
+        raise InputError("--leave-out", ", ".join(leave_out), "leave nothing to fit", "name fewer")
+    asked, request = asked or Asked(), request or SearchRequest()
+    for name in laws:
+        free = identified_law(name, folder.tissues, REFERENCE_MPA, folder.relaxes, asked)
+        if seeks_ratio(free.names):
+            check_strained(folder, [one for one in folder.recordings if one not in held])
+    prepared = prepare(folder, held, request.out, request.jobs, request.progress)
+    away = frozenset(one.name for one in held)
+    found: list[Fit[SpecimenDetails]] = []
+    for name in laws:
+        problem = _problem(folder, name, prepared, away, asked)
+        found += fit(problem, [name], request)
+    return found
+
+
+def _problem(
+    folder: SpecimenFolder, name: LawName, prepared: Prepared, held_out: frozenset[str], asked: Asked
+) -> SpecimenProblem:
+    tissues = [one.of_law(name) for one in folder.tissues]
+    fitted = [_from_seeming_contact(one, folder.returns) for one in prepared.recordings if one.name not in held_out]
+    if not shows_quickening([one.course.rate for one in fitted]):
+        asked = _without(QUICKENING, asked)
+    law = identified_law(name, tissues, prepared.c10, folder.relaxes, asked)
+    return SpecimenProblem(folder, law, prepared, held_out)
+
+
+def _without(name: str, asked: Asked) -> Asked:
+    """The same with a parameter at its null, unless that is asked for."""
+    if name in asked.names or name in asked.priors or name in asked.fixed:
+        return asked
+    return replace(asked, fixed={**asked.fixed, name: READINGS[name].null})
+
+
+def _from_seeming_contact(one: SpecimenRecording, returns: bool) -> SpecimenRecording:
+    """Recording from where contact seems to be: nothing of it then is air."""
+    found = one.detected
+    if not known(found) and found.estimate > found.displacement:
+        with suppress(InputError):
+            return one.begun(found.estimate, returns)
+    return one
+
+
+def _test_fit(one: SpecimenRecording, predicted: FloatArray, fitted: bool = True) -> TestFit:
+    channel = one.data.channels[0]
+    left = (predicted - channel.values) / channel.sd
+    goodness = Goodness.of(float(left @ left), len(left))
+    return TestFit(one, (ChannelFit(channel, predicted),), goodness, fitted)
