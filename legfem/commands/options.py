@@ -1,15 +1,16 @@
-"""Options that commands on a leg share."""
+"""Options that commands share, and what they print at their end."""
 
 from __future__ import annotations
 
-import typer
 from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
 from legfem.common.command_edge import check_out_folder
 from legfem.common.doubts import say
 from legfem.common.errors import InputError
-from legfem.report.web.page import PAGE
-from pathlib import Path
-from typing import Annotated, TYPE_CHECKING
 
 if TYPE_CHECKING:
     from legfem.specimens.folder import SpecimenFolder
@@ -35,6 +36,8 @@ def print_outcome(texts: Sequence[str], result: Path, report: Path, quiet: bool,
     quiet, as_json
         Options of the command.
     """
+    from legfem.report.web.page import PAGE
+
     if as_json:
         print(result.read_text(encoding="utf-8"), end="")
         return
