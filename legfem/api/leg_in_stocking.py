@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from legfem.report.web.page import WebPage
-    from legfem.stocking.leg import StockingLeg
-    from legfem.stocking.run import StockingResult
+    from legfem.stockings.leg import StockingLeg
+    from legfem.stockings.result import StockingResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class LegInStocking(Result):
 
     def document(self) -> dict[str, Any]:
         """Return what ``result.json`` holds."""
-        from legfem.stocking.document import stocking_document
+        from legfem.stockings.document import stocking_document
 
         return stocking_document(self.result)
 
@@ -103,8 +103,8 @@ def stocking(
     """
     from mpi4py import MPI
 
-    from legfem.stocking.leg import StockingLeg
-    from legfem.stocking.run import StockingSettings, run_leg
+    from legfem.stockings.leg import StockingLeg
+    from legfem.stockings.result import StockingSettings, run_leg
 
     known = load_leg(leg) if isinstance(leg, str | Path) else leg
     if not isinstance(known, StockingLeg):
