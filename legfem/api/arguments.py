@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from numbers import Integral, Real
 from pathlib import Path
 
-from legfem.common.command_edge import check_out_folder
+from legfem.common.command_line import check_out_folder
 from legfem.common.errors import InputError
 
 _REMEDIES = (
