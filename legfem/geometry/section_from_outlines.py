@@ -16,8 +16,7 @@ from shapely import GEOSException, Polygon, make_valid, union_all
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.geometry.contour_table import MUSCLE_HULL, Loops
-from legfem.geometry.contours import MOST_POINTS, check_girth, check_section
+from legfem.geometry.contours import MOST_POINTS, MUSCLE_HULL, Loops, check_girth, check_section
 from legfem.geometry.curve import resample_closed_curve
 from legfem.geometry.section import PARTS, LegSection
 
