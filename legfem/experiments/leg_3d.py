@@ -105,6 +105,18 @@ class LegIndentation3D(IndentationTest):
     comm: MPI.Intracomm = field(default_factory=lambda: MPI.COMM_SELF, repr=False)
     mechanisms: tuple[Term, ...] = ()
 
+    def __post_init__(self) -> None:
+        """Check that the indenter lies over the leg."""
+        low, high = self._span
+        if low < self.shape.levels[0] or high > self.shape.levels[-1]:
+            raise InputError(
+                "indenter",
+                "level",
+                f"it reaches from {low:g} to {high:g} mm and leaves the leg, "
+                f"{self.shape.levels[0]:g} to {self.shape.levels[-1]:g} mm",
+                "scan a longer part of the leg, or give another level",
+            )
+
     @cached_property
     def placed_indenter(self) -> IndenterInPose[Any]:
         """The indenter in its pose."""
