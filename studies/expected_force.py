@@ -16,7 +16,7 @@ import numpy as np
 import typer
 from scipy.optimize import linprog
 
-from legfem.common.command_edge import command_edge
+from legfem.common.command_line import command_edge
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings

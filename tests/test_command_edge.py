@@ -9,9 +9,9 @@ import sys
 import pytest
 import typer
 
-from legfem.common.command_edge import BAD_INPUT, command_edge
+from legfem.common.command_line import BAD_INPUT, command_edge
 from legfem.common.errors import InputError
-from legfem.common.toml_file import FileTable, parse_toml
+from legfem.common.input_files import FileTable, parse_toml
 
 
 @pytest.mark.parametrize(
@@ -41,7 +41,7 @@ def test_a_reader_that_left_is_not_a_full_disk():
 def test_a_reader_that_leaves_after_petsc_was_loaded_ends_a_command_quietly(loaded):
     petsc = {loaded: "import petsc4py.PETSc"}
     work = f"""
-from legfem.common.command_edge import command_edge
+from legfem.common.command_line import command_edge
 {petsc.get("before", "")}
 try:
     with command_edge():

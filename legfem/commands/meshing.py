@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from legfem.common.command_edge import command_edge, leave_to_first_rank
+from legfem.common.command_line import AsJson, Quiet, command_edge, leave_to_first_rank
 from legfem.common.errors import InputError
-from legfem.common.outcome_options import AsJson, Quiet
 
 if TYPE_CHECKING:
     from legfem.meshing.named_mesh import NamedMesh

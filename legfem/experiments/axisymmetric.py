@@ -11,8 +11,7 @@ from typing import Literal
 import numpy as np
 from mpi4py import MPI
 
-from legfem.common.checks import check_positive
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, check_positive
 from legfem.experiments.base import Solved
 from legfem.experiments.pressing import Attempt, Pressed, Pressing, PressingTest, leg_model
 from legfem.fem.spaces import LegSpaces, Symmetry, build_spaces

@@ -7,8 +7,7 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, Protocol
 
-from legfem.jobs.fingerprint import code_fingerprint
-from legfem.jobs.key import key_of
+from legfem.jobs.key import code_fingerprint, key_of
 from legfem.solve.force_curve import ForceCurve
 from legfem.solve.path import Path
 from legfem.solve.report import SolveReport

@@ -10,8 +10,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from legfem.common.checks import check_positive
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
 from legfem.fem.spaces import build_spaces
 from legfem.fem.system import System

@@ -10,8 +10,7 @@ from typing import Literal
 import numpy as np
 from mpi4py import MPI
 
-from legfem.common.checks import check_positive
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, check_positive
 from legfem.experiments.base import made_when_needed
 from legfem.experiments.pressing import Pressing, PressingTest, leg_model
 from legfem.fem.spaces import build_spaces

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from legfem.common.checks import check_positive
+from legfem.common.errors import check_positive
 from legfem.common.units import FloatArray
 from legfem.experiments.indentation_3d import Cylinder
 from legfem.mechanics.contact import RigidBall, RigidIndenter

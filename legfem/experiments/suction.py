@@ -21,8 +21,7 @@ from typing import Any, Literal
 import numpy as np
 from dolfinx import fem
 
-from legfem.common.checks import check_positive
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
 from legfem.experiments.axisymmetric import AxisymmetricBody
 from legfem.experiments.base import Solved, made_when_needed

@@ -30,8 +30,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from legfem.common.checks import check_positive
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
 from legfem.experiments.base import Solved
 from legfem.experiments.driven import DrivenTest, sampled

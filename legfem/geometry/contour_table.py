@@ -13,7 +13,7 @@ import numpy as np
 from shapely import Polygon
 
 from legfem.common.errors import InputError
-from legfem.common.tables import read_table
+from legfem.common.input_files import read_table
 from legfem.common.units import FloatArray
 
 HEADER = ("level_mm", "part", "loop", "i", "x_mm", "y_mm")

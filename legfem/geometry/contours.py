@@ -10,7 +10,7 @@ from shapely import Polygon
 from shapely.validation import explain_validity
 
 from legfem.common.errors import InputError
-from legfem.common.tables import read_table
+from legfem.common.input_files import read_table
 from legfem.common.units import FloatArray
 from legfem.geometry.contour_table import HEADER as LEVELS_HEADER
 from legfem.geometry.section import PARTS, LegSection, fat_thickness, girth, minimal_fat_thickness
@@ -38,7 +38,7 @@ def read_contours(path: Path, fascia_thickness: float) -> LegSection:
     Raises
     ------
     InputError
-        If the table can't be read (see `legfem.common.tables.read_table`) or the contours aren't
+        If the table can't be read (see `legfem.common.input_files.read_table`) or the contours aren't
         those of a leg (see `check_section`).
     """
     path = Path(path)

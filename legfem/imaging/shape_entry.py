@@ -7,7 +7,7 @@ from pathlib import Path
 from pydantic import model_validator
 
 from legfem.common.errors import InputError
-from legfem.common.toml_file import FileTable, Text, trouble
+from legfem.common.input_files import FileTable, Text, trouble
 
 type Labels = int | list[int]
 

@@ -17,7 +17,7 @@ from legfem.fem.body_surfaces import BodySurface, hull_surface
 from legfem.fem.fields import FieldReader
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.surface import TriangleSurface
-from legfem.jobs.arrays import read_arrays, write_arrays
+from legfem.jobs.checkpoint import read_arrays, write_arrays
 from legfem.solve.force_curve import ForceCurve
 
 _STATES = 10

@@ -13,7 +13,7 @@ from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import PARTS, LegSection
 from legfem.inverse.catalogue import Values
 from legfem.inverse.outcome import Outcome
-from legfem.jobs.fingerprint import code_fingerprint
+from legfem.jobs.key import code_fingerprint
 from legfem.legs.subject import Subject
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from legfem.common.errors import InputError
-from legfem.common.tables import read_table
+from legfem.common.input_files import read_table
 from legfem.common.units import FloatArray
 from legfem.geometry.contours import read_contours
 from legfem.geometry.cross_sections import section_from_outlines

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import ufl
 
-from legfem.common.checks import check_positive
+from legfem.common.errors import check_positive
 from legfem.mechanics.kinematics import Expr
 
 Scalar = Any

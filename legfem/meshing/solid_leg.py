@@ -18,8 +18,7 @@ from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 from shapely import Polygon, contains_xy, prepare
 
-from legfem.common.checks import check_positive
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.geometry.shape_checks import check_shape

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from legfem.common.errors import InputError
-from legfem.common.tables import read_table
+from legfem.common.input_files import read_table
 from legfem.common.units import FloatArray, kpa_to_mpa, mmhg_to_mpa
 from legfem.data.folder import RESOURCES, Catalogue
 from legfem.geometry.cross_sections import Clearances

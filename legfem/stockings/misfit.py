@@ -22,7 +22,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from legfem.common.checks import check_positive
+from legfem.common.errors import check_positive
 from legfem.common.units import FloatArray
 from legfem.geometry.curve import closed_lengths
 from legfem.geometry.leg_shape import LegShape

@@ -11,9 +11,9 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_edge import command_edge
+from legfem.common.command_line import command_edge
+from legfem.common.documents import markdown_table
 from legfem.common.errors import InputError
-from legfem.common.markdown import markdown_table
 from legfem.experiments.indentation_3d import IdealisedLegIndentation, IdealisedLegSettings
 from legfem.experiments.leg_3d import LegIndentation3D, SolidLegSettings, membrane_of
 from legfem.experiments.posed import Pose

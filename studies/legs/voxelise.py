@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from legfem.common.checks import check_positive
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
 from legfem.geometry.curve import outward_normals
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape

@@ -18,8 +18,7 @@ from dataclasses import dataclass, fields
 from numbers import Real
 from typing import Any
 
-from legfem.common.checks import check_positive
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, check_positive
 from legfem.mechanics.kinematics import Expr, isochoric_first_invariant, volume_ratio
 
 Scalar = Any

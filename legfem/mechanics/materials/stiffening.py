@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 import ufl
 
-from legfem.common.checks import check_positive
+from legfem.common.errors import check_positive
 from legfem.mechanics.kinematics import Expr, isochoric_first_invariant
 from legfem.mechanics.materials.hyperelastic import Hyperelastic, ReducedPolynomial, Scalar
 

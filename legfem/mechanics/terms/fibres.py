@@ -9,8 +9,7 @@ from typing import Literal
 import numpy as np
 import ufl
 
-from legfem.common.checks import check_positive
-from legfem.common.errors import InputError
+from legfem.common.errors import InputError, check_positive
 from legfem.common.units import FloatArray
 from legfem.mechanics.integration_domain import Body
 from legfem.mechanics.kinematics import Expr

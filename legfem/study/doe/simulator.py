@@ -11,7 +11,7 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-from legfem.jobs.fingerprint import code_fingerprint
+from legfem.jobs.key import code_fingerprint
 from legfem.legs.experiments import tissues_of
 from legfem.legs.subject import Subject
 from legfem.solve.force_curve import ForceCurve

@@ -18,7 +18,7 @@ type Result[T] = Callable[[], T]
 
 
 @contextmanager
-def aside[T](work: Callable[[], T], apart: bool = True) -> Iterator[Result[T]]:
+def in_background[T](work: Callable[[], T], apart: bool = True) -> Iterator[Result[T]]:
     """Begin a piece of work in a forked copy, which shares no later change, and yield its result.
 
     The copy must leave MPI and PETSc alone. What it can't do is done here once the result is asked

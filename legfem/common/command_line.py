@@ -1,21 +1,36 @@
-"""What every command does at its edges: one line for a user's mistake, one to resume from."""
+"""What every command does: its common options, its exit status, and one line for a user's mistake."""
 
 from __future__ import annotations
 
 import errno
+import io
 import logging
 import os
+import signal
 import sys
+import threading
 from collections.abc import Iterator
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext, redirect_stdout
 from pathlib import Path
-from typing import NoReturn
+from typing import Annotated, NoReturn
 
 import typer
 
 from legfem.common.errors import InputError, UnsolvedError
-from legfem.common.pipes import let_pipes_break
+
+_OPTION = "-no_signal_handler"
+
+
+def ignore_broken_pipes() -> None:
+    """Keep PETSc from ending the program where a reader has left, loaded or yet to be."""
+    if threading.current_thread() is threading.main_thread() and hasattr(signal, "SIGPIPE"):
+        signal.signal(signal.SIGPIPE, signal.SIG_IGN)
+    # PETSc takes the signals as it is loaded, but for this.
+    given = os.environ.get("PETSC_OPTIONS", "")
+    if _OPTION not in given.split():
+        os.environ["PETSC_OPTIONS"] = f"{given} {_OPTION}".strip()
+
 
 BAD_INPUT, INTERRUPTED, FAILED = 2, 130, 1
 
@@ -32,7 +47,7 @@ def command_edge(resume: str = "run the same command again to go on", quiet: boo
         Whether messages that warn of nothing are left out.
     """
     _show_messages(logging.WARNING if quiet else logging.INFO)
-    let_pipes_break()
+    ignore_broken_pipes()
     try:
         yield
     except InputError as error:
@@ -185,3 +200,21 @@ def usable_cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+Quiet = Annotated[bool, typer.Option("--quiet", help="No progress; print only where the results are.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result's JSON, and nothing else, to stdout.")]
+
+
+@contextmanager
+def brief_output(quiet: bool, as_json: bool) -> Iterator[list[Path]]:
+    """Keep to itself what is printed, where that was asked for; print what is listed at the end.
+
+    Yields a list for the paths of the JSON documents that were written. Nothing is printed of work
+    that ends with an exception.
+    """
+    written: list[Path] = []
+    with redirect_stdout(io.StringIO()) if quiet or as_json else nullcontext():
+        yield written
+    for path in written if quiet or as_json else ():
+        print(path.read_text(encoding="utf-8").rstrip() if as_json else f"result: {path}")
