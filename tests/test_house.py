@@ -10,7 +10,7 @@ HOUSE = Path(__file__).parents[1] / "scripts" / "house"
 FILES = {
     "__init__.py": "",
     "room/__init__.py": '"""Room."""\n\nfrom pkg.room.shown import Shown\n\n__all__ = ["Shown"]\n',
-    "room/shown.py": '"""All's."""\nfrom pkg.room.hidden import f\n\nclass Shown:\n    """One."""\n\n    x = f()  # c\n',
+    "room/shown.py": '"""All."""\nfrom pkg.room.hidden import f\n\nclass Shown:\n    """One."""\n\n    x = f()  # c\n',
     "room/hidden.py": "def f():\n    # nothing\n    return (1,\n        2)  # fmt: skip\n",
     "terms/__init__.py": "",
     "terms/all.py": "from pkg.terms.drag import Shown\nfrom pkg.room import Shown as Other\n",
