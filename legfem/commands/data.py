@@ -8,9 +8,8 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_edge import BAD_INPUT, check_out_folder, command_edge
+from legfem.common.command_line import BAD_INPUT, AsJson, Quiet, brief_output, check_out_folder, command_edge
 from legfem.common.errors import InputError
-from legfem.common.outcome_options import AsJson, Quiet, told_briefly
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -105,7 +104,7 @@ def look(
         write_atomically(folder / "report.txt", text)
         write_atomically(folder / "recordings.toml", tomls[first])
         path = write_document(folder / LOOK, look_document(seen))
-        with told_briefly(quiet, as_json) as written:
+        with brief_output(quiet, as_json) as written:
             written.append(path)
             print(text)
             print(f"for {'specimen' if specimens else 'subject'}.toml:\n\n{tomls[first]}")
@@ -139,7 +138,7 @@ def preview(
         target.mkdir(parents=True, exist_ok=True)
         seen = preview_of(folder, target)
         seen.write(target)
-        with told_briefly(quiet, as_json) as written:
+        with brief_output(quiet, as_json) as written:
             written.append(target / PREVIEW)
             print(seen.text)
             print(f"preview: {target / PREVIEW}")

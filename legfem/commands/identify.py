@@ -14,10 +14,9 @@ import typer
 
 from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir
 from legfem.commands.specimens import specimens_for
-from legfem.common.command_edge import FAILED, check_out_folder, work_edge
-from legfem.common.doubts import say
+from legfem.common.command_line import FAILED, AsJson, Quiet, check_out_folder, work_edge
+from legfem.common.doubts import log_doubts
 from legfem.common.errors import InputError
-from legfem.common.outcome_options import AsJson, Quiet
 from legfem.common.progress import progress_on
 
 if TYPE_CHECKING:
@@ -214,7 +213,7 @@ def run(
             )
             return
         assert isinstance(found, Leg)
-        say(doubts_about(found))
+        log_doubts(doubts_about(found))
         nominal = values_of(tissues_of(found))
         parameters, fixed = written.parameters(nominal), written.held(nominal)
         chosen = written.laws(None if law is None else law.value, parameters, found.tissues["deep"].C20, fixed)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import typer
 
-from legfem.common.command_edge import FAILED, check_out_folder
-from legfem.common.doubts import say
+from legfem.common.command_line import FAILED, check_out_folder
+from legfem.common.doubts import log_doubts
 from legfem.common.progress import progress_on
 from legfem.inverse.parse_parameters import Written
 from legfem.inverse.settings import IdentificationSettings
@@ -45,7 +45,7 @@ def run_joint(
 
     check_joint(leg, settings, correction, in_3d)
     for site in leg.sites:
-        say(doubts_about(site))
+        log_doubts(doubts_about(site))
     nominal = nominal_of(leg, in_3d)
     parameters, fixed = written.parameters(nominal), written.held(nominal)
     shared, _ = split_instrument(parameters, fixed)

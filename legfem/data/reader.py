@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from legfem.common.errors import InputError
-from legfem.common.tables import read_table
+from legfem.common.input_files import read_table
 from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG, FloatArray
 from legfem.data.formats import read_sheets
 from legfem.data.formats.sheet import OWN, WORDS, Column, Quantity, Sheet, Unit, measures, unit_named
@@ -364,7 +364,8 @@ def read_samples(path: Path, channels: Channels | None = None, area: float | Non
     Raises
     ------
     InputError
-        If the table can't be read (see `legfem.common.tables.read_table`), or if the file lacks what ``channels`` name.
+        If the table can't be read (see `legfem.common.input_files.read_table`), or if the file lacks what
+        ``channels`` name.
     """
     path = Path(path)
     if channels is not None:

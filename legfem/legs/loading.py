@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from legfem.common.errors import InputError
-from legfem.common.text_file import check_shown
+from legfem.common.input_files import check_printable
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Channels, Instrument, Recording, check_trial, read_samples, seen_instrument
 from legfem.data.formats import recording_files
@@ -174,7 +174,7 @@ def _recordings(folder: Path, channels: Channels | None) -> tuple[Recording, ...
             if there
             else "put one CSV file a trial there: time_s,displacement_mm,force_N",
         )
-    check_shown(*files)
+    check_printable(*files)
     stems = [file.stem for file in files]
     twice = next((stem for stem in stems if stems.count(stem) > 1), None)
     if twice is not None:

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from legfem.common.markdown import markdown_table
+from legfem.common.documents import markdown_table
 from legfem.data import Channels, Recording
 from legfem.data.quality import Quality
 from legfem.data.reader import QUANTITIES, Proposal

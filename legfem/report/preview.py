@@ -15,8 +15,8 @@ from legfem.data.contact import LEG
 from legfem.data.formats import Sheet, read_sheets, recording_files
 from legfem.data.quality import BEST_GRADE, quality_of
 from legfem.data.reader import Channels, Proposal, propose, recording_of
+from legfem.geometry.leg_shape import perimeter
 from legfem.geometry.section import fat_thickness, girth
-from legfem.geometry.shape_measures import perimeter
 from legfem.legs.loading import load_subject
 from legfem.legs.plausibility import doubts_about, room_before
 from legfem.legs.schema import RECORDINGS, SUBJECTS, site_names, subject_entry

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from legfem.common.doubts import Doubt
 from legfem.common.errors import InputError
-from legfem.common.text_file import check_shown
+from legfem.common.input_files import check_printable
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Instrument
 from legfem.data.formats import READERS, is_litter, recording_files
@@ -223,7 +223,7 @@ def _named(directory: Path, toml: Path, given: SpecimenFile) -> list[tuple[str, 
             raise InputError(
                 toml, "specimen.recordings", f"{path.name} is named {times} times", "name every recording once"
             )
-    check_shown(*(path for _, path in found))
+    check_printable(*(path for _, path in found))
     stems = Counter(path.stem for _, path in found)
     return [
         (path.stem if stems[path.stem] == 1 else path.relative_to(directory).with_suffix("").as_posix(), number, path)
