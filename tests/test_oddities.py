@@ -17,8 +17,8 @@ from making_specimens import write_bars
 from legfem.common.errors import InputError
 from legfem.data import Instrument, Recording, segment
 from legfem.data.plausibility import cut_off, trial_doubts
-from legfem.geometry.cross_sections import polygons_of
 from legfem.geometry.section import PARTS
+from legfem.geometry.section_from_outlines import polygons_of
 from legfem.legs.loading import load_sites, load_subject
 from legfem.legs.plausibility import doubts_about
 from legfem.mechanics.materials import NeoHookean
