@@ -28,7 +28,7 @@ from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings
 from legfem.solve.report import SolveReport
 from studies.reconstruct import read_definition, test_of
 

@@ -16,11 +16,11 @@ from legfem.commands.diagnose import app as diagnose_app
 from legfem.commands.identify import app as identify_app
 from legfem.common.errors import InputError
 from legfem.experiments.indentation_3d import Cylinder
+from legfem.experiments.indenter_pose import Ball, Indenting, Pose, Punch, in_pose
 from legfem.experiments.leg_3d import LegIndentation3D
-from legfem.experiments.posed import Ball, Indenting, Pose, Punch, posed
+from legfem.geometry.frames import turn_about_travel
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.leg_shape import LegShape
-from legfem.geometry.plane import turn_about_travel
 from legfem.legs.experiments import plane_strain_test, spatial_test
 from legfem.legs.forward import PlaneStrainForward
 from legfem.legs.loading import load_sites, load_subject
@@ -79,7 +79,7 @@ def test_a_turned_cylinder_is_the_upright_one_seen_from_its_own_frame(axis_deg):
     pose = Pose((0.0, 0.0), 0.0, 200.0, axis_deg)
     assert np.allclose(pose.frame @ pose.frame.T, np.eye(3))
     assert np.linalg.det(pose.frame) == pytest.approx(1.0)
-    turned, upright = posed(CYLINDER, pose).shape, FiniteCylinder(15.0, 15.0, 2.0)
+    turned, upright = in_pose(CYLINDER, pose).shape, FiniteCylinder(15.0, 15.0, 2.0)
     rng = np.random.default_rng(1)
     for y in rng.uniform(-25, 25, (30, 3)):
         axis, side, travel = pose.frame @ y

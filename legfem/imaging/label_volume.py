@@ -1,7 +1,4 @@
-"""Label volumes: every voxel of a scan is background, superficial or deep tissue, or bone.
-
-Coordinates are those of DICOM, in mm: x to the patient's left, y to the back, z towards the head.
-"""
+"""Whether the labels of a volume are a leg's: bone inside muscle inside fat."""
 
 from __future__ import annotations
 
@@ -10,10 +7,92 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.ndimage import affine_transform, binary_dilation
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
-from legfem.imaging.oblique import along_axes
+
+_SHEAR = 1e-3
+_HALF = 0.5
+
+
+def along_axes(array: NDArray[np.integer], affine: FloatArray, source: str) -> tuple[NDArray[np.integer], FloatArray]:
+    """Return labels resampled on a grid along the coordinates' axes, and its affine (4, 4).
+
+    Every label's share is interpolated linearly, and the largest wins, so that outlines move by a
+    small part of a voxel. Only levels remain at which no tissue lies at the old grid's ends: beyond
+    them nothing is known of the leg.
+
+    Parameters
+    ----------
+    array
+        Labels, (n_1, n_2, n_3), 0 in the background.
+    affine
+        The array's indices to mm; its axes are nearest to x, y and z in this order, and point
+        their way.
+    source
+        What errors name as the file.
+
+    Raises
+    ------
+    InputError
+        If the grid is sheared, or nowhere holds the leg's whole section.
+    """
+    spacing = np.linalg.norm(affine[:3, :3], axis=0)
+    cosines = affine[:3, :3] / spacing
+    if np.abs(cosines.T @ cosines - np.eye(3)).max() > _SHEAR:
+        raise InputError(
+            source,
+            "affine",
+            "the grid is sheared: its axes aren't square to each other",
+            "resample the volume along the scanner's axes",
+        )
+    ends = np.array(np.meshgrid(*([0, n - 1] for n in array.shape), indexing="ij")).reshape(3, -1)
+    corners = affine[:3, :3] @ ends + affine[:3, 3:]
+    origin = corners.min(axis=1)
+    shape = tuple(np.ceil((corners.max(axis=1) - origin) / spacing).astype(int) + 1)
+    back = np.linalg.inv(affine[:3, :3])
+    matrix, offset = back * spacing, back @ (origin - affine[:3, 3])
+
+    def moved(values: NDArray[np.generic], outside: float) -> NDArray[np.float32]:
+        return np.asarray(
+            affine_transform(
+                values.astype(np.float32), matrix, offset, shape, np.float32, 1, "constant", outside, prefilter=False
+            )
+        )
+
+    best = np.zeros(shape, dtype=np.float32)
+    found = np.zeros(shape, dtype=array.dtype)
+    for label in np.unique(array):
+        share = moved(array == label, float(label == 0))
+        larger = share > best
+        best[larger], found[larger] = share[larger], label
+    outside = moved(np.ones(array.shape), 0.0) < _HALF
+    cut = (binary_dilation(outside, iterations=2) & (found > 0)).any(axis=(0, 1))
+    first, last = _longest(~cut & (found > 0).any(axis=(0, 1)))
+    if last - first < 2:
+        raise InputError(
+            source,
+            "affine",
+            "the grid is oblique, and no level holds the leg's whole section",
+            "scan or label more of the leg",
+        )
+    straight = np.diag([*spacing, 1.0])
+    straight[:3, 3] = origin
+    straight[2, 3] += first * spacing[2]
+    return np.ascontiguousarray(found[:, :, first:last]), straight
+
+
+def _longest(kept: NDArray[np.bool_]) -> tuple[int, int]:
+    """Return the first number, and the one after the last, of the longest run."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], kept.astype(int), [0]])))
+    runs = edges.reshape(-1, 2)
+    if not len(runs):
+        return 0, 0
+    first, last = runs[int(np.argmax(runs[:, 1] - runs[:, 0]))]
+    return int(first), int(last)
+
 
 BACKGROUND, SUPERFICIAL, DEEP, BONE = 0, 1, 2, 3
 TISSUES = {"superficial": SUPERFICIAL, "deep": DEEP, "bone": BONE}
@@ -155,7 +234,7 @@ def check_same_spacing(first: LabelVolume, second: LabelVolume) -> None:
 def _along_axes(array: NDArray[np.integer], affine: FloatArray, source: str) -> tuple[NDArray[np.integer], FloatArray]:
     """Permute and flip an array so that its affine is diagonal and positive.
 
-    One that is turned otherwise is resampled; see `legfem.imaging.oblique`.
+    One that is turned otherwise is resampled; see `legfem.imaging.label_volume`.
     """
     if array.ndim != 3 or affine.shape != (4, 4):
         raise InputError(source, "shape", f"{array.shape} is not a volume's", "give one volume")
@@ -196,3 +275,45 @@ def _check_meaning(meaning: Mapping[str, int | list[int]], source: str) -> None:
     for name in TISSUES:
         if name not in meaning:
             raise InputError(source, "labels", f"{name} has no label given", "give one")
+
+
+_IN_PLANE: NDArray[np.bool_] = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], bool)[:, :, None]
+
+
+def check_anatomy(volume: LabelVolume) -> None:
+    """Check that the fat is outermost and the bones are less than the muscle.
+
+    Raises
+    ------
+    InputError
+        If another label than the fat's touches the air most, or there is more bone than muscle.
+    """
+    air = volume.labels == BACKGROUND
+    at_air = volume.labels[ndimage.binary_dilation(air, _IN_PLANE) & ~air]
+    names = {label: name for name, label in TISSUES.items()}
+    outermost = names[int(np.argmax(np.bincount(at_air, minlength=4)[1:])) + 1]
+    if outermost != "superficial":
+        raise InputError(
+            volume.source,
+            "labels",
+            f"what is labelled {outermost} lies outermost, where fat is",
+            f"exchange superficial and {outermost} under [labels]",
+        )
+    bone, deep = (int((volume.labels == label).sum()) for label in (BONE, DEEP))
+    if bone > deep:
+        raise InputError(
+            volume.source,
+            "labels",
+            f"there is more bone ({bone} voxels) than muscle ({deep})",
+            "exchange deep and bone under [labels]",
+        )
+
+
+def cropped(volume: LabelVolume, low: float, high: float) -> LabelVolume:
+    """Return the slices between two levels (mm); the whole volume if there are none."""
+    kept = np.flatnonzero((volume.levels >= low) & (volume.levels <= high))
+    if len(kept) < 2:
+        return volume
+    first, last = int(kept[0]), int(kept[-1])
+    origin = volume.origin + np.array([0.0, 0.0, first * volume.spacing[2]])
+    return LabelVolume(volume.labels[:, :, first : last + 1], volume.spacing, origin, volume.source, volume.transform)

@@ -12,8 +12,7 @@ import numpy as np
 from legfem.common.errors import check_positive
 from legfem.common.units import FloatArray
 from legfem.experiments.indentation_3d import Cylinder
-from legfem.mechanics.contact import RigidBall, RigidIndenter
-from legfem.mechanics.turned_cylinder import TurnedCylinder
+from legfem.mechanics.contact import RigidBall, RigidIndenter, TurnedCylinder
 
 _OUTLINE = 13
 """Points of an indenter's outline, along its axis."""
@@ -82,7 +81,7 @@ class Pose:
 
 
 @dataclass(frozen=True)
-class Posed[Kind: Indenting](ABC):
+class IndenterInPose[Kind: Indenting](ABC):
     """An indenter in its pose.
 
     Parameters
@@ -131,7 +130,7 @@ class Posed[Kind: Indenting](ABC):
         """Return heights along the axis and the radii there (n, 2), mm: its outline."""
 
 
-class PosedCylinder(Posed[Cylinder]):
+class CylinderInPose(IndenterInPose[Cylinder]):
     """A cylinder that is pressed with its side."""
 
     @property
@@ -170,7 +169,7 @@ class PosedCylinder(Posed[Cylinder]):
         return np.column_stack([heights, radii])
 
 
-class PosedPunch(PosedCylinder):
+class PunchInPose(CylinderInPose):
     """A cylinder that is pressed with its end."""
 
     @property
@@ -190,7 +189,7 @@ class PosedPunch(PosedCylinder):
         return size.length / 2 - size.edge_radius + _root(size.edge_radius**2 - past**2)
 
 
-class PosedBall(Posed[Ball]):
+class BallInPose(IndenterInPose[Ball]):
     """A ball."""
 
     @property
@@ -218,13 +217,13 @@ class PosedBall(Posed[Ball]):
         return self.given.radius * np.column_stack([np.sin(turn), np.cos(turn)])
 
 
-def posed(given: Indenting, pose: Pose) -> Posed[Any]:
+def in_pose(given: Indenting, pose: Pose) -> IndenterInPose[Any]:
     """Return an indenter in a pose."""
     if isinstance(given, Ball):
-        return PosedBall(given, pose)
+        return BallInPose(given, pose)
     if isinstance(given, Punch):
-        return PosedPunch(given, pose)
-    return PosedCylinder(given, pose)
+        return PunchInPose(given, pose)
+    return CylinderInPose(given, pose)
 
 
 def _turned(size: Cylinder, axis: FloatArray) -> TurnedCylinder:

@@ -1,4 +1,4 @@
-"""Traction along the surface between the indenter and the skin."""
+"""What the indenter does to the skin: pressure, and traction along the surface."""
 
 from __future__ import annotations
 
@@ -8,11 +8,37 @@ from typing import Any, Literal
 
 import ufl
 
-from legfem.mechanics.integration_domain import Skin
+from legfem.mechanics.contact import PressureLaw, RigidIndenter, TangentialLaw
+from legfem.mechanics.integration_domain import Skin, named_parameters
 from legfem.mechanics.kinematics import Expr
-from legfem.mechanics.parameters import named
-from legfem.mechanics.terms.normal_contact import NormalContact
-from legfem.mechanics.traction import TangentialLaw
+from legfem.mechanics.model import Memoryless
+
+
+@dataclass(frozen=True)
+class NormalContact(Memoryless):
+    """Pressure of the rigid indenter on the skin."""
+
+    indenter: RigidIndenter
+    law: PressureLaw
+    name: str = "contact"
+    domain: Literal["skin"] = "skin"
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Numbers of the indenter and of the law."""
+        return {**named_parameters("indenter", self.indenter), **named_parameters(self.name, self.law)}
+
+    def pressure(self, skin: Skin) -> Expr:
+        """Return the pressure (MPa)."""
+        indenter = skin.symbols.of("indenter", self.indenter)
+        law = skin.symbols.of(self.name, self.law)
+        return law.pressure(-indenter.gap(skin.relative_position))
+
+    def residual(self, skin: Skin, history: Mapping[str, Any]) -> Expr:
+        """Return the work of the pressure along the indenter's normal."""
+        indenter = skin.symbols.of("indenter", self.indenter)
+        normal = indenter.normal(skin.relative_position)
+        return -self.pressure(skin) * ufl.dot(normal, skin.variation) * skin.measure
 
 
 @dataclass(frozen=True)
@@ -38,7 +64,7 @@ class TangentialContact:
     @property
     def parameters(self) -> dict[str, float]:
         """Numbers of the law."""
-        return named(self.name, self.law)
+        return named_parameters(self.name, self.law)
 
     def history(self, skin: Skin) -> dict[str, tuple[int, ...]]:
         """Return the anchor (mm, relative to the indenter) and the mark of contact."""

@@ -1,10 +1,11 @@
-"""A rigid indenter pressed into a body: what all tests with one share."""
+"""States of solutions in memory, from which pictures are made without solving again."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path as FilePath
 from typing import Any
@@ -12,21 +13,19 @@ from typing import Any
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.experiments.base import Homebound, Solved, made_when_needed
-from legfem.experiments.driven import Meshed, motion
+from legfem.experiments.experiment import Meshed, Picklable, Solved, as_protocol, cached_in_process
 from legfem.fem.system import System
 from legfem.jobs.checkpoint import Checkpoint
 from legfem.jobs.key import key_of
-from legfem.mechanics.contact import RigidIndenter
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings, RigidIndenter
+from legfem.mechanics.integration_domain import named_parameters
 from legfem.mechanics.materials import Hyperelastic
 from legfem.mechanics.model import Formulation, LegModel
-from legfem.mechanics.parameters import named
 from legfem.mechanics.terms import NormalContact, TangentialContact, Tissue
 from legfem.solve.newton import NewtonSolver
 from legfem.solve.path import Path
 from legfem.solve.protocol import Protocol
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.settings import StepSettings
 from legfem.solve.stepping import follow
 
 SOFTER = 0.2
@@ -45,7 +44,7 @@ def leg_model(
 
 
 @dataclass(frozen=True, eq=False)
-class Pressed:
+class IndentationRequest:
     """What is asked of a test with an indenter; as the arguments of `PressingTest.solve`."""
 
     values: Mapping[str, float] | None
@@ -56,7 +55,7 @@ class Pressed:
 
 
 @dataclass(frozen=True, eq=False)
-class Pressing(Meshed):
+class IndentationModel(Meshed):
     """A model on its mesh with its solver, ready to be pressed with any parameters.
 
     Parameters
@@ -78,11 +77,13 @@ class Pressing(Meshed):
     steps: StepSettings
 
     @cached_property
-    def relaxing(self) -> Pressing:
+    def relaxing(self) -> IndentationModel:
         """The same that goes on from a path's end to another equilibrium."""
         return replace(self, steps=replace(self.steps, relaxes=True))
 
-    def run(self, asked: Pressed, softness: float = 1.0, keep_in: tuple[FilePath, str] | None = None) -> Solved:
+    def run(
+        self, asked: IndentationRequest, softness: float = 1.0, keep_in: tuple[FilePath, str] | None = None
+    ) -> Solved:
         """Follow a protocol, with a contact softened by a factor.
 
         States are kept in a folder, with the hash of what else they depend on, if one is given;
@@ -137,7 +138,7 @@ class Pressing(Meshed):
         """Return the numbers of the contact's laws by full name."""
         model = self.system.model
         normal = next(term for term in model.at("skin") if isinstance(term, NormalContact))
-        numbers = named(normal.name, self.contact.pressure_law(penalty))
+        numbers = named_parameters(normal.name, self.contact.pressure_law(penalty))
         along = {"friction.stiffness": penalty}
         return numbers | {name: value for name, value in along.items() if name in model.parameters}
 
@@ -171,7 +172,7 @@ class Pressing(Meshed):
 class Attempt:
     """A way to solve what is asked."""
 
-    pressing: Pressing
+    pressing: IndentationModel
     softness: float = 1.0
     """Factor on the contact's stiffness."""
     more_points: bool = False
@@ -180,7 +181,7 @@ class Attempt:
     """Whether it has no pressures of their own where the settings have them."""
 
 
-class PressingTest(Homebound, ABC):
+class IndentationTest(Picklable, ABC):
     """A test in which a rigid indenter is pressed into a body, an `Experiment`.
 
     An instance is a frozen dataclass of what is given, and says how its finite-element model is
@@ -193,11 +194,11 @@ class PressingTest(Homebound, ABC):
         """The sum of terms."""
 
     @abstractmethod
-    def _made(self) -> Pressing:
+    def _made(self) -> IndentationModel:
         """Return the model on its mesh."""
 
-    @made_when_needed
-    def pressing(self) -> Pressing:
+    @cached_in_process
+    def pressing(self) -> IndentationModel:
         """The finite-element model, meshed and compiled."""
         return self._made()
 
@@ -256,14 +257,14 @@ class PressingTest(Homebound, ABC):
         Solved
             Also where the end wasn't reached: that of the attempt that came farthest.
         """
-        given = motion(protocol if depth is None else depth)
-        return self._farthest(self.attempts(), Pressed(values, given, sensitivities, on_step, keep_in))
+        given = as_protocol(protocol if depth is None else depth)
+        return self._farthest(self.attempts(), IndentationRequest(values, given, sensitivities, on_step, keep_in))
 
-    def _farthest(self, attempts: Iterator[Attempt], asked: Pressed) -> Solved:
+    def _farthest(self, attempts: Iterator[Attempt], asked: IndentationRequest) -> Solved:
         made = (self._tried(one, number, asked) for number, one in enumerate(attempts))
         return farthest(self._trusted(made))
 
-    def _tried(self, attempt: Attempt, number: int, asked: Pressed) -> Solved:
+    def _tried(self, attempt: Attempt, number: int, asked: IndentationRequest) -> Solved:
         folder = asked.keep_in
         kept = None if folder is None else (folder, key_of((self.fingerprint(), number)))
         solved = attempt.pressing.run(asked, attempt.softness, kept)
@@ -275,14 +276,14 @@ class PressingTest(Homebound, ABC):
         return made
 
 
-def solved_once(context: None, task: tuple[PressingTest, Protocol | float]) -> Solved:
+def solve_once(context: None, task: tuple[IndentationTest, Protocol | float]) -> Solved:
     """Return a test's outcome at its own values; work for `legfem.jobs.pool.Workers`.
 
     It is a copy that is solved, whose mesh goes with it.
     """
     test, protocol = task
     given: Any = test
-    copy: PressingTest = replace(given)
+    copy: IndentationTest = replace(given)
     return copy.solve(None, protocol)
 
 
@@ -296,3 +297,66 @@ def farthest(attempts: Iterable[Solved]) -> Solved:
     best = max(made, key=lambda solved: (solved.report.complete, solved.report.reached))
     others = tuple(solved.report for solved in made if solved is not best)
     return replace(best, report=replace(best.report, earlier_attempts=others))
+
+
+_STATES = 16
+"""About how many states of a solution are kept, between which a page interpolates."""
+_SOLUTIONS = 4
+"""The last ones, of some MB each."""
+
+
+def is_due(at: float, last: float, depth: float) -> bool:
+    """Tell whether to keep the state at a displacement: about evenly to a depth, and there (mm)."""
+    return at - last >= depth / _STATES or bool(np.isclose(at, depth))
+
+
+@dataclass(eq=False)
+class SolutionStates:
+    """A solution and states on its way.
+
+    Parameters
+    ----------
+    test
+        That is solved.
+    values
+        That differ from the model's own.
+    depth
+        To which it is pressed (mm).
+    """
+
+    test: IndentationTest
+    values: Mapping[str, float]
+    depth: float
+    solved: Solved | None = None
+    _states: list[tuple[float, dict[str, FloatArray]]] = field(default_factory=list)
+
+    def take(self, at: float) -> None:
+        """Keep the state at a displacement (mm), unless the last one is near."""
+        if self._states and at < self._states[-1][0]:
+            self._states.clear()  # the solution began anew
+        if is_due(at, self._states[-1][0] if self._states else 0.0, self.depth):
+            self._states.append((at, self.test.system.state()))
+
+    def show(self) -> Iterator[float]:
+        """Bring the test's system into one kept state after the other; yield displacements (mm)."""
+        assert self.solved is not None
+        self.test.system.set_parameters(dict(self.solved.parameters))
+        for at, state in self._states:
+            self.test.system.restore(state, at)
+            yield at
+
+
+@dataclass(eq=False)
+class RecentSolutions:
+    """The last solutions of a test in this process."""
+
+    _kept: deque[SolutionStates] = field(default_factory=lambda: deque(maxlen=_SOLUTIONS))
+
+    def add(self, one: SolutionStates) -> None:
+        """Keep a solution."""
+        self._kept.append(one)
+
+    def find(self, values: Mapping[str, float], depth: float) -> SolutionStates | None:
+        """Return what was solved for values to a depth (mm), None where that isn't kept."""
+        same = (one for one in self._kept if one.values == dict(values) and one.depth == depth)
+        return next(same, None)
