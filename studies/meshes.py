@@ -19,7 +19,7 @@ from legfem.common.progress import progress_on
 from legfem.common.versions import versions_of
 from legfem.legs.schema import SUBJECTS
 from legfem.meshing.exchange import write_mesh
-from legfem.meshing.quality import quality_of_file
+from legfem.meshing.gmsh_mesh import quality_of_file
 from legfem.stockings.loading import LEGS
 
 MANIFEST = "meshes.json"

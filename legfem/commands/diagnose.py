@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir
-from legfem.commands.specimens import specimens_for
+from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, specimens_for
 from legfem.common.command_line import AsJson, Quiet, check_out_folder, work_edge
 from legfem.common.doubts import log_doubts
 from legfem.common.errors import InputError
@@ -76,7 +75,7 @@ def diagnose(
             return
         if specimen:
             raise InputError("--specimen", specimen[0], "is for specimens", "give --specimen-dir")
-        from legfem.commands.outcome import print_outcome
+        from legfem.commands.options import print_outcome
         from legfem.common.documents import write_document
         from legfem.legs.correction import read_correction
         from legfem.legs.correction_of_leg import REFERENCE
@@ -124,6 +123,8 @@ def _run_specimens(
 ) -> None:
     from legfem.commands.outcome import print_outcome
     from legfem.legs.variants import library_folder
+    from legfem.commands.options import print_outcome
+    from legfem.diagnose.leg import library_folder
     from legfem.report.specimen_diagnosis import write_specimen_diagnoses
     from legfem.report.web.page import command_line
     from legfem.specimens.diagnosis import diagnose_specimens

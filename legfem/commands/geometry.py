@@ -57,8 +57,8 @@ def convert(
     --out my-leg
     """
     with command_edge("run the same command again", quiet):
-        from legfem.geometry.contour_table import write_outlines
-        from legfem.geometry.plane import CuttingPlane
+        from legfem.geometry.contours import write_outlines
+        from legfem.geometry.frames import CuttingPlane
         from legfem.legs.folder import folder_of_leg
         from legfem.legs.loading import load_subject
         from legfem.legs.plausibility import doubts_about

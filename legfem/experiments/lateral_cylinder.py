@@ -7,8 +7,7 @@ from typing import Literal
 
 from legfem.common.errors import InputError, check_positive
 from legfem.experiments.axisymmetric import Arrangement, AxisymmetricTest, Faces
-from legfem.mechanics.contact import RigidCylinder
-from legfem.mechanics.contact_settings import ContactSettings
+from legfem.mechanics.contact import ContactSettings, RigidCylinder
 from legfem.meshing.meridian import MeridianMeshSettings, supports
 
 

@@ -90,6 +90,8 @@ if TYPE_CHECKING:
     from legfem.experiments.placement import Placement
     from legfem.meshing.motion import MeshMotion
     from legfem.solve.path import Path
+    from legfem.experiments.plane_strain import Placement
+    from legfem.meshing.section import MeshMotion
 
 PLAIN = Solution("plain")
 """The base model with no term of any mechanism."""

@@ -16,12 +16,10 @@ from legfem.legs.subject import Subject
 from legfem.solve.protocol import Protocol
 
 if TYPE_CHECKING:
-    from legfem.experiments.placement import Placement
-    from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainSettings
-    from legfem.experiments.tissues import Tissues
+    from legfem.experiments.plane_strain import Placement, PlaneStrainIndentation, PlaneStrainSettings, Tissues
     from legfem.geometry.indenter import Indenter
     from legfem.geometry.section import LegSection
-    from legfem.meshing.motion import MeshMotion
+    from legfem.meshing.section import MeshMotion
     from legfem.solve.path import Path
     from legfem.solve.report import SolveReport
 
@@ -108,7 +106,7 @@ class LegVariants:
         placement
             Where the cylinder stands; as stated without it.
         """
-        from legfem.experiments.placement import Placement
+        from legfem.experiments.plane_strain import Placement
 
         model = self.model(solution.variant)
         values = dict(deep)

@@ -27,8 +27,8 @@ from legfem.specimens.rig import mechanisms_on_a_rig
 from legfem.study.correction.cases import CorrectionCase
 
 if TYPE_CHECKING:
-    from legfem.experiments.placement import Placement
-    from legfem.meshing.motion import MeshMotion
+    from legfem.experiments.plane_strain import Placement
+    from legfem.meshing.section import MeshMotion
     from legfem.solve.path import Path as SolvedPath
 
 NOT_OFFERED: Mapping[str, str] = {

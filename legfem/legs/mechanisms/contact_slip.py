@@ -9,7 +9,7 @@ from legfem.inverse.mechanism import Solution, TissueMechanism, Values, strength
 from legfem.inverse.parameter import Parameter
 
 if TYPE_CHECKING:
-    from legfem.mechanics.contact_settings import TangentialName
+    from legfem.mechanics.contact import TangentialName
 
 
 @dataclass(frozen=True)

@@ -14,12 +14,11 @@ from legfem.experiments.plane_strain import PlaneStrainIndentation, PlaneStrainS
 from legfem.jobs.key import code_fingerprint
 from legfem.legs.experiments import tissues_of
 from legfem.legs.subject import Subject
-from legfem.solve.force_curve import ForceCurve
-from legfem.solve.newton_settings import NewtonSettings
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.path import ForceCurve
+from legfem.solve.settings import NewtonSettings, StepSettings
 
 if TYPE_CHECKING:
-    from legfem.experiments.tissues import Tissues
+    from legfem.experiments.plane_strain import Tissues
     from legfem.geometry.indenter import Indenter
     from legfem.geometry.section import LegSection
 
