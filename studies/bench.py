@@ -27,7 +27,6 @@ from legfem.legs.diagnosis import STIFFENING, Diagnoser, shown_mechanisms
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.variants import LegVariants, solved_responses
-from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.contact import ContactSettings
 from legfem.solve.report import SolveReport
 from studies.reconstruct import read_definition, test_of

@@ -19,7 +19,6 @@ from legfem.experiments.uniaxial import Bar
 from legfem.inverse.parse_parameters import Written
 from legfem.inverse.responses import Stopped
 from legfem.legs.mechanisms import Solution
-from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.contact import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Fibres

@@ -14,7 +14,6 @@ from legfem.inverse.observations import observe
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.mechanisms import Solution
-from legfem.solve.force_curve import ForceCurve
 from legfem.solve.path import ForceCurve
 from legfem.solve.protocol import Protocol
 from legfem.study.correction.cases import CorrectionCase

@@ -121,10 +121,8 @@ def _run_specimens(
     quiet: bool,
     as_json: bool,
 ) -> None:
-    from legfem.commands.outcome import print_outcome
-    from legfem.legs.variants import library_folder
     from legfem.commands.options import print_outcome
-    from legfem.diagnose.leg import library_folder
+    from legfem.legs.variants import library_folder
     from legfem.report.specimen_diagnosis import write_specimen_diagnoses
     from legfem.report.web.page import command_line
     from legfem.specimens.diagnosis import diagnose_specimens

@@ -24,8 +24,8 @@ from legfem.jobs.store import Store
 from legfem.solve.protocol import Protocol as Motion
 
 if TYPE_CHECKING:
-    from legfem.experiments.placement import Placement
-    from legfem.meshing.motion import MeshMotion
+    from legfem.experiments.plane_strain import Placement
+    from legfem.meshing.section import MeshMotion
     from legfem.solve.path import Path
 
 
@@ -87,11 +87,9 @@ ELASTIC_DERIVATIVES = ("deep.C10", "deep.C20")
 _SMALLEST_FORCE_N = 1e-6
 
 if TYPE_CHECKING:
-    from legfem.experiments.placement import Placement
-    from legfem.meshing.motion import MeshMotion
-    from legfem.solve.path import Path
     from legfem.experiments.plane_strain import Placement
     from legfem.meshing.section import MeshMotion
+    from legfem.solve.path import Path
 
 PLAIN = Solution("plain")
 """The base model with no term of any mechanism."""

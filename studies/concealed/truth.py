@@ -22,7 +22,6 @@ from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.mechanisms import Solution, TissueMechanism, mechanism_named
 from legfem.legs.subject import Subject
 from legfem.legs.variants import LegVariants
-from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.contact import ContactSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.settings import StepSettings
