@@ -26,14 +26,14 @@ from legfem.data import segment
 from legfem.data.formats import read_sheets
 from legfem.data.quality import quality_of
 from legfem.data.reader import propose, recording_of
-from legfem.diagnose.document import versions
 from legfem.experiments.indentation_3d import Cylinder
+from legfem.experiments.indenter_pose import Pose, in_pose
 from legfem.experiments.plane_strain import PlaneStrainSettings
-from legfem.experiments.posed import Pose, posed
 from legfem.geometry.leg_shape import HULL, SKIN
 from legfem.geometry.slices import calf_levels
 from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.estimates import Estimate
+from legfem.inverse.plan import DesignValue
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.legs.correction import TabulatedCorrection
@@ -41,12 +41,11 @@ from legfem.legs.details import Confirmation, SpatialEvidence
 from legfem.legs.experiments import plane_strain_test
 from legfem.legs.film_3d import LegState, PressedLeg, seen
 from legfem.legs.loading import load_subject
+from legfem.legs.plan import Expected, designs
 from legfem.legs.subject import Subject
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings
-from legfem.plan.designs import designs
-from legfem.plan.reckon import Reckoned
-from legfem.plan.run import Expected
+from legfem.report.diagnosis_document import versions
 from legfem.report.look import recordings_toml
 from legfem.report.web.diagnosis import diagnosis_web_page
 from legfem.report.web.identification import identification_page
@@ -56,7 +55,7 @@ from legfem.report.web.plan import plan_web_page
 from legfem.report.web.section import Film, PressedSection, pressed_section
 from legfem.report.web.specimen import specimen_web_page
 from legfem.report.web.stocking import stocking_web_page
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 from legfem.specimens.folder import load_specimen
 from legfem.specimens.recorded import LeftOut
 from legfem.specimens.result import ComparedRecording, SpecimenResult
@@ -101,7 +100,7 @@ def pressed_in_3d() -> PressedLeg:
     """A round leg, invented: the skin goes with the cylinder within its length, in proportion."""
     shape = seen(round_leg(n_points=60))
     touch = np.array([0.0, -66.0, shape.levels.mean()])
-    pose = posed(Cylinder(), Pose((0.0, 0.0), float(touch[2]), 90.0))
+    pose = in_pose(Cylinder(), Pose((0.0, 0.0), float(touch[2]), 90.0))
     direction = pose.pose.direction
     skin = shape.points(SKIN)
     away = np.linalg.norm((skin - touch) / (12.0, 30.0, 20.0), axis=-1)
@@ -129,10 +128,10 @@ def diagnosis(folder: Path) -> WebPage:
     return diagnosis_web_page(found, subject, (), COMMAND, pressed=pressed(subject))
 
 
-def ranked(chances: tuple[tuple[float, float], ...] = ((0.96, 0.1), (0.4, 0.05))) -> list[Reckoned]:
+def ranked(chances: tuple[tuple[float, float], ...] = ((0.96, 0.1), (0.4, 0.05))) -> list[DesignValue]:
     """Tests that tell a stiff fascia and a gain with these chances."""
     return [
-        Reckoned(design, {("fascia-stiffness", "nothing"): a, ("gain", "nothing"): b, ("nothing", "gain"): 0.5}, a)
+        DesignValue(design, {("fascia-stiffness", "nothing"): a, ("gain", "nothing"): b, ("nothing", "gain"): 0.5}, a)
         for design, (a, b) in zip(designs(20.0, 0.5, 30.0), chances, strict=False)
     ]
 

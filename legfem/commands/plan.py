@@ -8,10 +8,9 @@ from typing import Annotated
 import typer
 
 from legfem.commands.options import Jobs, Site, Subject, SubjectDir
-from legfem.common.checks import check_finite
-from legfem.common.command_edge import check_out_folder, work_edge
-from legfem.common.doubts import say
-from legfem.common.outcome_options import AsJson, Quiet
+from legfem.common.command_line import AsJson, Quiet, check_out_folder, work_edge
+from legfem.common.doubts import log_doubts
+from legfem.common.errors import check_finite
 from legfem.common.progress import progress_on
 from legfem.legs.schema import SUBJECTS
 
@@ -43,16 +42,16 @@ def plan(
     """
     resume = "run the same command again to go on; solutions that are done are kept"
     with work_edge(jobs, resume, quiet) as processes:
-        from legfem.commands.outcome import print_outcome
+        from legfem.commands.options import print_outcome
         from legfem.common.documents import write_document
-        from legfem.diagnose.document import versions
-        from legfem.diagnose.leg import library_folder
-        from legfem.diagnose.run import Diagnoser
         from legfem.legs.correction import read_correction
         from legfem.legs.correction_of_leg import REFERENCE
+        from legfem.legs.diagnosis import Diagnoser
         from legfem.legs.loading import load_subject
+        from legfem.legs.plan import Expected, plan_before
         from legfem.legs.plausibility import doubts_about
-        from legfem.plan.run import Expected, plan_before
+        from legfem.legs.variants import library_folder
+        from legfem.report.diagnosis_document import versions
         from legfem.report.in_place import REPORT, made_in_place
         from legfem.report.listing import NUMBERS, ReportFile
         from legfem.report.plain import brief, plain_page
@@ -65,7 +64,7 @@ def plan(
             SUBJECTS.named(subject, subject_dir), need_recordings=False, need_instrument=False, site=site or ""
         )
         doubts = doubts_about(found)
-        say(doubts)
+        log_doubts(doubts)
         folder = out or Path("results") / f"plan-{found.id}"
         check_out_folder(folder)
         responses = library or library_folder()

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from legfem.common.units import kpa_to_mpa
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.document import Recorded
 from legfem.experiments.plane_strain import PlaneStrainSettings
+from legfem.inverse.verdict import Diagnosis
 from legfem.legs.experiments import plane_strain_test
 from legfem.legs.subject import Subject
 from legfem.meshing.section import SectionMeshSettings
+from legfem.report.diagnosis_document import Recorded
 from legfem.report.filmed import filmed
 from legfem.report.in_place import REPORT, made_in_place
 from legfem.report.listing import NUMBERS, ReportFile
@@ -25,8 +25,7 @@ from legfem.report.style import save
 from legfem.report.web.diagnosis import diagnosis_web_page
 from legfem.report.web.page import listed, write_page
 from legfem.report.web.section import PressedSection
-from legfem.solve.newton_settings import NewtonSettings
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.settings import NewtonSettings, StepSettings
 
 _COARSER = 2.4
 """Than the mesh that forces come from: that of the section to press."""

@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.identify.result import IdentificationResult
-from legfem.jobs.aside import aside
+from legfem.jobs.background import in_background
 from legfem.legs.subject import Subject
 from legfem.report.cost_figure import cost_figure
 from legfem.report.filmed import filmed
@@ -60,7 +60,10 @@ def write_identification_report(
         return out / REPORT
     note, entries, pressed = "", list[ReportFile](), None
     apart = jobs > 1 and experiment is not None and comm.size == 1
-    with made_in_place(out, comm) as folder, aside(lambda: _figures(results, subject, folder), apart) as figures:
+    with (
+        made_in_place(out, comm) as folder,
+        in_background(lambda: _figures(results, subject, folder), apart) as figures,
+    ):
         if experiment is not None:
             note, entries, pressed = _deformed_state(results, subject, experiment, folder)
         if comm.rank == 0:

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from legfem.common.documents import write_atomically, write_document
-from legfem.common.markdown import markdown_table
+from legfem.common.documents import markdown_table, write_atomically, write_document
 from legfem.common.progress import progress_on
 from legfem.identify.document import result_document
 from legfem.identify.result import IdentificationResult
