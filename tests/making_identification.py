@@ -13,7 +13,7 @@ from making import write_subject
 from legfem.common.progress import Silent
 from legfem.data import Instrument, Recording
 from legfem.identify.result import IdentificationResult, identification_result
-from legfem.inverse.fit import fit_with
+from legfem.inverse.fit import Fit, fit_with
 from legfem.inverse.outcome import FullSolver, JointForward, Outcome
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
@@ -120,10 +120,25 @@ def identify(
     correction: TabulatedCorrection | None = None,
 ) -> list[IdentificationResult]:
     """Return the results of laws, by default both."""
+    found = fits(subject, settings, model, solves, laws, parameters, fixed, correction)
+    return [identification_result(one) for one in found]
+
+
+def fits(
+    subject: Subject,
+    settings: IdentificationSettings | None = None,
+    model: AnalyticLeg | None = None,
+    solves: Path | None = None,
+    laws: tuple[Any, ...] = LAWS,
+    parameters: Sequence[Parameter] | None = None,
+    fixed: Mapping[str, float] | None = None,
+    correction: TabulatedCorrection | None = None,
+) -> list[Fit[Any]]:
+    """Return the fits of laws, by default both."""
     model = model or AnalyticLeg(depth=DEPTH + beyond_of(parameters or (), fixed or {}))
     settings = settings or IdentificationSettings()
     request = SearchRequest(parameters, fixed or {}, settings=settings)
     problem = leg_problem(as_leg(subject), laws, request, [correction], JointForward((model,)))
     store = None if solves is None else Store(solves, Outcome, model.fingerprint())
     with FullSolver(problem.forward, store, 1, Silent(), problem.sensitivities) as solver:
-        return [identification_result(one) for one in fit_with(problem, laws, solver, settings)]
+        return fit_with(problem, laws, solver, settings)

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
-from legfem.api.checking import check_folder, check_names, check_unused, check_whole
-from legfem.api.found import Found, row
+from legfem.api.arguments import check_folder, check_names, check_unused, check_whole, in_python_words
 from legfem.api.loading import Given, one_of
-from legfem.api.wording import in_calls_words
+from legfem.api.results import Result, row
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 from legfem.legs.subject import SitedLeg, Subject
@@ -19,14 +18,14 @@ from legfem.legs.subject import SitedLeg, Subject
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from legfem.diagnose.diagnosis import Diagnosis
+    from legfem.inverse.verdict import Diagnosis
     from legfem.report.web.page import WebPage
     from legfem.specimens.diagnosis import DiagnosedSpecimen
     from legfem.specimens.folder import SpecimenFolder
 
 
 @dataclass(frozen=True, eq=False)
-class DiagnosedLeg(Found):
+class DiagnosedLeg(Result):
     """Where model and recordings differ, and which physics was left out."""
 
     subject: Subject
@@ -47,7 +46,7 @@ class DiagnosedLeg(Found):
 
     def document(self) -> dict[str, Any]:
         """Return what ``diagnosis.json`` holds."""
-        from legfem.diagnose.document import document
+        from legfem.report.diagnosis_document import document
 
         return document(self.diagnosis, self.subject, self.seed, self.seconds)
 
@@ -75,7 +74,7 @@ class DiagnosedLeg(Found):
 
 
 @dataclass(frozen=True, eq=False)
-class DiagnosedFolder(Found):
+class DiagnosedFolder(Result):
     """The same of each specimen of a folder."""
 
     folder: SpecimenFolder
@@ -106,7 +105,7 @@ class DiagnosedFolder(Found):
 
     def document(self) -> dict[str, Any]:
         """Return what ``diagnosis.json`` holds, by specimen."""
-        from legfem.diagnose.document import document
+        from legfem.report.diagnosis_document import document
 
         return {
             one.id: document(one.diagnosis, one, self.seed, one.seconds)
@@ -183,7 +182,7 @@ def diagnose(
     progress: bool = False,
     specimens: Sequence[str] = (),
 ) -> DiagnosedFolder: ...
-@in_calls_words()
+@in_python_words()
 def diagnose(
     leg: Subject | SitedLeg | SpecimenFolder | Given,
     *,
@@ -221,10 +220,10 @@ def diagnose(
         With ``verdict`` (or ``verdicts`` by specimen), ``summary()``, ``plot()``, ``to_frame()``,
         ``document()``, ``write(folder)``.
     """
-    from legfem.diagnose.leg import library_folder
-    from legfem.diagnose.run import Diagnoser
     from legfem.legs.correction import read_correction
     from legfem.legs.correction_of_leg import REFERENCE
+    from legfem.legs.diagnosis import Diagnoser
+    from legfem.legs.variants import library_folder
     from legfem.specimens.folder import SpecimenFolder
 
     check_whole("seed", seed, 0)

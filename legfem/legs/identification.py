@@ -18,6 +18,7 @@ from legfem.inverse.catalogue import DEEP_RATIO
 from legfem.inverse.fibre_ratio import check_in_plane
 from legfem.inverse.fit import Fit, fit
 from legfem.inverse.laws import LawName
+from legfem.inverse.outcome import Forward
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import AUTO, NONE, choose_correction
@@ -98,6 +99,7 @@ def identify_leg(
     in_3d: bool = False,
     comm: MPI.Intracomm = MPI.COMM_SELF,
     settings: PlaneStrainSettings | SolidLegSettings | None = None,
+    forward: Forward | None = None,
 ) -> list[Fit[LegDetails]]:
     """Identify what all sites of a leg share, in plane strain or in 3D.
 
@@ -117,6 +119,8 @@ def identify_leg(
         Over which a solve in 3D is spread.
     settings
         Numerical: of a section in plane strain, or of a leg in 3D.
+    forward
+        Sections in plane strain, see `legfem.legs.problem.section_forward`; made without them where they are needed.
 
     Raises
     ------
@@ -132,7 +136,7 @@ def identify_leg(
     if searches_in_3d(leg, names, in_3d):
         return fit_in_3d(leg, laws, request, solid, comm)
     corrections = [choose_correction(correction, site) for site in leg.sites]
-    problem = leg_problem(leg, laws, request, corrections, settings=section)
+    problem = leg_problem(leg, laws, request, corrections, forward, section)
     if not in_3d:
         return fit(problem, laws, request)
     (site,) = leg.sites
