@@ -149,8 +149,8 @@ def test_nothing_remains_beside_an_explanation_that_suits():
     found = diagnosed({"support-compliance.compliance": 0.15}, asked=("support-compliance",))
     model = found.models[0]
     assert not model.in_part
-    for unknown, in_part in ((INEXACT, False), (INEXACT + 0.1, False), (0.8, True), (1.0, True)):
-        posterior = replace(model.posterior, unknown=unknown)
+    for share, in_part in ((INEXACT, False), (INEXACT + 0.1, False), (0.8, True), (1.0, True)):
+        posterior = replace(model.posterior, discrepancy_probability=share)
         assert replace(model, posterior=posterior).in_part is in_part  # no coin's toss
     assert residual_intervals(found, model) == []
     assert explained_share(found, model) > 0.9
