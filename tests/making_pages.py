@@ -26,7 +26,6 @@ from legfem.data import segment
 from legfem.data.formats import read_sheets
 from legfem.data.quality import quality_of
 from legfem.data.reader import propose, recording_of
-from legfem.diagnose.document import versions
 from legfem.experiments.indentation_3d import Cylinder
 from legfem.experiments.indenter_pose import Pose, in_pose
 from legfem.experiments.plane_strain import PlaneStrainSettings
@@ -34,6 +33,7 @@ from legfem.geometry.leg_shape import HULL, SKIN
 from legfem.geometry.slices import calf_levels
 from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.estimates import Estimate
+from legfem.inverse.plan import DesignValue
 from legfem.jobs.pool import Workers
 from legfem.jobs.store import Store
 from legfem.legs.correction import TabulatedCorrection
@@ -41,12 +41,11 @@ from legfem.legs.details import Confirmation, SpatialEvidence
 from legfem.legs.experiments import plane_strain_test
 from legfem.legs.film_3d import LegState, PressedLeg, seen
 from legfem.legs.loading import load_subject
+from legfem.legs.plan import Expected, designs
 from legfem.legs.subject import Subject
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings
-from legfem.plan.designs import designs
-from legfem.plan.reckon import Reckoned
-from legfem.plan.run import Expected
+from legfem.report.diagnosis_document import versions
 from legfem.report.look import recordings_toml
 from legfem.report.web.diagnosis import diagnosis_web_page
 from legfem.report.web.identification import identification_page
@@ -67,12 +66,12 @@ from legfem.stockings.misfit import ContourAccuracy
 from legfem.stockings.result import StockingResult, StockingSettings, run_leg
 from legfem.study.correction.calibration import Calibrated, Calibration
 from legfem.study.correction.cases import CaseOutcome
-from legfem.study.correction.web_page import correction_web_page
-from legfem.study.doe.definition import read_definition
+from legfem.study.correction.page import correction_web_page
+from legfem.study.doe.design import read_definition
+from legfem.study.doe.report import study_web_page
 from legfem.study.doe.runs import Workshop, simulate
 from legfem.study.doe.simulator import Record
 from legfem.study.doe.study import StudyResult, study
-from legfem.study.doe.web_page import study_web_page
 from studies.legs.parametric_leg import round_leg
 
 COMMAND = "python -m legfem.identify --subject-dir 'my <leg>'"
@@ -129,10 +128,10 @@ def diagnosis(folder: Path) -> WebPage:
     return diagnosis_web_page(found, subject, (), COMMAND, pressed=pressed(subject))
 
 
-def ranked(chances: tuple[tuple[float, float], ...] = ((0.96, 0.1), (0.4, 0.05))) -> list[Reckoned]:
+def ranked(chances: tuple[tuple[float, float], ...] = ((0.96, 0.1), (0.4, 0.05))) -> list[DesignValue]:
     """Tests that tell a stiff fascia and a gain with these chances."""
     return [
-        Reckoned(design, {("fascia-stiffness", "nothing"): a, ("gain", "nothing"): b, ("nothing", "gain"): 0.5}, a)
+        DesignValue(design, {("fascia-stiffness", "nothing"): a, ("gain", "nothing"): b, ("nothing", "gain"): 0.5}, a)
         for design, (a, b) in zip(designs(20.0, 0.5, 30.0), chances, strict=False)
     ]
 

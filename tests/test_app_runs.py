@@ -25,9 +25,9 @@ from legfem.app.runs import ACTIONS, Run, RunState, rename_input
 from legfem.common.documents import write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Lines, Reached, reached
-from legfem.diagnose.document import document
 from legfem.identify.document import result_document
 from legfem.legs.loading import load_subject
+from legfem.report.diagnosis_document import document
 from legfem.report.words import number
 
 

@@ -9,20 +9,18 @@ import pytest
 from making_diagnosis import GRID, SOUGHT, TRUTH, fat, noisy, one_at_each_rate, problem_of, ramps
 from scipy.stats import norm
 
-from legfem.diagnose import explain as explain_module
-from legfem.diagnose.averaged import averaged_interval
-from legfem.diagnose.explain import CONFIRMED_FROM, explain
-from legfem.diagnose.explanation import HELD, Explained
-from legfem.diagnose.fit import Fit, Problem, fit
-from legfem.diagnose.library import NuisanceChanges
-from legfem.diagnose.mechanisms import mechanism_named
-from legfem.diagnose.nuisances import MATERIAL_LOG_SD, Accuracy, nuisance_effects
-from legfem.diagnose.strength import gained_by_width
-from legfem.diagnose.touch import posterior_of
-from legfem.diagnose.unknown import unknown_errors
-from legfem.diagnose.weighing import PRIOR_NONE, PRIOR_PAIR, PRIOR_SINGLE, PRIOR_UNKNOWN
+from legfem.inverse import explain as explain_module
+from legfem.inverse.averaging import averaged_interval
+from legfem.inverse.discrepancy import possible_discrepancies
 from legfem.inverse.errors import error_model
 from legfem.inverse.evidence import Evidence
+from legfem.inverse.explain import CONFIRMED_FROM, PRIOR_NONE, PRIOR_PAIR, PRIOR_SINGLE, PRIOR_UNKNOWN, explain
+from legfem.inverse.explanation import HELD, Explained
+from legfem.inverse.laplace import contact_posterior, gain_of_widths
+from legfem.inverse.library import NuisanceChanges
+from legfem.inverse.linearised import LinearisedFit, LinearisedProblem, fit
+from legfem.legs.mechanisms import mechanism_named
+from legfem.legs.nuisances import MATERIAL_LOG_SD, Accuracy, nuisance_effects
 
 
 @pytest.mark.parametrize(
@@ -74,11 +72,11 @@ def test_a_single_effect_is_named_and_its_bias_removed(effects, recordings):
 def test_nothing_is_named_where_nothing_is(seed):
     problem, base = problem_of(ramps(), seed=seed)
     explained = explain(problem, base, SOUGHT)
-    assert explained.every[0].nothing
-    assert explained.base.probability > 0.68 and explained.soundness > 0.99
+    assert explained.every[0].is_base
+    assert explained.base.probability > 0.68 and explained.adequacy > 0.99
     assert all(len(e.names) < 2 for e in explained.every), "no pairs where nothing asks for more"
     said = explained.statements()
-    assert said[0].nothing_shows and said[0].probability == pytest.approx(explained.soundness)
+    assert said[0].nothing_shows and said[0].probability == pytest.approx(explained.adequacy)
     assert said[0].probability > explained.base.probability, "what adds nothing counts, too"
     assert sum(one.probability for one in said) == pytest.approx(1.0)
 
@@ -93,7 +91,7 @@ def test_probabilities_sum_to_one_and_explanations_are_listed_to_nine_tenths():
     held = [e.probability for e in listed]
     assert sum(held) >= HELD > sum(held[:-1])
     assert listed[0].names == ("contact-onset",)
-    assert not any(e.nothing for e in listed)
+    assert not any(e.is_base for e in listed)
     said = explained.statements()
     assert said[0].names == ("contact-onset",)
     assert sum(one.probability for one in said) == pytest.approx(1.0)
@@ -105,7 +103,7 @@ def test_a_ripple_is_located_and_not_explained():
     ripple = 0.2 * np.sin(2 * np.pi * observed.displacement / 3.0)
     problem, base = problem_of(ramps(), seed=2, extra=ripple)
     explained = explain(problem, base, SOUGHT)
-    assert explained.every[0].unknown
+    assert explained.every[0].unnamed
     assert explained.every[0].probability > 0.9
     assert not explained.every[0].names
 
@@ -117,7 +115,7 @@ def test_an_error_below_a_trial_s_noise_is_no_contradiction(size, sound):
     ripple = size * noise * np.sin(2 * np.pi * observed.displacement / 3.0)
     problem, base = problem_of(ramps(), seed=2, extra=ripple)
     explained = explain(problem, base, SOUGHT)
-    assert (explained.soundness >= 0.5) is sound
+    assert (explained.adequacy >= 0.5) is sound
 
 
 def test_two_effects_are_explained_by_the_pair():
@@ -146,12 +144,12 @@ def test_behind_one_effect_that_suffices_others_are_tried_and_widen_the_interval
 def test_the_interval_of_consistent_recordings_has_room_for_what_they_may_hide():
     problem, base = problem_of(ramps(), {"support-compliance.compliance": 0.006}, seed=1)
     explained = explain(problem, base, SOUGHT)
-    assert explained.every[0].nothing and explained.soundness > 0.9
+    assert explained.every[0].is_base and explained.adequacy > 0.9
     low, high = averaged_interval(explained, "C10")
     alone = explained.base.interval("C10")
     assert low < TRUTH["C10"] < high
     assert high - low > 1.3 * (alone[1] - alone[0])
-    surer = [replace(e, probability=100 * e.probability) if e.nothing else e for e in explained.every]
+    surer = [replace(e, probability=100 * e.probability) if e.is_base else e for e in explained.every]
     again = averaged_interval(replace(explained, every=tuple(surer)), "C10")
     assert again == pytest.approx((low, high)), "nothing at all is no explanation of a leg"
 
@@ -160,7 +158,7 @@ def test_a_pair_that_adds_nothing_takes_the_solution_of_its_one_mechanism():
     problem, base = problem_of(ramps(), {"support-compliance.compliance": 0.3}, seed=3)
     asked = []
 
-    def confirm(given: Problem, fitted: Fit) -> tuple[Problem, Fit, bool]:
+    def confirm(given: LinearisedProblem, fitted: LinearisedFit) -> tuple[LinearisedProblem, LinearisedFit, bool]:
         asked.append(fitted.names)
         shifted = given.corrected(0.002 * fitted.prediction)
         return shifted, fit(shifted, fitted.mechanisms, fitted.values), True
@@ -177,7 +175,7 @@ def test_a_pair_that_is_more_than_either_takes_a_solution_of_its_own():
     problem, base = problem_of(ramps(), effects, seed=4)
     asked = []
 
-    def confirm(given: Problem, fitted: Fit) -> tuple[Problem, Fit, bool]:
+    def confirm(given: LinearisedProblem, fitted: LinearisedFit) -> tuple[LinearisedProblem, LinearisedFit, bool]:
         asked.append(frozenset(fitted.names))
         shifted = given.corrected(0.002 * fitted.prediction)
         return shifted, fit(shifted, fitted.mechanisms, fitted.values), True
@@ -189,11 +187,11 @@ def test_a_pair_that_is_more_than_either_takes_a_solution_of_its_own():
 
 def test_what_full_solutions_put_first_is_tried_in_pairs_with_all(monkeypatch):
     """The emulator may be off by more than what tells two mechanisms apart."""
-    monkeypatch.setattr("legfem.diagnose.explain.PAIRS_OF", 1)
+    monkeypatch.setattr("legfem.inverse.explain.PAIRS_OF", 1)
     problem, base = problem_of(ramps(), {"support-compliance.compliance": 0.3}, seed=3)
     wave = 0.3 * np.sin(2 * problem.predictor.observed.displacement)
 
-    def confirm(given: Problem, fitted: Fit) -> tuple[Problem, Fit, bool]:
+    def confirm(given: LinearisedProblem, fitted: LinearisedFit) -> tuple[LinearisedProblem, LinearisedFit, bool]:
         shifted = given.corrected(wave if "support-compliance" in fitted.names else 0.0 * wave)
         return shifted, fit(shifted, fitted.mechanisms, fitted.values), True
 
@@ -210,7 +208,7 @@ def test_what_full_solutions_put_first_is_tried_in_pairs_with_all(monkeypatch):
 
 def test_all_that_may_be_what_was_left_out_is_tried_in_pairs_with_all(monkeypatch):
     """Pairs that explain no more count for their mechanism: fewer would be held against it."""
-    monkeypatch.setattr("legfem.diagnose.explain.PAIRS_OF", 1)
+    monkeypatch.setattr("legfem.inverse.explain.PAIRS_OF", 1)
     problem, base = problem_of(ramps(), {"support-compliance.compliance": 0.003}, seed=3)
     found = explain(problem, base, SOUGHT).every
     likely = [e.names[0] for e in found if len(e.names) == 1 and e.probability > CONFIRMED_FROM]
@@ -246,11 +244,11 @@ def test_fat_is_named_only_beyond_what_is_known_of_it(factor, named):
     effects = [(one.name, one.force) for one in nuisance_effects(known, observed, force, Accuracy())]
     seen = noisy(observed.with_force(force), force, 3)
     errors = error_model(seen, problem.errors.noise, force, effects)
-    problem = Problem(replace(predictor, observed=seen), errors)
+    problem = LinearisedProblem(replace(predictor, observed=seen), errors)
     base = fit(problem, (), TRUTH)
     explained = explain(problem, base, [*SOUGHT, mechanism])
     assert (explained.every[0].names == (mechanism.name,)) == named
-    assert explained.every[0].nothing != named
+    assert explained.every[0].is_base != named
     if not named:
         fats = dict(zip(errors.names, explained.base.posterior.effects, strict=True))
         expected = np.log(factor) / MATERIAL_LOG_SD["superficial.C10"]
@@ -286,17 +284,20 @@ def test_a_strength_is_integrated_out_as_its_explanation_was_weighed(monkeypatch
     seen = []
     monkeypatch.setattr(
         explain_module,
-        "integrated",
+        "integrate_strength",
         lambda own, fitted, posterior, of: seen.append((own, fitted, of.keywords)) or posterior,
     )
-    weighed = [e for e in explain(problem, base, SOUGHT).every if e.whole]
-    assert {e.fit_alone is None for e in weighed} == {True, False}
+    weighed = [e for e in explain(problem, base, SOUGHT).every if e.strength_integrated]
+    assert {e.fit_without_discrepancy is None for e in weighed} == {True, False}
     for own, fitted, keywords in seen:
         (one,) = (e for e in weighed if e.fit is fitted)
-        assert keywords["shares"] == one.shares
-        assert (own is one.problem) is (one.fit_alone is None)
-        again = posterior_of(
-            Evidence(problem.errors, unknown_errors(observed, base.prediction)), fitted, observed, list(one.shares)
+        assert keywords["shares"] == one.log_discrepancy_weights
+        assert (own is one.problem) is (one.fit_without_discrepancy is None)
+        again = contact_posterior(
+            Evidence(problem.errors, possible_discrepancies(observed, base.prediction)),
+            fitted,
+            observed,
+            list(one.log_discrepancy_weights),
         )
-        of_any_width = again.log_evidence + gained_by_width(fitted, again)
+        of_any_width = again.log_evidence + gain_of_widths(fitted, again)
         assert of_any_width == pytest.approx(one.posterior.log_evidence)

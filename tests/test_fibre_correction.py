@@ -11,7 +11,6 @@ from making import TOML, write_subject
 from making_diagnosis import observations, ramps
 from making_identification import DEPTH, identify, pressed_leg
 
-from legfem.diagnose.mechanisms import mechanism_named
 from legfem.identify.document import result_document
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import (
@@ -25,6 +24,7 @@ from legfem.legs.correction_of_leg import (
 )
 from legfem.legs.elastography import FibreRatio
 from legfem.legs.loading import load_subject
+from legfem.legs.mechanisms import mechanism_named
 from legfem.legs.solver_3d import fibre_errors
 from legfem.report.plain import plain_page
 from legfem.report.web.identification import identification_page

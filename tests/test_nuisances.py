@@ -10,11 +10,15 @@ from making_diagnosis import GRID, SOUGHT, fat, observations, problem_of, ramps
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.explain import explain
-from legfem.diagnose.fit import Cause, variance_degrees
-from legfem.diagnose.library import NuisanceChanges
-from legfem.diagnose.library_build import smoothed
-from legfem.diagnose.nuisances import (
+from legfem.inverse.explain import explain
+from legfem.inverse.library import NuisanceChanges
+from legfem.inverse.library_build import smoothed
+from legfem.inverse.linearised import Cause, variance_degrees
+from legfem.legs.correction import read_correction
+from legfem.legs.correction_of_leg import REFERENCE
+from legfem.legs.diagnosis import accuracy_of
+from legfem.legs.loading import load_subject
+from legfem.legs.nuisances import (
     AIM_SD_MM,
     CONTOUR_ARC_MM,
     CONTOUR_SD_MM,
@@ -27,10 +31,6 @@ from legfem.diagnose.nuisances import (
     displaced_geometries,
     nuisance_effects,
 )
-from legfem.diagnose.run import accuracy_of
-from legfem.legs.correction import read_correction
-from legfem.legs.correction_of_leg import REFERENCE
-from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import LegAccuracy
 
@@ -126,7 +126,7 @@ def test_displaced_geometries_are_one_standard_deviation_off_each():
 def test_a_variance_that_a_bound_makes_small_keeps_its_degrees_of_freedom():
     """A bound takes variance away, not what the errors' sizes are known by."""
     problem, base = problem_of(ramps(), seed=1)
-    known, names = 0.1 * base.change[:, :1], ("outline of the skin, mode 1",)
+    known, names = 0.1 * base.sensitivities[:, :1], ("outline of the skin, mode 1",)
     problem = problem.with_errors(replace(problem.errors, known=known, names=names))
     problem = replace(problem, causes={names[0]: OUTLINE})
     one = explain(problem, base, SOUGHT[:1]).base
@@ -139,9 +139,9 @@ def test_what_is_known_poorly_of_the_leg_widens_intervals():
     """An effect of the outlines that is all that errs: its own degrees of freedom remain."""
     problem, base = problem_of(ramps(), seed=1)
     errors = problem.errors
-    effect = base.change[:, :1]
+    effect = base.sensitivities[:, :1]
     known = replace(errors, known=effect, names=("outline of the skin, mode 1",))
-    estimator = np.linalg.pinv(base.change)
+    estimator = np.linalg.pinv(base.sensitivities)
     variance = np.full((len(base.free),) * 2, 1.0)
     degrees = variance_degrees(variance, estimator, known, {known.names[0]: OUTLINE})
     assert degrees[0] == pytest.approx(3.0)

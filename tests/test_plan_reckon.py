@@ -9,12 +9,11 @@ import pytest
 from making_diagnosed import diagnosed
 from making_diagnosis import NOISE
 
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.explanation import Explanation
-from legfem.diagnose.nuisances import Accuracy, nuisance_effects
-from legfem.plan import reckon as reckoning
-from legfem.plan.designs import Design
-from legfem.plan.reckon import Candidate, reckon
+from legfem.inverse import plan as reckoning
+from legfem.inverse.explanation import Explanation
+from legfem.inverse.plan import Candidate, Design, evaluate_design
+from legfem.inverse.verdict import Diagnosis
+from legfem.legs.nuisances import Accuracy, nuisance_effects
 from legfem.solve.protocol import Protocol
 
 TWINS = ("fascia-stiffness", "prestress", "force-drift")
@@ -33,12 +32,12 @@ def candidate(model: Explanation) -> Candidate:
 
 
 def chance(found: Diagnosis, others: list[Candidate], noise=NOISE, repeats: int = 3) -> float:
-    predictor = found.alone.problem.predictor
+    predictor = found.weighted_base.problem.predictor
 
     def nuisances(design, blank, force):
         return nuisance_effects(predictor.responses.nuisances, blank, force, Accuracy())
 
-    worth = reckon(Design("again", (RAMP,) * repeats), others, predictor, nuisances, noise, 0.01)
+    worth = evaluate_design(Design("again", (RAMP,) * repeats), others, predictor, nuisances, noise, 0.01)
     assert worth is not None and worth.chance == pytest.approx(min(worth.chances.values()), abs=1)
     assert all(0.0 <= one <= 1.0 for one in worth.chances.values())
     return worth.chance
@@ -47,7 +46,7 @@ def chance(found: Diagnosis, others: list[Candidate], noise=NOISE, repeats: int 
 @pytest.fixture
 def against_nothing(found) -> list[Candidate]:
     stiff = next(m for m in found.models if m.names == ("fascia-stiffness",))
-    return [candidate(stiff), candidate(found.alone)]
+    return [candidate(stiff), candidate(found.weighted_base)]
 
 
 def test_twins_are_told_apart_by_no_repeat(found, against_nothing):
@@ -72,7 +71,7 @@ def test_a_form_that_is_off_tells_less(found, against_nothing, monkeypatch):
 
 
 def test_what_has_no_effect_has_no_form(found):
-    nothing = candidate(found.alone)
-    predictor = found.alone.problem.predictor
+    nothing = candidate(found.weighted_base)
+    predictor = found.weighted_base.problem.predictor
     force = predictor(nothing.fit.values)
     assert not np.any(reckoning._inexact(predictor.observed, force, np.zeros_like(force)))

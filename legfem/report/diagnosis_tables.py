@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.explanation import Explanation
-from legfem.diagnose.held_out import HeldOut
-from legfem.diagnose.remains import explained_share
-from legfem.diagnose.sentences import percent
+from legfem.inverse.cross_validation import HeldOut
+from legfem.inverse.explanation import Explanation
+from legfem.inverse.verdict import Diagnosis, explained_share
+from legfem.report.diagnosis_sentences import percent
 from legfem.report.diagnosis_style import BASE_NAME, determined, model_name, plain, statement_name
 from legfem.report.located import Place, places_of
 from legfem.report.words import number, short_probability
@@ -59,9 +58,9 @@ def trials_of(found: Diagnosis, place: Place) -> str:
 
 def evidence_cells(found: Diagnosis) -> Cells:
     """Return how probable each reported explanation is, and what it leaves."""
-    base = found.alone
+    base = found.weighted_base
     rows = [
-        [BASE_NAME, percent(found.explained.soundness), "-", "-", f"{found.base_held_out.rmse:.3f}", "-"],
+        [BASE_NAME, percent(found.explained.adequacy), "-", "-", f"{found.base_held_out.rmse:.3f}", "-"],
         *(
             [
                 f"with {model_name(model)}",

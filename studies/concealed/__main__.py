@@ -6,9 +6,9 @@ from typing import Annotated
 
 import typer
 
+from legfem.commands.study import Jobs, Library, Out
 from legfem.common.command_line import study_edge
 from legfem.common.progress import progress_on
-from legfem.study.options import Jobs, Library, Out
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -35,7 +35,7 @@ def concealed(
     resume = "run the same command again to go on; what is done is kept"
     with study_edge("concealed", out, jobs, resume) as (folder, processes):
         from legfem.common.errors import InputError
-        from legfem.diagnose.leg import library_folder
+        from legfem.legs.variants import library_folder
         from studies.concealed import command
 
         if make is None and not run and not score:

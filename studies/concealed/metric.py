@@ -14,10 +14,10 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import least_squares
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.explanation import Explanation
-from legfem.diagnose.mechanisms.base import null_of
+from legfem.inverse.explanation import Explanation
+from legfem.inverse.mechanism import null_of
 from legfem.inverse.parameter import Parameter
+from legfem.inverse.verdict import Diagnosis
 from legfem.jobs.checkpoint import write_arrays
 
 _STIFFNESSES = {"C10": 33, "C20": 17}
@@ -64,15 +64,15 @@ class Metric:
     @classmethod
     def of(cls, found: Diagnosis) -> Metric:
         """Return a diagnosis' metric."""
-        observed, errors, base = found.observed, found.errors, found.alone.fit
+        observed, errors, base = found.observed, found.errors, found.weighted_base.fit
         alone = [e for e in found.explained.every if len(e.names) == 1]
         return cls(
             observed.force,
             errors.covariance,
-            _family(found.alone),
-            base.change[:, len(base.stiffness) :],
+            _family(found.weighted_base),
+            base.sensitivities[:, len(base.stiffness) :],
             found.base.problem.errors.covariance,
-            found.base.fit.change,
+            found.base.fit.sensitivities,
             errors.trial_sd,
             found.located,
             np.reshape([_added(e) for e in alone], (-1, len(observed.trial))),

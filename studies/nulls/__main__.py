@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
+from legfem.commands.study import Jobs, Library, Out
 from legfem.common.command_line import study_edge
 from legfem.common.progress import progress_on
-from legfem.study.options import Jobs, Library, Out
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -39,7 +39,7 @@ def nulls(
     """
     resume = "run the same command again to go on; what is done is kept"
     with study_edge("nulls", out, jobs, resume) as (folder, processes):
-        from legfem.diagnose.leg import library_folder
+        from legfem.legs.variants import library_folder
         from studies.nulls import command
 
         with progress_on() as progress:

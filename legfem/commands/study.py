@@ -1,0 +1,230 @@
+"""``python -m legfem.study``."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from legfem.common.command_line import (
+    AsJson,
+    Quiet,
+    brief_output,
+    check_out_folder,
+    command_edge,
+    end_without_a_solution,
+    study_edge,
+    usable_cores,
+)
+from legfem.common.errors import check_finite
+
+Jobs = Annotated[int | None, typer.Option(min=1, help="Processes; all cores by default.")]
+Out = Annotated[Path | None, typer.Option(help="Folder for results; results/STUDY by default.")]
+Library = Annotated[Path | None, typer.Option(help="Folder of responses; ~/.cache/legfem/responses by default.")]
+
+
+app = typer.Typer(
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    no_args_is_help=True,
+    help="Studies of the model. Example: python -m legfem.study convergence",
+)
+
+
+@app.command()
+def convergence(
+    subject: Annotated[str, typer.Option(help="Id of a subject that comes with legfem.")] = "3",
+    subject_dir: Annotated[Path | None, typer.Option(help="Folder of a subject, instead.")] = None,
+    c10_kpa: Annotated[float, typer.Option("--c10", min=0.0, help="Deep C10 (kPa).")] = 0.70,
+    c20_kpa: Annotated[float, typer.Option("--c20", min=0.0, help="Deep C20 (kPa).")] = 0.80,
+    depth: Annotated[float, typer.Option(min=1.0, help="mm.")] = 30.0,
+    out: Out = None,
+    jobs: Jobs = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+) -> None:
+    """How far the default settings are from convergence.
+
+    Example: python -m legfem.study convergence --subject 3
+    """
+    with study_edge("convergence", out, jobs, quiet=quiet) as (folder, processes):
+        check_finite(depth=depth, c10=c10_kpa, c20=c20_kpa)
+        from legfem.study import convergence as convergence_command
+
+        with brief_output(quiet, as_json) as written:
+            convergence_command.run(subject, subject_dir, (c10_kpa, c20_kpa), depth, folder, processes, quiet)
+            written.append(folder / "result.json")
+
+
+@app.command()
+def reproduce(
+    seed: Annotated[int, typer.Option(min=0, help="Of the genetic algorithm.")] = 1,
+    corrected: Annotated[bool, typer.Option("--corrected", help="Also with each leg's own 3D correction.")] = False,
+    out: Out = None,
+    jobs: Jobs = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+) -> None:
+    """Tables 4 and 5 of the paper beside ours, from the four reconstructed subjects.
+
+    Example: python -m legfem.study reproduce
+    """
+    with study_edge("reproduce", out, jobs, quiet=quiet) as (folder, processes):
+        from legfem.study import reproduce as tables
+
+        with brief_output(quiet, as_json) as written:
+            tables.run(seed, folder, processes, corrected, quiet)
+            written.append(folder / "result.json")
+
+
+class CountChoice(StrEnum):
+    """What the degrees of freedom count."""
+
+    COEFFICIENTS = "coefficients"
+    FACTORS = "factors"
+
+
+@app.command()
+def doe(
+    factors: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="TOML with factors and ranges; several may be given. The paper's ranges, then "
+            "those around the identified values, by default."
+        ),
+    ] = None,
+    subject: Annotated[str, typer.Option(help="Id of a subject that comes with legfem.")] = "3",
+    subject_dir: Annotated[Path | None, typer.Option(help="Folder of a subject, instead.")] = None,
+    count: Annotated[
+        CountChoice,
+        typer.Option(
+            help="Degrees of freedom from the number of coefficients (right, and the paper's "
+            "tables) or of factors (p = 5, the paper's text)."
+        ),
+    ] = CountChoice.COEFFICIENTS,
+    factorial_only: Annotated[
+        bool, typer.Option("--factorial-only", help="No numerical error, Sobol indices, information.")
+    ] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Of the emulator's points.")] = 1,
+    out: Out = None,
+    jobs: Jobs = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+) -> None:
+    """Which parameters a compression test can see: a factorial design and its analysis.
+
+    Simulations are kept as they are done: the same command goes on where it was stopped. Under
+    mpirun the same command spreads them over the ranks.
+
+    Example: python -m legfem.study doe --subject 3 --factorial-only --out results/doe
+    """
+    resume = "run the same command again to go on; simulations that are done are kept"
+    with command_edge(resume, quiet):
+        from mpi4py import MPI
+
+        from legfem.study.doe.design import IDENTIFIED, PAPER
+        from legfem.study.doe.report import DoeOptions, run
+
+        folder = out or Path("results") / "doe"
+        check_out_folder(folder)
+        options = DoeOptions(
+            tuple(factors or (PAPER, IDENTIFIED)),
+            subject,
+            subject_dir,
+            folder,
+            jobs or usable_cores(),
+            seed,
+            count.value,
+            not factorial_only,
+            quiet,
+        )
+        with brief_output(quiet, as_json) as written:
+            solved = run(options, MPI.COMM_WORLD)
+            if MPI.COMM_WORLD.rank == 0:
+                written.append(folder / "result.json")
+        if not solved:
+            end_without_a_solution("doe")
+
+
+@app.command()
+def correction(
+    subject_dir: Annotated[
+        Path | None,
+        typer.Option(
+            "--subject", help="Folder of a subject, whose own leg is solved in 3D and compared with the table."
+        ),
+    ] = None,
+    length: Annotated[float, typer.Option(min=1.0, help="Of the leg's segment (mm).")] = 120.0,
+    radius: Annotated[float, typer.Option(min=1.0, help="Of the leg (mm).")] = 57.0,
+    bone_radius: Annotated[float, typer.Option(min=1.0, help="mm.")] = 15.0,
+    bone_offset: Annotated[float, typer.Option(help="Of the bone towards the cylinder (mm).")] = 0.0,
+    held: Annotated[bool, typer.Option("--held", help="Hold the end faces along the leg.")] = False,
+    cylinder_length: Annotated[float, typer.Option(min=1.0, help="mm.")] = 50.0,
+    edge_radius: Annotated[float, typer.Option(min=0.01, help="Rounding of the cylinder's end edges (mm).")] = 2.0,
+    c10_kpa: Annotated[float, typer.Option("--c10", min=1e-3, help="Reference (kPa).")] = 2.0,
+    c20_kpa: Annotated[float, typer.Option("--c20", min=0.0, help="Of the subject's leg (kPa).")] = 0.0,
+    depth: Annotated[float, typer.Option(min=5.0, help="mm.")] = 25.0,
+    finer: Annotated[float, typer.Option(min=0.1, help="Divides the sizes of the mesh's elements.")] = 1.0,
+    trends: Annotated[bool, typer.Option("--trends", help="Also P against length, stiffness and radius.")] = False,
+    legs: Annotated[bool, typer.Option("--legs", help="Also a table of P for legs of other girth and bone.")] = False,
+    fields: Annotated[bool, typer.Option("--fields", help="Also the 3D model's fields for ParaView.")] = False,
+    out: Out = None,
+    jobs: Jobs = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+) -> None:
+    """Calibrate the 3D correction P(d) on the idealised leg, and draw the paper's Fig. 4.
+
+    With --subject, P(d) of that leg itself beside the table's, of --c10, --c20 and --depth alone.
+
+    Example: python -m legfem.study correction, or mpirun -n 4 python -m legfem.study correction
+    """
+    with command_edge("run the same command again to go on; solved models are kept", quiet):
+        from mpi4py import MPI
+
+        from legfem.experiments.indentation_3d import Cylinder, IdealisedLegSettings
+        from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings
+        from legfem.study.correction import command as correction_command
+        from legfem.study.correction.calibration import Calibration
+        from legfem.study.correction.cases import CorrectionCase, Material
+
+        check_finite(
+            length=length,
+            radius=radius,
+            bone_radius=bone_radius,
+            bone_offset=bone_offset,
+            cylinder_length=cylinder_length,
+            edge_radius=edge_radius,
+            c10=c10_kpa,
+            depth=depth,
+            finer=finer,
+            c20=c20_kpa,
+        )
+        folder = out or Path("results") / "correction"
+        check_out_folder(folder)
+        if subject_dir is not None:
+            from legfem.jobs.ranks import leading
+            from legfem.study.correction import of_leg
+
+            with leading(MPI.COMM_WORLD) as first, brief_output(quiet, as_json) as written:
+                if first:
+                    stiffness = c10_kpa, c20_kpa
+                    of_leg.run(subject_dir, stiffness, depth, folder, quiet, MPI.COMM_WORLD)
+                    written.append(folder / of_leg.DOCUMENT)
+            return
+        case = CorrectionCase(
+            IdealisedLeg(radius, bone_radius, length, bone_offset, ends="held" if held else "free"),
+            Cylinder(length=cylinder_length, edge_radius=edge_radius),
+            Material(C10_kPa=c10_kpa),
+            IdealisedLegSettings(mesh=LegMeshSettings().refined(finer)),
+            depth,
+        )
+        processes = (jobs or usable_cores()) if MPI.COMM_WORLD.size == 1 else 1
+        asked = correction_command.Asked(trends, legs, fields)
+        with brief_output(quiet, as_json) as written:
+            correction_command.run(Calibration(case), asked, folder, processes, quiet)
+            if MPI.COMM_WORLD.rank == 0:
+                written.append(folder / correction_command.DOCUMENT)
