@@ -31,7 +31,9 @@ class LegInStocking(Result):
     def summary(self) -> str:
         """Return what was found, in words."""
         from legfem.report.plain import brief
-        from legfem.report.web.stocking import PRESSURES, STIFFNESS, stocking_web_page
+        from legfem.report.web.stocking import stocking_web_page
+        from legfem.report.web.stocking_pressures import PRESSURES
+        from legfem.report.web.stocking_stiffness import STIFFNESS
 
         return brief(stocking_web_page(self.result), (STIFFNESS, PRESSURES))
 

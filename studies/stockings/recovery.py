@@ -8,9 +8,9 @@ from pathlib import Path
 
 from legfem.common.progress import Silent
 from legfem.common.units import mpa_to_kpa
+from legfem.stockings.estimates import StiffnessFit
 from legfem.stockings.loading import load_leg
 from legfem.stockings.result import StockingResult, StockingSettings, run_leg
-from legfem.stockings.search import StiffnessFit
 from studies.stockings.truth import TRUTHS
 
 
