@@ -17,7 +17,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from legfem.common.errors import InputError, UnsolvedError
+from legfem.common.errors import InputError, UnsolvedError, missing_module
 
 _OPTION = "-no_signal_handler"
 
@@ -55,6 +55,9 @@ def command_edge(resume: str = "run the same command again to go on", quiet: boo
         raise typer.Exit(BAD_INPUT) from None
     except UnsolvedError as error:
         print(f"nothing was solved: {' '.join(str(error).split())}", file=sys.stderr)
+        raise typer.Exit(FAILED) from None
+    except ModuleNotFoundError as error:
+        print(missing_module(error), file=sys.stderr)
         raise typer.Exit(FAILED) from None
     except KeyboardInterrupt:
         print(f"interrupted: {resume}", file=sys.stderr)
