@@ -10,7 +10,7 @@ from legfem.diagnose.mechanisms.base import Solution
 from legfem.solve.protocol import Protocol as Motion
 
 if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import Placement
+    from legfem.experiments.plane_strain import LateralPlacement
     from legfem.meshing.section import MeshMotion
     from legfem.solve.path import Path
 
@@ -21,7 +21,7 @@ class Displaced:
 
     name: str
     moved: MeshMotion | None = None
-    placement: Placement | None = None
+    placement: LateralPlacement | None = None
 
 
 class Models(Protocol):
@@ -47,7 +47,7 @@ class Models(Protocol):
         deep: Mapping[str, float],
         solution: Solution,
         sensitivities: Sequence[str] = (),
-        placement: Placement | None = None,
+        placement: LateralPlacement | None = None,
     ) -> Path | Stopped:
         """Solve a protocol for a stiffness; see `legfem.diagnose.variants.Variants.follow`."""
         ...

@@ -30,7 +30,7 @@ ELASTIC_DERIVATIVES = ("deep.C10", "deep.C20")
 _SMALLEST_FORCE_N = 1e-6
 
 if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import Placement
+    from legfem.experiments.plane_strain import LateralPlacement
     from legfem.meshing.section import MeshMotion
 
 PLAIN = Solution("plain")
@@ -70,7 +70,7 @@ class Asked:
     solution: Solution
     derivatives: tuple[str, ...] = ()
     moved: MeshMotion | None = None
-    placement: Placement | None = None
+    placement: LateralPlacement | None = None
 
     def entry(self, terms: str) -> dict[str, Any]:
         """Return what its outcome is kept under; ``terms`` are those of its model."""
@@ -193,7 +193,9 @@ class SolvedResponses:
         own = self.variants.parameters(PLAIN.variant)
         return {name: own[name] * columns[name] / force for name in names}
 
-    def displaced(self, moved: MeshMotion | None, placement: Placement | None, stiffness: Stiffness) -> FloatArray:
+    def displaced(
+        self, moved: MeshMotion | None, placement: LateralPlacement | None, stiffness: Stiffness
+    ) -> FloatArray:
         """Return the relative change of the elastic force at the grid by another geometry."""
         if self.rougher is not None:
             return self.rougher.displaced(moved, placement, stiffness)

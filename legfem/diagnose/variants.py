@@ -12,7 +12,7 @@ from legfem.diagnose.nuisances import MATERIAL_LOG_SD, displaced_geometries
 from legfem.solve.protocol import Protocol
 
 if TYPE_CHECKING:
-    from legfem.experiments.plane_strain import Placement, PlaneStrainIndentation, PlaneStrainSettings, Tissues
+    from legfem.experiments.plane_strain import LateralPlacement, PlaneStrainIndentation, PlaneStrainSettings, Tissues
     from legfem.geometry.indenter import Indenter
     from legfem.geometry.section import LegSection
     from legfem.meshing.section import MeshMotion
@@ -86,7 +86,7 @@ class Variants:
         deep: Mapping[str, float],
         solution: Solution,
         sensitivities: Sequence[str] = (),
-        placement: Placement | None = None,
+        placement: LateralPlacement | None = None,
     ) -> Path | Stopped:
         """Solve a protocol; say why where it isn't followed to its end.
 
@@ -103,11 +103,11 @@ class Variants:
         placement
             Where the cylinder stands; as stated without it.
         """
-        from legfem.experiments.plane_strain import Placement
+        from legfem.experiments.plane_strain import LateralPlacement
 
         model = self.model(solution.variant)
         values = dict(deep)
-        at = placement or Placement()
+        at = placement or LateralPlacement()
         for name, factor in solution.scaled.items():
             values[name] = factor * values.get(name, model.model.parameters[name])
         values |= solution.parameters

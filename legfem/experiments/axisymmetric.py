@@ -202,9 +202,7 @@ class AxisymmetricBody[Sizes]:
     def spaces_on(self, meshed: MeridianMesh, held: Sequence[Support], symmetry: Symmetry = "axial") -> LegSpaces:
         """Return the spaces of the body on its mesh."""
         return build_spaces(
-            meshed.mesh,
-            meshed.cell_tags,
-            meshed.facet_tags,
+            *meshed.tagged,
             self.settings.formulation,
             regions={name: DEEP + k for k, name in enumerate(self.laws)},
             supports=held,
@@ -327,7 +325,7 @@ def _doubled(solved: Solved) -> Solved:
 
 
 @dataclass(frozen=True)
-class Compressed:
+class LayerCompression:
     """Thickness that layers lose at the axis, and the force, by steps."""
 
     force: FloatArray
@@ -342,9 +340,9 @@ class Compressed:
         return np.asarray(sum(self.lost.values()))
 
 
-def compress[Sizes](
+def compress_layers[Sizes](
     test: AxisymmetricTest[Sizes], depth: float, values: Mapping[str, float] | None = None
-) -> Compressed:
+) -> LayerCompression:
     """Press to a depth, and tell how much each layer's thickness falls at the axis.
 
     Parameters
@@ -382,4 +380,4 @@ def compress[Sizes](
     seen = next((one for one in attempts if list(one) == steps), {})
     sunk = np.array([np.zeros(len(dofs)), *seen.values()])
     lost = np.diff(sunk, axis=1, prepend=0.0).T
-    return Compressed(solved.path.force[: len(sunk)], dict(zip(test.laws, lost, strict=True)), solved.report)
+    return LayerCompression(solved.path.force[: len(sunk)], dict(zip(test.laws, lost, strict=True)), solved.report)

@@ -171,15 +171,8 @@ class LegIndentation3D(IndentationTest):
 
     def _made(self) -> IndentationModel:
         meshed, settings = self.leg_mesh, self.settings
-        spaces = build_spaces(
-            meshed.mesh,
-            meshed.cell_tags,
-            meshed.facet_tags,
-            "continuous",
-            2,
-            meshed.regions,
-            (*meshed.supports, Support(END, (2,))),
-        )
+        held = (*meshed.supports, Support(END, (2,)))
+        spaces = build_spaces(*meshed.tagged, "continuous", 2, meshed.regions, held)
         system = System(
             spaces, self.model, self.touch, self.pose.direction, settings.quadrature_degree, self._skin.beside
         )

@@ -53,7 +53,7 @@ from legfem.solve.settings import NewtonSettings, StepSettings
 
 
 @dataclass(frozen=True)
-class Placement:
+class LateralPlacement:
     """The line of travel, moved from the one stated; at zero it is the one stated.
 
     Parameters
@@ -239,9 +239,9 @@ class PlaneStrainIndentation(IndentationTest):
         settings = replace(self.settings, defences=False, **changed)
         return replace(self, settings=settings, meshed=self.section_mesh)
 
-    def attempts(self, placement: Placement | None = None) -> Iterator[Attempt]:
+    def attempts(self, placement: LateralPlacement | None = None) -> Iterator[Attempt]:
         """Yield the model, then with more quadrature points, without pressures, with a softer contact, and finer."""
-        placement = placement or Placement()
+        placement = placement or LateralPlacement()
         placed = self._placed(placement)
         if not self.settings.defences:
             yield Attempt(placed)
@@ -264,7 +264,7 @@ class PlaneStrainIndentation(IndentationTest):
         depth: float | None = None,
         on_step: OnStep | None = None,
         keep_in: Path | None = None,
-        placement: Placement | None = None,
+        placement: LateralPlacement | None = None,
     ) -> Solved:
         """Move the cylinder along a protocol.
 
@@ -315,9 +315,7 @@ class PlaneStrainIndentation(IndentationTest):
     def _made(self) -> IndentationModel:
         meshed, free = self.section_mesh, self._bones_give_way
         spaces = build_spaces(
-            meshed.mesh,
-            meshed.cell_tags,
-            meshed.facet_tags,
+            *meshed.tagged,
             self.settings.formulation,
             regions={**REGIONS, **BONE_REGIONS} if free else REGIONS,
             supports=() if free else None,
@@ -334,7 +332,7 @@ class PlaneStrainIndentation(IndentationTest):
             self.settings.steps,
         )
 
-    def _placed(self, placement: Placement) -> IndentationModel:
+    def _placed(self, placement: LateralPlacement) -> IndentationModel:
         meshed, indenter = self.section_mesh, self.indenter
         aim = placement.aim(indenter.aim, meshed.direction)
         touch = first_touch(meshed.outline, indenter.radius, aim, meshed.direction)
