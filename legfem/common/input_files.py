@@ -256,7 +256,7 @@ def checked[File: BaseModel](path: Path, content: object, schema: type[File]) ->
 
 
 def trouble(key: str, problem: str, remedy: str) -> PydanticCustomError:
-    """Return an error that a validator raises for one of its table's keys."""
+    """Return an error for a validator of a table to raise: the key at fault, the problem, and the remedy."""
     return PydanticCustomError("legfem", "{problem}", {"key": key, "problem": problem, "remedy": remedy})
 
 

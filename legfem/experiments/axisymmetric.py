@@ -123,14 +123,14 @@ class AxisymmetricSettings:
 
 @dataclass(frozen=True)
 class Arrangement:
-    """What presses on what, in the meridional half plane; lengths in mm."""
+    """Indenter, body and mesh of a test in the meridional half plane; lengths in mm."""
 
     indenter: RigidIndenter
     centre: float
     """Height of the indenter's centre at first touch."""
     contact: ContactSettings
     length: float
-    """Which the contact's stiffness is measured by."""
+    """Length by which the contact's stiffness is scaled, mm."""
     held: tuple[Support, ...]
     radius: float
     """Radius of the body, mm."""
@@ -142,9 +142,9 @@ class Arrangement:
     side: Literal["skin", "free"] = "free"
     """Whether the body's side may be touched."""
     symmetry: Symmetry = "axial"
-    """In plane strain the axis is a mirror."""
+    """Axial symmetry, or plane strain, in which the axis is a mirror."""
     whole: float = 1.0
-    """Force of the whole indenter over the model's."""
+    """Ratio of the whole indenter's force to the model's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,13 +214,13 @@ class AxisymmetricBody[Sizes]:
 class AxisymmetricTest[Sizes](AxisymmetricBody[Sizes], IndentationTest):
     """A test with axial symmetry; solves for any parameters without meshing again.
 
-    A test of one's own says in ``arrangement`` what presses on what.
+    A subclass gives the ``arrangement``: indenter, body and mesh.
     """
 
     @property
     @abstractmethod
     def arrangement(self) -> Arrangement:
-        """What presses on what."""
+        """Indenter, body and mesh of the test."""
 
     @property
     def interfaces(self) -> tuple[float, ...]:
@@ -229,7 +229,7 @@ class AxisymmetricTest[Sizes](AxisymmetricBody[Sizes], IndentationTest):
 
     @cached_property
     def model(self) -> LegModel:
-        """The sum of terms."""
+        """Mechanical model: the sum of its terms."""
         given, formulation = self.arrangement, self.settings.formulation
         model = leg_model(self.laws, given.indenter, given.contact, formulation)
         return model.with_terms(self.mechanisms)
@@ -326,10 +326,10 @@ def _doubled(solved: Solved) -> Solved:
 
 @dataclass(frozen=True)
 class LayerCompression:
-    """Thickness that layers lose at the axis, and the force, by steps."""
+    """Compression of layers at the axis, and the force, at the solved steps."""
 
     force: FloatArray
-    """(n,), N."""
+    """Force, (n,), N."""
     lost: Mapping[str, FloatArray]
     """Thickness that each layer has lost, from the base up, by its name; (n,), mm."""
     report: SolveReport
@@ -343,7 +343,7 @@ class LayerCompression:
 def compress_layers[Sizes](
     test: AxisymmetricTest[Sizes], depth: float, values: Mapping[str, float] | None = None
 ) -> LayerCompression:
-    """Press to a depth, and tell how much each layer's thickness falls at the axis.
+    """Press to a depth, and return how much each layer's thickness falls at the axis.
 
     Parameters
     ----------

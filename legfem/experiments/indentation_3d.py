@@ -114,7 +114,7 @@ class IdealisedLegIndentation(IndentationTest):
 
     @cached_property
     def model(self) -> LegModel:
-        """The sum of terms."""
+        """Mechanical model: the sum of its terms."""
         laws = {region: self.tissues[region] for region in self.leg.regions}
         shape, settings = self.cylinder.shape(self.dimension), self.settings
         base = leg_model(laws, shape, settings.contact, settings.formulation)

@@ -124,9 +124,9 @@ def existing(directory: Path, name: str, toml: Path, field: str) -> Path:
 
 
 _BEYOND = 40.0
-"""Above and below a cut of which a scan is outlined (mm): smoothing along it reaches there."""
+"""Length of a scan above and below a cut that is outlined (mm): smoothing along the leg reaches so far."""
 _APART = 5.0
-"""Of the cross-sections that are kept beside a section (mm)."""
+"""Distance between the cross-sections that are kept beside a section, mm."""
 _FINE = OutlineSettings(n_points=360)
 
 
@@ -135,13 +135,13 @@ class LegSource:
     """What a leg's shape is taken from, read; one of its kinds is there."""
 
     name: str
-    """What errors name as the file."""
+    """Name of the file in errors."""
     volume: LabelVolume | None = None
     contours: Path | None = None
     surfaces: Mapping[str, list[Any]] | None = None
     """Surfaces by part, as `legfem.imaging.surfaces.read_surfaces` returns them."""
     levels: tuple[float, float] = (-np.inf, np.inf)
-    """Between which it is looked at, and checked (mm)."""
+    """Levels between which it is read and checked, mm."""
 
     @classmethod
     def opened(cls, directory: Path, toml: Path, field: str, entry: ShapeEntry, labels: LabelsEntry) -> LegSource:

@@ -89,7 +89,7 @@ class Together[Context, Task, Outcome]:
 
 
 def lead(comm: MPI.Intracomm, work: Callable[[], None]) -> None:
-    """Do work on the first rank, as `leading` has it."""
+    """Call a function on the first rank while the others serve it, see `leading`."""
     with leading(comm) as first:
         if first:
             work()

@@ -46,17 +46,17 @@ class Memoryless:
     """A term that keeps nothing from step to step."""
 
     def history(self, domain: Any) -> dict[str, tuple[int, ...]]:
-        """Return nothing."""
+        """Return an empty mapping: the term has no history."""
         return {}
 
     def updated(self, domain: Any, history: Mapping[str, Any]) -> dict[str, Expr]:
-        """Return nothing."""
+        """Return an empty mapping: the term has no history."""
         return {}
 
 
 @runtime_checkable
 class Stressed(Protocol):
-    """A term that can tell what it adds to a region's stress, for output."""
+    """A term that adds to the stress of a region, and gives its part for output."""
 
     @property
     def region(self) -> str:

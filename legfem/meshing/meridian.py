@@ -126,5 +126,5 @@ def _in_rings(made: Any, facet_tags: Any, rings: Sequence[tuple[int, float]]) ->
 
 
 def supports(base: Literal["bonded", "sliding"]) -> tuple[Support, ...]:
-    """Return what holds the axis, and the base in all directions or along the axis only."""
+    """Return the supports of the axis (radially) and of the base (``"bonded"`` in all directions, else axially)."""
     return Support(AXIS, (0,)), Support(BASE, (0, 1) if base == "bonded" else (1,))

@@ -23,7 +23,7 @@ from legfem.solve.linear import LinearSettings, SaddlePreconditioner, configure,
 from legfem.solve.settings import NewtonSettings
 
 _SMALLEST = 1e-8
-"""Over the largest: singular values of the updates' products that are rounding."""
+"""Singular values of the updates' products, over the largest, below which they are rounding."""
 
 
 class AndersonMixing:
@@ -104,7 +104,7 @@ class Damper:
         return self._damping is not None
 
     def turn_to(self, damping: Damping | None) -> None:
-        """Damp as is said, from now on."""
+        """Set the damping of the following residuals and tangents; None removes it."""
         self._damping = damping
         if damping is not None and self._stiffness is None:
             self._stiffness = self._usual_stiffness()
@@ -141,7 +141,7 @@ class Damper:
 
 @dataclass(frozen=True)
 class NewtonOutcome:
-    """What one step took."""
+    """Outcome of one step: whether it converged, why it ended, and the work it took."""
 
     converged: bool
     reason: str

@@ -200,7 +200,7 @@ class _Sizes:
 
 
 class _Walk:
-    """The way along a protocol: the last converged state, and how it moves."""
+    """Progress along a protocol: the last converged state, and its last change as a prediction of the next."""
 
     def __init__(
         self,
@@ -261,7 +261,7 @@ class _Walk:
         self._checkpoint.save({**self._system.state(), **changes}, plain)
 
     def through(self, number: int, segment: ProtocolSegment) -> str | None:
-        """Go to the end of a segment; return why that failed, or None."""
+        """Step to the end of a segment; return the reason where that failed, else None."""
         self.segment = number
         holds = segment.phase == "hold"
         sizes = self._sizes(segment)

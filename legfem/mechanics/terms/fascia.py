@@ -52,7 +52,7 @@ class Fascia(Memoryless):
 
     @property
     def name(self) -> str:
-        """What parameters are named by."""
+        """Prefix of its parameters' names."""
         return "fascia.membrane"
 
     @property
