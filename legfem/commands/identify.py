@@ -14,7 +14,7 @@ import typer
 
 from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir
 from legfem.commands.specimens import specimens_for
-from legfem.common.command_line import FAILED, AsJson, Quiet, check_out_folder, work_edge
+from legfem.common.command_line import FAILED, AsJson, Quiet, check_out_folder, parallel_context
 from legfem.common.doubts import log_doubts
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
@@ -250,7 +250,7 @@ def run(
 
 def _edge(model: ModelChoice, jobs: int | None, resume: str, quiet: bool) -> AbstractContextManager[int]:
     if model is ModelChoice.SECTION:
-        return work_edge(jobs, resume, quiet)
+        return parallel_context(jobs, resume, quiet)
     from legfem.commands.spread import spread_edge
 
     return spread_edge(jobs, resume, quiet)

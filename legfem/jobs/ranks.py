@@ -96,10 +96,10 @@ def lead(comm: MPI.Intracomm, work: Callable[[], None]) -> None:
 
 
 @contextmanager
-def leading(comm: MPI.Intracomm, told: tuple[type[Exception], ...] = (InputError,)) -> Iterator[bool]:
+def leading(comm: MPI.Intracomm, expected: tuple[type[Exception], ...] = (InputError,)) -> Iterator[bool]:
     """Yield True on the first rank, whose `Workers` and `Together` the others serve.
 
-    On the others False, after that. Ctrl-C and errors end all ranks; those that are ``told`` are
+    On the others False, after that. Ctrl-C and errors end all ranks; those that are ``expected`` are
     raised on the first.
     """
     if comm.size == 1:
@@ -114,7 +114,7 @@ def leading(comm: MPI.Intracomm, told: tuple[type[Exception], ...] = (InputError
         return
     try:
         yield True
-    except told:
+    except expected:
         comm.bcast(None)
         raise
     except BaseException as error:
