@@ -9,11 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import model_validator
 from shapely import Polygon
 
 from legfem.common.errors import InputError
-from legfem.common.input_files import FileTable, Text, trouble
 from legfem.common.units import FloatArray
 from legfem.geometry.contours import MUSCLE_HULL, read_loops
 from legfem.geometry.frames import CuttingPlane
@@ -22,6 +20,7 @@ from legfem.geometry.leg_shape_from_outlines import not_closed, read_shape, shap
 from legfem.geometry.section_from_outlines import SURFACES, Clearances, polygons_of
 from legfem.imaging.label_volume import LabelVolume, check_anatomy, cropped
 from legfem.imaging.outlines import OutlineSettings, shape_of_volume
+from legfem.imaging.shape_schema import LabelsEntry, ShapeEntry, existing
 from legfem.imaging.surfaces import outlines_of_surfaces, read_surfaces, shape_of_surfaces
 from legfem.imaging.volume_file import read_volume
 
@@ -68,59 +67,6 @@ def _contour(shape: LegShape, part: str, plane: CuttingPlane, source: str) -> Fl
     low, high = above[at, along], above[at + 1, along]
     share = (-low / np.where(high > low, high - low, 1.0))[:, None]
     return plane.flat((1 - share) * points[at, along] + share * points[at + 1, along])
-
-
-type Labels = int | list[int]
-
-
-class LabelsEntry(FileTable):
-    """``[labels]``: which labels a scan has for a tissue."""
-
-    superficial: Labels = 1
-    deep: Labels = 2
-    bone: Labels = 3
-
-
-class ShapeEntry(FileTable):
-    """A leg's shape: one of a label volume, contours, or closed surfaces."""
-
-    scan: Text | None = None
-    series: Text | None = None
-    """Folder of the DICOM series that a scan was labelled on, where its file doesn't say where it
-    lies."""
-    contours: Text | None = None
-    surfaces: dict[str, Text | list[Text]] | None = None
-
-    @model_validator(mode="after")
-    def _one_source(self) -> ShapeEntry:
-        given = [name for name in ("scan", "contours", "surfaces") if getattr(self, name)]
-        if len(given) != 1:
-            raise trouble(
-                "scan",
-                f"{len(given)} sources of the leg's shape are given",
-                "give one of scan (label volume), contours (CSV) and surfaces (STL files by part)",
-            )
-        if self.series is not None and self.scan is None:
-            raise trouble("series", "is given without a scan", "give the scan, or leave it out")
-        return self
-
-
-def existing(directory: Path, name: str, toml: Path, field: str) -> Path:
-    """Return the path of a file that a folder's file names.
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
-    found = directory / name
-    try:
-        there = found.exists()
-    except OSError as error:
-        raise InputError(toml, field, f"can't be a file ({error.strerror})", "name it") from None
-    if not there:
-        raise InputError(toml, field, f"there is no file '{name}'", f"put it at {found}")
-    return found
 
 
 _BEYOND = 40.0
