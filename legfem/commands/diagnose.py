@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, specimens_for
-from legfem.common.command_line import AsJson, Quiet, check_out_folder, work_edge
+from legfem.common.command_line import AsJson, Quiet, check_out_folder, parallel_context
 from legfem.common.doubts import log_doubts
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
@@ -60,7 +60,7 @@ def diagnose(
     Example: python -m legfem.diagnose --subject 3 --out results/diagnose-3
     """
     resume = "run the same command again to go on; solutions that are done are kept"
-    with work_edge(jobs, resume, quiet) as processes:
+    with parallel_context(jobs, resume, quiet) as processes:
         if seed < 0:
             raise InputError("--seed", f"{seed}", "is negative", "give 0 or more")
         if specimen_dir is not None:
