@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from legfem.inverse.explanation import Statement
-from legfem.inverse.verdict import SOUND, Diagnosis
+from legfem.inverse.verdict import ADEQUATE, Diagnosis
 from legfem.report.diagnosis_sentences import percent
 from legfem.report.diagnosis_style import (
     BASE_COLOUR,
@@ -47,7 +47,7 @@ def ranking_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
     axes.set_ylim(len(every) - 0.4, -0.7)
     axes.set_xlim(0.0, 1.18)
     axes.set_xticks([0, 0.25, 0.5, 0.75, 1.0], ["0", "25 %", "50 %", "75 %", "100 %"])
-    axes.axvline(SOUND, color=DATA_COLOUR, linewidth=0.8, linestyle=":")
+    axes.axvline(ADEQUATE, color=DATA_COLOUR, linewidth=0.8, linestyle=":")
     axes.set_xlabel("probability (dotted: from there on 'nothing that shows' is called consistent)")
     handles = [Patch(color=colour, label=text) for colour, text in _MEANING.items()]
     figure.legend(handles=handles, loc="outside lower center", ncols=2)
@@ -65,6 +65,6 @@ _MEANING = {
 def _colour(one: Statement, reported: bool) -> str:
     if one.nothing_shows:
         return BASE_COLOUR
-    if one.unknown:
+    if one.unnamed:
         return SUITING_COLOUR
     return REPAIRED_COLOUR if reported else CONTRADICTED_COLOUR

@@ -97,7 +97,7 @@ def matched(found: Diagnosis, signature: Signature) -> tuple[FloatArray, float |
     The share is of the squares (in units of the noise) above those that noise makes; None where
     there are hardly more. With the wrong sign it is zero.
     """
-    fitted, direction = found.alone.fit, signature.direction
+    fitted, direction = found.weighted_base.fit, signature.direction
     along = _along(found, signature)
     square = float(direction @ direction)
     shown = direction[: len(fitted.whitened)]
@@ -110,7 +110,7 @@ def matched(found: Diagnosis, signature: Signature) -> tuple[FloatArray, float |
 
 
 def _along(found: Diagnosis, signature: Signature) -> float:
-    along = float(signature.direction @ found.alone.fit.left)
+    along = float(signature.direction @ found.weighted_base.fit.augmented_residual)
     return max(along, 0.0) if signature.one_sided else along
 
 
@@ -121,7 +121,7 @@ def _statistic(found: Diagnosis, signature: Signature) -> float:
 def _draw(axes: Axes, found: Diagnosis, number: int, scaled: FloatArray, reported: bool) -> None:
     observed = found.observed
     trials = observed.trials_of(number)
-    missed = np.array([found.alone.fit.residual[observed.trial == k] for k in trials])
+    missed = np.array([found.weighted_base.fit.residual[observed.trial == k] for k in trials])
     shape = np.array([scaled[observed.trial == k] for k in trials])
     x = np.arange(missed.shape[1])
     axes.axhline(0.0, color=DATA_COLOUR, linewidth=0.5)
