@@ -16,6 +16,8 @@ import typer
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from legfem.common.command_line import check_out_folder, command_context, leave_to_first_rank, usable_cores
+from legfem.commands.study import Jobs
+from legfem.common.command_line import check_out_folder, command_edge, leave_to_first_rank, usable_cores
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import kpa_to_mpa
@@ -31,7 +33,6 @@ from legfem.mechanics.materials import NeoHookean, ReducedPolynomial
 from legfem.meshing.section import SectionMeshSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.settings import StepSettings
-from legfem.study.options import Jobs
 from studies.lab.synthesis import InstrumentNoise, record_path
 from studies.legs.calf import Calf, calf_section
 

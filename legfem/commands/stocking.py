@@ -64,7 +64,7 @@ def stocking(
         if comm.rank == 0:
             text = report.read_text(encoding="utf-8")
             print_outcome([text], results / NUMBERS, report, quiet, as_json)
-        if not result.worn.converged:
+        if not result.equilibrium.converged:
             if comm.rank == 0:
                 print(f"{leg.id}: no equilibrium with the stocking was found", file=sys.stderr)
             raise typer.Exit(FAILED)

@@ -9,6 +9,8 @@ import typer
 
 from legfem.common.command_line import study_context
 from legfem.study.options import Jobs, Out
+from legfem.commands.study import Jobs, Out
+from legfem.common.command_line import study_edge
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 

@@ -9,6 +9,8 @@ import typer
 
 from legfem.common.command_line import study_context
 from legfem.study.options import Jobs, Library, Out
+from legfem.commands.study import Jobs, Library, Out
+from legfem.common.command_line import study_edge
 
 
 class WorkedExample(StrEnum):

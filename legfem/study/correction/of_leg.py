@@ -39,7 +39,7 @@ from legfem.report.web.page import (
 )
 from legfem.solve.path import ForceCurve
 from legfem.study.correction.calibration import versions
-from legfem.study.correction.tables import SHOWN, Cells
+from legfem.study.correction.page import SHOWN, Cells
 
 DOCUMENT = "leg.json"
 _LEG_COLOUR, _TABLE_COLOUR = "#0072B2", "#D55E00"
