@@ -15,9 +15,8 @@ import numpy as np
 import typer
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from legfem.common.command_line import check_out_folder, command_context, leave_to_first_rank, usable_cores
 from legfem.commands.study import Jobs
-from legfem.common.command_line import check_out_folder, command_edge, leave_to_first_rank, usable_cores
+from legfem.common.command_line import check_out_folder, command_context, leave_to_first_rank, usable_cores
 from legfem.common.errors import InputError
 from legfem.common.progress import Progress, progress_on
 from legfem.common.units import kpa_to_mpa

@@ -10,9 +10,8 @@ import numpy as np
 import typer
 from matplotlib.figure import Figure
 
-from legfem.common.command_line import study_context
 from legfem.commands.study import Jobs, Out
-from legfem.common.command_line import study_edge
+from legfem.common.command_line import study_context
 from legfem.common.documents import markdown_table, write_atomically, write_document
 from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress, progress_on

@@ -9,9 +9,8 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from legfem.common.command_line import end_without_a_solution, study_context
 from legfem.commands.study import Jobs, Out
-from legfem.common.command_line import end_without_a_solution, study_edge
+from legfem.common.command_line import end_without_a_solution, study_context
 from legfem.common.documents import json_types, markdown_table, write_atomically, write_document
 from legfem.common.progress import progress_on
 from studies.lab.rate import Rate

@@ -9,9 +9,8 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from legfem.common.command_line import study_context
 from legfem.commands.study import Jobs, Out
-from legfem.common.command_line import study_edge
+from legfem.common.command_line import study_context
 from legfem.common.documents import json_types, markdown_table, write_atomically, write_document
 from legfem.common.progress import progress_on
 from legfem.inverse.catalogue import DEEP_C10

@@ -8,10 +8,8 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_line import check_out_folder, command_context, leave_to_first_rank, usable_cores
-from legfem.study.options import Jobs
 from legfem.commands.study import Jobs
-from legfem.common.command_line import check_out_folder, command_edge, leave_to_first_rank, usable_cores
+from legfem.common.command_line import check_out_folder, command_context, leave_to_first_rank, usable_cores
 
 
 class Part(StrEnum):

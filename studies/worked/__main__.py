@@ -7,10 +7,8 @@ from typing import Annotated
 
 import typer
 
-from legfem.common.command_line import study_context
-from legfem.study.options import Jobs, Library, Out
 from legfem.commands.study import Jobs, Library, Out
-from legfem.common.command_line import study_edge
+from legfem.common.command_line import study_context
 
 
 class WorkedExample(StrEnum):
