@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import typer
 
-from legfem.common.command_line import BAD_INPUT, FAILED, command_edge
+from legfem.common.command_line import BAD_INPUT, FAILED, command_context
 from legfem.common.errors import InputError
 from legfem.common.input_files import FileTable, parse_toml
 
@@ -27,7 +27,7 @@ from legfem.common.input_files import FileTable, parse_toml
     ],
 )
 def test_what_the_machine_lacks_is_one_line(capsys, error, words):
-    with pytest.raises(typer.Exit) as left, command_edge():
+    with pytest.raises(typer.Exit) as left, command_context():
         raise error
     said = capsys.readouterr().err
     assert left.value.exit_code == BAD_INPUT
@@ -35,7 +35,7 @@ def test_what_the_machine_lacks_is_one_line(capsys, error, words):
 
 
 def test_a_reader_that_left_is_not_a_full_disk():
-    with pytest.raises(BrokenPipeError), command_edge():
+    with pytest.raises(BrokenPipeError), command_context():
         raise BrokenPipeError(errno.EPIPE, "Broken pipe")
 
 
@@ -43,10 +43,10 @@ def test_a_reader_that_left_is_not_a_full_disk():
 def test_a_reader_that_leaves_after_petsc_was_loaded_ends_a_command_quietly(loaded):
     petsc = {loaded: "import petsc4py.PETSc"}
     work = f"""
-from legfem.common.command_line import command_edge
+from legfem.common.command_line import command_context
 {petsc.get("before", "")}
 try:
-    with command_edge():
+    with command_context():
         {petsc.get("inside", "")}
         input()
         print("x" * 100_000, flush=True)
@@ -73,12 +73,12 @@ def test_a_deeply_nested_toml_is_refused(tmp_path):
 
 def test_a_package_that_is_missing_is_one_line_that_says_how_to_get_it(capsys):
     for name, words in (("dolfinx.fem", "DOLFINx, which solves"), ("gmsh", "gmsh isn't installed")):
-        with pytest.raises(typer.Exit) as left, command_edge():
+        with pytest.raises(typer.Exit) as left, command_context():
             raise ModuleNotFoundError(name=name)
         said = capsys.readouterr().err
         assert left.value.exit_code == FAILED
         assert words in said and "scripts/in-env" in said and said.count("\n") == 1
-    with pytest.raises(ModuleNotFoundError), command_edge():
+    with pytest.raises(ModuleNotFoundError), command_context():
         raise ModuleNotFoundError(name="legfem.none")
 
 

@@ -28,7 +28,7 @@ from legfem.report.web.page import rendered
 from legfem.report.web.plan import plan_web_page
 from legfem.report.web.pressed_leg import pressed_leg
 from legfem.report.web.specimen import specimen_web_page
-from legfem.report.web.stocking_leg import by_height, inward, stretch_round
+from legfem.report.web.stocking_pressures import by_height, inward, stretch_round
 from legfem.report.web.turned import Marked, SkinField, Slider, View, turned_leg
 from legfem.study.correction.page import correction_web_page
 from legfem.study.doe.claims import not_seen, to_measure

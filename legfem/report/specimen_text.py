@@ -8,7 +8,7 @@ from legfem.experiments.axisymmetric import BallOnLayer, CylinderBetweenPlates
 from legfem.experiments.flat_punch import PunchOnLayer
 from legfem.experiments.lateral_cylinder import CylinderOnBlock
 from legfem.experiments.suction import CupOnLayer
-from legfem.experiments.uniaxial import Bar
+from legfem.experiments.uniaxial import UniaxialSpecimen
 from legfem.inverse.catalogue import is_ratio
 from legfem.report.words import ORIGINS
 from legfem.specimens.comparison import SHAPE_SD_OF_LAYERS
@@ -106,7 +106,7 @@ _FOLLOWED: dict[type, str] = {
     PunchOnLayer: "a punch_diameter_mm of half the true one makes it at least twice",
     CylinderBetweenPlates: "a diameter_mm of half the true one makes it at least four times",
     CylinderOnBlock: "a length_mm of half the true one makes it twice",
-    Bar: "an area_mm2 of half the true one makes it twice",
+    UniaxialSpecimen: "an area_mm2 of half the true one makes it twice",
     CupOnLayer: "an opening_mm of half the true one makes it about half",
 }
 """At small strain: Hertz; Boussinesq; a stress on an area; a dome as wide as its opening."""
