@@ -41,7 +41,7 @@ class DiagnosedLeg(Found):
 
     def summary(self) -> str:
         """Return the report's text."""
-        from legfem.report.plain import plain_page
+        from legfem.report.text import plain_page
 
         return plain_page(self._page(), [])
 
@@ -97,8 +97,8 @@ class DiagnosedFolder(Found):
 
     def summary(self) -> str:
         """Return the report's text; of several specimens a table of all."""
-        from legfem.report.plain import plain_page
         from legfem.report.specimen_diagnosis import specimens_page
+        from legfem.report.text import plain_page
 
         if len(self.specimens) == 1 and self.specimens[0].diagnosis is not None:
             return plain_page(self._page(), [])

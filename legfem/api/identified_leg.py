@@ -36,7 +36,7 @@ class IdentifiedLeg(ByLaw["IdentificationResult"]):
 
     def summary(self) -> str:
         """Return values, intervals, which law fits better, and warnings."""
-        from legfem.report.plain import brief
+        from legfem.report.text import brief
         from legfem.report.web.identification import identification_page
 
         return brief(identification_page(self.results, self.subject, None))

@@ -37,7 +37,7 @@ class IdentifiedSites(ByLaw["SitesResult"]):
 
     def summary(self) -> str:
         """Return values, intervals, whether the sites agree, and warnings."""
-        from legfem.report.plain import brief
+        from legfem.report.text import brief
 
         return brief(self._page())
 

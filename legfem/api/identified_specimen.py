@@ -31,7 +31,7 @@ class IdentifiedSpecimen(ByLaw["SpecimenResult"]):
 
     def summary(self) -> str:
         """Return values, intervals, how well what was left out is predicted, and warnings."""
-        from legfem.report.plain import brief
+        from legfem.report.text import brief
 
         return brief(self._page())
 
@@ -47,7 +47,7 @@ class IdentifiedSpecimen(ByLaw["SpecimenResult"]):
         return specimen_figure(self.results)
 
     def _page(self) -> WebPage:
-        from legfem.report.web.specimen import specimen_web_page
+        from legfem.report.specimens import specimen_web_page
 
         return specimen_web_page(self.results)
 
