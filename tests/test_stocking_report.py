@@ -12,7 +12,7 @@ import pytest
 from matplotlib.image import imread
 from reading_page import read
 
-from legfem.api.dressed import LegInStocking
+from legfem.api.leg_in_stocking import LegInStocking
 from legfem.common.progress import Silent
 from legfem.common.units import mmhg_to_mpa, mpa_to_kpa, mpa_to_mmhg
 from legfem.fem.fields import fields_of

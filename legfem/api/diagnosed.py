@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
-from legfem.api.checking import check_folder, check_names, check_unused, check_whole
-from legfem.api.found import Found, row
+from legfem.api.arguments import check_folder, check_names, check_unused, check_whole
+from legfem.api.results import Found, row
 from legfem.api.loading import Given, one_of
-from legfem.api.wording import in_calls_words
+from legfem.api.arguments import in_python_words
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 from legfem.legs.subject import SitedLeg, Subject
@@ -183,7 +183,7 @@ def diagnose(
     progress: bool = False,
     specimens: Sequence[str] = (),
 ) -> DiagnosedFolder: ...
-@in_calls_words()
+@in_python_words()
 def diagnose(
     leg: Subject | SitedLeg | SpecimenFolder | Given,
     *,

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir
-from legfem.commands.specimens import specimens_for
+from legfem.commands.options import specimens_for
 from legfem.common.command_edge import FAILED, check_out_folder, work_edge
 from legfem.common.doubts import say
 from legfem.common.errors import InputError
@@ -168,7 +168,7 @@ def run(
             raise InputError("--leave-out", leave_out[0], "is for specimens", "give --specimen-dir")
         from mpi4py import MPI
 
-        from legfem.commands.outcome import print_outcome
+        from legfem.commands.options import print_outcome
         from legfem.identify.run import forward_model, identify_subject, write_results
         from legfem.inverse.parse_parameters import Written
         from legfem.inverse.search import SearchError
@@ -268,7 +268,7 @@ def _run_specimens(
     quiet: bool,
     as_json: bool,
 ) -> None:
-    from legfem.commands.outcome import print_outcome
+    from legfem.commands.options import print_outcome
     from legfem.inverse.parse_parameters import Written
     from legfem.inverse.search import SearchError
     from legfem.inverse.settings import IdentificationSettings

@@ -43,7 +43,7 @@ def plan(
     """
     resume = "run the same command again to go on; solutions that are done are kept"
     with work_edge(jobs, resume, quiet) as processes:
-        from legfem.commands.outcome import print_outcome
+        from legfem.commands.options import print_outcome
         from legfem.common.documents import write_document
         from legfem.diagnose.document import versions
         from legfem.diagnose.leg import library_folder

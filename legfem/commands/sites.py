@@ -31,7 +31,7 @@ def run_joint(
     """Identify what all sites share, in plane strain or in 3D, write and print it."""
     from mpi4py import MPI
 
-    from legfem.commands.outcome import print_outcome
+    from legfem.commands.options import print_outcome
     from legfem.inverse.search import SearchError
     from legfem.inverse.settings import SearchRequest
     from legfem.legs.identification import check_joint, nominal_of
