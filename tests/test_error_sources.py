@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from legfem.report.web.identification import identification_page
 from making_identification import identify, pressed_leg
 
 from legfem.inverse.comparison import main_source, shares_of_error, total_of
 from legfem.legs.correction import TabulatedCorrection
-from legfem.report.web.identification import identification_page
 
 DEEPER, LONGER = "press deeper", "take a longer cylinder, or solve this leg in 3D (--model 3d)"
 

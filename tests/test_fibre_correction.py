@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from legfem.report.web.identification import identification_page
 from making import TOML, write_subject
 from making_diagnosis import observations, ramps
 from making_identification import DEPTH, identify, pressed_leg
@@ -26,8 +27,7 @@ from legfem.legs.correction_of_leg import (
 from legfem.legs.elastography import FibreRatio
 from legfem.legs.loading import load_subject
 from legfem.legs.solver_3d import fibre_errors
-from legfem.report.plain import plain_page
-from legfem.report.web.identification import identification_page
+from legfem.report.text import plain_page
 from legfem.solve.force_curve import ForceCurve
 
 GRID = np.linspace(0.0, 25.0, 26)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from legfem.report.specimen import write_specimen_report
 from making_fibres import BALL, BLOCK, C10, PULLED, RATIO, SOFT, TISSUE, forward, write_fibrous
 from making_specimens import record
 
@@ -23,7 +24,6 @@ from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Fibres
 from legfem.meshing.meridian import MeridianMeshSettings
-from legfem.report.specimen import write_specimen_report
 from legfem.solve.protocol import Protocol
 from legfem.specimens.comparison import OwnStiffness
 from legfem.specimens.fibre_directions import AXES

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from legfem.report.web.identification import identification_page
 from making import write_subject
 from making_identification import DEPTH, AnalyticLeg, curve_of, identify, pressed_leg
 from test_inference import by_differential_evolution
@@ -27,8 +28,7 @@ from legfem.inverse.parse_parameters import Written, read_prior, read_value
 from legfem.inverse.population import CALF, population
 from legfem.inverse.settings import IdentificationSettings
 from legfem.report.fit_figure import fit_figure
-from legfem.report.plain import plain_page
-from legfem.report.web.identification import identification_page
+from legfem.report.text import plain_page
 
 NOMINAL = AnalyticLeg().nominal
 POLYNOMIAL = ("reduced-polynomial",)

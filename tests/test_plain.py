@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from legfem.report.listing import RESULT, ReportFile
-from legfem.report.plain import brief, plain_page
-from legfem.report.web.bars import Bar, Bars
+from legfem.report.text import brief, plain_page
+from legfem.report.web.bars import Bars, LabelledBar
 from legfem.report.web.page import (
     PROVENANCE,
     Bullets,
@@ -30,7 +30,7 @@ def page() -> WebPage:
     tables = [
         WebTable("Narrow", ["site", "rms"], [["calf", "0.1"], ["shin", "0.2"]]),
         WebTable("Wide", ["cause", "what", "more"], [["fascia", LONG, LONG], ["none", LONG, ""]]),
-        Bars("Shares", ("part", "share"), [Bar("half", 0.5, "50 %")]),
+        Bars("Shares", ("part", "share"), [LabelledBar("half", 0.5, "50 %")]),
     ]
     return WebPage(
         title="How stiff is it?",

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from legfem.commands.outcome import print_outcome
+from legfem.commands.options import print_outcome
 from legfem.common.progress import progress_on
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import matplotlib
 import numpy as np
 import pytest
+from legfem.report.web.identification import identification_page
 from making import write_subject
 from making_results import measured_curve, result
 from matplotlib.image import imread
@@ -21,12 +22,11 @@ from legfem.legs.loading import load_subject
 from legfem.legs.notices import of_ends
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report.cost_figure import confidence_ellipse, cost_figure, linear_cost
+from legfem.report.estimates import comparison
 from legfem.report.fit_figure import fit_figure
 from legfem.report.identification import write_identification_report
-from legfem.report.law_comparison import comparison
-from legfem.report.plain import brief, plain_page
 from legfem.report.style import save
-from legfem.report.web.identification import identification_page
+from legfem.report.text import brief, plain_page
 from legfem.report.words import number
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from legfem.report.sites import write_sites_report
 from making_identification import DEPTH, identify, pressed_leg
 from making_sites import SITE_TABLES, SITES, sited_leg, sites_model, write_sites
 from typer.testing import CliRunner
@@ -21,7 +22,6 @@ from legfem.inverse.settings import IdentificationSettings, SearchRequest
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.loading import load_sites, load_subject
 from legfem.legs.site_test import measured_curve
-from legfem.report.sites import write_sites_report
 from legfem.sites.identification import identify_sites
 
 NEO_HOOKEAN = ("neo-hookean",)

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from legfem.report.sites_numbers import sites_document
+from legfem.report.web.sites import sites_web_page
 from making import write_subject
 from making_identification import Killed
 from making_sites import SITES, write_sites
@@ -23,9 +25,7 @@ from legfem.legs.elastography import FibreRatio
 from legfem.legs.fit_in_3d import ways_of_pressing
 from legfem.legs.model_3d import SOLVES
 from legfem.legs.subject import SitedLeg
-from legfem.report.sites_numbers import sites_document
 from legfem.report.web.page import rendered
-from legfem.report.web.sites import sites_web_page
 from legfem.sites.identification import identify_in_3d
 
 NEO_HOOKEAN = ("neo-hookean",)

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from legfem.report.specimen import write_specimen_report
 from making_specimens import BAR, PLANTED, compressed, ramp, record, write_bars
 
 import legfem as lf
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.search import Search, is_settled
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean, Yeoh
-from legfem.report.specimen import write_specimen_report
 from legfem.specimens.result import SpecimenResult
 
 

@@ -12,7 +12,7 @@ import pytest
 from matplotlib.image import imread
 from reading_page import read
 
-from legfem.api.dressed import LegInStocking
+from legfem.api.leg_in_stocking import LegInStocking
 from legfem.common.progress import Silent
 from legfem.common.units import mmhg_to_mpa, mpa_to_kpa, mpa_to_mmhg
 from legfem.fem.fields import fields_of
@@ -24,9 +24,9 @@ from legfem.inverse.intervals import quantile
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.report.leg_directions import Directions, angle_round, unwrapped
-from legfem.report.plain import plain_page
 from legfem.report.stocking import write_stocking_report
 from legfem.report.stocking_words import stiffness_interval, vein_interval
+from legfem.report.text import plain_page
 from legfem.report.web.page import rendered
 from legfem.report.web.stocking import stocking_web_page
 from legfem.report.web.stocking_stiffness import verdict_sentence

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from legfem.report.web.identification import identification_page
 from making_identification import DEPTH, AnalyticLeg, Killed, pressed_leg
 from making_legs_3d import cone_folder
 from mpi4py import MPI
@@ -30,8 +31,7 @@ from legfem.legs.placement import spatial_leg
 from legfem.legs.problem import leg_problem
 from legfem.legs.subject import Subject
 from legfem.legs.two_fidelity import MOST_SOLVES
-from legfem.report.plain import plain_page
-from legfem.report.web.identification import identification_page
+from legfem.report.text import plain_page
 
 GRID = np.linspace(0.0, DEPTH, 41)
 

@@ -11,6 +11,7 @@ import browser
 import numpy as np
 import pytest
 from driving import Driven
+from legfem.report.web.identification import identification_page
 from making import write_subject
 from making_diagnosed import diagnosed
 from making_diagnosis import two_rates
@@ -23,13 +24,12 @@ from legfem.fem.fields import FieldReader, fields_of
 from legfem.legs.experiments import plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.meshing.section import SectionMeshSettings
+from legfem.report.estimates import QUESTION, high_or_low
 from legfem.report.leg_figure import DrawnSection
 from legfem.report.web.curves import Curves, Line, embedded, ways
 from legfem.report.web.diagnosis import diagnosis_web_page
-from legfem.report.web.identification import identification_page
 from legfem.report.web.page import rendered
 from legfem.report.web.section import Film, pressed_section
-from legfem.report.web.usual import QUESTION, high_or_low
 
 MOST_BYTES = 2_000_000
 DEPTH = 4.0

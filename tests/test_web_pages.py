@@ -22,12 +22,12 @@ from typer.testing import CliRunner
 from legfem.commands.plan import app
 from legfem.experiments.posed import posed
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
-from legfem.report.web.bars import Bar, Bars
+from legfem.report.specimens import specimen_web_page
+from legfem.report.web.bars import Bars, LabelledBar
 from legfem.report.web.curves import Curves, Line, embedded
 from legfem.report.web.page import rendered
 from legfem.report.web.plan import plan_web_page
 from legfem.report.web.pressed_leg import pressed_leg
-from legfem.report.web.specimen import specimen_web_page
 from legfem.report.web.stocking_leg import by_height, inward, stretch_round
 from legfem.report.web.turned import Marked, SkinField, Slider, View, turned_leg
 from legfem.study.correction.web_page import correction_web_page
@@ -264,10 +264,10 @@ def test_a_solve_whose_states_were_not_kept_shows_the_section_alone(tmp_path):
 
 
 def test_bars_are_in_proportion_and_ends_stay_within():
-    bars = Bars("c", ("a", "b"), [Bar("x", 5.0, "5", (4.0, 10.0)), Bar("y", 0.0, "0")])
+    bars = Bars("c", ("a", "b"), [LabelledBar("x", 5.0, "5", (4.0, 10.0)), LabelledBar("y", 0.0, "0")])
     half, none = bars.drawn
     assert half.width == 50.0 and half.interval == (40.0, 100.0) and none.width == 0.0
-    (over,) = replace(bars, bars=[Bar("x", 120.0, "")], greatest=100.0).drawn
+    (over,) = replace(bars, bars=[LabelledBar("x", 120.0, "")], greatest=100.0).drawn
     assert over.width == 100.0
     assert Bars("c", ("a", "b"), []).drawn == []
 

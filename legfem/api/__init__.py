@@ -6,12 +6,10 @@ its attributes.
 """
 
 from legfem.api.diagnosed import DiagnosedFolder, DiagnosedLeg, diagnose
-from legfem.api.dressed import LegInStocking, stocking
-from legfem.api.identified import identify
-from legfem.api.identified_leg import IdentifiedLeg
-from legfem.api.identified_sites import IdentifiedSites
-from legfem.api.identified_specimen import IdentifiedSpecimen
+from legfem.api.identification import identify
+from legfem.api.leg_in_stocking import LegInStocking, stocking
 from legfem.api.loading import load_leg, load_sites, load_specimen, load_subject
+from legfem.api.results import IdentifiedLeg, IdentifiedSites, IdentifiedSpecimen
 
 __all__ = [
     "DiagnosedFolder",

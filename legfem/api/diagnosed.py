@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
-from legfem.api.checking import check_folder, check_names, check_unused, check_whole
-from legfem.api.found import Found, row
+from legfem.api.arguments import check_folder, check_names, check_unused, check_whole, in_python_words
 from legfem.api.loading import Given, one_of
-from legfem.api.wording import in_calls_words
+from legfem.api.results import Found, row
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 from legfem.legs.subject import SitedLeg, Subject
@@ -41,7 +40,7 @@ class DiagnosedLeg(Found):
 
     def summary(self) -> str:
         """Return the report's text."""
-        from legfem.report.plain import plain_page
+        from legfem.report.text import plain_page
 
         return plain_page(self._page(), [])
 
@@ -97,8 +96,8 @@ class DiagnosedFolder(Found):
 
     def summary(self) -> str:
         """Return the report's text; of several specimens a table of all."""
-        from legfem.report.plain import plain_page
         from legfem.report.specimen_diagnosis import specimens_page
+        from legfem.report.text import plain_page
 
         if len(self.specimens) == 1 and self.specimens[0].diagnosis is not None:
             return plain_page(self._page(), [])
@@ -183,7 +182,7 @@ def diagnose(
     progress: bool = False,
     specimens: Sequence[str] = (),
 ) -> DiagnosedFolder: ...
-@in_calls_words()
+@in_python_words()
 def diagnose(
     leg: Subject | SitedLeg | SpecimenFolder | Given,
     *,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from legfem.api.wording import in_calls_words
+from legfem.api.arguments import wrong
 from legfem.common.doubts import say
 from legfem.common.errors import InputError
 from legfem.data.folder import Catalogue
@@ -21,10 +21,13 @@ if TYPE_CHECKING:
 
 type Given = str | Path
 """Id of a subject that comes with legfem, or the path of a folder."""
-_LOADED_BY = {"subject.toml": "load_subject", "leg.toml": "load_leg", "specimen.toml": "load_specimen"}
+_TAKEN_BY = {
+    "subject.toml": "python -m legfem.identify takes it",
+    "leg.toml": "python -m legfem.stocking takes it",
+    "specimen.toml": "give it as --specimen-dir",
+}
 
 
-@in_calls_words()
 def load_subject(subject: Given, site: str = "") -> Subject:
     """Load a leg that was indented.
 
@@ -45,7 +48,6 @@ def load_subject(subject: Given, site: str = "") -> Subject:
     return loaded
 
 
-@in_calls_words()
 def load_sites(leg: Given) -> SitedLeg:
     """Load all sites of a leg that was indented at several, to be identified together.
 
@@ -68,35 +70,41 @@ def load_sites(leg: Given) -> SitedLeg:
     return loaded
 
 
-def opened(leg: Subject | SitedLeg | Given, site: str = "") -> Subject | SitedLeg:
-    """Return a leg, or all sites of one that has several, of which a name takes one.
+def opened(given: Subject | SitedLeg | SpecimenFolder | Given, site: str = "") -> Subject | SitedLeg | SpecimenFolder:
+    """Return what is to be identified: a leg, one of its sites, all of them, or specimens.
 
     Raises
     ------
     InputError
-        If there is no leg, no such site, or what is given is no leg that was indented.
+        If there is no such folder or site, or what is given is none of these.
     """
+    from legfem.specimens.folder import FILE, SpecimenFolder
+
     if not isinstance(site, str):
-        raise InputError("site", repr(site), "is no name", "give the name of one of the sites")
-    if isinstance(leg, str | Path):
-        several = not site and site_names(SUBJECTS.opened(folder_of(leg, SUBJECTS)))
-        return load_sites(leg) if several else load_subject(leg, site)
-    if not isinstance(leg, Subject | SitedLeg):
+        raise wrong("site", repr(site), "is no name", "give the name of one of the sites")
+    if isinstance(given, str | Path):
+        if (Path(given) / FILE).is_file() and not (Path(given) / SUBJECTS.file).exists():
+            return load_specimen(given)
+        several = not site and site_names(SUBJECTS.opened(folder_of(given, SUBJECTS)))
+        return load_sites(given) if several else load_subject(given, site)
+    if isinstance(given, SpecimenFolder):
+        return given
+    if not isinstance(given, Subject | SitedLeg):
         raise InputError(
             "leg",
-            type(leg).__name__,
+            type(given).__name__,
             "is no leg that was indented",
             "give an id, a folder, or what load_subject or load_sites returned",
         )
     if not site:
-        return leg
-    sites = leg.sites if isinstance(leg, SitedLeg) else (leg,)
+        return given
+    sites = given.sites if isinstance(given, SitedLeg) else (given,)
     for one in sites:
         if one.site == site:
             return one
     names = ", ".join(one.site for one in sites if one.site)
     remedy = f"give one of {names}" if names else "leave it out: the leg has none"
-    raise InputError("site", site, "is no site of the leg", remedy)
+    raise wrong("site", site, "is no site of the leg", remedy)
 
 
 def one_of(leg: Subject | SitedLeg | Given, site: str = "") -> Subject:
@@ -112,12 +120,9 @@ def one_of(leg: Subject | SitedLeg | Given, site: str = "") -> Subject:
     found = opened(leg, site)
     if isinstance(found, SitedLeg):
         names = ", ".join(each.site for each in found.sites)
-        raise InputError(
-            "site",
-            "missing",
-            f"the leg has {len(found.sites)} ({names}), and here one is taken",
-            f'give site="{found.sites[0].site}"',
-        )
+        problem = f"the leg has {len(found.sites)} ({names}), and here one is taken"
+        raise wrong("site", "missing", problem, f"give --site {found.sites[0].site}")
+    assert isinstance(found, Subject)
     return found
 
 
@@ -190,6 +195,6 @@ def _check_path(given: object) -> None:
 
 
 def _check_kind(folder: Path, wanted: str) -> None:
-    for file, load in _LOADED_BY.items():
+    for file, remedy in _TAKEN_BY.items():
         if (folder / file).exists() and not (folder / wanted).exists():
-            raise InputError(folder, file, f"is there, and no {wanted}", f"load the folder with lf.{load}")
+            raise InputError(folder, file, f"is there, and no {wanted}", remedy)

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir
-from legfem.commands.specimens import specimens_for
+from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, specimens_for
 from legfem.common.command_edge import check_out_folder, work_edge
 from legfem.common.doubts import say
 from legfem.common.errors import InputError
@@ -77,7 +76,7 @@ def diagnose(
             return
         if specimen:
             raise InputError("--specimen", specimen[0], "is for specimens", "give --specimen-dir")
-        from legfem.commands.outcome import print_outcome
+        from legfem.commands.options import print_outcome
         from legfem.common.documents import write_document
         from legfem.diagnose.document import document
         from legfem.diagnose.leg import library_folder
@@ -123,7 +122,7 @@ def _run_specimens(
     quiet: bool,
     as_json: bool,
 ) -> None:
-    from legfem.commands.outcome import print_outcome
+    from legfem.commands.options import print_outcome
     from legfem.diagnose.leg import library_folder
     from legfem.report.specimen_diagnosis import write_specimen_diagnoses
     from legfem.report.web.page import command_line

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir
-from legfem.commands.specimens import specimens_for
+from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, specimens_for
 from legfem.common.command_edge import FAILED, check_out_folder, work_edge
 from legfem.common.doubts import say
 from legfem.common.errors import InputError
@@ -168,7 +167,7 @@ def run(
             raise InputError("--leave-out", leave_out[0], "is for specimens", "give --specimen-dir")
         from mpi4py import MPI
 
-        from legfem.commands.outcome import print_outcome
+        from legfem.commands.options import print_outcome
         from legfem.identify.run import forward_model, identify_subject, write_results
         from legfem.inverse.parse_parameters import Written
         from legfem.inverse.search import SearchError
@@ -183,7 +182,7 @@ def run(
         from legfem.legs.schema import SUBJECTS
         from legfem.legs.subject import Subject as Leg
         from legfem.report.identification import write_identification_report
-        from legfem.report.plain import brief
+        from legfem.report.text import brief
         from legfem.report.web.identification import identification_page
         from legfem.report.web.page import command_line
         from legfem.sites.identification import joint_leg
@@ -268,14 +267,14 @@ def _run_specimens(
     quiet: bool,
     as_json: bool,
 ) -> None:
-    from legfem.commands.outcome import print_outcome
+    from legfem.commands.options import print_outcome
     from legfem.inverse.parse_parameters import Written
     from legfem.inverse.search import SearchError
     from legfem.inverse.settings import IdentificationSettings
-    from legfem.report.plain import brief
     from legfem.report.specimen import write_specimen_report
+    from legfem.report.specimens import specimen_web_page
+    from legfem.report.text import brief
     from legfem.report.web.page import command_line
-    from legfem.report.web.specimen import specimen_web_page
     from legfem.specimens.identification import identify_specimen
     from legfem.specimens.laws import asked_in_writing, laws_named
 

@@ -43,7 +43,7 @@ def plan(
     """
     resume = "run the same command again to go on; solutions that are done are kept"
     with work_edge(jobs, resume, quiet) as processes:
-        from legfem.commands.outcome import print_outcome
+        from legfem.commands.options import print_outcome
         from legfem.common.documents import write_document
         from legfem.diagnose.document import versions
         from legfem.diagnose.leg import library_folder
@@ -53,10 +53,10 @@ def plan(
         from legfem.legs.loading import load_subject
         from legfem.legs.plausibility import doubts_about
         from legfem.plan.run import Expected, plan_before
-        from legfem.report.in_place import REPORT, made_in_place
+        from legfem.report.folder import REPORT, made_in_place
         from legfem.report.listing import NUMBERS, ReportFile
-        from legfem.report.plain import brief, plain_page
         from legfem.report.plan import plan_document
+        from legfem.report.text import brief, plain_page
         from legfem.report.web.page import command_line, listed, write_page
         from legfem.report.web.plan import RANKED, SHOWN, plan_web_page
 

@@ -31,14 +31,14 @@ def run_joint(
     """Identify what all sites share, in plane strain or in 3D, write and print it."""
     from mpi4py import MPI
 
-    from legfem.commands.outcome import print_outcome
+    from legfem.commands.options import print_outcome
     from legfem.inverse.search import SearchError
     from legfem.inverse.settings import SearchRequest
     from legfem.legs.identification import check_joint, nominal_of
     from legfem.legs.plausibility import doubts_about
     from legfem.legs.problem import split_instrument
-    from legfem.report.plain import brief
     from legfem.report.sites import write_sites_report
+    from legfem.report.text import brief
     from legfem.report.web.page import command_line
     from legfem.report.web.sites import sites_web_page
     from legfem.sites.identification import identify_together

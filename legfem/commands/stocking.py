@@ -42,7 +42,7 @@ def stocking(
             raise InputError("--cells", f"{cells}", "is out of range", "give 2000 to 5000000")
         from mpi4py import MPI
 
-        from legfem.commands.outcome import print_outcome
+        from legfem.commands.options import print_outcome
         from legfem.report.stocking import NUMBERS, write_stocking_report
         from legfem.report.web.page import command_line
         from legfem.stockings.loading import LEGS, load_leg

@@ -13,9 +13,8 @@ from legfem.diagnose.document import document, parameters
 from legfem.report import diagnosis_tables as tables
 from legfem.report.diagnosis import write_diagnosis_report
 from legfem.report.diagnosis_style import model_name
-from legfem.report.in_place import REPORT, made_in_place
-from legfem.report.lines import bullets, fill
-from legfem.report.plain import table
+from legfem.report.folder import REPORT, made_in_place
+from legfem.report.text import bullets, fill, table
 from legfem.report.words import ORIGINS
 from legfem.specimens.diagnosis import DiagnosedSpecimen
 from legfem.specimens.folder import SpecimenFolder

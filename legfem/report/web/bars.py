@@ -8,7 +8,7 @@ from typing import ClassVar
 
 
 @dataclass(frozen=True)
-class Bar:
+class LabelledBar:
     """One number."""
 
     name: str
@@ -36,7 +36,7 @@ class Bars:
     caption: str
     header: tuple[str, str]
     """Of names and of values."""
-    bars: Sequence[Bar]
+    bars: Sequence[LabelledBar]
     least: float = 0.0
     """Where bars begin."""
     greatest: float | None = None

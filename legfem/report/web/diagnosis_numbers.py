@@ -11,7 +11,7 @@ from legfem.geometry.section import girth
 from legfem.legs.subject import MeasuredEffect, Subject
 from legfem.report import diagnosis_tables as tables
 from legfem.report.diagnosis_style import BASE_NAME, model_name, plain, shown_models
-from legfem.report.web.elastography import wave_rows
+from legfem.report.estimates import wave_rows
 from legfem.report.web.page import Known, Provenance
 
 _WRONG = "DO NOT RELY ON IT: of a wrong model, whose interval doesn't cover what was left out"

@@ -14,7 +14,7 @@ from legfem.report.diagnosis_style import plain
 from legfem.report.plan import NOTE, NOTHING, effects_of
 from legfem.report.style import LAW_NAMES
 from legfem.report.web import page as web
-from legfem.report.web.bars import Bar, Bars
+from legfem.report.web.bars import Bars, LabelledBar
 from legfem.report.web.identification import options_of
 from legfem.report.web.section import still_section
 
@@ -131,7 +131,10 @@ def _tests(ranked: Sequence[Reckoned]) -> Bars:
     return Bars(
         "Goodness that whatever is wrong is told from all else",
         ("test", "chance"),
-        [Bar(f"({k}) {one.design.name}", 100 * one.chance, percent(one.chance)) for k, one in enumerate(ranked, 1)],
+        [
+            LabelledBar(f"({k}) {one.design.name}", 100 * one.chance, percent(one.chance))
+            for k, one in enumerate(ranked, 1)
+        ],
         greatest=100.0,
     )
 

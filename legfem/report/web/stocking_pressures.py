@@ -9,7 +9,7 @@ from legfem.geometry.leg_shape import SKIN
 from legfem.inverse.intervals import quantile
 from legfem.report.leg_directions import Directions, angle_round
 from legfem.report.stocking_words import both_units, correlation, place_in_fat, vein_interval
-from legfem.report.web.bars import Bar, Bars
+from legfem.report.web.bars import Bars, LabelledBar
 from legfem.report.web.page import Block, Prose, WebTable
 from legfem.stockings.notices import unloaded_skin
 from legfem.stockings.pressures import FatPressures, TissuePressures
@@ -153,25 +153,25 @@ def _postures(result: StockingResult) -> list[Block]:
 def _bars(result: StockingResult, found: TissuePressures) -> Bars:
     leg, load = result.leg, result.worn.load
     bars = [
-        Bar("skin, mean", mpa_to_mmhg(found.mean_interface), both_units(found.mean_interface)),
-        Bar(
+        LabelledBar("skin, mean", mpa_to_mmhg(found.mean_interface), both_units(found.mean_interface)),
+        LabelledBar(
             f"skin, greatest ({highest_place(result)})",
             mpa_to_mmhg(found.greatest_interface),
             both_units(found.greatest_interface),
         ),
-        Bar("skin, least", mpa_to_mmhg(float(load.pressure.min())), both_units(float(load.pressure.min()))),
-        Bar(
+        LabelledBar("skin, least", mpa_to_mmhg(float(load.pressure.min())), both_units(float(load.pressure.min()))),
+        LabelledBar(
             "fat, greatest",
             mpa_to_mmhg(found.greatest_in_fat),
             f"{both_units(found.greatest_in_fat)}, {_share(found.greatest_in_fat, found)}",
         ),
-        Bar("muscle, mean", mpa_to_mmhg(found.mean_in_muscle), both_units(found.mean_in_muscle)),
+        LabelledBar("muscle, mean", mpa_to_mmhg(found.mean_in_muscle), both_units(found.mean_in_muscle)),
     ]
     for k, (vein, pressure) in enumerate(zip(leg.veins, found.at_veins, strict=True)):
         low, high = vein_interval(result, k)
         known = np.isfinite(high)
         bars.append(
-            Bar(
+            LabelledBar(
                 f"vein, {vein.name}",
                 mpa_to_mmhg(pressure) if np.isfinite(pressure) else 0.0,
                 both_units(pressure)

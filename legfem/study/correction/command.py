@@ -15,7 +15,7 @@ from legfem.experiments.indentation_3d import IdealisedLegIndentation
 from legfem.fem.fields import fields_of
 from legfem.legs.correction import smooth_ratio
 from legfem.report.paraview import write_fields
-from legfem.report.plain import table
+from legfem.report.text import table
 from legfem.report.web.page import PAGE, command_line, rendered
 from legfem.study.correction.calibration import Calibration, calibrate, coarsened, run_cases
 from legfem.study.correction.cases import CaseOutcome, CorrectionCase

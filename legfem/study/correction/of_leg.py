@@ -21,8 +21,8 @@ from legfem.legs.loading import load_subject
 from legfem.legs.model_3d import SOLVES, LegModels
 from legfem.legs.solver_3d import LegSolver, SolvedLeg
 from legfem.legs.subject import Subject
-from legfem.report.plain import table
 from legfem.report.style import FAINT, new_figure, save, styled
+from legfem.report.text import table
 from legfem.report.web.curves import Curves, Line
 from legfem.report.web.page import (
     PAGE,

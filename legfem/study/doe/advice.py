@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from legfem.report.web.estimates import words_of
+from legfem.report.estimates import words_of
 from legfem.study.doe.factors import OF_THE_GEOMETRY, Factor, label_of
 from legfem.study.doe.information import IDENTIFIED, IDENTIFIED_WITHIN
 from legfem.study.doe.metrics import Metric

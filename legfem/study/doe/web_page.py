@@ -9,7 +9,7 @@ import numpy as np
 from legfem.common.units import FloatArray
 from legfem.report.style import DATA_COLOUR, FAINT
 from legfem.report.web import page as web
-from legfem.report.web.bars import Bar, Bars
+from legfem.report.web.bars import Bars, LabelledBar
 from legfem.report.web.curves import Curves, Line
 from legfem.report.web.response import ResponseSurface, SurfaceFactor, SurfaceMetric
 from legfem.study.doe.advice import in_words, largest_share, not_seen, shares, to_know, to_measure
@@ -153,8 +153,8 @@ def _effects(result: StudyResult) -> list[web.Block]:
     factors = result.definition.factors
     every = [(analysis.metric.label, *shares(analysis)) for analysis in result.analyses]
     deepest, main, interactions = every[-1]
-    bars = [Bar(f.label, 100 * main[f.symbol], f"{100 * main[f.symbol]:.1f} %") for f in factors]
-    bars.append(Bar("all interactions", 100 * interactions, f"{100 * interactions:.1f} %"))
+    bars = [LabelledBar(f.label, 100 * main[f.symbol], f"{100 * main[f.symbol]:.1f} %") for f in factors]
+    bars.append(LabelledBar("all interactions", 100 * interactions, f"{100 * interactions:.1f} %"))
     rows = [[f.label, *(f"{100 * one[f.symbol]:.1f} %" for _, one, _ in every)] for f in factors]
     rows.append(["all interactions", *(f"{100 * rest:.1f} %" for _, _, rest in every)])
     return [

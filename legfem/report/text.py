@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 
-from legfem.report.lines import WIDTH, bullets, fill
 from legfem.report.listing import ReportFile, listing
 from legfem.report.web.bars import Bars
 from legfem.report.web.page import (
@@ -22,6 +22,25 @@ from legfem.report.web.page import (
 )
 from legfem.report.web.response import ResponseSurface
 from legfem.report.words import ORIGINS
+
+WIDTH = 100
+"""Of a page in characters."""
+
+
+def fill(text: str, indent: str = "") -> str:
+    """Return text in lines of the page's width."""
+    return textwrap.fill(
+        text, WIDTH, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False, break_long_words=False
+    )
+
+
+def bullets(lines: Sequence[str]) -> str:
+    """Return lines as a list."""
+    return "\n".join(
+        textwrap.fill(line, WIDTH, initial_indent="- ", subsequent_indent="  ", break_on_hyphens=False)
+        for line in lines
+    )
+
 
 _WIDE = 180
 """Characters of a page with a table of numbers."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from legfem.api.checking import check_whole
-from legfem.api.found import Found, row
+from legfem.api.arguments import check_whole
 from legfem.api.loading import Given, load_leg
+from legfem.api.results import Found, row
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 
@@ -29,7 +29,7 @@ class LegInStocking(Found):
 
     def summary(self) -> str:
         """Return what was found, in words."""
-        from legfem.report.plain import brief
+        from legfem.report.text import brief
         from legfem.report.web.stocking import PRESSURES, STIFFNESS, stocking_web_page
 
         return brief(stocking_web_page(self.result), (STIFFNESS, PRESSURES))
