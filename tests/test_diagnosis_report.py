@@ -22,8 +22,8 @@ from legfem.report import diagnosis_tables as tables
 from legfem.report.diagnosis_style import REPAIRED_COLOUR, model_name
 from legfem.report.located import places_of
 from legfem.report.ranking_figure import ranking_figure
+from legfem.report.render.text import plain_page
 from legfem.report.signature_figure import leading, matched, strongest
-from legfem.report.text import plain_page
 from legfem.report.web.diagnosis import diagnosis_web_page
 from legfem.report.words import number, probability
 

@@ -27,7 +27,7 @@ from legfem.legs.correction_of_leg import (
 from legfem.legs.elastography import FibreRatio
 from legfem.legs.loading import load_subject
 from legfem.legs.solver_3d import fibre_errors
-from legfem.report.text import plain_page
+from legfem.report.render.text import plain_page
 from legfem.solve.force_curve import ForceCurve
 
 GRID = np.linspace(0.0, 25.0, 26)

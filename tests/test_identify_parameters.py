@@ -28,7 +28,7 @@ from legfem.inverse.parse_parameters import Written, read_prior, read_value
 from legfem.inverse.population import CALF, population
 from legfem.inverse.settings import IdentificationSettings
 from legfem.report.fit_figure import fit_figure
-from legfem.report.text import plain_page
+from legfem.report.render.text import plain_page
 
 NOMINAL = AnalyticLeg().nominal
 POLYNOMIAL = ("reduced-polynomial",)

@@ -7,20 +7,21 @@ from pathlib import Path
 import pytest
 
 from legfem.report.listing import RESULT, ReportFile
-from legfem.report.text import brief, plain_page
-from legfem.report.web.bars import Bars, LabelledBar
-from legfem.report.web.page import (
+from legfem.report.page import (
     PROVENANCE,
+    Bars,
     Bullets,
     Chapter,
     Headline,
     Known,
+    LabelledBar,
     Prose,
     Repeat,
     Verbatim,
     WebPage,
     WebTable,
 )
+from legfem.report.render.text import brief, plain_page
 
 LONG = "a sheet round the muscle, its fascia, holds it together"
 

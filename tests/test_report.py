@@ -25,8 +25,8 @@ from legfem.report.cost_figure import confidence_ellipse, cost_figure, linear_co
 from legfem.report.estimates import comparison
 from legfem.report.fit_figure import fit_figure
 from legfem.report.identification import write_identification_report
+from legfem.report.render.text import brief, plain_page
 from legfem.report.style import save
-from legfem.report.text import brief, plain_page
 from legfem.report.words import number
 
 

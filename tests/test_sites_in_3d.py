@@ -25,7 +25,7 @@ from legfem.legs.elastography import FibreRatio
 from legfem.legs.fit_in_3d import ways_of_pressing
 from legfem.legs.model_3d import SOLVES
 from legfem.legs.subject import SitedLeg
-from legfem.report.web.page import rendered
+from legfem.report.render.html import rendered
 from legfem.sites.identification import identify_in_3d
 
 NEO_HOOKEAN = ("neo-hookean",)

@@ -24,10 +24,10 @@ from legfem.inverse.intervals import quantile
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.report.leg_directions import Directions, angle_round, unwrapped
+from legfem.report.render.html import rendered
+from legfem.report.render.text import plain_page
 from legfem.report.stocking import write_stocking_report
 from legfem.report.stocking_words import stiffness_interval, vein_interval
-from legfem.report.text import plain_page
-from legfem.report.web.page import rendered
 from legfem.report.web.stocking import stocking_web_page
 from legfem.report.web.stocking_stiffness import verdict_sentence
 from legfem.stockings.document import stocking_document

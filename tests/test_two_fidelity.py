@@ -31,7 +31,7 @@ from legfem.legs.placement import spatial_leg
 from legfem.legs.problem import leg_problem
 from legfem.legs.subject import Subject
 from legfem.legs.two_fidelity import MOST_SOLVES
-from legfem.report.text import plain_page
+from legfem.report.render.text import plain_page
 
 GRID = np.linspace(0.0, DEPTH, 41)
 

@@ -26,9 +26,9 @@ from legfem.legs.loading import load_subject
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report.estimates import QUESTION, high_or_low
 from legfem.report.leg_figure import DrawnSection
-from legfem.report.web.curves import Curves, Line, embedded, ways
+from legfem.report.page import Curves, Line
+from legfem.report.render.html import embedded, rendered, ways
 from legfem.report.web.diagnosis import diagnosis_web_page
-from legfem.report.web.page import rendered
 from legfem.report.web.section import Film, pressed_section
 
 MOST_BYTES = 2_000_000

@@ -22,14 +22,13 @@ from typer.testing import CliRunner
 from legfem.commands.plan import app
 from legfem.experiments.posed import posed
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
+from legfem.report.page import Bars, Curves, LabelledBar, Line, Slider, View
+from legfem.report.render.html import embedded, rendered
 from legfem.report.specimens import specimen_web_page
-from legfem.report.web.bars import Bars, LabelledBar
-from legfem.report.web.curves import Curves, Line, embedded
-from legfem.report.web.page import rendered
 from legfem.report.web.plan import plan_web_page
 from legfem.report.web.pressed_leg import pressed_leg
 from legfem.report.web.stocking_leg import by_height, inward, stretch_round
-from legfem.report.web.turned import Marked, SkinField, Slider, View, turned_leg
+from legfem.report.web.turned import Marked, SkinField, turned_leg
 from legfem.study.correction.web_page import correction_web_page
 from legfem.study.doe.advice import not_seen, shares, to_measure
 from legfem.study.doe.web_page import study_web_page

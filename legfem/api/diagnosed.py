@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from legfem.diagnose.diagnosis import Diagnosis
-    from legfem.report.web.page import WebPage
+    from legfem.report.page import WebPage
     from legfem.specimens.diagnosis import DiagnosedSpecimen
     from legfem.specimens.folder import SpecimenFolder
 
@@ -40,7 +40,7 @@ class DiagnosedLeg(Found):
 
     def summary(self) -> str:
         """Return the report's text."""
-        from legfem.report.text import plain_page
+        from legfem.report.render.text import plain_page
 
         return plain_page(self._page(), [])
 
@@ -96,8 +96,8 @@ class DiagnosedFolder(Found):
 
     def summary(self) -> str:
         """Return the report's text; of several specimens a table of all."""
+        from legfem.report.render.text import plain_page
         from legfem.report.specimen_diagnosis import specimens_page
-        from legfem.report.text import plain_page
 
         if len(self.specimens) == 1 and self.specimens[0].diagnosis is not None:
             return plain_page(self._page(), [])

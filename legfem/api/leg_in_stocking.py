@@ -16,7 +16,7 @@ from legfem.common.progress import progress_on
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from legfem.report.web.page import WebPage
+    from legfem.report.page import WebPage
     from legfem.stockings.leg import StockingLeg
     from legfem.stockings.result import StockingResult
 
@@ -29,7 +29,7 @@ class LegInStocking(Found):
 
     def summary(self) -> str:
         """Return what was found, in words."""
-        from legfem.report.text import brief
+        from legfem.report.render.text import brief
         from legfem.report.web.stocking import PRESSURES, STIFFNESS, stocking_web_page
 
         return brief(stocking_web_page(self.result), (STIFFNESS, PRESSURES))

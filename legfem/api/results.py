@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from legfem.inverse.parameter import Parameter
     from legfem.inverse.settings import IdentificationSettings
     from legfem.legs.subject import SitedLeg
-    from legfem.report.web.page import WebPage
+    from legfem.report.page import WebPage
     from legfem.sites.result import SitesResult
     from legfem.specimens.folder import SpecimenFolder
     from legfem.specimens.result import SpecimenResult
@@ -68,7 +68,7 @@ class Found(ABC):
 
     def _repr_html_(self) -> str:
         """Return the parameters and the report's page for a notebook, its curves and leg alive."""
-        from legfem.report.web.page import rendered
+        from legfem.report.render.html import rendered
 
         page = self._page()
         table = self.to_frame().to_html(index=False, na_rep="", float_format="{:.4g}".format)
@@ -141,7 +141,7 @@ class IdentifiedLeg(ByLaw["IdentificationResult"]):
 
     def summary(self) -> str:
         """Return values, intervals, which law fits better, and warnings."""
-        from legfem.report.text import brief
+        from legfem.report.render.text import brief
         from legfem.report.web.identification import identification_page
 
         return brief(identification_page(self.results, self.subject, None))
@@ -229,7 +229,7 @@ class IdentifiedSites(ByLaw["SitesResult"]):
 
     def summary(self) -> str:
         """Return values, intervals, whether the sites agree, and warnings."""
-        from legfem.report.text import brief
+        from legfem.report.render.text import brief
 
         return brief(self._page())
 
@@ -292,7 +292,7 @@ class IdentifiedSpecimen(ByLaw["SpecimenResult"]):
 
     def summary(self) -> str:
         """Return values, intervals, how well what was left out is predicted, and warnings."""
-        from legfem.report.text import brief
+        from legfem.report.render.text import brief
 
         return brief(self._page())
 

@@ -87,8 +87,8 @@ def diagnose(
         from legfem.legs.plausibility import doubts_about
         from legfem.plan.run import plan_after
         from legfem.report.diagnosis import write_diagnosis_report
+        from legfem.report.page import command_line
         from legfem.report.plan import plan_document, plan_lines
-        from legfem.report.web.page import command_line
 
         folder = SUBJECTS.named(subject, subject_dir)
         found = load_subject(folder, need_instrument=False, site=site or "")
@@ -124,8 +124,8 @@ def _run_specimens(
 ) -> None:
     from legfem.commands.options import print_outcome
     from legfem.diagnose.leg import library_folder
+    from legfem.report.page import command_line
     from legfem.report.specimen_diagnosis import write_specimen_diagnoses
-    from legfem.report.web.page import command_line
     from legfem.specimens.diagnosis import diagnose_specimens
 
     responses = library or library_folder()

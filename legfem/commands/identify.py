@@ -182,9 +182,9 @@ def run(
         from legfem.legs.schema import SUBJECTS
         from legfem.legs.subject import Subject as Leg
         from legfem.report.identification import write_identification_report
-        from legfem.report.text import brief
+        from legfem.report.page import command_line
+        from legfem.report.render.text import brief
         from legfem.report.web.identification import identification_page
-        from legfem.report.web.page import command_line
         from legfem.sites.identification import joint_leg
 
         if seed < 0:
@@ -271,10 +271,10 @@ def _run_specimens(
     from legfem.inverse.parse_parameters import Written
     from legfem.inverse.search import SearchError
     from legfem.inverse.settings import IdentificationSettings
+    from legfem.report.page import command_line
+    from legfem.report.render.text import brief
     from legfem.report.specimen import write_specimen_report
     from legfem.report.specimens import specimen_web_page
-    from legfem.report.text import brief
-    from legfem.report.web.page import command_line
     from legfem.specimens.identification import identify_specimen
     from legfem.specimens.laws import asked_in_writing, laws_named
 

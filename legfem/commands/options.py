@@ -11,7 +11,7 @@ import typer
 from legfem.common.command_edge import check_out_folder
 from legfem.common.doubts import say
 from legfem.common.errors import InputError
-from legfem.report.web.page import PAGE
+from legfem.report.page import PAGE
 
 if TYPE_CHECKING:
     from legfem.specimens.folder import SpecimenFolder

@@ -55,9 +55,9 @@ def plan(
         from legfem.plan.run import Expected, plan_before
         from legfem.report.folder import REPORT, made_in_place
         from legfem.report.listing import NUMBERS, ReportFile
+        from legfem.report.page import command_line, listed, write_page
         from legfem.report.plan import plan_document
-        from legfem.report.text import brief, plain_page
-        from legfem.report.web.page import command_line, listed, write_page
+        from legfem.report.render.text import brief, plain_page
         from legfem.report.web.plan import RANKED, SHOWN, plan_web_page
 
         check_finite(c10=c10, c20=c20, depth=depth, rate=rate)

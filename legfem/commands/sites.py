@@ -37,9 +37,9 @@ def run_joint(
     from legfem.legs.identification import check_joint, nominal_of
     from legfem.legs.plausibility import doubts_about
     from legfem.legs.problem import split_instrument
+    from legfem.report.page import command_line
+    from legfem.report.render.text import brief
     from legfem.report.sites import write_sites_report
-    from legfem.report.text import brief
-    from legfem.report.web.page import command_line
     from legfem.report.web.sites import sites_web_page
     from legfem.sites.identification import identify_together
 

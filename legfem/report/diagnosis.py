@@ -15,16 +15,15 @@ from legfem.meshing.section import SectionMeshSettings
 from legfem.report.filmed import filmed
 from legfem.report.folder import REPORT, made_in_place
 from legfem.report.listing import NUMBERS, ReportFile
+from legfem.report.page import PressedSection, listed, write_page
 from legfem.report.parameter_figure import parameter_figure
 from legfem.report.placement_figure import SECTION_SHOWS, placement_figure
 from legfem.report.ranking_figure import ranking_figure
 from legfem.report.recording_figure import recording_figure
+from legfem.report.render.text import plain_page
 from legfem.report.signature_figure import leading, signature_figure
 from legfem.report.style import save
-from legfem.report.text import plain_page
 from legfem.report.web.diagnosis import diagnosis_web_page
-from legfem.report.web.page import listed, write_page
-from legfem.report.web.section import PressedSection
 from legfem.solve.newton_settings import NewtonSettings
 from legfem.solve.step_settings import StepSettings
 

@@ -20,8 +20,8 @@ from legfem.inverse.fit import Fit
 from legfem.inverse.parameter import Parameter
 from legfem.legs.elastography import ShearModulus
 from legfem.legs.subject import Subject
+from legfem.report.page import Block, Known, WebTable
 from legfem.report.style import LAW_NAMES, REGION_NAMES
-from legfem.report.web.page import Block, Known, WebTable
 from legfem.report.words import ENERGIES, fit_probability, number
 
 

@@ -11,7 +11,8 @@ from legfem.experiments.base import Solved
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.fem.fields import FieldReader, LegFields
 from legfem.mechanics.integration_domain import Skin
-from legfem.report.web.section import Film, PressedSection, pressed_section
+from legfem.report.page import PressedSection
+from legfem.report.web.section import Film, pressed_section
 
 
 @dataclass(frozen=True, eq=False)

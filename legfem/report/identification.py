@@ -25,15 +25,14 @@ from legfem.report.folder import REPORT, made_in_place
 from legfem.report.leg import leg_page
 from legfem.report.leg_figure import leg_figure
 from legfem.report.listing import RESULT, ReportFile
+from legfem.report.page import PressedSection, WebPage, listed, write_page
 from legfem.report.paraview import write_fields
 from legfem.report.placement_figure import SECTION_SHOWS, placement_figure
+from legfem.report.render.tables import write_tables
+from legfem.report.render.text import plain_page
 from legfem.report.specimen_figure import specimen_figure
 from legfem.report.specimens import specimen_page
 from legfem.report.style import LAW_NAMES, save
-from legfem.report.tables import write_tables
-from legfem.report.text import plain_page
-from legfem.report.web.page import WebPage, listed, write_page
-from legfem.report.web.section import PressedSection
 from legfem.specimens.details import SpecimenDetails
 from legfem.specimens.document import SpecimenDocument
 

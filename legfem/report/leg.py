@@ -15,12 +15,12 @@ from legfem.legs.details import LegDetails, SpatialEvidence, SpatialSites
 from legfem.legs.notices import curve_of
 from legfem.legs.subject import Subject
 from legfem.report import estimates
+from legfem.report import page as web
 from legfem.report.leg_numbers import how_done, known_of
+from legfem.report.page import Curves, Dash, Line, PressedSection
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES
-from legfem.report.web import page as web
-from legfem.report.web.curves import Curves, Dash, Line
 from legfem.report.web.pressed_leg import pressed_leg
-from legfem.report.web.section import PressedSection, still_section
+from legfem.report.web.section import still_section
 from legfem.report.words import fit_probability
 
 type LegFit = Fit[LegDetails]

@@ -18,8 +18,8 @@ from legfem.legs.forward import values_of
 from legfem.legs.notices import curve_of
 from legfem.mechanics.materials import Hyperelastic
 from legfem.report.estimates import estimated, held_text, how_found, wave_rows, words_of
+from legfem.report.page import Block, Known, Prose, Provenance, WebTable
 from legfem.report.style import LAW_NAMES
-from legfem.report.web.page import Block, Known, Prose, Provenance, WebTable
 from legfem.report.words import fit_probability
 
 type LegFit = Fit[LegDetails]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from legfem.report.text import fill
+from legfem.report.render.text import fill
 
 NUMBERS = "all numbers with their units"
 

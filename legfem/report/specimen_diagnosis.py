@@ -14,7 +14,7 @@ from legfem.report import diagnosis_tables as tables
 from legfem.report.diagnosis import write_diagnosis_report
 from legfem.report.diagnosis_style import model_name
 from legfem.report.folder import REPORT, made_in_place
-from legfem.report.text import bullets, fill, table
+from legfem.report.render.text import bullets, fill, table
 from legfem.report.words import ORIGINS
 from legfem.specimens.diagnosis import DiagnosedSpecimen
 from legfem.specimens.folder import SpecimenFolder

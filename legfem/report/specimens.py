@@ -14,10 +14,9 @@ from legfem.inverse.catalogue import RATIO, is_ratio, symbol_of
 from legfem.inverse.fit import Fit
 from legfem.inverse.instrument import RELAXATION
 from legfem.report import estimates
+from legfem.report import page as web
+from legfem.report.page import Bars, Curves, Dash, LabelledBar, Line
 from legfem.report.style import DATA_COLOUR, LAW_COLOURS, LAW_NAMES
-from legfem.report.web import page as web
-from legfem.report.web.bars import Bars, LabelledBar
-from legfem.report.web.curves import Curves, Dash, Line
 from legfem.report.words import ORIGINS, fit_probability
 from legfem.specimens.comparison import SHAPE_SD_OF_LAYERS
 from legfem.specimens.details import SampleFit, SpecimenDetails, compared, rms_percent

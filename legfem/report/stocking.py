@@ -13,14 +13,14 @@ from legfem.fem.fields import fields_of
 from legfem.geometry.leg_shape import LegShape
 from legfem.report.folder import REPORT, made_in_place
 from legfem.report.listing import ReportFile
+from legfem.report.page import listed, write_page
 from legfem.report.paraview import write_fields
+from legfem.report.render.text import plain_page
 from legfem.report.stocking_contours_figure import stocking_contours_figure
 from legfem.report.stocking_fat_figure import stocking_fat_figure
 from legfem.report.stocking_pressure_figure import stocking_pressure_figure
 from legfem.report.stocking_section_figure import stocking_section_figure
 from legfem.report.style import save
-from legfem.report.text import plain_page
-from legfem.report.web.page import listed, write_page
 from legfem.report.web.stocking import stocking_web_page
 from legfem.stockings.document import stocking_document
 from legfem.stockings.leg_model import SURFACES

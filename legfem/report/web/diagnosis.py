@@ -17,14 +17,15 @@ from legfem.legs.elastography import elastography_priors
 from legfem.legs.notices import disagreement
 from legfem.legs.subject import Subject
 from legfem.report import diagnosis_tables as tables
+from legfem.report import page as web
 from legfem.report.diagnosis_style import BASE_NAME, model_name, plain
+from legfem.report.page import PressedSection
 from legfem.report.style import LAW_NAMES
-from legfem.report.web import page as web
 from legfem.report.web.diagnosis_curves import curves_of
 from legfem.report.web.diagnosis_headline import TITLE, capital, headline
 from legfem.report.web.diagnosis_next import next_blocks
 from legfem.report.web.diagnosis_numbers import known_of
-from legfem.report.web.section import PressedSection, still_section
+from legfem.report.web.section import still_section
 from legfem.report.words import ORIGINS
 
 

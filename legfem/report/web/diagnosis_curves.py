@@ -8,8 +8,8 @@ from legfem.common.units import FloatArray
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.report.diagnosis_style import BASE_COLOUR, BASE_NAME, REPAIRED_COLOUR, shown_models
 from legfem.report.located import places_of
+from legfem.report.page import Curves, Line
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_NAMES
-from legfem.report.web.curves import Curves, Line
 
 _MANY_TRIALS = 8
 """Above which trials share a colour's line in the legend no more: only their mean is drawn."""

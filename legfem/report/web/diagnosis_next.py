@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.mechanisms.base import null_of
 from legfem.diagnose.sentences import next_experiments
-from legfem.report.web import page as web
+from legfem.report import page as web
 from legfem.report.web.diagnosis_headline import capital
 
 

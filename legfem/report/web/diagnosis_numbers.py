@@ -12,7 +12,7 @@ from legfem.legs.subject import MeasuredEffect, Subject
 from legfem.report import diagnosis_tables as tables
 from legfem.report.diagnosis_style import BASE_NAME, model_name, plain, shown_models
 from legfem.report.estimates import wave_rows
-from legfem.report.web.page import Known, Provenance
+from legfem.report.page import Known, Provenance
 
 _WRONG = "DO NOT RELY ON IT: of a wrong model, whose interval doesn't cover what was left out"
 

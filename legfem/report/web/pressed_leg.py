@@ -10,7 +10,8 @@ from legfem.common.units import FloatArray
 from legfem.experiments.posed import Posed
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.legs.film_3d import PressedLeg
-from legfem.report.web.turned import SkinField, Slider, Tool, TurnedLeg, View, turned_leg
+from legfem.report.page import Slider, TurnedLeg, View
+from legfem.report.web.turned import SkinField, Tool, turned_leg
 
 _SIDES = (
     "the cylinder's side",

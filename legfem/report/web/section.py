@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,8 @@ from legfem.geometry.section import BONES, PARTS, LegSection
 from legfem.legs.subject import Subject
 from legfem.meshing.section import REGIONS, first_touch
 from legfem.report.leg_figure import DrawnSection
-from legfem.report.style import BONE_COLOUR, REGION_COLOURS, REGION_NAMES
+from legfem.report.page import PressedSection, StillSection
+from legfem.report.style import BONE_COLOUR, REGION_COLOURS
 from legfem.report.web.packed import packed
 
 _MOVE, _SHARE = 1 / 200, 1 / 50_000
@@ -63,33 +63,6 @@ class Film:
         fields = self.reader.read()
         centre = np.array(fields.indenter_centre)
         self.states.append(State(at, float("nan"), centre, DrawnSection.of(fields)))
-
-
-@dataclass(frozen=True, eq=False)
-class PressedSection:
-    """A section's mesh that a reader presses, coloured by a measure or by tissue."""
-
-    kind: ClassVar[str] = "pressed"
-    caption: str
-    data: str
-    """JSON for ``press.js``."""
-    deepest: float
-    """mm."""
-    measures: list[str]
-    """Names of what it is coloured by."""
-    rows: list[list[str]]
-    """Displacement, force and greatest measures of every state."""
-    header: ClassVar[list[str]] = [
-        "displacement (mm)",
-        "force (N)",
-        "highest pressure in muscle and fat (kPa)",
-        "greatest movement (mm)",
-        "greatest stretch of muscle and fat",
-    ]
-    tissues: ClassVar[list[tuple[str, str]]] = [
-        *((REGION_NAMES[name], REGION_COLOURS[name]) for name in REGIONS),
-        ("bone (fixed)", BONE_COLOUR),
-    ]
 
 
 def pressed_section(film: Film, displacement: FloatArray, force: FloatArray, what: str) -> PressedSection | None:
@@ -151,7 +124,7 @@ def pressed_section(film: Film, displacement: FloatArray, force: FloatArray, wha
     }
     deepest = film.states[-1].displacement
     names = [str(measure["name"]) for measure in measures]
-    return PressedSection(what, json.dumps(content), deepest, names, rows)
+    return PressedSection(what, content, deepest, names, rows)
 
 
 def _measure(name: str, unit: str, least_digits: int, values: FloatArray, tissue: NDArray[np.bool_]) -> dict[str, Any]:
@@ -179,22 +152,6 @@ def _frame(section: LegSection, radius: float, *centres: Any) -> list[float]:
     points = np.vstack([section.skin, np.asarray(centres) - radius, np.asarray(centres) + radius])
     low, high = points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN
     return [float(v) for v in (*low, *(high - low))]
-
-
-@dataclass(frozen=True)
-class StillSection:
-    """The contours of a section and the indenter where it first touches."""
-
-    kind: ClassVar[str] = "still"
-    caption: str
-    view: str
-    """SVG's viewBox, y downwards."""
-    outlines: list[tuple[str, str, str]]
-    """Name, colour and points of every closed contour."""
-    indenter: tuple[float, float, float]
-    """Centre and radius, y downwards."""
-    travel: tuple[float, float, float, float]
-    """Line from the centre along the indenter's travel."""
 
 
 def still_section(subject: Subject) -> StillSection:

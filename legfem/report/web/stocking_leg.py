@@ -10,7 +10,8 @@ from legfem.common.units import FloatArray, mpa_to_mmhg
 from legfem.geometry.curve import outward_normals
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.report.leg_directions import Directions
-from legfem.report.web.turned import Marked, SkinField, Slider, TurnedLeg, View, turned_leg
+from legfem.report.page import Slider, TurnedLeg, View
+from legfem.report.web.turned import Marked, SkinField, turned_leg
 from legfem.stockings.result import StockingResult
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from legfem.common.units import mpa_to_kpa
-from legfem.report.web import page as web
+from legfem.report import page as web
 from legfem.report.words import short_probability
 from legfem.stockings.discrepancy import Mismatch
 

@@ -8,9 +8,8 @@ from legfem.common.units import mpa_to_mmhg
 from legfem.geometry.leg_shape import SKIN
 from legfem.inverse.intervals import quantile
 from legfem.report.leg_directions import Directions, angle_round
+from legfem.report.page import Bars, Block, LabelledBar, Prose, WebTable
 from legfem.report.stocking_words import both_units, correlation, place_in_fat, vein_interval
-from legfem.report.web.bars import Bars, LabelledBar
-from legfem.report.web.page import Block, Prose, WebTable
 from legfem.stockings.notices import unloaded_skin
 from legfem.stockings.pressures import FatPressures, TissuePressures
 from legfem.stockings.result import StockingResult

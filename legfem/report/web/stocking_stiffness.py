@@ -6,8 +6,8 @@ import numpy as np
 
 from legfem.common.units import mpa_to_kpa
 from legfem.inverse.intervals import IDENTIFIABLE_WITHIN, WEAKLY_WITHIN
+from legfem.report.page import Block, Prose, WebTable
 from legfem.report.stocking_words import stiffness_values
-from legfem.report.web.page import Block, Prose, WebTable
 from legfem.stockings.leg_model import PARAMETERS
 from legfem.stockings.notices import TISSUES, best_complete
 from legfem.stockings.result import StockingResult

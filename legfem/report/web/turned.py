@@ -6,15 +6,15 @@ for it (three.js in trimesh's viewer: 0.7 MB, k3d: 2.6 MB, Plotly: 4.8 MB) would
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
+from legfem.report.page import Slider, TurnedLeg, View
 from legfem.report.style import BONE_COLOUR, REGION_COLOURS, TOOL_COLOUR
 from legfem.report.web.packed import packed
 
@@ -57,55 +57,6 @@ class Tool:
     """(n_levels, n_points, 3), mm, in the first state."""
     moves: FloatArray
     """(n_states, 3), mm."""
-
-
-@dataclass(frozen=True)
-class Slider:
-    """What a reader moves, through the states; between them pictures are in proportion."""
-
-    label: str
-    stops: Sequence[float]
-    """Of the states, increasing from 0."""
-    unit: str
-    """With the space before it, if any."""
-    step: float = 1.0
-    digits: int = 0
-    force: Sequence[float] = ()
-    """N, of the states; empty where there is none."""
-
-    @property
-    def most(self) -> float:
-        """Its end."""
-        return self.stops[-1]
-
-
-@dataclass(frozen=True)
-class View:
-    """How a leg is looked at first, and what eight views round it are called."""
-
-    names: Sequence[str]
-    """At 0, 45, ... degrees from the front, -y."""
-    turn_deg: float = -30.0
-    exaggerates: bool = True
-    """Whether movements may be shown five times as large."""
-
-
-@dataclass(frozen=True)
-class TurnedLeg:
-    """A leg that is turned, and loaded with a slider."""
-
-    kind: ClassVar[str] = "turned"
-    caption: str
-    data: str
-    """JSON for ``turn.js``."""
-    slider: Slider
-    view: View
-    fields: Sequence[str]
-    """Names of the skin's colours."""
-    header: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    """The same as a table."""
-    tissues: ClassVar[list[tuple[str, str]]] = [("muscle", REGION_COLOURS["deep"]), ("bone (fixed)", BONE_COLOUR)]
 
 
 def turned_leg(
@@ -170,7 +121,7 @@ def turned_leg(
         "height": shape.length,
         "reach": reach,
     }
-    return TurnedLeg(caption, json.dumps(content), slider, view, [f.name for f in fields], header, rows)
+    return TurnedLeg(caption, content, slider, view, [f.name for f in fields], header, rows)
 
 
 def _part(name: str, points: FloatArray) -> dict[str, object]:

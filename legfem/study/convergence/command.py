@@ -14,7 +14,7 @@ from legfem.legs.experiments import tissues_of
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.mechanics.materials import ReducedPolynomial
-from legfem.report.text import table
+from legfem.report.render.text import table
 from legfem.study.convergence.figure import draw_convergence
 from legfem.study.convergence.meshes import WINDOWS, Convergence, study_convergence
 

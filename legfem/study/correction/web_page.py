@@ -8,8 +8,8 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.legs.correction import DEFINITION
-from legfem.report.web import page as web
-from legfem.report.web.curves import Curves, Dash, Line
+from legfem.report import page as web
+from legfem.report.page import Curves, Dash, Line
 from legfem.study.correction import tables
 from legfem.study.correction.calibration import Calibrated, Calibration, versions
 

@@ -22,8 +22,8 @@ from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import Subject
 from legfem.report.folder import REPORT
 from legfem.report.listing import RESULT, ReportFile
-from legfem.report.text import plain_page, table
-from legfem.report.web.page import PAGE, listed, write_page
+from legfem.report.page import PAGE, listed, write_page
+from legfem.report.render.text import plain_page, table
 from legfem.study.doe.anova import Counting
 from legfem.study.doe.definition import Definition, read_definition
 from legfem.study.doe.document import study_document, verdict_documents

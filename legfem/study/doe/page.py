@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from legfem.common.markdown import markdown_table
-from legfem.report.text import bullets, fill
+from legfem.report.render.text import bullets, fill
 from legfem.report.words import ORIGINS
 from legfem.study.doe import tables
 from legfem.study.doe.study import StudyResult

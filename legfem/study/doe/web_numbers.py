@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from legfem.report.web import page as web
+from legfem.report import page as web
 from legfem.study.doe import tables
 from legfem.study.doe.factors import label_of
 from legfem.study.doe.information import IDENTIFIED, Information

@@ -7,11 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from legfem.common.units import FloatArray
+from legfem.report import page as web
+from legfem.report.page import Bars, Curves, LabelledBar, Line, ResponseSurface, SurfaceFactor, SurfaceMetric
 from legfem.report.style import DATA_COLOUR, FAINT
-from legfem.report.web import page as web
-from legfem.report.web.bars import Bars, LabelledBar
-from legfem.report.web.curves import Curves, Line
-from legfem.report.web.response import ResponseSurface, SurfaceFactor, SurfaceMetric
 from legfem.study.doe.advice import in_words, largest_share, not_seen, shares, to_know, to_measure
 from legfem.study.doe.document import versions
 from legfem.study.doe.remarks import fascia_note, stopped_short

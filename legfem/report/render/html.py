@@ -5,101 +5,40 @@ Lines are switched on and off by the check boxes of the page's own legend, which
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from itertools import pairwise
-from typing import Any, ClassVar, Literal, Protocol
+from typing import Any
 
 import numpy as np
 from bokeh.embed import components
 from bokeh.layouts import column
-from bokeh.models import BoxAnnotation, ColumnDataSource, CrosshairTool, HoverTool, InlineStyleSheet, Span
+from bokeh.models import (
+    BoxAnnotation,
+    ColorBar,
+    ColumnDataSource,
+    CrosshairTool,
+    FixedTicker,
+    HoverTool,
+    InlineStyleSheet,
+    LinearColorMapper,
+    Span,
+)
+from bokeh.palettes import YlGnBu9
 from bokeh.plotting import figure
 from bokeh.resources import Resources
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from legfem.common.units import FloatArray
+from legfem.common.versions import legfem_version
+from legfem.report.page import PROVENANCE, SURFACE_CELLS, TONES, Curves, Line, ResponseSurface, WebPage
 from legfem.report.style import DATA_COLOUR, FAINT
+from legfem.report.words import ORIGINS
 
-Dash = Literal["solid", "dashed", "dotted", "dotdash"]
-_MOST_ROWS = 25
 _TOOLS = "box_zoom,xwheel_zoom,pan,reset"
 _LEFT = 64
 """Pixels, so that the axes of both panels stand over each other."""
-
-
-@dataclass(frozen=True, eq=False)
-class Line:
-    """One curve in both panels."""
-
-    name: str
-    above: FloatArray | None
-    """(n,)."""
-    below: FloatArray | None
-    """(n,): the difference; None where it has none."""
-    colour: str = DATA_COLOUR
-    dash: Dash = "solid"
-    points: bool = False
-    """Whether it is drawn as points, not as a line."""
-    faint: bool = False
-    """Whether it is one of many, drawn thin."""
-    tabled: bool = True
-    """Whether it stands in the table behind the plot and under the cursor."""
-
-
-@dataclass(frozen=True, eq=False)
-class Curves:
-    """Two panels over one abscissa, or one."""
-
-    kind: ClassVar[str] = "curves"
-    name: str
-    """Short, without spaces; one of its own in a page."""
-    caption: str
-    """What is seen, in words: also for those who can't see it."""
-    x: FloatArray
-    """(n,)."""
-    x_label: str
-    above_label: str
-    below_label: str
-    """Empty for no lower panel."""
-    lines: Sequence[Line]
-    band: FloatArray | None = None
-    """(n,): half the width of a band: about zero in the lower panel, else about the first line."""
-    band_name: str = ""
-    located: Sequence[tuple[float, float]] = ()
-    """Stretches of the abscissa that are marked in the lower panel."""
-    located_name: str = ""
-
-    def figure(self) -> Any:
-        """Return the panels, for Bokeh; a line is found again by the names of its curves."""
-        return _panels(self)
-
-    @property
-    def header(self) -> list[str]:
-        """Return that of the table behind the plot."""
-        names = [line.name for line in self.lines if line.tabled]
-        return [self.x_label, *(f"{name}: {self.above_label}" for name in names)]
-
-    @property
-    def rows(self) -> list[list[str]]:
-        """Return the rows of the table behind the plot."""
-        picked = np.unique(np.linspace(0, len(self.x) - 1, _MOST_ROWS).round().astype(int))
-        tabled = [line.above for line in self.lines if line.tabled and line.above is not None]
-        return [
-            [f"{self.x[k]:.2f}", *(f"{a[k]:.3f}" if np.isfinite(a[k]) else "–" for a in tabled)]
-            for k in picked.tolist()
-        ]
-
-
-class Plotted(Protocol):
-    """What Bokeh draws on a page."""
-
-    @property
-    def name(self) -> str:
-        """Of its own in a page."""
-
-    def figure(self) -> Any:
-        """Return a model of Bokeh's."""
 
 
 @dataclass(frozen=True)
@@ -113,12 +52,12 @@ class Embedded:
     """By the plot's name, the element that it is drawn into."""
 
 
-def embedded(plots: Sequence[Plotted]) -> Embedded:
+def embedded(plots: Sequence[Curves | ResponseSurface]) -> Embedded:
     """Return plots as HTML; the library is in it, so that nothing is loaded."""
     if not plots:
         return Embedded("", "", {})
     library = Resources(mode="inline", components=["bokeh"], log_level="error").render_js()
-    script, places = components({one.name: one.figure() for one in plots})
+    script, places = components({one.name: _panels(one) if isinstance(one, Curves) else _surface(one) for one in plots})
     return Embedded(library, script, places)
 
 
@@ -164,6 +103,26 @@ def _panels(curves: Curves) -> Any:
                 _draw(one, source, key, line, f"{curves.name}-{place}-{number}")
     _add_readings(above, below, source, curves)
     return column(*panels, sizing_mode="stretch_width", spacing=0)
+
+
+def _surface(block: ResponseSurface) -> Any:
+    """Map of a response surface, which ``response.js`` fills."""
+    ends = [-1.0 + 2.0 * k / (SURFACE_CELLS - 1) for k in range(SURFACE_CELLS)]
+    cells = [(x, y) for y in ends for x in ends]
+    source = ColumnDataSource(
+        {"x": [x for x, _ in cells], "y": [y for _, y in cells], "value": [0.0] * len(cells)}, name="response-cells"
+    )
+    colours = LinearColorMapper(palette=YlGnBu9[::-1], low=0, high=1, name="response-colours")
+    made = panel(420, "", x_range=(-1.05, 1.05), y_range=(-1.05, 1.05), toolbar_location=None)
+    side = 2.0 / (SURFACE_CELLS - 1)
+    made.rect("x", "y", side, side, source=source, line_color=None, fill_color={"field": "value", "transform": colours})
+    at = ColumnDataSource({"x": [0.0], "y": [0.0]}, name="response-at")
+    made.scatter("x", "y", source=at, size=13, marker="cross", line_color="#D55E00", line_width=3)
+    made.add_layout(ColorBar(color_mapper=colours, width=12), "right")
+    for axis, name in ((made.xaxis[0], "response-x"), (made.yaxis[0], "response-y")):
+        axis.name, axis.ticker = name, FixedTicker(ticks=[-1, 0, 1])
+    made.grid.visible = False
+    return made
 
 
 def ways(x: FloatArray) -> list[slice]:
@@ -257,3 +216,28 @@ def _readings(rows: Sequence[tuple[str, str]]) -> str:
 def _literal(text: str) -> str:
     """Return text that Bokeh and HTML take as it is."""
     return escape(text).replace("@", "&#64;").replace("$", "&#36;")
+
+
+def rendered(page: WebPage) -> str:
+    """Return a page as HTML that loads nothing."""
+    environment = Environment(
+        loader=PackageLoader("legfem", "resources/web"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    blocks = [block for chapter in page.chapters for block in chapter.blocks]
+    kinds = {block.kind for block in blocks}
+    return environment.get_template("report.html").render(
+        page=page,
+        tone=page.headline.heading or TONES[page.headline.tone],
+        data=page.data or ORIGINS[page.origin],
+        provenances=PROVENANCE,
+        plots=embedded([b for b in blocks if isinstance(b, Curves | ResponseSurface)]),
+        scripts=[name for kind, name in _SCRIPTS.items() if kind in kinds],
+        legfem=legfem_version(),
+    )
+
+
+_SCRIPTS: Mapping[str, str] = {"pressed": "press.js", "turned": "turn.js", "response": "response.js"}

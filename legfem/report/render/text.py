@@ -6,21 +6,21 @@ import textwrap
 from collections.abc import Sequence
 
 from legfem.report.listing import ReportFile, listing
-from legfem.report.web.bars import Bars
-from legfem.report.web.page import (
+from legfem.report.page import (
     PROVENANCE,
     TESTED,
     TONES,
+    Bars,
     Block,
     Bullets,
     Chapter,
     Known,
     Prose,
+    ResponseSurface,
     Verbatim,
     WebPage,
     WebTable,
 )
-from legfem.report.web.response import ResponseSurface
 from legfem.report.words import ORIGINS
 
 WIDTH = 100
