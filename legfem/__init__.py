@@ -18,9 +18,7 @@ if TYPE_CHECKING:
     from legfem.api import (
         DiagnosedFolder,
         DiagnosedLeg,
-        IdentifiedLeg,
-        IdentifiedSites,
-        IdentifiedSpecimen,
+        Identified,
         LegInStocking,
         diagnose,
         identify,
@@ -37,9 +35,7 @@ if TYPE_CHECKING:
 __all__ = [
     "DiagnosedFolder",
     "DiagnosedLeg",
-    "IdentifiedLeg",
-    "IdentifiedSites",
-    "IdentifiedSpecimen",
+    "Identified",
     "InputError",
     "LegInStocking",
     "__version__",

@@ -44,8 +44,9 @@ def test_the_door_leads_to_all_it_names() -> None:
 
 @pytest.mark.parametrize("name", ["identify", "diagnose", "stocking"])
 def test_a_room_is_entered_by_calling_it_and_stays_a_room(name: str) -> None:
-    import legfem.api
     import legfem.identify.run as run
+
+    import legfem.api
 
     room = getattr(lf, name)
     assert callable(room) and room is sys.modules[f"legfem.{name}"]
@@ -83,7 +84,7 @@ def test_an_identified_leg_can_be_read_drawn_and_written(subject, tmp_path: Path
     assert list(frame["parameter"]) == ["c10_deep", "c10_deep", "c20_deep"]
     assert (frame["low"] < frame["value"]).all() and (frame["value"] < frame["high"]).all()
     assert set(frame["unit"]) == {"kPa"}
-    assert frame["value"][1] == found[laws[1]].parameters["deep.C10"].shown.value
+    assert frame["value"][1] == found[laws[1]].estimates["deep.C10"].shown.value
     one = lf.IdentifiedLeg(subject, found.results[:1])
     assert one.write(tmp_path) == tmp_path / "report.txt"
     assert one.document() == [json.loads((tmp_path / "result.json").read_text())]

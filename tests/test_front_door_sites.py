@@ -57,7 +57,7 @@ def both(tmp_path_factory):
 def test_sites_are_fitted_together_and_can_be_read_drawn_and_written(both, tmp_path) -> None:
     assert isinstance(both, lf.IdentifiedSites)
     assert [one.law for one in both.results] == ["neo-hookean", "reduced-polynomial"]
-    low, high = both["reduced-polynomial"].parameters["deep.C20"].ci95
+    low, high = both["reduced-polynomial"].estimates["deep.C20"].ci95
     assert low < 1.5e-3 < high
     assert "3 sites together" in both.summary()
     frame = both.to_frame()
@@ -70,7 +70,7 @@ def test_sites_are_fitted_together_and_can_be_read_drawn_and_written(both, tmp_p
 
 
 def test_the_figure_is_of_the_law_that_fits_better(both) -> None:
-    better = min(both.results, key=lambda one: one.misfit.chi_square)
+    better = min(both.results, key=lambda one: one.goodness.chi_square)
     assert better.law == "reduced-polynomial"
     assert LAW_NAMES[better.law] in both.plot().get_suptitle()
 
@@ -78,7 +78,7 @@ def test_the_figure_is_of_the_law_that_fits_better(both) -> None:
 def test_an_instrument_known_by_a_prior_and_names_alone_are_taken(tmp_path, closed_form) -> None:
     found = lf.identify(sited_leg(tmp_path, 1.0), parameters=["deep.C10"], mesh="coarse")
     assert [one.law for one in found.results] == ["neo-hookean"], "names tell which law"
-    assert found["neo-hookean"].parameters["deep.C10"].value == pytest.approx(1e-3, rel=0.05)
+    assert found["neo-hookean"].estimates["deep.C10"].value == pytest.approx(1e-3, rel=0.05)
     assert isinstance(closed_form[0], PlaneStrainSettings)
 
 
@@ -118,7 +118,7 @@ def test_fibres_are_identified_in_3d(tmp_path, monkeypatch, sites, model) -> Non
     found = lf.identify(given, model="3d", parameters=RATIO)
     assert isinstance(found, lf.IdentifiedSites) and len(found.results) == 1
     for name, truth in zip(RATIO, (TRUE_C10, TRUE_RATIO), strict=True):
-        low, high = found["neo-hookean"].parameters[name].ci95
+        low, high = found["neo-hookean"].estimates[name].ci95
         assert low < truth < high
     assert (found["neo-hookean"].spatial.untold != "") == (model is not None)
     assert found.document()[0]["model"] == "3d"
@@ -212,4 +212,4 @@ def test_what_is_no_leg_is_told_so(call) -> None:
 
 def test_one_site_is_named_to_a_call_as_to_the_command() -> None:
     for call in (lf.identify, lf.diagnose, lf.load_subject):
-        assert inspect.signature(call).parameters["site"].default == ""
+        assert inspect.signature(call).estimates["site"].default == ""

@@ -22,7 +22,7 @@ from typer.testing import CliRunner
 from legfem.commands.plan import app
 from legfem.experiments.posed import posed
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
-from legfem.report.specimens import specimen_web_page
+from legfem.report.specimens import specimen_page
 from legfem.report.web.bars import Bars, LabelledBar
 from legfem.report.web.curves import Curves, Line, embedded
 from legfem.report.web.page import rendered
@@ -145,7 +145,7 @@ def test_a_correction_says_how_large_it_is_and_in_which_direction():
 
 
 def test_specimens_say_how_stiff_what_was_left_out_and_when_not_to_trust(tmp_path):
-    page = specimen_web_page(pages.specimens(tmp_path), pages.COMMAND)
+    page = specimen_page(pages.specimens(tmp_path), pages.COMMAND)
     checked(
         page,
         "C10 of the tissue 5.00 kPa",
@@ -155,7 +155,7 @@ def test_specimens_say_how_stiff_what_was_left_out_and_when_not_to_trust(tmp_pat
         "a bar: length 10 mm, area 100 mm²",
     )
     assert page.headline.tone == "caution", "a recording was left out"
-    wrong = specimen_web_page(pages.specimens(tmp_path, p_value=1e-9))
+    wrong = specimen_page(pages.specimens(tmp_path, p_value=1e-9))
     assert wrong.headline.tone == "wrong" and "does not describe" in wrong.headline.sentence
 
 
@@ -258,8 +258,10 @@ def test_a_solve_whose_states_were_not_kept_shows_the_section_alone(tmp_path):
     assert kinds == ["turned", "still"]
     words = read(rendered(page)).words
     assert "The leg in 3D (the section, extruded) with the reduced polynomial law at C10 0.8" in words
-    found = pages.result("reduced-polynomial", pages.measured_curve(depth=pages.DEPTH))
-    plain = pages.identification_page([found], pages.subject_in(tmp_path / "other"), None)
+    found = pages.result(
+        "reduced-polynomial", pages.measured_curve(depth=pages.DEPTH), pages.subject_in(tmp_path / "other")
+    )
+    plain = pages.leg_page([found])
     assert not any(b.kind == "turned" for c in plain.chapters for b in c.blocks)
 
 

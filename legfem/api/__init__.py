@@ -6,19 +6,15 @@ its attributes.
 """
 
 from legfem.api.diagnosed import DiagnosedFolder, DiagnosedLeg, diagnose
-from legfem.api.leg_in_stocking import LegInStocking, stocking
 from legfem.api.identification import identify
-from legfem.api.results import IdentifiedLeg
-from legfem.api.results import IdentifiedSites
-from legfem.api.results import IdentifiedSpecimen
+from legfem.api.leg_in_stocking import LegInStocking, stocking
 from legfem.api.loading import load_leg, load_sites, load_specimen, load_subject
+from legfem.api.results import Identified
 
 __all__ = [
     "DiagnosedFolder",
     "DiagnosedLeg",
-    "IdentifiedLeg",
-    "IdentifiedSites",
-    "IdentifiedSpecimen",
+    "Identified",
     "LegInStocking",
     "diagnose",
     "identify",

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
-from legfem.api.arguments import check_folder, check_names, check_unused, check_whole
-from legfem.api.results import Found, row
+from legfem.api.arguments import check_folder, check_names, check_unused, check_whole, in_python_words
 from legfem.api.loading import Given, one_of
-from legfem.api.arguments import in_python_words
+from legfem.api.results import Found, row
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 from legfem.legs.subject import SitedLeg, Subject

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from legfem.api.arguments import check_names, check_search, check_unused, in_python_words
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, overload
+
+from legfem.api.arguments import check_names, check_search, check_unused, in_python_words, wrong_mesh
 from legfem.api.loading import Given, opened
-from legfem.api.results import IdentifiedLeg, IdentifiedSites, IdentifiedSpecimen, identify_folder, identify_section, identify_together
+from legfem.api.results import Identified
 from legfem.common.errors import InputError
+from legfem.common.progress import progress_on
 from legfem.inverse.laws import LawName
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import SitedLeg, Subject
-from pathlib import Path
-from typing import Literal, TYPE_CHECKING, overload
 
 if TYPE_CHECKING:
     from legfem.inverse.parameter import Parameter
@@ -103,7 +105,7 @@ def identify(
     parameters: Sequence[Parameter | str] | None = None,
     fixed: Mapping[str, float] | None = None,
     leave_out: Sequence[str] = (),
-) -> IdentifiedSpecimen: ...
+) -> Identified: ...
 @overload
 def identify(
     leg: Subject | SitedLeg | Given,
@@ -120,7 +122,7 @@ def identify(
     fixed: Mapping[str, float] | None = None,
     model: Literal["2d", "3d"] = "2d",
     site: str = "",
-) -> IdentifiedLeg | IdentifiedSites: ...
+) -> Identified: ...
 @in_python_words()
 def identify(
     leg: Subject | SitedLeg | SpecimenFolder | Given,
@@ -138,7 +140,7 @@ def identify(
     leave_out: Sequence[str] = (),
     model: Literal["2d", "3d"] = "2d",
     site: str = "",
-) -> IdentifiedLeg | IdentifiedSites | IdentifiedSpecimen:
+) -> Identified:
     """Identify the stiffness of a leg's tissues, or of specimens, from recordings.
 
     All sites of a leg with several are fitted together. So is one alone where the leg is solved in
@@ -185,7 +187,7 @@ def identify(
 
     Returns
     -------
-    IdentifiedLeg, IdentifiedSites or IdentifiedSpecimen
+    Identified
         With ``summary()``, ``plot()``, ``to_frame()``, ``document()``, ``write(folder)``.
 
     Raises
@@ -197,7 +199,7 @@ def identify(
     """
     from legfem.inverse.laws import LAWS
     from legfem.inverse.settings import IdentificationSettings, SearchRequest
-    from legfem.sites.identification import joint_leg
+    from legfem.legs.identification import as_leg
     from legfem.specimens.folder import SpecimenFolder
 
     check_search(parameters, fixed, depth, settings, out, jobs)
@@ -213,7 +215,10 @@ def identify(
             },
         )
         check_names("leave_out", leave_out)
-        return identify_folder(leg, law, leave_out, settings, out, jobs, progress, parameters, fixed)
+        means = SearchRequest(
+            None, fixed or {}, None, settings or IdentificationSettings(), None if out is None else Path(out), jobs
+        )
+        return _identify_specimens(leg, law, leave_out, means, progress, parameters)
     if law not in (*LAWS, "both", None):
         raise InputError("law", repr(law), "unknown law", f"give one of {', '.join(LAWS)}, both")
     if model not in ("2d", "3d"):
@@ -222,6 +227,7 @@ def identify(
         raise InputError("correction", repr(correction), "is no correction", "give own, none, auto or a file")
     check_unused("a leg", {"leave_out": bool(leave_out)})
     given, in_3d = opened(leg, site), model == "3d"
+    assert not isinstance(given, SpecimenFolder)
     for one in given.sites if isinstance(given, SitedLeg) else (given,):
         if not one.instrument.stated:
             raise InputError(
@@ -234,7 +240,87 @@ def identify(
         None, fixed or {}, depth, settings or IdentificationSettings(), None if out is None else Path(out), jobs
     )
     asked = IdentifyCall(law, request, parameters, str(correction), in_3d, mesh, progress)
-    if (joint := joint_leg(given, asked.names, in_3d)) is not None:
-        return identify_together(joint, asked)
-    assert isinstance(given, Subject)
-    return identify_section(given, asked)
+    return _identify_leg(as_leg(given), asked)
+
+
+def _identify_leg(leg: SitedLeg, asked: IdentifyCall) -> Identified:
+    """Identify what all sites of a leg share; see `identify`."""
+    from legfem.legs.identification import check_joint, identify_leg, nominal_of, searches_in_3d
+    from legfem.legs.model_3d import check_has_ends
+    from legfem.legs.problem import section_forward
+
+    in_3d = asked.in_3d
+    only_in_3d = searches_in_3d(leg, asked.names, in_3d)
+    nominal = nominal_of(leg, only_in_3d)
+    if only_in_3d or len(leg.sites) > 1:
+        check_joint(leg, asked.request.settings, asked.correction, only_in_3d)
+    elif in_3d:
+        check_has_ends(leg.sites[0])
+    request = asked.request_of(nominal)
+    laws = asked.laws(request, nominal, leg.sites[0])
+    forward = None if only_in_3d else section_forward(leg, request, _plane_settings(asked.mesh))
+    solid = _solid_settings(asked.mesh) if only_in_3d else None
+    with progress_on(quiet=not asked.progress) as shown:
+        request = replace(request, progress=shown)
+        fits = identify_leg(leg, laws, request, asked.correction, in_3d, settings=solid, forward=forward)
+    single = forward is not None and len(leg.sites) == 1
+    return Identified(tuple(fits), forward.models[0].experiment if single and forward is not None else None)
+
+
+def _identify_specimens(
+    folder: SpecimenFolder,
+    law: str | None,
+    leave_out: Sequence[str],
+    request: SearchRequest,
+    progress: bool,
+    parameters: Sequence[Parameter | str] | None,
+) -> Identified:
+    """Identify a tissue's law from a folder of specimens; see `identify`."""
+    from legfem.specimens.laws import Asked, laws_named
+    from legfem.specimens.problem import fit_specimens
+
+    names = tuple(
+        one if isinstance(one, str) else one.name
+        for one in parameters or ()
+        if isinstance(one, str) or one.role == "identified"
+    )
+    given = [one for one in parameters or () if not isinstance(one, str)]
+    asked = Asked(
+        names,
+        {one.name: one.prior for one in given if one.prior is not None},
+        {one.name: one.bounds for one in given},
+        request.fixed,
+    )
+    with progress_on(quiet=not progress) as shown:
+        fits = fit_specimens(folder, laws_named(law), asked, leave_out, replace(request, progress=shown))
+    return Identified(tuple(fits))
+
+
+COARSENING = 2.0
+"""Of the elements, for a quick look."""
+
+
+def _plane_settings(mesh: Mesh | None) -> PlaneStrainSettings | None:
+    """Return the numerical settings of sections that a call's ``mesh`` names.
+
+    Raises
+    ------
+    InputError
+        If it is none of a section's.
+    """
+    from legfem.experiments.plane_strain import PlaneStrainSettings
+    from legfem.meshing.section import SectionMeshSettings
+
+    if mesh == "coarse":
+        return PlaneStrainSettings(SectionMeshSettings().refined(1 / COARSENING))
+    if mesh is None or isinstance(mesh, PlaneStrainSettings):
+        return mesh
+    raise wrong_mesh(mesh, "is no section's", "give coarse, or PlaneStrainSettings")
+
+
+def _solid_settings(mesh: Mesh | None) -> SolidLegSettings | None:
+    from legfem.experiments.leg_3d import SolidLegSettings
+
+    if mesh is None or isinstance(mesh, SolidLegSettings):
+        return mesh
+    raise wrong_mesh(mesh, "is a section's", "leave it out, or give SolidLegSettings")

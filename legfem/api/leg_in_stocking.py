@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
 from legfem.api.arguments import check_whole
 from legfem.api.loading import Given, load_leg
 from legfem.api.results import Found, row
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
-from pathlib import Path
-from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from legfem.report.web.page import WebPage
     from legfem.stocking.leg import StockingLeg
     from legfem.stocking.run import StockingResult
-    from matplotlib.figure import Figure
+
 
 @dataclass(frozen=True, eq=False)
 class LegInStocking(Found):

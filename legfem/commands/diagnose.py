@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir
-from legfem.commands.options import specimens_for
+from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, specimens_for
 from legfem.common.command_edge import check_out_folder, work_edge
 from legfem.common.doubts import say
 from legfem.common.errors import InputError

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir
-from legfem.commands.options import specimens_for
+from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, specimens_for
 from legfem.common.command_edge import FAILED, check_out_folder, work_edge
 from legfem.common.doubts import say
 from legfem.common.errors import InputError
@@ -21,6 +20,10 @@ from legfem.common.outcome_options import AsJson, Quiet
 from legfem.common.progress import progress_on
 
 if TYPE_CHECKING:
+    from legfem.api.results import Identified
+    from legfem.inverse.parse_parameters import Written
+    from legfem.inverse.settings import IdentificationSettings
+    from legfem.legs.subject import SitedLeg
     from legfem.specimens.folder import SpecimenFolder
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -166,87 +169,102 @@ def run(
             return
         if leave_out:
             raise InputError("--leave-out", leave_out[0], "is for specimens", "give --specimen-dir")
-        from mpi4py import MPI
-
-        from legfem.commands.options import print_outcome
-        from legfem.identify.run import forward_model, identify_subject, write_results
         from legfem.inverse.parse_parameters import Written
-        from legfem.inverse.search import SearchError
-        from legfem.inverse.settings import IdentificationSettings, SearchRequest
-        from legfem.legs.correction_of_leg import choose_correction
-        from legfem.legs.experiments import tissues_of
-        from legfem.legs.forward import values_of
-        from legfem.legs.laws import laws_of
-        from legfem.legs.loading import load_sites, load_subject
-        from legfem.legs.model_3d import SOLVES, LegModels, check_has_ends
-        from legfem.legs.plausibility import doubts_about
-        from legfem.legs.schema import SUBJECTS
-        from legfem.legs.subject import Subject as Leg
-        from legfem.report.identification import write_identification_report
-        from legfem.report.text import brief
-        from legfem.report.web.identification import identification_page
-        from legfem.report.web.page import command_line
-        from legfem.sites.identification import joint_leg
+        from legfem.inverse.settings import IdentificationSettings
 
         if seed < 0:
             raise InputError("--seed", f"{seed}", "is negative", "give 0 or more")
-        given_folder = SUBJECTS.named(subject, subject_dir)
-        written = Written(identify or (), prior or (), fix or (), c10_bounds, c20_bounds)
-        in_3d = model is ModelChoice.LEG
         settings = IdentificationSettings(None if weighting is None else weighting.value, seed, emulator)
-        sites = load_sites(given_folder) if site is None else None
-        found = sites or load_subject(given_folder, site=site or "")
-        if (joint := joint_leg(found, written.names, in_3d)) is not None:
-            from legfem.commands.sites import run_joint
+        _run_leg(
+            _loaded(subject, subject_dir, site),
+            None if law is None else law.value,
+            Written(identify or (), prior or (), fix or (), c10_bounds, c20_bounds),
+            correction,
+            model is ModelChoice.LEG,
+            settings,
+            depth,
+            out,
+            processes,
+            quiet,
+            as_json,
+        )
 
-            run_joint(
-                joint,
-                None if law is None else law.value,
-                written,
-                correction,
-                out or Path("results") / f"identify-{joint.id}",
-                processes,
-                settings,
-                depth,
-                quiet,
-                as_json,
-                in_3d,
-            )
-            return
-        assert isinstance(found, Leg)
-        say(doubts_about(found))
-        nominal = values_of(tissues_of(found))
-        parameters, fixed = written.parameters(nominal), written.held(nominal)
-        chosen = written.laws(None if law is None else law.value, parameters, found.tissues["deep"].C20, fixed)
-        laws_of(found, chosen, nominal, parameters, fixed)
-        folder = out or Path("results") / f"identify-{found.id}"
-        check_out_folder(folder)
-        request = SearchRequest(parameters, fixed, depth, settings, folder, processes)
-        section = forward_model(found, request)
-        if model is ModelChoice.LEG:
-            check_has_ends(found)
-        try:
-            with progress_on(quiet=quiet) as progress:
-                leg = None
-                if model is ModelChoice.LEG:
-                    leg = LegModels.of_subject(
-                        found, section.depth, folder / SOLVES, progress=progress, comm=MPI.COMM_WORLD
-                    )
-                results = identify_subject(
-                    found,
-                    chosen,
-                    replace(request, progress=progress),
-                    choose_correction(correction, found),
-                    section,
-                    leg,
-                )
-        except SearchError as failure:
-            print(f"{found.id}: {failure}", file=sys.stderr)
-            raise typer.Exit(FAILED) from None
-        path = write_results(results, folder, as_list=len(chosen) > 1)
-        report = write_identification_report(results, found, section.experiment, folder, command_line(), processes)
-        texts = [brief(identification_page(results, found, None))]
-        print_outcome(texts, path, report, quiet, as_json)
+
+def _loaded(subject: str | None, subject_dir: Path | None, site: str | None) -> SitedLeg:
+    from legfem.legs.identification import as_leg
+    from legfem.legs.loading import load_sites, load_subject
+    from legfem.legs.schema import SUBJECTS
+
+    folder = SUBJECTS.named(subject, subject_dir)
+    sites = load_sites(folder) if site is None else None
+    return as_leg(sites or load_subject(folder, site=site or ""))
+
+
+def _run_leg(
+    leg: SitedLeg,
+    law: str | None,
+    written: Written,
+    correction: str,
+    in_3d: bool,
+    settings: IdentificationSettings,
+    depth: float | None,
+    out: Path | None,
+    jobs: int,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    from mpi4py import MPI
+
+    from legfem.api.results import Identified
+    from legfem.inverse.settings import SearchRequest
+    from legfem.legs.identification import check_joint, identify_leg, nominal_of, searches_in_3d
+    from legfem.legs.laws import laws_of
+    from legfem.legs.model_3d import check_has_ends
+    from legfem.legs.plausibility import doubts_about
+    from legfem.legs.problem import section_forward, split_instrument
+
+    several, only_in_3d = len(leg.sites) > 1, searches_in_3d(leg, written.names, in_3d)
+    if only_in_3d or several:
+        check_joint(leg, settings, correction, only_in_3d)
+    for one in leg.sites:
+        say(doubts_about(one))
+    nominal = nominal_of(leg, only_in_3d)
+    parameters, fixed = written.parameters(nominal), written.held(nominal)
+    shared = split_instrument(parameters, fixed)[0] if only_in_3d or several else parameters
+    chosen = written.laws(law, shared or (), leg.sites[0].tissues["deep"].C20, fixed)
+    laws_of(leg.sites[0], chosen, nominal, shared, fixed)
+    folder = out or Path("results") / f"identify-{leg.id}"
+    check_out_folder(folder)
+    request = SearchRequest(parameters, fixed, depth, settings, folder, jobs)
+    forward = None if only_in_3d else section_forward(leg, request)
+    if in_3d and not only_in_3d:
+        check_has_ends(leg.sites[0])
+    with _searching(leg.id), progress_on(quiet=quiet) as progress:
+        means = replace(request, progress=progress)
+        fits = identify_leg(leg, chosen, means, correction, in_3d, MPI.COMM_WORLD, forward=forward)
+    experiment = forward.models[0].experiment if forward is not None and not several else None
+    _finish(Identified(tuple(fits), experiment), folder, jobs, quiet, as_json)
+
+
+@contextmanager
+def _searching(name: str) -> Iterator[None]:
+    """End the command where too few full solves come as far as what was measured."""
+    from legfem.inverse.search import SearchError
+
+    try:
+        yield
+    except SearchError as failure:
+        print(f"{name}: {failure}", file=sys.stderr)
+        raise typer.Exit(FAILED) from None
+
+
+def _finish(found: Identified, folder: Path, jobs: int, quiet: bool, as_json: bool) -> None:
+    """Write what was found, and print it."""
+    from legfem.commands.options import print_outcome
+    from legfem.report.web.page import command_line
+
+    report = found.write(folder, command_line(), jobs)
+    print_outcome([found.summary()], folder / "result.json", report, quiet, as_json)
 
 
 def _edge(model: ModelChoice, jobs: int | None, resume: str, quiet: bool) -> AbstractContextManager[int]:
@@ -268,26 +286,15 @@ def _run_specimens(
     quiet: bool,
     as_json: bool,
 ) -> None:
-    from legfem.commands.options import print_outcome
+    from legfem.api.results import Identified
     from legfem.inverse.parse_parameters import Written
-    from legfem.inverse.search import SearchError
-    from legfem.inverse.settings import IdentificationSettings
-    from legfem.report.specimen import write_specimen_report
-    from legfem.report.specimens import specimen_web_page
-    from legfem.report.text import brief
-    from legfem.report.web.page import command_line
-    from legfem.specimens.identification import identify_specimen
+    from legfem.inverse.settings import IdentificationSettings, SearchRequest
     from legfem.specimens.laws import asked_in_writing, laws_named
+    from legfem.specimens.problem import fit_specimens
 
     asked = asked_in_writing(Written(*written), found.tissues)
-    try:
-        with progress_on(quiet=quiet) as progress:
-            results = identify_specimen(
-                found, laws_named(law), asked, leave_out, IdentificationSettings(seed=seed), folder, jobs, progress
-            )
-    except SearchError as failure:
-        print(f"{found.id}: {failure}", file=sys.stderr)
-        raise typer.Exit(FAILED) from None
-    report = write_specimen_report(results, folder, command_line())
-    texts = [brief(specimen_web_page(results))]
-    print_outcome(texts, folder / "result.json", report, quiet, as_json)
+    settings = IdentificationSettings(seed=seed)
+    with _searching(found.id), progress_on(quiet=quiet) as progress:
+        request = SearchRequest(settings=settings, out=folder, jobs=jobs, progress=progress)
+        fits = fit_specimens(found, laws_named(law), asked, leave_out, request)
+    _finish(Identified(tuple(fits)), folder, jobs, quiet, as_json)

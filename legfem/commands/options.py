@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import typer
 from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
 from legfem.common.command_edge import check_out_folder
 from legfem.common.doubts import say
 from legfem.common.errors import InputError
 from legfem.report.web.page import PAGE
-from pathlib import Path
-from typing import Annotated, TYPE_CHECKING
 
 if TYPE_CHECKING:
     from legfem.specimens.folder import SpecimenFolder

@@ -13,8 +13,7 @@ from legfem.legs.experiments import plane_strain_test
 from legfem.legs.subject import Subject
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report.filmed import filmed
-from legfem.report.folder import REPORT, made_in_place
-from legfem.report.listing import NUMBERS, ReportFile
+from legfem.report.folder import NUMBERS, REPORT, ReportFile, made_in_place
 from legfem.report.parameter_figure import parameter_figure
 from legfem.report.placement_figure import SECTION_SHOWS, placement_figure
 from legfem.report.ranking_figure import ranking_figure

@@ -13,8 +13,7 @@ from typing import ClassVar, Literal
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from legfem.common.versions import legfem_version
-from legfem.report.folder import REPORT
-from legfem.report.listing import ReportFile
+from legfem.report.folder import REPORT, ReportFile
 from legfem.report.web.bars import Bars
 from legfem.report.web.curves import Curves, embedded
 from legfem.report.web.response import ResponseSurface

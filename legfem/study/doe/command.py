@@ -20,8 +20,7 @@ from legfem.jobs.store import Store
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import Subject
-from legfem.report.folder import REPORT
-from legfem.report.listing import RESULT, ReportFile
+from legfem.report.folder import REPORT, RESULT, ReportFile
 from legfem.report.text import plain_page, table
 from legfem.report.web.page import PAGE, listed, write_page
 from legfem.study.doe.anova import Counting
