@@ -12,6 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import legfem as lf
+from legfem.data import segment
 from legfem.data.quality import quality_of
 
 leg = lf.load_subject("3")
@@ -25,7 +26,7 @@ recording = replace(
     displacement=np.concatenate([rate * wait, 1.5 + trial.displacement]),
     force=np.concatenate([0.05 * generator.standard_normal(len(wait)), trial.force]),
 )
-seen = quality_of(recording)
+seen = quality_of(segment(recording))
 contact = seen.contact
 print(f"grade {seen.grade}:", "; ".join(seen.reasons) or "nothing to say")
 print(f"first contact at {contact.estimate:.2f} mm, give or take {contact.displacement_error:.2f}")

@@ -18,7 +18,10 @@ if TYPE_CHECKING:
     from legfem.api import (
         DiagnosedFolder,
         DiagnosedLeg,
-        Identified,
+        Identification,
+        IdentifiedLeg,
+        IdentifiedSites,
+        IdentifiedSpecimen,
         LegInStocking,
         diagnose,
         identify,
@@ -35,7 +38,10 @@ if TYPE_CHECKING:
 __all__ = [
     "DiagnosedFolder",
     "DiagnosedLeg",
-    "Identified",
+    "Identification",
+    "IdentifiedLeg",
+    "IdentifiedSites",
+    "IdentifiedSpecimen",
     "InputError",
     "LegInStocking",
     "__version__",

@@ -189,10 +189,10 @@ def print_library() -> None:
     subject = load_subject(SUBJECTS.find(SUBJECT))
     ends = read_correction(REFERENCE)
     observed = Diagnoser(Path(), ends).observations(subject)
-    fine, coarse = solved_responses(subject, observed, None, ends)
+    fine, coarse = solved_responses(subject, observed, None)
     able, _ = shown_mechanisms(observed, ends)
     started = time.process_time()
-    build_library(fine, coarse, observed, able, ends, 1, Silent(), STIFFENING[subject.tissues["deep"].law])
+    build_library(fine, coarse, observed, able, 1, Silent(), STIFFENING[subject.tissues["deep"].law])
     seconds = time.process_time() - started
     table = Table("mesh", title=f"The library of subject {SUBJECT}'s cold diagnosis")
     for heading in ("solutions", "factorisations", "Newton iterations"):

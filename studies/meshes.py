@@ -20,7 +20,7 @@ from legfem.common.versions import versions_of
 from legfem.legs.schema import SUBJECTS
 from legfem.meshing.exchange import write_mesh
 from legfem.meshing.quality import quality_of_file
-from legfem.stocking.loading import LEGS
+from legfem.stockings.loading import LEGS
 
 MANIFEST = "meshes.json"
 PAGE = "README.md"

@@ -10,10 +10,11 @@ from making_diagnosis import INSTRUMENT, ClosedForm, mechanisms_in, noisy, obser
 
 from legfem.common.progress import Silent
 from legfem.data import Recording
-from legfem.diagnose.diagnosis import Diagnosis, diagnose
+from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.library_build import shown_mechanisms
 from legfem.diagnose.nuisances import Accuracy
 from legfem.diagnose.observations import Observations
+from legfem.diagnose.run import diagnose_body
 from legfem.inverse.laws import LawName
 
 BASE = {"C10": 1.0, "C20": 0.6}
@@ -86,4 +87,4 @@ def diagnosed_of(
     able, _ = shown_mechanisms(observed, None)
     left = [m.name for m in able if (m.name in UNANSWERED if asked is None else m.name not in asked)]
     library = ClosedForm(missing=dict.fromkeys(left, "its solutions did not follow the protocol to the end"))
-    return diagnose(observed, INSTRUMENT, law, library, None, Silent(), accuracy)  # type: ignore[arg-type]
+    return diagnose_body(observed, INSTRUMENT, law, library, None, Silent(), accuracy)  # type: ignore[arg-type]

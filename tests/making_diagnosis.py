@@ -8,11 +8,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.data import Instrument, Recording
+from legfem.data import Instrument, Recording, segment_all
 from legfem.diagnose.fit import Fit, Problem, fit
+from legfem.diagnose.library import NuisanceChanges
 from legfem.diagnose.mechanisms import Mechanism, Stiffness, TissueMechanism, Values, mechanism_named
 from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S, Viscoelasticity
-from legfem.diagnose.nuisances import Nuisances
 from legfem.diagnose.observations import Observations, observe
 from legfem.diagnose.predict import Predictor
 from legfem.diagnose.stations import Stations
@@ -66,10 +66,9 @@ class ClosedForm:
     grid: FloatArray = field(default_factory=GRID.copy)
     c10_bounds: tuple[float, float] = (0.05, 20.0)
     c20_bounds: tuple[float, float] = (0.0, 20.0)
-    correction: None = None
     missing: Mapping[str, str] = field(default_factory=dict)
     """Mechanisms that aren't tested, and why."""
-    nuisances: Nuisances = field(default_factory=lambda: Nuisances(GRID, {}, {}))
+    nuisances: NuisanceChanges = field(default_factory=lambda: NuisanceChanges(GRID, {}, {}))
 
     def curve(self, c10: float, c20: float) -> FloatArray:
         """Return the force (N)."""
@@ -164,7 +163,7 @@ def _of(values: Mapping[str, float]) -> dict[str, float]:
 
 def observations(recordings: list[Recording]) -> tuple[Observations, Predictor]:
     """Return empty observations, from first contact on, with a predictor for them."""
-    observed = observe(recordings, INSTRUMENT, starts_at_contact=True)
+    observed = observe(segment_all(recordings, INSTRUMENT, True))
     observed = replace(
         observed, white_sd=NOISE.white_sd, white_variance=np.full(len(observed.force), NOISE.white_sd**2 / 8)
     )

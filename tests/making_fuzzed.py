@@ -19,7 +19,7 @@ from legfem.geometry.shape_file import write_shape
 from legfem.legs.loading import load_subject
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.specimens.folder import load_specimen
-from legfem.stocking.loading import load_leg
+from legfem.stockings.loading import load_leg
 from studies.legs.parametric_leg import parametric_leg, read_legs
 from studies.stockings.command import LEGS
 

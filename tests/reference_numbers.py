@@ -27,7 +27,6 @@ HERE = Path(__file__).resolve().parent
 CROSSCHECK = HERE / "data" / "crosscheck"
 OLD_NAMES = {
     "legfem.legs.loading": "legfem.legs.subject",
-    "legfem.stocking.loading": "legfem.stocking.leg",
     "legfem.legs.subject": "legfem.subject",
     "legfem.legs.correction_of_leg": "legfem.identify.correction",
     "legfem.legs.correction": "legfem.correction",
@@ -138,9 +137,9 @@ def designed() -> Entries:
 
 def stocking() -> Entries:
     """The first leg in its stocking, coarse, with given stiffness: pressure and shape."""
-    legs = module("legfem.stocking.loading")
-    model_of = module("legfem.stocking.leg_model").LegModel3D
-    worn_leg, meshing = module("legfem.stocking.worn").WornLeg, module("legfem.meshing.solid_leg")
+    legs = module("legfem.stockings.loading")
+    model_of = module("legfem.stockings.leg_model").LegModel3D
+    worn_leg, meshing = module("legfem.stockings.equilibrium").WornLeg, module("legfem.meshing.solid_leg")
     leg = legs.load_leg(legs.LEGS.find("1"))
     mesh = meshing.SolidMeshSettings(skin_size=9, inside_size=11, bone_size=8)
     model = model_of(leg.bare, leg.tissues, mesh)

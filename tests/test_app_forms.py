@@ -11,14 +11,14 @@ from legfem.app.describe import DressedLeg, LabSpecimens, PressedLeg, contours_i
 from legfem.app.settings import read_value, settings_of, with_channels, with_settings
 from legfem.common.errors import InputError
 from legfem.common.toml_file import checked
-from legfem.data.columns import Channel, Channels
 from legfem.data.folder import RESOURCES
+from legfem.data.reader import Channel, Channels
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SubjectFile, subject_entry
 from legfem.mechanics.materials import ReducedPolynomial
 from legfem.specimens.folder import load_specimen
 from legfem.specimens.schema import SpecimenFile, parse_specimen_file
-from legfem.stocking.leg_file import LegFile, parse_leg_file
+from legfem.stockings.schema import LegFile, parse_leg_file
 
 SUBJECT = RESOURCES / "frauziols" / "subjects" / "3"
 

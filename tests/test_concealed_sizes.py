@@ -10,6 +10,7 @@ import pytest
 from making_sealed import square_truths
 
 from legfem.common.errors import InputError
+from legfem.data import segment_all
 from legfem.diagnose.observations import observe
 from studies.concealed.cases import make_cases
 from studies.concealed.change import change_at_stations, recorded, recorded_change
@@ -106,7 +107,7 @@ def test_a_key_holds_what_each_of_two_effects_adds(monkeypatch):
     truth, parts = truths.of(case), truths.without_each(case)
     key = json.loads(json.dumps(key_of_case(case, truth, parts)))
     recordings = recorded(truth.trials, case.noise_seed)
-    observed = observe(recordings, INSTRUMENT, starts_at_contact=False)
+    observed = observe(segment_all(recordings, INSTRUMENT))
     found = {
         name: change_at_stations(recordings, change, observed) for name, change in key["recorded_part_change_N"].items()
     }
@@ -133,8 +134,8 @@ def test_what_an_effect_changes_is_taken_off_where_it_was_recorded():
     plain = [Course(time, d, smooth)] * 3
     rippled = [Course(time, d, smooth + 0.3 * waves)] * 3
     recordings, change = recorded(rippled, 8), recorded_change(rippled, plain, 8)
-    observed = observe(recordings, INSTRUMENT, starts_at_contact=False)
-    found = observe(recorded(plain, 8), INSTRUMENT, starts_at_contact=False)
+    observed = observe(segment_all(recordings, INSTRUMENT))
+    found = observe(segment_all(recorded(plain, 8), INSTRUMENT))
     pairs = zip(observed.contacts, found.contacts, strict=True)
     assert all(there.displacement - here.displacement > 1.5 for here, there in pairs)
     less = observed.force - change_at_stations(recordings, change, observed)

@@ -8,7 +8,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.geometry.shape_smoothing import smoothed
-from legfem.stocking.accuracy import ContourAccuracy
+from legfem.stockings.misfit import ContourAccuracy
 from studies.legs.parametric_leg import round_leg
 
 

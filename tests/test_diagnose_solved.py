@@ -9,17 +9,18 @@ import pytest
 from making_diagnosis import INSTRUMENT
 
 from legfem.common.progress import Silent
-from legfem.data import Recording
+from legfem.data import Recording, segment_all
 from legfem.diagnose.library_build import build_library, rounded, shown_mechanisms
 from legfem.diagnose.mechanisms import mechanism_named
 from legfem.diagnose.mechanisms.base import null_of
 from legfem.diagnose.mechanisms.end_effects import EndEffects
+from legfem.diagnose.models import Stopped
 from legfem.diagnose.nuisances import displaced_geometries
 from legfem.diagnose.observations import observe
 from legfem.diagnose.predict import Predictor
 from legfem.diagnose.run import ruled_out_of
-from legfem.diagnose.solved import PLAIN, NotKeptError, SolvedResponses, end_effect
-from legfem.diagnose.variants import Stopped, Variants
+from legfem.diagnose.solved import PLAIN, NotKeptError, SolvedResponses
+from legfem.diagnose.variants import Variants
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
 from legfem.legs.elastography import FibreRatio
@@ -50,7 +51,7 @@ def observed():
         time = np.arange(0, protocol.duration, 0.1)
         force = np.zeros(len(time))
         recordings.append(Recording(time, protocol.displacement_at(time), force, f"rate{rate:g}"))
-    return observe(recordings, INSTRUMENT, starts_at_contact=True)
+    return observe(segment_all(recordings, INSTRUMENT, True))
 
 
 def test_ends_are_looked_for_where_there_may_be_some(observed):
@@ -74,8 +75,8 @@ def test_ends_are_looked_for_where_there_may_be_some(observed):
         assert set(unable) & both == both - looked_for
 
 
-def responses_in(folder, variants, correction=None):
-    return SolvedResponses(variants, DEPTH + 0.5, folder, {"test": 1}, correction)
+def responses_in(folder, variants):
+    return SolvedResponses(variants, DEPTH + 0.5, folder, {"test": 1})
 
 
 @pytest.mark.slow
@@ -144,11 +145,11 @@ def test_slip_is_that_of_a_contact_as_stiff_as_the_tapes(variants, tmp_path):
 @pytest.mark.slow
 def test_the_library_stands_in_for_solutions(variants, observed, tmp_path):
     correction = read_correction(REFERENCE)
-    solved = responses_in(tmp_path, variants, correction)
+    solved = responses_in(tmp_path, variants)
     able, unable = shown_mechanisms(observed, correction)
     assert "preconditioning" in unable
     quick = [m for m in able if m.name not in ("contact-slip", "poroelastic-drainage")]
-    library = build_library(solved, solved, observed, quick, correction, 1, Silent(), 0.8, rounded(SOFT[0]))
+    library = build_library(solved, solved, observed, quick, 1, Silent(), 0.8, rounded(SOFT[0]))
     assert library.missing == {}
     np.testing.assert_allclose(library.curve(*SOFT), solved.curve(*SOFT), rtol=6e-3)
     deep = observed.displacement > 0.3 * DEPTH
@@ -156,7 +157,6 @@ def test_the_library_stands_in_for_solutions(variants, observed, tmp_path):
         ("viscoelasticity", {"ratio": 0.1, "relaxation_time": 8.0, "spread": 1.0}),
         ("fascia-stiffness", {"factor": 2.0}),
         ("superficial-stiffness", {"factor": 1.4}),
-        ("end-effects", {"scale": 0.7}),
     ):
         mechanism = mechanism_named(name)
         values = {p.name: null_of(p) for p in mechanism.parameters} | values
@@ -207,8 +207,9 @@ def test_end_effects_may_err_as_the_correction_does(observed):
     correction = read_correction(REFERENCE)
     asked = observed, np.asarray(0.8), np.asarray(0.9)
     plain = {"scale": 2.0, **dict.fromkeys(EndEffects.MODES, 0.0)}
-    longer = end_effect(correction, {**plain, "leg_length": 1.0}, SOFT, observed)
+    ends = EndEffects(correction)
+    longer = ends.relative_change({**plain, "leg_length": 1.0}, SOFT, observed, None)
     mode = np.interp(observed.displacement, correction.displacement, correction.errors["leg length"])
     tabulated = correction.correction(asked[0].displacement, *asked[1:])
-    np.testing.assert_allclose(end_effect(correction, plain, SOFT, observed), -2.0 * tabulated)
+    np.testing.assert_allclose(ends.relative_change(plain, SOFT, observed, None), -2.0 * tabulated)
     np.testing.assert_allclose(longer, -2.0 * (tabulated + mode))

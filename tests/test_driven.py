@@ -10,7 +10,7 @@ from making import tissue_force
 from scipy.signal import lfilter
 
 from legfem.common.errors import InputError
-from legfem.data import Instrument, Recording, check_recording, split_phases
+from legfem.data import Instrument, Recording, check_trial, segment, segment_all
 from legfem.data.segmentation import AIR, HOLD, LOADING, UNLOADING
 from legfem.diagnose.observations import observe
 
@@ -34,7 +34,7 @@ def driven(waypoints, rate=100.0, air=0.0, ratio=0.5, tau=2.0, name="trial1") ->
 
 def phases(recording: Recording) -> list[tuple[str, float]]:
     """Return the phases in order and how long they last, s."""
-    labels = split_phases(recording)
+    labels = segment(recording).labels
     edges = [0, *(np.flatnonzero(labels[1:] != labels[:-1]) + 1), len(labels)]
     step = recording.time[1]
     return [(str(labels[a]), (b - a) * step) for a, b in pairwise(edges)]
@@ -42,8 +42,8 @@ def phases(recording: Recording) -> list[tuple[str, float]]:
 
 def simulated(recording: Recording, starts_at_contact: bool = False) -> list[tuple[float, float]]:
     """Return the waypoints (s since the one before, mm) of what is simulated."""
-    check_recording(recording)
-    protocol = observe([recording], INSTRUMENT, starts_at_contact).protocols[0].protocol
+    check_trial(segment(recording))
+    protocol = observe(segment_all([recording], INSTRUMENT, starts_at_contact)).protocols[0].protocol
     spans = np.diff(protocol.time)
     return list(zip(spans.tolist(), protocol.displacement[1:], strict=True))
 
@@ -114,7 +114,7 @@ def test_returns_to_other_levels_are_other_programmes():
     given = [
         driven([(20.0, 20.0), (20.0, 20.0), (10.0, level), (10.0, level)], 20.0, ratio=0.0) for level in (2.0, 2.0, 8.0)
     ]
-    assert observe(given, INSTRUMENT, True).protocol_of == (0, 0, 1)
+    assert observe(segment_all(given, INSTRUMENT, True)).protocol_of == (0, 0, 1)
 
 
 def test_one_reading_far_off_changes_no_phase():
@@ -128,11 +128,11 @@ def test_one_reading_far_off_changes_no_phase():
 def test_a_first_loading_of_a_few_samples_is_refused_with_the_cause():
     made = driven([(0.5 if k % 2 else 30.0, 10.0 * ((k + 1) // 2)) for k in range(1, 5)], 10.0)
     with pytest.raises(InputError, match="samples of the first loading are too few"):
-        observe([made], INSTRUMENT, True)
+        observe(segment_all([made], INSTRUMENT, True))
 
 
 def test_air_has_no_stations():
-    found = observe([driven([(4.0, 20.0), (4.0, 0.0)] * 2, air=2.0)], INSTRUMENT, False)
+    found = observe(segment_all([driven([(4.0, 20.0), (4.0, 0.0)] * 2, air=2.0)], INSTRUMENT))
     stations = found.protocols[0]
     in_air = [k for k, s in enumerate(stations.protocol.segments) if s.first == s.last == 0.0]
     assert in_air and not set(in_air) & set(stations.segment)

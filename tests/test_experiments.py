@@ -28,7 +28,7 @@ from legfem.meshing.meridian import MeridianMeshSettings
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.solve.protocol import Protocol
 from legfem.solve.step_settings import StepSettings
-from legfem.stocking.leg_model import LegModel3D
+from legfem.stockings.leg_model import LegModel3D
 from studies.legs.parametric_leg import round_leg
 
 LAW = NeoHookean(5e-3, 0.2)

@@ -14,8 +14,9 @@ from legfem.diagnose.averaged import averaged_interval
 from legfem.diagnose.explain import CONFIRMED_FROM, explain
 from legfem.diagnose.explanation import HELD, Explained
 from legfem.diagnose.fit import Fit, Problem, fit
+from legfem.diagnose.library import NuisanceChanges
 from legfem.diagnose.mechanisms import mechanism_named
-from legfem.diagnose.nuisances import MATERIAL_LOG_SD, Accuracy, Nuisances
+from legfem.diagnose.nuisances import MATERIAL_LOG_SD, Accuracy, nuisance_effects
 from legfem.diagnose.strength import gained_by_width
 from legfem.diagnose.touch import posterior_of
 from legfem.diagnose.unknown import unknown_errors
@@ -241,8 +242,8 @@ def test_fat_is_named_only_beyond_what_is_known_of_it(factor, named):
     observed, predictor = problem.predictor.observed, problem.predictor
     mechanism = mechanism_named("superficial-stiffness")
     force = predictor({**TRUTH, "superficial-stiffness.factor": factor}, [mechanism])
-    known = Nuisances(GRID, {}, {"superficial.C10": fat(GRID)})
-    effects = known.effects(observed, force, Accuracy())
+    known = NuisanceChanges(GRID, {}, {"superficial.C10": fat(GRID)})
+    effects = [(one.name, one.force) for one in nuisance_effects(known, observed, force, Accuracy())]
     seen = noisy(observed.with_force(force), force, 3)
     errors = error_model(seen, problem.errors.noise, force, effects)
     problem = Problem(replace(predictor, observed=seen), errors)

@@ -7,6 +7,7 @@ import pytest
 from making_diagnosed import diagnosed_of
 from making_diagnosis import INSTRUMENT, TRUTH, pressed
 
+from legfem.data import segment_all
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.observations import observe
 from legfem.diagnose.predict import onset_name
@@ -15,7 +16,7 @@ SOUGHT = ("preconditioning", "support-compliance", "force-drift", "fascia-stiffn
 
 
 def of(recordings, asked=SOUGHT) -> Diagnosis:
-    return diagnosed_of(observe(recordings, INSTRUMENT, starts_at_contact=False), asked)
+    return diagnosed_of(observe(segment_all(recordings, INSTRUMENT)), asked)
 
 
 def found_air(found: Diagnosis, trial: int) -> tuple[float, float, float]:

@@ -16,7 +16,7 @@ from openpyxl import Workbook
 from typer.testing import CliRunner
 
 from legfem.commands.data import app
-from legfem.data import read_instrument_file
+from legfem.data import read_samples
 from legfem.data.folder import RecordingsEntry
 from legfem.data.formats.workbook import read_workbook
 from legfem.legs.loading import load_subject
@@ -35,7 +35,7 @@ def test_a_file_as_instruments_write_it_is_read_right_without_a_hand(tmp_path, m
     run = look(path, "--out", tmp_path / "out")
     assert run.exit_code == 0, run.output
     block = tomllib.loads((tmp_path / "out" / "recordings.toml").read_text())["recordings"]
-    read = read_instrument_file(path, RecordingsEntry.model_validate(block).channels())
+    read = read_samples(path, RecordingsEntry.model_validate(block).channels())
     away = read.displacement - read.displacement[0]
     np.testing.assert_allclose(read.time, T, atol=2e-5)
     np.testing.assert_allclose(away, D - D[0], atol=1e-4)

@@ -8,8 +8,15 @@ import pytest
 from legfem.common.errors import InputError
 from legfem.common.units import MPA_PER_MMHG
 from legfem.geometry.leg_shape import LegShape, corresponding
-from legfem.stocking.classes import ANKLE_MMHG, CALF_SHARE, ClassFit, CompressionClass, fitted_stocking
-from legfem.stocking.laplace import Stocking, stocking_load
+from legfem.stockings.fabric import (
+    ANKLE_MMHG,
+    CALF_SHARE,
+    ClassFit,
+    CompressionClass,
+    Stocking,
+    fitted_stocking,
+    stocking_load,
+)
 from studies.legs.parametric_leg import round_leg
 
 

@@ -14,7 +14,7 @@ import legfem as lf
 from legfem.commands.identify import app
 from legfem.common.errors import InputError
 from legfem.diagnose.mechanisms import Solution
-from legfem.diagnose.variants import Stopped
+from legfem.diagnose.models import Stopped
 from legfem.experiments.axisymmetric import BallOnLayer
 from legfem.experiments.flat_punch import PunchOnLayer
 from legfem.inverse.parse_parameters import Written

@@ -12,12 +12,17 @@ import pytest
 from making_diagnosis import TRUTH, observations, ramps, two_rates
 from scipy.stats import norm
 
+from legfem.diagnose.library_build import with_correction
 from legfem.diagnose.mechanisms import Mechanism, TissueMechanism, mechanism_named, mechanisms
 from legfem.diagnose.mechanisms import registry as registered
 from legfem.diagnose.mechanisms.base import null_of, prior_of, strength
 from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S, spectrum
 from legfem.diagnose.predict import onset_name
 from legfem.inverse.parameter import Parameter
+from legfem.legs.correction import read_correction
+from legfem.legs.correction_of_leg import REFERENCE
+
+EVERY = with_correction(mechanisms(), read_correction(REFERENCE))
 
 
 @pytest.fixture(scope="module")
@@ -25,12 +30,9 @@ def blank():
     return observations(two_rates())
 
 
-@pytest.mark.parametrize("mechanism", [m for m in mechanisms() if m.name != "end-effects"], ids=lambda m: m.name)
+@pytest.mark.parametrize("mechanism", EVERY, ids=lambda m: m.name)
 def test_a_mechanism_vanishes_at_its_null(mechanism, blank):
-    """Whatever its other parameters are: those that a search begins from, and odd ones.
-
-    End effects need a correction; see test_diagnose_solved.
-    """
+    """Whatever its other parameters are: those that a search begins from, and odd ones."""
     observed, predictor = blank
     first, *rest = mechanism.parameters
     odd = {p.name: p.inside(prior_of(p).value_at(0.7)) for p in rest}
@@ -40,9 +42,7 @@ def test_a_mechanism_vanishes_at_its_null(mechanism, blank):
         np.testing.assert_allclose(predictor(values, [mechanism]), predictor(TRUTH), rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    "mechanism", [m for m in mechanisms() if not isinstance(m, TissueMechanism)], ids=lambda m: m.name
-)
+@pytest.mark.parametrize("mechanism", [m for m in EVERY if not isinstance(m, TissueMechanism)], ids=lambda m: m.name)
 def test_a_mechanism_that_needs_no_solution_does_something_off_its_null(mechanism, blank):
     observed, predictor = blank
     for values in mechanism.starts(observed):

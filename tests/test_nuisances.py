@@ -9,7 +9,10 @@ import pytest
 from making_diagnosis import GRID, SOUGHT, fat, observations, problem_of, ramps
 from scipy.interpolate import CubicSpline
 
+from legfem.common.units import FloatArray
 from legfem.diagnose.explain import explain
+from legfem.diagnose.fit import Cause, variance_degrees
+from legfem.diagnose.library import NuisanceChanges
 from legfem.diagnose.library_build import smoothed
 from legfem.diagnose.nuisances import (
     AIM_SD_MM,
@@ -21,9 +24,8 @@ from legfem.diagnose.nuisances import (
     MATERIAL_LOG_SD,
     OUTLINES,
     Accuracy,
-    Nuisances,
     displaced_geometries,
-    variance_degrees,
+    nuisance_effects,
 )
 from legfem.diagnose.run import accuracy_of
 from legfem.legs.correction import read_correction
@@ -33,18 +35,25 @@ from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import LegAccuracy
 
 
+def effects_of(*given) -> dict[str, FloatArray]:
+    return {one.name: one.force for one in nuisance_effects(*given)}
+
+
+OUTLINE = Cause("outlines", GEOMETRY_DOF)
+
+
 @pytest.fixture(scope="module")
 def blank():
     """A leg's observations and force, with changes that differ from geometry to geometry."""
     observed, predictor = observations(ramps())
     force = predictor({"C10": 1.0, "C20": 0.8})
     geometric = {own.name: 0.01 * np.cos((k + 1) * GRID / 15) for k, own in enumerate(displaced_geometries())}
-    return observed, force, Nuisances(GRID, geometric, {"superficial.C10": fat(GRID)})
+    return observed, force, NuisanceChanges(GRID, geometric, {"superficial.C10": fat(GRID)})
 
 
 def test_an_effect_is_the_force_times_its_relative_change_by_one_standard_deviation(blank):
     observed, force, nuisances = blank
-    effects = dict(nuisances.effects(observed, force, Accuracy()))
+    effects = effects_of(nuisances, observed, force, Accuracy())
     expected = MATERIAL_LOG_SD["superficial.C10"] * fat(observed.displacement) * force
     deep = observed.displacement > GRID[0]
     np.testing.assert_allclose(effects["stiffness of the fat"][deep], expected[deep], rtol=1e-3)
@@ -54,16 +63,16 @@ def test_an_effect_is_the_force_times_its_relative_change_by_one_standard_deviat
 
 def test_effects_of_geometry_follow_what_is_stated_of_the_leg(blank):
     observed, force, nuisances = blank
-    usual = dict(nuisances.effects(observed, force, Accuracy()))
-    worse = dict(nuisances.effects(observed, force, Accuracy(2 * CONTOUR_SD_MM, 3 * AIM_SD_MM)))
+    usual = effects_of(nuisances, observed, force, Accuracy())
+    worse = effects_of(nuisances, observed, force, Accuracy(2 * CONTOUR_SD_MM, 3 * AIM_SD_MM))
     assert list(usual) == list(worse)
     for name, effect in usual.items():
         outline = "outline" in name or "bones" in name
         factor = 2 if outline else 3 if name == "aim" else 1
         np.testing.assert_allclose(worse[name], factor * effect)
-    exact = dict(nuisances.effects(observed, force, Accuracy(0.0, 0.0, 0.0)))
+    exact = effects_of(nuisances, observed, force, Accuracy(0.0, 0.0, 0.0))
     assert list(exact) == ["stiffness of the fat"]
-    assert not nuisances.effects(observed, force, Accuracy(0.0, 0.0, 0.0, assumed_sd=0.0))
+    assert not effects_of(nuisances, observed, force, Accuracy(0.0, 0.0, 0.0, assumed_sd=0.0))
 
 
 def test_a_drawn_leg_is_known_unless_its_folder_says_otherwise():
@@ -77,9 +86,9 @@ def test_a_drawn_leg_is_known_unless_its_folder_says_otherwise():
 
 def test_modes_of_an_outline_have_its_error_s_covariance_along_the_arc(blank):
     observed, force, nuisances = blank
-    effects = nuisances.effects(observed, force, Accuracy())
+    effects = effects_of(nuisances, observed, force, Accuracy())
     for part in OUTLINES:
-        modes = np.array([e for name, e in effects if name.startswith(f"outline of the {part}")])
+        modes = np.array([e for name, e in effects.items() if name.startswith(f"outline of the {part}")])
         hats = [g for g in displaced_geometries() if g.name.startswith(f"outline of the {part}")]
         arcs = np.array([g.moved.arc for g in hats])
         apart = (arcs[:, None] - arcs[None, :]) / CONTOUR_ARC_MM
@@ -95,8 +104,8 @@ def test_modes_of_an_outline_have_its_error_s_covariance_along_the_arc(blank):
 def test_errors_of_the_correction_count_where_it_is_applied(blank):
     observed, force, nuisances = blank
     correction = read_correction(REFERENCE)
-    without = dict(nuisances.effects(observed, force, Accuracy()))
-    effects = dict(nuisances.effects(observed, force, Accuracy(), correction, (1.0, 0.8)))
+    without = effects_of(nuisances, observed, force, Accuracy())
+    effects = effects_of(nuisances, observed, force, Accuracy(), correction, (1.0, 0.8))
     added = {name.removeprefix("3D correction: ") for name in effects.keys() - without.keys()}
     assert added == set(correction.errors)
     deep = np.argmax(observed.displacement)
@@ -119,6 +128,7 @@ def test_a_variance_that_a_bound_makes_small_keeps_its_degrees_of_freedom():
     problem, base = problem_of(ramps(), seed=1)
     known, names = 0.1 * base.change[:, :1], ("outline of the skin, mode 1",)
     problem = problem.with_errors(replace(problem.errors, known=known, names=names))
+    problem = replace(problem, causes={names[0]: OUTLINE})
     one = explain(problem, base, SOUGHT[:1]).base
     assert np.isfinite(one.degrees_of_freedom[0])
     posterior = replace(one.posterior, covariance=1e-6 * one.posterior.covariance)
@@ -133,10 +143,10 @@ def test_what_is_known_poorly_of_the_leg_widens_intervals():
     known = replace(errors, known=effect, names=("outline of the skin, mode 1",))
     estimator = np.linalg.pinv(base.change)
     variance = np.full((len(base.free),) * 2, 1.0)
-    degrees = variance_degrees(variance, estimator, known)
+    degrees = variance_degrees(variance, estimator, known, {known.names[0]: OUTLINE})
     assert degrees[0] == pytest.approx(3.0)
     exact = replace(known, names=("load cell's gain",))
-    assert variance_degrees(variance, estimator, exact)[0] == np.inf
+    assert variance_degrees(variance, estimator, exact, {})[0] == np.inf
 
 
 def test_waves_of_elements_that_come_into_contact_go_and_the_course_stays():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from making_diagnosis import INSTRUMENT, pressed
 
-from legfem.data import Recording
+from legfem.data import Recording, segment_all
 from legfem.diagnose.mechanisms import mechanisms
 from legfem.diagnose.observations import Observations, observe
 from legfem.solve.protocol import Protocol
@@ -20,7 +20,7 @@ def observed(*protocols: Protocol, air: float = -1.0) -> Observations:
         at = protocol.displacement_at(time)
         force = 0.05 * np.maximum(at - air, 0.0) ** 2 + 0.2 * (at > air)
         recordings.append(Recording(time, at, force, f"trial{k + 1}"))
-    return observe(recordings, INSTRUMENT, starts_at_contact=True)
+    return observe(segment_all(recordings, INSTRUMENT, True))
 
 
 def untestable(found: Observations) -> dict[str, str]:
@@ -96,7 +96,7 @@ def test_trials_with_different_air_are_repeats_of_one_programme(airs, to_one_dep
             )
             for r in recordings
         ]
-    found = observe(recordings, INSTRUMENT, starts_at_contact=False)
+    found = observe(segment_all(recordings, INSTRUMENT))
     assert found.repeats == 3
     assert len(found.protocols) == 1
     for contact, air in zip(found.contacts, airs, strict=True):

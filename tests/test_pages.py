@@ -22,7 +22,7 @@ from nbclient import NotebookClient
 
 from legfem.common.errors import InputError
 from legfem.specimens.schema import parse_specimen_file
-from legfem.stocking.leg_file import parse_leg_file
+from legfem.stockings.schema import parse_leg_file
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = ROOT / "examples"

@@ -11,7 +11,7 @@ from making_diagnosis import NOISE
 
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.explanation import Explanation
-from legfem.diagnose.nuisances import Accuracy
+from legfem.diagnose.nuisances import Accuracy, nuisance_effects
 from legfem.plan import reckon as reckoning
 from legfem.plan.designs import Design
 from legfem.plan.reckon import Candidate, reckon
@@ -34,9 +34,11 @@ def candidate(model: Explanation) -> Candidate:
 
 def chance(found: Diagnosis, others: list[Candidate], noise=NOISE, repeats: int = 3) -> float:
     predictor = found.alone.problem.predictor
-    worth = reckon(
-        Design("again", (RAMP,) * repeats), others, predictor, predictor.responses.nuisances, Accuracy(), noise, 0.01
-    )
+
+    def nuisances(design, blank, force):
+        return nuisance_effects(predictor.responses.nuisances, blank, force, Accuracy())
+
+    worth = reckon(Design("again", (RAMP,) * repeats), others, predictor, nuisances, noise, 0.01)
     assert worth is not None and worth.chance == pytest.approx(min(worth.chances.values()), abs=1)
     assert all(0.0 <= one <= 1.0 for one in worth.chances.values())
     return worth.chance

@@ -8,7 +8,7 @@ import pytest
 from making import CROSSCHECK, press, tissue_force, write_recording
 
 from legfem.common.errors import InputError
-from legfem.data import Instrument, Recording, find_first_contact, mean_loading_curve, read_recording, split_phases
+from legfem.data import Instrument, Recording, check_trial, mean_loading_curve, read_samples, segment, segment_all
 from legfem.legs.loading import load_subject
 
 INSTRUMENT = Instrument(force_sd=0.04, displacement_sd=0.02)
@@ -16,7 +16,7 @@ INSTRUMENT = Instrument(force_sd=0.04, displacement_sd=0.02)
 
 def _refused(path):
     with pytest.raises(InputError) as caught:
-        read_recording(path)
+        check_trial(segment(read_samples(path)))
     line = str(caught.value)
     assert "\n" not in line
     assert line.startswith(str(path))
@@ -36,7 +36,7 @@ def _with(recording, **changes):
 
 def test_reading_keeps_every_sample(tmp_path):
     made = press(force_sd=0.03, displacement_sd=0.02, hold=5, unload=True)
-    read = read_recording(write_recording(tmp_path / "trial7.csv", made))
+    read = read_samples(write_recording(tmp_path / "trial7.csv", made))
     assert read.trial == "trial7"
     assert read.time == pytest.approx(made.time, abs=1e-3)
     assert read.displacement == pytest.approx(made.displacement, abs=1e-4)
@@ -93,7 +93,7 @@ def test_unreadable_files_are_explained(tmp_path, old, new, field, words):
 @pytest.mark.parametrize("seed", range(5))
 def test_contact_after_air_is_found_within_its_error(seed, rate):
     made = press(air=3.7, force_sd=0.03, displacement_sd=0.02, offset=0.4, seed=seed, rate=rate)
-    contact = find_first_contact(made)
+    contact = segment(made).contact
     assert contact.in_air
     assert contact.displacement == pytest.approx(3.7, abs=0.35)
     assert abs(contact.displacement - 3.7) < 3.5 * contact.displacement_error
@@ -103,7 +103,7 @@ def test_contact_after_air_is_found_within_its_error(seed, rate):
 @pytest.mark.parametrize("seed", range(8))
 def test_a_recording_that_begins_at_contact_is_not_shifted(seed):
     made = press(force_sd=0.05, displacement_sd=0.05, offset=0.08, seed=seed)
-    contact = find_first_contact(made)
+    contact = segment(made).contact
     assert not contact.in_air
     assert contact.displacement == 0.0
     assert contact.baseline == 0.0
@@ -111,7 +111,7 @@ def test_a_recording_that_begins_at_contact_is_not_shifted(seed):
 
 def test_a_sensor_that_starts_elsewhere_is_shifted_to_first_touch():
     made = press(force_sd=0.02, displacement_sd=0.02)
-    contact = find_first_contact(_with(made, displacement=made.displacement + 12.3))
+    contact = segment(_with(made, displacement=made.displacement + 12.3)).contact
     assert contact.displacement == pytest.approx(12.3, abs=0.05)
 
 
@@ -120,7 +120,7 @@ def test_a_sensor_that_starts_elsewhere_is_shifted_to_first_touch():
 def test_phases_change_where_the_motion_does(displacement_sd, hold):
     air, depth = 3.7, 20.0
     made = press(air=air, depth=depth, hold=hold, unload=True, force_sd=0.03, displacement_sd=displacement_sd, seed=3)
-    labels = split_phases(made)
+    labels = segment(made).labels
     up = (air + depth) / 0.4
     corners = {"loading": (air / 0.4, up), "unloading": (up + hold, up + hold + depth / 0.4)}
     if hold:
@@ -139,7 +139,7 @@ def test_the_mean_curve_is_the_true_one_and_the_raw_data_stay():
         press(air=air, force_sd=0.03, displacement_sd=0.1, offset=0.2, seed=k) for k, air in enumerate((2.0, 3.7, 5.1))
     ]
     before = [r.force.copy() for r in trials]
-    curve = mean_loading_curve(trials, INSTRUMENT)
+    curve = mean_loading_curve(segment_all(trials, INSTRUMENT))
     assert curve.n_trials == 3
     assert np.diff(curve.displacement) == pytest.approx(0.25)
     assert curve.displacement[-1] == pytest.approx(20, abs=0.8)
@@ -155,7 +155,7 @@ def test_a_trial_without_air_joins_those_with_it():
         press(air=air, depth=18, force_sd=0.03, displacement_sd=0.02, offset=0.3, seed=k)
         for k, air in enumerate((3.0, 0.0, 4.0))
     ]
-    curve = mean_loading_curve(trials, INSTRUMENT)
+    curve = mean_loading_curve(segment_all(trials, INSTRUMENT))
     assert [c.in_air for c in curve.contacts] == [True, False, True]
     assert curve.noise.common_shift_sd > 0.02
     error = curve.trial_force - tissue_force(curve.displacement)
@@ -166,7 +166,8 @@ def test_a_trial_without_air_joins_those_with_it():
 def test_displacement_noise_does_not_flatten_the_curve():
     """Regressing on noisy readings at 4 samples a bin would cost several % of local slope."""
     exact, noisy = (
-        mean_loading_curve([press(displacement_sd=sd, seed=k) for k in range(6)], INSTRUMENT) for sd in (0.0, 0.15)
+        mean_loading_curve(segment_all([press(displacement_sd=sd, seed=k) for k in range(6)], INSTRUMENT))
+        for sd in (0.0, 0.15)
     )
     n = min(len(exact.force), len(noisy.force))
     ratio = np.polyfit(exact.force[8:n], noisy.force[8:n], 1)[0]
@@ -176,16 +177,16 @@ def test_displacement_noise_does_not_flatten_the_curve():
 
 def test_sparse_and_dense_sampling_give_the_same_curve():
     for rate in (1.0, 3.0, 500.0):
-        curve = mean_loading_curve([press(rate=rate)], INSTRUMENT)
+        curve = mean_loading_curve(segment_all([press(rate=rate)], INSTRUMENT))
         assert curve.force == pytest.approx(tissue_force(curve.displacement), abs=0.02)
 
 
 def test_white_noise_is_recovered():
     trials = [press(force_sd=0.05, displacement_sd=0.02, seed=k) for k in range(3)]
-    noise = mean_loading_curve(trials, INSTRUMENT).noise
+    noise = mean_loading_curve(segment_all(trials, INSTRUMENT)).noise
     assert noise.white_sd == pytest.approx(0.05, rel=0.1)
     assert noise.repeat_dof == 2
-    assert mean_loading_curve(trials[:1], INSTRUMENT).noise.source == "instrument"
+    assert mean_loading_curve(segment_all(trials[:1], INSTRUMENT)).noise.source == "instrument"
 
 
 def test_the_covariance_covers_the_error_of_a_fitted_stiffness():
@@ -203,7 +204,7 @@ def test_the_covariance_covers_the_error_of_a_fitted_stiffness():
                 made.force * (1 + 0.005 * rng.normal()) + 0.05 * rng.normal() + slow + 0.03 * rng.normal(size=len(slow))
             )
             trials.append(_with(made, force=force))
-        curve = mean_loading_curve(trials, INSTRUMENT)
+        curve = mean_loading_curve(segment_all(trials, INSTRUMENT))
         shape = tissue_force(curve.displacement)
         weight = np.linalg.solve(curve.covariance, shape)
         variance = 1 / (shape @ weight)
@@ -222,21 +223,21 @@ def test_preconditioning_before_the_press_is_left_out():
         force=np.concatenate([0.7 * first.force, second.force]),
         trial="cycled",
     )
-    curve = mean_loading_curve([both], INSTRUMENT)
+    curve = mean_loading_curve(segment_all([both], INSTRUMENT))
     deep = curve.displacement > 9
     assert curve.force[deep] == pytest.approx(tissue_force(curve.displacement[deep]), abs=0.1)
 
 
 def test_no_recordings_is_an_input_error():
     with pytest.raises(InputError, match="at least one trial"):
-        mean_loading_curve([], INSTRUMENT)
+        mean_loading_curve([])
 
 
 @pytest.mark.parametrize("law", ["neo-hookean", "reduced-polynomial"])
 def test_the_crosscheck_curves_are_met(law):
     folder = CROSSCHECK / law
     subject = load_subject(folder)
-    curve = mean_loading_curve(subject.recordings, subject.instrument)
+    curve = mean_loading_curve(subject.trials)
     clean = pd.read_csv(folder / "clean.csv")
     truth = np.interp(curve.displacement, clean["displacement_mm"], clean["force_N"])
     assert curve.displacement[-1] == 20.0

@@ -10,7 +10,7 @@ import pytest
 from making import SHARED
 
 from legfem.common.errors import InputError
-from legfem.data import Instrument, Recording
+from legfem.data import Instrument, Recording, segment_all
 from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S, Viscoelasticity, spectrum
 from legfem.diagnose.observations import observe
 from legfem.specimens.folder import load_specimen
@@ -44,7 +44,7 @@ def test_a_drop_is_found_where_it_is_and_nothing_without_one():
 
 
 def test_a_drop_s_mechanism_takes_the_force_off_from_there_on():
-    observed = observe([_pressed()], Instrument(1e-3, 0.01), starts_at_contact=True)
+    observed = observe(segment_all([_pressed()], Instrument(1e-3, 0.01), True))
     added = ForceDrop(at_mm=3.0).added_force({"size": 0.06}, observed)
     later = (observed.phase == "hold") | (observed.displacement > 3.0)
     np.testing.assert_array_equal(added, np.where(later, -0.06, 0.0))
@@ -93,7 +93,7 @@ def test_a_name_may_lack_its_day_where_one_test_has_it():
 def test_relaxation_is_that_of_a_standard_solid_on_a_ramp():
     """A linear spring with one branch in closed form, by the hereditary sum over a recording."""
     recording = _pressed()
-    observed = observe([recording], Instrument(1e-3, 0.01), starts_at_contact=True)
+    observed = observe(segment_all([recording], Instrument(1e-3, 0.01), True))
     motion = motion_of(recording, observed)
     grid = np.linspace(0.1, 6.0, 60)
     curves = ElasticCurves(grid, np.tile(grid, (len(STIFFENING_SHARES), 1)))
@@ -165,7 +165,7 @@ def test_the_drop_is_told_and_no_other_beef_has_one():
 @needs_data
 def test_air_is_found():
     recording = loaded_and_held(read_meat(DATA)["230403|230403-FF1A"].recording)
-    observed = observe([recording], Instrument(2e-3, 0.01), starts_at_contact=False)
+    observed = observe(segment_all([recording], Instrument(2e-3, 0.01)))
     assert observed.contacts[0].displacement == pytest.approx(3.7, abs=0.15)
 
 

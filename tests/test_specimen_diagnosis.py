@@ -13,8 +13,7 @@ from typer.testing import CliRunner
 from legfem.commands.diagnose import app
 from legfem.common.progress import Silent
 from legfem.diagnose.mechanisms import Solution
-from legfem.diagnose.models import Models
-from legfem.diagnose.variants import Stopped
+from legfem.diagnose.models import Models, Stopped
 from legfem.experiments.axisymmetric import BallOnLayer, CylinderBetweenPlates
 from legfem.experiments.lateral_cylinder import CylinderOnBlock
 from legfem.experiments.uniaxial import Bar

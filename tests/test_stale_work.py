@@ -15,7 +15,7 @@ from legfem.common.progress import Silent
 from legfem.diagnose.run import Diagnoser
 from legfem.legs.correction import read_correction
 from legfem.legs.correction_of_leg import REFERENCE
-from legfem.stocking.run import StockingSettings
+from legfem.stockings.result import StockingSettings
 from studies.concealed import running, scoring
 from studies.planted import command as planted
 from studies.planted.truths import Planted, PlantedTruth

@@ -15,19 +15,15 @@ from legfem.geometry.curve import outward_normals
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.slices import SliceSet, calf_levels
 from legfem.meshing.solid_leg import SolidMeshSettings
-from legfem.stocking.accuracy import ContourAccuracy
-from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
-from legfem.stocking.identification import LEARNT_AT, Identified, SearchSettings, StiffnessSearch
-from legfem.stocking.laplace import stocking_load
-from legfem.stocking.leg import StockingLeg
-from legfem.stocking.leg_model import PARAMETERS, LegModel3D
-from legfem.stocking.misfit import ContourMisfit
-from legfem.stocking.nuisance import RIGID, SECTORS, sectors
-from legfem.stocking.nuisance_slopes import NuisanceSlopes
-from legfem.stocking.pressures import PressureProbe, tissue_pressures
-from legfem.stocking.run import StockingResult, StockingSettings, run_leg
-from legfem.stocking.veins import default_veins
-from legfem.stocking.worn import Feedback, FixedPointSettings, Worn, WornLeg
+from legfem.stockings.equilibrium import Feedback, FixedPointSettings, Worn, WornLeg
+from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking, stocking_load
+from legfem.stockings.leg import StockingLeg, default_veins
+from legfem.stockings.leg_model import PARAMETERS, LegModel3D
+from legfem.stockings.misfit import ContourAccuracy, ContourMisfit
+from legfem.stockings.nuisances import RIGID, SECTORS, NuisanceSlopes, sectors
+from legfem.stockings.pressures import PressureProbe, tissue_pressures
+from legfem.stockings.result import StockingResult, StockingSettings, run_leg
+from legfem.stockings.search import LEARNT_AT, Identified, SearchSettings, StiffnessSearch
 
 PLANTED = 1e-3 * np.array(PLANTED_KPA)
 ACCURACY = ContourAccuracy(sd=0.1, correlation=16.0, around=30.0, along=40.0, pressure_sd=0.003)
@@ -290,7 +286,7 @@ def test_a_finer_mesh_has_the_same_pressures(shape, truth, result):
 @pytest.mark.slow
 @pytest.mark.skipif(not (SHARED / "data" / "leg_geometry").is_dir(), reason="needs ../shared/data/leg_geometry")
 def test_a_real_leg_s_surfaces_can_wear_a_stocking(tmp_path):
-    from legfem.stocking.loading import load_leg
+    from legfem.stockings.loading import load_leg
 
     folder = SHARED / "data" / "leg_geometry"
     (tmp_path / "leg.toml").write_text(

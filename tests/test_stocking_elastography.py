@@ -16,16 +16,16 @@ from legfem.legs.elastography import ShearModulus
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.report.text import plain_page
 from legfem.report.web.stocking import stocking_web_page
-from legfem.stocking.accuracy import ContourAccuracy
-from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
-from legfem.stocking.document import stocking_document
-from legfem.stocking.identification import SearchSettings
-from legfem.stocking.leg import StockingLeg
-from legfem.stocking.leg_file import parse_leg_file
-from legfem.stocking.leg_model import PARAMETERS, LegModel3D
-from legfem.stocking.run import StockingSettings, run_leg
-from legfem.stocking.stiffnesses import stiffness_priors
-from legfem.stocking.worn import WornLeg
+from legfem.stockings.document import stocking_document
+from legfem.stockings.equilibrium import WornLeg
+from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
+from legfem.stockings.leg import StockingLeg
+from legfem.stockings.leg_model import PARAMETERS, LegModel3D
+from legfem.stockings.misfit import ContourAccuracy
+from legfem.stockings.result import StockingSettings, run_leg
+from legfem.stockings.scan_fit import stiffness_priors
+from legfem.stockings.schema import parse_leg_file
+from legfem.stockings.search import SearchSettings
 
 FINE = SolidMeshSettings(skin_size=8, inside_size=10, bone_size=8)
 COARSE = SolidMeshSettings(skin_size=11, inside_size=14, bone_size=9)

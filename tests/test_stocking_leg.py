@@ -14,8 +14,8 @@ from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.rigid import RigidTransform
 from legfem.geometry.shape_file import write_shape
 from legfem.geometry.shape_motion import rigidly_moved
-from legfem.stocking.loading import LEGS, load_leg
-from legfem.stocking.veins import GAP, default_veins
+from legfem.stockings.leg import GAP, default_veins
+from legfem.stockings.loading import LEGS, load_leg
 from studies.legs.parametric_leg import parametric_leg, read_legs
 from studies.stockings.command import LEGS as SHAPES
 

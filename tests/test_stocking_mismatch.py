@@ -17,14 +17,12 @@ from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.shape_motion import rigidly_moved
 from legfem.geometry.slices import CONTOURS, SliceSet, calf_levels
 from legfem.meshing.solid_leg import SolidMeshSettings
-from legfem.stocking.accuracy import ContourAccuracy
-from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
-from legfem.stocking.identification import SearchSettings, StiffnessSearch
-from legfem.stocking.leg_model import LegModel3D
-from legfem.stocking.misfit import ContourMisfit
-from legfem.stocking.mismatch import TERMS, Mismatch, mismatch_of
-from legfem.stocking.outline_errors import outline_errors
-from legfem.stocking.worn import WornLeg
+from legfem.stockings.discrepancy import TERMS, Mismatch, mismatch_of
+from legfem.stockings.equilibrium import WornLeg
+from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
+from legfem.stockings.leg_model import LegModel3D
+from legfem.stockings.misfit import ContourAccuracy, ContourMisfit, outline_errors
+from legfem.stockings.search import SearchSettings, StiffnessSearch
 
 ACCURACY = ContourAccuracy(
     sd=0.1, correlation=6.0, around=25.0, along=40.0, pressure_sd=0.003, shift_sd=(0.03, 0.03, 0.05)

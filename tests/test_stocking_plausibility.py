@@ -14,10 +14,10 @@ from legfem.common.errors import InputError
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.shape_measures import perimeter
 from legfem.mechanics.materials import NeoHookean
-from legfem.stocking.accuracy import ContourAccuracy
-from legfem.stocking.laplace import Stocking
-from legfem.stocking.leg import StockingLeg
-from legfem.stocking.plausibility import check_scans_differ, doubts_about_leg
+from legfem.stockings.fabric import Stocking
+from legfem.stockings.leg import StockingLeg
+from legfem.stockings.misfit import ContourAccuracy
+from legfem.stockings.plausibility import check_scans_differ, doubts_about_leg
 from studies.legs.parametric_leg import parametric_leg, read_legs
 from studies.stockings.command import LEGS
 

@@ -30,21 +30,16 @@ from legfem.report.text import plain_page
 from legfem.report.web.page import rendered
 from legfem.report.web.stocking import stocking_web_page
 from legfem.report.web.stocking_stiffness import verdict_sentence
-from legfem.stocking.accuracy import ContourAccuracy
-from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
-from legfem.stocking.document import stocking_document
-from legfem.stocking.fat_pressures import fat_pressures, too_low_by
-from legfem.stocking.identification import SearchSettings
-from legfem.stocking.judgement import expected_rms, judge, starts_agree
-from legfem.stocking.laplace import Stocking, stocking_load
-from legfem.stocking.leg import StockingLeg
-from legfem.stocking.leg_model import LegModel3D
-from legfem.stocking.posture import Posture
-from legfem.stocking.pressures import PressureProbe
-from legfem.stocking.run import StockingSettings, run_leg
-from legfem.stocking.veins import default_veins
-from legfem.stocking.warnings import stocking_warnings, unloaded_skin
-from legfem.stocking.worn import WornLeg
+from legfem.stockings.document import stocking_document
+from legfem.stockings.equilibrium import WornLeg
+from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking, stocking_load
+from legfem.stockings.leg import Posture, StockingLeg, default_veins
+from legfem.stockings.leg_model import LegModel3D
+from legfem.stockings.misfit import ContourAccuracy
+from legfem.stockings.notices import stocking_warnings, unloaded_skin
+from legfem.stockings.pressures import PressureProbe, fat_pressures, too_low_by
+from legfem.stockings.result import StockingSettings, run_leg
+from legfem.stockings.search import SearchSettings, expected_rms, judge, starts_agree
 from studies.legs.parametric_leg import parametric_leg, read_legs, round_leg
 
 LEGS = Path(__file__).resolve().parents[1] / "studies" / "stockings" / "legs.toml"

@@ -19,18 +19,16 @@ from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.report.text import plain_page
 from legfem.report.web.stocking import stocking_web_page
 from legfem.report.web.stocking_pressures import sensor_rows
-from legfem.stocking.accuracy import ContourAccuracy
-from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
-from legfem.stocking.identification import SearchSettings
-from legfem.stocking.laplace import Stocking
-from legfem.stocking.leg import StockingLeg
-from legfem.stocking.leg_file import LegFile, parse_leg_file
-from legfem.stocking.leg_model import LegModel3D
-from legfem.stocking.posture import Posture
-from legfem.stocking.run import StockingSettings, run_leg
-from legfem.stocking.sensors import Sensing, Sensor, off_skin
-from legfem.stocking.warnings import of_sensors
-from legfem.stocking.worn import WornLeg
+from legfem.stockings.equilibrium import WornLeg
+from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking
+from legfem.stockings.leg import Posture, StockingLeg
+from legfem.stockings.leg_model import LegModel3D
+from legfem.stockings.misfit import ContourAccuracy
+from legfem.stockings.notices import of_sensors
+from legfem.stockings.result import StockingSettings, run_leg
+from legfem.stockings.schema import LegFile, parse_leg_file
+from legfem.stockings.search import SearchSettings
+from legfem.stockings.sensors import Sensing, Sensor, off_skin
 
 FINE = SolidMeshSettings(skin_size=8, inside_size=10, bone_size=8)
 COARSE = SolidMeshSettings(skin_size=11, inside_size=14, bone_size=9)
@@ -124,7 +122,7 @@ def test_what_is_wrong_with_a_sensor_is_named(tmp_path, before, after, said):
     ],
 )
 def test_a_sensor_off_the_leg_is_refused(tmp_path, before, after, said):
-    from legfem.stocking.loading import _sensors
+    from legfem.stockings.loading import _sensors
 
     given = LegFile.model_validate(tomllib.loads(TOML.replace(before, after)))
     with pytest.raises(InputError, match=said):

@@ -10,9 +10,10 @@ from legfem.common.progress import Silent
 from legfem.diagnose.library_build import build_library, rounded
 from legfem.diagnose.library_tasks import CHANGES_AT
 from legfem.diagnose.mechanisms import mechanism_named
+from legfem.diagnose.models import Stopped
 from legfem.diagnose.predict import Predictor
 from legfem.diagnose.solved import SolvedResponses
-from legfem.diagnose.variants import Stopped, Variants
+from legfem.diagnose.variants import Variants
 from legfem.inverse.intervals import NUMERICAL_ERROR
 
 DEPTH = 6.0
@@ -69,7 +70,7 @@ def test_without_compliance_nothing_changes(solved):
 @pytest.mark.slow
 def test_its_table_stands_in_for_solutions_between_the_strengths(solved):
     observed, _ = observations(ramps(1))
-    library = build_library(solved, solved, observed, [SUPPORT], None, 1, Silent(), 0.8, rounded(SOFT[0]))
+    library = build_library(solved, solved, observed, [SUPPORT], 1, Silent(), 0.8, rounded(SOFT[0]))
     assert library.missing == {}
     c10 = library.middle * float(np.exp(CHANGES_AT[1]))
     at = c10, c10 * float(np.expm1(0.8))
@@ -93,7 +94,7 @@ def test_where_springs_stop_the_frame_is_left(variants, solved, monkeypatch):
     monkeypatch.setattr(Variants, "follow", stops)
     observed, _ = observations(ramps(1))
     shallow = SolvedResponses(variants, 2.0, None, {"test": 2})
-    library = build_library(shallow, shallow, observed, [SUPPORT], None, 1, Silent(), 0.8, rounded(SOFT[0]))
+    library = build_library(shallow, shallow, observed, [SUPPORT], 1, Silent(), 0.8, rounded(SOFT[0]))
     assert library.missing == {}
     values = {"compliance": 0.3, "at_bones": 0.7}
     assert not np.any(library.relative_change(SUPPORT, values, SOFT, observed))

@@ -11,6 +11,7 @@ from making_diagnosis import GRID, INSTRUMENT, NOISE, TRUTH, ClosedForm, pressed
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
+from legfem.data import segment_all
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.fit import Problem, fit
 from legfem.diagnose.mechanisms.base import prior_of
@@ -24,7 +25,7 @@ ALONE = [Unknown(None, 0.0, 0.0)]
 
 
 def seen(airs: tuple[float, ...], stated: bool = False) -> Observations:
-    return observe(pressed(airs, seed=2), INSTRUMENT, starts_at_contact=stated)
+    return observe(segment_all(pressed(airs, seed=2), INSTRUMENT, stated))
 
 
 def fitted_to(observed: Observations):

@@ -78,7 +78,7 @@ def test_its_derivatives_are_those_of_the_force(solved, mechanism):
 def test_its_table_is_near_full_solutions_between_the_places(solved, mechanism):
     """A full solution confirms what is reported; the table has to find it."""
     observed, _ = observations(ramps(1))
-    library = build_library(solved, solved, observed, [mechanism], None, 1, Silent(), 0.8, rounded(MUSCLE[0]))
+    library = build_library(solved, solved, observed, [mechanism], 1, Silent(), 0.8, rounded(MUSCLE[0]))
     assert library.missing == {}
     at = library.middle, library.middle * float(np.expm1(0.8))
     deep = (observed.displacement > 0.3 * DEPTH) & (observed.displacement < DEPTH)

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from making_stocking import COARSE, laws, short_leg
 
-from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
-from legfem.stocking.leg_model import PARAMETERS, LegModel3D
-from legfem.stocking.pressures import PressureProbe
-from legfem.stocking.vein_intervals import MESH_ERROR, vein_pressure_sd
-from legfem.stocking.veins import default_veins
-from legfem.stocking.worn import FixedPointSettings, WornLeg
+from legfem.stockings.equilibrium import FixedPointSettings, WornLeg
+from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
+from legfem.stockings.leg import default_veins
+from legfem.stockings.leg_model import PARAMETERS, LegModel3D
+from legfem.stockings.pressures import MESH_ERROR, PressureProbe, vein_pressure_sd
 
 KPA = (2.6, 6.0)
 

@@ -26,8 +26,8 @@ from legfem.legs.correction_of_leg import read_fibres
 from legfem.legs.correction_of_leg import read_leg_corrections
 from legfem.legs.correction import read_correction
 from legfem.imaging.volume_file import read_volume
-from legfem.stocking.loading import LEGS
-from legfem.stocking.leg_file import parse_leg_file
+from legfem.stockings.loading import LEGS
+from legfem.stockings.loading import parse_leg_file
 from legfem.study.doe.definition import IDENTIFIED, PAPER, read_definition
 from legfem.legs.loading import SUBJECTS, load_subject
 

@@ -9,6 +9,7 @@ import pytest
 from making_diagnosed import BASE, diagnosed
 from typer.testing import CliRunner
 
+from legfem.data import segment_all
 from legfem.diagnose.mechanisms import Solution
 from legfem.diagnose.observations import observe
 from legfem.legs.correction import read_correction
@@ -57,7 +58,7 @@ def test_recordings_in_3d_are_three_loadings_with_noise():
 
 
 def test_mechanisms_that_the_idealised_leg_lacks_are_missing_with_a_reason():
-    observed = observe(recorded(CURVE), INSTRUMENT, False)
+    observed = observe(segment_all(recorded(CURVE), INSTRUMENT))
     tabulated, missing = offered(observed, read_correction(REFERENCE))
     assert [m.name for m in tabulated] == ["compressibility"]
     assert missing == dict(NOT_OFFERED)

@@ -17,7 +17,7 @@ from legfem.legs.subject import SitedLeg, Subject
 
 if TYPE_CHECKING:
     from legfem.specimens.folder import SpecimenFolder
-    from legfem.stocking.leg import StockingLeg
+    from legfem.stockings.leg import StockingLeg
 
 type Given = str | Path
 """Id of a subject that comes with legfem, or the path of a folder."""
@@ -162,8 +162,8 @@ def load_leg(leg: Given) -> StockingLeg:
     InputError
         If there is no such leg, or anything in the folder is missing or wrong.
     """
-    from legfem.stocking.loading import LEGS
-    from legfem.stocking.loading import load_leg as load_leg_folder
+    from legfem.stockings.loading import LEGS
+    from legfem.stockings.loading import load_leg as load_leg_folder
 
     loaded = load_leg_folder(folder_of(leg, LEGS))
     say(loaded.doubts)

@@ -1,4 +1,4 @@
-"""What the front door returns: one set of ways to look at every result."""
+"""What the front door returns: the same ways to look at every result."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from legfem.api.loading import Given
-from legfem.inverse.laws import LawName
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -18,10 +17,15 @@ if TYPE_CHECKING:
 
     from legfem.experiments.plane_strain import PlaneStrainIndentation
     from legfem.inverse.fit import Fit
+    from legfem.inverse.laws import LawName
+    from legfem.inverse.outcome import JointForward
+    from legfem.legs.forward import PlaneStrainForward
+    from legfem.legs.subject import SitedLeg, Subject
     from legfem.report.web.page import WebPage
+    from legfem.specimens.folder import SpecimenFolder
 
 
-class Found(ABC):
+class Result(ABC):
     """What was found in a leg: the same five ways to look at it for all that is found."""
 
     @abstractmethod
@@ -67,29 +71,19 @@ class Found(ABC):
         )
 
 
-def row(name: str, entry: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a parameter's row of a table, of its entry in a document."""
-    low, high = entry.get("ci95") or (None, None)
-    return {
-        "parameter": name,
-        "value": entry["value"],
-        "low": low,
-        "high": high,
-        "unit": entry["unit"],
-        "identifiability": entry.get("identifiability"),
-    }
-
-
 @dataclass(frozen=True, eq=False)
-class Identified(Found):
-    """Stiffness identified from recordings: of a leg's sites, or of a folder of specimens."""
+class Identification(Result):
+    """Stiffness identified from recordings of a leg, of its sites together, or of specimens."""
 
+    given: Subject | SitedLeg | SpecimenFolder
     fits: tuple[Fit[Any], ...]
-    """One a law; ``found["neo-hookean"]`` is the law's."""
-    _experiment: PlaneStrainIndentation | None = None
+    """One a law."""
+    _section: JointForward[PlaneStrainForward] | None = None
+    jobs: int = 1
+    """Processes that may draw a report."""
 
     def __getitem__(self, law: LawName) -> Fit[Any]:
-        """Return a law's fit; raises KeyError for one that wasn't identified."""
+        """A law's fit; raises KeyError for one that wasn't identified."""
         found = {fit.law: fit for fit in self.fits}
         if law not in found:
             raise KeyError(f"{law!r} was not identified: there is {', '.join(found)}")
@@ -103,36 +97,43 @@ class Identified(Found):
         return preferred(self.fits)
 
     def summary(self) -> str:
-        """Return values, intervals, which law fits better, whether tests agree, and warnings."""
+        """Values, intervals, which law fits better, whether sites agree, how well the rest is predicted, warnings."""
         from legfem.report.identification import kind_of
         from legfem.report.text import brief
 
         return brief(kind_of(self.fits).page(self.fits, None, "", ""))
 
     def document(self) -> dict[str, Any]:
-        """Return what ``result.json`` holds; its laws are members."""
+        """What ``result.json`` holds; its laws are members."""
         from legfem.inverse.document import fit_document
         from legfem.report.identification import kind_of
 
         return fit_document(self.fits, kind_of(self.fits).document)
 
     def plot(self) -> Figure:
-        """Return recordings, model and their difference, for each law."""
+        """Recordings, model and their difference, for each law."""
         from legfem.report.identification import kind_of
 
         return kind_of(self.fits).figure(self.fits)
 
-    def write(self, folder: Given, command: str = "", jobs: int = 1) -> Path:
-        """Write result.json, report.txt, report.html, tables, figures and fields; return report.txt's path."""
+    def write(self, folder: Given) -> Path:
+        """Write result.json, report.txt, report.html, tables, figures and fields; return the path of report.txt."""
         from legfem.report.identification import write_report
+        from legfem.report.web.page import command_line
 
-        return write_report(self.fits, Path(folder), command, self._experiment, jobs)
+        return write_report(self.fits, Path(folder), command_line(), self._experiment, self.jobs)
 
     def to_frame(self) -> pd.DataFrame:
-        """Return the parameters: a row each, with value, 95 % interval, unit and verdict."""
+        """The parameters: a row each, with law, value, 95 % interval, unit and verdict."""
         from legfem.report.tables import estimates_frame
 
         return estimates_frame(self.fits)
+
+    @property
+    def _experiment(self) -> PlaneStrainIndentation | None:
+        """The section of the only site, which a report presses; None of others."""
+        only = self._section is not None and len(self._section.models) == 1
+        return self._section.models[0].experiment if self._section is not None and only else None
 
     def _rows(self) -> Iterator[dict[str, Any]]:
         yield from self.to_frame().to_dict("records")
@@ -140,5 +141,23 @@ class Identified(Found):
     def _page(self) -> WebPage:
         from legfem.report.identification import kind_of, pressed_section_of
 
-        pressed = None if self._experiment is None else pressed_section_of(self.fits, self._experiment)
+        experiment = self._experiment
+        pressed = None if experiment is None else pressed_section_of(self.fits, experiment)
         return kind_of(self.fits).page(self.fits, pressed, "", "")
+
+
+IdentifiedLeg = IdentifiedSites = IdentifiedSpecimen = Identification
+"""Names that the result had when each kind had its own."""
+
+
+def row(name: str, entry: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a parameter's row of a table, of its entry in a document."""
+    low, high = entry.get("ci95") or (None, None)
+    return {
+        "parameter": name,
+        "value": entry["value"],
+        "low": low,
+        "high": high,
+        "unit": entry["unit"],
+        "identifiability": entry.get("identifiability"),
+    }

@@ -15,7 +15,7 @@ from tomlkit.items import Item
 
 from legfem.common.errors import InputError
 from legfem.common.toml_file import FileTable
-from legfem.data.columns import Channels
+from legfem.data.reader import Channels
 
 type Value = str | float | bool | list[float] | None
 

@@ -24,7 +24,7 @@ from legfem.common.versions import legfem_version
 from legfem.data.formats import READERS
 from legfem.legs.schema import SubjectFile
 from legfem.specimens.schema import SpecimenFile
-from legfem.stocking.leg_file import LegFile
+from legfem.stockings.schema import LegFile
 
 DESCRIPTIONS: dict[str, type[FileTable]] = {
     "subject.toml": SubjectFile,

@@ -50,11 +50,12 @@ def look(
     """
     with command_edge(quiet=quiet):
         from legfem.common.documents import write_atomically, write_document
-        from legfem.data.columns import propose, recording_of
+        from legfem.data import Scales, segment
+        from legfem.data.contact import LEG
         from legfem.data.formats import read_sheets
         from legfem.data.formats.sheet import Quantity
-        from legfem.data.quality import ANY_DEPTH, quality_of
-        from legfem.data.reader import MINIMAL_DEPTH_MM
+        from legfem.data.quality import quality_of
+        from legfem.data.reader import propose, recording_of
         from legfem.report.look import LOOK, draw_look, look_document, look_text, recordings_toml
         from legfem.report.web.look import Looked, look_web_page
         from legfem.report.web.page import PAGE, command_line, write_page
@@ -76,14 +77,14 @@ def look(
             twice = next(path for path in files if names.count(path.stem) > 1)
             raise InputError(twice, "name", "two files have it", "give each trial its own name")
         seen, tomls = [], {}
-        minimal_depth = ANY_DEPTH if specimens else MINIMAL_DEPTH_MM
         for path in files:
             sheets = [s for s in read_sheets(path) if sheet is None or s.name == sheet]
             if not sheets:
                 raise InputError(path, "--sheet", f"there is no '{sheet}'", "leave it out to see all")
             proposal = propose(path, sheets, named, sheet)
             recording = recording_of(path, sheets, proposal.channels)
-            seen.append(Looked(recording, proposal, quality_of(recording, minimal_depth)))
+            scales = Scales.of_specimen(recording) if specimens else LEG
+            seen.append(Looked(recording, proposal, quality_of(segment(recording, scales=scales))))
             tomls[path] = recordings_toml(proposal.channels)
         first = files[0]
         other = next((path for path in files if tomls[path] != tomls[first]), None)

@@ -13,8 +13,8 @@ from legfem.meshing.idealised_leg import IdealisedLeg, LegMeshSettings, mesh_leg
 from legfem.meshing.named_mesh import NamedMesh, named_mesh
 from legfem.meshing.section import REGIONS, SectionMeshSettings, mesh_section
 from legfem.meshing.solid_leg import mesh_solid_leg, settings_for_cells
-from legfem.stocking.loading import load_leg
-from legfem.stocking.run import StockingSettings
+from legfem.stockings.loading import load_leg
+from legfem.stockings.result import StockingSettings
 
 
 @dataclass(frozen=True, eq=False)

@@ -101,7 +101,7 @@ def _asked(subject: str | None, folder: Path | None, stocking: str | None, ideal
         )
     from legfem.commands.leg_meshes import idealised_mesh, section_mesh, stocking_mesh
     from legfem.legs.schema import SUBJECTS
-    from legfem.stocking.loading import LEGS
+    from legfem.stockings.loading import LEGS
 
     if idealised:
         return idealised_mesh(finer).mesh

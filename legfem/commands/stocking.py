@@ -45,8 +45,8 @@ def stocking(
         from legfem.commands.options import print_outcome
         from legfem.report.stocking import NUMBERS, write_stocking_report
         from legfem.report.web.page import command_line
-        from legfem.stocking.loading import LEGS, load_leg
-        from legfem.stocking.run import StockingSettings, run_leg
+        from legfem.stockings.loading import LEGS, load_leg
+        from legfem.stockings.result import StockingSettings, run_leg
 
         leg = load_leg(LEGS.named(subject, subject_dir))
         results = out or Path("results") / f"stocking-{leg.id}"

@@ -1,12 +1,12 @@
 """What is measured: instruments' files, recordings, phases, first contact, noise, the mean loading curve."""
 
-from legfem.data.columns import Channel, Channels
-from legfem.data.contact import Contact, find_first_contact
+from legfem.data.contact import Contact, Scales
 from legfem.data.loading_curve import LoadingCurve, mean_loading_curve
 from legfem.data.noise import Instrument, NoiseEstimate, seen_instrument
-from legfem.data.reader import check_recording, read_instrument_file, read_recording
+from legfem.data.quality import check_trial, quality_of
+from legfem.data.reader import Channel, Channels, read_samples
 from legfem.data.recording import Recording, write_recording
-from legfem.data.segmentation import split_phases
+from legfem.data.segmentation import Segmentation, segment, segment_all
 
 __all__ = [
     "Channel",
@@ -16,12 +16,14 @@ __all__ = [
     "LoadingCurve",
     "NoiseEstimate",
     "Recording",
-    "check_recording",
-    "find_first_contact",
+    "Scales",
+    "Segmentation",
+    "check_trial",
     "mean_loading_curve",
-    "read_instrument_file",
-    "read_recording",
+    "quality_of",
+    "read_samples",
     "seen_instrument",
-    "split_phases",
+    "segment",
+    "segment_all",
     "write_recording",
 ]

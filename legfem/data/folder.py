@@ -11,7 +11,7 @@ from pydantic import model_validator
 
 from legfem.common.errors import InputError
 from legfem.common.toml_file import FileTable, Positive, Text, trouble
-from legfem.data.columns import Channel, Channels
+from legfem.data.reader import Channel, Channels
 
 # Half-width of a uniform distribution to its standard deviation.
 _UNIFORM = 1.0 / math.sqrt(3.0)

@@ -10,11 +10,10 @@ from numpy.polynomial import Polynomial
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, frozen_array
-from legfem.data.contact import Contact, contact_at_start, find_first_contact, fit_onset
+from legfem.data.contact import Contact, fit_onset
 from legfem.data.noise import JITTER_LENGTH_MM, WANDER_LENGTH_MM, Expectation, Instrument, NoiseEstimate, estimate_noise
-from legfem.data.recording import Recording
-from legfem.data.segmentation import AIR, LOADING, split_phases
-from legfem.data.smoothing import local_line, sample_noise, smooth_displacement
+from legfem.data.segmentation import AIR, LOADING, Segmentation
+from legfem.data.smoothing import local_line, smooth_displacement
 
 _ALIGNED_WITHIN_MM = 2.0
 
@@ -40,7 +39,7 @@ class Branch:
         return Branch(self.depth[kept], self.force[kept], self.leverage[kept])
 
 
-def loading_branch(recording: Recording, contact: Contact) -> Branch:
+def loading_branch(trial: Segmentation) -> Branch:
     """Return the samples of approach and loading that go deeper than any before.
 
     Raises
@@ -48,7 +47,7 @@ def loading_branch(recording: Recording, contact: Contact) -> Branch:
     InputError
         If there is no loading after contact.
     """
-    labels = split_phases(recording, contact)
+    recording, labels, contact = trial.recording, trial.labels, trial.contact
     loading = labels == LOADING
     index = np.arange(len(labels))
     approach = loading | ((labels == AIR) & (index < np.argmax(loading)))
@@ -59,18 +58,17 @@ def loading_branch(recording: Recording, contact: Contact) -> Branch:
     for start, end in edges.reshape(-1, 2):
         if end - start >= 5:
             part = slice(start, end)
-            smooth[part], leverage[part] = smooth_displacement(recording.time[part], recording.displacement[part])
+            smooth[part], leverage[part] = smooth_displacement(
+                recording.time[part], recording.displacement[part], trial.scales.way
+            )
         else:
             approach[start:end] = False
     depth = smooth - contact.displacement
     reached = np.maximum.accumulate(np.where(approach, depth, -np.inf))
-    virgin = approach & (depth >= reached - sample_noise(recording.displacement))
+    virgin = approach & (depth >= reached - trial.displacement_noise)
     if np.count_nonzero(virgin & (depth >= 0)) < 5:
         raise InputError(
-            recording.source or recording.trial,
-            "displacement_mm",
-            "there is no loading after contact",
-            "press deeper or remove this trial",
+            trial.source, "displacement_mm", "there is no loading after contact", "press deeper or remove this trial"
         )
     order = np.argsort(depth[virgin], kind="stable")
     force = recording.force - contact.baseline
@@ -210,15 +208,13 @@ class LoadingCurve:
         return np.asarray(np.std(self.trial_force, axis=0, ddof=1))
 
 
-def mean_loading_curve(
-    recordings: Sequence[Recording], instrument: Instrument, step: float = 0.25, starts_at_contact: bool = False
-) -> LoadingCurve:
+def mean_loading_curve(trials: Sequence[Segmentation], step: float = 0.25) -> LoadingCurve:
     """Bring repeated trials to one loading curve.
 
     Of each trial the samples count that lie after first contact, belong to loading and go
     deeper than any before. Displacement is smoothed over time (else its noise would flatten the
     curve) and counted from first contact; force is counted from its baseline in air where there
-    was air (see `legfem.data.find_first_contact`). Where there was, the trials are then
+    was air (see `legfem.data.contact.first_contact`). Where there was, the trials are then
     aligned with each other and first contact is found in all of them together. A grid value is
     a straight-line fit within half a step either side: no interpolation of noisy samples. The
     grid ends where the shallowest trial does. The recordings aren't changed.
@@ -230,41 +226,28 @@ def mean_loading_curve(
 
     Parameters
     ----------
-    recordings : sequence of Recording
-        The trials, at least one.
-    instrument : Instrument
-        Standard deviations of a reading.
+    trials : sequence of Segmentation
+        At least one, all of one instrument.
     step : float
         Of the grid, mm.
-    starts_at_contact : bool
-        Whether displacement is known to count from first touch; air isn't looked for then.
 
     Raises
     ------
     InputError
         If there is no recording, or one has too little loading for the grid.
     """
-    if not recordings:
+    if not trials:
         raise InputError("recordings", "*.csv", "there are none", "give at least one trial")
-    contacts = tuple(
-        contact_at_start()
-        if starts_at_contact
-        else find_first_contact(r, instrument.force_sd, instrument.displacement_sd)
-        for r in recordings
-    )
+    instrument, contacts = trials[0].instrument, tuple(one.contact for one in trials)
     branches, common = align_branches(
-        [loading_branch(r, c) for r, c in zip(recordings, contacts, strict=True)],
-        contacts,
-        instrument.displacement_sd,
-        step,
+        [loading_branch(one) for one in trials], contacts, instrument.displacement_sd, step
     )
     deepest = min(float(b.depth[-1]) for b in branches)
     # A trial to 20 mm ends at 19.99 or 20.01 by its sensor: a tenth of a step doesn't count.
     grid = step * np.arange(1, int(np.floor(deepest / step + 0.1)) + 1)
     if len(grid) < 4:
-        shallow = recordings[int(np.argmin([b.depth[-1] for b in branches]))]
         raise InputError(
-            shallow.source or shallow.trial,
+            trials[int(np.argmin([b.depth[-1] for b in branches]))].source,
             "displacement_mm",
             f"{deepest:.2f} mm of loading are too short to identify from",
             "press deeper or take this trial out",
@@ -274,9 +257,9 @@ def mean_loading_curve(
     force = curves.mean(axis=0)
     # For the errors only; a noisy slope would make them look better known than they are.
     slope = Polynomial.fit(grid, force, min(5, len(grid) - 2)).deriv()(grid)
-    white = float(np.sqrt(np.mean([sample_noise(r.force) ** 2 for r in recordings])))
+    white = float(np.sqrt(np.mean([one.force_noise**2 for one in trials])))
     white_variance = white**2 * np.mean([fit.leverage for fit in fits], axis=0)
-    readings = [sample_noise(r.displacement) ** 2 for r in recordings]
+    readings = [one.displacement_noise**2 for one in trials]
     jitter = np.mean(
         [np.interp(grid, b.depth, b.leverage) * variance for b, variance in zip(branches, readings, strict=True)],
         axis=0,
@@ -292,14 +275,14 @@ def mean_loading_curve(
         + np.diag(white_variance)
         + np.outer(drift, drift) * np.exp(-apart / JITTER_LENGTH_MM)
         + np.outer(wander, wander) * np.exp(-apart / WANDER_LENGTH_MM)
-    ) / len(recordings) + noise.common_shift_sd**2 * np.outer(slope, slope)
+    ) / len(trials) + noise.common_shift_sd**2 * np.outer(slope, slope)
     return LoadingCurve(
         displacement=frozen_array(grid),
         force=frozen_array(force),
         force_sd=frozen_array(np.sqrt(np.diag(covariance))),
         covariance=frozen_array(covariance),
         trial_force=frozen_array(curves),
-        n_trials=len(recordings),
+        n_trials=len(trials),
         n_samples=frozen_array(np.sum([fit.count for fit in fits], axis=0)),
         noise=noise,
         contacts=contacts,

@@ -51,6 +51,10 @@ class Instrument:
         return float(np.sqrt(max(whole - jitter_sd**2, _LEAST_WANDER * whole)))
 
 
+UNSTATED = Instrument(0.0, 0.0, stated=False)
+"""Of which nothing is known: a recording's own scatter counts."""
+
+
 def seen_instrument(recordings: Sequence[Recording]) -> Instrument:
     """Return the errors that recordings show from sample to sample, where none are stated.
 

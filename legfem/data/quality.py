@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +10,9 @@ from scipy.ndimage import median_filter
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.data.contact import Contact, find_first_contact
 from legfem.data.plausibility import cut_off
-from legfem.data.reader import MINIMAL_DEPTH_MM, check_recording
 from legfem.data.recording import Recording
-from legfem.data.segmentation import LOADING, split_phases
-from legfem.data.smoothing import sample_noise, smooth_displacement
+from legfem.data.segmentation import LOADING, Segmentation
 
 # Of the force's range; a load cell of 500 N with 16 bit reads a leg's 10 N in steps of 0.15 %.
 _COARSE, _VERY_COARSE = 0.005, 0.02
@@ -26,39 +22,18 @@ _MANY_DROPPED = 0.02
 _DROP_SHARE = 0.05
 _SATURATED_SAMPLES = 10
 _NEIGHBOURS = 9
-ANY_DEPTH = 0.0
-"""mm, of which specimens ask no more."""
+MINIMAL_SAMPLES = 20
+"""Of a loading."""
 GRADES = {"A": "nothing to say", "B": "usable", "C": "look at it first", "D": "not to be used"}
 """What grades mean."""
 BEST_GRADE = "A"
 
 
 @dataclass(frozen=True)
-class Part:
-    """A phase of a recording."""
-
-    phase: str
-    start: float
-    """s."""
-    end: float
-    """s."""
-    first: float
-    """mm."""
-    last: float
-    """mm."""
-
-    @property
-    def rate(self) -> float:
-        """Speed, mm/s."""
-        return (self.last - self.first) / max(self.end - self.start, 1e-12)
-
-
-@dataclass(frozen=True)
 class Quality:
     """What a recording shows of its instrument."""
 
-    parts: tuple[Part, ...]
-    contact: Contact
+    trial: Segmentation
     sampling: float
     """Hz."""
     dropped: int
@@ -67,10 +42,6 @@ class Quality:
     """Smallest step of the force, N."""
     displacement_step: float
     """Smallest step of the displacement, mm."""
-    force_noise: float
-    """N, from sample to sample."""
-    displacement_noise: float
-    """mm, from sample to sample."""
     saturated: int
     """Samples of the longest stretch at exactly the greatest or smallest force, or at the end of
     the loading with a force that is level within its noise."""
@@ -81,42 +52,19 @@ class Quality:
     reasons: tuple[str, ...]
 
 
-def quality_of(recording: Recording, minimal_depth: float = MINIMAL_DEPTH_MM) -> Quality:
-    """Return what a recording shows of its instrument, and a grade of it.
-
-    Parameters
-    ----------
-    recording
-        Of one trial.
-    minimal_depth
-        mm, less of which after contact shows no stiffness: of a leg; `ANY_DEPTH` for a specimen.
-    """
-    contact = find_first_contact(recording)
-    labels = split_phases(recording, contact)
-    smooth, _ = smooth_displacement(recording.time, recording.displacement)
-    edges = [0, *(int(k) + 1 for k in np.flatnonzero(labels[1:] != labels[:-1])), len(labels)]
-    parts = tuple(
-        Part(
-            str(labels[a]),
-            float(recording.time[a]),
-            float(recording.time[b - 1]),
-            float(smooth[a]),
-            float(smooth[b - 1]),
-        )
-        for a, b in pairwise(edges)
-    )
+def quality_of(trial: Segmentation) -> Quality:
+    """Return what a recording shows of its instrument, and a grade of it."""
+    recording, in_loading, force_noise = trial.recording, trial.labels == LOADING, trial.force_noise
     steps = np.diff(recording.time)
     step = float(np.median(steps))
     # Beside their neighbours: an instrument may sample a hold more slowly than the loading.
     near = median_filter(steps, _NEIGHBOURS, mode="nearest")
     dropped = int(np.sum(np.maximum(np.round(steps / near) - 1, 0)))
     span = float(np.ptp(recording.force))
-    force_noise = sample_noise(recording.force)
-    in_loading = labels == LOADING
     saturated = max(
         _at_rail(recording.force, 1.0),
         _at_rail(recording.force, -1.0),
-        _level_at_end(smooth[in_loading], recording.force[in_loading]),
+        _level_at_end(trial.smooth[in_loading], recording.force[in_loading]),
     )
     found = (_smallest_step(recording.force), _smallest_step(recording.displacement))
     drops = _drops(recording, in_loading, force_noise)
@@ -128,7 +76,7 @@ def quality_of(recording: Recording, minimal_depth: float = MINIMAL_DEPTH_MM) ->
             judged.append(("C" if value > much else "B", reason))
 
     try:
-        check_recording(recording, minimal_depth)
+        check_trial(trial)
     except InputError as error:
         judged.append(("D", f"{error.field}: {error.problem}"))
     if saturated >= _SATURATED_SAMPLES:
@@ -151,13 +99,10 @@ def quality_of(recording: Recording, minimal_depth: float = MINIMAL_DEPTH_MM) ->
     )
     judge(-loading, -_FEW_SAMPLES, -_VERY_FEW_SAMPLES, f"only {loading} samples of loading")
     return Quality(
-        parts,
-        contact,
+        trial,
         1 / step,
         dropped,
         *found,
-        force_noise,
-        sample_noise(recording.displacement),
         saturated,
         drops,
         max((grade for grade, _ in judged), default=BEST_GRADE),
@@ -198,3 +143,81 @@ def _drops(recording: Recording, loading: NDArray[np.bool_], noise: float) -> tu
     least = max(_DROP_SHARE * float(np.ptp(recording.force)), 8.0 * noise)
     sudden = np.flatnonzero((change < -least) & loading[1:] & loading[:-1])
     return tuple(float(t) for t in recording.time[sudden + 1])
+
+
+def check_trial(trial: Segmentation) -> None:
+    """Check that a stiffness can be identified from a trial.
+
+    Raises
+    ------
+    InputError
+        If the trial has fewer than 20 samples of loading, or less of it after contact than its scales ask for,
+        starts backwards, never touches, has tension for compression, or seems to be in other units.
+    """
+    source, recording, smooth = trial.source, trial.recording, trial.smooth
+    if len(recording) < MINIMAL_SAMPLES:
+        raise InputError(
+            source, "rows", f"{len(recording)} samples are too few", f"record at least {MINIMAL_SAMPLES} during loading"
+        )
+    _check_motion(trial)
+    _check_touch(trial)
+    contact, way = trial.detected.displacement, trial.scales.way
+    depth = float(smooth[trial.deepest]) - contact
+    # Smoothing and contact are known to about the reading's noise: don't refuse for that.
+    if depth < trial.scales.depth - 0.1 * way:
+        raise InputError(
+            source,
+            "displacement_mm",
+            f"{depth:.1f} mm of loading after contact are too short to identify from",
+            f"press at least {trial.scales.depth:g} mm beyond first touch",
+        )
+    samples = int(np.count_nonzero(smooth[: trial.deepest + 1] > contact))
+    if samples < MINIMAL_SAMPLES:
+        raise InputError(
+            source,
+            "rows",
+            f"{samples} samples of loading after contact are too few",
+            f"record at least {MINIMAL_SAMPLES}: sample faster or press more slowly",
+        )
+
+
+def _check_motion(trial: Segmentation) -> None:
+    away = trial.smooth - trial.smooth[0]
+    travel, way = float(np.ptp(trial.smooth)), trial.scales.way
+    if travel < 0.1 * way:
+        raise InputError(
+            trial.source,
+            "displacement_mm",
+            f"the cylinder moves {travel:.3g} mm in all",
+            "give displacement in mm (multiply metres by 1000), or record a deeper press",
+        )
+    first = np.flatnonzero(np.abs(away) > max(0.5 * way, 5.0 * trial.displacement_noise))
+    if len(first) and away[first[0]] < 0:
+        raise InputError(
+            trial.source,
+            "displacement_mm",
+            "falls at the start",
+            "let it grow towards the leg: change its sign or remove rows of moving away",
+        )
+
+
+def _check_touch(trial: Segmentation) -> None:
+    smooth, force, spread, least = trial.smooth, trial.recording.force, trial.force_noise, trial.scales.rise
+    low, high = float(smooth.min()), float(smooth.max())
+    before = max(3, int(np.argmax(smooth - smooth[0] > 0.05 * (high - low))))
+    rise = float(np.median(force[smooth >= high - 0.05 * (high - low)])) - float(np.median(force[:before]))
+    if rise < -5.0 * max(spread, 0.04 * least):
+        raise InputError(
+            trial.source,
+            "force_N",
+            f"falls by {-rise:.3g} N as the cylinder presses (tension)",
+            "change its sign: force is positive in compression",
+        )
+    if rise <= max(5.0 * spread, least):
+        hint = " or give force in N (multiply kN by 1000)" if 0 < rise < least else ""
+        raise InputError(
+            trial.source,
+            "force_N",
+            f"never touches: the force rises by {rise:.3g} N only, its noise is {spread:.2g} N",
+            f"remove this trial, or record it until the cylinder presses the leg{hint}",
+        )

@@ -1,47 +1,285 @@
-"""Reading ``recordings/*.csv``: ``time_s,displacement_mm,force_N``; and instruments' files."""
+"""Reading a recording: which columns are time, displacement and force, in which units and directions."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from legfem.common.errors import InputError
 from legfem.common.tables import read_table
-from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG
-from legfem.data.columns import Channels, recording_of
-from legfem.data.contact import find_first_contact
+from legfem.common.units import MPA_PER_KPA, MPA_PER_MMHG, FloatArray
 from legfem.data.formats import read_sheets
+from legfem.data.formats.sheet import OWN, Column, Quantity, Sheet, Unit, unit_named
 from legfem.data.recording import Recording, backwards, not_increasing
-from legfem.data.smoothing import sample_noise, smooth_displacement
 
-HEADER = ("time_s", "displacement_mm", "force_N")
-MINIMAL_DEPTH_MM = 5.0
-MINIMAL_SAMPLES = 20
-# A leg pressed by some mm answers with tenths of a newton at least.
-MINIMAL_RISE_N = 0.05
+QUANTITIES: tuple[Quantity, ...] = ("time", "displacement", "force")
+_WORDS: dict[Quantity, str] = {
+    "time": r"time|zeit|temps|tiempo|tempo|^t$|x_value",
+    "displacement": r"disp|extension|position|crosshead|travers|weg|stroke|travel|indentation|depth"
+    r"|déplacement|deplacement|verschiebung|spostamento|desplazamiento|^d$|^z$",
+    "force": r"force|load|kraft|last|fuerza|forza|^f[xyz]?$",
+}
+# How sure the force has to follow the displacement for their directions to be told.
+_LEAST_CORRELATION = 0.6
 
 
-def read_recording(path: Path, minimal_depth: float = MINIMAL_DEPTH_MM) -> Recording:
-    """Read one trial and check that a stiffness can be identified from it.
+@dataclass(frozen=True)
+class Channel:
+    """Where a quantity is found, and how it becomes legfem's: s, mm and N."""
 
-    Parameters
-    ----------
-    path : Path
-        CSV file with the header ``time_s,displacement_mm,force_N``; force is positive in
-        compression, displacement grows towards the leg.
-    minimal_depth : float
-        Least depth of loading after contact, mm.
+    column: str
+    unit: str
+    sign: int = 1
+    """-1 where displacement falls as the indenter goes towards the leg, or compression is
+    negative."""
+
+
+@dataclass(frozen=True)
+class Channels:
+    """Where a recording's three quantities are found."""
+
+    time: Channel
+    displacement: Channel
+    force: Channel
+    sheet: str | None = None
+    """Sheet of a workbook or group of a file, where there are several."""
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """Channels that were found, and why each is taken for what it is."""
+
+    channels: Channels
+    reasons: tuple[str, ...]
+
+
+def recording_of(path: Path, sheets: Sequence[Sheet], channels: Channels, area: float | None = None) -> Recording:
+    """Return the recording in a file's tables.
+
+    With an area (mm2) the force's channel is of a pressure on it.
 
     Raises
     ------
     InputError
-        If the table can't be read (see `legfem.common.tables.read_table`) or the trial can't be
-        used (see `check_recording`).
+        If a sheet, column or unit isn't there, or time doesn't increase.
     """
-    recording = read_samples(path)
-    check_recording(recording, minimal_depth)
-    return recording
+    sheet = _sheet_named(path, sheets, channels.sheet)
+    values = {q: _converted(path, sheet, q, getattr(channels, q), area) for q in QUANTITIES}
+    time = values["time"]
+    if not all(np.isfinite(v).all() for v in values.values()):
+        raise InputError(path, "rows", "numbers that aren't finite", "take those rows out")
+    rows = not_increasing(time)
+    if rows:
+        raise InputError(
+            path,
+            f"'{channels.time.column}', row {rows[0] + 1} of {len(time)}",
+            f"{backwards(time, rows[0])}; {len(rows)} such rows)",
+            "keep one trial a file, and record time finely enough to tell samples apart",
+        )
+    return Recording(time, values["displacement"], values["force"], path.stem, path)
+
+
+def propose(
+    path: Path, sheets: Sequence[Sheet], given: dict[Quantity, str] | None = None, named: str | None = None
+) -> Proposal:
+    """Find the columns, units and directions of a pressing test in a file's tables.
+
+    A column is taken by its unit or its name; what can't be told is refused, not guessed. The
+    directions are those in which the indenter presses: the force changes as it moves away from
+    where it began.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file, for errors.
+    sheets : sequence of Sheet
+        Its tables.
+    given : dict, optional
+        ``NAME`` or ``NAME:UNIT`` of columns that a user named.
+    named : str, optional
+        The table, where a user named it.
+
+    Raises
+    ------
+    InputError
+        If a quantity has no column, or several that differ, or no unit; if several tables hold
+        recordings; if directions can't be told.
+    """
+    given = given or {}
+    usable, why = [], None
+    for sheet in sheets:
+        try:
+            usable.append((sheet, [_found(path, sheet, q, given.get(q)) for q in QUANTITIES]))
+        except InputError as error:
+            why = why or error
+    if not usable:
+        assert why is not None
+        raise why
+    if len(usable) > 1:
+        names = ", ".join(f"'{sheet.name}'" for sheet, _ in usable)
+        raise InputError(
+            path,
+            "recordings.sheet",
+            f"{len(usable)} tables hold recordings: {names}",
+            "keep one trial a file, or name one with --sheet",
+        )
+    sheet, found = usable[0]
+    (time, _), (displacement, _), (force, _) = found
+    reasons = [*sheet.remarks, *(reason for _, reason in found)]
+    plain = Channels(time, displacement, force, sheet.name if len(sheets) > 1 else named)
+    recording = recording_of(path, sheets, plain)
+    d_sign, f_sign, reason = _directions(path, recording)
+    channels = Channels(
+        time,
+        Channel(displacement.column, displacement.unit, d_sign),
+        Channel(force.column, force.unit, f_sign),
+        plain.sheet,
+    )
+    return Proposal(channels, (*reasons, reason))
+
+
+def _sheet_named(path: Path, sheets: Sequence[Sheet], name: str | None) -> Sheet:
+    if name is None and len(sheets) == 1:
+        return sheets[0]
+    found = [sheet for sheet in sheets if sheet.name == name]
+    if len(found) == 1:
+        return found[0]
+    names = ", ".join(f"'{sheet.name}'" for sheet in sheets)
+    raise InputError(path, "recordings.sheet", f"there is no one table {name!r}", f"name of {names}")
+
+
+def _converted(path: Path, sheet: Sheet, quantity: Quantity, channel: Channel, area: float | None) -> FloatArray:
+    unit = unit_named(channel.unit)
+    field = f"recordings.{quantity}"
+    measured: Quantity = "pressure" if quantity == "force" and area is not None else quantity
+    if unit is None or unit.quantity != measured:
+        raise InputError(
+            path,
+            f"{field}.unit",
+            f"'{channel.unit}' is no unit of {measured}",
+            f"give {OWN[measured]} or a multiple of it",
+        )
+    columns = [c for c in sheet.columns if c.name == channel.column]
+    if len(columns) != 1:
+        names = ", ".join(f"'{c.name}'" for c in sheet.columns)
+        many = f"{len(columns)} columns '{channel.column}'" if columns else "there is no column "
+        raise InputError(
+            path, f"{field}.column", many if columns else f"{many}'{channel.column}'", f"give one of {names}"
+        )
+    stated = unit_named(columns[0].unit) if columns[0].unit else None
+    if stated is not None and stated != unit:
+        raise InputError(
+            path,
+            f"{field}.unit",
+            f"'{channel.unit}', but the file says '{columns[0].unit}'",
+            "give the file's unit, or correct the file",
+        )
+    size = area if measured == "pressure" and area is not None else 1.0
+    return columns[0].values * size * unit.factor * channel.sign
+
+
+def _found(path: Path, sheet: Sheet, quantity: Quantity, given: str | None) -> tuple[Channel, str]:
+    if given is not None:
+        name, _, unit = given.partition(":")
+        columns = [c for c in sheet.columns if c.name == name]
+        if len(columns) != 1 or not (unit or columns[0].unit):
+            names = ", ".join(f"'{c.name}'" for c in sheet.columns)
+            missing = "has no unit" if columns else "is no column of the file"
+            raise InputError(path, f"--{quantity}", f"'{name}' {missing}", f"give NAME:UNIT of {names}")
+        channel = Channel(name, unit or str(columns[0].unit))
+        return channel, f"{quantity}: '{name}' in {channel.unit}, as you say"
+    candidates = [c for c in sheet.columns if _may_be(c, quantity)]
+    names = ", ".join(f"'{c.name}'" for c in sheet.columns)
+    if not candidates:
+        alike = [c for c in sheet.columns if re.search(_WORDS[quantity], c.name, re.IGNORECASE)]
+        why = f"no column is named, or has a unit, like it (of {names})"
+        if alike:
+            why = f"'{alike[0].unit}' of '{alike[0].name}' is no unit of {quantity}"
+        raise InputError(path, f"recordings.{quantity}", why, f"name it with --{quantity} NAME:UNIT")
+    named = [c for c in candidates if re.search(_WORDS[quantity], c.name, re.IGNORECASE)]
+    chosen, others = (named or candidates)[0], (named or candidates)[1:]
+    differing = [c.name for c in others if not _same_signal(c.values, chosen.values)]
+    if differing:
+        told = ", ".join(f"'{n}'" for n in (chosen.name, *differing))
+        raise InputError(
+            path,
+            f"recordings.{quantity}",
+            f"may be any of {told}, which differ",
+            f"name it with --{quantity} NAME:UNIT",
+        )
+    if not chosen.unit:
+        raise InputError(
+            path,
+            f"recordings.{quantity}.unit",
+            f"column '{chosen.name}' states no unit",
+            f"give it with --{quantity} '{chosen.name}:{OWN[quantity]}', if it is that",
+        )
+    if unit_named(chosen.unit) is None:
+        raise InputError(
+            path,
+            f"recordings.{quantity}.unit",
+            f"'{chosen.unit}' of '{chosen.name}' isn't known",
+            f"give it with --{quantity} '{chosen.name}:UNIT' in multiples of {OWN[quantity]}",
+        )
+    same = f"; {len(others)} more say the same" if others else ""
+    why = "name and unit" if named else "unit"
+    passed = [c.name for c in candidates if named and c not in named]
+    if passed:
+        same += "; passed over, by their names: " + ", ".join(f"'{name}'" for name in passed)
+    return Channel(chosen.name, chosen.unit), (f"{quantity}: '{chosen.name}' in {chosen.unit}, by its {why}{same}")
+
+
+def _may_be(column: Column, quantity: Quantity) -> bool:
+    """Tell whether a column may be a quantity, by its unit; by its name where that says nothing."""
+    unit: Unit | None = unit_named(column.unit) if column.unit else None
+    if unit is not None:
+        return unit.quantity == quantity
+    return re.search(_WORDS[quantity], column.name, re.IGNORECASE) is not None
+
+
+def _same_signal(a: FloatArray, b: FloatArray) -> bool:
+    """Tell whether one signal is the other but for sign, scale and zero."""
+    if np.ptp(a) == 0 or np.ptp(b) == 0:
+        return bool(np.ptp(a) == np.ptp(b) == 0)
+    return bool(abs(np.corrcoef(a, b)[0, 1]) > 1 - 1e-6)
+
+
+def _directions(path: Path, recording: Recording) -> tuple[int, int, str]:
+    """Return the signs with which displacement and force grow in the first press, and why."""
+    d, f = recording.displacement, recording.force
+    few = max(3, len(d) // 200)
+    away = d - np.median(d[:few])
+    change = f - np.median(f[:few])
+    turned = int(np.argmax(np.abs(away) > 0.9 * np.abs(away).max())) + 1
+    if turned < 5 or np.ptp(away[:turned]) == 0 or np.ptp(change[:turned]) == 0:
+        raise InputError(path, "recordings", "displacement or force doesn't change", "record a whole press")
+    together = float(np.corrcoef(away[:turned], change[:turned])[0, 1])
+    if abs(together) < _LEAST_CORRELATION:
+        raise InputError(
+            path,
+            "recordings.force",
+            f"it doesn't follow the displacement (correlation {together:.2f}), so that directions can't be told",
+            "look at the file: does the indenter touch, and are these the right columns?",
+        )
+    d_sign = int(np.sign(away[turned - 1]))
+    f_sign = int(np.sign(together)) * d_sign
+    moves = f"it moves by {away[turned - 1]:+.3g} mm"
+    reads = f"the force changes by {change[:turned][np.argmax(np.abs(change[:turned]))]:+.3g} N"
+    return (
+        d_sign,
+        f_sign,
+        (
+            f"directions: {moves} as {reads}, and the test is a press: "
+            f"sign {d_sign:+d} of displacement, {f_sign:+d} of force"
+        ),
+    )
+
+
+HEADER = ("time_s", "displacement_mm", "force_N")
 
 
 def read_samples(path: Path, channels: Channels | None = None, area: float | None = None) -> Recording:
@@ -60,7 +298,7 @@ def read_samples(path: Path, channels: Channels | None = None, area: float | Non
     Raises
     ------
     InputError
-        As `read_recording` does for the table, or if the file lacks what ``channels`` name.
+        If the table can't be read (see `legfem.common.tables.read_table`), or if the file lacks what ``channels`` name.
     """
     path = Path(path)
     if channels is not None:
@@ -94,103 +332,3 @@ def _pressure_column(path: Path) -> tuple[str, float]:
     first = path.read_bytes()[:200].split(b"\n")[0].decode("utf-8", "replace") if path.is_file() else ""
     unit = next((unit for unit in factors if f"pressure_{unit}" in first), "kPa")
     return f"pressure_{unit}", factors[unit]
-
-
-def read_instrument_file(path: Path, channels: Channels, minimal_depth: float = MINIMAL_DEPTH_MM) -> Recording:
-    """Read one trial from an instrument's file and check that it can be used.
-
-    Raises
-    ------
-    InputError
-        If the file can't be read, lacks what ``channels`` name, or the trial can't be used.
-    """
-    recording = read_samples(path, channels)
-    check_recording(recording, minimal_depth)
-    return recording
-
-
-def check_recording(recording: Recording, minimal_depth: float = MINIMAL_DEPTH_MM) -> None:
-    """Check that a stiffness can be identified from a trial.
-
-    Raises
-    ------
-    InputError
-        If the trial has fewer than 20 samples of loading or less than ``minimal_depth`` mm of
-        it after contact, starts backwards, never touches, has tension for compression, or
-        seems to be in other units.
-    """
-    source = recording.source or recording.trial
-    if len(recording) < MINIMAL_SAMPLES:
-        raise InputError(
-            source, "rows", f"{len(recording)} samples are too few", f"record at least {MINIMAL_SAMPLES} during loading"
-        )
-    _check_motion(recording, source)
-    _check_touch(recording, source)
-    contact = find_first_contact(recording)
-    smooth, _ = smooth_displacement(recording.time, recording.displacement)
-    deepest = int(np.argmax(smooth))
-    depth = float(smooth[deepest]) - contact.displacement
-    # Smoothing and contact are known to about the reading's noise: don't refuse for that.
-    if depth < minimal_depth - 0.1:
-        raise InputError(
-            source,
-            "displacement_mm",
-            f"{depth:.1f} mm of loading after contact are too short to identify from",
-            f"press at least {minimal_depth:g} mm beyond first touch",
-        )
-    samples = int(np.count_nonzero(smooth[: deepest + 1] > contact.displacement))
-    if samples < MINIMAL_SAMPLES:
-        raise InputError(
-            source,
-            "rows",
-            f"{samples} samples of loading after contact are too few",
-            f"record at least {MINIMAL_SAMPLES}: sample faster or press more slowly",
-        )
-
-
-def _check_motion(recording: Recording, source: str | Path) -> None:
-    noise = sample_noise(recording.displacement)
-    smooth, _ = smooth_displacement(recording.time, recording.displacement)
-    away = smooth - smooth[0]
-    travel = float(np.ptp(smooth))
-    if travel < 0.1:
-        raise InputError(
-            source,
-            "displacement_mm",
-            f"the cylinder moves {travel:.3g} mm in all",
-            "give displacement in mm (multiply metres by 1000), or record a deeper press",
-        )
-    moved = max(0.5, 5.0 * noise)
-    first = np.flatnonzero(np.abs(away) > moved)
-    if len(first) and away[first[0]] < 0:
-        raise InputError(
-            source,
-            "displacement_mm",
-            "falls at the start",
-            "let it grow towards the leg: change its sign or remove rows of moving away",
-        )
-
-
-def _check_touch(recording: Recording, source: str | Path) -> None:
-    smooth, _ = smooth_displacement(recording.time, recording.displacement)
-    low, high = float(smooth.min()), float(smooth.max())
-    before = max(3, int(np.argmax(smooth - smooth[0] > 0.05 * (high - low))))
-    rest = float(np.median(recording.force[:before]))
-    deep = recording.force[smooth >= high - 0.05 * (high - low)]
-    rise = float(np.median(deep)) - rest
-    spread = sample_noise(recording.force)
-    if rise < -5.0 * max(spread, 0.002):
-        raise InputError(
-            source,
-            "force_N",
-            f"falls by {-rise:.3g} N as the cylinder presses (tension)",
-            "change its sign: force is positive in compression",
-        )
-    if rise < max(5.0 * spread, MINIMAL_RISE_N):
-        hint = " or give force in N (multiply kN by 1000)" if 0 < rise < MINIMAL_RISE_N else ""
-        raise InputError(
-            source,
-            "force_N",
-            f"never touches: the force rises by {rise:.3g} N only, its noise is {spread:.2g} N",
-            f"remove this trial, or record it until the cylinder presses the leg{hint}",
-        )

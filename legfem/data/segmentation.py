@@ -1,14 +1,22 @@
-"""Loading, hold, unloading and air."""
+"""One reading of a recording: its first contact and noise, its phases, and its segments.
+
+Whatever looks at a recording (preview, plausibility, identification, diagnosis, specimens) looks at its `Segmentation`.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.data.contact import Contact, find_first_contact, fit_onset
+from legfem.data.contact import LEG, Contact, Scales, contact_at_start, first_contact, fit_onset
+from legfem.data.noise import UNSTATED, Instrument
 from legfem.data.recording import Recording
 from legfem.data.smoothing import (
     STILL,
@@ -23,38 +31,328 @@ from legfem.data.smoothing import (
 LOADING, HOLD, UNLOADING, AIR = "loading", "hold", "unloading", "air"
 # A still stretch of less way than this share of the recording's holds whatever its speed.
 _HELD_SHARE = 0.05
+_SHORTEST_SEGMENT = 8
+_CORNER = 0.1
+"""Of a way of `Scales`."""
 
 
-def split_phases(recording: Recording, contact: Contact | None = None) -> NDArray[np.str_]:
-    """Label every sample ``loading``, ``hold``, ``unloading`` or ``air``.
+@dataclass(frozen=True)
+class Part:
+    """A phase of a recording, by the recording's own time and displacement."""
+
+    phase: str
+    start: float
+    """s."""
+    end: float
+    """s."""
+    first: float
+    """mm."""
+    last: float
+    """mm."""
+
+    @property
+    def rate(self) -> float:
+        """Speed, mm/s."""
+        return (self.last - self.first) / max(self.end - self.start, 1e-12)
+
+
+@dataclass(frozen=True, eq=False)
+class Loading:
+    """A trial's way from its start to its deepest point; arrays are (n,)."""
+
+    displacement: FloatArray
+    """mm after first contact, smoothed."""
+    force: FloatArray
+    """N above the baseline."""
+    speed: float
+    """mm/s, between a fifth and four fifths of the depth."""
+
+    @property
+    def depth(self) -> float:
+        """Greatest displacement, mm."""
+        return float(self.displacement[-1])
+
+    def force_near(self, displacement: float) -> float:
+        """Return the mean force within a quarter of a millimetre of a displacement, N."""
+        near = np.abs(self.displacement - displacement) <= 0.25
+        if not near.any():
+            near = np.zeros(len(near), bool)
+            near[int(np.argmin(np.abs(self.displacement - displacement)))] = True
+        return float(self.force[near].mean())
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """A stretch of one trial in one phase; arrays are (k,), of none while it is in air."""
+
+    phase: str
+    time: FloatArray
+    """s since first contact."""
+    displacement: FloatArray
+    """mm after first contact, smoothed over time."""
+    force: FloatArray
+    """N above the baseline."""
+    leverage: FloatArray
+    """Variance of the smoothed displacement over that of one reading."""
+    duration: float
+    """s, with the ends next to other segments that the arrays leave out."""
+    end: float
+    """mm after first contact, where it ends."""
+    corner: float = _CORNER
+    """mm next to other segments that the arrays leave out."""
+
+    @property
+    def depth(self) -> float:
+        """Greatest displacement, mm, of a corner too if the arrays leave much of it out."""
+        deepest = float(self.displacement.max(initial=0.0))
+        return self.end if self.end > deepest + 2 * self.corner else deepest
+
+    @property
+    def rate(self) -> float:
+        """Speed by a straight line, mm/s; negative in unloading."""
+        return float(np.polyfit(self.time, self.displacement, 1)[0])
+
+    @property
+    def changes_speed(self) -> bool:
+        """Whether a moving segment was driven at more than one speed."""
+        if self.phase in (HOLD, AIR):
+            return False
+        line = np.polynomial.Polynomial.fit(self.time, self.displacement, 1)
+        away = np.abs(self.displacement - line(self.time)).max()
+        return bool(away > 0.03 * np.ptp(self.displacement))
+
+
+@dataclass(frozen=True, eq=False)
+class Segmentation:
+    """A recording as it is read: `segment` makes it; arrays are (n,) as the recording's.
+
+    What is looked for in it is found when it is first asked for, and kept.
+    """
+
+    recording: Recording
+    contact: Contact
+    """Where it touches first, by the recording's own displacement."""
+    smooth: FloatArray = field(repr=False)
+    """Displacement smoothed over time, mm."""
+    instrument: Instrument = UNSTATED
+    scales: Scales = LEG
+
+    @property
+    def name(self) -> str:
+        """Name of the trial."""
+        return self.recording.trial
+
+    @property
+    def source(self) -> str:
+        """File, or the trial's name without one: what a refusal begins with."""
+        return str(self.recording.source or self.recording.trial)
+
+    @cached_property
+    def force_noise(self) -> float:
+        """Standard deviation of the force from sample to sample, N."""
+        return sample_noise(self.recording.force)
+
+    @cached_property
+    def displacement_noise(self) -> float:
+        """Standard deviation of the displacement from sample to sample, mm."""
+        return sample_noise(self.recording.displacement)
+
+    @cached_property
+    def detected(self) -> Contact:
+        """First contact as the recording by itself shows it, whatever is said of it."""
+        known = self.instrument
+        return first_contact(self.smooth, self.recording, known.force_sd, known.displacement_sd, self.scales)
+
+    def touching(self, contact: Contact) -> Segmentation:
+        """Return the same recording with another first contact."""
+        return replace(self, contact=contact)
+
+    @cached_property
+    def labels(self) -> NDArray[np.str_]:
+        """Every sample's phase: ``loading``, ``hold``, ``unloading`` or ``air``.
+
+        The velocity, from straight lines over a window wide enough for the sensor's noise,
+        gives the phases; their corners are then fitted. Before first contact, and after the
+        force has come back to its baseline, the indenter is in air.
+        """
+        t, d = self.recording.time, without_outliers(self.recording.displacement)
+        motion = _motion(t, d, max(_HELD_SHARE * float(np.ptp(d)), 5.0 * sample_noise(d)), self.scales.way)
+        labels = np.array([UNLOADING, HOLD, LOADING])[motion + 1].astype("<U9")
+        touched = np.flatnonzero(self.smooth >= self.contact.displacement)
+        if self.contact.in_air:
+            labels[: touched[0] if len(touched) else len(labels)] = AIR
+        _mark_separation(self, labels)
+        return labels
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """The phases one after the other; a motion begins and ends where the hold beside it is."""
+        time, d, runs = self.recording.time, self.recording.displacement, _runs(self.labels)
+        ends = self.smooth.copy()
+        for start, end in (run for run in runs if self.labels[run[0]] == HOLD):
+            few = max(1, (end - start) // 5)
+            first, last = float(np.median(d[start : start + few])), float(np.median(d[end - few : end]))
+            ends[max(start - 1, 0) : start + 1], ends[end - 1 : end + 1] = first, last
+        return tuple(
+            Part(str(self.labels[a]), float(time[a]), float(time[b - 1]), float(ends[a]), float(ends[b - 1]))
+            for a, b in runs
+        )
+
+    @cached_property
+    def deepest(self) -> int:
+        """Sample of the greatest displacement."""
+        return int(np.argmax(self.smooth))
+
+    @cached_property
+    def loading(self) -> Loading:
+        """All up to the greatest displacement."""
+        end = self.deepest + 1
+        d = self.smooth[:end] - self.contact.displacement
+        low, high = (int(np.argmax(d >= share * d[-1])) for share in (0.2, 0.8))
+        taken = float(self.recording.time[high] - self.recording.time[low])
+        speed = float(d[high] - d[low]) / taken if taken > 0 else np.inf
+        return Loading(d, self.recording.force[:end] - self.contact.baseline, speed)
+
+    @property
+    def segments(self) -> tuple[Segment, ...]:
+        """Loading, holds and unloading, counted from first contact.
+
+        Raises
+        ------
+        InputError
+            If there is no loading after contact, or too few samples of it.
+        """
+        return self._segments[0]
+
+    @property
+    def pressed_again(self) -> bool:
+        """Whether the skin was left and pressed once more, which the segments leave out."""
+        return self._segments[1]
+
+    @property
+    def phases(self) -> tuple[str, ...]:
+        """Names of the segments' phases in order."""
+        return tuple(segment.phase for segment in self.segments)
+
+    @cached_property
+    def depth(self) -> float:
+        """Greatest displacement of the segments after contact, mm."""
+        return max(segment.depth for segment in self.segments)
+
+    @property
+    def reach(self) -> float:
+        """Greatest displacement that was recorded, air included, mm."""
+        return self.depth + self.contact.displacement
+
+    @cached_property
+    def _segments(self) -> tuple[tuple[Segment, ...], bool]:
+        recording, labels, contact, smoothed = self.recording, self.labels, self.contact, self.smooth
+        deepest = float(recording.displacement.max()) - contact.displacement
+        least = least_way(recording.displacement, self.scales.way)
+        segments: list[Segment] = []
+        start_time, left, pressed_again = 0.0, False, False
+        for start, end in _runs(labels):
+            phase = str(labels[start])
+            if phase == AIR:
+                if segments:
+                    out = smoothed[start:end]
+                    rises = float((out - np.minimum.accumulate(out)).max())
+                    pressed_again = pressed_again or rises > 0.5 * deepest
+                    lowest = float(out.min()) - contact.displacement
+                    level = lowest if lowest > 0.05 * deepest else 0.0
+                    segments[-1], left = replace(segments[-1], end=level), True
+                continue
+            if end - start < _SHORTEST_SEGMENT:
+                if phase == LOADING and not segments:
+                    raise InputError(
+                        recording.source or recording.trial,
+                        "rows",
+                        f"{end - start} samples of the first loading are too few",
+                        "sample faster or press more slowly",
+                    )
+                continue
+            corner = _CORNER * self.scales.way
+            part = _within_corners(recording, phase, start, end, corner)
+            if part.stop - part.start < _SHORTEST_SEGMENT:
+                continue
+            time, raw = recording.time[part], recording.displacement[part]
+            smooth, leverage = (
+                (np.full_like(raw, raw.mean()), np.full_like(raw, 1.0 / len(raw)))
+                if phase == HOLD
+                else smooth_displacement(time, raw, self.scales.way)
+            )
+            smooth = smooth - contact.displacement
+            if not segments:
+                if phase == HOLD and smooth[0] < max(least, 0.05 * deepest):
+                    continue  # a rest at the skin, which it doesn't press
+                speed = (smooth[-1] - smooth[0]) / (time[-1] - time[0])
+                start_time = float(time[0] - max(smooth[0], 0.0) / max(speed, 1e-9))
+            force = recording.force[part] - contact.baseline
+            whole = float(recording.time[end - 1] - recording.time[start])
+            stops = float(smooth[-1])
+            if phase != HOLD:
+                stops += (smooth[-1] - smooth[0]) * float((recording.time[end - 1] - time[-1]) / (time[-1] - time[0]))
+            made = Segment(phase, time - start_time, smooth, force, leverage, whole, stops, corner)
+            if left:
+                segments.append(_in_air(segments[-1], made))
+                left = False
+            elif phase == HOLD and segments:
+                segments[-1] = replace(segments[-1], end=stops)
+            if phase == HOLD or abs(stops - (segments[-1].end if segments else 0.0)) > least:
+                segments.append(made)
+        if not segments or segments[0].phase != LOADING:
+            raise InputError(
+                recording.source or recording.trial,
+                "displacement_mm",
+                "the trial does not begin with loading",
+                "take it out, or start it at first contact",
+            )
+        if segments[-1].phase == AIR:
+            segments.pop()
+        return tuple(segments), pressed_again
+
+
+def segment(
+    recording: Recording, instrument: Instrument = UNSTATED, starts_at_contact: bool = False, scales: Scales = LEG
+) -> Segmentation:
+    """Read a recording: smooth its displacement, and find where it touches first.
 
     Parameters
     ----------
-    recording : Recording
+    recording
         The trial.
-    contact : Contact, optional
-        Its first contact; found if not given.
+    instrument
+        Errors of a reading; what the recording itself shows where that is larger.
+    starts_at_contact
+        Whether displacement is known to count from first touch; air isn't looked for then.
+    scales
+        What is short, and weak, in the test.
 
-    Returns
-    -------
-    (n,) array of str
-        The velocity, from straight lines over a window wide enough for the sensor's noise,
-        gives the phases; their corners are then fitted. Before first contact, and after the
-        force has come back to its baseline, the cylinder is in air.
+    Raises
+    ------
+    InputError
+        If there are hardly any samples.
     """
-    contact = find_first_contact(recording) if contact is None else contact
-    t, d = recording.time, without_outliers(recording.displacement)
-    motion = _motion(t, d, max(_HELD_SHARE * float(np.ptp(d)), 5.0 * sample_noise(d)))
-    labels = np.array([UNLOADING, HOLD, LOADING])[motion + 1].astype("<U9")
-    smooth, _ = smooth_displacement(t, d)
-    touched = np.flatnonzero(smooth >= contact.displacement)
-    if contact.in_air:
-        labels[: touched[0] if len(touched) else len(labels)] = AIR
-    _mark_separation(recording, labels, smooth, contact)
-    return labels
+    if len(recording) < _SHORTEST_SEGMENT:
+        raise InputError(
+            recording.source or recording.trial,
+            "rows",
+            f"{len(recording)} samples are too few",
+            "record a whole press, with at least 20 during loading",
+        )
+    smooth, _ = smooth_displacement(recording.time, recording.displacement, scales.way)
+    found = Segmentation(recording, contact_at_start(), smooth, instrument, scales)
+    return found if starts_at_contact else found.touching(found.detected)
 
 
-def _motion(t: FloatArray, d: FloatArray, held: float) -> NDArray[np.int_]:
+def segment_all(
+    recordings: Sequence[Recording], instrument: Instrument = UNSTATED, starts_at_contact: bool = False
+) -> tuple[Segmentation, ...]:
+    """Read the recordings of one leg and one instrument; see `segment`."""
+    return tuple(segment(one, instrument, starts_at_contact) for one in recordings)
+
+
+def _motion(t: FloatArray, d: FloatArray, held: float, unit: float) -> NDArray[np.int_]:
     """Return -1, 0 and 1 (n,) for unloading, still and loading.
 
     What is still beside faster motion, but goes further than ``held`` mm, is looked at by itself:
@@ -69,7 +367,7 @@ def _motion(t: FloatArray, d: FloatArray, held: float) -> NDArray[np.int_]:
     motion = _without_blips(motion, max(2, window // 2))
     motion = _fitted_corners(t, d, motion, window)
     runs = _runs(motion)
-    least = least_way(d)
+    least = least_way(d, unit)
     for (before, _), (start, end), (after, _) in zip(runs, runs[1:], runs[2:], strict=False):
         if motion[before] == motion[after] == 0 and abs(d[end - 1] - d[start]) < least:
             motion[start:end] = 0
@@ -79,13 +377,13 @@ def _motion(t: FloatArray, d: FloatArray, held: float) -> NDArray[np.int_]:
         if motion[start] == 0 and abs(way) > held:
             part = slice(start, end)
             whole = end - start == len(t)
-            motion[part] = np.sign(way) if whole else _motion(t[part], d[part], held)
+            motion[part] = np.sign(way) if whole else _motion(t[part], d[part], held, unit)
     return motion
 
 
-def least_way(displacement: FloatArray) -> float:
-    """Return the way (mm) below which motion between two holds is noise."""
-    return max(0.3, 0.02 * float(np.ptp(displacement)))
+def least_way(displacement: FloatArray, way: float) -> float:
+    """Return the way (mm) below which motion between two holds is noise, with that of `Scales`."""
+    return max(0.3 * way, 0.02 * float(np.ptp(displacement)))
 
 
 def _runs(marks: NDArray[np.generic]) -> list[tuple[int, int]]:
@@ -129,24 +427,25 @@ def _corner(t: FloatArray, d: FloatArray) -> int:
     return int(inner[np.argmax(np.sum(lines[..., 0] * (across @ left), axis=1))])
 
 
-def _mark_separation(recording: Recording, labels: NDArray[np.str_], smooth: FloatArray, contact: Contact) -> None:
+def _mark_separation(trial: Segmentation, labels: NDArray[np.str_]) -> None:
     """Call air what follows the force's return to a constant, until the skin is pressed again.
 
     Unloading is read backwards for it. Where the first loading met no force there either, first
     contact isn't where it is said to be, and all that follows is called air.
     """
+    recording, smooth, contact, way = trial.recording, trial.smooth, trial.contact, trial.scales.way
     runs = _runs(labels)
     for k, (start, end) in enumerate(runs):
         if labels[start] != UNLOADING or LOADING not in labels[:start] or end - start < 20:
             continue
         start = max(start, start + int(np.argmax(recording.displacement[start:end])) + 1)
         part = slice(start, end)
-        smooth_part, _ = smooth_displacement(recording.time[part], recording.displacement[part])
-        onset = fit_onset(smooth_part[::-1], recording.force[part][::-1], 0.0, sample_noise(recording.displacement))
+        smooth_part, _ = smooth_displacement(recording.time[part], recording.displacement[part], way)
+        onset = fit_onset(smooth_part[::-1], recording.force[part][::-1], 0.0, trial.displacement_noise, way)
         left = start + np.flatnonzero(smooth_part < onset.displacement)
         if not onset.in_air or len(left) == 0:
             continue
-        if _in_vain(recording, labels, smooth, contact, onset):
+        if _in_vain(trial, labels, onset):
             labels[left[0] :] = AIR
             return
         # The way back to the start, in air, is no press.
@@ -157,13 +456,12 @@ def _mark_separation(recording: Recording, labels: NDArray[np.str_], smooth: Flo
         labels[again : again + deeper[0] if len(deeper) else len(labels)] = AIR
 
 
-def _in_vain(
-    recording: Recording, labels: NDArray[np.str_], smooth: FloatArray, contact: Contact, left: Contact
-) -> bool:
+def _in_vain(trial: Segmentation, labels: NDArray[np.str_], left: Contact) -> bool:
     """Tell whether the first loading met no force on the way from contact to where skin was left.
 
     Of less than a tenth of the depth nothing can be told.
     """
+    smooth, contact, force = trial.smooth, trial.contact, trial.recording.force
     loading = np.flatnonzero(labels == LOADING)
     depth = float(smooth.max()) - contact.displacement
     if left.displacement - contact.displacement < 0.1 * depth:
@@ -172,6 +470,28 @@ def _in_vain(
     few = max(3, len(first) // 5)
     if len(first) < 2 * few:
         return False
-    rise = float(np.median(recording.force[first[-few:]]) - np.median(recording.force[first[:few]]))
-    whole = float(np.ptp(recording.force))
-    return rise < max(3.0 * sample_noise(recording.force), 0.005 * whole)
+    rise = float(np.median(force[first[-few:]]) - np.median(force[first[:few]]))
+    return rise < max(3.0 * trial.force_noise, 0.005 * float(np.ptp(force)))
+
+
+def _in_air(before: Segment, after: Segment) -> Segment:
+    """Return the time between drawing back as far as ``before`` ends and pressing again there."""
+    leaves = before.time[-1] + (before.end - before.displacement[-1]) / min(before.rate, -1e-9)
+    comes = after.time[0] + (before.end - after.displacement[0]) / max(after.rate, 1e-9)
+    none = np.zeros(0)
+    step = float(after.time[1] - after.time[0])
+    return Segment(AIR, none, none, none, none, max(float(comes - leaves), step), before.end, before.corner)
+
+
+def _within_corners(recording: Recording, phase: str, start: int, end: int, corner: float) -> slice:
+    """Return a segment without its ends next to other segments: corners are known roughly only.
+
+    A moving segment loses ``corner`` mm there, at least two samples.
+    """
+    cut = 2
+    if phase != HOLD:
+        way = abs(recording.displacement[end - 1] - recording.displacement[start])
+        cut = max(cut, int(np.ceil(corner * (end - start) / max(way, 1e-9))))
+    last = len(recording.time)
+    cut = max(0, min(cut, (end - start - _SHORTEST_SEGMENT) // 2))
+    return slice(start + (cut if start > 0 else 0), end - (cut if end < last else 0))

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,22 +16,16 @@ from legfem.diagnose.about_solutions import base_about_solution, refitted_about_
 from legfem.diagnose.averaged import averaged_interval
 from legfem.diagnose.explain import explain
 from legfem.diagnose.explanation import Explained, Explanation
-from legfem.diagnose.fit import Fit, Problem, fit
+from legfem.diagnose.fit import Fit, NuisanceEffect, Problem, fit
 from legfem.diagnose.held_out import HeldOut, held_out
-from legfem.diagnose.library import Library
-from legfem.diagnose.library_build import shown_mechanisms
 from legfem.diagnose.limits import Limit, limits_of
-from legfem.diagnose.measured import measured_strengths
-from legfem.diagnose.mechanisms import Mechanism
-from legfem.diagnose.nuisances import Accuracy
+from legfem.diagnose.mechanisms.base import MeasuredStrength, Mechanism
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.ordinary import ordinary_explanation, ordinary_fit
-from legfem.diagnose.predict import LawName, Predictor, onset_name
+from legfem.diagnose.predict import LawName, Predictor, Responses, onset_name
 from legfem.diagnose.score import Assessment, assess
-from legfem.diagnose.solved import SolvedResponses
 from legfem.inverse.errors import ErrorModel, error_model
-from legfem.inverse.trial_noise import Noise, estimate_noise
-from legfem.legs.correction import TabulatedCorrection
+from legfem.inverse.trial_noise import estimate_noise
 
 Verdict = Literal["consistent", "named", "ambiguous", "unexplained"]
 SOUND = 0.5
@@ -111,68 +105,72 @@ class Diagnosis:
         return {name: ends for name, ends in found.items() if ends is not None}
 
 
+class FullSolutions(Responses, Protocol):
+    """Responses that are solved when asked for."""
+
+    @property
+    def solutions(self) -> int:
+        """How many were solved so far."""
+        ...
+
+
+type Nuisances = Callable[[Fit], Sequence[NuisanceEffect]]
+"""What isn't known exactly does to the prediction of the base model's fit."""
+
+
 def diagnose(
-    observed: Observations,
+    predictor: Predictor,
     instrument: Instrument,
-    law: LawName,
-    library: Library,
-    solved: SolvedResponses | None,
+    mechanisms: Sequence[Mechanism],
+    nuisances: Nuisances,
+    solved: FullSolutions | None,
     progress: Progress,
-    accuracy: Accuracy | None = None,
-    ends: TabulatedCorrection | None = None,
+    measured: Sequence[MeasuredStrength] = (),
+    untested: Mapping[str, str] | None = None,
     seed: int = 0,
-    ruled_out: Mapping[str, str] | None = None,
-    every: Sequence[Mechanism] | None = None,
 ) -> Diagnosis:
     """Diagnose recordings: noise, base fit, location, explanations, verdict.
 
     Parameters
     ----------
-    observed
-        The recordings at their stations.
+    predictor
+        The base model, with the recordings.
     instrument
         Stated errors.
-    law
-        Of the deep tissue in the base model.
-    library
-        Of the leg's responses.
+    mechanisms
+        Those that the recordings can show and the predictor's responses know.
+    nuisances
+        Effects of what isn't known exactly.
     solved
         Full solutions, to confirm what is reported; emulated ones stand without it.
     progress
-        Told of the steps.
-    accuracy
-        How well the leg's geometry is known.
-    ends
-        The correction for the cylinder's ends, where the recordings have them.
+        Receives the steps.
+    measured
+        Strengths of mechanisms by other means.
+    untested
+        Why other mechanisms aren't among those, by name.
     seed
         Of the draws that windows are judged by.
-    ruled_out
-        See `legfem.diagnose.library_build.shown_mechanisms`.
-    every
-        Mechanisms that the body may have; all that legfem knows without it.
     """
-    able, untested = shown_mechanisms(observed, library.correction, ruled_out, every)
-    able = [m for m in able if m.name not in library.missing]
+    observed = predictor.observed
     progress.stage("fitting the base model")
     made = solved.solutions if solved is not None else 0
-    accuracy = accuracy or Accuracy()
-    predictor = Predictor(observed, library, law, ends, accuracy.deep_C10)
-    problem, ordinary = _fitted(predictor, instrument, library, accuracy)
+    problem, ordinary = _fitted(predictor, instrument, nuisances)
     problem, ordinary, error = base_about_solution(problem, ordinary, solved)
-    problem = replace(problem, measured=measured_strengths(accuracy, able))
+    problem = replace(problem, measured=tuple(measured))
     base = fit(problem, (), ordinary.values)
-    progress.stage(f"weighing {len(able)} mechanisms")
+    progress.stage(f"weighing {len(mechanisms)} mechanisms")
     confirm = None if solved is None else partial(refitted_about_solutions, solved)
-    explained = explain(problem, base, able, confirm, ordinary.values)
+    explained = explain(problem, base, mechanisms, confirm, ordinary.values)
     progress.stage("where the base model is wrong")
-    assessment = assess(problem, base, able, seed)
+    assessment = assess(problem, base, mechanisms, seed)
     verdict, models = _verdict(explained)
     held = tuple(held_out(m.problem, m.fit) for m in models)
     plainly = ordinary_explanation(problem, ordinary, explained.base)
     shown = explained.base if verdict == "consistent" else plainly
     return Diagnosis(
         verdict,
-        law,
+        predictor.law,
         observed,
         explained,
         plainly,
@@ -180,10 +178,10 @@ def diagnose(
         assessment,
         held_out(shown.problem, shown.fit, problem.errors),
         held,
-        {**untested, **library.missing},
+        dict(untested or {}),
         limits_of(explained),
         _located(explained, shown.fit, models, assessment, problem.errors),
-        ends is not None,
+        predictor.ends is not None,
         (solved.solutions if solved is not None else 0) - made,
         error,
     )
@@ -202,8 +200,8 @@ def starts(law: LawName, middle: float) -> list[dict[str, float]]:
     return [{"C10": factor * middle, "C20": share * middle} for factor, share in ((0.6, 1.0), (1.0, 0.3), (1.4, 0.1))]
 
 
-def _fitted(predictor: Predictor, instrument: Instrument, library: Library, accuracy: Accuracy) -> tuple[Problem, Fit]:
-    """Fit the base model plainly, and reckon errors that are shares of its force.
+def _fitted(predictor: Predictor, instrument: Instrument, nuisances: Nuisances) -> tuple[Problem, Fit]:
+    """Fit the base model by ordinary least squares, and find errors that are shares of its force.
 
     The noise is estimated anew once the trials' first contacts are fitted.
     """
@@ -213,15 +211,7 @@ def _fitted(predictor: Predictor, instrument: Instrument, library: Library, accu
     problem = Problem(predictor, error_model(observed, noise, observed.force))
     found = ordinary_fit(problem, starts(predictor.law, middle))
     noise = estimate_noise(observed, instrument, slowest, found.residual)
-    return problem.with_errors(_errors(problem, found, noise, library, accuracy)), found
-
-
-def _errors(problem: Problem, base: Fit, noise: Noise, library: Library, accuracy: Accuracy) -> ErrorModel:
-    predictor = problem.predictor
-    ends = predictor.ends if isinstance(predictor.ends, TabulatedCorrection) else None
-    stiffness = base.values["C10"], base.values.get("C20", 0.0)
-    effects = library.nuisances.effects(predictor.observed, base.prediction, accuracy, ends, stiffness)
-    return error_model(predictor.observed, noise, base.prediction, effects)
+    return problem.with_nuisances(noise, found.prediction, nuisances(found)), found
 
 
 def _verdict(explained: Explained) -> tuple[Verdict, tuple[Explanation, ...]]:

@@ -11,8 +11,7 @@ from scipy.linalg import solve_triangular
 from scipy.special import expit, logit
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.fit import Fit, Problem
-from legfem.diagnose.nuisances import variance_degrees
+from legfem.diagnose.fit import Fit, Problem, variance_degrees
 from legfem.inverse.evidence import Unknown
 from legfem.inverse.mixture import Mixture
 from legfem.inverse.posterior import Posterior, Strands
@@ -62,7 +61,7 @@ class Explanation:
         gain = spread @ solve_triangular(errors.lower, white, lower=True, trans="T").T
         # Bounds make a variance smaller, not its parts: their shares are those of the whole.
         whole = np.maximum(np.diag(self.posterior.covariance), np.diag(spread))
-        return variance_degrees(np.diag(whole), gain, errors)
+        return variance_degrees(np.diag(whole), gain, errors, self.problem.causes)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,18 +13,69 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.measured import MeasuredStrength
-from legfem.diagnose.mechanisms import Mechanism
-from legfem.diagnose.mechanisms.base import null_of, prior_of
+from legfem.diagnose.mechanisms.base import MeasuredStrength, Mechanism, null_of, prior_of
 from legfem.diagnose.predict import Predictor
-from legfem.inverse.errors import ErrorModel
+from legfem.inverse.errors import ErrorModel, error_model
 from legfem.inverse.evidence import Linearised
+from legfem.inverse.intervals import effective_degrees
 from legfem.inverse.parameter import Parameter
+from legfem.inverse.trial_noise import Noise
 
 _FEW, _MANY = 6, 40
 """Evaluations of a search from each of several starts, and from the best of them."""
 _STEP = 1e-3
 """Of differences, in standard deviations of what is known beforehand."""
+
+
+@dataclass(frozen=True)
+class Cause:
+    """Where the standard deviation of a nuisance parameter comes from, and its degrees of freedom.
+
+    Effects of one cause are off by one factor together.
+    """
+
+    name: str
+    degrees_of_freedom: float = math.inf
+
+
+@dataclass(frozen=True, eq=False)
+class NuisanceEffect:
+    """What one standard deviation of a nuisance parameter does to the prediction."""
+
+    name: str
+    force: FloatArray
+    """Change of the force (n,), N."""
+    cause: Cause
+
+
+def variance_degrees(
+    covariance: FloatArray, estimator: FloatArray, errors: ErrorModel, causes: Mapping[str, Cause]
+) -> FloatArray:
+    """Return the degrees of freedom (p,) of the variances of estimates, by Welch and Satterthwaite.
+
+    Parameters
+    ----------
+    covariance
+        Of the estimates, (p, p).
+    estimator
+        (p, n), 1/N: what an error of the observations adds to them.
+    errors
+        Of the observations.
+    causes
+        Of the errors' known effects, by their names; those without one have a known size.
+
+    See `legfem.inverse.intervals.effective_degrees`.
+    """
+    by_cause: dict[Cause, FloatArray] = {}
+    for name, effect in zip(errors.names, errors.known.T, strict=True):
+        cause = causes.get(name, Cause(name))
+        by_cause[cause] = by_cause.get(cause, np.zeros(len(covariance))) + (estimator @ effect) ** 2
+    return np.array(
+        [
+            effective_degrees(whole, [(part[k], cause.degrees_of_freedom) for cause, part in by_cause.items()])
+            for k, whole in enumerate(np.diag(covariance))
+        ]
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +207,9 @@ class Problem:
     kept: NDArray[np.bool_] | None = None
     """(n,): the observations that are fitted; all without it."""
     measured: tuple[MeasuredStrength, ...] = ()
-    """Strengths that were measured by themselves: they count in what is told of a fit."""
+    """Strengths that were measured by themselves: they count in a fit's posterior."""
+    causes: Mapping[str, Cause] = field(default_factory=dict)
+    """By the names of the errors' known effects."""
 
     def without(self, left_out: NDArray[np.bool_]) -> Problem:
         """Return the problem with observations left out."""
@@ -168,6 +222,12 @@ class Problem:
     def with_errors(self, errors: ErrorModel) -> Problem:
         """Return the problem with other errors."""
         return replace(self, errors=errors)
+
+    def with_nuisances(self, noise: Noise, force: FloatArray, effects: Sequence[NuisanceEffect]) -> Problem:
+        """Return the problem with the errors of noise and nuisance parameters about a force (n,), N."""
+        known = [(one.name, one.force) for one in effects]
+        errors = error_model(self.predictor.observed, noise, force, known)
+        return replace(self, errors=errors, causes={one.name: one.cause for one in effects})
 
     @cached_property
     def _part(self) -> ErrorModel:

@@ -9,7 +9,6 @@ from pathlib import Path
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses
 from legfem.diagnose.variants import Variants
-from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.subject import Subject
 
 _DEPTH_STEP_MM = 1.0
@@ -31,7 +30,7 @@ def library_folder() -> Path:
 
 
 def solved_responses(
-    subject: Subject, observed: Observations, folder: Path | None, correction: TabulatedCorrection | None = None
+    subject: Subject, observed: Observations, folder: Path | None
 ) -> tuple[SolvedResponses, SolvedResponses]:
     """Return a leg's responses by full solutions, on the default mesh and on coarser ones.
 
@@ -58,7 +57,6 @@ def solved_responses(
                 "model": "plane strain with mechanisms",
                 "depth_mm": depth,
             },
-            correction,
             rougher=rougher,
         )
 

@@ -16,14 +16,9 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.mechanisms import Stiffness, TissueMechanism, Values
-from legfem.diagnose.mechanisms.base import null_of, prior_of
-from legfem.diagnose.mechanisms.end_effects import EndEffects
-from legfem.diagnose.nuisances import Nuisances
+from legfem.diagnose.mechanisms.base import Stiffness, TissueMechanism, Values, null_of, prior_of
 from legfem.diagnose.observations import Observations
-from legfem.diagnose.solved import end_effect
 from legfem.inverse.emulator import Emulator
-from legfem.legs.correction import TabulatedCorrection
 
 _REACH = 1.6
 
@@ -56,6 +51,25 @@ def unchanged(mechanism: TissueMechanism, grid: FloatArray) -> Table:
 
 
 @dataclass(frozen=True, eq=False)
+class NuisanceChanges:
+    """Relative changes of the elastic force at a grid of displacement by what isn't known exactly.
+
+    Parameters
+    ----------
+    grid
+        (m,), mm.
+    geometric
+        By the name of a displaced geometry, (m,).
+    material
+        By a parameter's full name: per relative change of it, (m,).
+    """
+
+    grid: FloatArray
+    geometric: Mapping[str, FloatArray]
+    material: Mapping[str, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
 class Library:
     """Responses from tables; see `Responses` for the methods' meaning."""
 
@@ -65,10 +79,9 @@ class Library:
     """Along a path, or by derivatives: relative changes by mechanism and protocol, (strengths or
     derivatives, stations or grid); else logarithms of the forces' ratio by mechanism, (strengths,
     grid)."""
-    nuisances: Nuisances
+    nuisances: NuisanceChanges
     middle: float
     """C10, kPa."""
-    correction: TabulatedCorrection | None = None
     missing: Mapping[str, str] = field(default_factory=dict)
     """Mechanisms that have no table, and why."""
     reach: float = _REACH
@@ -96,8 +109,6 @@ class Library:
         self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
     ) -> FloatArray:
         """Return what a mechanism adds to the elastic force, over that force; (n,)."""
-        if isinstance(mechanism, EndEffects):
-            return end_effect(self.correction, values, at, observed)
         if not mechanism.along_path:
             table = self.changes[mechanism.name, ""]
             if mechanism.derivatives:

@@ -10,12 +10,12 @@ from scipy.interpolate import CubicSpline, make_smoothing_spline
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
 from legfem.data.segmentation import LOADING
-from legfem.diagnose.library import Library, Table, coordinates, unchanged
+from legfem.diagnose.library import Library, NuisanceChanges, Table, coordinates, unchanged
 from legfem.diagnose.library_tasks import Task, outcomes_of, tasks_for
 from legfem.diagnose.mechanisms import Mechanism, TissueMechanism, mechanisms
+from legfem.diagnose.mechanisms.base import testable
 from legfem.diagnose.mechanisms.end_effects import EndEffects
 from legfem.diagnose.mechanisms.muscle_fibres import MuscleFibres
-from legfem.diagnose.nuisances import Nuisances
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses
 from legfem.inverse.emulator import Emulator, Samples
@@ -95,18 +95,15 @@ def shown_mechanisms(
     every
         Mechanisms that the body may have; all that legfem knows without it.
     """
-    able: list[Mechanism] = []
-    unable: dict[str, str] = {}
-    ruled_out = WITHOUT_ENDS if ruled_out is None else ruled_out
-    for mechanism in mechanisms() if every is None else every:
-        why = mechanism.untestable(observed) or ruled_out.get(mechanism.name)
-        if why is None and isinstance(mechanism, EndEffects) and correction is None:
-            why = "there is no 3D correction for this leg"
-        if why is None:
-            able.append(mechanism)
-        else:
-            unable[mechanism.name] = why
-    return able, unable
+    known = with_correction(mechanisms() if every is None else every, correction)
+    return testable(known, observed, WITHOUT_ENDS if ruled_out is None else ruled_out)
+
+
+def with_correction(every: Sequence[Mechanism], correction: TabulatedCorrection | None) -> list[Mechanism]:
+    """Return mechanisms, that of the cylinder's ends with a leg's correction, where there is one."""
+    if correction is None:
+        return list(every)
+    return [EndEffects(correction) if one.name == EndEffects.name else one for one in every]
 
 
 def build_library(
@@ -114,7 +111,6 @@ def build_library(
     coarse: SolvedResponses,
     observed: Observations,
     asked: Sequence[Mechanism],
-    correction: TabulatedCorrection | None,
     jobs: int,
     progress: Progress,
     stiffening: float = 0.0,
@@ -133,8 +129,6 @@ def build_library(
         The recordings, for their stiffness and their protocols.
     asked
         Mechanisms that are to be tabulated.
-    correction
-        Of 3D effects.
     jobs
         Processes.
     progress
@@ -149,12 +143,12 @@ def build_library(
     if middle is None:
         progress.stage("how stiff the leg is, roughly")
         middle = middle_of(observed, coarse, stiffening)
-    tissue = [m for m in asked if isinstance(m, TissueMechanism) and not isinstance(m, EndEffects)]
+    tissue = [m for m in asked if isinstance(m, TissueMechanism)]
     tasks = tasks_for(observed, tissue, middle, stiffening, coarse.variants, stiffenings)
     progress.stage("the leg's library of responses", len(tasks))
     found = outcomes_of((solved, coarse), tasks, jobs, progress)
     outcomes = [found[k] for k in range(len(tasks))]
-    return _assembled(solved, observed, tissue, tasks, outcomes, correction, middle)
+    return _assembled(solved, observed, tissue, tasks, outcomes, middle)
 
 
 def _assembled(
@@ -163,7 +157,6 @@ def _assembled(
     tissue: Sequence[TissueMechanism],
     tasks: Sequence[Task],
     outcomes: Sequence[Mapping[str, FloatArray] | None],
-    correction: TabulatedCorrection | None,
     middle: float,
 ) -> Library:
     done = [(t, o) for t, o in zip(tasks, outcomes, strict=True) if o is not None]
@@ -184,13 +177,13 @@ def _assembled(
                 changes[m.name, key] = table
     geometric = {t.geometry.name: o["change"] for t, o in done if t.geometry is not None}
     material = next((dict(o) for t, o in done if t.material), {})
-    nuisances = Nuisances(
+    nuisances = NuisanceChanges(
         solved.grid,
         {name: smoothed(solved.grid, change) for name, change in geometric.items()},
         {name: smoothed(solved.grid, change) for name, change in material.items()},
     )
     emulator = Emulator(samples)
-    return Library(solved.grid, emulator, changes, nuisances, middle, correction, missing)
+    return Library(solved.grid, emulator, changes, nuisances, middle, missing)
 
 
 def smoothed(grid: FloatArray, change: FloatArray) -> FloatArray:

@@ -9,10 +9,8 @@ import numpy as np
 
 from legfem.common.progress import Progress
 from legfem.common.units import FloatArray
-from legfem.diagnose.mechanisms import Stiffness, TissueMechanism
-from legfem.diagnose.mechanisms.base import null_of
-from legfem.diagnose.models import Models
-from legfem.diagnose.nuisances import Displaced
+from legfem.diagnose.mechanisms.base import Stiffness, TissueMechanism, null_of
+from legfem.diagnose.models import Displaced, Models
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import NotKeptError, SolvedResponses
 from legfem.diagnose.stations import Stations

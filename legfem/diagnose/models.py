@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from legfem.diagnose.mechanisms import Solution
-from legfem.diagnose.nuisances import Displaced
+from legfem.diagnose.mechanisms.base import Solution
 from legfem.solve.protocol import Protocol as Motion
 
 if TYPE_CHECKING:
-    from legfem.diagnose.variants import Stopped
     from legfem.experiments.placement import Placement
     from legfem.meshing.motion import MeshMotion
     from legfem.solve.path import Path
+
+
+@dataclass(frozen=True)
+class Displaced:
+    """A geometry other than the stated one, to be solved for."""
+
+    name: str
+    moved: MeshMotion | None = None
+    placement: Placement | None = None
 
 
 class Models(Protocol):
@@ -51,3 +59,10 @@ class Models(Protocol):
     def described(self, variant: str) -> str:
         """Return what tells a variant from others."""
         ...
+
+
+@dataclass(frozen=True)
+class Stopped:
+    """A solution that didn't follow its protocol to the end."""
+
+    why: str

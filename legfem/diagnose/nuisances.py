@@ -17,16 +17,16 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray, mpa_to_kpa
+from legfem.diagnose.fit import Cause, NuisanceEffect
+from legfem.diagnose.library import NuisanceChanges
+from legfem.diagnose.mechanisms.base import Stiffness
+from legfem.diagnose.models import Displaced
 from legfem.diagnose.observations import Observations
-from legfem.inverse.errors import ErrorModel
-from legfem.inverse.intervals import effective_degrees
 from legfem.inverse.parameter import Prior
 from legfem.legs.subject import MeasuredEffect
 
 if TYPE_CHECKING:
-    from legfem.experiments.placement import Placement
     from legfem.legs.correction import TabulatedCorrection
-    from legfem.meshing.motion import MeshMotion
 
 CONTOUR_SD_MM = 0.5
 """Of a segmented outline (MRI of 1 mm pixels: inter-observer distances of 0.3 to 0.8 mm)."""
@@ -122,49 +122,7 @@ def _word(name: str) -> str:
     return _WORDS[name] if size == name else f"{_A_SIZE}{size.replace('_', ' ')}"
 
 
-def _cause_of(unknown: str) -> tuple[str, float]:
-    """Return what an effect's size comes from, and that size's degrees of freedom."""
-    if unknown.startswith("outline of the ") or unknown == "depth of the bones":
-        return "outlines", GEOMETRY_DOF
-    if unknown in ("aim", "direction") or unknown.startswith(_A_SIZE):
-        return unknown, GEOMETRY_DOF
-    return unknown, MATERIAL_DOF if unknown in _WORDS.values() else math.inf
-
-
-def variance_degrees(covariance: FloatArray, estimator: FloatArray, errors: ErrorModel) -> FloatArray:
-    """Return the degrees of freedom (p,) of the variances of estimated departures.
-
-    Parameters
-    ----------
-    covariance
-        Of the departures, (p, p).
-    estimator
-        (p, n), 1/N: what an error of the observations adds to them.
-    errors
-        What they err by.
-
-    See `legfem.inverse.intervals.effective_degrees`.
-    """
-    by_cause: dict[tuple[str, float], FloatArray] = {}
-    for name, effect in zip(errors.names, errors.known.T, strict=True):
-        cause = _cause_of(name)
-        by_cause[cause] = by_cause.get(cause, np.zeros(len(covariance)))
-        by_cause[cause] = by_cause[cause] + (estimator @ effect) ** 2
-    return np.array(
-        [
-            effective_degrees(whole, [(part[k], dof) for (_, dof), part in by_cause.items()])
-            for k, whole in enumerate(np.diag(covariance))
-        ]
-    )
-
-
-@dataclass(frozen=True)
-class Displaced:
-    """A geometry other than the stated one, to be solved for."""
-
-    name: str
-    moved: MeshMotion | None = None
-    placement: Placement | None = None
+_OUTLINES = Cause("outlines", GEOMETRY_DOF)
 
 
 def displaced_geometries() -> list[Displaced]:
@@ -183,84 +141,71 @@ def displaced_geometries() -> list[Displaced]:
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class Nuisances:
-    """Relative changes of the elastic force at a grid of displacement.
+def nuisance_effects(
+    changes: NuisanceChanges,
+    observed: Observations,
+    force: FloatArray,
+    accuracy: Accuracy,
+    ends: TabulatedCorrection | None = None,
+    stiffness: Stiffness = (1.0, 0.0),
+) -> list[NuisanceEffect]:
+    """Return what one standard deviation of each thing that isn't known exactly does to the force.
 
     Parameters
     ----------
-    grid
-        (m,), mm.
-    geometric
-        By the name of a displaced geometry, (m,).
-    material
-        By a parameter's full name: per relative change of it, (m,).
+    changes
+        Of the body's force.
+    observed
+        The recordings.
+    force
+        (n,), N: that the model predicts.
+    accuracy
+        Of what is known of the body.
+    ends
+        The correction for the cylinder's ends, whose errors count where it is applied.
+    stiffness
+        C10 and C20, kPa: of the correction.
     """
+    d = observed.displacement
 
-    grid: FloatArray
-    geometric: Mapping[str, FloatArray]
-    material: Mapping[str, FloatArray]
+    def along(change: FloatArray) -> FloatArray:
+        return np.asarray(force * CubicSpline(changes.grid, change)(np.maximum(d, changes.grid[0])))
 
-    def effects(
-        self,
-        observed: Observations,
-        force: FloatArray,
-        accuracy: Accuracy,
-        ends: TabulatedCorrection | None = None,
-        stiffness: tuple[float, float] = (1.0, 0.0),
-    ) -> list[tuple[str, FloatArray]]:
-        """Return names and effects (n,), N, of one standard deviation of every unknown.
+    found: list[NuisanceEffect] = []
+    for name, change in changes.material.items():
+        if (sd := accuracy.log_sd(name)) > 0:
+            word = _word(name)
+            degrees = GEOMETRY_DOF if name.startswith(SIZE) else MATERIAL_DOF
+            found.append(NuisanceEffect(word, sd * along(change), Cause(word, degrees)))
+    scale = {
+        "aim": (accuracy.aim_sd / AIM_SD_MM, Cause("aim", GEOMETRY_DOF)),
+        "direction": (accuracy.direction_sd / DIRECTION_SD_DEG, Cause("direction", GEOMETRY_DOF)),
+        "depth of the bones": (accuracy.contour_sd / CONTOUR_SD_MM, _OUTLINES),
+    }
+    for name, (factor, cause) in scale.items():
+        if name in changes.geometric and factor > 0:
+            found.append(NuisanceEffect(name, factor * along(changes.geometric[name]), cause))
+    for part in OUTLINES:
+        rows = [along(c) for n, c in changes.geometric.items() if n.startswith(f"outline of the {part}")]
+        if rows and accuracy.contour_sd > 0:
+            found += _outline(part, rows, accuracy.contour_sd)
+    if ends is not None:
+        factor_now = ends.factor(d, *(np.asarray(v) for v in stiffness))
+        for mode_name, mode in ends.errors.items():
+            relative = np.interp(d, ends.displacement, mode) / factor_now
+            name = f"3D correction: {mode_name}"
+            found.append(NuisanceEffect(name, force * relative, Cause(name)))
+    return found
 
-        Parameters
-        ----------
-        observed
-            The recordings.
-        force
-            (n,), N: that the model predicts.
-        accuracy
-            Of the leg's geometry.
-        ends
-            The correction for the cylinder's ends, whose errors count where it is applied.
-        stiffness
-            C10 and C20, kPa: of the correction.
-        """
-        d = observed.displacement
 
-        def along(change: FloatArray) -> FloatArray:
-            return np.asarray(force * CubicSpline(self.grid, change)(np.maximum(d, self.grid[0])))
-
-        found: list[tuple[str, FloatArray]] = [
-            (_word(name), accuracy.log_sd(name) * along(change))
-            for name, change in self.material.items()
-            if accuracy.log_sd(name) > 0
-        ]
-        scale = {
-            "aim": accuracy.aim_sd / AIM_SD_MM,
-            "direction": accuracy.direction_sd / DIRECTION_SD_DEG,
-            "depth of the bones": accuracy.contour_sd / CONTOUR_SD_MM,
-        }
-        for name, factor in scale.items():
-            if name in self.geometric and factor > 0:
-                found.append((name, factor * along(self.geometric[name])))
-        for part in OUTLINES:
-            rows = [(n, c) for n, c in self.geometric.items() if n.startswith(f"outline of the {part}")]
-            if rows and accuracy.contour_sd > 0:
-                found += self._outline(part, [along(c) for _, c in rows], accuracy.contour_sd)
-        if ends is not None:
-            factor_now = ends.factor(d, *(np.asarray(v) for v in stiffness))
-            for name, mode in ends.errors.items():
-                relative = np.interp(d, ends.displacement, mode) / factor_now
-                found.append((f"3D correction: {name}", force * relative))
-        return found
-
-    def _outline(self, part: str, effects: Sequence[FloatArray], sd: float) -> list[tuple[str, FloatArray]]:
-        """Return the modes of an outline's error, correlated along its arc."""
-        apart = np.subtract.outer(_HATS, _HATS)
-        covariance = np.exp(-0.5 * (apart / CONTOUR_ARC_MM) ** 2)
-        values, modes = np.linalg.eigh(covariance)
-        rows = np.array(effects) * (sd / CONTOUR_SD_MM)
-        return [
-            (f"outline of the {part}, mode {k + 1}", math.sqrt(values[j]) * modes[:, j] @ rows)
-            for k, j in enumerate(np.argsort(-values))
-            if values[j] > 1e-3
-        ]
+def _outline(part: str, effects: Sequence[FloatArray], sd: float) -> list[NuisanceEffect]:
+    """Return the modes of an outline's error, correlated along its arc."""
+    apart = np.subtract.outer(_HATS, _HATS)
+    covariance = np.exp(-0.5 * (apart / CONTOUR_ARC_MM) ** 2)
+    values, modes = np.linalg.eigh(covariance)
+    rows = np.array(effects) * (sd / CONTOUR_SD_MM)
+    return [
+        NuisanceEffect(f"outline of the {part}, mode {k + 1}", math.sqrt(values[j]) * modes[:, j] @ rows, _OUTLINES)
+        for k, j in enumerate(np.argsort(-values))
+        if values[j] > 1e-3
+    ]

@@ -11,10 +11,8 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
-from legfem.data import Instrument, Recording
-from legfem.data.contact import Contact, contact_at_start, find_first_contact
-from legfem.data.segmentation import HOLD, LOADING, UNLOADING
-from legfem.diagnose.cut import Trial, changes_speed, cut_trial
+from legfem.data.contact import Contact, contact_at_start
+from legfem.data.segmentation import HOLD, LOADING, UNLOADING, Segmentation
 from legfem.diagnose.stations import Stations, group_trials, read_at, stations_along, stations_of
 from legfem.solve.protocol import Protocol
 
@@ -188,13 +186,13 @@ def blank_observations(protocols: Sequence[Protocol]) -> Observations:
     )
 
 
-def _on_driving(trial: Trial) -> list[str]:
+def _on_driving(trial: Segmentation) -> list[str]:
     """Return what a reader should know of how a trial was driven."""
     remarks = [
         f"{trial.name}: {segment.phase} was driven at more than one speed; it is simulated at its "
         "mean speed, so effects of rate can't be told from it. Give each speed a file of its own."
         for segment in trial.segments
-        if changes_speed(segment)
+        if segment.changes_speed
     ]
     if trial.pressed_again:
         remarks.append(
@@ -212,7 +210,7 @@ def _on_driving(trial: Trial) -> list[str]:
     return remarks
 
 
-def observe(recordings: Sequence[Recording], instrument: Instrument, starts_at_contact: bool) -> Observations:
+def observe(trials: Sequence[Segmentation]) -> Observations:
     """Bring recordings to stations.
 
     Raises
@@ -220,28 +218,20 @@ def observe(recordings: Sequence[Recording], instrument: Instrument, starts_at_c
     InputError
         If a recording has no loading.
     """
-    trials: list[Trial] = []
     remarks: list[str] = []
-    for recording in recordings:
-        contact = (
-            contact_at_start()
-            if starts_at_contact
-            else find_first_contact(recording, instrument.force_sd, instrument.displacement_sd)
-        )
-        trial = cut_trial(recording, contact)
-        if contact.in_air:
+    for trial in trials:
+        if trial.contact.in_air:
             remarks.append(
-                f"{trial.name}: {contact.displacement:.2f} mm of air before first contact; "
+                f"{trial.name}: {trial.contact.displacement:.2f} mm of air before first contact; "
                 "displacement and force are counted from there."
             )
         remarks += _on_driving(trial)
-        trials.append(trial)
     groups = group_trials(trials)
     protocols = tuple(stations_of([trials[k] for k in group]) for group in groups)
     protocol_of = tuple(next(g for g, group in enumerate(groups) if k in group) for k in range(len(trials)))
     readings = [read_at(t, protocols[p]) for t, p in zip(trials, protocol_of, strict=True)]
-    white = [t.white_force_sd**2 * r.white_leverage for t, r in zip(trials, readings, strict=True)]
-    jitter = [t.jitter_sd**2 * r.jitter_leverage for t, r in zip(trials, readings, strict=True)]
+    white = [t.force_noise**2 * r.white_leverage for t, r in zip(trials, readings, strict=True)]
+    jitter = [t.displacement_noise**2 * r.jitter_leverage for t, r in zip(trials, readings, strict=True)]
     return Observations(
         tuple(t.name for t in trials),
         protocols,
@@ -249,10 +239,10 @@ def observe(recordings: Sequence[Recording], instrument: Instrument, starts_at_c
         np.concatenate([r.force for r in readings]),
         np.concatenate(white),
         np.concatenate(jitter),
-        float(np.sqrt(np.mean([t.white_force_sd**2 for t in trials]))),
-        float(np.sqrt(np.mean([t.jitter_sd**2 for t in trials]))),
+        float(np.sqrt(np.mean([t.force_noise**2 for t in trials]))),
+        float(np.sqrt(np.mean([t.displacement_noise**2 for t in trials]))),
         tuple(t.contact for t in trials),
         tuple(remarks),
         tuple(t.depth for t in trials),
-        starts_at_contact,
+        all(t.contact.known for t in trials),
     )

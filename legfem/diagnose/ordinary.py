@@ -16,8 +16,7 @@ import numpy as np
 
 from legfem.common.units import FloatArray
 from legfem.diagnose.explanation import Explanation
-from legfem.diagnose.fit import Fit, Problem, fit, fit_base
-from legfem.diagnose.nuisances import variance_degrees
+from legfem.diagnose.fit import Fit, Problem, fit, fit_base, variance_degrees
 from legfem.inverse.least_squares import sandwich
 
 _ROUNDS = 4
@@ -62,7 +61,7 @@ def ordinary_explanation(problem: Problem, fitted: Fit, base: Explanation) -> Ex
         problem=same,
         fit=fitted,
         posterior=replace(base.posterior, mean=fitted.departure, covariance=covariance),
-        degrees=variance_degrees(covariance, estimator, problem.errors),
+        degrees=variance_degrees(covariance, estimator, problem.errors, problem.causes),
     )
 
 

@@ -15,8 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.mechanisms import Mechanism, Stiffness, TissueMechanism, Values
-from legfem.diagnose.mechanisms.base import null_of
+from legfem.diagnose.mechanisms.base import Mechanism, TissueResponses, null_of
 from legfem.diagnose.observations import Observations
 from legfem.inverse.parameter import Parameter, Prior
 
@@ -25,7 +24,7 @@ _FACTOR_NODES = 4
 _SPLINES_KEPT = 400
 
 
-class Responses(Protocol):
+class Responses(TissueResponses, Protocol):
     """What the finite-element model said beforehand."""
 
     @property
@@ -45,12 +44,6 @@ class Responses(Protocol):
 
     def curve(self, c10: float, c20: float) -> FloatArray:
         """Return the elastic force (m,) at the grid, N."""
-        ...
-
-    def relative_change(
-        self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
-    ) -> FloatArray:
-        """Return what a mechanism adds to the elastic force, over that force; (n,)."""
         ...
 
 
@@ -137,9 +130,9 @@ class Predictor:
         own = {m.name: values_of(values, m) for m in mechanisms}
         c10, c20 = values["C10"], values.get("C20", 0.0)
         onset = np.array([values.get(onset_name(k), 0.0) for k in range(len(observed.trials))])
-        stiffening = own.get("strain-stiffening")
-        if stiffening is not None and self.law == "neo-hookean":
-            c20 = stiffening["coefficient"]
+        for mechanism in mechanisms:
+            if mechanism.stands_for_C20 and self.law == "neo-hookean":
+                c20 = own[mechanism.name][mechanism.parameters[0].name]
         factor: FloatArray = np.ones(len(observed.force))
         for mechanism in mechanisms:
             factor = factor * mechanism.deep_factor(own[mechanism.name], observed)
@@ -154,11 +147,9 @@ class Predictor:
             force = force * self.ends.factor(pressed, np.asarray(c10), np.asarray(c20))
         for mechanism in mechanisms:
             mine = own[mechanism.name]
-            if isinstance(mechanism, TissueMechanism) and not (
-                mechanism.name == "strain-stiffening" and self.law == "neo-hookean"
-            ):
-                change = self.responses.relative_change(mechanism, mine, (c10, c20), observed)
-                force = force * (1 + change)
+            if not (mechanism.stands_for_C20 and self.law == "neo-hookean"):
+                change = mechanism.relative_change(mine, (c10, c20), observed, self.responses)
+                force = force if change is None else force * (1 + change)
             force = force * mechanism.force_factor(mine, observed)
         for mechanism in mechanisms:
             force = force + mechanism.added_force(own[mechanism.name], observed)

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from legfem.common.progress import Progress
+from legfem.data import Instrument
 from legfem.diagnose.diagnosis import Diagnosis, diagnose
+from legfem.diagnose.fit import Fit, NuisanceEffect
 from legfem.diagnose.leg import solved_responses
 from legfem.diagnose.library import Library
-from legfem.diagnose.library_build import WITHOUT_ENDS, build_library, shown_mechanisms
-from legfem.diagnose.measured import check_measured
+from legfem.diagnose.library_build import WITHOUT_ENDS, build_library, shown_mechanisms, with_correction
+from legfem.diagnose.measured import check_measured, measured_strengths
+from legfem.diagnose.mechanisms import Mechanism, mechanisms
 from legfem.diagnose.mechanisms.end_effects import EndEffects
 from legfem.diagnose.mechanisms.muscle_fibres import MuscleFibres
-from legfem.diagnose.nuisances import DRAWN, Accuracy
+from legfem.diagnose.nuisances import DRAWN, Accuracy, nuisance_effects
 from legfem.diagnose.observations import Observations, observe
+from legfem.diagnose.predict import LawName, Predictor
 from legfem.diagnose.solved import SolvedResponses
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.correction_of_leg import choose_correction, why_without_fibres
@@ -52,7 +57,7 @@ class Diagnoser:
 
     def observations(self, subject: Subject) -> Observations:
         """Return a subject's recordings at their stations."""
-        observed = observe(subject.recordings, subject.instrument, subject.starts_at_contact)
+        observed = observe(subject.trials)
         remarks = list(observed.remarks)
         if not subject.instrument.stated:
             remarks.append(
@@ -74,21 +79,14 @@ class Diagnoser:
 
     def library(self, subject: Subject, observed: Observations, progress: Progress) -> tuple[Library, SolvedResponses]:
         """Return the library for recordings, and full solutions of the leg."""
-        fine, coarse = solved_responses(subject, observed, self.folder, self.correction)
+        fine, coarse = solved_responses(subject, observed, self.folder)
         leg = repr(sorted(fine.fingerprint.items()))
         fine, coarse = self._legs.setdefault(leg, (fine, coarse))
         keys = leg + "".join(sorted(stations.key for stations in observed.protocols))
         if keys not in self._libraries:
             able, _ = shown_mechanisms(observed, self.correction)
             self._libraries[keys] = build_library(
-                fine,
-                coarse,
-                observed,
-                able,
-                self.correction,
-                self.jobs,
-                progress,
-                STIFFENING[subject.tissues["deep"].law],
+                fine, coarse, observed, able, self.jobs, progress, STIFFENING[subject.tissues["deep"].law]
             )
         return self._libraries[keys], fine
 
@@ -97,7 +95,7 @@ class Diagnoser:
         observed, accuracy = self.observations(subject), accuracy_of(subject)
         library, solved = self.library(subject, observed, progress)
         law, ends = subject.tissues["deep"].law, choose_correction("auto", subject)
-        return diagnose(
+        return diagnose_body(
             observed,
             subject.instrument,
             law,
@@ -108,7 +106,69 @@ class Diagnoser:
             ends,
             seed,
             ruled_out_of(subject, ends),
+            with_correction(mechanisms(), self.correction),
         )
+
+
+def diagnose_body(
+    observed: Observations,
+    instrument: Instrument,
+    law: LawName,
+    library: Library,
+    solved: SolvedResponses | None,
+    progress: Progress,
+    accuracy: Accuracy | None = None,
+    ends: TabulatedCorrection | None = None,
+    seed: int = 0,
+    ruled_out: Mapping[str, str] | None = None,
+    every: Sequence[Mechanism] | None = None,
+) -> Diagnosis:
+    """Diagnose recordings of a leg, or of another body whose responses are tabulated.
+
+    Parameters
+    ----------
+    observed
+        The recordings at their stations.
+    instrument
+        Stated errors.
+    law
+        Of the deep tissue in the base model.
+    library
+        Of the body's responses.
+    solved
+        Full solutions, to confirm what is reported; emulated ones stand without it.
+    progress
+        Receives the steps.
+    accuracy
+        How well the body is known.
+    ends
+        The correction for the cylinder's ends, where the recordings have them.
+    seed
+        Of the draws that windows are judged by.
+    ruled_out
+        See `legfem.diagnose.library_build.shown_mechanisms`.
+    every
+        Mechanisms that the body may have; all that legfem knows without it.
+    """
+    accuracy = accuracy or Accuracy()
+    able, untested = shown_mechanisms(observed, None, ruled_out, every)
+    able = [m for m in able if m.name not in library.missing]
+
+    def nuisances(base: Fit) -> list[NuisanceEffect]:
+        stiffness = base.values["C10"], base.values.get("C20", 0.0)
+        return nuisance_effects(library.nuisances, observed, base.prediction, accuracy, ends, stiffness)
+
+    return diagnose(
+        Predictor(observed, library, law, ends, accuracy.deep_C10),
+        instrument,
+        able,
+        nuisances,
+        solved,
+        progress,
+        measured_strengths(accuracy, able),
+        {**untested, **library.missing},
+        seed,
+    )
 
 
 def ruled_out_of(subject: Subject, ends: TabulatedCorrection | None) -> dict[str, str]:

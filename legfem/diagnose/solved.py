@@ -18,14 +18,11 @@ from scipy.interpolate import CubicSpline
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.diagnose.mechanisms import Solution, Stiffness, TissueMechanism, Values
 from legfem.diagnose.mechanisms.base import null_of
-from legfem.diagnose.mechanisms.end_effects import EndEffects
-from legfem.diagnose.models import Models
+from legfem.diagnose.models import Models, Stopped
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.stations import Stations
-from legfem.diagnose.variants import Stopped
 from legfem.jobs.key import key_of
 from legfem.jobs.store import Store
-from legfem.legs.correction import TabulatedCorrection
 from legfem.solve.protocol import Protocol
 
 GRID_STEP_MM = 0.5
@@ -105,8 +102,6 @@ class SolvedResponses:
         Where solutions are kept; none is without it.
     fingerprint
         Of all that a solution depends on beside its arguments.
-    correction
-        Of 3D effects.
     step
         Of the grid, mm.
     """
@@ -115,7 +110,6 @@ class SolvedResponses:
     depth: float
     folder: Path | None
     fingerprint: Mapping[str, Any]
-    correction: TabulatedCorrection | None = None
     step: float = GRID_STEP_MM
     c10_bounds: tuple[float, float] = (0.01, 100.0)
     c20_bounds: tuple[float, float] = (0.0, 100.0)
@@ -157,8 +151,6 @@ class SolvedResponses:
         self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
     ) -> FloatArray:
         """Return what a mechanism adds to the elastic force, over that force; (n,)."""
-        if isinstance(mechanism, EndEffects):
-            return end_effect(self.correction, values, at, observed)
         solution = mechanism.solution(values)
         if not mechanism.along_path:
             change = mechanism.share(values) * self.elastic_change(solution, at)
@@ -245,21 +237,6 @@ class SolvedResponses:
             return {"stopped": np.zeros(0)}
         slopes = {name: path.sensitivity_at(name, asked.at) for name in asked.derivatives}
         return {"force": path.force_at(asked.at), **slopes}
-
-
-def end_effect(
-    correction: TabulatedCorrection | None, values: Values, stiffness: Stiffness, observed: Observations
-) -> FloatArray:
-    """Return the relative change (n,) by a share of the idealised leg's correction."""
-    if correction is None:
-        raise ValueError("there is no 3D correction")
-    d = observed.displacement
-    c10, c20 = (np.asarray(value) for value in stiffness)
-    P = correction.correction(d, c10, c20)
-    for name, mode in EndEffects.MODES.items():
-        if mode in correction.errors:
-            P = P + values[name] * np.interp(d, correction.displacement, correction.errors[mode])
-    return np.asarray(-values["scale"] * P)
 
 
 def _in_series(grid: FloatArray, force: FloatArray, compliance: float) -> FloatArray:

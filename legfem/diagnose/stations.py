@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
-from legfem.data.segmentation import AIR, HOLD, LOADING
+from legfem.data.segmentation import AIR, HOLD, LOADING, Segment, Segmentation
 from legfem.data.smoothing import local_line
-from legfem.diagnose.cut import Segment, Trial
 from legfem.solve.protocol import Protocol
 
 LOADING_STATIONS, HOLD_STATIONS, UNLOADING_STATIONS = 40, 12, 24
@@ -58,7 +57,7 @@ class Stations:
         )
 
 
-def group_trials(trials: Sequence[Trial]) -> list[list[int]]:
+def group_trials(trials: Sequence[Segmentation]) -> list[list[int]]:
     """Return the trials' numbers, those driven alike together.
 
     A third trial that lies between two joins them: apart, both may have the same stations.
@@ -71,7 +70,7 @@ def group_trials(trials: Sequence[Trial]) -> list[list[int]]:
     return sorted(groups)
 
 
-def _alike(a: Trial, b: Trial) -> bool:
+def _alike(a: Segmentation, b: Segmentation) -> bool:
     """Tell whether two trials follow one programme, however much air each begins with."""
     deep = min(abs(a.depth / b.depth - 1), abs(a.reach / b.reach - 1)) <= _DEPTH_TOLERANCE
     return (
@@ -90,7 +89,7 @@ def _same_pace(a: Segment, b: Segment) -> bool:
     return abs(a.rate / b.rate - 1) < _RATE_TOLERANCE
 
 
-def stations_of(trials: Sequence[Trial]) -> Stations:
+def stations_of(trials: Sequence[Segmentation]) -> Stations:
     """Return the stations of trials that were driven alike.
 
     Rates and holds are taken to two digits and depths to 0.1 mm, so that recordings of one protocol
@@ -177,7 +176,7 @@ class Readings:
     """Variance of the smoothed displacement there over that of one reading."""
 
 
-def read_at(trial: Trial, stations: Stations) -> Readings:
+def read_at(trial: Segmentation, stations: Stations) -> Readings:
     """Bring a trial to stations, by straight lines fitted to the samples round each."""
     force, leverage, jitter = (np.empty(len(stations.time)) for _ in range(3))
     starts = stations.protocol.time

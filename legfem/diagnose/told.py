@@ -19,8 +19,7 @@ import numpy as np
 from scipy.stats import norm
 
 from legfem.diagnose.fit import Fit, Problem
-from legfem.diagnose.measured import MeasuredStrength
-from legfem.diagnose.mechanisms.base import prior_of
+from legfem.diagnose.mechanisms.base import MeasuredStrength, prior_of
 from legfem.diagnose.touch import posterior_of
 from legfem.inverse.evidence import Evidence
 from legfem.inverse.posterior import Posterior

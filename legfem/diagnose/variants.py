@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from legfem.diagnose.mechanisms import Solution, TissueMechanism, mechanisms
-from legfem.diagnose.nuisances import MATERIAL_LOG_SD, Displaced, displaced_geometries
+from legfem.diagnose.models import Displaced, Stopped
+from legfem.diagnose.nuisances import MATERIAL_LOG_SD, displaced_geometries
 from legfem.solve.protocol import Protocol
 
 if TYPE_CHECKING:
@@ -23,13 +24,6 @@ if TYPE_CHECKING:
 
 _CUT_OF_SLIP = 0.25
 """Of a step that failed: sliding fat folds suddenly, and long steps fail again."""
-
-
-@dataclass(frozen=True)
-class Stopped:
-    """A solution that didn't follow its protocol to the end."""
-
-    why: str
 
 
 @dataclass

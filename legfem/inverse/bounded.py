@@ -41,6 +41,9 @@ def within(
     for _ in range(_ROUNDS):
         before = at.copy()
         for k in cut:
+            # By rounding: the bounds leave nothing else to know.
+            if spread[k, k] <= 0.0 or spread[k, k] * precision[k] >= 1.0:
+                continue
             without = 1.0 / (1.0 / spread[k, k] - precision[k])
             middle = without * (at[k] / spread[k, k] - shift[k])
             inside, variance = _truncated(middle, without, low[k], high[k])

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from legfem.common.errors import InputError
 from legfem.common.text_file import check_shown
 from legfem.common.units import kpa_to_mpa
-from legfem.data import Channels, Instrument, Recording, read_instrument_file, read_recording, seen_instrument
+from legfem.data import Channels, Instrument, Recording, check_trial, read_samples, seen_instrument
 from legfem.data.formats import READERS
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection, first_crossing
@@ -121,6 +121,8 @@ def load_subject(
         fibres=fibre_ratio(moduli, deep.fibre_ratio, deep.fibre_ratio_sd),
         measured=tuple(MeasuredEffect(**entry.model_dump()) for entry in given.measured),
     )
+    for trial in subject.trials:
+        check_trial(trial)
     doubts_about(subject)
     return subject
 
@@ -173,9 +175,7 @@ def _recordings(folder: Path, channels: Channels | None) -> tuple[Recording, ...
     twice = next((stem for stem in stems if stems.count(stem) > 1), None)
     if twice is not None:
         raise InputError(folder, twice, "two files have this name", "keep one file a trial, of one format")
-    if channels is None:
-        return tuple(read_recording(file) for file in files)
-    return tuple(read_instrument_file(file, channels) for file in files)
+    return tuple(read_samples(file, channels) for file in files)
 
 
 def _check_aim(toml: Path, section: LegSection, indenter: Indenter) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,12 +12,10 @@ import numpy as np
 
 from legfem.common.doubts import Doubt
 from legfem.common.units import FloatArray
-from legfem.data import Recording, ranges
-from legfem.data.contact import contact_at_start, find_first_contact
+from legfem.data import Recording, Segmentation, ranges
+from legfem.data.contact import LEG
 from legfem.data.formats import READERS
 from legfem.data.plausibility import counts_samples, cut_off, refuse_copies, spike_doubts
-from legfem.data.reader import MINIMAL_DEPTH_MM
-from legfem.data.smoothing import sample_noise, smooth_displacement
 from legfem.geometry.section import depth_to_bone, fat_thickness, girth
 
 if TYPE_CHECKING:
@@ -84,49 +81,6 @@ _IMPOSSIBLE = 20.0
 """Times the most, or the least, that a leg can push back."""
 
 
-@dataclass(frozen=True, eq=False)
-class Loading:
-    """A trial's way from first touch to its deepest point; arrays are (n,)."""
-
-    recording: Recording
-    displacement: FloatArray
-    """mm after first contact, smoothed."""
-    force: FloatArray
-    """N above the baseline."""
-    speed: float
-    """mm/s, between a fifth and four fifths of the depth."""
-
-    @property
-    def source(self) -> str:
-        """Of the recording."""
-        return str(self.recording.source or self.recording.trial)
-
-    @property
-    def depth(self) -> float:
-        """Greatest displacement, mm."""
-        return float(self.displacement[-1])
-
-    def force_near(self, displacement: float) -> float:
-        """Return the mean force within a quarter of a millimetre of a displacement, N."""
-        near = np.abs(self.displacement - displacement) <= 0.25
-        if not near.any():
-            near = np.zeros(len(near), bool)
-            near[int(np.argmin(np.abs(self.displacement - displacement)))] = True
-        return float(self.force[near].mean())
-
-
-def loading_of(recording: Recording, starts_at_contact: bool) -> Loading:
-    """Return a trial's loading."""
-    contact = contact_at_start() if starts_at_contact else find_first_contact(recording)
-    smooth, _ = smooth_displacement(recording.time, recording.displacement)
-    end = int(np.argmax(smooth)) + 1
-    d = smooth[:end] - contact.displacement
-    low, high = (int(np.argmax(d >= share * d[-1])) for share in (0.2, 0.8))
-    taken = float(recording.time[high] - recording.time[low])
-    speed = float(d[high] - d[low]) / taken if taken > 0 else np.inf
-    return Loading(recording, d, recording.force[:end] - contact.baseline, speed)
-
-
 def doubts_about_recordings(subject: Subject, toml: Path, room: float) -> Iterator[Doubt]:
     """Yield what is unlikely.
 
@@ -156,18 +110,17 @@ def doubts_about_recordings(subject: Subject, toml: Path, room: float) -> Iterat
     yield from _unread(subject)
     for recording in subject.recordings:
         _refuse_far_start(recording, subject.starts_at_contact)
-    loadings = [loading_of(r, subject.starts_at_contact) for r in subject.recordings]
-    for loading in loadings:
-        yield from _motion(loading, room)
-    yield from _differing(loadings)
-    yield from _force(subject, loadings)
+    for trial in subject.trials:
+        yield from _motion(trial, room)
+    yield from _differing(subject.trials)
+    yield from _force(subject)
     if subject.instrument.stated:
         yield from _noise(subject, toml)
 
 
 def _refuse_far_start(recording: Recording, starts_at_contact: bool) -> None:
     start = float(recording.displacement[0])
-    if starts_at_contact and abs(start) > MINIMAL_DEPTH_MM:
+    if starts_at_contact and abs(start) > LEG.depth:
         raise Doubt(
             str(recording.source or recording.trial),
             "displacement_mm",
@@ -194,28 +147,29 @@ def _unread(subject: Subject) -> Iterator[Doubt]:
         )
 
 
-def _motion(loading: Loading, room: float) -> Iterator[Doubt]:
-    yield from ranges.SPEED.doubts(loading.source, "time_s", loading.speed, "check that time is in s (not min or ms)")
-    if counts_samples(loading.recording.time[: len(loading.force)]):
+def _motion(trial: Segmentation, room: float) -> Iterator[Doubt]:
+    loading = trial.loading
+    yield from ranges.SPEED.doubts(trial.source, "time_s", loading.speed, "check that time is in s (not min or ms)")
+    if counts_samples(trial.recording.time[: len(loading.force)]):
         yield Doubt(
-            loading.source,
+            trial.source,
             "time_s",
             "goes up by exactly 1 from row to row, as a count of samples",
             "divide it by the sampling rate in Hz, or confirm that there was one a second",
         )
     if way := cut_off(loading.displacement, loading.force):
         yield Doubt(
-            loading.source,
+            trial.source,
             "force_N",
             f"stays at {loading.force.max():.3g} N for the last "
             f"{way:.2g} mm of loading, as a load cell or an amplifier at its limit does",
             "use a larger range, or remove what lies beyond",
         )
-    yield from spike_doubts(loading.source, loading.recording)
+    yield from spike_doubts(trial.source, trial.recording)
     if loading.depth <= _LITTLE_ROOM * room:
         return
     found = Doubt(
-        loading.source,
+        trial.source,
         "displacement_mm",
         f"the cylinder goes {loading.depth:.1f} mm deep where there is room for {room:.1f} mm "
         "before a bone or the leg's far side",
@@ -226,14 +180,13 @@ def _motion(loading: Loading, room: float) -> Iterator[Doubt]:
     yield found
 
 
-def _differing(loadings: Sequence[Loading]) -> Iterator[Doubt]:
-    at = 0.9 * min(loading.depth for loading in loadings)
-    forces = {id(loading): loading.force_near(at) for loading in loadings}
+def _differing(trials: Sequence[Segmentation]) -> Iterator[Doubt]:
+    at = 0.9 * min(trial.loading.depth for trial in trials)
     worst, most = None, 1.0
-    for pair in combinations(loadings, 2):
-        soft, stiff = sorted(pair, key=lambda loading: forces[id(loading)])
-        ratio = forces[id(stiff)] / max(forces[id(soft)], 1e-9)
-        slow, fast = sorted(loading.speed for loading in pair)
+    for pair in combinations(trials, 2):
+        soft, stiff = sorted(pair, key=lambda trial: trial.loading.force_near(at))
+        ratio = stiff.loading.force_near(at) / max(soft.loading.force_near(at), 1e-9)
+        slow, fast = sorted(trial.loading.speed for trial in pair)
         allowed = _ALIKE if fast <= _LIKE_SPEED * slow else _APART
         if ratio > allowed and ratio > most:
             worst, most = (soft, stiff), ratio
@@ -243,7 +196,7 @@ def _differing(loadings: Sequence[Loading]) -> Iterator[Doubt]:
     found = Doubt(
         stiff.source,
         "force_N",
-        f"is {most:.3g} times that of {soft.recording.trial} at {at:.1f} mm: no repeat",
+        f"is {most:.3g} times that of {soft.name} at {at:.1f} mm: no repeat",
         "keep one leg, posture, unit and gain in a folder, or remove the trial that is off",
     )
     if most > _APART:
@@ -251,9 +204,10 @@ def _differing(loadings: Sequence[Loading]) -> Iterator[Doubt]:
     yield found
 
 
-def _force(subject: Subject, loadings: Sequence[Loading]) -> Iterator[Doubt]:
+def _force(subject: Subject) -> Iterator[Doubt]:
     if not subject.indenter.lies_along:  # the envelopes are of sections
         return
+    loadings = [trial.loading for trial in subject.trials]
     depth = min(loading.depth for loading in loadings)
     at = np.linspace(0.2, 0.9, 8) * depth
     force = np.array([np.median([one.force_near(d) for one in loadings]) for d in at])
@@ -288,7 +242,7 @@ def _force(subject: Subject, loadings: Sequence[Loading]) -> Iterator[Doubt]:
 
 def _noise_seen(subject: Subject) -> float:
     """Return the force's noise from sample to sample, N."""
-    return float(np.median([sample_noise(r.force) for r in subject.recordings]))
+    return float(np.median([trial.force_noise for trial in subject.trials]))
 
 
 def _noise(subject: Subject, toml: Path) -> Iterator[Doubt]:

@@ -11,7 +11,7 @@ import numpy as np
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
 from legfem.data import LoadingCurve, mean_loading_curve
-from legfem.data.reader import MINIMAL_DEPTH_MM
+from legfem.data.contact import LEG
 from legfem.inverse.catalogue import DEEP_C10, DEEP_C20, Values
 from legfem.inverse.comparison import Covariances, ErrorSource, Mode, Prediction, Test
 from legfem.inverse.data import Channel, Data
@@ -163,12 +163,12 @@ def measured_curve(subject: Subject, depth: float | None = None) -> LoadingCurve
     InputError
         If the depth leaves too little to identify from.
     """
-    curve = mean_loading_curve(subject.recordings, subject.instrument, starts_at_contact=subject.starts_at_contact)
+    curve = mean_loading_curve(subject.trials)
     if depth is None:
         return curve
-    if not depth >= MINIMAL_DEPTH_MM:
+    if not depth >= LEG.depth:
         raise InputError(
-            "--depth", f"{depth:g} mm", "is too little to identify from", f"give at least {MINIMAL_DEPTH_MM:g} mm"
+            "--depth", f"{depth:g} mm", "is too little to identify from", f"give at least {LEG.depth:g} mm"
         )
     n = int((curve.displacement <= depth + 1e-9).sum())
     return replace(

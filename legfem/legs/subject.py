@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
-from legfem.data import Instrument, Recording
+from legfem.data import Instrument, Recording, Segmentation, segment_all
 from legfem.data.recording import Origin
 from legfem.geometry.indenter import Indenter
 from legfem.geometry.section import LegSection
@@ -96,6 +97,11 @@ class Subject:
     fibres: FibreRatio | None = None
     """Of the deep tissue, along the leg; None where nothing is known of them."""
     measured: tuple[MeasuredEffect, ...] = ()
+
+    @cached_property
+    def trials(self) -> tuple[Segmentation, ...]:
+        """The recordings as they are read: first contact, phases and noise of each."""
+        return segment_all(self.recordings, self.instrument, self.starts_at_contact)
 
 
 @dataclass(frozen=True, eq=False)

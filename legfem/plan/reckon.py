@@ -15,7 +15,7 @@ Math. Statist. 27 (1956) 986-1005.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,14 +24,10 @@ from scipy.stats import norm
 from legfem.common.units import FloatArray
 from legfem.diagnose.explain import INEXACT_SHARE
 from legfem.diagnose.explanation import INEXACT
-from legfem.diagnose.fit import Fit, Problem
-from legfem.diagnose.mechanisms import Mechanism
-from legfem.diagnose.mechanisms.base import prior_of
-from legfem.diagnose.mechanisms.end_effects import EndEffects
-from legfem.diagnose.mechanisms.muscle_fibres import MuscleFibres
-from legfem.diagnose.nuisances import Accuracy, Nuisances
+from legfem.diagnose.fit import Fit, NuisanceEffect, Problem
+from legfem.diagnose.mechanisms.base import Mechanism, prior_of
 from legfem.diagnose.observations import Observations, blank_observations
-from legfem.diagnose.predict import Predictor
+from legfem.diagnose.predict import Predictor, values_of
 from legfem.diagnose.unknown import unknown_errors
 from legfem.inverse.errors import error_model
 from legfem.inverse.trial_noise import Noise
@@ -77,12 +73,15 @@ class Reckoned:
     """That whichever explanation holds is told from all others."""
 
 
+type DesignedNuisances = Callable[[Design, Observations, FloatArray], Sequence[NuisanceEffect]]
+"""What isn't known exactly does to the force (n,), N, at a test's stations."""
+
+
 def reckon(
     design: Design,
     candidates: Sequence[Candidate],
     predictor: Predictor,
-    nuisances: Nuisances,
-    accuracy: Accuracy,
+    nuisances: DesignedNuisances,
     noise: Noise,
     gain_sd: float,
 ) -> Reckoned | None:
@@ -96,21 +95,20 @@ def reckon(
         Explanations that are open.
     predictor
         Of the test that was made: its leg, law and ends.
-    nuisances, accuracy
-        What isn't known of the leg.
+    nuisances
+        Effects of what isn't known exactly.
     noise, gain_sd
         Of the instruments and from trial to trial.
     """
     blank = blank_observations(design.protocols)
     new = replace(predictor, observed=blank, offset=0.0)
-    accuracy = replace(accuracy, contour_sd=0.0) if design.outlines_known else accuracy
     forces = [_force(new, c.fit.mechanisms, c.fit.moved(c.mean), design) for c in candidates]
     if any(np.isnan(force).any() for force in forces):
         return None
     told = [_told(new, c, f, design) for c, f in zip(candidates, forces, strict=True)]
     chances = {}
     for one, mine in zip(candidates, told, strict=True):
-        effects = nuisances.effects(blank, mine.force, accuracy)
+        effects = [(one.name, one.force) for one in nuisances(design, blank, mine.force)]
         errors = error_model(blank.with_force(mine.force), noise, mine.force, effects)
         known = replace(errors, gain_sd=gain_sd).covariance
         for other, its in zip(candidates, told, strict=True):
@@ -195,11 +193,9 @@ def _force(new: Predictor, mechanisms: Sequence[Mechanism], values: Mapping[str,
         given.setdefault(f"trial{k + 1}.onset", 0.0)
     # New trials are touched where they are touched: what was fitted before was the old ones'.
     given = {name: 0.0 if name.endswith(".onset") else value for name, value in given.items()}
-    ends, fibres = f"{EndEffects.name}.scale", f"{MuscleFibres.name}.ratio"
-    if ends in given:
-        given[ends] /= design.length_factor
-    if fibres in given:
-        given[fibres] **= 1 / design.length_factor
+    for one in mechanisms:
+        own = one.for_length(values_of(given, one), design.length_factor)
+        given |= {f"{one.name}.{name}": value for name, value in own.items()}
     return design.length_factor * new(given, mechanisms)
 
 

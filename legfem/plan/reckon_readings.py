@@ -12,10 +12,7 @@ from itertools import combinations, permutations
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.diagnose.measured import measured_strength
-from legfem.diagnose.mechanisms import Mechanism
-from legfem.diagnose.mechanisms.base import null_of
-from legfem.diagnose.nuisances import Accuracy
+from legfem.diagnose.mechanisms.base import AssumedAccuracy, Mechanism, measured_strength, null_of
 from legfem.plan.designs import Readings
 from legfem.plan.reckon import Candidate, Reckoned, reckoned, told_apart
 
@@ -24,7 +21,7 @@ _WORTH = 0.1
 
 
 def reckon_readings(
-    mechanisms: Sequence[Mechanism], candidates: Sequence[Candidate], accuracy: Accuracy
+    mechanisms: Sequence[Mechanism], candidates: Sequence[Candidate], accuracy: AssumedAccuracy
 ) -> list[Reckoned]:
     """Return what it is worth to measure effects by themselves: each, and the best two if better.
 
@@ -45,7 +42,7 @@ def reckon_readings(
     return [*single, most] if most is not None and most.chance > best + _WORTH else single
 
 
-def _worth(mechanisms: tuple[Mechanism, ...], candidates: Sequence[Candidate], accuracy: Accuracy) -> Reckoned:
+def _worth(mechanisms: tuple[Mechanism, ...], candidates: Sequence[Candidate], accuracy: AssumedAccuracy) -> Reckoned:
     errors = np.diag([_error(m, accuracy) ** 2 for m in mechanisms])
     means, spreads = zip(*(_strengths(c, mechanisms) for c in candidates), strict=True)
     chances = {
@@ -55,7 +52,7 @@ def _worth(mechanisms: tuple[Mechanism, ...], candidates: Sequence[Candidate], a
     return reckoned(Readings(mechanisms), chances, candidates)
 
 
-def _error(mechanism: Mechanism, accuracy: Accuracy) -> float:
+def _error(mechanism: Mechanism, accuracy: AssumedAccuracy) -> float:
     """Return a reading's standard deviation, over that of what is known beforehand."""
     assert mechanism.measured_sd is not None
     null = null_of(mechanism.parameters[0])

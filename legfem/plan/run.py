@@ -7,13 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from legfem.common.progress import Progress
+from legfem.common.units import FloatArray
 from legfem.diagnose.diagnosis import Diagnosis, slowest_of
 from legfem.diagnose.explanation import Explanation
-from legfem.diagnose.fit import Fit, Problem
+from legfem.diagnose.fit import Fit, NuisanceEffect, Problem
 from legfem.diagnose.library import Library
 from legfem.diagnose.library_build import build_library, rounded, shown_mechanisms
 from legfem.diagnose.mechanisms import Mechanism
 from legfem.diagnose.mechanisms.base import prior_of
+from legfem.diagnose.nuisances import nuisance_effects
 from legfem.diagnose.observations import Observations, blank_observations
 from legfem.diagnose.predict import Predictor
 from legfem.diagnose.run import STIFFENING, Diagnoser, accuracy_of, ruled_out_of
@@ -122,8 +124,13 @@ def _reckoned(
     gain_sd: float,
 ) -> list[Reckoned]:
     """Return what tests are worth whose responses are known."""
-    accuracy = accuracy_of(subject)
-    found = [reckon(test, candidates, predictor, library.nuisances, accuracy, noise, gain_sd) for test in tests]
+    known = accuracy_of(subject)
+
+    def nuisances(test: Design, blank: Observations, force: FloatArray) -> list[NuisanceEffect]:
+        accuracy = replace(known, contour_sd=0.0) if test.outlines_known else known
+        return nuisance_effects(library.nuisances, blank, force, accuracy)
+
+    found = [reckon(test, candidates, predictor, nuisances, noise, gain_sd) for test in tests]
     return [one for one in found if one is not None]
 
 
@@ -139,17 +146,9 @@ def _library(
     from legfem.diagnose.leg import solved_responses
 
     blank = blank_observations(list(dict.fromkeys(p for t in tests for p in t.protocols)))
-    fine, coarse = solved_responses(subject, blank, diagnoser.folder, diagnoser.correction)
+    fine, coarse = solved_responses(subject, blank, diagnoser.folder)
     return build_library(
-        fine,
-        coarse,
-        blank,
-        asked,
-        diagnoser.correction,
-        diagnoser.jobs,
-        progress,
-        STIFFENING[subject.tissues["deep"].law],
-        middle,
+        fine, coarse, blank, asked, diagnoser.jobs, progress, STIFFENING[subject.tissues["deep"].law], middle
     )
 
 

@@ -10,8 +10,8 @@ from typing import Any
 
 from legfem.common.markdown import markdown_table
 from legfem.data import Channels, Recording
-from legfem.data.columns import QUANTITIES, Proposal
 from legfem.data.quality import Quality
+from legfem.data.reader import QUANTITIES, Proposal
 from legfem.data.segmentation import AIR, HOLD, LOADING, UNLOADING
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, save, styled
 
@@ -45,7 +45,7 @@ def recording_name(recording: Recording) -> str:
 
 def contact_text(quality: Quality) -> str:
     """Return where first contact is seen, in words."""
-    contact = quality.contact
+    contact = quality.trial.contact
     if contact.in_air:
         return f"at {contact.displacement:.2f} ± {contact.displacement_error:.2f} mm, after air"
     return f"at the start ({contact.displacement:.2f} mm): no air is seen"
@@ -58,8 +58,11 @@ def look_text(recording: Recording, proposal: Proposal, quality: Quality) -> str
         ("samples", f"{len(recording)} in {recording.time[-1] - recording.time[0]:.4g} s"),
         ("sampling", f"{quality.sampling:.4g} Hz, {quality.dropped} samples dropped"),
         ("first contact", contact_text(quality)),
-        ("force", f"steps of {quality.force_step:.2g} N, noise {quality.force_noise:.2g} N"),
-        ("displacement", f"steps of {quality.displacement_step:.2g} mm, noise {quality.displacement_noise:.2g} mm"),
+        ("force", f"steps of {quality.force_step:.2g} N, noise {quality.trial.force_noise:.2g} N"),
+        (
+            "displacement",
+            f"steps of {quality.displacement_step:.2g} mm, noise {quality.trial.displacement_noise:.2g} mm",
+        ),
         ("saturation", f"{quality.saturated} samples at the limit" if quality.saturated else "none"),
         ("drops", ", ".join(f"{t:.4g} s" for t in quality.drops[:5]) or "none"),
     ]
@@ -72,9 +75,9 @@ def look_text(recording: Recording, proposal: Proposal, quality: Quality) -> str
             f"{p.last:.2f}",
             "" if p.phase == HOLD else f"{p.rate:.3g}",
         )
-        for p in quality.parts[:_MOST_PARTS]
+        for p in quality.trial.parts[:_MOST_PARTS]
     ]
-    more = len(quality.parts) - len(phases)
+    more = len(quality.trial.parts) - len(phases)
     return "\n".join(
         [
             f"{name}: grade {quality.grade}",
@@ -104,16 +107,16 @@ def look_document(seen: Sequence[tuple[Recording, Proposal, Quality]]) -> dict[s
                 "sampling_Hz": quality.sampling,
                 "dropped_samples": quality.dropped,
                 "saturated_samples": quality.saturated,
-                "first_contact_mm": quality.contact.displacement,
-                "first_contact_in_air": quality.contact.in_air,
+                "first_contact_mm": quality.trial.contact.displacement,
+                "first_contact_in_air": quality.trial.contact.in_air,
                 "force_step_N": quality.force_step,
-                "force_noise_N": quality.force_noise,
+                "force_noise_N": quality.trial.force_noise,
                 "displacement_step_mm": quality.displacement_step,
-                "displacement_noise_mm": quality.displacement_noise,
+                "displacement_noise_mm": quality.trial.displacement_noise,
                 "drops_s": list(quality.drops),
                 "phases": [
                     {"phase": p.phase, "from_s": p.start, "to_s": p.end, "from_mm": p.first, "to_mm": p.last}
-                    for p in quality.parts
+                    for p in quality.trial.parts
                 ],
             }
             for recording, proposal, quality in seen
@@ -136,7 +139,7 @@ def draw_look(recording: Recording, quality: Quality, out: Path) -> Path:
         (forced, recording.force, "force (N)", "b"),
     ):
         shown = set()
-        for part in quality.parts:
+        for part in quality.trial.parts:
             axes.axvspan(
                 part.start,
                 part.end,
@@ -153,7 +156,7 @@ def draw_look(recording: Recording, quality: Quality, out: Path) -> Path:
     forced.set_xlabel("time (s)")
     moved.legend(ncols=3, loc="upper right", bbox_to_anchor=(1.0, 1.2), fontsize=8)
     curve.plot(recording.displacement, recording.force, color=DATA_COLOUR, lw=0.8)
-    curve.axvline(quality.contact.displacement, color=FAINT, ls=":", label="first contact")
+    curve.axvline(quality.trial.contact.displacement, color=FAINT, ls=":", label="first contact")
     curve.set_xlabel("displacement (mm)")
     curve.set_ylabel("force (N)")
     curve.legend(loc="lower right", fontsize=8)

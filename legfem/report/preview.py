@@ -9,10 +9,11 @@ from pathlib import Path
 from legfem.common.documents import write_document
 from legfem.common.doubts import doubt_lines
 from legfem.common.errors import InputError
-from legfem.data.columns import Channels, Proposal, propose, recording_of
+from legfem.data import Scales, segment
+from legfem.data.contact import LEG
 from legfem.data.formats import READERS, read_sheets
-from legfem.data.quality import ANY_DEPTH, BEST_GRADE, quality_of
-from legfem.data.reader import MINIMAL_DEPTH_MM
+from legfem.data.quality import BEST_GRADE, quality_of
+from legfem.data.reader import Channels, Proposal, propose, recording_of
 from legfem.geometry.section import fat_thickness, girth
 from legfem.geometry.shape_measures import perimeter
 from legfem.legs.loading import load_subject
@@ -25,7 +26,7 @@ from legfem.report.slices_figure import slices_figure
 from legfem.report.style import save
 from legfem.specimens.folder import FILE, load_specimen
 from legfem.specimens.schema import parse_specimen_file
-from legfem.stocking.loading import LEGS, load_leg
+from legfem.stockings.loading import LEGS, load_leg
 
 PREVIEW = "preview.json"
 
@@ -92,7 +93,7 @@ def preview_of(folder: Path, out: Path) -> Preview:
         return kind(folder, out)
     files = [path for path in folder.rglob("*") if path.suffix.lower() in READERS]
     recordings = [path for path in sorted(files) if not _is_contours(path)]
-    seen = _recordings(recordings, out, None, ANY_DEPTH)
+    seen = _recordings(recordings, out, None, of_specimen=True)
     readable = any(one.columns or not one.trouble for one in seen)
     error = InputError(
         folder,
@@ -199,7 +200,7 @@ def _specimen(folder: Path, out: Path) -> Preview:
         channels = parse_specimen_file(folder / FILE).recordings.channels()
     except InputError:
         channels = None  # load_specimen says what is wrong
-    seen = _recordings(_files(folder / "recordings"), out, channels, ANY_DEPTH)
+    seen = _recordings(_files(folder / "recordings"), out, channels, of_specimen=True)
     try:
         found = load_specimen(folder)
     except InputError as error:
@@ -222,12 +223,12 @@ def _is_contours(path: Path) -> bool:
 
 
 def _recordings(
-    files: Sequence[Path], out: Path, channels: Channels | None, minimal_depth: float = MINIMAL_DEPTH_MM, site: str = ""
+    files: Sequence[Path], out: Path, channels: Channels | None, of_specimen: bool = False, site: str = ""
 ) -> tuple[SeenRecording, ...]:
-    return tuple(_recording(path, out, channels, minimal_depth, site) for path in files)
+    return tuple(_recording(path, out, channels, of_specimen, site) for path in files)
 
 
-def _recording(path: Path, out: Path, channels: Channels | None, minimal_depth: float, site: str) -> SeenRecording:
+def _recording(path: Path, out: Path, channels: Channels | None, of_specimen: bool, site: str) -> SeenRecording:
     columns: tuple[SeenColumn, ...] = ()
     try:
         sheets = read_sheets(path)
@@ -238,7 +239,7 @@ def _recording(path: Path, out: Path, channels: Channels | None, minimal_depth: 
             propose(path, sheets) if channels is None else Proposal(channels, ("as the folder's [recordings] say",))
         )
         recording = recording_of(path, sheets, proposal.channels)
-        quality = quality_of(recording, minimal_depth)
+        quality = quality_of(segment(recording, scales=Scales.of_specimen(recording) if of_specimen else LEG))
     except InputError as error:
         return SeenRecording(path.name, trouble=str(error), columns=columns)
     # Trials of two sites may have one name.

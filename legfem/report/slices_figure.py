@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from legfem.common.units import FloatArray
 from legfem.geometry.slices import CONTOURS, SliceSet
 from legfem.report.style import FAINT, new_figure, styled
-from legfem.stocking.leg import StockingLeg
+from legfem.stockings.leg import StockingLeg
 
 
 @styled

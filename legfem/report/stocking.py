@@ -21,12 +21,10 @@ from legfem.report.style import save
 from legfem.report.text import plain_page
 from legfem.report.web.page import listed, write_page
 from legfem.report.web.stocking import stocking_web_page
-from legfem.stocking.document import stocking_document
-from legfem.stocking.fat_pressures import FatPressures, fat_pressures
-from legfem.stocking.leg_model import SURFACES
-from legfem.stocking.pressures import PressureProbe
-from legfem.stocking.run import StockingResult
-from legfem.stocking.section_pressures import SectionPressures, section_pressures
+from legfem.stockings.document import stocking_document
+from legfem.stockings.leg_model import SURFACES
+from legfem.stockings.pressures import FatPressures, PressureProbe, SectionPressures, fat_pressures, section_pressures
+from legfem.stockings.result import StockingResult
 
 NUMBERS = "result.json"
 

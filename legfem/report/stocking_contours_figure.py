@@ -13,10 +13,9 @@ from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.slices import CONTOURS, SliceSet
 from legfem.report.leg_directions import Directions, unwrapped
 from legfem.report.style import DATA_COLOUR, new_figure, styled, title
-from legfem.stocking.identification import Identified
-from legfem.stocking.judgement import expected_rms
-from legfem.stocking.misfit import ContourMisfit
-from legfem.stocking.run import StockingResult
+from legfem.stockings.misfit import ContourMisfit
+from legfem.stockings.result import StockingResult
+from legfem.stockings.search import Identified, expected_rms
 
 MODEL, BARE, BAND = "#0072B2", "#E69F00", "#BDBDBD"
 SHORT = {"anterior": "ant.", "posterior": "post.", "medial": "med.", "lateral": "lat."}

@@ -9,8 +9,8 @@ from legfem.common.units import mpa_to_mmhg
 from legfem.report.leg_directions import Directions, unwrapped
 from legfem.report.style import DATA_COLOUR, FAINT, REGION_COLOURS, new_figure, panel, styled, title
 from legfem.report.words import number
-from legfem.stocking.fat_pressures import FatPressures
-from legfem.stocking.run import StockingResult
+from legfem.stockings.pressures import FatPressures
+from legfem.stockings.result import StockingResult
 
 INTERFACE, GREATEST = "#0072B2", "#D55E00"
 

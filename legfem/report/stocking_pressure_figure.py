@@ -16,7 +16,7 @@ from legfem.common.units import FloatArray, mpa_to_mmhg
 from legfem.geometry.leg_shape import SKIN
 from legfem.report.leg_directions import Directions, unwrapped
 from legfem.report.style import new_figure, panel, scale_in_kpa, styled, title
-from legfem.stocking.run import StockingResult
+from legfem.stockings.result import StockingResult
 
 COLOURS = "viridis"
 BARE_COLOUR = "#D9D9D9"

@@ -14,8 +14,8 @@ from legfem.common.units import FloatArray, mpa_to_mmhg
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.report.leg_directions import Directions
 from legfem.report.style import BONE_COLOUR, DATA_COLOUR, new_figure, panel, scale_in_kpa, styled, title
-from legfem.stocking.run import StockingResult
-from legfem.stocking.section_pressures import SectionPressures
+from legfem.stockings.pressures import SectionPressures
+from legfem.stockings.result import StockingResult
 
 BARE, WORN = "#8C8C8C", "#0072B2"
 VEIN_COLOUR = "#D55E00"

@@ -11,9 +11,9 @@ from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.geometry.shape_measures import fat_thickness_around
 from legfem.inverse.intervals import quantile
 from legfem.report.leg_directions import Directions, angle_round
-from legfem.stocking.fat_pressures import too_low_by
-from legfem.stocking.run import StockingResult
-from legfem.stocking.warnings import TISSUES
+from legfem.stockings.notices import TISSUES
+from legfem.stockings.pressures import too_low_by
+from legfem.stockings.result import StockingResult
 
 ORIGINS = {
     "measured": "measured data",

@@ -31,22 +31,6 @@ _EARLIER = 0.2
 """Of the depth: contact isn't farther before where it was detected."""
 
 
-def expected_place(contact: Contact) -> tuple[float, float]:
-    """Return where contact is expected, and the standard deviation of that (mm); 0 where known.
-
-    Where a recording shows no air for certain, contact may be at its start as well as where it
-    seems to be: it is expected half way.
-    """
-    apart = 0.0 if contact.in_air or known(contact) else contact.estimate - contact.displacement
-    sd = float(np.hypot(contact.displacement_error, apart / 2))
-    return contact.displacement + apart / 2, sd
-
-
-def known(contact: Contact) -> bool:
-    """Return whether contact is said to be at the start."""
-    return contact.displacement_error == 0.0
-
-
 def earliest(course: Course) -> float:
     """Return how far (mm) contact may be before where it was detected."""
     return min(FARTHEST * course.contact.displacement_error, _EARLIER * course.depth)
@@ -95,9 +79,9 @@ class Onset:
     @classmethod
     def of(cls, course: Course, detected: Contact, slope: FloatArray | None = None) -> Onset:
         """Return that of a course, by its own force where the slope isn't given."""
-        expected, sd = expected_place(detected)
+        expected, sd = detected.expected
         # A tared cell is known as well as one that was read in air.
-        tared = detected.in_air or known(detected)
+        tared = detected.in_air or detected.known
         zero = float(np.sqrt(SLOW_SHARE if tared else 1.0)) * course.instrument.force_sd
         ahead = course.contact.displacement - expected
         return cls(slope_of(course, course.force) if slope is None else slope, sd, zero, ahead)

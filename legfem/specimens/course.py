@@ -6,13 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import medfilt
 
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
-from legfem.data import Instrument, Recording, find_first_contact
-from legfem.data.contact import Contact, contact_at_start
-from legfem.data.smoothing import sample_noise
+from legfem.data import Instrument, Recording, Scales, Segmentation, segment
+from legfem.data.contact import Contact, first_return
+from legfem.data.smoothing import sample_noise, without_outliers
 
 STATIONS = 40
 """Of a loading: one for so large a share of its way, and of its time."""
@@ -32,8 +31,6 @@ _HELD = 0.95
 """Of the greatest force: what is above that counts as held."""
 _SLOWED = 0.2
 """Of the mean speed of loading: what is below that while the force is held is creep."""
-# One sample that overshoots doesn't count.
-_MEDIAN = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,22 +112,10 @@ class Course:
         )
 
 
-def calmed(recording: Recording) -> Recording:
-    """Return a recording without samples of displacement that overshoot by themselves."""
-    calm = medfilt(recording.displacement, _MEDIAN)
-    # The filter takes what lies beyond the ends for zero.
-    calm[:2], calm[-2:] = recording.displacement[:2], recording.displacement[-2:]
-    return replace(recording, displacement=calm)
-
-
-def course_of(
-    given: Recording,
-    instrument: Instrument | None = None,
-    starts_at_contact: bool = False,
-    returns: bool = False,
-    contact: Contact | None = None,
-) -> Course:
-    """Return the course of a recording.
+def read_specimen(
+    given: Recording, instrument: Instrument | None = None, starts_at_contact: bool = False
+) -> Segmentation:
+    """Read a recording of a specimen by the scales of its own travel and noise.
 
     Parameters
     ----------
@@ -140,10 +125,6 @@ def course_of(
         Errors of a reading; the samples' own scatter without it.
     starts_at_contact : bool
         Whether displacement counts from first contact; else that is looked for.
-    returns : bool
-        Whether what follows the first return counts, until hardly any force is left.
-    contact : Contact, optional
-        Where it begins, if that is known; it is looked for without it.
 
     Raises
     ------
@@ -155,24 +136,38 @@ def course_of(
         raise InputError(
             source, "rows", f"{len(given)} samples are too few", f"record at least {_LEAST_SAMPLES} during loading"
         )
-    recording = calmed(given)
-    calm = recording.displacement
-    noise = sample_noise(given.displacement)
+    # One sample that overshoots doesn't count.
+    recording = replace(given, displacement=without_outliers(given.displacement))
+    calm, noise = recording.displacement, sample_noise(recording.displacement)
     _check_motion(calm, starts_at_contact, source)
-    start, arrived, end = _loaded_and_held(calm, noise)
-    loading = _part(recording, slice(start, arrived + 1))
+    start, arrived, _ = _loaded_and_held(calm, noise)
+    loading = recording.force[start : arrived + 1]
     _check(loading, source)
     errors = instrument or Instrument(
-        max(sample_noise(loading.force), _READING * float(np.ptp(loading.force))),
+        max(sample_noise(loading), _READING * float(np.ptp(loading))),
         max(noise, _READING * float(np.ptp(calm))),
         stated=False,
     )
-    if contact is None:
-        contact = (
-            contact_at_start()
-            if starts_at_contact
-            else find_first_contact(loading, errors.force_sd, errors.displacement_sd)
-        )
+    return segment(recording, errors, starts_at_contact, Scales.of_specimen(recording))
+
+
+def course_of(trial: Segmentation, returns: bool = False) -> Course:
+    """Return the course of a specimen's recording.
+
+    Parameters
+    ----------
+    trial : Segmentation
+        As `read_specimen` reads it.
+    returns : bool
+        Whether what follows the first return counts, until hardly any force is left.
+
+    Raises
+    ------
+    InputError
+        If there is too little of it.
+    """
+    recording, contact, calm = trial.recording, trial.contact, trial.recording.displacement
+    start, arrived, end = _loaded_and_held(calm, trial.displacement_noise)
     whole = _part(recording, slice(start, _parted(recording, end) if returns else end))
     after = whole.displacement > contact.displacement
     first = int(np.argmax(after))
@@ -192,10 +187,15 @@ def course_of(
     def mean(values: FloatArray) -> FloatArray:
         return np.asarray(np.bincount(numbers, values) / count)
 
-    found = Course(mean(kept.time), mean(kept.displacement), mean(kept.force), count, errors, arrival, kept, contact)
+    found = Course(
+        mean(kept.time), mean(kept.displacement), mean(kept.force), count, trial.instrument, arrival, kept, contact
+    )
     if len(found.time) < _LEAST_SEEN:
         raise InputError(
-            source, "rows", f"{len(found.time)} stations of loading are too few", "sample faster or press more slowly"
+            trial.source,
+            "rows",
+            f"{len(found.time)} stations of loading are too few",
+            "sample faster or press more slowly",
         )
     return found
 
@@ -204,14 +204,11 @@ def _loaded_and_held(calm: FloatArray, noise: float) -> tuple[int, int, int]:
     """Return where motion starts, where it arrives, and where it first goes back."""
     deepest = float(calm.max())
     travel = deepest - float(calm[0])
-    highest = np.maximum.accumulate(calm)
     back = max(_BACK * travel, 5 * noise)
-    deep = highest > calm[0] + 0.3 * travel
-    returned = np.flatnonzero(deep & (calm < highest - back))
-    end = int(returned[0]) if len(returned) else len(calm)
-    if len(returned):
+    end = first_return(calm, back, 0.3 * travel)
+    if end < len(calm):
         # From where it began to.
-        end = int(np.flatnonzero(calm[:end] > highest[end - 1] - 0.2 * back)[-1]) + 1
+        end = int(np.flatnonzero(calm[:end] > calm[:end].max() - 0.2 * back)[-1]) + 1
     top = float(calm[:end].max())
     start = max(0, int(np.argmax(calm > calm[0] + max(0.01 * travel, 3 * noise))) - 2)
     arrived = int(np.argmax(calm[:end] >= top - max(0.005 * travel, noise)))
@@ -244,18 +241,18 @@ def _check_motion(calm: FloatArray, starts_at_contact: bool, source: object) -> 
         )
 
 
-def _check(loading: Recording, source: object) -> None:
+def _check(force: FloatArray, source: object) -> None:
     where = str(source)
-    if len(loading) < _LEAST_SAMPLES:
+    if len(force) < _LEAST_SAMPLES:
         raise InputError(
             where,
             "rows",
-            f"{len(loading)} samples of loading are too few",
+            f"{len(force)} samples of loading are too few",
             f"record at least {_LEAST_SAMPLES}: sample faster or press more slowly",
         )
-    few = max(2, len(loading) // 20)
-    rise = float(np.median(loading.force[-few:]) - np.median(loading.force[:few]))
-    noise = sample_noise(loading.force)
+    few = max(2, len(force) // 20)
+    rise = float(np.median(force[-few:]) - np.median(force[:few]))
+    noise = sample_noise(force)
     if rise < -5 * noise:
         raise InputError(
             where,

@@ -15,15 +15,14 @@ from legfem.common.progress import Progress
 from legfem.common.units import kpa_to_mpa
 from legfem.data import Instrument
 from legfem.data.recording import Origin
-from legfem.diagnose.diagnosis import Diagnosis, diagnose
+from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.library_build import build_library, middle_of, shown_mechanisms
 from legfem.diagnose.nuisances import Accuracy
 from legfem.diagnose.observations import Observations, observe
-from legfem.diagnose.run import STIFFENING
+from legfem.diagnose.run import STIFFENING, diagnose_body
 from legfem.diagnose.solved import PLAIN, SolvedResponses
 from legfem.inverse.catalogue import RATIO
 from legfem.jobs.fingerprint import code_fingerprint
-from legfem.specimens.course import calmed
 from legfem.specimens.folder import FILE, SpecimenFolder, stiffness_doubts
 from legfem.specimens.mechanisms import Scale, mechanisms_of
 from legfem.specimens.recorded import LeftOut, SpecimenRecording
@@ -136,13 +135,13 @@ def _diagnosed(
     scale = Scale(observed.depth, float(observed.force.max()), last, middle, asked.bulk_ratio)
     every, unable = mechanisms_of(sizes, scale)
     able, _ = shown_mechanisms(observed, None, every=every)
-    library = build_library(solved, solved, observed, able, None, jobs, progress, stiffening, middle, _STIFFENINGS)
+    library = build_library(solved, solved, observed, able, jobs, progress, stiffening, middle, _STIFFENINGS)
     library = replace(library, missing={**unable, **library.missing}, reach=_REACH)
     stiff = stiffness_doubts(folder, kpa_to_mpa(middle))
     doubts = (*folder.doubts, *(one for one in stiff if one.field not in folder.confirmed))
     observed = replace(observed, remarks=(*doubt_lines(doubts), *observed.remarks))
     accuracy = Accuracy() if folder.origin == "measured" else _DRAWN
-    diagnosis = diagnose(
+    diagnosis = diagnose_body(
         observed,
         _instrument(folder, used),
         folder.base_law,
@@ -157,7 +156,7 @@ def _diagnosed(
 
 
 def _observed(folder: SpecimenFolder, used: Sequence[SpecimenRecording]) -> Observations:
-    observed = observe([calmed(one.recording) for one in used], _instrument(folder, used), folder.starts_at_contact)
+    observed = observe([one.trial for one in used])
     remarks = list(observed.remarks)
     if folder.instrument is None:
         remarks.append(

@@ -16,7 +16,7 @@ from legfem.data.formats import READERS
 from legfem.data.plausibility import refuse_copies
 from legfem.data.reader import read_samples
 from legfem.data.recording import Origin
-from legfem.specimens.course import course_of
+from legfem.specimens.course import course_of, read_specimen
 from legfem.specimens.plausibility import (
     doubts_about_course,
     doubts_about_shape,
@@ -125,7 +125,8 @@ def load_specimen(directory: Path) -> SpecimenFolder:
             samples = read_samples(path, given.recordings.channels(), opening)
             if opening is not None:
                 doubts += suction_doubts(samples, opening)
-            course = course_of(samples, errors, at_contact, given.tissue.returns)
+            trial = read_specimen(replace(samples, trial=name), errors, at_contact)
+            course = course_of(trial, given.tissue.returns)
             source = str(samples.source or samples.trial)
             doubts += doubts_about_course(source, course, sizes[entry])
             refuse_copies(samples, [one.recording for one in used])
@@ -133,8 +134,7 @@ def load_specimen(directory: Path) -> SpecimenFolder:
             left.append(LeftOut(name, str(error)))
         else:
             specimen = given.id if entry is None else given.specimen[entry].name
-            recording = replace(samples, trial=name)
-            used.append(SpecimenRecording(name, specimen, sizes[entry], course, recording))
+            used.append(SpecimenRecording(name, specimen, sizes[entry], course, trial))
     if not used:
         raise InputError(
             directory / "recordings", left[0].name, f"no recording can be used: {left[0].reason}", "mend them"

@@ -42,7 +42,7 @@ from legfem.specimens.comparison import (
     seeks_ratio,
     why_ratio_undetermined,
 )
-from legfem.specimens.contacts import SETTLED, expected_place, known
+from legfem.specimens.contacts import SETTLED
 from legfem.specimens.details import SpecimenDetails
 from legfem.specimens.folder import SpecimenFolder, stiffness_doubts
 from legfem.specimens.forward import SpecimenForward
@@ -175,7 +175,7 @@ class SpecimenProblem:
         recordings = list(now.recordings)
         moved = list(recordings)
         for k, (one, ahead) in enumerate(zip(recordings, aheads, strict=True)):
-            at, (expected, sd) = one.course.contact.displacement, expected_place(one.detected)
+            at, (expected, sd) = one.course.contact.displacement, one.detected.expected
             # What is solved goes so deep.
             place = max(expected + ahead, at + one.course.depth - now.depths[now.parts[k].test])
             if abs(place - at) > SETTLED * sd:
@@ -306,7 +306,7 @@ def _without(name: str, asked: Asked) -> Asked:
 def _from_seeming_contact(one: SpecimenRecording, returns: bool) -> SpecimenRecording:
     """Recording from where contact seems to be: nothing of it then is air."""
     found = one.detected
-    if not known(found) and found.estimate > found.displacement:
+    if not found.known and found.estimate > found.displacement:
         with suppress(InputError):
             return one.begun(found.estimate, returns)
     return one

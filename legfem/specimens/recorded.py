@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from legfem.data import Recording
+from legfem.data import Recording, Segmentation
 from legfem.data.contact import Contact
 from legfem.inverse.data import Channel, Data
 from legfem.specimens.course import Course, course_of
@@ -24,12 +24,17 @@ class SpecimenRecording:
     sizes: Sizes
     """Of the specimen and what presses it."""
     course: Course
-    recording: Recording
-    """All of it, returns too."""
+    trial: Segmentation
+    """All of it as it is read, returns too."""
     found: Contact | None = None
     """First contact as detected, where the course begins at another."""
     reach: float = math.inf
     """Displacement (mm) beyond which its test can't be modelled."""
+
+    @property
+    def recording(self) -> Recording:
+        """The samples."""
+        return self.trial.recording
 
     @property
     def data(self) -> Data:
@@ -51,9 +56,7 @@ class SpecimenRecording:
         InputError
             If too little is left after it.
         """
-        contact = replace(self.detected, displacement=place)
-        instrument = self.course.instrument
-        course = course_of(self.recording, instrument, returns=returns, contact=contact)
+        course = course_of(self.trial.touching(replace(self.detected, displacement=place)), returns)
         return replace(self, course=course.down_to(self.reach), found=self.detected)
 
     def to(self, reach: float) -> SpecimenRecording:

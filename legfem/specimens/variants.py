@@ -16,9 +16,9 @@ import numpy as np
 from legfem.common.units import FloatArray
 from legfem.diagnose.mechanisms import Solution, TissueMechanism, mechanisms
 from legfem.diagnose.mechanisms.viscoelasticity import TIMES_S
-from legfem.diagnose.nuisances import SIZE, Displaced
+from legfem.diagnose.models import Displaced, Stopped
+from legfem.diagnose.nuisances import SIZE
 from legfem.diagnose.solved import PLAIN
-from legfem.diagnose.variants import Stopped
 from legfem.experiments.lateral_cylinder import CylinderOnBlock
 from legfem.experiments.suction import SuctionTest
 from legfem.experiments.uniaxial import Bar, UniaxialTest

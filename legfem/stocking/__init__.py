@@ -1,1 +1,1 @@
-"""Compression stockings: what they do to a leg, and what images of it tell of its tissues."""
+"""The command ``python -m legfem.stocking``; the room is `legfem.stockings`."""

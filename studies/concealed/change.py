@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.data import Recording
-from legfem.diagnose.cut import cut_trial
+from legfem.data import Recording, segment
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.stations import read_at
 from studies.lab.conditions import drawn_errors
@@ -42,6 +41,6 @@ def change_at_stations(
     parts = []
     for k, (recording, change) in enumerate(zip(recordings, changes, strict=True)):
         less = replace(recording, force=recording.force - np.asarray(change))
-        trial = cut_trial(less, observed.contacts[k])
+        trial = segment(less, starts_at_contact=True).touching(observed.contacts[k])
         parts.append(read_at(trial, observed.protocols[observed.protocol_of[k]]).force)
     return np.asarray(observed.force - np.concatenate(parts))

@@ -18,7 +18,8 @@ from scipy.interpolate import CubicSpline
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.diagnose.mechanisms import Solution, TissueMechanism
 from legfem.diagnose.mechanisms.registry import mechanism_named
-from legfem.diagnose.variants import Stopped, Variants
+from legfem.diagnose.models import Stopped
+from legfem.diagnose.variants import Variants
 from legfem.jobs.store import Store
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.subject import Subject

@@ -15,10 +15,13 @@ import numpy as np
 
 from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress, Silent
-from legfem.diagnose.diagnosis import Diagnosis, diagnose
+from legfem.data import segment_all
+from legfem.diagnose.diagnosis import Diagnosis
+from legfem.diagnose.library_build import with_correction
 from legfem.diagnose.mechanisms.end_effects import EndEffects
 from legfem.diagnose.mechanisms.muscle_fibres import MuscleFibres
 from legfem.diagnose.observations import observe
+from legfem.diagnose.run import diagnose_body
 from legfem.experiments.indentation_3d import IdealisedLegIndentation
 from legfem.jobs.store import Store
 from legfem.legs.correction import read_correction
@@ -83,13 +86,13 @@ def diagnosed(given: Concealed, number: int, folder: Path, jobs: int, progress: 
     course = Course(time, RATE_MM_PER_S * time, curve(RATE_MM_PER_S * time))
     errors = LabErrors(gain_sd=GAIN_SD, air=AIR_MM if given.in_air else 0.0)
     recordings = record([course] * TRIALS, errors, np.random.default_rng(SEED + number))
-    observed = observe(recordings, INSTRUMENT, not given.in_air)
+    observed = observe(segment_all(recordings, INSTRUMENT, not given.in_air))
     correction = read_correction(REFERENCE)
-    solved = plane_responses(PLANE, folder / "responses", correction)
+    solved = plane_responses(PLANE, folder / "responses")
     tables = plane_library(solved, observed, correction, jobs, Silent())
     with_ends = {EndEffects.name: "the base model has the cylinder's ends"}
     return {
-        ends: diagnose(
+        ends: diagnose_body(
             observed,
             INSTRUMENT,
             "neo-hookean",
@@ -98,7 +101,7 @@ def diagnosed(given: Concealed, number: int, folder: Path, jobs: int, progress: 
             Silent(),
             ends=correction if ends else None,
             ruled_out=with_ends if ends else None,
-            every=MECHANISMS,
+            every=with_correction(MECHANISMS, correction),
         )
         for ends in (True, False)
     }

@@ -19,11 +19,11 @@ import numpy as np
 
 from legfem.common.progress import Silent
 from legfem.data import Recording
-from legfem.diagnose.diagnosis import Diagnosis, diagnose
+from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.leg import solved_responses
 from legfem.diagnose.library_build import build_library
 from legfem.diagnose.mechanisms import Mechanism
-from legfem.diagnose.run import STIFFENING, Diagnoser, accuracy_of, ruled_out_of
+from legfem.diagnose.run import STIFFENING, Diagnoser, accuracy_of, diagnose_body, ruled_out_of
 from legfem.legs.correction_of_leg import choose_correction
 from legfem.legs.loading import load_subject
 from legfem.legs.subject import Subject
@@ -219,11 +219,11 @@ def _read(lab: Lab, case: SealedCase, subject: Subject, asked: Readings) -> Subj
 def weigh_again(diagnoser: Diagnoser, subject: Subject, left: Sequence[Mechanism]) -> Diagnosis:
     """Return a subject's diagnosis among some mechanisms."""
     observed = diagnoser.observations(subject)
-    fine, coarse = solved_responses(subject, observed, diagnoser.folder, diagnoser.correction)
+    fine, coarse = solved_responses(subject, observed, diagnoser.folder)
     law = subject.tissues["deep"].law
-    library = build_library(fine, coarse, observed, left, diagnoser.correction, 1, Silent(), STIFFENING[law])
+    library = build_library(fine, coarse, observed, left, 1, Silent(), STIFFENING[law])
     ends = choose_correction("auto", subject)
-    return diagnose(
+    return diagnose_body(
         observed,
         subject.instrument,
         law,

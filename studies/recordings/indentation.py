@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from legfem.common.units import FloatArray
-from legfem.data import Instrument, Recording
-from legfem.data.contact import find_first_contact
+from legfem.data import Instrument, Recording, segment, segment_all
 from legfem.data.smoothing import sample_noise
 from legfem.diagnose.diagnosis import slowest_of
 from legfem.diagnose.explain import explain
@@ -108,8 +107,8 @@ def study_indentation(test: MeatTest, layers: LayerCurves) -> Indented:
     """Explain one test without the end of its hold, and predict that end."""
     recording = loaded_and_held(test.recording)
     instrument = Instrument(max(sample_noise(recording.force), FORCE_SD_N), DISPLACEMENT_SD_MM)
-    whole = observe([recording], instrument, starts_at_contact=False)
-    seen = observe([without_end_of_hold(recording, HELD_OUT_S)], instrument, starts_at_contact=False)
+    whole = observe(segment_all([recording], instrument))
+    seen = observe(segment_all([without_end_of_hold(recording, HELD_OUT_S)], instrument))
     drops = find_drops(recording)
     motion = motion_of(recording, whole)
     thickness = test.thickness - whole.contacts[0].displacement
@@ -305,11 +304,11 @@ def air_found(test: MeatTest, air: float = 1.5) -> float | None:
     force and the noise of the readings. None for tests that begin in air of their own.
     """
     recording = loaded_and_held(test.recording)
-    own = find_first_contact(recording, FORCE_SD_N, DISPLACEMENT_SD_MM)
+    own = segment(recording, Instrument(FORCE_SD_N, DISPLACEMENT_SD_MM)).contact
     if own.in_air:
         return None
     moved = with_air(recording, air)
-    return find_first_contact(moved, FORCE_SD_N, DISPLACEMENT_SD_MM).displacement - air
+    return segment(moved, Instrument(FORCE_SD_N, DISPLACEMENT_SD_MM)).contact.displacement - air
 
 
 def with_air(recording: Recording, air: float) -> Recording:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
-from legfem.data import Recording
-from legfem.data.segmentation import AIR, HOLD, split_phases
+from legfem.data import Recording, segment
+from legfem.data.segmentation import AIR, HOLD
 from legfem.diagnose.observations import Observations
 
 _HELD_WITHIN_MM = 0.02
@@ -89,7 +89,7 @@ class Motion:
 def motion_of(recording: Recording, observed: Observations) -> Motion:
     """Return the motion of a recording that `observe` was given."""
     contact = observed.contacts[0]
-    labels = split_phases(recording, contact)
+    labels = segment(recording).touching(contact).labels
     d = recording.displacement - contact.displacement
     touched = (labels != AIR) & (d > 0)
     time, d = recording.time[touched], d[touched]

@@ -18,11 +18,11 @@ from legfem.geometry.shape_measures import fat_thickness_around, horizontal_curv
 from legfem.geometry.slices import calf_levels
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import settings_for_cells
-from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
-from legfem.stocking.leg_model import LegModel3D
-from legfem.stocking.pressures import PressureProbe, tissue_pressures
-from legfem.stocking.veins import default_veins
-from legfem.stocking.worn import WornLeg
+from legfem.stockings.equilibrium import WornLeg
+from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
+from legfem.stockings.leg import default_veins
+from legfem.stockings.leg_model import LegModel3D
+from legfem.stockings.pressures import PressureProbe, tissue_pressures
 from studies.legs.parametric_leg import ParametricLeg, parametric_leg
 from studies.stockings.truth import D1
 

@@ -16,7 +16,7 @@ from legfem.jobs.key import Contents, key_of
 from legfem.jobs.pool import Workers
 from legfem.jobs.resume import finish
 from legfem.jobs.store import Store
-from legfem.stocking.run import StockingSettings
+from legfem.stockings.result import StockingSettings
 from studies.legs.parametric_leg import parametric_leg, read_legs
 from studies.stockings import page
 from studies.stockings.claims import Pressures, Variant, correlations, solve_variant, variants

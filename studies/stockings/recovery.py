@@ -8,9 +8,9 @@ from pathlib import Path
 
 from legfem.common.progress import Silent
 from legfem.common.units import mpa_to_kpa
-from legfem.stocking.identification import Identified
-from legfem.stocking.loading import load_leg
-from legfem.stocking.run import StockingResult, StockingSettings, run_leg
+from legfem.stockings.loading import load_leg
+from legfem.stockings.result import StockingResult, StockingSettings, run_leg
+from legfem.stockings.search import Identified
 from studies.stockings.truth import TRUTHS
 
 

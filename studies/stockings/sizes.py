@@ -13,11 +13,10 @@ from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.slices import calf_levels
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import settings_for_cells
-from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
-from legfem.stocking.laplace import stocking_load
-from legfem.stocking.leg_model import LegModel3D
-from legfem.stocking.pressures import PressureProbe, TissuePressures, tissue_pressures
-from legfem.stocking.veins import default_veins
+from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking, stocking_load
+from legfem.stockings.leg import default_veins
+from legfem.stockings.leg_model import LegModel3D
+from legfem.stockings.pressures import PressureProbe, TissuePressures, tissue_pressures
 from studies.stockings.claims import PAPER_KPA
 from studies.stockings.truth import D1
 

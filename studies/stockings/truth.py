@@ -21,10 +21,9 @@ from legfem.geometry.rigid import RigidTransform
 from legfem.imaging.volume_file import write_volume
 from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import settings_for_cells
-from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
-from legfem.stocking.laplace import Stocking
-from legfem.stocking.leg_model import LegModel3D
-from legfem.stocking.worn import Worn, WornLeg
+from legfem.stockings.equilibrium import Worn, WornLeg
+from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking
+from legfem.stockings.leg_model import LegModel3D
 from studies.legs.parametric_leg import ParametricLeg, parametric_leg
 from studies.legs.voxelise import SegmentationNoise, simulated_scan
 

@@ -9,10 +9,11 @@ import numpy as np
 
 from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress
-from legfem.data import Recording
+from legfem.data import Recording, segment_all
 from legfem.data.recording import Origin, write_recording
-from legfem.diagnose.diagnosis import diagnose
+from legfem.diagnose.library_build import with_correction
 from legfem.diagnose.observations import observe
+from legfem.diagnose.run import diagnose_body
 from legfem.experiments.indentation_3d import IdealisedLegIndentation, IdealisedLegSettings
 from legfem.jobs.store import Store
 from legfem.legs.correction import TabulatedCorrection
@@ -92,13 +93,15 @@ def run_ends(out: Path, library: Path, correction: TabulatedCorrection, jobs: in
     (out / "recordings").mkdir(parents=True, exist_ok=True)
     for recording in recordings:
         write_recording(recording, out / "recordings" / f"{recording.trial}.csv")
-    observed = observe(recordings, INSTRUMENT, False)
-    solved = plane_responses(PLANE, library, correction)
+    observed = observe(segment_all(recordings, INSTRUMENT))
+    solved = plane_responses(PLANE, library)
     tables = plane_library(solved, observed, correction, jobs, progress)
     return diagnosed(
         "end effects, three slow loadings",
         TRUTH,
         Leg(),
-        lambda: diagnose(observed, INSTRUMENT, "neo-hookean", tables, solved, progress, every=MECHANISMS),
+        lambda: diagnose_body(
+            observed, INSTRUMENT, "neo-hookean", tables, solved, progress, every=with_correction(MECHANISMS, correction)
+        ),
         out,
     )

@@ -14,12 +14,11 @@ from legfem.diagnose.library_build import build_library, shown_mechanisms
 from legfem.diagnose.mechanisms import Mechanism, TissueMechanism
 from legfem.diagnose.mechanisms.base import Solution
 from legfem.diagnose.mechanisms.compressibility import Compressibility
-from legfem.diagnose.mechanisms.end_effects import EndEffects
 from legfem.diagnose.mechanisms.strain_stiffening import StrainStiffening
-from legfem.diagnose.nuisances import MATERIAL_LOG_SD, Displaced
+from legfem.diagnose.models import Displaced, Stopped
+from legfem.diagnose.nuisances import MATERIAL_LOG_SD
 from legfem.diagnose.observations import Observations
 from legfem.diagnose.solved import SolvedResponses
-from legfem.diagnose.variants import Stopped
 from legfem.experiments.indentation_3d import IdealisedLegIndentation
 from legfem.jobs.fingerprint import code_fingerprint
 from legfem.legs.correction import TabulatedCorrection
@@ -115,7 +114,7 @@ class PlaneLegVariants:
         return IdealisedLegIndentation(case.leg, case.cylinder, case.material.laws, 2, case.settings)
 
 
-def plane_responses(case: CorrectionCase, folder: Path | None, correction: TabulatedCorrection) -> SolvedResponses:
+def plane_responses(case: CorrectionCase, folder: Path | None) -> SolvedResponses:
     """Return the base model's responses; solutions are kept in a folder."""
     fingerprint = {
         "model": "idealised leg in plane strain",
@@ -123,7 +122,7 @@ def plane_responses(case: CorrectionCase, folder: Path | None, correction: Tabul
         "code": code_fingerprint("legfem.experiments.indentation_3d"),
     }
     variants = PlaneLegVariants(case)
-    return SolvedResponses(variants, case.depth, folder, fingerprint, correction)
+    return SolvedResponses(variants, case.depth, folder, fingerprint)
 
 
 def offered(observed: Observations, correction: TabulatedCorrection) -> tuple[list[Mechanism], dict[str, str]]:
@@ -138,7 +137,7 @@ def offered(observed: Observations, correction: TabulatedCorrection) -> tuple[li
         m.name
         for m in able
         if isinstance(m, TissueMechanism)
-        and not isinstance(m, Compressibility | EndEffects | StrainStiffening)
+        and not isinstance(m, Compressibility | StrainStiffening)
         and m.name not in missing
     ]
     return list(tabulated), missing | dict.fromkeys(unknown, "this base model knows no time")
@@ -149,5 +148,5 @@ def plane_library(
 ) -> Library:
     """Return the base model's library for recordings."""
     tabulated, missing = offered(observed, correction)
-    library = build_library(solved, solved, observed, tabulated, correction, jobs, progress)
+    library = build_library(solved, solved, observed, tabulated, jobs, progress)
     return replace(library, missing={**library.missing, **missing})

@@ -11,8 +11,9 @@ from legfem.common.errors import UnsolvedError
 from legfem.common.progress import Progress
 from legfem.common.units import kpa_to_mpa
 from legfem.diagnose.mechanisms import Solution
+from legfem.diagnose.models import Stopped
 from legfem.diagnose.run import Diagnoser
-from legfem.diagnose.variants import Stopped, Variants
+from legfem.diagnose.variants import Variants
 from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.experiments import tissues_of
 from legfem.legs.folder import write_subject_folder

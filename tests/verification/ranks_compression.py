@@ -13,11 +13,10 @@ from legfem.mechanics.materials import NeoHookean
 from legfem.meshing.solid_leg import SolidMeshSettings
 from legfem.solve.linear import LinearSettings
 from legfem.solve.newton_settings import NewtonSettings
-from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
-from legfem.stocking.laplace import stocking_load
-from legfem.stocking.leg_model import LegModel3D
-from legfem.stocking.pressures import PressureProbe, tissue_pressures
-from legfem.stocking.veins import default_veins
+from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking, stocking_load
+from legfem.stockings.leg import default_veins
+from legfem.stockings.leg_model import LegModel3D
+from legfem.stockings.pressures import PressureProbe, tissue_pressures
 from studies.legs.parametric_leg import parametric_leg, read_legs
 
 LEGS = Path(__file__).resolve().parents[2] / "studies" / "stockings" / "legs.toml"

@@ -14,7 +14,7 @@ from legfem.app.settings import with_channels
 from legfem.app.workspace import description_of
 from legfem.common.documents import write_atomically
 from legfem.common.errors import InputError
-from legfem.data.columns import QUANTITIES, Channel, Channels
+from legfem.data.reader import QUANTITIES, Channel, Channels
 
 _SIGNS = {1: "as it is", -1: "turned round (-1)"}
 

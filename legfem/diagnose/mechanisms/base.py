@@ -50,6 +50,16 @@ class PressedLeg(Protocol):
         ...
 
 
+class TissueResponses(Protocol):
+    """Responses to mechanisms that change the tissue, by finite-element solutions."""
+
+    def relative_change(
+        self, mechanism: TissueMechanism, values: Values, at: Stiffness, observed: Observations
+    ) -> FloatArray:
+        """Return what a mechanism adds to the elastic force, over that force (n,); NaN where a solution stopped."""
+        ...
+
+
 def strength(
     name: str,
     unit: str,
@@ -88,6 +98,8 @@ class Mechanism:
     its unit, or of a factor's logarithm; None where it doesn't."""
     expected: ClassVar[float] = 1.0
     """How often it is there, over the other mechanisms, before anything was recorded."""
+    stands_for_C20: ClassVar[bool] = False
+    """Whether its strength is C20 itself where the base law has none, which then is its response."""
 
     def untestable(self, observed: Observations) -> str | None:
         """Return why such recordings can't show it, or None."""
@@ -121,6 +133,21 @@ class Mechanism:
                 object.__setattr__(found, name, value)
         return found
 
+    def for_length(self, values: Values, factor: float) -> Values:
+        """Return its values with an indenter that is ``factor`` times as long."""
+        return values
+
+    @property
+    def scaled(self) -> tuple[str, ...]:
+        """Full names of the assumed numbers that its strength multiplies."""
+        return ()
+
+    def relative_change(
+        self, values: Values, at: Stiffness, observed: Observations, responses: TissueResponses
+    ) -> FloatArray | None:
+        """Return what it adds to the elastic force, over that (n,); None where it leaves the tissue as it is."""
+        return None
+
     def displacement_loss(self, values: Values, observed: Observations, force: FloatArray) -> FloatArray:
         """Return what the tissue is pressed less than the sensor says (n,), mm."""
         return np.zeros(len(force))
@@ -138,6 +165,31 @@ class Mechanism:
         return np.zeros(len(observed.force))
 
 
+def testable(
+    mechanisms: Sequence[Mechanism], observed: Observations, ruled_out: Mapping[str, str]
+) -> tuple[list[Mechanism], dict[str, str]]:
+    """Return the mechanisms that recordings can show, and by name why they can't show the others.
+
+    Parameters
+    ----------
+    mechanisms
+        All that the body may have.
+    observed
+        The recordings.
+    ruled_out
+        Reasons by name why a mechanism isn't missing from the base model.
+    """
+    able: list[Mechanism] = []
+    unable: dict[str, str] = {}
+    for mechanism in mechanisms:
+        why = ruled_out.get(mechanism.name) or mechanism.untestable(observed)
+        if why is None:
+            able.append(mechanism)
+        else:
+            unable[mechanism.name] = why
+    return able, unable
+
+
 def prior_of(parameter: Parameter) -> Prior:
     """Return a mechanism's parameter's prior."""
     assert parameter.prior is not None, f"{parameter.name} has no prior"
@@ -152,6 +204,55 @@ def null_of(parameter: Parameter) -> float:
 def value_at(parameter: Parameter, departure: float) -> float:
     """Return a value so many standard deviations from the null."""
     return prior_of(parameter).value_at(departure)
+
+
+class AssumedAccuracy(Protocol):
+    """How well the numbers are known that a base model assumes."""
+
+    def log_sd(self, name: str) -> float:
+        """Return the standard deviation of an assumed number's logarithm."""
+        ...
+
+
+@dataclass(frozen=True)
+class MeasuredStrength:
+    """A reading of a mechanism's strength, as a departure from its null.
+
+    Parameters
+    ----------
+    mechanism
+        Which.
+    departure, sd
+        In standard deviations of what is known of the strength beforehand.
+    """
+
+    mechanism: Mechanism
+    departure: float
+    sd: float
+
+    @property
+    def name(self) -> str:
+        """Full name of the strength."""
+        return f"{self.mechanism.name}.{self.mechanism.parameters[0].name}"
+
+
+def measured_strength(mechanism: Mechanism, value: float, sd: float, accuracy: AssumedAccuracy) -> MeasuredStrength:
+    """Return a reading as a departure, and how well it tells what the recordings felt.
+
+    Parameters
+    ----------
+    mechanism
+        Which.
+    value
+        Of its strength, in its unit.
+    sd
+        In its unit, or of a factor's logarithm.
+    accuracy
+        Of what is assumed of the body: that may be off as well, without being named.
+    """
+    prior = prior_of(mechanism.parameters[0])
+    whole = float(np.hypot(sd, max((accuracy.log_sd(name) for name in mechanism.scaled), default=0.0)))
+    return MeasuredStrength(mechanism, prior.departure(value), whole / prior.sd)
 
 
 @dataclass(frozen=True)
@@ -215,6 +316,20 @@ class TissueMechanism(Mechanism):
     def shares(self, values: Values) -> FloatArray:
         """Return what each of the derivatives is multiplied by (k,)."""
         raise NotImplementedError(f"{self.name} isn't tabulated by derivatives")
+
+    @property
+    def scaled(self) -> tuple[str, ...]:
+        """Full names of the assumed numbers that its strength multiplies."""
+        first = self.parameters[0]
+        if prior_of(first).scale != "log":
+            return ()
+        return tuple(self.solution({first.name: value_at(first, 1.0)}).scaled)
+
+    def relative_change(
+        self, values: Values, at: Stiffness, observed: Observations, responses: TissueResponses
+    ) -> FloatArray | None:
+        """Return what finite-element solutions say."""
+        return responses.relative_change(self, values, at, observed)
 
     def terms(self, leg: PressedLeg) -> Sequence[Any]:
         """Return the terms that it adds to the leg's model, at their nulls."""

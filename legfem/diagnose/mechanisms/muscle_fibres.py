@@ -58,6 +58,10 @@ class MuscleFibres(Mechanism):
         others = {one.name: null_of(one) for one in self.parameters[1:]}
         return tuple({"ratio": ratio, **others} for ratio in (1.6, 3.0))
 
+    def for_length(self, values: Values, factor: float) -> Values:
+        """Return fibres of a ratio nearer to one: a longer cylinder's ends count less."""
+        return {**values, "ratio": values["ratio"] ** (1 / factor)}
+
     def force_factor(self, values: Values, observed: Observations) -> FloatArray:
         """Return the factor by fibres under the cylinder's ends."""
         d = observed.displacement

@@ -25,6 +25,7 @@ class StrainStiffening(TissueMechanism):
     )
     next_experiment: ClassVar[str] = "press deeper, or with a smaller indenter: larger strains"
     strengths: ClassVar[tuple[float, ...]] = (0.3, 1.2, 4.0)
+    stands_for_C20: ClassVar[bool] = True
 
     def terms(self, leg: PressedLeg) -> Sequence[Any]:
         """Return the tissue with a third coefficient of its energy."""

@@ -9,8 +9,8 @@ import numpy as np
 
 from legfem.common.versions import versions_of
 from legfem.data import Channels, Recording
-from legfem.data.columns import QUANTITIES, Proposal
 from legfem.data.quality import GRADES, Quality
+from legfem.data.reader import QUANTITIES, Proposal
 from legfem.data.segmentation import HOLD
 from legfem.report.look import contact_text, recording_name
 from legfem.report.web.curves import Curves, Line
@@ -143,7 +143,7 @@ def _recording(number: int, one: Looked, count: int) -> list[Curves]:
             "displacement (mm)",
             "force (N)",
             [Line("as recorded", moved, force)],
-            located=[(part.start, part.end) for part in quality.parts if part.phase == HOLD],
+            located=[(part.start, part.end) for part in quality.trial.parts if part.phase == HOLD],
             located_name="taken for a hold",
         ),
         Curves(
@@ -176,9 +176,9 @@ def _table(names: Sequence[str], seen: Sequence[Looked]) -> WebTable:
             f"{len(one.recording)}",
             f"{one.quality.sampling:.4g}",
             contact_text(one.quality),
-            f"{one.quality.force_noise:.2g}",
-            f"{one.quality.displacement_noise:.2g}",
-            ", ".join(part.phase for part in one.quality.parts[:8]),
+            f"{one.quality.trial.force_noise:.2g}",
+            f"{one.quality.trial.displacement_noise:.2g}",
+            ", ".join(part.phase for part in one.quality.trial.parts[:8]),
         )
         for name, one in zip(names, seen, strict=True)
     ]

@@ -15,11 +15,11 @@ from legfem.report.web.stocking_mismatch import mismatch_blocks, mismatch_verdic
 from legfem.report.web.stocking_numbers import known_of
 from legfem.report.web.stocking_pressures import pressure_blocks
 from legfem.report.web.stocking_stiffness import stiffness_blocks, verdict_sentence
-from legfem.stocking.document import versions
-from legfem.stocking.fat_pressures import FatPressures
-from legfem.stocking.judgement import judge, model_misses
-from legfem.stocking.run import StockingResult
-from legfem.stocking.warnings import TISSUES, best_complete, stocking_warnings
+from legfem.stockings.document import versions
+from legfem.stockings.notices import TISSUES, best_complete, stocking_warnings
+from legfem.stockings.pressures import FatPressures
+from legfem.stockings.result import StockingResult
+from legfem.stockings.search import judge, model_misses
 
 PRESSURES, STIFFNESS = "Pressures on the skin and inside", "Stiffness of muscle and fat"
 """Chapters."""

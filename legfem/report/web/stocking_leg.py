@@ -11,7 +11,7 @@ from legfem.geometry.curve import outward_normals
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.report.leg_directions import Directions
 from legfem.report.web.turned import Marked, SkinField, Slider, TurnedLeg, View, turned_leg
-from legfem.stocking.run import StockingResult
+from legfem.stockings.result import StockingResult
 
 
 def dressed_leg(result: StockingResult, moved: Mapping[str, FloatArray]) -> TurnedLeg:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from legfem.common.units import mpa_to_kpa
 from legfem.report.web import page as web
 from legfem.report.words import short_probability
-from legfem.stocking.mismatch import Mismatch
+from legfem.stockings.discrepancy import Mismatch
 
 CONTOURS = {"outer": "skin", "inner": "hull of the muscle"}
 

@@ -9,9 +9,9 @@ from legfem.report.estimates import modulus_rows
 from legfem.report.stocking_words import both_units, low_in_fat, stiffness_interval, vein_interval
 from legfem.report.web.page import Known, Provenance
 from legfem.report.web.stocking_pressures import sensor_rows, tension_text
-from legfem.stocking.judgement import judge
-from legfem.stocking.run import StockingResult
-from legfem.stocking.warnings import TISSUES, best_complete
+from legfem.stockings.notices import TISSUES, best_complete
+from legfem.stockings.result import StockingResult
+from legfem.stockings.search import judge
 
 
 def known_of(result: StockingResult) -> list[Known]:

@@ -11,10 +11,9 @@ from legfem.report.leg_directions import Directions, angle_round
 from legfem.report.stocking_words import both_units, correlation, place_in_fat, vein_interval
 from legfem.report.web.bars import Bars, LabelledBar
 from legfem.report.web.page import Block, Prose, WebTable
-from legfem.stocking.fat_pressures import FatPressures
-from legfem.stocking.pressures import TissuePressures
-from legfem.stocking.run import StockingResult
-from legfem.stocking.warnings import unloaded_skin
+from legfem.stockings.notices import unloaded_skin
+from legfem.stockings.pressures import FatPressures, TissuePressures
+from legfem.stockings.result import StockingResult
 
 
 def pressure_blocks(result: StockingResult, fat: FatPressures | None) -> list[Block]:

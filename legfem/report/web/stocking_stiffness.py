@@ -8,11 +8,10 @@ from legfem.common.units import mpa_to_kpa
 from legfem.inverse.intervals import IDENTIFIABLE_WITHIN, WEAKLY_WITHIN
 from legfem.report.stocking_words import stiffness_values
 from legfem.report.web.page import Block, Prose, WebTable
-from legfem.stocking.identification import Identified
-from legfem.stocking.judgement import KnownStiffness, expected_rms, judge, starts_agree
-from legfem.stocking.leg_model import PARAMETERS
-from legfem.stocking.run import StockingResult
-from legfem.stocking.warnings import TISSUES, best_complete
+from legfem.stockings.leg_model import PARAMETERS
+from legfem.stockings.notices import TISSUES, best_complete
+from legfem.stockings.result import StockingResult
+from legfem.stockings.search import Identified, KnownStiffness, expected_rms, judge, starts_agree
 
 
 def verdict_sentence(known: KnownStiffness) -> str:

@@ -1,14 +1,16 @@
-"""Stiffness of fat and muscle from the contours of a leg with and without its stocking.
+"""Search for the stiffness of fat and muscle from the contours of a leg with and without its stocking.
 
-Two ways. The paper's is Nelder-Mead on the sum of squared distances. The other minimises the
+Two searches. The paper's is Nelder-Mead on the sum of squared distances. The other minimises the
 distances weighted with their errors, those of the bare outlines included (as in total least
-squares), by Gauss and Newton's method with the derivatives of the finite-element model and its
-stocking: it takes a fraction of the solutions and says how sure the values are.
+squares), by damped Gauss-Newton steps (`legfem.inverse.least_squares`) with the exact derivatives
+of the finite-element model and its stocking: it takes a fraction of the solves and yields
+intervals.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -16,17 +18,15 @@ import numpy as np
 from scipy.optimize import minimize
 
 from legfem.common.units import FloatArray, kpa_to_mpa, mpa_to_kpa
-from legfem.inverse.intervals import quantile
+from legfem.inverse.intervals import Bound, Identifiability, bound_of, quantile, verdict_on
 from legfem.inverse.parameter import Priors
-from legfem.stocking.leg_model import PARAMETERS
-from legfem.stocking.misfit import ContourMisfit
-from legfem.stocking.nuisance import RIGID
-from legfem.stocking.nuisance_slopes import NuisanceSlopes
-from legfem.stocking.profile_intervals import MisfitEmulator, profile_intervals
-from legfem.stocking.profiled import BesideScan, Profiled, Tension, beside_scan, profiled
-from legfem.stocking.sensors import Sensing
-from legfem.stocking.stiffnesses import BOUNDS, stiffness_priors
-from legfem.stocking.worn import Worn, WornLeg
+from legfem.stockings.equilibrium import Worn, WornLeg
+from legfem.stockings.intervals import MisfitEmulator, profile_intervals
+from legfem.stockings.leg_model import PARAMETERS
+from legfem.stockings.misfit import ContourAccuracy, ContourMisfit
+from legfem.stockings.nuisances import RIGID, NuisanceSlopes
+from legfem.stockings.scan_fit import BOUNDS, BesideScan, Profiled, Tension, beside_scan, profiled, stiffness_priors
+from legfem.stockings.sensors import Sensing
 
 START = kpa_to_mpa(np.array([3.0, 3.0]))
 """The paper's start (MPa)."""
@@ -91,7 +91,7 @@ class Identified:
     """Least sum of squares of weighted distances and nuisances, over the number of the former: 1
     where errors are as large as was assumed."""
     nuisance: FloatArray | None = None
-    """See `legfem.stocking.nuisance`."""
+    """See `legfem.stockings.nuisances`."""
     tension: Tension | None = None
     """Of the fabric; None where it is taken as it was given."""
     log_covariance: FloatArray | None = None
@@ -315,3 +315,65 @@ def _by_name(parameters: FloatArray) -> dict[str, float]:
 
 def _rms(distances: FloatArray) -> float:
     return float(np.sqrt(np.mean(distances**2)))
+
+
+SAME_WITHIN, SAME_WITHIN_INTERVAL = 0.02, 0.2
+"""Relative difference up to which two searches found the same stiffness: either of a share of it,
+and of the half width of its 95 % interval."""
+MISSED_BEYOND = 1.5
+"""Root-mean-square distance, over that of the outlines' errors, beyond which the model misses the
+scan: then its intervals don't hold."""
+
+
+@dataclass(frozen=True)
+class KnownStiffness:
+    """How well one stiffness is known; MPa."""
+
+    name: str
+    """Of `PARAMETERS`."""
+    value: float
+    interval95: tuple[float, float]
+    """0 and infinity where it is open."""
+    half_width: float
+    """Of the interval, over the value."""
+    at_bound: Bound
+    verdict: Identifiability
+
+
+def expected_rms(accuracy: ContourAccuracy) -> float:
+    """Return the root-mean-square distance (mm) that errors of the contours alone make."""
+    return math.sqrt(2 * accuracy.smoothed_sd**2 + accuracy.model_sd**2)
+
+
+def model_misses(found: Identified, accuracy: ContourAccuracy) -> bool:
+    """Tell whether the best fit is farther from the scan than errors of the contours explain."""
+    return not found.rms <= MISSED_BEYOND * expected_rms(accuracy)
+
+
+def judge(found: Identified, accuracy: ContourAccuracy) -> tuple[KnownStiffness, ...]:
+    """Return how well each stiffness is known, in the order of `PARAMETERS`.
+
+    Its interval decides. One at a bound of the search isn't known; one of a model that misses the
+    scan, or of a search that didn't end, is weakly so at best.
+    """
+    intervals = found.interval95
+    missed = not found.converged or model_misses(found, accuracy)
+    known = []
+    for number, name in enumerate(PARAMETERS):
+        value = float(found.parameters[number])
+        low, high = (math.nan, math.nan) if intervals is None else map(float, intervals[number])
+        half = 0.5 * (high - low) / value
+        bound = bound_of(value, BOUNDS, within=1e-6)
+        verdict = verdict_on(half, bound, model_fits=not missed)
+        known.append(KnownStiffness(name, value, (low, high), half, bound, verdict))
+    return tuple(known)
+
+
+def starts_agree(searches: Sequence[Identified]) -> bool:
+    """Tell whether searches, the best first, led to the same stiffness."""
+    values = np.log([search.parameters for search in searches])
+    allowed = np.full(len(PARAMETERS), SAME_WITHIN)
+    if (covariance := searches[0].log_covariance) is not None:
+        half = quantile(0) * np.sqrt(np.diag(covariance))
+        allowed = np.maximum(allowed, SAME_WITHIN_INTERVAL * half)
+    return bool((np.ptp(values, axis=0) <= allowed).all())

@@ -1,4 +1,4 @@
-"""What in a leg and its stocking can't be (an error) or is unlikely (a doubt)."""
+"""Checks of a leg and its stocking: what is impossible (an error) and what is unlikely (a doubt)."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.shape_measures import perimeter
 from legfem.legs.elastography import doubts_about_elastography
 from legfem.legs.plausibility import doubts_about_size
-from legfem.stocking.laplace import Stocking, stocking_load
+from legfem.stockings.fabric import Stocking, stocking_load
 
 if TYPE_CHECKING:
-    from legfem.stocking.leg import StockingLeg
+    from legfem.stockings.leg import StockingLeg
 
 STRETCH = PhysicalRange(
     "a stretch of the fabric", "%", (5.0, 150.0), (0.0, 300.0), "stockings are worn stretched by some 20 to 120 %"

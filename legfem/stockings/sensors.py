@@ -1,12 +1,12 @@
-r"""Pressures that sensors measured between stocking and skin, as data of the identification.
+r"""Pressures measured by sensors between stocking and skin, as data of the identification.
 
 Contours alone tell the ratio of pressure and stiffness: a fabric 10 % stiffer than was given makes
-both tissues 10 % stiffer. A sensor tells the pressure itself. It reads
+both tissues 10 % stiffer. A sensor measures the pressure itself:
 
 .. math:: p_i = (1 + t) \sum_j w_{ij}\, p_j + e_i,
 
 with the stocking's pressure :math:`p_j` at the skin's points, weights :math:`w_{ij}` over the
-sensor's face, the error :math:`t` of the fabric's tension, which is the same all over, and the
+sensor's face, the relative error :math:`t` of the fabric's tension, the same everywhere, and the
 sensor's own error :math:`e_i`.
 """
 

@@ -1,9 +1,18 @@
-r"""A leg in equilibrium with its stocking: pressure and shape make each other.
+r"""Equilibrium of a leg and its stocking: the pressure is that of the compressed shape.
 
-The pressure is that of the compressed shape. It answers to the shape so strongly that it can't be
-taken from a scan: a bump of 0.3 mm over a few millimetres changes the curvature by as much as the
-stocking does, and the leg would give way to it by :math:`K > 1` times its height. In equilibrium
-with the simulated shape it gives way by :math:`K/(1 + K)` only.
+Laplace's law gives the stocking's pressure from the shape, and the pressure compresses the shape.
+An equilibrium is a pressure field :math:`p` on the skin with
+
+.. math:: p = (1 + \varepsilon)\, L(x(p)),
+
+where :math:`x(p)` is the finite-element solution under :math:`p`, :math:`L` Laplace's law on its
+skin (`legfem.stockings.fabric`) and :math:`\varepsilon` a given relative error of the fabric. It is
+found by Newton's method in :math:`p`.
+
+Taking :math:`L` on the scanned shape instead would not do, since the pressure is as rough as the
+shape's curvature: an error of 0.3 mm over a few millimetres of the outline changes the curvature by
+as much as the stocking's whole pressure, and the leg would be pushed in there by :math:`K > 1`
+times the error. In equilibrium it is pushed in by :math:`K/(1 + K)` of it only.
 """
 
 from __future__ import annotations
@@ -13,13 +22,86 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from mpi4py import MPI
 
 from legfem.common.units import FloatArray
 from legfem.experiments.compression import Compressed
 from legfem.geometry.leg_shape import SKIN, LegShape
-from legfem.stocking.kept_equilibria import AskedEquilibrium, KeptEquilibria, KeptEquilibrium
-from legfem.stocking.laplace import Stocking, StockingLoad, stocking_load
-from legfem.stocking.leg_model import LegModel3D
+from legfem.jobs.store import Store
+from legfem.solve.report import SolveReport
+from legfem.stockings.fabric import Stocking, StockingLoad, stocking_load
+from legfem.stockings.leg_model import LegModel3D
+
+_LARGEST = 2_000_000
+"""Numbers of a state on a rank, beyond which it isn't kept: a file would have some 40 MB."""
+
+
+@dataclass(frozen=True)
+class AskedEquilibrium:
+    """What an equilibrium depends on beside the leg, the stocking and their settings."""
+
+    parameters: Mapping[str, float]
+    sensitivities: Sequence[str]
+    error: FloatArray | float
+
+
+@dataclass(frozen=True, eq=False)
+class KeptEquilibrium:
+    """A state, the pressure it was found with, and the changes on the way there."""
+
+    state: Compressed
+    pressure: FloatArray
+    changes: tuple[float, ...]
+    converged: bool
+
+
+class KeptEquilibria:
+    """Equilibria by what was asked for; every rank keeps its part.
+
+    Parameters
+    ----------
+    folder
+        Where they are kept.
+    model
+        The leg.
+    depends_on
+        What they depend on beside the leg.
+    """
+
+    def __init__(self, folder: Path, model: LegModel3D, depends_on: object) -> None:
+        self._comm = model.comm
+        leg = (model.shape, model.tissues, model.mesh, model.settings)
+        part = (self._comm.rank, self._comm.size)
+        self._store = Store(folder, dict[str, FloatArray], (leg, part, depends_on), ("legfem.stockings.equilibrium",))
+
+    def get(self, asked: AskedEquilibrium) -> KeptEquilibrium | None:
+        """Return an equilibrium; None where a rank has no part of it. All ranks call."""
+        kept = self._store.get(asked)
+        if not self._comm.allreduce(kept is not None, MPI.LAND):
+            return None
+        assert kept is not None
+        report = SolveReport(1.0, 1.0, True, "kept from before", unknowns=len(kept["unknown"]))
+        rates = {name: np.array(kept[name]) for name in asked.sensitivities}
+        state = Compressed(report, np.array(kept["unknown"]), rates)
+        changes = tuple(map(float, kept["changes"]))
+        return KeptEquilibrium(state, np.array(kept["pressure"]), changes, bool(kept["converged"][0]))
+
+    def put(self, asked: AskedEquilibrium, found: KeptEquilibrium) -> None:
+        """Keep a rank's part of an equilibrium; a very large one isn't."""
+        state = found.state
+        if len(state.unknown) * (1 + len(state.sensitivities)) > _LARGEST:
+            return
+        self._store.put(
+            asked,
+            {
+                "unknown": state.unknown,
+                "pressure": found.pressure,
+                "changes": np.array(found.changes),
+                "converged": np.array([float(found.converged)]),
+                **state.sensitivities,
+            },
+        )
+
 
 SLOPE_STEP = 1e-2
 """Greatest displacement (mm) of a difference of pressures or distances."""

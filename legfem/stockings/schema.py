@@ -20,7 +20,7 @@ from legfem.common.toml_file import (
 )
 from legfem.imaging.shape_entry import LabelsEntry, ShapeEntry
 from legfem.legs.elastography import ElastographyEntry, check_once
-from legfem.stocking.sensors import KINDS
+from legfem.stockings.sensors import KINDS
 
 
 class StockingEntry(FileTable):

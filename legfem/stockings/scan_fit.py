@@ -1,30 +1,82 @@
-r"""A worn leg against its scan at a stiffness, with the nuisances at their best there.
+r"""Comparison of a leg in its stocking with scan and sensors at one stiffness, nuisances fitted.
 
-With :math:`w` whitened distances, :math:`N` their slopes by the nuisances :math:`u` and
-:math:`P` the priors' weights, :math:`u(\theta)` minimises
-:math:`|w + N u|^2 + |P u|^2`, and what is left depends on the stiffness :math:`\theta` alone
-(variable projection: G. H. Golub, V. Pereyra, Inverse Problems 19 (2003) R1; the derivative is
-L. Kaufman's). The nuisances' slopes change with the stiffness, and their derivative counts: without
-it noise would draw the stiffness towards where the leg answers less to it.
+With :math:`w` the whitened residuals, :math:`N` their derivatives by the nuisances :math:`u` and
+:math:`P` the square root of the priors' precision, :math:`u(\theta)` minimises
+:math:`|w + N u|^2 + |P u|^2`, and the minimum depends on the stiffness :math:`\theta` alone
+(variable projection: G. H. Golub, V. Pereyra, Inverse Problems 19 (2003) R1; derivative after
+L. Kaufman). :math:`N` changes with the stiffness, and that enters the derivative: without it noise
+would draw the stiffness towards where the contours are least sensitive to the nuisances.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from legfem.common.units import FloatArray
-from legfem.inverse.parameter import Priors
-from legfem.stocking.leg_model import PARAMETERS
-from legfem.stocking.linearised import LinearisedContours
-from legfem.stocking.misfit import ContourMisfit
-from legfem.stocking.nuisance import RIGID, SECTORS
-from legfem.stocking.nuisance_slopes import NuisanceSlopes
-from legfem.stocking.sensors import Sensing
-from legfem.stocking.stiffnesses import stiffness_priors
-from legfem.stocking.worn import Worn, WornLeg
+from legfem.common.units import FloatArray, kpa_to_mpa
+from legfem.inverse.parameter import Parameter, Priors
+from legfem.legs.elastography import ShearModulus, elastography_priors
+from legfem.stockings.equilibrium import Feedback, Worn, WornLeg, slope_step
+from legfem.stockings.leg_model import PARAMETERS
+from legfem.stockings.misfit import ContourMisfit
+from legfem.stockings.nuisances import RIGID, SECTORS, NuisanceSlopes
+from legfem.stockings.sensors import Sensing
+
+BOUNDS = (kpa_to_mpa(0.1), kpa_to_mpa(100.0))
+"""Of a search (MPa)."""
+
+
+def stiffness_priors(moduli: Iterable[ShearModulus] = ()) -> Priors:
+    """Return what shear waves say of `PARAMETERS` (MPa); nothing without them."""
+    known = elastography_priors(moduli)
+    return Priors(tuple(Parameter(name, "MPa", BOUNDS, known.get(name), scale="log") for name in PARAMETERS))
+
+
+class LinearisedContours:
+    """Distances (mm) of a worn leg from its scan, and their derivatives, (n,) each.
+
+    Parameters
+    ----------
+    leg
+        The leg.
+    misfit
+        The scanned contours.
+    worn
+        The equilibrium that was found last.
+    """
+
+    def __init__(self, leg: WornLeg, misfit: ContourMisfit, worn: Worn) -> None:
+        self._model, self._misfit, self._worn = leg.model, misfit, worn
+        self._feedback = Feedback(leg, worn)
+        self._rates: dict[str, FloatArray] = {}
+
+    @cached_property
+    def distances(self) -> FloatArray:
+        """How far the leg lies outside its scan."""
+        return self._misfit.distances(self._worn.shape)
+
+    def by_parameter(self, name: str) -> FloatArray:
+        """Return the slope by a parameter of the model by which the state was differentiated."""
+        return self._slope(self._rate(name))
+
+    def pressure_by_parameter(self, name: str) -> FloatArray:
+        """Return that of the stocking's pressure at the skin's points, (n_levels, n_points)."""
+        return self._feedback.pressure_slope(self._rate(name))
+
+    def _rate(self, name: str) -> FloatArray:
+        if name not in self._rates:
+            self._rates[name] = self._feedback.to_rate(self._worn.state.sensitivities[name])
+        return self._rates[name]
+
+    def _slope(self, rate: FloatArray) -> FloatArray:
+        step = slope_step(self._model, rate)
+        ahead = self._model.deformed_shape(self._worn.state.unknown + step * rate)
+        return (self._misfit.distances(ahead) - self.distances) / step
+
 
 STEP = 0.01
 """Of log parameters, for a difference of the nuisances' slopes."""
@@ -117,7 +169,7 @@ class Profiled:
     distances : (n,) array
         mm.
     nuisance : (k,) array
-        See `legfem.stocking.nuisance`.
+        See `legfem.stockings.nuisances`.
     moved : (n,) array
         Distances after motions and pressure are allowed for (mm).
     residual : (m + s + p + k,) array

@@ -1,12 +1,11 @@
-r"""Intervals of muscle's and fat's stiffness by profile likelihood.
+r"""95 % intervals of muscle's and fat's stiffness by profile likelihood.
 
-A stiffness' profile is the least sum of squares with it held, the other one and the nuisances at
-their best. With :math:`w` the whitened distances, :math:`N` their slopes by the nuisances and
-:math:`\Sigma` the priors' covariance, that sum is
-:math:`w^T (1 + N \Sigma N^T)^{-1} w`, where :math:`w(\theta)` is interpolated between the
-equilibria that were solved (`legfem.inverse.emulator`). Where an end lies far from all of them,
-one is solved there. An interval that goes on at a bound of the search, or where the leg can't be
-computed, is open.
+The profile of one stiffness is the least sum of squares with it held, over the other stiffness and
+the nuisances. With :math:`w` the whitened distances, :math:`N` their derivatives by the nuisances
+and :math:`\Sigma` the priors' covariance, that sum is :math:`w^T (1 + N \Sigma N^T)^{-1} w`, where
+:math:`w(\theta)` is interpolated between the equilibria solved so far (`legfem.inverse.emulator`).
+Where an end of an interval lies far from all of them, one more is solved there. An interval that
+reaches a bound of the search, or stiffnesses at which the leg can't be computed, is open.
 """
 
 from __future__ import annotations
@@ -21,9 +20,9 @@ from legfem.inverse.emulator import Kriging
 from legfem.inverse.intervals import profile_interval, profile_point, quantile
 from legfem.inverse.least_squares import least_residual
 from legfem.inverse.parameter import Priors
-from legfem.stocking.misfit import ContourMisfit
-from legfem.stocking.nuisance_slopes import NuisanceSlopes
-from legfem.stocking.profiled import BesideScan
+from legfem.stockings.misfit import ContourMisfit
+from legfem.stockings.nuisances import NuisanceSlopes
+from legfem.stockings.scan_fit import BesideScan
 
 FAR, FARTHEST = 0.35, 1.0
 """Distance from all equilibria that were solved, in `_coordinates`, beyond which an end is solved
@@ -124,7 +123,7 @@ def profile_intervals(
                 for k in range(len(best))
             ]
         )
-        away = _distances(points, emulator.at)
+        away = _gaps_to_solved(points, emulator.at)
         unknown = away >= FAR
         tried = np.where(reach >= FAR, away, 0.0)
         if solved == MOST or tried.max() < FAR:
@@ -145,7 +144,7 @@ def _coordinates(logs: FloatArray) -> FloatArray:
     return np.asarray(np.exp(-0.5 * (logs - np.log(_MIDDLE))))
 
 
-def _distances(logs: FloatArray, at: FloatArray) -> FloatArray:
+def _gaps_to_solved(logs: FloatArray, at: FloatArray) -> FloatArray:
     """Return how far logarithms of C10 (..., 2) are from the nearest solved ones (n, 2); (...)."""
     apart = at - _coordinates(logs)[..., None, :]
     return np.asarray(np.linalg.norm(apart, axis=-1).min(axis=-1))

@@ -1,19 +1,23 @@
-r"""How the contours of a worn leg answer to errors of its bare outlines and of the pressure.
+r"""Nuisance parameters of the scan's fit, and the derivatives of the contours by them.
 
-The stocking presses on bumps and lets go of hollows, so that it flattens what is wrong with the
-bare outline, the more the softer the tissue. Stiffness that is sought in contours has to allow for
-that: else soft tissue fits the outlines' errors best. With :math:`e` the errors of the bare skin,
-:math:`L'` the derivative of Laplace's law and :math:`S` the leg's answer to a pressure, the skin
-ends up wrong by
+None of these is known exactly; each is a parameter of the fit with a prior, so that the intervals
+of the stiffnesses include it. In this order: `RIGID` motions between the scans, the pressure's
+error in `SECTORS` of the girth, the modes of the bare outlines' errors (skin, then hull;
+`legfem.stockings.misfit`) and, where the fabric is uncertain, the relative error of its tension.
+
+The stocking presses on bumps and lets go of hollows, so that it flattens an error of the bare
+outline, the more the softer the tissue. A fit that left that out would make the tissue too soft.
+With :math:`e` the errors of the bare skin, :math:`L'` the derivative of Laplace's law by the skin's
+shape and :math:`S` the derivative of the skin's shape by the pressure, the compressed skin errs by
 
 .. math:: a = (1 - S L')^{-1} e
 
-and the rest of the leg by :math:`S L' a`; errors of the hull stay as they are. :math:`S` is taken
-at a few stiffnesses of muscle and fat, :math:`m` and :math:`f`, and is
+and the rest of the leg by :math:`S L' a`; errors of the hull stay as they are. :math:`S` is
+computed at three stiffnesses of muscle and fat, :math:`m` and :math:`f`, and interpolated by
 
-.. math:: S = S_1 / m + S_2 / f + S_3 / \sqrt{m f}
+.. math:: S = S_1 / m + S_2 / f + S_3 / \sqrt{m f},
 
-between them: half the pressure on a leg half as stiff does the same.
+which is exact where both stiffnesses change by one factor.
 """
 
 from __future__ import annotations
@@ -28,12 +32,45 @@ from legfem.common.units import FloatArray
 from legfem.geometry.curve import outward_normals
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.geometry.slices import distance_rates
-from legfem.stocking.leg_model import SURFACES
-from legfem.stocking.misfit import ContourMisfit
-from legfem.stocking.nuisance import RIGID, SECTORS, nuisance_sd, sectors
-from legfem.stocking.outline_errors import outline_errors
-from legfem.stocking.sensors import Sensing
-from legfem.stocking.worn import RATE_TOLERANCE, Worn, WornLeg
+from legfem.stockings.equilibrium import RATE_TOLERANCE, Worn, WornLeg
+from legfem.stockings.leg_model import SURFACES
+from legfem.stockings.misfit import ContourMisfit, outline_errors
+from legfem.stockings.sensors import Sensing
+
+RIGID, SECTORS = 6, 8
+"""Motions of a scan; parts of the leg's girth in which the pressure errs alike."""
+
+
+def nuisance_sd(misfit: ContourMisfit) -> FloatArray:
+    """Return the standard deviations of motions (mm, rad) and pressure, (RIGID + SECTORS,)."""
+    return np.concatenate([misfit.rigid_sd, np.full(SECTORS, misfit.accuracy.pressure_sd)])
+
+
+def sectors(shape: LegShape) -> list[FloatArray]:
+    """Return bumps round the leg that sum to one, each (n_levels, n_points)."""
+    width = 2 * np.pi / SECTORS
+    bumps = []
+    for number in range(SECTORS):
+        away = from_sector(shape.contours[SKIN], number)
+        bumps.append(np.where(away < width, 0.5 * (1 + np.cos(np.pi * away / width)), 0.0))
+    return bumps
+
+
+def from_sector(contours: FloatArray, number: int) -> FloatArray:
+    """Return the angle (rad) of points from a sector's middle, about their contours' middle.
+
+    Parameters
+    ----------
+    contours : (n_levels, n_points, 2) array
+        mm.
+    number : int
+        Of the sector, counter-clockwise from +x.
+    """
+    offset = contours - contours.mean(axis=1, keepdims=True)
+    angle = np.arctan2(offset[..., 1], offset[..., 0])
+    away: FloatArray = np.abs(np.mod(angle - 2 * np.pi * number / SECTORS + np.pi, 2 * np.pi))
+    return np.abs(away - np.pi)
+
 
 NEAR, FAR = 10.0, 35.0
 """Distance (mm) from the slices up to which errors of the bare outlines count in full, from which
@@ -59,7 +96,7 @@ class _Answer:
 class NuisanceSlopes:
     """Slopes of the distances between a worn leg and its scan, by the tissues' stiffness.
 
-    In the order of `legfem.stocking.nuisance`.
+    In the order of `legfem.stockings.nuisances`.
 
     Parameters
     ----------

@@ -1,15 +1,23 @@
-"""Where the main deep veins of the calf run."""
+"""A leg with and without its stocking: scans, fabric, tissues, veins and posture."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import shapely
 
+from legfem.common.doubts import Doubt
 from legfem.common.errors import InputError
 from legfem.common.units import FloatArray
 from legfem.geometry.leg_shape import HULL, LegShape
+from legfem.imaging.registration import Registration
+from legfem.legs.elastography import ShearModulus
+from legfem.mechanics.materials import NeoHookean
+from legfem.stockings.fabric import Stocking
+from legfem.stockings.misfit import ContourAccuracy
+from legfem.stockings.sensors import Sensor
 
 GAP = 7.0
 """Distance (mm) of a vein's axis from the bone beside it, by default."""
@@ -68,3 +76,61 @@ def _edge(bone: shapely.Polygon, direction: FloatArray) -> FloatArray:
     ray = shapely.LineString([centre, centre + 1e3 * direction])
     inside = shapely.intersection(ray, bone)
     return np.array(inside.coords[-1])
+
+
+BLOOD_KG_PER_M3 = 1060.0
+GRAVITY_M_PER_S2 = 9.80665
+_MPA_PER_MM = BLOOD_KG_PER_M3 * GRAVITY_M_PER_S2 * 1e-9
+"""Of height."""
+
+
+@dataclass(frozen=True)
+class Posture:
+    """Where the heart is, and what a lying person's veins hold.
+
+    Parameters
+    ----------
+    heart : float
+        Height of the heart above the scan's z = 0 when standing (mm).
+    lying : float, optional
+        Pressure in the leg's veins when lying (MPa).
+    """
+
+    heart: float
+    lying: float | None = None
+
+    def inside(self, height: float) -> dict[str, float]:
+        """Return the pressure in a vein at a height z (mm) by posture, MPa."""
+        standing = {"standing": _MPA_PER_MM * (self.heart - height)}
+        return standing if self.lying is None else {**standing, "lying": self.lying}
+
+
+@dataclass(frozen=True, eq=False)
+class StockingLeg:
+    """What is known of one leg; mm, MPa."""
+
+    id: str
+    title: str
+    origin: Literal["measured", "simulated"]
+    bare: LegShape
+    """To be meshed: its parts keep clear of each other."""
+    scanned_bare: LegShape
+    """The same as the scan has it."""
+    compressed: LegShape | None
+    """In the stocking, in the bare leg's coordinates; None if it wasn't scanned."""
+    registration: Registration | None
+    stocking: Stocking
+    accuracy: ContourAccuracy
+    tissues: dict[str, NeoHookean]
+    known: bool
+    """Whether the tissues' stiffness is given; else C10 is a start."""
+    ends: Literal["held", "free"]
+    slices: FloatArray
+    """Levels of the five slices (mm)."""
+    veins: tuple[Vein, ...]
+    sensors: tuple[Sensor, ...] = ()
+    """Between stocking and skin."""
+    posture: Posture | None = None
+    elastography: tuple[ShearModulus, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
+    """What is unlikely in what was given."""

@@ -1,4 +1,4 @@
-"""``result.json`` of a leg in its stocking: everything that was found, with units."""
+"""``result.json`` of a leg in its stocking: every number with its unit."""
 
 from __future__ import annotations
 
@@ -14,13 +14,12 @@ from legfem.common.versions import versions_of
 from legfem.geometry.shape_measures import fat_thickness_around
 from legfem.inverse.parameter import Prior
 from legfem.legs.elastography import elastography_priors
-from legfem.stocking.fat_pressures import FatPressures, too_low_by
-from legfem.stocking.identification import Identified
-from legfem.stocking.judgement import KnownStiffness, expected_rms, judge, starts_agree
-from legfem.stocking.leg_model import PARAMETERS
-from legfem.stocking.run import StockingResult
-from legfem.stocking.sensors import ComparedSensor
-from legfem.stocking.warnings import best_complete, stocking_warnings, unloaded_skin
+from legfem.stockings.leg_model import PARAMETERS
+from legfem.stockings.notices import best_complete, stocking_warnings, unloaded_skin
+from legfem.stockings.pressures import FatPressures, too_low_by
+from legfem.stockings.result import StockingResult
+from legfem.stockings.search import Identified, KnownStiffness, expected_rms, judge, starts_agree
+from legfem.stockings.sensors import ComparedSensor
 
 SCHEMA = "legfem.stocking/1"
 

@@ -1,4 +1,4 @@
-"""From a leg's folder to the stiffness of its tissues and the pressures of its stocking."""
+"""One run: a leg meshed, its tissues identified from both scans, its pressures in the stocking computed."""
 
 from __future__ import annotations
 
@@ -13,17 +13,16 @@ from legfem.experiments.compression import CompressionSettings
 from legfem.geometry.leg_shape import LegShape
 from legfem.geometry.slices import SliceSet
 from legfem.meshing.solid_leg import SolidMeshSettings, settings_for_cells
-from legfem.stocking.identification import Identified, SearchSettings, StiffnessSearch
-from legfem.stocking.laplace import StockingLoad, stocking_load
-from legfem.stocking.leg import StockingLeg
-from legfem.stocking.leg_model import PARAMETERS, LegModel3D
-from legfem.stocking.misfit import ContourMisfit
-from legfem.stocking.mismatch import Mismatch, mismatch_of
-from legfem.stocking.pressures import PressureProbe, TissuePressures, tissue_pressures
-from legfem.stocking.sensors import ComparedSensor, Sensing
-from legfem.stocking.stiffnesses import stiffness_priors
-from legfem.stocking.vein_intervals import vein_pressure_sd
-from legfem.stocking.worn import Worn, WornLeg
+from legfem.stockings.discrepancy import Mismatch, mismatch_of
+from legfem.stockings.equilibrium import Worn, WornLeg
+from legfem.stockings.fabric import StockingLoad, stocking_load
+from legfem.stockings.leg import StockingLeg
+from legfem.stockings.leg_model import PARAMETERS, LegModel3D
+from legfem.stockings.misfit import ContourMisfit
+from legfem.stockings.pressures import PressureProbe, TissuePressures, tissue_pressures, vein_pressure_sd
+from legfem.stockings.scan_fit import stiffness_priors
+from legfem.stockings.search import Identified, SearchSettings, StiffnessSearch
+from legfem.stockings.sensors import ComparedSensor, Sensing
 
 
 @dataclass(frozen=True)

@@ -1,15 +1,14 @@
-r"""Where the contours of model and scan differ, and which physics would explain it.
+r"""Model discrepancy: where the contours of model and scan differ, and which physics would explain it.
 
-The best fit leaves whitened distances :math:`w`. What the stiffnesses, a motion within the
-registration's errors and errors of the pressure can explain is projected off; a mechanism has a
-signature :math:`S`, the distances' slopes by its parameters at their null, projected likewise, and
-the score
+The best fit leaves whitened distances :math:`w`. The part that stiffnesses and nuisances within
+their priors can explain is projected off. A mechanism has a signature :math:`S`, the derivatives of
+the distances by its parameters at the mechanism's null, projected likewise, and the score
 
 .. math:: T = w^T S (S^T S)^{-1} S^T w \sim \chi^2_k
 
-where nothing is wrong. Places are tested in the same way, with a bump of distance as signature. All
-p-values are family-wise over the mechanisms, or over the places (Holm). The mechanism with the
-least p-value is put into the model, and the leg is solved anew.
+where nothing is wrong. Places on the contours are tested in the same way, with a unit distance over
+the place as signature. All p-values are family-wise over the mechanisms, or over the places (Holm).
+The mechanism with the least p-value is put into the model, and the leg is solved anew.
 """
 
 from __future__ import annotations
@@ -24,14 +23,12 @@ from statsmodels.stats.multitest import multipletests
 
 from legfem.common.units import FloatArray, kpa_to_mpa
 from legfem.geometry.slices import CONTOURS
-from legfem.stocking.identification import Identified
-from legfem.stocking.leg_model import PARAMETERS
-from legfem.stocking.linearised import LinearisedContours
-from legfem.stocking.misfit import ContourMisfit
-from legfem.stocking.nuisance import RIGID, SECTORS, from_sector, sectors
-from legfem.stocking.nuisance_slopes import NuisanceSlopes
-from legfem.stocking.stiffnesses import BOUNDS
-from legfem.stocking.worn import Worn, WornLeg
+from legfem.stockings.equilibrium import Worn, WornLeg
+from legfem.stockings.leg_model import PARAMETERS
+from legfem.stockings.misfit import ContourMisfit
+from legfem.stockings.nuisances import RIGID, SECTORS, NuisanceSlopes, from_sector, sectors
+from legfem.stockings.scan_fit import BOUNDS, LinearisedContours
+from legfem.stockings.search import Identified
 
 SIGNIFICANT = 0.025
 """Of each of two families of tests, the mechanisms' and the places': 5 % where nothing is wrong."""

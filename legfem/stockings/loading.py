@@ -1,4 +1,4 @@
-"""A leg and its stocking out of the folder that gives them."""
+"""Loading of the folder of a leg in a stocking: ``leg.toml`` and the scans that it names."""
 
 from __future__ import annotations
 
@@ -23,15 +23,12 @@ from legfem.imaging.shape_entry import ShapeEntry, existing
 from legfem.imaging.volume import check_same_spacing
 from legfem.legs.elastography import ShearModulus
 from legfem.mechanics.materials import NeoHookean
-from legfem.stocking.accuracy import ContourAccuracy
-from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
-from legfem.stocking.laplace import Stocking
-from legfem.stocking.leg import StockingLeg
-from legfem.stocking.leg_file import LegFile, SegmentEntry, StockingEntry, parse_leg_file
-from legfem.stocking.plausibility import check_scans_differ, doubts_about_leg
-from legfem.stocking.posture import Posture
-from legfem.stocking.sensors import KINDS, USUAL_DIAMETER, Sensor, off_skin
-from legfem.stocking.veins import Vein, default_veins
+from legfem.stockings.fabric import ClassFit, CompressionClass, Stocking, fitted_stocking
+from legfem.stockings.leg import Posture, StockingLeg, Vein, default_veins
+from legfem.stockings.misfit import ContourAccuracy
+from legfem.stockings.plausibility import check_scans_differ, doubts_about_leg
+from legfem.stockings.schema import LegFile, SegmentEntry, StockingEntry, parse_leg_file
+from legfem.stockings.sensors import KINDS, USUAL_DIAMETER, Sensor, off_skin
 
 LEVEL_SPACING = 5.0
 """Of the contours between which the leg's surfaces are smooth (mm)."""

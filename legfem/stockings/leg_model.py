@@ -1,4 +1,4 @@
-"""A leg's segment under pressures on its skin: its shape, its mesh, its shape when compressed."""
+"""Finite-element model of a leg's segment under pressure on its skin, as shapes and points of the scan."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a reader of a stocking's result has to be warned of."""
+"""Warnings that a result of a leg in its stocking carries."""
 
 from __future__ import annotations
 
@@ -10,14 +10,13 @@ from legfem.common.units import FloatArray, mpa_to_kpa, mpa_to_mmhg
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.legs.elastography import elastography_priors
 from legfem.legs.notices import disagreement
-from legfem.stocking.identification import Identified
-from legfem.stocking.judgement import MISSED_BEYOND, expected_rms, judge, model_misses, starts_agree
-from legfem.stocking.laplace import StockingLoad
-from legfem.stocking.leg import StockingLeg
-from legfem.stocking.leg_model import PARAMETERS
-from legfem.stocking.run import StockingResult
-from legfem.stocking.sensors import ComparedSensor
-from legfem.stocking.worn import FixedPointSettings
+from legfem.stockings.equilibrium import FixedPointSettings
+from legfem.stockings.fabric import StockingLoad
+from legfem.stockings.leg import StockingLeg
+from legfem.stockings.leg_model import PARAMETERS
+from legfem.stockings.result import StockingResult
+from legfem.stockings.search import MISSED_BEYOND, Identified, expected_rms, judge, model_misses, starts_agree
+from legfem.stockings.sensors import ComparedSensor
 
 TISSUES = dict(zip(PARAMETERS, ("muscle", "fat"), strict=True))
 UNLOADED_BEYOND = 0.01

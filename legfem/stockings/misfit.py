@@ -1,0 +1,261 @@
+r"""Distances of a simulated leg's contours from those of the scan in the stocking, and their errors.
+
+The residuals are distances along the scanned contours' normals, of skin and hull, in a few slices
+of the calf. The segmentation of an outline errs by :math:`\sigma`, alike over a length l:
+:math:`\sigma^2 \exp(-s^2 / (2 l^2))` is the covariance of the errors of two points a distance s
+apart. Smoothing the outlines (`legfem.geometry.shape_smoothing`) keeps
+:math:`1/(1 + (\lambda_c/\lambda)^4)` of an undulation of wavelength :math:`\lambda`, of the errors'
+too, which makes them smaller and alike over a longer way. Their covariance is written as a sum of
+orthogonal modes; the distances are whitened by projecting them on these. The model's own error is
+taken to have the same modes.
+
+The bare outline's errors are not here but among the nuisances (`legfem.stockings.nuisances`), since
+the stocking's pressure responds to them; so is the motion between the scans that registration on
+the bones leaves: bones are nearly prisms, so that they hardly fix the scans along the leg.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from legfem.common.checks import check_positive
+from legfem.common.units import FloatArray
+from legfem.geometry.curve import closed_lengths
+from legfem.geometry.leg_shape import LegShape
+from legfem.geometry.shape_motion import rigidly_moved
+from legfem.geometry.slices import CONTOURS, SliceSet, slice_distances
+
+
+@dataclass(frozen=True)
+class ContourAccuracy:
+    """Errors of the contours that are compared.
+
+    Parameters
+    ----------
+    sd : float
+        Of the segmented outline's points off the true one, in one scan, before smoothing (mm).
+    correlation : float
+        Length l over which these errors are alike (mm).
+    around, along : float
+        Wavelengths at which smoothing halved the outlines' undulations (mm); 0 for none.
+    model_sd : float
+        Of the simulated contours, by mesh and interpolation (mm).
+    pressure_sd : float
+        By which the stocking's pressure may differ from Laplace's law over an eighth of the girth,
+        relative. A leg of soft tissue gives way by some 0.1 mm a per cent.
+    tension_sd : float
+        By which the fabric's tension may differ from what was given, relative, all over the leg
+        alike; 0 takes the fabric as it was given.
+    shift_sd : (float, float, float)
+        Of the registration's translation along x, y and z (mm).
+    turn_sd : (float, float, float)
+        Of its rotation about x, y and z (rad).
+    """
+
+    sd: float = 0.2
+    correlation: float = 8.0
+    around: float = 0.0
+    along: float = 0.0
+    model_sd: float = 0.03
+    pressure_sd: float = 0.01
+    shift_sd: tuple[float, float, float] = (0.05, 0.05, 0.5)
+    turn_sd: tuple[float, float, float] = (0.002, 0.002, 0.002)
+    tension_sd: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        check_positive(self, "sd", "correlation", "model_sd", "pressure_sd")
+        check_positive(self, "around", "along", "tension_sd", zero_allowed=True)
+
+    @property
+    def smoothed_sd(self) -> float:
+        """Of the outlines as they are compared, in one scan (mm)."""
+        left = self._kept(np.zeros(1), self.around) * self._kept(np.zeros(1), self.along)
+        return float(self.sd * np.sqrt(left[0]))
+
+    def covariance(self, around: FloatArray, along: FloatArray) -> FloatArray:
+        """Return the covariance (mm2) of two points of one scan's outline.
+
+        Parameters
+        ----------
+        around, along : array
+            Distances between them around the contour and along the leg (mm), of shapes that
+            broadcast.
+        """
+        return self.sd**2 * self._kept(around, self.around) * self._kept(along, self.along)
+
+    def _kept(self, distance: FloatArray, wavelength: float) -> FloatArray:
+        """Return the correlation that smoothing in one direction leaves, times what it keeps."""
+        if wavelength == 0:
+            return np.exp(-0.5 * (distance / self.correlation) ** 2)
+        number = np.linspace(0.0, 6.0 / self.correlation, 400)
+        density = np.exp(-0.5 * (number * self.correlation) ** 2)
+        smooth = density / (1 + (wavelength * number / (2 * np.pi)) ** 4) ** 2
+        cosines = np.cos(np.multiply.outer(distance, number))
+        return np.asarray(cosines @ smooth / density.sum())
+
+
+HELD = 0.95
+"""Share of the errors' variance that the modes hold."""
+
+
+@dataclass(frozen=True, eq=False)
+class OutlineErrors:
+    """Of one part of a leg.
+
+    Parameters
+    ----------
+    modes : (n_levels, n_points, k) array
+        Distances outwards of the part's points (mm), of a standard deviation each; orthogonal.
+    """
+
+    modes: FloatArray
+
+    @property
+    def count(self) -> int:
+        """How many modes there are."""
+        return self.modes.shape[-1]
+
+    def shares(self, distances: FloatArray) -> FloatArray:
+        """Return how much of every mode distances (n_levels, n_points, m) hold, (k, m)."""
+        sizes = np.sum(self.modes**2, axis=(0, 1))
+        return np.tensordot(self.modes, distances, ((0, 1), (0, 1))) / sizes[:, None]
+
+
+def outline_errors(
+    accuracy: ContourAccuracy, contours: FloatArray, levels: FloatArray, counts: FloatArray | float = 1.0
+) -> OutlineErrors:
+    """Return the errors of a part in one scan, as `ContourAccuracy.covariance` has them.
+
+    Parameters
+    ----------
+    accuracy
+        Of the scan.
+    contours : (n_levels, n_points, 2) array
+        Of the part, evenly spaced around (mm).
+    levels : (n_levels,) array
+        mm.
+    counts : (n_levels,) array or float
+        Share of the errors that counts at every level.
+    """
+    count = contours.shape[1]
+    step = np.arange(count)
+    way = np.minimum(step, count - step) / count * float(closed_lengths(contours).mean())
+    height = np.abs(np.subtract.outer(levels, levels))
+    zero = np.zeros(1)
+    # The covariance is a product of one around and one along the leg; around, waves are its modes.
+    around = np.fft.rfft(accuracy.covariance(way, zero)).real / accuracy.covariance(zero, zero)
+    weight = np.broadcast_to(counts, levels.shape)
+    size, along = np.linalg.eigh(accuracy.covariance(zero, height) * np.outer(weight, weight))
+    waves, strength = _waves(around, count)
+    variances = np.outer(strength, np.maximum(size, 0.0))
+    order = np.argsort(-variances.ravel())
+    share = np.cumsum(variances.ravel()[order]) / variances.sum()
+    chosen = order[: 1 + int(np.searchsorted(share, HELD))]
+    wave, line = np.unravel_index(chosen, variances.shape)
+    scale = np.sqrt(variances.ravel()[chosen])
+    return OutlineErrors(along[:, None, line] * waves[None, :, wave] * scale)
+
+
+def _waves(around: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+    """Return orthonormal waves on a closed contour, (count, m), and their variances, (m,)."""
+    angle = 2 * np.pi * np.arange(count) / count
+    columns, strength = [np.full(count, 1 / np.sqrt(count))], [around[0]]
+    for number in range(1, (count + 1) // 2):
+        for wave in (np.cos, np.sin):
+            columns.append(np.sqrt(2 / count) * wave(number * angle))
+            strength.append(around[number])
+    return np.stack(columns, axis=1), np.maximum(np.array(strength), 0.0)
+
+
+SHIFT, TURN = 0.05, 0.001
+"""Of differences: mm, rad."""
+
+
+@dataclass(frozen=True, eq=False)
+class ContourMisfit:
+    """The scanned contours, and how well a simulated shape meets them.
+
+    Parameters
+    ----------
+    target : SliceSet
+        Scanned, in the stocking.
+    accuracy : ContourAccuracy
+        Of both scans.
+    offset : (n,) array or float
+        How far the bare leg that is meshed lies outside the bare leg that was scanned, where its
+        parts had to be moved apart (mm); what simulated distances are taken less of.
+    """
+
+    target: SliceSet
+    accuracy: ContourAccuracy
+    offset: FloatArray | float = 0.0
+
+    @classmethod
+    def between(cls, target: SliceSet, accuracy: ContourAccuracy, scanned: LegShape, meshed: LegShape) -> ContourMisfit:
+        """Return the misfit of a leg that was scanned bare, and meshed a little otherwise."""
+        plain = cls(target, accuracy)
+        return cls(target, accuracy, plain.distances(meshed) - plain.distances(scanned))
+
+    def distances(self, shape: LegShape) -> FloatArray:
+        """Return how far a simulated shape lies outside the target (mm), skin first, (n,)."""
+        found = slice_distances(self.target, SliceSet.of(shape, self.target.levels))
+        return np.concatenate([found[name].ravel() for name in CONTOURS]) - self.offset
+
+    def cost(self, distances: FloatArray) -> float:
+        """Return the paper's cost before it is normalised: the sum of squares (mm2)."""
+        return float(distances @ distances)
+
+    def rigid_slopes(self, shape: LegShape) -> FloatArray:
+        """Return the distances' slopes by rigid motions of a simulated shape, (n, 6).
+
+        Three translations (mm), then turns about x, y and z through the slices' middle (rad).
+        """
+        here = self.distances(shape)
+        middle = np.array([*self.target.outer.mean(axis=(0, 1)), self.target.levels.mean()])
+        columns = []
+        for number in range(6):
+            shift, turn = np.zeros(3), np.zeros(3)
+            step = SHIFT if number < 3 else TURN
+            (shift if number < 3 else turn)[number % 3] = step
+            rotation = Rotation.from_rotvec(turn).as_matrix()
+            moved = rigidly_moved(shape, rotation, middle - rotation @ middle + shift)
+            columns.append((self.distances(moved) - here) / step)
+        return np.stack(columns, axis=1)
+
+    @property
+    def rigid_sd(self) -> FloatArray:
+        """Standard deviations of the rigid motions, (6,)."""
+        return np.array([*self.accuracy.shift_sd, *self.accuracy.turn_sd])
+
+    def whitened(self, values: FloatArray) -> FloatArray:
+        """Return distances (n,) or derivatives (n, k) in units of independent errors, (m,), (m, k).
+
+        Only undulations that the outlines have errors of are compared: the model's own are not
+        known finer than that.
+        """
+        columns = values.reshape(len(values), -1)
+        parts = np.split(columns, len(CONTOURS))
+        shares = [
+            errors.shares(part.reshape(*errors.modes.shape[:2], -1))
+            for errors, part in zip(self._errors, parts, strict=True)
+        ]
+        white = np.concatenate(shares) / self._sd
+        return white.reshape(-1, *values.shape[1:])
+
+    @property
+    def _sd(self) -> float:
+        """Of the errors that are no nuisances, over that of one scan's outlines."""
+        accuracy = self.accuracy
+        model = accuracy.model_sd / accuracy.smoothed_sd
+        return float(np.sqrt(1.0 + (1.0 - HELD) + model**2))
+
+    @cached_property
+    def _errors(self) -> tuple[OutlineErrors, ...]:
+        """Of the target, outer and inner contours."""
+        target = self.target
+        return tuple(outline_errors(self.accuracy, target.contours(name), target.levels) for name in CONTOURS)

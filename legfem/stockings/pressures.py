@@ -1,0 +1,322 @@
+r"""Hydrostatic pressures inside a leg in its stocking: in fat, muscle, a section, and at the veins.
+
+To first order, in equilibrium with the stocking, the pressure at a vein has the variance
+
+.. math:: \sigma^2 = g^T \Sigma g + \sigma_p^2 \sum_s h_s^2 + (\sigma_m p)^2,
+
+with :math:`g` its derivatives by the logarithms of the stiffnesses, :math:`\Sigma` their
+covariance, :math:`h_s` those by the relative pressure of the stocking in each sector of the girth,
+:math:`\sigma_p` that pressure's standard deviation (`legfem.stockings.misfit.ContourAccuracy`) and
+:math:`\sigma_m` the mesh's relative error. All are taken as independent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+from dolfinx import fem, geometry
+from mpi4py import MPI
+from scipy.stats import spearmanr
+
+from legfem.common.units import FloatArray
+from legfem.experiments.compression import Compressed, LegCompression
+from legfem.fem.compat import cell_nodes
+from legfem.geometry.leg_shape import HULL, SKIN, LegShape
+from legfem.stockings.equilibrium import RATE_TOLERANCE, Feedback, Worn, WornLeg
+from legfem.stockings.fabric import StockingLoad
+from legfem.stockings.leg import Vein
+from legfem.stockings.leg_model import PARAMETERS
+from legfem.stockings.nuisances import sectors
+
+END_ZONE = 10.0
+"""Length (mm) at either end of the segment whose extremes are the ends' doing, and don't count."""
+
+
+@dataclass(frozen=True, eq=False)
+class TissuePressures:
+    """Pressures in one compressed state, in MPa, positive in compression."""
+
+    mean_interface: float
+    """Of the skin, over its area."""
+    greatest_interface: float
+    greatest_in_fat: float
+    """Hydrostatic; the paper's measure of discomfort."""
+    greatest_in_fat_at: FloatArray
+    """(3,), mm, of the bare leg."""
+    mean_in_muscle: float
+    at_veins: tuple[float, ...]
+    """Hydrostatic, in the veins' order."""
+    at_veins_sd: tuple[float, ...] = ()
+    """Standard deviations, from the stiffness and the stocking's pressure; see
+    `legfem.stockings.pressures`."""
+
+
+class PressureProbe:
+    """Hydrostatic pressure of a state at points of the bare leg.
+
+    Parameters
+    ----------
+    compression
+        The leg; in the formulation ``"continuous"``, whose unknown pressures are the mean Cauchy
+        stresses.
+    """
+
+    def __init__(self, compression: LegCompression) -> None:
+        spaces = compression.spaces
+        self._spaces, self._comm = spaces, spaces.mesh.comm
+        self._functions, self._dofs = {}, {}
+        for number, region in enumerate(spaces.regions, 1):
+            space, dofs = spaces.space.sub(number).collapse()
+            self._functions[region] = fem.Function(space)
+            self._dofs[region] = np.asarray(dofs).ravel()
+        mesh = spaces.mesh
+        self._tree = geometry.bb_tree(mesh, mesh.topology.dim)
+        self._region_of_cell = np.zeros(len(cell_nodes(mesh)), dtype=np.int32)
+        self._region_of_cell[spaces.cell_tags.indices] = spaces.cell_tags.values
+
+    def at(self, points: FloatArray, state: Compressed) -> FloatArray:
+        """Return the pressure (MPa) at points (n, 3), NaN outside the tissues."""
+        points = np.ascontiguousarray(points, dtype=np.float64)
+        mesh = self._spaces.mesh
+        candidates = geometry.compute_collisions_points(self._tree, points)
+        hits = geometry.compute_colliding_cells(mesh, candidates, points)
+        counts = np.diff(hits.offsets)
+        here = np.flatnonzero(counts > 0)
+        cells = hits.array[hits.offsets[here]]
+        found = np.full(len(points), -np.inf)
+        for region, tag in self._spaces.regions.items():
+            self._functions[region].x.array[:] = -state.unknown[self._dofs[region]]
+            chosen = self._region_of_cell[cells] == tag
+            if chosen.any():
+                values = self._functions[region].eval(points[here[chosen]], cells[chosen])
+                found[here[chosen]] = np.asarray(values).reshape(-1)
+        everywhere = np.empty_like(found)
+        self._comm.Allreduce(found, everywhere, MPI.MAX)
+        return np.where(np.isfinite(everywhere), everywhere, np.nan)
+
+    def nodal(self, region: str, state: Compressed) -> tuple[FloatArray, FloatArray]:
+        """Return the nodes (n, 3) and pressures (n,) of a region on all ranks, ends left out."""
+        space = self._functions[region].function_space
+        cells = self._spaces.cell_tags.find(self._spaces.regions[region])
+        nodes = np.unique(space.dofmap.list[cells])
+        x = space.tabulate_dof_coordinates()[nodes]
+        values = -state.unknown[self._dofs[region]][nodes]
+        x = np.concatenate(self._comm.allgather(x))
+        values = np.concatenate(self._comm.allgather(values))
+        inside = (x[:, 2] > x[:, 2].min() + END_ZONE) & (x[:, 2] < x[:, 2].max() - END_ZONE)
+        return x[inside], values[inside]
+
+
+def tissue_pressures(
+    probe: PressureProbe, state: Compressed, load: StockingLoad, veins: Sequence[Vein]
+) -> TissuePressures:
+    """Return the pressures that the paper reports."""
+    where, fat = probe.nodal("superficial", state)
+    _, muscle = probe.nodal("deep", state)
+    highest = int(np.argmax(fat))
+    positions = np.array([vein.position for vein in veins]).reshape(-1, 3)
+    return TissuePressures(
+        load.mean_pressure,
+        float(load.pressure.max()),
+        float(fat[highest]),
+        where[highest],
+        float(muscle.mean()),
+        tuple(map(float, probe.at(positions, state))) if len(positions) else (),
+    )
+
+
+SPACING = 0.5
+"""Of the points (mm)."""
+
+
+@dataclass(frozen=True, eq=False)
+class SectionPressures:
+    """Pressure on a grid of the bare leg's points at one level.
+
+    Parameters
+    ----------
+    level : float
+        mm.
+    x : (n,) array
+        mm.
+    y : (m,) array
+        mm.
+    pressure : (m, n) array
+        MPa; NaN outside the tissues.
+    """
+
+    level: float
+    x: FloatArray
+    y: FloatArray
+    pressure: FloatArray
+
+
+def section_pressures(shape: LegShape, level: float, worn: Worn, probe: PressureProbe) -> SectionPressures:
+    """Return the pressure at a level of the bare leg; all ranks call."""
+    outline = shape.at(SKIN, level)
+    x, y = (
+        np.arange(low - 1.0, high + 1.0, SPACING)
+        for low, high in zip(outline.min(axis=0), outline.max(axis=0), strict=True)
+    )
+    points = np.stack([*np.meshgrid(x, y), np.full((len(y), len(x)), level)], axis=-1)
+    values = probe.at(points.reshape(-1, 3), worn.state).reshape(len(y), len(x))
+    return SectionPressures(level, x, y, values)
+
+
+AROUND, DEPTHS = 60, np.linspace(0.06, 0.94, 9)
+"""Columns of fat at a level, and where in them the pressure is taken: shares of the thickness."""
+
+_BY_MESH = ((16_679, 3.661), (61_606, 3.825), (191_506, 4.078), (496_489, 4.223))
+"""Tetrahedra, and the greatest pressure in the fat (kPa) of one state of leg 1
+(`python -m studies.stockings sizes`)."""
+
+
+def too_low_by(tetrahedra: int) -> tuple[float, float]:
+    """Return by which shares the greatest pressure in the fat is too low on a mesh, (least, most).
+
+    It sits in a few elements. Measured on leg 1: against its finest mesh, and against what the last
+    two extrapolate to with the edges' length.
+    """
+    edges, pressures = np.array([(count ** (-1 / 3), pressure) for count, pressure in _BY_MESH]).T
+    slope = (pressures[-2] - pressures[-1]) / (edges[-2] - edges[-1])
+    limit = pressures[-1] - slope * edges[-1]
+    # Coarser than all of them counts as the coarsest.
+    here = np.interp(tetrahedra ** (-1 / 3), [0.0, *edges[::-1]], [limit, *pressures[::-1]])
+    return max(0.0, float(1 - here / pressures[-1])), float(1 - here / limit)
+
+
+@dataclass(frozen=True, eq=False)
+class FatPressures:
+    """Columns of fat, from the skin straight to the hull, all round the leg; pressures in MPa.
+
+    Parameters
+    ----------
+    levels : (n_levels,) array
+        Of the bare leg (mm), the segment's ends left out.
+    skin : (n_levels, n_columns, 2) array
+        Where the columns begin (mm).
+    thickness : (n_levels, n_columns) array
+        Of the bare leg's fat, horizontally (mm).
+    interface : (n_levels, n_columns) array
+        On the skin.
+    greatest, mean : (n_levels, n_columns) array
+        Hydrostatic, in the column.
+    """
+
+    levels: FloatArray
+    skin: FloatArray
+    thickness: FloatArray
+    interface: FloatArray
+    greatest: FloatArray
+    mean: FloatArray
+
+    def rank_correlation(self, what: FloatArray, by: FloatArray) -> float:
+        """Return Spearman's rank correlation of two of the arrays over all columns.
+
+        NaN where one of them is the same everywhere, as on a round leg.
+        """
+        if np.nanmax(by) == np.nanmin(by) or np.nanmax(what) == np.nanmin(what):
+            return np.nan
+        return float(spearmanr(by.ravel(), what.ravel(), nan_policy="omit").statistic)
+
+
+def fat_pressures(shape: LegShape, worn: Worn, probe: PressureProbe) -> FatPressures:
+    """Return the fat's thickness and pressures in a worn state; all ranks call."""
+    inside = (shape.levels >= shape.levels[0] + END_ZONE) & (shape.levels <= shape.levels[-1] - END_ZONE)
+    step = max(1, shape.contours[SKIN].shape[1] // AROUND)
+    skin = shape.contours[SKIN][inside, ::step]
+    foot = np.stack(
+        [_nearest(contour, points) for contour, points in zip(shape.contours[HULL][inside], skin, strict=True)]
+    )
+    columns = skin[..., None, :] + DEPTHS[:, None] * (foot - skin)[..., None, :]
+    z = np.broadcast_to(shape.levels[inside, None, None, None], (*columns.shape[:3], 1))
+    points = np.concatenate([columns, z], axis=-1)
+    values = probe.at(points.reshape(-1, 3), worn.state).reshape(points.shape[:3])
+    found = np.ma.masked_invalid(values)
+    return FatPressures(
+        shape.levels[inside],
+        skin,
+        np.linalg.norm(foot - skin, axis=-1),
+        worn.load.pressure[inside, ::step],
+        found.max(axis=2).filled(np.nan),
+        found.mean(axis=2).filled(np.nan),
+    )
+
+
+def _nearest(contour: FloatArray, points: FloatArray) -> FloatArray:
+    """Return the points of a closed contour nearest to others, (n, 2)."""
+    ring = shapely.LinearRing(contour)
+    along = shapely.line_locate_point(ring, shapely.points(points))
+    return np.asarray(shapely.get_coordinates(shapely.line_interpolate_point(ring, along)))
+
+
+MESH_ERROR = 0.015
+"""Standard deviation of the pressure at a vein by the mesh, relative: on the default mesh it is up
+to 3 % from that of 30 times as many tetrahedra (`studies/stockings/README.md`)."""
+
+
+def vein_pressure_sd(
+    leg: WornLeg,
+    worn: Worn,
+    probe: PressureProbe,
+    veins: Sequence[Vein],
+    parameters: Mapping[str, float],
+    log_covariance: FloatArray | None,
+    pressure_sd: float,
+    error: float = 0.0,
+) -> FloatArray:
+    """Return the standard deviations of the pressures at the veins, (n_veins,), MPa.
+
+    Parameters
+    ----------
+    leg
+        The leg.
+    worn
+        Its equilibrium, which is found again with derivatives.
+    probe
+        Of the leg's mesh.
+    veins
+        Where.
+    parameters
+        C10 of muscle and fat by name (MPa).
+    log_covariance : (2, 2) or (3, 3) array or None
+        Of their logarithms, and of the error of the fabric's tension; None where they were given,
+        and count as exact.
+    pressure_sd
+        Of the stocking's pressure in a sector of the girth, relative.
+    error
+        By which share the fabric's tension exceeds what was given.
+
+    Returns
+    -------
+    ndarray
+        NaN where the state can't be differentiated, or a vein isn't in the tissues.
+    """
+    if not veins:
+        return np.empty(0)
+    near = leg.find(parameters, PARAMETERS, worn, error)
+    if not near.state.report.complete or set(near.state.sensitivities) != set(PARAMETERS):
+        return np.full(len(veins), np.nan)
+    points = np.array([vein.position for vein in veins])
+    feedback, model = Feedback(leg, near), leg.model
+
+    def slope(rate: FloatArray) -> FloatArray:
+        # Pressures are unknowns: what is read from a derivative of them is the pressure's own.
+        return probe.at(points, replace(near.state, unknown=feedback.to_rate(rate)))
+
+    bumps = [near.pressure * bump for bump in sectors(model.shape)]
+    rates = model.pressure_rates(near.state, bumps, RATE_TOLERANCE)
+    by_sector = np.array([slope(rate) for rate in rates])
+    variance = pressure_sd**2 * np.sum(by_sector**2, axis=0)
+    variance = variance + (MESH_ERROR * probe.at(points, near.state)) ** 2
+    if log_covariance is not None:
+        slopes = [parameters[name] * slope(near.state.sensitivities[name]) for name in PARAMETERS]
+        if len(log_covariance) > len(slopes):
+            # Bumps are of the pressure with the error in it.
+            slopes.append(by_sector.sum(axis=0) / (1 + error))
+        by_stiffness = np.array(slopes)
+        variance = variance + np.einsum("iv,ij,jv->v", by_stiffness, log_covariance, by_stiffness)
+    return np.asarray(np.sqrt(variance))
