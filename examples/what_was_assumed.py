@@ -26,9 +26,9 @@ unsure = Parameter(
     prior=Prior(fat, math.log(1.5), "log", "a factor of 1.5"),
 )
 how = {
-    "fat as stated": {"parameters": [muscle]},
-    "fat known to a factor 1.5": {"parameters": [muscle, unsure]},
-    "fat half as stiff": {"parameters": [muscle], "fixed": {"superficial.C10": fat / 2}},
+    "fat as stated": {"identify": [muscle]},
+    "fat known to a factor 1.5": {"identify": [muscle, unsure]},
+    "fat half as stiff": {"identify": [muscle], "fix": {"superficial.C10": fat / 2}},
 }
 alike = {"law": "neo-hookean", "mesh": "coarse", "depth": 8.0}
 alike["settings"] = IdentificationSettings(weighting="covariance")  # for a prior to weigh against

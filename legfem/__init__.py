@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from legfem.api import (
         DiagnosedFolder,
         DiagnosedLeg,
+        Identification,
         IdentifiedLeg,
         IdentifiedSites,
         IdentifiedSpecimen,
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 __all__ = [
     "DiagnosedFolder",
     "DiagnosedLeg",
+    "Identification",
     "IdentifiedLeg",
     "IdentifiedSites",
     "IdentifiedSpecimen",

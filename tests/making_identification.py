@@ -12,13 +12,13 @@ from making import write_subject
 
 from legfem.common.progress import Silent
 from legfem.data import Instrument, Recording
-from legfem.identify.result import IdentificationResult, identification_result
-from legfem.inverse.fit import fit_with
+from legfem.inverse.fit import Fit, fit_with
 from legfem.inverse.outcome import FullSolver, JointForward, Outcome
 from legfem.inverse.parameter import Parameter
 from legfem.inverse.settings import IdentificationSettings, SearchRequest
 from legfem.jobs.store import Store
 from legfem.legs.correction import TabulatedCorrection
+from legfem.legs.details import LegDetails
 from legfem.legs.identification import as_leg
 from legfem.legs.loading import load_subject
 from legfem.legs.problem import leg_problem
@@ -118,7 +118,7 @@ def identify(
     parameters: Sequence[Parameter] | None = None,
     fixed: Mapping[str, float] | None = None,
     correction: TabulatedCorrection | None = None,
-) -> list[IdentificationResult]:
+) -> list[Fit[LegDetails]]:
     """Return the results of laws, by default both."""
     model = model or AnalyticLeg(depth=DEPTH + beyond_of(parameters or (), fixed or {}))
     settings = settings or IdentificationSettings()
@@ -126,4 +126,4 @@ def identify(
     problem = leg_problem(as_leg(subject), laws, request, [correction], JointForward((model,)))
     store = None if solves is None else Store(solves, Outcome, model.fingerprint())
     with FullSolver(problem.forward, store, 1, Silent(), problem.sensitivities) as solver:
-        return [identification_result(one) for one in fit_with(problem, laws, solver, settings)]
+        return fit_with(problem, laws, solver, settings)

@@ -9,7 +9,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from legfem.data import Recording, write_recording
+from legfem.inverse.fit import Fit
 from legfem.mechanics.materials import Hyperelastic, ReducedPolynomial
+from legfem.specimens.details import SampleFit, SpecimenDetails
 
 LENGTH, AREA = 10.0, 100.0
 BAR = """\
@@ -28,6 +30,11 @@ starts_at_contact = true
 PLANTED = ReducedPolynomial(5e-3, 1.0, C20=3e-3)
 BRANCHES = ((1.2, 0.3), (0.8, 4.0), (0.5, 60.0), (0.3, 400.0))
 """Ratios and times (s) of a tissue that relaxes; no log-normal spectrum."""
+
+
+def left_out(fit: Fit[SpecimenDetails]) -> list[SampleFit]:
+    """Return the recordings that a fit was to predict, beside their prediction."""
+    return [SampleFit.of(one) for one in fit.tests if not one.fitted]
 
 
 def compressed(law: Hyperelastic, displacement: np.ndarray, sign: float = -1.0) -> np.ndarray:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from making import write_subject
 from making_diagnosed import diagnosed
-from making_results import result
+from making_results import law_document, result
 from test_diagnosis_report import CASES
 from typer.main import get_command
 
@@ -23,7 +23,6 @@ from legfem.common.documents import write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Lines, Reached, reached
 from legfem.diagnose.document import document
-from legfem.identify.document import result_document
 from legfem.legs.loading import load_subject
 from legfem.report.words import number
 
@@ -177,13 +176,13 @@ def test_both_laws_of_an_identification_are_compared(workspace):
     (run.results / "result.json").write_text('[{"half')
     (row,) = found_by(run)
     assert (row.kind, row.state, row.verdict) == ("identify", RunState.LOST, "")
-    write_document(run.results / "result.json", [result_document(one) for one in both])
+    write_document(run.results / "result.json", [law_document(one) for one in both])
     for row, one in zip(found_by(run), both, strict=True):
-        shown = one.parameters["deep.C10"].shown
+        shown = one.estimates["deep.C10"].shown
         low, high = shown.ci95
         digits = [number(value, (high - low) / 4) for value in (shown.value, low, high)]
         assert row.c10 == "{} ({} to {}) kPa".format(*digits)
-        assert bool(row.c20) == ("deep.C20" in one.parameters)
+        assert bool(row.c20) == ("deep.C20" in one.estimates)
         assert (row.law, row.verdict) == (one.law, one.identifiability[0])
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from legfem.report.specimen import write_specimen_report
 from making_fibres import BALL, BLOCK, C10, PULLED, RATIO, SOFT, TISSUE, forward, write_fibrous
 from making_specimens import record
 
@@ -24,6 +23,7 @@ from legfem.mechanics.contact_settings import ContactSettings
 from legfem.mechanics.materials import NeoHookean
 from legfem.mechanics.terms import Fibres
 from legfem.meshing.meridian import MeridianMeshSettings
+from legfem.report.identification import write_report
 from legfem.solve.protocol import Protocol
 from legfem.specimens.comparison import OwnStiffness
 from legfem.specimens.fibre_directions import AXES
@@ -67,7 +67,7 @@ def test_cylinders_along_and_across_the_fibres_tell_the_ratio(tmp_path, directio
     (tmp_path / "specimen.toml").write_text(ON_BLOCK + tissue + entries)
     found = lf.identify(lf.load_specimen(tmp_path), "neo-hookean")["neo-hookean"]
     for name, truth in (("deep.C10", C10), (RATIO, 2.0)):
-        estimate = found.parameters[name]
+        estimate = found.estimates[name]
         print(name, estimate.value / truth, estimate.ci95, estimate.identifiability)
         assert estimate.ci95[0] < truth < estimate.ci95[1]
         assert (estimate.identifiability != "not identifiable") == told
@@ -147,7 +147,7 @@ def test_two_directions_tell_the_ratio_and_one_says_that_it_cannot(tmp_path, rat
     both = write_fibrous(tmp_path / "both", ratio, [("load", 1.0), ("across", 1.0)])
     found = lf.identify(lf.load_specimen(both), "neo-hookean")["neo-hookean"]
     for name, truth in (("deep.C10", C10), (RATIO, ratio)):
-        estimate = found.parameters[name]
+        estimate = found.estimates[name]
         assert estimate.value == pytest.approx(truth, rel=0.03)
         assert estimate.ci95[0] <= truth <= estimate.ci95[1]
         assert estimate.ci95[1] - estimate.ci95[0] < 0.4 * truth
@@ -155,11 +155,11 @@ def test_two_directions_tell_the_ratio_and_one_says_that_it_cannot(tmp_path, rat
     for direction in ("load", "across"):
         one = write_fibrous(tmp_path / direction, ratio, [(direction, 1.0)])
         found = lf.identify(lf.load_specimen(one), "neo-hookean")["neo-hookean"]
-        estimate = found.parameters[RATIO]
+        estimate = found.estimates[RATIO]
         assert estimate.identifiability == "not identifiable"
         assert estimate.ci95 == pytest.approx((1.0, 10.0))
-        assert found.parameters["deep.C10"].identifiability != "identifiable"
-        assert found.parameters["deep.C10"].ci95[0] < C10 < found.parameters["deep.C10"].ci95[1]
+        assert found.estimates["deep.C10"].identifiability != "identifiable"
+        assert found.estimates["deep.C10"].ci95[0] < C10 < found.estimates["deep.C10"].ci95[1]
         assert any("can't be told from C10" in text for text in found.warnings)
 
 
@@ -167,19 +167,19 @@ def test_specimens_of_their_own_stiffness_tell_it_by_their_number(tmp_path: Path
     apart = [("load", 1.2), ("across", 0.9)]
     two = write_fibrous(tmp_path / "two", 2.0, apart, tissue="")
     found = lf.identify(lf.load_specimen(two), "neo-hookean")["neo-hookean"]
-    assert found.parameters[RATIO].identifiability == "not identifiable"
+    assert found.estimates[RATIO].identifiability == "not identifiable"
     assert any("one_stiffness = true" in text for text in found.warnings)
     apart = [("load", 1.2), ("across", 0.9), ("load", 1 / 1.2), ("across", 1 / 0.9)]
     four = write_fibrous(tmp_path / "four", 2.0, apart, tissue="")
     found = lf.identify(lf.load_specimen(four), "neo-hookean")["neo-hookean"]
-    estimate = found.parameters[RATIO]
+    estimate = found.estimates[RATIO]
     assert estimate.value == pytest.approx(2.0, rel=0.05)
     assert estimate.ci95[0] < 2.0 < estimate.ci95[1]
     # They differ by 21 %, so that two of each leave the ratio open by about that.
-    assert 0.15 < found.stiffness_spread < 0.25
+    assert 0.15 < found.details.stiffness_spread < 0.25
     assert estimate.standard_error > 0.1 * estimate.value
-    assert found.stiffness["bar0"] == pytest.approx(1.2, rel=0.02)
-    write_specimen_report([found], tmp_path / "report")
+    assert found.details.stiffness["bar0"] == pytest.approx(1.2, rel=0.02)
+    write_report([found], tmp_path / "report")
     text = " ".join((tmp_path / "report" / "report.txt").read_text().split())
     assert "The tissue is stiffer along its fibres" in text and "fibre ratio" in text
 
@@ -189,10 +189,10 @@ def test_pieces_that_were_turned_tell_it_however_they_differ(tmp_path: Path) -> 
     path = write_fibrous(tmp_path, 2.0, turned, tissue="", names=["a", "a", "b", "b"])
     folder = lf.load_specimen(path)
     found = lf.identify(folder, "neo-hookean")["neo-hookean"]
-    estimate = found.parameters[RATIO]
+    estimate = found.estimates[RATIO]
     assert estimate.value == pytest.approx(2.0, rel=0.03)
     assert estimate.ci95[1] - estimate.ci95[0] < 0.6
-    assert found.stiffness["a"] / found.stiffness["b"] == pytest.approx(2.0, rel=0.02)
+    assert found.details.stiffness["a"] / found.details.stiffness["b"] == pytest.approx(2.0, rel=0.02)
     assert not any("can't be told" in text for text in found.warnings)
     twice = path / "specimen.toml"
     twice.write_text(twice.read_text().replace('fibres = "across"', 'fibres = "load"'))
@@ -206,8 +206,8 @@ def test_a_stated_ratio_is_held_and_one_that_nothing_strains_is_refused(tmp_path
     stated = write_fibrous(tmp_path, 3.0, [("load", 1.0)], "[fibres]\nratio = 3.0\n")
     folder = lf.load_specimen(stated)
     found = lf.identify(folder, "neo-hookean")["neo-hookean"]
-    assert list(found.parameters) == ["deep.C10"] and found.values[RATIO] == 3.0
-    assert found.parameters["deep.C10"].value == pytest.approx(C10, rel=0.02)
+    assert list(found.estimates) == ["deep.C10"] and found.values[RATIO] == 3.0
+    assert found.estimates["deep.C10"].value == pytest.approx(C10, rel=0.02)
     with pytest.raises(InputError, match="less along the fibres than across"):
         asked_in_writing(Written(fixed=[f"{RATIO}=0.5"]), folder.tissues)
     (tmp_path / "specimen.toml").write_text(ON_BLOCK + '[fibres]\ndirection = "cylinder"\n')

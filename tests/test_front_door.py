@@ -9,8 +9,9 @@ import sys
 from pathlib import Path
 
 import pytest
+import typer
 from making_diagnosed import diagnosed
-from making_results import result
+from making_identification import fits, pressed_leg
 
 import legfem as lf
 from legfem.common.errors import InputError
@@ -44,13 +45,34 @@ def test_the_door_leads_to_all_it_names() -> None:
 
 @pytest.mark.parametrize("name", ["identify", "diagnose", "stocking"])
 def test_a_room_is_entered_by_calling_it_and_stays_a_room(name: str) -> None:
-    import legfem.api
     import legfem.identify.run as run
+
+    import legfem.api
 
     room = getattr(lf, name)
     assert callable(room) and room is sys.modules[f"legfem.{name}"]
     assert inspect.signature(room) == inspect.signature(getattr(legfem.api, name))
     assert run is sys.modules["legfem.identify.run"] and lf.identify.run is run
+
+
+def options_of(command: typer.Typer) -> set[str]:
+    """Return the names of a command's options, as its function has them."""
+    (only,) = command.registered_commands
+    return set(inspect.signature(only.callback).parameters)
+
+
+def test_the_command_and_the_function_take_the_same() -> None:
+    """What one has the other has: the folder is the first argument, and progress is what isn't quiet."""
+    from legfem.commands import identify, stocking
+
+    folder = {"subject", "subject_dir", "specimen_dir"}
+    for command, call, of_python in (
+        (identify, lf.identify, {"leg", "settings", "mesh", "comm"}),
+        (stocking, lf.stocking, {"leg", "comm"}),
+    ):
+        options, keywords = options_of(command.app), set(inspect.signature(call).parameters)
+        assert options - keywords <= {*folder, "quiet", "as_json"}
+        assert keywords - options == {*of_python, "progress"}
 
 
 def test_a_subject_is_known_by_its_id_or_its_folder(subject) -> None:
@@ -72,23 +94,24 @@ def test_an_unknown_law_is_told_in_one_line(subject) -> None:
         lf.identify(subject, law="Ogden")
 
 
-def test_an_identified_leg_can_be_read_drawn_and_written(subject, tmp_path: Path) -> None:
+def test_an_identified_leg_can_be_read_drawn_and_written(tmp_path: Path) -> None:
+    leg = pressed_leg(tmp_path / "leg", 0.7, 0.8)
     laws = ("neo-hookean", "reduced-polynomial")
-    found = lf.IdentifiedLeg(subject, tuple(result(law) for law in laws))
+    found = lf.Identification(leg, tuple(fits(leg, laws=laws)))
     assert found["neo-hookean"].law == "neo-hookean"
     assert "C10 of the deep tissue (muscle), neo-Hookean law" in found.summary()
-    assert "RECONSTRUCTED DATA" in found.summary()
+    assert "SIMULATED DATA" in found.summary()
     frame = found.to_frame()
     assert list(frame["law"]) == [laws[0], laws[1], laws[1]]
     assert list(frame["parameter"]) == ["c10_deep", "c10_deep", "c20_deep"]
     assert (frame["low"] < frame["value"]).all() and (frame["value"] < frame["high"]).all()
     assert set(frame["unit"]) == {"kPa"}
-    assert frame["value"][1] == found[laws[1]].parameters["deep.C10"].shown.value
-    one = lf.IdentifiedLeg(subject, found.results[:1])
-    assert one.write(tmp_path) == tmp_path / "report.txt"
-    assert one.document() == [json.loads((tmp_path / "result.json").read_text())]
+    assert frame["value"][1] == found[laws[1]].estimates["deep.C10"].shown.value
+    one = lf.Identification(leg, found.fits[:1])
+    assert one.write(tmp_path / "out") == tmp_path / "out" / "report.txt"
+    assert one.document() == [json.loads((tmp_path / "out" / "result.json").read_text())]
     page = found._repr_html_()
-    assert "reconstructed data" in page and "c20_deep" in page
+    assert "simulated data" in page and "c20_deep" in page
     assert page.count("<iframe") == 1 and "&lt;!DOCTYPE html&gt;" in page
     assert "data-plot=&quot;fit&quot;" in page, "curves that are switched on and off"
 

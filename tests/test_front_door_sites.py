@@ -55,9 +55,9 @@ def both(tmp_path_factory):
 
 
 def test_sites_are_fitted_together_and_can_be_read_drawn_and_written(both, tmp_path) -> None:
-    assert isinstance(both, lf.IdentifiedSites)
-    assert [one.law for one in both.results] == ["neo-hookean", "reduced-polynomial"]
-    low, high = both["reduced-polynomial"].parameters["deep.C20"].ci95
+    assert isinstance(both, lf.Identification)
+    assert [one.law for one in both.fits] == ["neo-hookean", "reduced-polynomial"]
+    low, high = both["reduced-polynomial"].estimates["deep.C20"].ci95
     assert low < 1.5e-3 < high
     assert "3 sites together" in both.summary()
     frame = both.to_frame()
@@ -70,15 +70,15 @@ def test_sites_are_fitted_together_and_can_be_read_drawn_and_written(both, tmp_p
 
 
 def test_the_figure_is_of_the_law_that_fits_better(both) -> None:
-    better = min(both.results, key=lambda one: one.misfit.chi_square)
+    better = min(both.fits, key=lambda one: one.goodness.chi_square)
     assert better.law == "reduced-polynomial"
     assert LAW_NAMES[better.law] in both.plot().get_suptitle()
 
 
 def test_an_instrument_known_by_a_prior_and_names_alone_are_taken(tmp_path, closed_form) -> None:
-    found = lf.identify(sited_leg(tmp_path, 1.0), parameters=["deep.C10"], mesh="coarse")
-    assert [one.law for one in found.results] == ["neo-hookean"], "names tell which law"
-    assert found["neo-hookean"].parameters["deep.C10"].value == pytest.approx(1e-3, rel=0.05)
+    found = lf.identify(sited_leg(tmp_path, 1.0), identify=["deep.C10"], mesh="coarse")
+    assert [one.law for one in found.fits] == ["neo-hookean"], "names tell which law"
+    assert found["neo-hookean"].estimates["deep.C10"].value == pytest.approx(1e-3, rel=0.05)
     assert isinstance(closed_form[0], PlaneStrainSettings)
 
 
@@ -115,12 +115,12 @@ def test_fibres_are_identified_in_3d(tmp_path, monkeypatch, sites, model) -> Non
     leg = leg_of(tmp_path, sites)
     monkeypatch.setattr(spatial, "leg_models", lambda *_: models_of(leg))
     given = leg if len(sites) > 1 else leg.sites[0]
-    found = lf.identify(given, model="3d", parameters=RATIO)
-    assert isinstance(found, lf.IdentifiedSites) and len(found.results) == 1
+    found = lf.identify(given, model="3d", identify=RATIO)
+    assert isinstance(found, lf.Identification) and len(found.fits) == 1
     for name, truth in zip(RATIO, (TRUE_C10, TRUE_RATIO), strict=True):
-        low, high = found["neo-hookean"].parameters[name].ci95
+        low, high = found["neo-hookean"].estimates[name].ci95
         assert low < truth < high
-    assert (found["neo-hookean"].spatial.untold != "") == (model is not None)
+    assert (found["neo-hookean"].details.spatial.untold != "") == (model is not None)
     assert found.document()[0]["model"] == "3d"
 
 
@@ -130,7 +130,7 @@ def test_what_does_not_lie_along_a_leg_is_identified_in_3d_as_by_the_command(tmp
     toml.write_text(toml.read_text().replace("[indenter]\n", "[indenter]\naxis_deg = 90.0\n"))
     monkeypatch.setattr(spatial, "leg_models", models_as_deep_as_asked())
     found = lf.identify(folder, "neo-hookean", model="3d", out=tmp_path / "door")
-    assert isinstance(found, lf.IdentifiedSites)
+    assert isinstance(found, lf.Identification)
     report = found.write(tmp_path / "door")
     assert (report.parent / "section-leg.png").exists()
     options = ["--subject-dir", str(folder), "--model", "3d", "--law", "neo-hookean", "--quiet"]
@@ -145,17 +145,17 @@ def test_what_does_not_lie_along_a_leg_is_identified_in_3d_as_by_the_command(tmp
 WRONG = {
     "no such site": ({"site": "front"}, "site: front: is no site of the leg; give one of back"),
     "no such law": ({"law": "Ogden"}, "law: 'Ogden': unknown law"),
-    "no such model": ({"model": "4d"}, "model: '4d': unknown model; give 2d or 3d"),
+    "no such model": ({"model": "4d"}, "model: '4d': unknown model; give one of 2d, 3d"),
     "no processes": ({"jobs": 0}, "jobs: 0: is no such whole number"),
     "a correction in 3D": ({"model": "3d", "correction": "own"}, "correction: own: nothing is left to correct in 3D"),
     "a section's mesh in 3D": ({"model": "3d", "mesh": "coarse"}, "mesh: coarse: is a section's"),
     "a leg's mesh in a plane": ({"mesh": SolidLegSettings()}, "mesh: SolidLegSettings: is no"),
-    "no emulator": ({"settings": IdentificationSettings(emulator=False)}, "settings.emulator: 2 sites"),
-    "no weights": ({"settings": IdentificationSettings(weighting="paper")}, "settings.weighting: 2 sites"),
-    "fibres in a plane": ({"parameters": RATIO}, 'plane strain; solve the leg in 3D: model="3d"'),
-    "no such parameter": ({"parameters": ["deep.C11"]}, "parameters: deep.C11: is no parameter"),
-    "an instrument's": ({"parameters": ["instrument.gain"]}, "parameters: instrument.gain"),
-    "held of all": ({"fixed": {"instrument.zero": 0.1}}, "fixed: instrument.zero"),
+    "no emulator": ({"settings": IdentificationSettings(emulator=False)}, "emulator: 2 sites"),
+    "no weights": ({"settings": IdentificationSettings(weighting="paper")}, "weighting: 2 sites"),
+    "fibres in a plane": ({"identify": RATIO}, 'plane strain; solve the leg in 3D: model="3d"'),
+    "no such parameter": ({"identify": ["deep.C11"]}, "identify: deep.C11: is no parameter"),
+    "an instrument's": ({"identify": ["instrument.gain"]}, "identify: instrument.gain"),
+    "held of all": ({"fix": {"instrument.zero": 0.1}}, "fix: instrument.zero"),
     "no file": ({"correction": "nowhere.json"}, "nowhere.json"),
     "no depth": ({"depth": -1.0}, "depth"),
 }

@@ -16,26 +16,30 @@ LEG = {
     "an endless depth": ({"depth": math.inf}, "depth: inf: is no depth"),
     "a word for jobs": ({"jobs": "2"}, "jobs: '2': is no such whole number; give one from 1 on"),
     "half a process": ({"jobs": 1.5}, "jobs: 1.5: is no such whole number"),
-    "a name for names": ({"parameters": "deep.C10"}, "parameters: 'deep.C10': is of another kind"),
-    "no names": ({"parameters": []}, "nothing is left to identify; name a parameter"),
-    "a number for a name": ({"parameters": [3]}, "parameters: 3: is of another kind; give a list"),
-    "twice": ({"parameters": ["deep.C10", "deep.C10"]}, "parameters: deep.C10: is there twice"),
+    "a name for names": ({"identify": "deep.C10"}, "identify: 'deep.C10': is of another kind"),
+    "no names": ({"identify": []}, "nothing is left to identify; name a parameter"),
+    "a number for a name": ({"identify": [3]}, "identify: 3: is of another kind; give a list"),
+    "twice": ({"identify": ["deep.C10", "deep.C10"]}, "identify: deep.C10: is there twice"),
     "free and held": (
-        {"parameters": ["deep.C10"], "fixed": {"deep.C10": 1e-3}},
-        "fixed: deep.C10: is to be identified too; leave one of them out",
+        {"identify": ["deep.C10"], "fix": {"deep.C10": 1e-3}},
+        "fix: deep.C10: is to be identified too; leave one of them out",
     ),
-    "a unit in a value": ({"fixed": {"deep.D1": "28 1/MPa"}}, "fixed: deep.D1: '28 1/MPa' is no value; give a number"),
-    "no number": ({"fixed": {"deep.D1": math.nan}}, "fixed: deep.D1: nan is no value"),
-    "endless": ({"fixed": {"deep.D1": math.inf}}, "fixed: deep.D1: inf is no value"),
-    "negative": ({"fixed": {"deep.D1": -28}}, "fixed: deep.D1=-28: is negative or nothing"),
-    "names for values": ({"fixed": ["deep.D1"]}, "fixed: ['deep.D1']: is of another kind"),
+    "a unit in a value": ({"fix": {"deep.D1": "28 1/MPa"}}, "fix: deep.D1: '28 1/MPa' is no value; give a number"),
+    "no number": ({"fix": {"deep.D1": math.nan}}, "fix: deep.D1: nan is no value"),
+    "endless": ({"fix": {"deep.D1": math.inf}}, "fix: deep.D1: inf is no value"),
+    "negative": ({"fix": {"deep.D1": -28}}, "fix: deep.D1=-28: is negative or nothing"),
+    "names for values": ({"fix": ["deep.D1"]}, "fix: deep.D1: can't be read; write 'deep.D1=28 1/MPa'"),
+    "a number for values": ({"fix": 28.0}, "fix: 28.0: is of another kind; give values by full name"),
+    "a prior without its unit": ({"prior": ["deep.C10=1±1"]}, "prior: deep.C10: has no unit"),
+    "a text for priors": ({"prior": "deep.C10=1±1 kPa"}, "prior: 'deep.C10=1±1 kPa': is of another kind"),
+    "bounds the wrong way round": ({"c10_bounds": (3.0, 1.0)}, "c10_bounds: 3 1: is no range of stiffnesses"),
     "no correction": ({"correction": None}, "correction: None: is no correction; give own, none"),
     "a dictionary of settings": ({"settings": {"seed": 1}}, "settings: {'seed': 1}: is of another"),
     "no such weights": (
         {"settings": IdentificationSettings(weighting="x")},
-        "settings.weighting: 'x': is unknown; give one of paper, covariance, None",
+        "weighting: 'x': unknown weighting; give one of paper, covariance",
     ),
-    "a negative seed": ({"settings": IdentificationSettings(seed=-1)}, "settings.seed: -1"),
+    "a negative seed": ({"settings": IdentificationSettings(seed=-1)}, "seed: -1"),
     "no folder": ({"out": 3}, "out: 3: is of another kind; give a folder's path"),
     "no such mesh": ({"mesh": "fine"}, "mesh: fine: is no section's; give coarse"),
     "a site of a leg without": ({"site": "back"}, "is no site of the leg; leave it out"),
@@ -47,8 +51,8 @@ SPECIMENS = {
     "a model": ({"model": "3d"}, "model: given: is of no use for specimens"),
     "a correction": ({"correction": "none"}, "correction: given: is of no use for specimens"),
     "a name for names": ({"leave_out": "fast"}, "leave_out: 'fast': is of another kind"),
-    "no such parameter": ({"parameters": ["deep.C11"]}, "parameters: deep.C11: is no parameter"),
-    "held and negative": ({"fixed": {"deep.D1": -1.0}}, "fixed: deep.D1=-1: is negative"),
+    "no such parameter": ({"identify": ["deep.C11"]}, "identify: deep.C11: is no parameter"),
+    "held and negative": ({"fix": {"deep.D1": -1.0}}, "fix: deep.D1=-1: is negative"),
     "no processes": ({"jobs": 0}, "jobs: 0: is no such whole number"),
 }
 
@@ -95,7 +99,7 @@ def test_what_is_wrong_with_a_diagnosis_is_told(leg, bars) -> None:
 
 
 def test_a_folder_of_another_kind_is_told_with_what_loads_it(leg, bars) -> None:
-    assert line_of(lf.identify, bars).endswith("load the folder with lf.load_specimen")
+    assert line_of(lf.diagnose, bars).endswith("load the folder with lf.load_specimen")
     assert line_of(lf.load_specimen, leg.directory).endswith("load the folder with lf.load_subject")
     assert line_of(lf.stocking, leg.directory).endswith("load the folder with lf.load_subject")
     for load in (lf.load_subject, lf.load_sites, lf.load_leg, lf.load_specimen):
@@ -108,6 +112,7 @@ def test_a_pressed_leg_is_none_in_a_stocking(leg) -> None:
 
 
 def test_a_law_that_was_not_identified_is_told(leg, tmp_path) -> None:
-    found = lf.identify(lf.load_specimen(write_bars(tmp_path, PLANTED)), "neo-hookean")
+    found = lf.identify(write_bars(tmp_path, PLANTED), "neo-hookean")
+    assert found.fits[0].kind == "specimens", "a folder says by itself what it is"
     with pytest.raises(KeyError, match="'yeoh' was not identified: there is neo-hookean"):
         found["yeoh"]

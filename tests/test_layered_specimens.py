@@ -222,7 +222,7 @@ def sheets(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_both_layers_stiffness_is_found_from_two_thicknesses(sheets: Path) -> None:
     found = lf.identify(lf.load_specimen(sheets), "neo-hookean")["neo-hookean"]
     for name, truth in (("fat.C10", FAT), ("muscle.C10", MUSCLE)):
-        estimate = found.parameters[name]
+        estimate = found.estimates[name]
         print(name, estimate.value / truth - 1, np.array(estimate.ci95) / truth, estimate.identifiability)
         assert estimate.value == pytest.approx(truth, rel=0.05)
         assert estimate.ci95[0] < truth < estimate.ci95[1]
@@ -238,9 +238,9 @@ def test_one_thickness_does_not_tell_the_layers_apart_and_a_prior_does(sheets: P
     folder = lf.load_specimen(tmp_path)
     alone = lf.identify(folder, "neo-hookean")["neo-hookean"]
     for name in ("fat.C10", "muscle.C10"):
-        estimate = alone.parameters[name]
+        estimate = alone.estimates[name]
         print(name, estimate.value, estimate.ci95, estimate.identifiability)
-    assert all(one.identifiability == "not identifiable" for one in alone.parameters.values())
+    assert all(one.identifiability == "not identifiable" for one in alone.estimates.values())
     out = tmp_path / "out"
     asked = [
         "--specimen-dir",

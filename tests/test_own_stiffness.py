@@ -9,7 +9,14 @@ import pytest
 from making_specimens import BAR, PLANTED, compressed, ramp, record
 
 import legfem as lf
+from legfem.inverse.fit import Fit
 from legfem.specimens.comparison import OwnStiffness
+from legfem.specimens.details import SampleFit, compared, rms_percent
+
+
+def left_out(fit: Fit) -> list[SampleFit]:
+    """Return the recordings that a fit predicts."""
+    return [one for one in compared(fit) if not one.fitted]
 
 
 def test_specimens_of_differing_stiffness_tell_one_law(tmp_path: Path) -> None:
@@ -24,21 +31,21 @@ def test_specimens_of_differing_stiffness_tell_one_law(tmp_path: Path) -> None:
     folder = lf.load_specimen(tmp_path)
     found = lf.identify(folder, "reduced-polynomial")["reduced-polynomial"]
     typical = float(np.exp(np.mean(np.log(list(factors.values())))))
-    assert found.converged
+    assert found.log.converged
     for name, factor in factors.items():
-        assert found.stiffness[name] == pytest.approx(factor / typical, rel=0.02)
+        assert found.details.stiffness[name] == pytest.approx(factor / typical, rel=0.02)
     for name, truth in (("deep.C10", 5e-3 * typical), ("deep.C20", 3e-3 * typical)):
-        estimate = found.parameters[name]
+        estimate = found.estimates[name]
         print(name, truth, estimate.value, estimate.ci95)
         assert estimate.value == pytest.approx(truth, rel=0.05)
         assert estimate.ci95[0] < truth < estimate.ci95[1]
     # What a typical stiffness is can't be known better than four specimens tell.
-    low, high = found.parameters["deep.C10"].ci95
-    assert np.log(high / low) > 2 * found.stiffness_spread / np.sqrt(4)
-    assert found.rms_percent < 0.5
+    low, high = found.estimates["deep.C10"].ci95
+    assert np.log(high / low) > 2 * found.details.stiffness_spread / np.sqrt(4)
+    assert rms_percent(found) < 0.5
     (tmp_path / "specimen.toml").write_text(f"{bars}[tissue]\none_stiffness = true\n")
     alike = lf.identify(lf.load_specimen(tmp_path), "reduced-polynomial")["reduced-polynomial"]
-    assert not alike.stiffness and alike.rms_percent > 10 * found.rms_percent
+    assert not alike.details.stiffness and rms_percent(alike) > 10 * rms_percent(found)
 
 
 def test_a_recording_left_out_is_predicted_by_its_specimen_s_own_stiffness(tmp_path: Path) -> None:
@@ -50,12 +57,12 @@ def test_a_recording_left_out_is_predicted_by_its_specimen_s_own_stiffness(tmp_p
         bars += f'[[specimen]]\nname = "{name}"\nrecordings = ["recordings/{name}*.csv"]\n'
     (tmp_path / "specimen.toml").write_text(bars)
     found = lf.identify(lf.load_specimen(tmp_path), "reduced-polynomial", leave_out=["soft1"])
-    (predicted,) = found["reduced-polynomial"].held_out
+    (predicted,) = left_out(found["reduced-polynomial"])
     assert predicted.r_squared > 0.999 and predicted.scale == pytest.approx(1.0, abs=0.01)
     words = " ".join(found.summary().split())
     assert "by the stiffness that its specimen has in others" in words
     found = lf.identify(lf.load_specimen(tmp_path), "neo-hookean", leave_out=["soft"])
-    predicted = found["neo-hookean"].held_out[0]
+    predicted = left_out(found["neo-hookean"])[0]
     # Another specimen's stiffness can't be known; its course can.
     assert predicted.r_squared < 0.9 < predicted.shape_r_squared
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from legfem.report.listing import RESULT, ReportFile
+from legfem.report.folder import RESULT, ReportFile
 from legfem.report.page import (
     PROVENANCE,
     Bars,

@@ -7,21 +7,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from legfem.report.specimen import write_specimen_report
 from making_specimens import BAR, PLANTED, compressed, ramp, record, write_bars
 
 import legfem as lf
+from legfem.inverse.fit import Fit
 from legfem.inverse.parameter import Parameter, Prior
 from legfem.inverse.search import Search, is_settled
 from legfem.mechanics.materials import ExponentialStiffening, NeoHookean, Yeoh
-from legfem.specimens.result import SpecimenResult
+from legfem.report.identification import write_report
+from legfem.specimens.details import compared, rms_percent
 
 
 def test_a_planted_law_is_found_from_recordings_together(bars: Path) -> None:
     found = lf.identify(lf.load_specimen(bars), "reduced-polynomial")["reduced-polynomial"]
-    assert len(found.fitted) == 3 and found.converged and not found.warnings
+    assert len(found.tests) == 3 and found.log.converged and not found.warnings
     for name, truth in (("deep.C10", 5e-3), ("deep.C20", 3e-3)):
-        estimate = found.parameters[name]
+        estimate = found.estimates[name]
         assert estimate.value == pytest.approx(truth, rel=0.01)
         assert estimate.ci95[0] < truth < estimate.ci95[1]
         assert estimate.identifiability == "identifiable"
@@ -46,14 +47,14 @@ def test_any_law_takes_the_stiffness_that_was_pulled(tmp_path: Path, law, plante
         record(tmp_path, name, time, d, compressed(planted, d, sign=1.0))
     (tmp_path / "specimen.toml").write_text(toml)
     found = lf.identify(lf.load_specimen(tmp_path), law, leave_out=["more"])[law]
-    (predicted,) = found.held_out
+    (predicted,) = (one for one in compared(found) if not one.fitted)
     print(found.values, predicted.r_squared, predicted.rmse / predicted.course.peak)
     if law != "yeoh":
         # Beyond the strain fitted; Yeoh's last two coefficients trade off below it.
         assert predicted.r_squared > 0.999
     found = lf.identify(lf.load_specimen(tmp_path), law)[law]
-    assert found.rms_percent < 0.5
-    assert found.parameters["deep.C10"].value == pytest.approx(5e-3, rel=0.03)
+    assert rms_percent(found) < 0.5
+    assert found.estimates["deep.C10"].value == pytest.approx(5e-3, rel=0.03)
 
 
 @pytest.mark.slow
@@ -63,10 +64,10 @@ def test_a_third_rate_with_its_hold_is_predicted_from_two(tmp_path: Path) -> Non
     folder = lf.load_specimen(write_bars(tmp_path, law, hold=300.0))
     assert folder.relaxes
     found = lf.identify(folder, "reduced-polynomial", leave_out=["middle"])["reduced-polynomial"]
-    (predicted,) = found.held_out
+    (predicted,) = (one for one in compared(found) if not one.fitted)
     print(predicted.r_squared)
     assert predicted.name == "middle" and predicted.r_squared > 0.99
-    ratio = found.parameters["viscoelasticity.ratio"]
+    ratio = found.estimates["viscoelasticity.ratio"]
     assert 2.0 < ratio.value < 4.0 and ratio.ci95[0] < ratio.value < ratio.ci95[1]
     assert ratio.ci95[1] - ratio.ci95[0] < ratio.value
 
@@ -76,13 +77,13 @@ def test_a_prior_and_a_held_value_count(bars: Path) -> None:
     tight = Prior(4e-3, 1e-6, source="test")
     given = Parameter("deep.C10", "MPa", (1e-3, 1e-2), tight, scale="log")
     found = lf.identify(folder, "neo-hookean", parameters=[given])["neo-hookean"]
-    assert found.parameters["deep.C10"].value == pytest.approx(4e-3, rel=0.01)
+    assert found.estimates["deep.C10"].value == pytest.approx(4e-3, rel=0.01)
     held = lf.identify(folder, "reduced-polynomial", fixed={"deep.C20": 3e-3})
-    assert list(held["reduced-polynomial"].parameters) == ["deep.C10"]
+    assert list(held["reduced-polynomial"].estimates) == ["deep.C10"]
 
 
 def test_what_another_unit_or_size_would_do_is_said_and_so_it_is(tmp_path: Path) -> None:
-    def c10(force: float, way: float) -> SpecimenResult:
+    def c10(force: float, way: float) -> Fit:
         folder = tmp_path / f"{force:g}{way:g}"
         for name, duration in (("fast", 0.6), ("slow", 60.0)):
             time, d = ramp(2.0, duration)
@@ -91,12 +92,12 @@ def test_what_another_unit_or_size_would_do_is_said_and_so_it_is(tmp_path: Path)
         return lf.identify(lf.load_specimen(folder), "neo-hookean")["neo-hookean"]
 
     found = c10(1.0, 1.0)
-    one = found.parameters["deep.C10"]
+    one = found.estimates["deep.C10"]
     assert one.moves["force_N"] == pytest.approx(0.1, rel=1e-3)
     assert c10(1.1, 1.0).values["deep.C10"] / one.value - 1 == pytest.approx(0.1, rel=0.01)
     deeper = c10(1.0, 1.02).values["deep.C10"] / one.value - 1
     assert one.moves["displacement_mm"] == pytest.approx(5 * deeper, rel=0.1)
-    write_specimen_report([found], tmp_path)
+    write_report([found], tmp_path)
     assert "an area_mm2 of half the true one makes it twice" in " ".join((tmp_path / "report.txt").read_text().split())
 
 
@@ -106,7 +107,7 @@ def test_a_value_at_its_bound_is_told(bars: Path) -> None:
         Parameter("deep.C20", "MPa", (0.0, 1e-3), scale="log"),
     ]
     found = lf.identify(lf.load_specimen(bars), "reduced-polynomial", parameters=given)
-    assert any("deep.C20 stands at the upper bound" in text for text in found.results[0].warnings)
+    assert any("deep.C20 stands at the upper bound" in text for text in found.fits[0].warnings)
 
 
 def test_a_test_that_stops_costs_itself_alone(tmp_path: Path) -> None:
@@ -118,10 +119,10 @@ def test_a_test_that_stops_costs_itself_alone(tmp_path: Path) -> None:
     )
     write_bars(tmp_path, PLANTED, several.replace("[given]", "[recordings]") + entries)
     found = lf.identify(lf.load_specimen(tmp_path), "reduced-polynomial")["reduced-polynomial"]
-    assert [one.name for one in found.fitted] == ["fast", "middle"]
-    (left,) = found.left_out
+    assert [one.name for one in found.tests if one.fitted] == ["fast", "middle"]
+    (left,) = found.details.left_out
     assert left.name == "slow" and "displacement_mm: a depth of 5.95 of what" in left.reason
-    assert found.parameters["deep.C10"].value == pytest.approx(5e-3, rel=0.01)
+    assert found.estimates["deep.C10"].value == pytest.approx(5e-3, rel=0.01)
 
 
 def test_specimens_of_several_sizes_are_one_tissue(tmp_path: Path) -> None:
@@ -136,7 +137,7 @@ def test_specimens_of_several_sizes_are_one_tissue(tmp_path: Path) -> None:
     folder = lf.load_specimen(tmp_path)
     assert [one.name for one in folder.recordings] == ["day0/recordings/one", "day1/recordings/one"]
     found = lf.identify(folder, "reduced-polynomial", leave_out=["s1"])["reduced-polynomial"]
-    (predicted,) = found.held_out
+    (predicted,) = (one for one in compared(found) if not one.fitted)
     assert predicted.specimen == "s1" and predicted.r_squared > 0.999
     assert predicted.scale == pytest.approx(1.0, abs=0.01)
 
@@ -164,5 +165,5 @@ def test_a_solve_that_makes_it_worse_is_no_sign_of_convergence(tmp_path: Path, m
     folder = lf.load_specimen(write_bars(tmp_path, law, hold=60.0))
     found = lf.identify(folder, "neo-hookean")["neo-hookean"]
     assert any(gained < 0 for gained in gains)
-    assert not found.converged
+    assert not found.log.converged
     assert "ended before it converged" in found.warnings[0]

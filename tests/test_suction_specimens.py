@@ -12,6 +12,7 @@ from making_layers import OtherLayer, OtherLayers
 import legfem as lf
 from legfem.common.errors import InputError
 from legfem.common.progress import Silent
+from legfem.specimens.details import rms_percent
 from legfem.specimens.diagnosis import diagnose_specimens
 
 C10, BULK = 4e-3, 10.0
@@ -118,8 +119,8 @@ def test_an_unusual_suction_is_doubted_on_the_report(tmp_path: Path, suctions) -
 
 def test_the_planted_stiffness_is_found(tmp_path: Path, suctions) -> None:
     found = lf.identify(lf.load_specimen(written(tmp_path, suctions)), "neo-hookean")["neo-hookean"]
-    estimate = found.parameters["deep.C10"]
-    print(estimate.value / C10, np.array(estimate.ci95) / C10, found.rms_percent)
+    estimate = found.estimates["deep.C10"]
+    print(estimate.value / C10, np.array(estimate.ci95) / C10, rms_percent(found))
     assert estimate.value == pytest.approx(C10, rel=0.02)
     assert estimate.ci95[0] < C10 < estimate.ci95[1]
 
@@ -132,7 +133,7 @@ def test_the_muscle_under_a_fat_of_stated_stiffness_is_found(tmp_path: Path) -> 
     muscle = '[[layers]]\nname = "muscle"\nthickness_mm = 12.0\n'
     (tmp_path / "specimen.toml").write_text(CUP.replace("thickness_mm = 15.0\n", "") + fat + muscle)
     found = lf.identify(lf.load_specimen(tmp_path), "neo-hookean")["neo-hookean"]
-    estimate = found.parameters["muscle.C10"]
+    estimate = found.estimates["muscle.C10"]
     print(estimate.value, estimate.ci95)
     assert estimate.value == pytest.approx(2 * C10, rel=0.05)
     assert estimate.ci95[0] < 2 * C10 < estimate.ci95[1]

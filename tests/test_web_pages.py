@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import base64
-import json
 from dataclasses import replace
 from html import unescape
 
@@ -24,7 +23,7 @@ from legfem.experiments.posed import posed
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.report.page import Bars, Curves, LabelledBar, Line, Slider, View
 from legfem.report.render.html import embedded, rendered
-from legfem.report.specimens import specimen_web_page
+from legfem.report.specimens import specimen_page
 from legfem.report.web.plan import plan_web_page
 from legfem.report.web.pressed_leg import pressed_leg
 from legfem.report.web.stocking_leg import by_height, inward, stretch_round
@@ -113,7 +112,7 @@ def test_shares_are_those_of_the_variance_that_the_surface_explains(study):
 def test_the_map_predicts_what_the_surface_does(study):
     page = study_web_page(study, 1, "")
     (block,) = next(c.blocks for c in page.chapters if c.title == "The response surface")
-    data = json.loads(block.data)
+    data = block.data
     at = np.random.default_rng(1).uniform(-1, 1, 5)
     point = {f.symbol: [x] for f, x in zip(study.definition.factors, at, strict=True)}
     for metric, analysis in zip(data["metrics"], study.analyses, strict=True):
@@ -144,7 +143,7 @@ def test_a_correction_says_how_large_it_is_and_in_which_direction():
 
 
 def test_specimens_say_how_stiff_what_was_left_out_and_when_not_to_trust(tmp_path):
-    page = specimen_web_page(pages.specimens(tmp_path), pages.COMMAND)
+    page = specimen_page(pages.specimens(tmp_path), pages.COMMAND)
     checked(
         page,
         "C10 of the tissue 5.00 kPa",
@@ -154,7 +153,7 @@ def test_specimens_say_how_stiff_what_was_left_out_and_when_not_to_trust(tmp_pat
         "a bar: length 10 mm, area 100 mm²",
     )
     assert page.headline.tone == "caution", "a recording was left out"
-    wrong = specimen_web_page(pages.specimens(tmp_path, p_value=1e-9))
+    wrong = specimen_page(pages.specimens(tmp_path, p_value=1e-9))
     assert wrong.headline.tone == "wrong" and "does not describe" in wrong.headline.sentence
 
 
@@ -194,7 +193,7 @@ def test_the_turned_leg_holds_what_was_computed(shrunk):
         "A leg",
         [Marked("a vein", np.array([1.0, 2.0, 3.0]))],
     )
-    data = json.loads(made.data)
+    data = made.data
     assert data["stops"] == [0.0, 40.0, 100.0]
     skin = next(part for part in data["parts"] if part["name"] == SKIN)
     rows, columns = skin["shape"]
@@ -232,7 +231,7 @@ def test_a_leg_pressed_in_3d_is_turned_so_that_the_cylinder_is_in_front():
         posed=posed(pressed.posed.given, replace(pose, direction_deg=pose.direction_deg + 90.0)),
         states=tuple(replace(one, skin=one.skin @ turn.T, hull=one.hull @ turn.T) for one in pressed.states),
     )
-    first, second = (json.loads(pressed_leg(one, "").data) for one in (pressed, sideways))
+    first, second = (pressed_leg(one, "").data for one in (pressed, sideways))
     for one, other in zip(first["parts"], second["parts"], strict=True):
         for key in ("at", "moves"):
             if one[key] is not None:
@@ -257,8 +256,10 @@ def test_a_solve_whose_states_were_not_kept_shows_the_section_alone(tmp_path):
     assert kinds == ["turned", "still"]
     words = read(rendered(page)).words
     assert "The leg in 3D (the section, extruded) with the reduced polynomial law at C10 0.8" in words
-    found = pages.result("reduced-polynomial", pages.measured_curve(depth=pages.DEPTH))
-    plain = pages.identification_page([found], pages.subject_in(tmp_path / "other"), None)
+    found = pages.result(
+        "reduced-polynomial", pages.measured_curve(depth=pages.DEPTH), pages.subject_in(tmp_path / "other")
+    )
+    plain = pages.leg_page([found])
     assert not any(b.kind == "turned" for c in plain.chapters for b in c.blocks)
 
 

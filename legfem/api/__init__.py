@@ -1,19 +1,26 @@
 """The front door: ``import legfem as lf``, and a leg's folder becomes a result in one call.
 
-Thin on the rooms: every function loads what it is given by id or path, runs what the command of its
-name runs, and wraps what that found. What is found says more than the wrapper does; it stands in
-its attributes.
+A function loads what it is given by id or path, does all that the command of its name does, and wraps what that found.
+The commands call the functions of the modules here; those of the door itself name keywords where something is wrong.
 """
 
+from legfem.api import identification, leg_in_stocking, loading
+from legfem.api.arguments import in_python_words
 from legfem.api.diagnosed import DiagnosedFolder, DiagnosedLeg, diagnose
-from legfem.api.identification import identify
-from legfem.api.leg_in_stocking import LegInStocking, stocking
-from legfem.api.loading import load_leg, load_sites, load_specimen, load_subject
-from legfem.api.results import IdentifiedLeg, IdentifiedSites, IdentifiedSpecimen
+from legfem.api.leg_in_stocking import LegInStocking
+from legfem.api.results import Identification, IdentifiedLeg, IdentifiedSites, IdentifiedSpecimen
+
+identify = in_python_words()(identification.identify)
+load_leg = in_python_words()(loading.load_leg)
+load_sites = in_python_words()(loading.load_sites)
+load_specimen = in_python_words()(loading.load_specimen)
+load_subject = in_python_words()(loading.load_subject)
+stocking = in_python_words()(leg_in_stocking.stocking)
 
 __all__ = [
     "DiagnosedFolder",
     "DiagnosedLeg",
+    "Identification",
     "IdentifiedLeg",
     "IdentifiedSites",
     "IdentifiedSpecimen",

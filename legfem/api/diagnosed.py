@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 from legfem.api.arguments import check_folder, check_names, check_unused, check_whole, in_python_words
 from legfem.api.loading import Given, one_of
-from legfem.api.results import Found, row
+from legfem.api.results import Result, row
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 from legfem.legs.subject import SitedLeg, Subject
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class DiagnosedLeg(Found):
+class DiagnosedLeg(Result):
     """Where model and recordings differ, and which physics was left out."""
 
     subject: Subject
@@ -74,7 +74,7 @@ class DiagnosedLeg(Found):
 
 
 @dataclass(frozen=True, eq=False)
-class DiagnosedFolder(Found):
+class DiagnosedFolder(Result):
     """The same of each specimen of a folder."""
 
     folder: SpecimenFolder

@@ -1,173 +1,114 @@
-"""Stiffness identified from recordings of a leg, or of specimens."""
+"""Stiffness identified from recordings of a leg, of its sites, or of specimens: all that the command does."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, overload
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from legfem.api.arguments import check_names, check_search, check_unused, in_python_words
-from legfem.api.loading import Given, opened
-from legfem.api.results import (
-    IdentifiedLeg,
-    IdentifiedSites,
-    IdentifiedSpecimen,
-    identify_folder,
-    identify_section,
-    identify_together,
+from legfem.api.arguments import (
+    check_folder,
+    check_length,
+    check_names,
+    check_one_of,
+    check_unused,
+    check_whole,
+    of_another_kind,
+    wrong,
 )
+from legfem.api.loading import Given, opened
+from legfem.api.results import Identification
 from legfem.common.errors import InputError
-from legfem.inverse.laws import LawName
+from legfem.common.progress import progress_on
+from legfem.inverse.laws import LAWS, LawName
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import SitedLeg, Subject
 
 if TYPE_CHECKING:
-    from legfem.inverse.parameter import Parameter
-    from legfem.inverse.settings import IdentificationSettings
-    from legfem.specimens.folder import SpecimenFolder
+    from mpi4py import MPI
 
-if TYPE_CHECKING:
     from legfem.experiments.leg_3d import SolidLegSettings
     from legfem.experiments.plane_strain import PlaneStrainSettings
     from legfem.inverse.catalogue import Values
     from legfem.inverse.parameter import Parameter
-    from legfem.inverse.settings import SearchRequest
+    from legfem.inverse.parse_parameters import Written
+    from legfem.inverse.settings import IdentificationSettings, SearchRequest, Weighting
+    from legfem.specimens.folder import SpecimenFolder
+    from legfem.specimens.laws import Asked
 
     type Mesh = PlaneStrainSettings | SolidLegSettings | Literal["coarse"]
 
-
-@dataclass(frozen=True)
-class IdentifyCall:
-    """What is asked, as `legfem.identify` takes it.
-
-    Parameters
-    ----------
-    law
-        Of the deep tissue, or both.
-    request
-        Without parameters: those follow the leg's values.
-    parameters
-        Full names, or parameters.
-    correction
-        Name or file.
-    in_3d
-        Whether the leg itself is to be solved.
-    mesh
-        Of the finite elements.
-    progress
-        Whether to print what is being done.
-    """
-
-    law: str | None
-    request: SearchRequest
-    parameters: Sequence[Parameter | str] | None
-    correction: str
-    in_3d: bool
-    mesh: Mesh | None
-    progress: bool
-
-    @property
-    def names(self) -> set[str]:
-        """Full names of all that is asked for or held."""
-        free = self.parameters or ()
-        return {*self.request.fixed, *(p if isinstance(p, str) else p.name for p in free)}
-
-    def request_of(self, nominal: Values) -> SearchRequest:
-        """Return the request, what is given by name with bounds that suit legs.
-
-        Raises
-        ------
-        InputError
-            For a name that the leg's values haven't.
-        """
-        from legfem.inverse.catalogue import check_known, parameter_of
-
-        if self.parameters is None:
-            return self.request
-        check_known([one for one in self.parameters if isinstance(one, str)], nominal, "parameters")
-        free = [parameter_of(p, nominal) if isinstance(p, str) else p for p in self.parameters]
-        return replace(self.request, parameters=tuple(free))
-
-    def laws(self, request: SearchRequest, nominal: Values, subject: Subject) -> list[LawName]:
-        """Return the laws to identify, as the command chooses them."""
-        from legfem.inverse.parse_parameters import Written
-        from legfem.legs.laws import default_parameters
-
-        given = request.parameters
-        free = default_parameters(nominal) if given is None else given
-        return Written().laws(self.law, free, subject.tissues["deep"].C20, request.fixed)
+COARSENING = 2.0
+"""Factor on the elements' sizes, for a quick look."""
 
 
-@overload
-def identify(
-    leg: SpecimenFolder,
-    law: LawName | Literal["both"] | None = None,
-    *,
-    settings: IdentificationSettings | None = None,
-    out: Given | None = None,
-    jobs: int = 1,
-    progress: bool = False,
-    parameters: Sequence[Parameter | str] | None = None,
-    fixed: Mapping[str, float] | None = None,
-    leave_out: Sequence[str] = (),
-) -> IdentifiedSpecimen: ...
-@overload
-def identify(
-    leg: Subject | SitedLeg | Given,
-    law: LawName | Literal["both"] | None = None,
-    *,
-    correction: str = "auto",
-    depth: float | None = None,
-    settings: IdentificationSettings | None = None,
-    mesh: Mesh | None = None,
-    out: Given | None = None,
-    jobs: int = 1,
-    progress: bool = False,
-    parameters: Sequence[Parameter | str] | None = None,
-    fixed: Mapping[str, float] | None = None,
-    model: Literal["2d", "3d"] = "2d",
-    site: str = "",
-) -> IdentifiedLeg | IdentifiedSites: ...
-@in_python_words()
 def identify(
     leg: Subject | SitedLeg | SpecimenFolder | Given,
     law: LawName | Literal["both"] | None = None,
     *,
-    correction: str = "auto",
+    identify: Sequence[Parameter | str] | None = None,
+    prior: Sequence[str] = (),
+    fix: Mapping[str, float] | Sequence[str] = (),
+    c10_bounds: tuple[float, float] | None = None,
+    c20_bounds: tuple[float, float] | None = None,
+    correction: str | Path = "auto",
     depth: float | None = None,
+    model: Literal["2d", "3d"] = "2d",
+    site: str = "",
+    leave_out: Sequence[str] = (),
+    weighting: Weighting | None = None,
+    seed: int | None = None,
+    emulator: bool | None = None,
     settings: IdentificationSettings | None = None,
     mesh: Mesh | None = None,
     out: Given | None = None,
     jobs: int = 1,
     progress: bool = False,
-    parameters: Sequence[Parameter | str] | None = None,
-    fixed: Mapping[str, float] | None = None,
-    leave_out: Sequence[str] = (),
-    model: Literal["2d", "3d"] = "2d",
-    site: str = "",
-) -> IdentifiedLeg | IdentifiedSites | IdentifiedSpecimen:
+    comm: MPI.Intracomm | None = None,
+) -> Identification:
     """Identify the stiffness of a leg's tissues, or of specimens, from recordings.
 
-    All sites of a leg with several are fitted together. So is one alone where the leg is solved in
-    3D for its fibres' ratio, or is pressed by a turned cylinder, a ball or a punch.
+    All sites of a leg with several are fitted together. The leg itself is solved in 3D alone, without a section, where
+    it has several sites, where its fibres' ratio is asked for, or where a turned cylinder, a ball or a punch pressed.
 
     Parameters
     ----------
     leg : Subject, SitedLeg, SpecimenFolder, str or Path
-        What `load_subject`, `load_sites` or `load_specimen` returned; or a leg's id or folder.
+        What `load_subject`, `load_sites` or `load_specimen` returned; or a leg's id, or the folder of either.
     law : str, optional
         ``"neo-hookean"``, ``"reduced-polynomial"`` or ``"both"``; ``"yeoh"`` and ``"exponential"``
         of specimens. Without it both, of given parameters those that have them.
-    correction : str
-        Of the cylinder's ends: ``"own"``, ``"none"``, a file, or ``"auto"``: the leg's own where
-        it is due. Of sites that are solved in 3D there is none.
+    identify : sequence of Parameter or str, optional
+        What to identify, as full names (``"deep.C10"``, in 3D ``"deep.fibre_ratio"``), or with bounds, prior and role
+        of your own; C10 and C20 of the deep tissue without them.
+    prior : sequence of str
+        What is known of parameters beforehand, as the command has it: ``"superficial.C10=2±1 kPa"``,
+        ``"superficial.C10=2 x/ 1.5 kPa"`` for a factor, ``"superficial.C10=population"``.
+    fix : Mapping[str, float] or sequence of str
+        What is held in place of the folder's values: by full name in MPa, 1/MPa, N or mm; or as the command has it,
+        ``"deep.D1=28 1/MPa"``.
+    c10_bounds, c20_bounds : tuple of float, optional
+        Ends of the search for the deep tissue's, kPa.
+    correction : str or Path
+        Correction for the cylinder's ends: ``"own"``, ``"none"``, a file, or ``"auto"``: the leg's own where
+        it is due. There is none for what is solved in 3D alone.
     depth : float, optional
         Greatest displacement to use, mm.
-    settings : IdentificationSettings, optional
-        Of the search: weighting, seed, minimiser.
+    model : {"2d", "3d"}
+        Whether the correction is a table's, or confirmed by full solves of the leg in 3D.
+    site : str
+        The one to identify by itself, of a leg with several ``[[site]]``.
+    leave_out : sequence of str
+        Recordings or specimens of a folder of specimens that are predicted, and not fitted. Correction, depth, model,
+        site, weighting and emulator are for legs alone.
+    weighting, seed, emulator, settings
+        Means of the search: the first three take the place of those in ``settings``, see
+        `legfem.inverse.settings.IdentificationSettings`.
     mesh : PlaneStrainSettings, SolidLegSettings or "coarse", optional
-        Of a section's finite elements, or of those of sites that are solved in 3D; ``"coarse"`` is
+        Finite elements of a section, or of a leg that is solved in 3D alone; ``"coarse"`` is
         for a quick look at a section, and no result to rely on.
     out : str or Path, optional
         Folder that keeps every full solve, so that the same call goes on where it was stopped;
@@ -176,73 +117,225 @@ def identify(
         Processes. More than one needs the calling script's ``if __name__ == "__main__":``.
     progress : bool
         Whether to print what is being done.
-    parameters : sequence of Parameter or str, optional
-        What to identify, as full names (``"deep.C10"``, in 3D ``"deep.fibre_ratio"``) or with
-        bounds and priors; C10 and C20 of the deep tissue without them. See
-        `legfem.inverse.settings.SearchRequest`.
-    fixed : Mapping[str, float], optional
-        Values that are held in place of the folder's, by full name, in MPa, 1/MPa, N or mm.
-    leave_out : sequence of str
-        Recordings or specimens of a folder of specimens that are predicted, and not fitted. Of
-        specimens there are no correction, depth, mesh, model and site to choose.
-    model : {"2d", "3d"}
-        Whether the correction is a table's, or confirmed by full solves of the leg in 3D; sites
-        together, and what doesn't lie along the leg, are solved in 3D alone.
-    site : str
-        Of a leg with several ``[[site]]`` the one to identify by itself.
+    comm : MPI.Intracomm, optional
+        Ranks over which solves in 3D are spread; this process alone without it.
 
     Returns
     -------
-    IdentifiedLeg, IdentifiedSites or IdentifiedSpecimen
-        With ``summary()``, ``plot()``, ``to_frame()``, ``document()``, ``write(folder)``.
+    Identification
+        With ``summary()``, ``plot()``, ``to_frame()``, ``document()``, ``write(folder)``, and a
+        `legfem.inverse.fit.Fit` by law: ``found["neo-hookean"]``.
 
     Raises
     ------
     InputError
-        If the leg can't be meshed or its recordings can't be used.
+        If an argument is wrong, the leg can't be meshed or its recordings can't be used.
     SearchError
         If too few full solves reach the measured depth.
     """
-    from legfem.inverse.laws import LAWS
-    from legfem.inverse.settings import IdentificationSettings, SearchRequest
-    from legfem.sites.identification import joint_leg
+    from legfem.inverse.settings import IdentificationSettings, SearchRequest, Weighting
     from legfem.specimens.folder import SpecimenFolder
 
-    check_search(parameters, fixed, depth, settings, out, jobs)
-    if isinstance(leg, SpecimenFolder):
-        check_unused(
-            "specimens",
-            {
-                "correction": correction != "auto",
-                "depth": depth is not None,
-                "mesh": mesh is not None,
-                "model": model != "2d",
-                "site": site != "",
-            },
-        )
-        check_names("leave_out", leave_out)
-        return identify_folder(leg, law, leave_out, settings, out, jobs, progress, parameters, fixed)
-    if law not in (*LAWS, "both", None):
-        raise InputError("law", repr(law), "unknown law", f"give one of {', '.join(LAWS)}, both")
-    if model not in ("2d", "3d"):
-        raise InputError("model", repr(model), "unknown model", "give 2d or 3d")
+    wanted = Wanted.of(identify, prior, fix, c10_bounds, c20_bounds)
+    check_length("depth", depth)
+    check_whole("jobs", jobs, 1)
+    if out is not None:
+        check_folder("out", out)
+    if not isinstance(settings, IdentificationSettings | None):
+        raise of_another_kind("settings", settings, "legfem.inverse.settings.IdentificationSettings")
+    direct: dict[str, Any] = {"weighting": weighting, "seed": seed, "emulator": emulator}
+    stated = {name: value for name, value in direct.items() if value is not None}
+    settings = replace(settings or IdentificationSettings(), **stated)
+    check_whole("seed", settings.seed, 0)
+    check_one_of("weighting", settings.weighting, get_args(Weighting))
+    request = SearchRequest(depth=depth, settings=settings, out=None if out is None else Path(out), jobs=jobs)
+    check_names("leave_out", leave_out)
+    check_one_of("model", model, ("2d", "3d"))
     if not isinstance(correction, str | Path):
-        raise InputError("correction", repr(correction), "is no correction", "give own, none, auto or a file")
+        raise wrong("correction", repr(correction), "is no correction", "give own, none, auto or a file")
+    given = opened(leg, site)
+    if isinstance(given, SpecimenFolder):
+        legs_alone = {
+            "correction": str(correction) != "auto",
+            "depth": depth is not None,
+            "mesh": mesh is not None,
+            "model": model != "2d",
+            "site": site != "",
+            "weighting": weighting is not None,
+            "no_emulator": emulator is False,
+        }
+        check_unused("specimens", legs_alone)
+        return _of_specimens(given, law, wanted, leave_out, request, progress)
     check_unused("a leg", {"leave_out": bool(leave_out)})
-    given, in_3d = opened(leg, site), model == "3d"
-    for one in given.sites if isinstance(given, SitedLeg) else (given,):
+    check_one_of("law", law, (*LAWS, "both"))
+    return _of_leg(given, law, wanted, request, str(correction), model == "3d", mesh, progress, comm)
+
+
+def _of_leg(
+    given: Subject | SitedLeg,
+    law: str | None,
+    wanted: Wanted,
+    request: SearchRequest,
+    correction: str,
+    in_3d: bool,
+    mesh: Mesh | None,
+    progress: bool,
+    comm: MPI.Intracomm | None,
+) -> Identification:
+    from mpi4py import MPI
+
+    from legfem.inverse.instrument import INSTRUMENT
+    from legfem.legs.identification import as_leg, check_joint, identify_leg, nominal_of, searches_in_3d
+    from legfem.legs.model_3d import check_has_ends
+    from legfem.legs.problem import section_forward
+
+    leg = as_leg(given)
+    for one in leg.sites:
         if not one.instrument.stated:
-            raise InputError(
-                one.directory / SUBJECTS.file,
-                "instrument",
-                "missing",
-                "add force_sd_N and displacement_sd_mm, or accuracies",
+            remedy = "add force_sd_N and displacement_sd_mm, or accuracies"
+            raise InputError(one.directory / SUBJECTS.file, "instrument", "missing", remedy)
+    solid = searches_in_3d(leg, wanted.names, in_3d)
+    if solid or len(leg.sites) > 1:
+        check_joint(leg, request.settings, correction, in_3d)
+    elif in_3d:
+        check_has_ends(leg.sites[0])
+    nominal = nominal_of(leg, solid)
+    free, held = wanted.parameters(nominal), wanted.held(nominal)
+    of_law = [one for one in free if one.name not in INSTRUMENT]
+    laws = wanted.written.laws(law, of_law, leg.sites[0].tissues["deep"].C20, held)
+    request = replace(request, parameters=free, fixed=held)
+    solid_numbers = _solid_settings(mesh) if solid else None
+    section = None if solid else section_forward(leg, request, _plane_settings(mesh))
+    with progress_on(quiet=not progress) as told:
+        request = replace(request, progress=told)
+        ranks = comm or MPI.COMM_SELF
+        fits = identify_leg(leg, laws, request, correction, in_3d, ranks, solid_numbers, section)
+    return Identification(given, tuple(fits), section, jobs=request.jobs)
+
+
+def _of_specimens(
+    folder: SpecimenFolder,
+    law: str | None,
+    wanted: Wanted,
+    leave_out: Sequence[str],
+    request: SearchRequest,
+    progress: bool,
+) -> Identification:
+    from legfem.specimens.laws import laws_named
+    from legfem.specimens.problem import fit_specimens
+
+    laws, asked = laws_named(law), wanted.asked(folder)
+    with progress_on(quiet=not progress) as told:
+        fits = fit_specimens(folder, laws, asked, leave_out, replace(request, progress=told))
+    return Identification(folder, tuple(fits))
+
+
+def _plane_settings(mesh: Mesh | None) -> PlaneStrainSettings | None:
+    from legfem.experiments.plane_strain import PlaneStrainSettings
+    from legfem.meshing.section import SectionMeshSettings
+
+    if mesh == "coarse":
+        return PlaneStrainSettings(SectionMeshSettings().refined(1 / COARSENING))
+    if mesh is None or isinstance(mesh, PlaneStrainSettings):
+        return mesh
+    raise _wrong_mesh(mesh, "is no section's", "give coarse, or PlaneStrainSettings")
+
+
+def _solid_settings(mesh: Mesh | None) -> SolidLegSettings | None:
+    from legfem.experiments.leg_3d import SolidLegSettings
+
+    if mesh is None or isinstance(mesh, SolidLegSettings):
+        return mesh
+    raise _wrong_mesh(mesh, "is a section's", "leave it out, or give SolidLegSettings")
+
+
+def _wrong_mesh(mesh: object, problem: str, remedy: str) -> InputError:
+    return wrong("mesh", mesh if isinstance(mesh, str) else type(mesh).__name__, problem, remedy)
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What a call asks to be free and held: names and texts as the command has them, parameters and numbers."""
+
+    written: Written
+    given: Mapping[str, Parameter]
+    """Parameters that were given whole, by name."""
+    numbers: Values
+    """Values to hold, in the model's units."""
+
+    @classmethod
+    def of(cls, identify: Any, prior: Any, fix: Any, c10_bounds: Any, c20_bounds: Any) -> Wanted:
+        """What arguments of `identify` ask for.
+
+        Raises
+        ------
+        InputError
+            If one is of another kind than `identify` says, or something is there twice.
+        """
+        from legfem.inverse.catalogue import check_held
+        from legfem.inverse.parameter import Parameter
+        from legfem.inverse.parse_parameters import Written
+
+        listed = "a list of full names or of legfem.inverse.parameter.Parameter"
+        if not isinstance(identify, list | tuple | None):
+            raise of_another_kind("identify", identify, listed)
+        if identify is not None and not identify:
+            raise wrong("identify", "[]", "nothing is left to identify", "name a parameter")
+        names, given = list[str](), dict[str, Parameter]()
+        for one in identify or ():
+            if not isinstance(one, str | Parameter):
+                raise of_another_kind("identify", one, listed)
+            name = one if isinstance(one, str) else one.name
+            if name in names or name in given:
+                raise wrong("identify", name, "is there twice", "give it once")
+            if not isinstance(one, str):
+                given[name] = one
+            if isinstance(one, str) or one.role == "identified":
+                names.append(name)
+        check_names("prior", prior)
+        numbers, texts = (fix, ()) if isinstance(fix, Mapping) else ({}, fix)
+        if not isinstance(texts, list | tuple) or not all(isinstance(one, str) for one in texts):
+            raise of_another_kind(
+                "fix", fix, "values by full name, as {'deep.D1': 28.0}, or texts, as 'deep.D1=28 1/MPa'"
             )
-    request = SearchRequest(
-        None, fixed or {}, depth, settings or IdentificationSettings(), None if out is None else Path(out), jobs
-    )
-    asked = IdentifyCall(law, request, parameters, str(correction), in_3d, mesh, progress)
-    if (joint := joint_leg(given, asked.names, in_3d)) is not None:
-        return identify_together(joint, asked)
-    assert isinstance(given, Subject)
-    return identify_section(given, asked)
+        for name, value in numbers.items():
+            # Without its term of (J - 1)^4 a law has an infinite D2.
+            endless = value == math.inf and str(name).endswith(".D2")
+            if not isinstance(value, Real) or not (math.isfinite(value) or endless):
+                remedy = "give a number in MPa, 1/MPa, N or mm, without its unit"
+                raise wrong("fix", str(name), f"{value!r} is no value", remedy)
+            check_held("--fix", f"{name}={value:g}", str(name), float(value))
+            if name in names:
+                raise wrong("fix", name, "is to be identified too", "leave one of them out")
+        return cls(Written(names, prior, texts, c10_bounds, c20_bounds), given, numbers)
+
+    @property
+    def names(self) -> set[str]:
+        """Full names of all that is asked for, held or given a prior."""
+        return {*self.written.names, *self.given, *self.numbers}
+
+    def parameters(self, nominal: Values) -> tuple[Parameter, ...]:
+        """What is free in a leg whose values are assumed to be ``nominal``, with bounds that suit legs."""
+        free = {one.name: one for one in self.written.parameters(nominal)}
+        for name, one in self.given.items():
+            known = free[name].prior if name in free else None
+            free[name] = replace(one, prior=known or one.prior)
+        return tuple(free.values())
+
+    def held(self, nominal: Values) -> dict[str, float]:
+        """What is held, in the model's units."""
+        return {**self.written.held(nominal), **self.numbers}
+
+    def asked(self, folder: SpecimenFolder) -> Asked:
+        """What is free and held in the tissues of specimens."""
+        from legfem.specimens.laws import asked_in_writing
+
+        found = asked_in_writing(self.written, folder.tissues)
+        priors = {name: one.prior for name, one in self.given.items() if one.prior is not None}
+        bounds = {name: one.bounds for name, one in self.given.items()}
+        return replace(
+            found,
+            priors={**priors, **found.priors},
+            bounds={**bounds, **found.bounds},
+            fixed={**found.fixed, **self.numbers},
+        )

@@ -7,14 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from legfem.api.arguments import check_whole
+from legfem.api.arguments import check_folder, check_whole
 from legfem.api.loading import Given, load_leg
-from legfem.api.results import Found, row
+from legfem.api.results import Result, row
 from legfem.common.errors import InputError
 from legfem.common.progress import progress_on
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from mpi4py import MPI
 
     from legfem.report.page import WebPage
     from legfem.stockings.leg import StockingLeg
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class LegInStocking(Found):
+class LegInStocking(Result):
     """Stiffness and pressures of a leg in a compression stocking."""
 
     result: StockingResult
@@ -64,7 +65,13 @@ class LegInStocking(Found):
 
 
 def stocking(
-    leg: StockingLeg | Given, *, cells: int = 15_000, nelder_mead: bool = False, progress: bool = False
+    leg: StockingLeg | Given,
+    *,
+    cells: int = 15_000,
+    nelder_mead: bool = False,
+    out: Given | None = None,
+    progress: bool = False,
+    comm: MPI.Intracomm | None = None,
 ) -> LegInStocking:
     """Find the stiffness of a leg's tissues from its scans, and the pressures inside it.
 
@@ -76,8 +83,13 @@ def stocking(
         About how many tetrahedra.
     nelder_mead : bool
         Whether to search as the paper does, too; it takes some 50 equilibria.
+    out : str or Path, optional
+        Folder in whose ``equilibria`` every equilibrium is kept, so that the same call goes on where it was stopped;
+        nothing is written without it.
     progress : bool
         Whether to print what is being done.
+    comm : MPI.Intracomm, optional
+        Ranks over which every equilibrium is spread, all of which call this; this process alone without it.
 
     Returns
     -------
@@ -89,6 +101,8 @@ def stocking(
     InputError
         If there is no such leg, or its scans can't be used.
     """
+    from mpi4py import MPI
+
     from legfem.stockings.leg import StockingLeg
     from legfem.stockings.result import StockingSettings, run_leg
 
@@ -101,5 +115,9 @@ def stocking(
             "give an id, a folder, or what load_leg returned",
         )
     check_whole("cells", cells, 1)
-    with progress_on(quiet=not progress) as told:
-        return LegInStocking(run_leg(known, StockingSettings(cells, nelder_mead), told))
+    if out is not None:
+        check_folder("out", out)
+    kept = None if out is None else Path(out) / "equilibria"
+    ranks = comm or MPI.COMM_SELF
+    with progress_on(quiet=not progress or ranks.rank > 0) as told:
+        return LegInStocking(run_leg(known, StockingSettings(cells, nelder_mead), told, ranks, folder=kept))

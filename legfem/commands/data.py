@@ -57,7 +57,8 @@ def look(
         from legfem.data.quality import quality_of
         from legfem.data.reader import propose, recording_of
         from legfem.report.look import LOOK, draw_look, look_document, look_text, recordings_toml
-        from legfem.report.page import PAGE, command_line, write_page
+        from legfem.report.page import PAGE, command_line
+        from legfem.report.render.html import write_page
         from legfem.report.web.look import Looked, look_web_page
 
         # A required argument's help would end in a backslash and [required].

@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Sequence
-from contextlib import AbstractContextManager
-from dataclasses import replace
-from enum import StrEnum
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
-from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, specimens_for
-from legfem.common.command_edge import FAILED, check_out_folder, work_edge
-from legfem.common.doubts import say
-from legfem.common.errors import InputError
+from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, print_outcome
+from legfem.common.command_edge import check_out_folder, command_edge, process_count, work_edge
+from legfem.common.errors import InputError, UnsolvedError
 from legfem.common.outcome_options import AsJson, Quiet
-from legfem.common.progress import progress_on
-
-if TYPE_CHECKING:
-    from legfem.specimens.folder import SpecimenFolder
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -28,30 +20,6 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 def _option(text: str) -> Any:
     # typer escapes the brackets around defaults that it shows for rich even when it isn't used.
     return typer.Option(help=text, show_default=False)
-
-
-class LawChoice(StrEnum):
-    """Which law to identify."""
-
-    NEO_HOOKEAN = "neo-hookean"
-    REDUCED_POLYNOMIAL = "reduced-polynomial"
-    YEOH = "yeoh"
-    EXPONENTIAL = "exponential"
-    BOTH = "both"
-
-
-class ModelChoice(StrEnum):
-    """Where the cylinder's ends come from."""
-
-    SECTION = "2d"
-    LEG = "3d"
-
-
-class WeightingChoice(StrEnum):
-    """What to minimise."""
-
-    PAPER = "paper"
-    COVARIANCE = "covariance"
 
 
 @app.command(name="identify")
@@ -64,7 +32,7 @@ def run(
         list[str] | None, _option("Recording or specimen to predict and not to fit; may be given again.")
     ] = None,
     law: Annotated[
-        LawChoice | None,
+        Literal["neo-hookean", "reduced-polynomial", "yeoh", "exponential", "both"] | None,
         _option(
             "Strain energy of the deep tissue; both by default, with --identify the neo-Hookean "
             "one unless deep.C20 is among the names or given; yeoh and exponential are for "
@@ -103,16 +71,16 @@ def run(
         ),
     ] = "auto",
     model: Annotated[
-        ModelChoice,
+        Literal["2d", "3d"],
         _option(
             "2d (the default): a section in plane strain, corrected from a table; 3d: some full "
             "solves of the leg itself confirm the correction and take the table's place (tens of "
             "minutes). With several [[site]], deep.fibre_ratio, or what doesn't lie along the leg, "
             "the search goes on solves in 3D alone."
         ),
-    ] = ModelChoice.SECTION,
+    ] = "2d",
     weighting: Annotated[
-        WeightingChoice | None,
+        Literal["paper", "covariance"] | None,
         _option(
             "Plain sum of squares (Eq. 12; the default), or weighted with the covariance (the default with a prior)."
         ),
@@ -139,154 +107,62 @@ def run(
 
     Example: python -m legfem.identify --subject 3 --law both --out results/subject-3
     """
-    resume = "run the same command again to go on; solves that are done are kept"
-    with _edge(model, jobs, resume, quiet) as processes:
-        if specimen_dir is not None:
-            legs_alone = {
-                "--subject": subject,
-                "--subject-dir": subject_dir,
-                "--site": site,
-                "--depth": depth,
-                "--weighting": weighting,
-                "--correction": None if correction == "auto" else 1,
-                "--no-emulator": None if emulator else 1,
-                "--model": None if model is ModelChoice.SECTION else 1,
-            }
-            _run_specimens(
-                *specimens_for("identify", specimen_dir, out, legs_alone),
-                None if law is None else law.value,
-                (identify or (), prior or (), fix or (), c10_bounds, c20_bounds),
-                leave_out or (),
-                processes,
-                seed,
-                quiet,
-                as_json,
-            )
-            return
-        if leave_out:
-            raise InputError("--leave-out", leave_out[0], "is for specimens", "give --specimen-dir")
+    with _edge(model, jobs, quiet) as processes:
         from mpi4py import MPI
 
-        from legfem.commands.options import print_outcome
-        from legfem.identify.run import forward_model, identify_subject, write_results
-        from legfem.inverse.parse_parameters import Written
-        from legfem.inverse.search import SearchError
-        from legfem.inverse.settings import IdentificationSettings, SearchRequest
-        from legfem.legs.correction_of_leg import choose_correction
-        from legfem.legs.experiments import tissues_of
-        from legfem.legs.forward import values_of
-        from legfem.legs.laws import laws_of
-        from legfem.legs.loading import load_sites, load_subject
-        from legfem.legs.model_3d import SOLVES, LegModels, check_has_ends
-        from legfem.legs.plausibility import doubts_about
+        from legfem.api.arguments import check_whole
+        from legfem.api.identification import identify as identify_in_full
+        from legfem.api.loading import load_specimen, opened
         from legfem.legs.schema import SUBJECTS
-        from legfem.legs.subject import Subject as Leg
-        from legfem.report.identification import write_identification_report
-        from legfem.report.page import command_line
-        from legfem.report.render.text import brief
-        from legfem.report.web.identification import identification_page
-        from legfem.sites.identification import joint_leg
 
-        if seed < 0:
-            raise InputError("--seed", f"{seed}", "is negative", "give 0 or more")
-        given_folder = SUBJECTS.named(subject, subject_dir)
-        written = Written(identify or (), prior or (), fix or (), c10_bounds, c20_bounds)
-        in_3d = model is ModelChoice.LEG
-        settings = IdentificationSettings(None if weighting is None else weighting.value, seed, emulator)
-        sites = load_sites(given_folder) if site is None else None
-        found = sites or load_subject(given_folder, site=site or "")
-        if (joint := joint_leg(found, written.names, in_3d)) is not None:
-            from legfem.commands.sites import run_joint
-
-            run_joint(
-                joint,
-                None if law is None else law.value,
-                written,
-                correction,
-                out or Path("results") / f"identify-{joint.id}",
-                processes,
-                settings,
-                depth,
-                quiet,
-                as_json,
-                in_3d,
-            )
-            return
-        assert isinstance(found, Leg)
-        say(doubts_about(found))
-        nominal = values_of(tissues_of(found))
-        parameters, fixed = written.parameters(nominal), written.held(nominal)
-        chosen = written.laws(None if law is None else law.value, parameters, found.tissues["deep"].C20, fixed)
-        laws_of(found, chosen, nominal, parameters, fixed)
-        folder = out or Path("results") / f"identify-{found.id}"
+        check_whole("seed", seed, 0)
+        if specimen_dir is None:
+            leg = opened(SUBJECTS.named(subject, subject_dir), site or "")
+        elif subject is None and subject_dir is None:
+            leg = load_specimen(specimen_dir)
+        else:
+            raise InputError("--subject", "--specimen-dir", "is given too", "leave one out")
+        folder = out or Path("results") / f"identify-{leg.id}"
         check_out_folder(folder)
-        request = SearchRequest(parameters, fixed, depth, settings, folder, processes)
-        section = forward_model(found, request)
-        if model is ModelChoice.LEG:
-            check_has_ends(found)
-        try:
-            with progress_on(quiet=quiet) as progress:
-                leg = None
-                if model is ModelChoice.LEG:
-                    leg = LegModels.of_subject(
-                        found, section.depth, folder / SOLVES, progress=progress, comm=MPI.COMM_WORLD
-                    )
-                results = identify_subject(
-                    found,
-                    chosen,
-                    replace(request, progress=progress),
-                    choose_correction(correction, found),
-                    section,
-                    leg,
-                )
-        except SearchError as failure:
-            print(f"{found.id}: {failure}", file=sys.stderr)
-            raise typer.Exit(FAILED) from None
-        path = write_results(results, folder, as_list=len(chosen) > 1)
-        report = write_identification_report(results, found, section.experiment, folder, command_line(), processes)
-        texts = [brief(identification_page(results, found, None))]
-        print_outcome(texts, path, report, quiet, as_json)
+        found = identify_in_full(
+            leg,
+            law,
+            identify=identify,
+            prior=prior or (),
+            fix=fix or (),
+            c10_bounds=c10_bounds,
+            c20_bounds=c20_bounds,
+            correction=correction,
+            depth=depth,
+            model=model,
+            site="" if specimen_dir is None else site or "",
+            leave_out=leave_out or (),
+            weighting=weighting,
+            seed=seed,
+            emulator=emulator,
+            out=folder,
+            jobs=processes,
+            progress=not quiet,
+            comm=MPI.COMM_WORLD if model == "3d" else None,
+        )
+        print_outcome([found.summary()], folder / "result.json", found.write(folder), quiet, as_json)
 
 
-def _edge(model: ModelChoice, jobs: int | None, resume: str, quiet: bool) -> AbstractContextManager[int]:
-    if model is ModelChoice.SECTION:
-        return work_edge(jobs, resume, quiet)
-    from legfem.commands.spread import spread_edge
+@contextmanager
+def _edge(model: str, jobs: int | None, quiet: bool) -> Iterator[int]:
+    """As `legfem.common.command_edge.work_edge`; in 3D the other ranks join in the first one's solves."""
+    resume = "run the same command again to go on; solves that are done are kept"
+    if model == "2d":
+        with work_edge(jobs, resume, quiet) as processes:
+            yield processes
+        return
+    import petsc4py.PETSc  # noqa: F401  (it starts on all ranks together)
+    from mpi4py import MPI
 
-    return spread_edge(jobs, resume, quiet)
+    from legfem.jobs.ranks import leading
 
-
-def _run_specimens(
-    found: SpecimenFolder,
-    folder: Path,
-    law: str | None,
-    written: tuple[Any, ...],
-    leave_out: Sequence[str],
-    jobs: int,
-    seed: int,
-    quiet: bool,
-    as_json: bool,
-) -> None:
-    from legfem.commands.options import print_outcome
-    from legfem.inverse.parse_parameters import Written
-    from legfem.inverse.search import SearchError
-    from legfem.inverse.settings import IdentificationSettings
-    from legfem.report.page import command_line
-    from legfem.report.render.text import brief
-    from legfem.report.specimen import write_specimen_report
-    from legfem.report.specimens import specimen_web_page
-    from legfem.specimens.identification import identify_specimen
-    from legfem.specimens.laws import asked_in_writing, laws_named
-
-    asked = asked_in_writing(Written(*written), found.tissues)
-    try:
-        with progress_on(quiet=quiet) as progress:
-            results = identify_specimen(
-                found, laws_named(law), asked, leave_out, IdentificationSettings(seed=seed), folder, jobs, progress
-            )
-    except SearchError as failure:
-        print(f"{found.id}: {failure}", file=sys.stderr)
-        raise typer.Exit(FAILED) from None
-    report = write_specimen_report(results, folder, command_line())
-    texts = [brief(specimen_web_page(results))]
-    print_outcome(texts, folder / "result.json", report, quiet, as_json)
+    comm = MPI.COMM_WORLD
+    with command_edge(resume, quiet), leading(comm, (InputError, UnsolvedError, typer.Exit)) as first:
+        if not first:
+            raise typer.Exit(0)
+        yield process_count(jobs, comm.size)

@@ -1,4 +1,4 @@
-"""Options that commands on a leg share."""
+"""Options that commands share, and what they print at their end."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import typer
 from legfem.common.command_edge import check_out_folder
 from legfem.common.doubts import say
 from legfem.common.errors import InputError
-from legfem.report.page import PAGE
 
 if TYPE_CHECKING:
     from legfem.specimens.folder import SpecimenFolder
@@ -37,6 +36,8 @@ def print_outcome(texts: Sequence[str], result: Path, report: Path, quiet: bool,
     quiet, as_json
         Options of the command.
     """
+    from legfem.report.page import PAGE
+
     if as_json:
         print(result.read_text(encoding="utf-8"), end="")
         return

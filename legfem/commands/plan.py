@@ -53,10 +53,10 @@ def plan(
         from legfem.legs.loading import load_subject
         from legfem.legs.plausibility import doubts_about
         from legfem.plan.run import Expected, plan_before
-        from legfem.report.folder import REPORT, made_in_place
-        from legfem.report.listing import NUMBERS, ReportFile
-        from legfem.report.page import command_line, listed, write_page
+        from legfem.report.folder import NUMBERS, REPORT, ReportFile, made_in_place
+        from legfem.report.page import command_line, listed
         from legfem.report.plan import plan_document
+        from legfem.report.render.html import write_page
         from legfem.report.render.text import brief, plain_page
         from legfem.report.web.plan import RANKED, SHOWN, plan_web_page
 

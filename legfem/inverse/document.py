@@ -106,7 +106,7 @@ def _test(fit: Fit[Any], number: int, kind: KindDocument) -> dict[str, Any]:
 
 
 def _curve(one: ChannelFit) -> dict[str, Any]:
-    """Measured and predicted force along the test, and its derivatives: by stresses a kPa, by others a unit of theirs."""
+    """Measured and predicted force along the test, and its derivatives: by stresses a kPa, by others a unit."""
     by_stress, others = {}, {}
     for name, values in one.sensitivities.items():
         unit, factor = readable_unit(unit_of(name))

@@ -13,13 +13,13 @@ from legfem.legs.experiments import plane_strain_test
 from legfem.legs.subject import Subject
 from legfem.meshing.section import SectionMeshSettings
 from legfem.report.filmed import filmed
-from legfem.report.folder import REPORT, made_in_place
-from legfem.report.listing import NUMBERS, ReportFile
-from legfem.report.page import PressedSection, listed, write_page
+from legfem.report.folder import NUMBERS, REPORT, ReportFile, made_in_place
+from legfem.report.page import PressedSection, listed
 from legfem.report.parameter_figure import parameter_figure
 from legfem.report.placement_figure import SECTION_SHOWS, placement_figure
 from legfem.report.ranking_figure import ranking_figure
 from legfem.report.recording_figure import recording_figure
+from legfem.report.render.html import write_page
 from legfem.report.render.text import plain_page
 from legfem.report.signature_figure import leading, signature_figure
 from legfem.report.style import save

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 from mpi4py import MPI
@@ -46,3 +47,17 @@ def made_in_place(out: Path, comm: MPI.Intracomm = MPI.COMM_SELF) -> Iterator[Pa
         if comm.rank == 0:
             shutil.rmtree(hidden, ignore_errors=True)
     comm.barrier()
+
+
+NUMBERS = "all numbers with their units"
+
+
+@dataclass(frozen=True)
+class ReportFile:
+    """A file of a report, or several of one kind, and what it shows."""
+
+    paths: Sequence[Path]
+    shows: str
+
+
+RESULT = ReportFile([Path("result.json")], NUMBERS)

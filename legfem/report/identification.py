@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from matplotlib.figure import Figure
 from mpi4py import MPI
 
 from legfem.common.documents import write_document
@@ -21,14 +22,14 @@ from legfem.report.cost_figure import cost_figure
 from legfem.report.estimates import preferred
 from legfem.report.filmed import filmed
 from legfem.report.fit_figure import fit_figure
-from legfem.report.folder import REPORT, made_in_place
+from legfem.report.folder import REPORT, RESULT, ReportFile, made_in_place
 from legfem.report.leg import leg_page
 from legfem.report.leg_figure import leg_figure
-from legfem.report.listing import RESULT, ReportFile
-from legfem.report.page import PressedSection, WebPage, listed, write_page
+from legfem.report.page import PressedSection, WebPage, listed
 from legfem.report.paraview import write_fields
 from legfem.report.placement_figure import SECTION_SHOWS, placement_figure
-from legfem.report.render.tables import write_tables
+from legfem.report.render.html import write_page
+from legfem.report.render.table import write_tables
 from legfem.report.render.text import plain_page
 from legfem.report.specimen_figure import specimen_figure
 from legfem.report.specimens import specimen_page
@@ -49,15 +50,37 @@ class _Solved:
     pressed: PressedSection | None = None
 
 
-def write_leg_report(
-    fits: LegFits, out: Path, command: str = "", experiment: PlaneStrainIndentation | None = None, jobs: int = 1
+@dataclass(frozen=True)
+class ReportKind:
+    """What a kind of problem has of its own to show."""
+
+    document: KindDocument
+    page: Callable[[Sequence[Fit[Any]], PressedSection | None, str, str], WebPage]
+    """Page of fits, with the section pressed, the command, and a note on the solve that pressed it."""
+    figure: Callable[[Sequence[Fit[Any]]], Figure]
+    """Figure that shows most."""
+    files: Callable[[Sequence[Fit[Any]], Path], Drawn]
+    """Writes the figures into a folder."""
+
+
+def kind_of(fits: Sequence[Fit[Any]]) -> ReportKind:
+    """How fits are shown, by their kind."""
+    return _KINDS[fits[0].kind]
+
+
+def write_report(
+    fits: Sequence[Fit[Any]],
+    out: Path,
+    command: str = "",
+    experiment: PlaneStrainIndentation | None = None,
+    jobs: int = 1,
 ) -> Path:
-    """Write the folder of a leg's fits; return report.txt's path.
+    """Write the folder of fits: result.json, report.html and report.txt, tables, figures; return report.txt's path.
 
     Parameters
     ----------
     fits
-        One a law, of one leg.
+        One a law, of one leg or one folder of specimens.
     out
         Folder; made if missing.
     command
@@ -68,21 +91,21 @@ def write_leg_report(
     jobs
         Processes: with several the figures are drawn while the deformed state is read.
     """
-
-    def page(solved: _Solved) -> WebPage:
-        return leg_page(fits, solved.pressed, command, solved.note)
-
-    return _write(fits, LegDocument(), Path(out), page, lambda folder: _leg_figures(fits, folder), experiment, jobs)
-
-
-def write_specimen_report(fits: Sequence[Fit[SpecimenDetails]], out: Path, command: str = "") -> Path:
-    """Write the folder of specimens' fits, see `write_leg_report`; return report.txt's path."""
-
-    def figures(folder: Path) -> Drawn:
-        shows = "every recording beside the model over displacement and time, and their differences"
-        return [ReportFile(save(specimen_figure(fits), folder, "fit", svg=True), shows)]
-
-    return _write(fits, SpecimenDocument(), Path(out), lambda _: specimen_page(fits, command), figures)
+    kind, out = kind_of(fits), Path(out)
+    comm = MPI.COMM_SELF if experiment is None else experiment.comm
+    if comm.size == 1 and MPI.COMM_WORLD.rank > 0:
+        return out / REPORT
+    if comm.rank == 0:
+        write_document(out / "result.json", fit_document(fits, kind.document))
+    apart = jobs > 1 and experiment is not None and comm.size == 1
+    with made_in_place(out, comm) as folder, aside(lambda: kind.files(fits, folder), apart) as drawn:
+        solved = _Solved() if experiment is None else _deformed_state(fits, experiment, folder)
+        if comm.rank == 0:
+            page = kind.page(fits, solved.pressed, command, solved.note)
+            tables = write_tables(page, fits, folder)
+            files = [listed("curves"), *drawn(), *solved.files, tables, RESULT]
+            write_page(page, folder, plain_page(page, files))
+    return out / REPORT
 
 
 def pressed_section_of(fits: LegFits, experiment: PlaneStrainIndentation) -> PressedSection | None:
@@ -90,31 +113,6 @@ def pressed_section_of(fits: LegFits, experiment: PlaneStrainIndentation) -> Pre
     best = preferred(fits)
     shot = filmed(experiment, best.model_values, float(curve_of(best.tests[0]).displacement[-1]))
     return shot.section(f"the {LAW_NAMES[best.law]} law")
-
-
-def _write(
-    fits: Sequence[Fit[Any]],
-    kind: KindDocument,
-    out: Path,
-    page_of: Callable[[_Solved], WebPage],
-    figures: Callable[[Path], Drawn],
-    experiment: PlaneStrainIndentation | None = None,
-    jobs: int = 1,
-) -> Path:
-    comm = MPI.COMM_SELF if experiment is None else experiment.comm
-    if comm.size == 1 and MPI.COMM_WORLD.rank > 0:
-        return out / REPORT
-    if comm.rank == 0:
-        write_document(out / "result.json", fit_document(fits, kind))
-    apart = jobs > 1 and experiment is not None and comm.size == 1
-    with made_in_place(out, comm) as folder, aside(lambda: figures(folder), apart) as drawn:
-        solved = _Solved() if experiment is None else _deformed_state(fits, experiment, folder)
-        if comm.rank == 0:
-            page = page_of(solved)
-            tables = write_tables(page, fits, folder)
-            files = [listed("curves"), *drawn(), *solved.files, tables, RESULT]
-            write_page(page, folder, plain_page(page, files))
-    return out / REPORT
 
 
 def _leg_figures(fits: LegFits, folder: Path) -> Drawn:
@@ -142,6 +140,22 @@ def _leg_figures(fits: LegFits, folder: Path) -> Drawn:
         shows = f"{site.site}: {SECTION_SHOWS}" if several else SECTION_SHOWS
         entries.append(ReportFile(save(placement_figure(site), folder, name), shows))
     return entries
+
+
+def _specimen_figures(fits: Sequence[Fit[SpecimenDetails]], folder: Path) -> Drawn:
+    shows = "every recording beside the model over displacement and time, and their differences"
+    return [ReportFile(save(specimen_figure(fits), folder, "fit", svg=True), shows)]
+
+
+_KINDS: Mapping[str, ReportKind] = {
+    "leg": ReportKind(LegDocument(), leg_page, fit_figure, _leg_figures),
+    "specimens": ReportKind(
+        SpecimenDocument(),
+        lambda fits, pressed, command, note: specimen_page(fits, command),
+        specimen_figure,
+        _specimen_figures,
+    ),
+}
 
 
 def _deformed_state(fits: LegFits, experiment: PlaneStrainIndentation, folder: Path) -> _Solved:

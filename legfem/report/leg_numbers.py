@@ -196,8 +196,8 @@ def _procedure(fit: LegFit) -> str:
     return (
         f"The recordings ({trials} trial{'s' * (trials > 1)}) are of {pressed}. The loading was brought to one mean "
         f"curve{' a site' if several else ''} with its errors. {together}{_model(fit)} {_searcher(fit)} searched for "
-        f"{_sought(fit)} on {searched}; {_WEIGHTINGS[fit.weighting]}.{own} What was recorded in unloading or at rest was "
-        "not used."
+        f"{_sought(fit)} on {searched}; {_WEIGHTINGS[fit.weighting]}.{own} What was recorded in unloading or at "
+        "rest was not used."
     )
 
 

@@ -1,4 +1,4 @@
-"""What a page says, part by part, and how it becomes one file of HTML."""
+"""What a page says, part by part: a verdict, numbers, and chapters of blocks, whatever they are rendered to."""
 
 from __future__ import annotations
 
@@ -13,124 +13,15 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from legfem.common.units import FloatArray
-from legfem.meshing.section import REGIONS
-from legfem.report.folder import REPORT
-from legfem.report.listing import ReportFile
-from legfem.report.render.html import rendered
+from legfem.report.folder import ReportFile
 from legfem.report.style import BONE_COLOUR, DATA_COLOUR, REGION_COLOURS, REGION_NAMES
-
-SURFACE_CELLS = 21
-"""Along either axis."""
-
-
-@dataclass(frozen=True)
-class SurfaceFactor:
-    """What is varied from -1 to +1."""
-
-    label: str
-    levels: tuple[str, str, str]
-    """At -1, 0 and +1, as people read them."""
-
-
-@dataclass(frozen=True)
-class SurfaceMetric:
-    """What is predicted."""
-
-    label: str
-    unit: str
-    coefficients: Mapping[tuple[int, ...], float]
-    """By the factors' numbers in a term: none for the mean, two for an interaction."""
-
-
-@dataclass(frozen=True, eq=False)
-class ResponseSurface:
-    """A map of a metric over two factors; the others are set with sliders."""
-
-    kind: ClassVar[str] = "response"
-    name: ClassVar[str] = "response"
-    caption: str
-    factors: Sequence[SurfaceFactor]
-    metrics: Sequence[SurfaceMetric]
-    header: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    """The coefficients as a table."""
-    shown: tuple[int, int] = (0, 1)
-    """Numbers of the factors on the axes at first."""
-
-    @property
-    def data(self) -> dict[str, Any]:
-        """What ``response.js`` reads."""
-        return {
-            "cells": SURFACE_CELLS,
-            "factors": [{"label": f.label, "levels": f.levels} for f in self.factors],
-            "metrics": [
-                {
-                    "label": m.label,
-                    "unit": m.unit,
-                    "terms": [[list(term), value] for term, value in m.coefficients.items()],
-                }
-                for m in self.metrics
-            ],
-        }
-
-
-@dataclass(frozen=True)
-class LabelledBar:
-    """One number."""
-
-    name: str
-    value: float
-    text: str
-    """Value and interval as people read them."""
-    interval: tuple[float, float] | None = None
-
-
-@dataclass(frozen=True)
-class DrawnBar:
-    """A bar in per cent of the width."""
-
-    name: str
-    text: str
-    width: float
-    interval: tuple[float, float] | None
-
-
-@dataclass(frozen=True)
-class Bars:
-    """Numbers of one unit beside each other."""
-
-    kind: ClassVar[str] = "bars"
-    caption: str
-    header: tuple[str, str]
-    """Of names and of values."""
-    bars: Sequence[LabelledBar]
-    least: float = 0.0
-    """Where bars begin."""
-    greatest: float | None = None
-    """Where they may end; the greatest value's or interval's end by default."""
-
-    @property
-    def drawn(self) -> list[DrawnBar]:
-        """Return the bars as they are drawn."""
-        ends = [max(b.value, b.interval[1] if b.interval else b.value) for b in self.bars]
-        greatest = max(ends, default=1.0) if self.greatest is None else self.greatest
-        span = greatest - self.least
-
-        def at(value: float) -> float:
-            share = (value - self.least) / span if span > 0 else 0.0
-            return round(100 * min(max(share, 0.0), 1.0), 2)
-
-        return [
-            DrawnBar(b.name, b.text, at(b.value), (at(b.interval[0]), at(b.interval[1])) if b.interval else None)
-            for b in self.bars
-        ]
-
 
 PAGE = "report.html"
 TESTED = "What was tested"
 """A chapter of many pages."""
 Tone = Literal["sound", "caution", "open", "wrong"]
 Provenance = Literal["measured", "reconstructed", "simulated", "estimated", "computed", "assumed", "prior"]
+Dash = Literal["solid", "dashed", "dotted", "dotdash"]
 TONES: Mapping[Tone, str] = {
     "sound": "Nothing speaks against the model",
     "caution": "Read with caution",
@@ -160,6 +51,9 @@ PROVENANCE: Mapping[Provenance, str] = {
     "assumed": "taken as exact; not checked here",
     "prior": "known beforehand with a stated error, which the intervals carry",
 }
+SURFACE_CELLS = 21
+"""Along either axis."""
+_MOST_ROWS = 25
 
 
 @dataclass(frozen=True)
@@ -224,81 +118,56 @@ class Verbatim:
     text: str
 
 
-Block = (
-    Prose | Bullets | WebTable | Verbatim | Bars | Curves | PressedSection | StillSection | ResponseSurface | TurnedLeg
-)
+@dataclass(frozen=True)
+class LabelledBar:
+    """One number."""
+
+    name: str
+    value: float
+    text: str
+    """Value and interval as people read them."""
+    interval: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
-class Chapter:
-    """What stands under one heading."""
+class DrawnBar:
+    """A bar in per cent of the width."""
 
-    title: str
-    blocks: Sequence[Block]
-
-
-@dataclass(frozen=True)
-class Repeat:
-    """How the run is made again."""
-
-    command: str
-    """Empty where it was called from Python."""
-    versions: Mapping[str, str]
-    numbers: Mapping[str, str] = field(default_factory=dict)
-    """Seed and the like, as people write them."""
+    name: str
+    text: str
+    width: float
+    interval: tuple[float, float] | None
 
 
 @dataclass(frozen=True)
-class WebPage:
-    """A run's page."""
+class Bars:
+    """Numbers of one unit beside each other."""
 
-    title: str
-    subject: str
-    origin: str
-    """``measured``, ``reconstructed`` or ``simulated``."""
-    headline: Headline
-    warnings: Sequence[str]
-    known: Sequence[Known]
-    chapters: Sequence[Chapter]
-    """In their order; the table of what is known follows the first."""
-    repeat: Repeat
-    data: str = ""
-    """What kind of data, in words, where `ORIGINS` don't say it."""
-    warned: str = ""
-    """Whom the warnings are for, where it isn't the reader."""
-    made: date = field(default_factory=date.today)
+    kind: ClassVar[str] = "bars"
+    caption: str
+    header: tuple[str, str]
+    """Of names and of values."""
+    bars: Sequence[LabelledBar]
+    least: float = 0.0
+    """Where bars begin."""
+    greatest: float | None = None
+    """Where they may end; the greatest value's or interval's end by default."""
 
     @property
-    def made_on(self) -> str:
-        """The day, as people of all countries read it."""
-        return f"{self.made.day} {_MONTHS[self.made.month - 1]} {self.made.year}"
+    def drawn(self) -> list[DrawnBar]:
+        """Return the bars as they are drawn."""
+        ends = [max(b.value, b.interval[1] if b.interval else b.value) for b in self.bars]
+        greatest = max(ends, default=1.0) if self.greatest is None else self.greatest
+        span = greatest - self.least
 
+        def at(value: float) -> float:
+            share = (value - self.least) / span if span > 0 else 0.0
+            return round(100 * min(max(share, 0.0), 1.0), 2)
 
-def listed(explore: str) -> ReportFile:
-    """Return a page's entry in a report's list of files: what there is to explore."""
-    return ReportFile([Path(PAGE)], f"all of it on one page for a browser, with {explore} to explore")
-
-
-def write_page(page: WebPage, folder: Path, text: str = "") -> None:
-    """Write ``report.html`` into a folder, and ``report.txt`` where a text is given."""
-    (folder / PAGE).write_text(rendered(page), encoding="utf-8")
-    if text:
-        (folder / REPORT).write_text(text, encoding="utf-8")
-
-
-def command_line() -> str:
-    """Return the command that is running, as it can be given again; empty outside of one."""
-    spec = sys.modules["__main__"].__spec__
-    if spec is not None and spec.name.startswith(("legfem", "studies")):
-        program = f"python -m {spec.parent}"
-    elif Path(sys.argv[0]).name == "legfem":
-        program = "legfem"
-    else:
-        return ""
-    return f"{program} {shlex.join(sys.argv[1:])}".strip()
-
-
-Dash = Literal["solid", "dashed", "dotted", "dotdash"]
+        return [
+            DrawnBar(b.name, b.text, at(b.value), (at(b.interval[0]), at(b.interval[1])) if b.interval else None)
+            for b in self.bars
+        ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -360,9 +229,6 @@ class Curves:
         ]
 
 
-_MOST_ROWS = 25
-
-
 @dataclass(frozen=True, eq=False)
 class PressedSection:
     """A section's mesh that a reader presses, coloured by a measure or by tissue."""
@@ -385,7 +251,7 @@ class PressedSection:
         "greatest stretch of muscle and fat",
     ]
     tissues: ClassVar[list[tuple[str, str]]] = [
-        *((REGION_NAMES[name], REGION_COLOURS[name]) for name in REGIONS),
+        *((REGION_NAMES[name], REGION_COLOURS[name]) for name in REGION_NAMES),
         ("bone (fixed)", BONE_COLOUR),
     ]
 
@@ -453,3 +319,121 @@ class TurnedLeg:
     rows: Sequence[Sequence[str]]
     """The same as a table."""
     tissues: ClassVar[list[tuple[str, str]]] = [("muscle", REGION_COLOURS["deep"]), ("bone (fixed)", BONE_COLOUR)]
+
+
+@dataclass(frozen=True)
+class SurfaceFactor:
+    """What is varied from -1 to +1."""
+
+    label: str
+    levels: tuple[str, str, str]
+    """At -1, 0 and +1, as people read them."""
+
+
+@dataclass(frozen=True)
+class SurfaceMetric:
+    """What is predicted."""
+
+    label: str
+    unit: str
+    coefficients: Mapping[tuple[int, ...], float]
+    """By the factors' numbers in a term: none for the mean, two for an interaction."""
+
+
+@dataclass(frozen=True, eq=False)
+class ResponseSurface:
+    """A map of a metric over two factors; the others are set with sliders."""
+
+    kind: ClassVar[str] = "response"
+    name: ClassVar[str] = "response"
+    caption: str
+    factors: Sequence[SurfaceFactor]
+    metrics: Sequence[SurfaceMetric]
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    """The coefficients as a table."""
+    shown: tuple[int, int] = (0, 1)
+    """Numbers of the factors on the axes at first."""
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """What ``response.js`` reads."""
+        return {
+            "cells": SURFACE_CELLS,
+            "factors": [{"label": f.label, "levels": f.levels} for f in self.factors],
+            "metrics": [
+                {
+                    "label": m.label,
+                    "unit": m.unit,
+                    "terms": [[list(term), value] for term, value in m.coefficients.items()],
+                }
+                for m in self.metrics
+            ],
+        }
+
+
+Block = (
+    Prose | Bullets | WebTable | Verbatim | Bars | Curves | PressedSection | StillSection | ResponseSurface | TurnedLeg
+)
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """What stands under one heading."""
+
+    title: str
+    blocks: Sequence[Block]
+
+
+@dataclass(frozen=True)
+class Repeat:
+    """How the run is made again."""
+
+    command: str
+    """Empty where it was called from Python."""
+    versions: Mapping[str, str]
+    numbers: Mapping[str, str] = field(default_factory=dict)
+    """Seed and the like, as people write them."""
+
+
+@dataclass(frozen=True)
+class WebPage:
+    """A run's page."""
+
+    title: str
+    subject: str
+    origin: str
+    """``measured``, ``reconstructed`` or ``simulated``."""
+    headline: Headline
+    warnings: Sequence[str]
+    known: Sequence[Known]
+    chapters: Sequence[Chapter]
+    """In their order; the table of what is known follows the first."""
+    repeat: Repeat
+    data: str = ""
+    """What kind of data, in words, where `ORIGINS` don't say it."""
+    warned: str = ""
+    """Whom the warnings are for, where it isn't the reader."""
+    made: date = field(default_factory=date.today)
+
+    @property
+    def made_on(self) -> str:
+        """The day, as people of all countries read it."""
+        return f"{self.made.day} {_MONTHS[self.made.month - 1]} {self.made.year}"
+
+
+def listed(explore: str) -> ReportFile:
+    """Return a page's entry in a report's list of files: what there is to explore."""
+    return ReportFile([Path(PAGE)], f"all of it on one page for a browser, with {explore} to explore")
+
+
+def command_line() -> str:
+    """Return the command that is running, as it can be given again; empty outside of one."""
+    spec = sys.modules["__main__"].__spec__
+    if spec is not None and spec.name.startswith(("legfem", "studies")):
+        program = f"python -m {spec.parent}"
+    elif Path(sys.argv[0]).name == "legfem":
+        program = "legfem"
+    else:
+        return ""
+    return f"{program} {shlex.join(sys.argv[1:])}".strip()

@@ -285,7 +285,7 @@ def _next(best: SpecimenFit) -> list[str]:
         lines.append(
             f"Use these numbers together with the {LAW_NAMES[best.law]} law and within the strains of the test."
         )
-    if not best.held_out:
+    if not any(not one.fitted for one in best.tests):
         lines.append("Have one recording predicted from the others: --leave-out NAME.")
     return lines
 

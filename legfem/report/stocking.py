@@ -11,10 +11,10 @@ from legfem.common.documents import write_document
 from legfem.common.units import FloatArray
 from legfem.fem.fields import fields_of
 from legfem.geometry.leg_shape import LegShape
-from legfem.report.folder import REPORT, made_in_place
-from legfem.report.listing import ReportFile
-from legfem.report.page import listed, write_page
+from legfem.report.folder import REPORT, ReportFile, made_in_place
+from legfem.report.page import listed
 from legfem.report.paraview import write_fields
+from legfem.report.render.html import write_page
 from legfem.report.render.text import plain_page
 from legfem.report.stocking_contours_figure import stocking_contours_figure
 from legfem.report.stocking_fat_figure import stocking_fat_figure

@@ -1,4 +1,4 @@
-"""Curves with a cursor and zoom, by Bokeh: what was recorded and simulated, the difference beneath.
+"""A page as one file of HTML that loads nothing; its curves have a cursor and zoom, by Bokeh.
 
 Lines are switched on and off by the check boxes of the page's own legend, which a keyboard reaches.
 """
@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,10 +30,13 @@ from bokeh.palettes import YlGnBu9
 from bokeh.plotting import figure
 from bokeh.resources import Resources
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2.utils import htmlsafe_json_dumps
+from markupsafe import Markup
 
 from legfem.common.units import FloatArray
 from legfem.common.versions import legfem_version
-from legfem.report.page import PROVENANCE, SURFACE_CELLS, TONES, Curves, Line, ResponseSurface, WebPage
+from legfem.report.folder import REPORT
+from legfem.report.page import PAGE, PROVENANCE, SURFACE_CELLS, TONES, Curves, Line, ResponseSurface, WebPage
 from legfem.report.style import DATA_COLOUR, FAINT
 from legfem.report.words import ORIGINS
 
@@ -50,6 +54,15 @@ class Embedded:
     script: str
     places: dict[str, str]
     """By the plot's name, the element that it is drawn into."""
+
+
+def embed(data: Any) -> Markup:
+    """Data as JSON that a page's script element can contain, whatever text is in it.
+
+    ``<``, ``>``, ``&`` and ``'`` are written as escapes of JSON, and so is all that isn't ASCII (U+2028 and U+2029
+    end a line in a script): no text ends the element or begins another. All pages embed data by this function.
+    """
+    return htmlsafe_json_dumps(data, allow_nan=False)
 
 
 def embedded(plots: Sequence[Curves | ResponseSurface]) -> Embedded:
@@ -227,6 +240,7 @@ def rendered(page: WebPage) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["embed"] = embed
     blocks = [block for chapter in page.chapters for block in chapter.blocks]
     kinds = {block.kind for block in blocks}
     return environment.get_template("report.html").render(
@@ -241,3 +255,10 @@ def rendered(page: WebPage) -> str:
 
 
 _SCRIPTS: Mapping[str, str] = {"pressed": "press.js", "turned": "turn.js", "response": "response.js"}
+
+
+def write_page(page: WebPage, folder: Path, text: str = "") -> None:
+    """Write ``report.html`` into a folder, and ``report.txt`` where a text is given."""
+    (folder / PAGE).write_text(rendered(page), encoding="utf-8")
+    if text:
+        (folder / REPORT).write_text(text, encoding="utf-8")

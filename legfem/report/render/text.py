@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 
-from legfem.report.listing import ReportFile, listing
+from legfem.report.folder import ReportFile
 from legfem.report.page import (
     PROVENANCE,
     TESTED,
@@ -144,3 +144,8 @@ def _repeat(page: WebPage) -> str:
     numbers = ", ".join(f"{name} {value}" for name, value in given.numbers.items())
     lines = [given.command, *(fill(text) for text in (numbers, versions) if text)]
     return "\n".join(line for line in lines if line) or "From Python."
+
+
+def listing(files: Sequence[ReportFile]) -> str:
+    """Return a report's files and what each shows."""
+    return "\n".join(f"{', '.join(path.name for path in entry.paths)}\n{fill(entry.shows, ' ' * 4)}" for entry in files)

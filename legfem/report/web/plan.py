@@ -12,10 +12,10 @@ from legfem.plan.reckon import Reckoned
 from legfem.plan.run import Expected
 from legfem.report import page as web
 from legfem.report.diagnosis_style import plain
+from legfem.report.leg import options_of
 from legfem.report.page import Bars, LabelledBar
 from legfem.report.plan import NOTE, NOTHING, effects_of
 from legfem.report.style import LAW_NAMES
-from legfem.report.web.identification import options_of
 from legfem.report.web.section import still_section
 
 RANKED, SHOWN = "Tests, the most telling first", "What each test would show"

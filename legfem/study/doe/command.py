@@ -20,9 +20,9 @@ from legfem.jobs.store import Store
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import Subject
-from legfem.report.folder import REPORT
-from legfem.report.listing import RESULT, ReportFile
-from legfem.report.page import PAGE, listed, write_page
+from legfem.report.folder import REPORT, RESULT, ReportFile
+from legfem.report.page import PAGE, listed
+from legfem.report.render.html import write_page
 from legfem.report.render.text import plain_page, table
 from legfem.study.doe.anova import Counting
 from legfem.study.doe.definition import Definition, read_definition

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from legfem.inverse.catalogue import key_of
 from legfem.inverse.fit import Fit
-from legfem.report.listing import ReportFile
+from legfem.report.folder import ReportFile
 from legfem.report.page import WebPage
 
 if TYPE_CHECKING:
