@@ -49,15 +49,15 @@ from legfem.meshing.section import SectionMeshSettings
 from legfem.plan.designs import designs
 from legfem.plan.reckon import Reckoned
 from legfem.plan.run import Expected
+from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.leg import leg_page
 from legfem.report.look import recordings_toml
 from legfem.report.page import PressedSection, WebPage
+from legfem.report.plan import plan_web_page
 from legfem.report.render.html import rendered
+from legfem.report.section import Film, pressed_section
 from legfem.report.specimens import specimen_page
-from legfem.report.web.diagnosis import diagnosis_web_page
 from legfem.report.web.look import Looked, look_web_page
-from legfem.report.web.plan import plan_web_page
-from legfem.report.web.section import Film, pressed_section
 from legfem.report.web.stocking import stocking_web_page
 from legfem.solve.force_curve import ForceCurve
 from legfem.specimens.details import SpecimenDetails

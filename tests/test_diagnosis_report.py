@@ -17,14 +17,12 @@ from legfem.diagnose.document import document
 from legfem.diagnose.sentences import next_experiments, percent, verdict_sentence
 from legfem.diagnose.windows import runs
 from legfem.legs.loading import load_subject
-from legfem.report import diagnosis as report
-from legfem.report import diagnosis_tables as tables
-from legfem.report.diagnosis_style import REPAIRED_COLOUR, model_name
-from legfem.report.located import places_of
-from legfem.report.ranking_figure import ranking_figure
+from legfem.report import diagnosis_folder as report
+from legfem.report import diagnosis_numbers as tables
+from legfem.report.diagnosis import diagnosis_web_page
+from legfem.report.diagnosis_curves import REPAIRED_COLOUR, model_name, places_of
+from legfem.report.diagnosis_figures import leading, matched, ranking_figure, strongest
 from legfem.report.render.text import plain_page
-from legfem.report.signature_figure import leading, matched, strongest
-from legfem.report.web.diagnosis import diagnosis_web_page
 from legfem.report.words import number, probability
 
 ASKED = ("fascia-stiffness", "force-drift", "support-compliance", "contact-onset")

@@ -22,7 +22,7 @@ from legfem.legs.correction import TabulatedCorrection
 from legfem.legs.elastography import FibreRatio, ShearModulus, elastography_priors
 from legfem.legs.loading import load_subject
 from legfem.legs.plausibility import doubts_about
-from legfem.report.web.diagnosis import waves_say
+from legfem.report.diagnosis import waves_say
 
 ACROSS = '[[elastography]]\ntissue = "deep"\nplane = "across"\nshear_modulus_kPa = {}\nsd_kPa = {}\n'
 ALONG = ACROSS.replace('"across"', '"along"')

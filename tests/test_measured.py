@@ -29,7 +29,7 @@ from legfem.inverse.evidence import Evidence
 from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import MeasuredEffect
-from legfem.report.web.diagnosis_headline import headline
+from legfem.report.diagnosis_headline import headline
 
 DRIFT = mechanism_named("force-drift")
 SUPPORT = mechanism_named("support-compliance")

@@ -18,9 +18,9 @@ from legfem.legs.loading import load_subject
 from legfem.plan.designs import Readings
 from legfem.plan.reckon import TOLD_APART, Candidate, Reckoned
 from legfem.plan.reckon_readings import reckon_readings
+from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.plan import plan_lines
 from legfem.report.render.text import plain_page
-from legfem.report.web.diagnosis import diagnosis_web_page
 
 TWINS = ("fascia-stiffness", "prestress", "force-drift")
 """The first two are alike in closed form."""

@@ -22,13 +22,13 @@ from legfem.fem.fields import FieldReader, fields_of
 from legfem.legs.experiments import plane_strain_test
 from legfem.legs.loading import load_subject
 from legfem.meshing.section import SectionMeshSettings
+from legfem.report.diagnosis import diagnosis_web_page
 from legfem.report.estimates import QUESTION, high_or_low
 from legfem.report.leg import leg_page
 from legfem.report.leg_figure import DrawnSection
 from legfem.report.page import Curves, Line
 from legfem.report.render.html import embedded, rendered, ways
-from legfem.report.web.diagnosis import diagnosis_web_page
-from legfem.report.web.section import Film, pressed_section
+from legfem.report.section import Film, pressed_section
 
 MOST_BYTES = 2_000_000
 DEPTH = 4.0

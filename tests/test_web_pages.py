@@ -22,12 +22,11 @@ from legfem.commands.plan import app
 from legfem.experiments.posed import posed
 from legfem.geometry.leg_shape import HULL, SKIN, LegShape
 from legfem.report.page import Bars, Curves, LabelledBar, Line, Slider, View
+from legfem.report.plan import plan_web_page
 from legfem.report.render.html import embedded, rendered
 from legfem.report.specimens import specimen_page
-from legfem.report.web.plan import plan_web_page
-from legfem.report.web.pressed_leg import pressed_leg
+from legfem.report.turned import Marked, SkinField, pressed_leg, turned_leg
 from legfem.report.web.stocking_leg import by_height, inward, stretch_round
-from legfem.report.web.turned import Marked, SkinField, turned_leg
 from legfem.study.correction.web_page import correction_web_page
 from legfem.study.doe.advice import not_seen, shares, to_measure
 from legfem.study.doe.web_page import study_web_page

@@ -59,13 +59,13 @@ class DiagnosedLeg(Result):
     def write(self, folder: Given) -> Path:
         """Write diagnosis.json, report.txt and the figures; return the report's path."""
         from legfem.common.documents import write_document
-        from legfem.report.diagnosis import write_diagnosis_report
+        from legfem.report.diagnosis_folder import write_diagnosis_report
 
         write_document(Path(folder) / "diagnosis.json", self.document())
         return write_diagnosis_report(self.diagnosis, self.subject, Path(folder))
 
     def _page(self) -> WebPage:
-        from legfem.report.web.diagnosis import diagnosis_web_page
+        from legfem.report.diagnosis import diagnosis_web_page
 
         return diagnosis_web_page(self.diagnosis, self.subject)
 
@@ -96,8 +96,8 @@ class DiagnosedFolder(Result):
 
     def summary(self) -> str:
         """Return the report's text; of several specimens a table of all."""
+        from legfem.report.diagnosis_folder import specimens_page
         from legfem.report.render.text import plain_page
-        from legfem.report.specimen_diagnosis import specimens_page
 
         if len(self.specimens) == 1 and self.specimens[0].diagnosis is not None:
             return plain_page(self._page(), [])
@@ -128,7 +128,7 @@ class DiagnosedFolder(Result):
 
     def write(self, folder: Given) -> Path:
         """Write what the command writes; return the report's path."""
-        from legfem.report.specimen_diagnosis import write_specimen_diagnoses
+        from legfem.report.diagnosis_folder import write_specimen_diagnoses
 
         return write_specimen_diagnoses(self.specimens, self.folder, Path(folder), self.seed)[1]
 
@@ -141,7 +141,7 @@ class DiagnosedFolder(Result):
 
     def _page(self) -> WebPage:
         """Return that of the first diagnosed specimen; each has one of its own."""
-        from legfem.report.web.diagnosis import diagnosis_web_page
+        from legfem.report.diagnosis import diagnosis_web_page
 
         one, found = self._first
         return diagnosis_web_page(found, one)

@@ -86,7 +86,7 @@ def diagnose(
         from legfem.legs.loading import load_subject
         from legfem.legs.plausibility import doubts_about
         from legfem.plan.run import plan_after
-        from legfem.report.diagnosis import write_diagnosis_report
+        from legfem.report.diagnosis_folder import write_diagnosis_report
         from legfem.report.page import command_line
         from legfem.report.plan import plan_document, plan_lines
 
@@ -124,8 +124,8 @@ def _run_specimens(
 ) -> None:
     from legfem.commands.options import print_outcome
     from legfem.diagnose.leg import library_folder
+    from legfem.report.diagnosis_folder import write_specimen_diagnoses
     from legfem.report.page import command_line
-    from legfem.report.specimen_diagnosis import write_specimen_diagnoses
     from legfem.specimens.diagnosis import diagnose_specimens
 
     responses = library or library_folder()

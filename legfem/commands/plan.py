@@ -55,10 +55,9 @@ def plan(
         from legfem.plan.run import Expected, plan_before
         from legfem.report.folder import NUMBERS, REPORT, ReportFile, made_in_place
         from legfem.report.page import command_line, listed
-        from legfem.report.plan import plan_document
+        from legfem.report.plan import RANKED, SHOWN, plan_document, plan_web_page
         from legfem.report.render.html import write_page
         from legfem.report.render.text import brief, plain_page
-        from legfem.report.web.plan import RANKED, SHOWN, plan_web_page
 
         check_finite(c10=c10, c20=c20, depth=depth, rate=rate)
         found = load_subject(

@@ -20,17 +20,16 @@ from legfem.legs.document import LegDocument
 from legfem.legs.notices import curve_of
 from legfem.report.cost_figure import cost_figure
 from legfem.report.estimates import preferred
-from legfem.report.filmed import filmed
 from legfem.report.fit_figure import fit_figure
 from legfem.report.folder import REPORT, RESULT, ReportFile, made_in_place
 from legfem.report.leg import leg_page
-from legfem.report.leg_figure import leg_figure
+from legfem.report.leg_figure import SECTION_SHOWS, leg_figure, placement_figure
 from legfem.report.page import PressedSection, WebPage, listed
 from legfem.report.paraview import write_fields
-from legfem.report.placement_figure import SECTION_SHOWS, placement_figure
 from legfem.report.render.html import write_page
 from legfem.report.render.table import write_tables
 from legfem.report.render.text import plain_page
+from legfem.report.section import filmed
 from legfem.report.specimen_figure import specimen_figure
 from legfem.report.specimens import specimen_page
 from legfem.report.style import LAW_NAMES, save

@@ -18,9 +18,9 @@ from legfem.report import estimates
 from legfem.report import page as web
 from legfem.report.leg_numbers import how_done, known_of
 from legfem.report.page import Curves, Dash, Line, PressedSection
+from legfem.report.section import still_section
 from legfem.report.style import DATA_COLOUR, FAINT, LAW_COLOURS, LAW_NAMES
-from legfem.report.web.pressed_leg import pressed_leg
-from legfem.report.web.section import still_section
+from legfem.report.turned import pressed_leg
 from legfem.report.words import fit_probability
 
 type LegFit = Fit[LegDetails]

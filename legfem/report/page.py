@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
@@ -11,6 +12,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from legfem.common.units import FloatArray
 from legfem.report.folder import ReportFile
@@ -437,3 +439,18 @@ def command_line() -> str:
     else:
         return ""
     return f"{program} {shlex.join(sys.argv[1:])}".strip()
+
+
+def packed(values: NDArray[Any], kind: str) -> str:
+    """Return counts as text; what a whole number can't hold becomes the nearest that it can.
+
+    Parameters
+    ----------
+    values
+        Counts, in C order.
+    kind
+        NumPy's name of the type: ``<i2`` or ``<u2``.
+    """
+    limits = np.iinfo(np.dtype(kind))
+    whole = np.clip(np.round(values), limits.min, limits.max).astype(kind)
+    return base64.b64encode(whole.tobytes()).decode()

@@ -16,8 +16,16 @@ from legfem.data.segmentation import HOLD, LOADING
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.fit import Fit
 from legfem.diagnose.stations import Stations
-from legfem.report.diagnosis_style import BASE_COLOUR, BASE_NAME, LOCATED_COLOUR, REPAIRED_COLOUR, Shown, shown_models
-from legfem.report.located import Place, places_of
+from legfem.report.diagnosis_curves import (
+    BASE_COLOUR,
+    BASE_NAME,
+    LOCATED_COLOUR,
+    REPAIRED_COLOUR,
+    Place,
+    Shown,
+    places_of,
+    shown_models,
+)
 from legfem.report.style import DATA_COLOUR, FAINT, new_figure, panel, styled, title
 
 _MARKERS = {LOADING: "o", HOLD: "s", "unloading": "v"}

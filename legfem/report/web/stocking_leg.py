@@ -11,7 +11,7 @@ from legfem.geometry.curve import outward_normals
 from legfem.geometry.leg_shape import SKIN, LegShape
 from legfem.report.leg_directions import Directions
 from legfem.report.page import Slider, TurnedLeg, View
-from legfem.report.web.turned import Marked, SkinField, turned_leg
+from legfem.report.turned import Marked, SkinField, turned_leg
 from legfem.stockings.result import StockingResult
 
 

@@ -12,11 +12,10 @@ from legfem.diagnose.averaged import widened_by
 from legfem.diagnose.diagnosis import Diagnosis
 from legfem.diagnose.explanation import Explanation
 from legfem.diagnose.sentences import next_experiments, percent, statements
-from legfem.report import diagnosis_tables as tables
+from legfem.report import diagnosis_numbers as tables
 from legfem.report import page as web
-from legfem.report.diagnosis_style import determined
+from legfem.report.diagnosis_curves import determined, places_of
 from legfem.report.estimates import high_or_low
-from legfem.report.located import places_of
 from legfem.report.words import number
 
 TITLE = "Can the stiffness of {kind} ‘{id}’ be trusted?"

@@ -1,24 +1,113 @@
-"""The diagnoses of a folder's specimens: each one's report, and a table of all."""
+"""The report of a diagnosis: text and figures in one folder."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from legfem.common.documents import json_types, write_document
+from legfem.common.units import kpa_to_mpa
 from legfem.diagnose.diagnosis import Diagnosis
-from legfem.diagnose.document import document, parameters
-from legfem.report import diagnosis_tables as tables
-from legfem.report.diagnosis import write_diagnosis_report
-from legfem.report.diagnosis_style import model_name
-from legfem.report.folder import REPORT, made_in_place
-from legfem.report.render.text import bullets, fill, table
+from legfem.diagnose.document import Recorded, document, parameters
+from legfem.experiments.plane_strain import PlaneStrainSettings
+from legfem.legs.experiments import plane_strain_test
+from legfem.legs.subject import Subject
+from legfem.meshing.section import SectionMeshSettings
+from legfem.report import diagnosis_numbers as tables
+from legfem.report.diagnosis import diagnosis_web_page
+from legfem.report.diagnosis_curves import model_name
+from legfem.report.diagnosis_figures import leading, parameter_figure, ranking_figure, signature_figure
+from legfem.report.folder import NUMBERS, REPORT, ReportFile, made_in_place
+from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
+from legfem.report.page import PressedSection, listed
+from legfem.report.recording_figure import recording_figure
+from legfem.report.render.html import write_page
+from legfem.report.render.text import bullets, fill, plain_page, table
+from legfem.report.section import filmed
+from legfem.report.style import save
 from legfem.report.words import ORIGINS
+from legfem.solve.newton_settings import NewtonSettings
+from legfem.solve.step_settings import StepSettings
 from legfem.specimens.diagnosis import DiagnosedSpecimen
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.recorded import LeftOut
+
+_COARSER = 2.4
+"""Than the mesh that forces come from: that of the section to press."""
+_RESULT = ReportFile([Path("diagnosis.json")], NUMBERS)
+
+
+def write_diagnosis_report(
+    diagnosis: Diagnosis, subject: Recorded, out: Path, plan: Sequence[str] = (), command: str = ""
+) -> Path:
+    """Write report.txt, report.html and the figures of a diagnosis; return report.txt's path.
+
+    Parameters
+    ----------
+    diagnosis
+        What was found.
+    subject
+        Whose recordings they are.
+    out
+        Folder; made if missing.
+    plan
+        What could be done next, each with its chance, the best first.
+    command
+        That was given, for who wants to repeat it.
+    """
+    out = Path(out)
+    with made_in_place(out) as folder:
+        entries = [listed("curves"), *_figures(diagnosis, subject, folder)]
+        pressed = _pressed(diagnosis, subject) if isinstance(subject, Subject) else None
+        page = diagnosis_web_page(diagnosis, subject, plan, command, pressed)
+        write_page(page, folder, plain_page(page, [*entries, _RESULT]))
+    return out / REPORT
+
+
+def _pressed(found: Diagnosis, subject: Subject) -> PressedSection | None:
+    """Return the section with the base model, on a mesh coarse enough not to be waited for."""
+    settings = PlaneStrainSettings(
+        mesh=SectionMeshSettings().refined(1 / _COARSER),
+        newton=NewtonSettings(reuse=0.7, relative_tolerance=1e-5),
+        steps=StepSettings.regular(first=0.5, largest=2.0),
+    )
+    experiment = plane_strain_test(subject, settings)
+    base = found.base
+    values = {f"deep.{name}": kpa_to_mpa(base.value(name)) for name in base.fit.stiffness}
+    depth = float(found.observed.displacement.max())
+    shot = filmed(experiment, values, depth)
+    return shot.section("the base model (a coarse mesh; what was found to be left out isn't in it)")
+
+
+def _figures(found: Diagnosis, subject: Recorded, folder: Path) -> list[ReportFile]:
+    whose = subject.title, subject.origin
+    entries = []
+    if isinstance(subject, Subject):
+        figure = placement_figure(subject)
+        entries.append(ReportFile(save(figure, folder, "section"), SECTION_SHOWS))
+    several = len(found.observed.protocols) > 1
+    for number, stations in enumerate(found.observed.protocols):
+        name = f"recording-{number + 1}" if several else "recording"
+        entries.append(
+            ReportFile(
+                save(recording_figure(found, number, *whose), folder, name),
+                f"recordings ({stations.label}) against the model, what it misses, and where",
+            )
+        )
+    if found.verdict != "consistent" and leading(found):
+        figure = signature_figure(found, *whose)
+        shows = "what the base model misses, and what each leading mechanism would leave"
+        entries.append(ReportFile(save(figure, folder, "signatures"), shows))
+    figure = ranking_figure(found, *whose)
+    shows = "how probable every explanation is"
+    entries.append(ReportFile(save(figure, folder, "ranking", svg=True), shows))
+    figure = parameter_figure(found, *whose)
+    shows = "the parameters with their 95 % intervals, before and after"
+    entries.append(ReportFile(save(figure, folder, "parameters", svg=True), shows))
+    return entries
+
 
 DOCUMENT = "diagnosis.json"
 SCHEMA = 1
