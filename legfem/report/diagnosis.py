@@ -40,16 +40,22 @@ def next_blocks(found: Diagnosis, plan: Sequence[str]) -> list[web.Block]:
     """
     wanted = [capital(line) for line in next_experiments(found)]
     if plan:
-        told = [capital(line) for line in plan]
-        left = [line for line in wanted if not any(line in one for one in told)]
-        blocks: list[web.Block] = [web.Prose("Reckoned under each candidate, the best first:"), web.Bullets(told)]
+        planned = [capital(line) for line in plan]
+        left = [line for line in wanted if not any(line in one for one in planned)]
+        blocks: list[web.Block] = [
+            web.Prose(
+                "These tests would help; the chances were calculated for each candidate cause, and the best "
+                "test is first:"
+            ),
+            web.Bullets(planned),
+        ]
         if left:
-            blocks += [web.Prose("Not reckoned:"), web.Bullets(left)]
+            blocks += [web.Prose("Tests whose chance was not calculated:"), web.Bullets(left)]
         how = _to_state(found)
         return [*blocks, how] if how.rows else blocks
     if not wanted:
-        return [web.Prose("Nothing is asked for by these recordings: use the stiffness with the law it belongs to.")]
-    why = {"ambiguous": "To tell the candidates apart:", "named": "To confirm what was named:"}
+        return [web.Prose("No further test is needed: use the stiffness together with the law that it belongs to.")]
+    why = {"ambiguous": "To distinguish the candidates:", "named": "To confirm the cause that was found:"}
     before = [web.Prose(why[found.verdict])] if found.verdict in why else []
     return [*before, web.Bullets(wanted)]
 
@@ -58,8 +64,8 @@ def _to_state(found: Diagnosis) -> web.WebTable:
     """Return how to tell a diagnosis of effects that were measured by themselves."""
     asked = dict.fromkeys(m for model in found.models for m in model.fit.mechanisms)
     return web.WebTable(
-        "An effect measured by itself goes into subject.toml, a [[measured]] for each with its "
-        "value, sd and source; then diagnose again",
+        "If you measure one of these effects separately, add a [[measured]] table to subject.toml with its "
+        "value, sd and source, and diagnose again",
         ["effect =", "value =", "unit", "value without it"],
         [
             [f'"{m.name}"', f"{first.name.replace('_', ' ')}, {first.statement}", first.unit, f"{null_of(first):g}"]
@@ -112,7 +118,7 @@ def diagnosis_web_page(
         origin=subject.origin,
         headline=headline(found, plan, "deep" if isinstance(subject, Subject) else ""),
         warnings=[*doubt_lines(doubts_of(found, subject)), *waves_say(found, subject), *_warnings(found)],
-        warned=" for whoever made and described the recordings",
+        warned=" for the person who recorded and described the test",
         known=known_of(found, subject),
         chapters=chapters,
         repeat=web.Repeat(command, versions()),
@@ -135,11 +141,11 @@ def _warnings(found: Diagnosis) -> list[str]:
     for model in (found.base, *found.models):
         for name in model.fit.at_bound:
             warnings.append(
-                f"{plain(name).replace('.', ', ')} is found at the end of the range that it was "
-                f"looked for in: {tables.estimate(model, name)} ({_name(model)})."
+                f"{plain(name).replace('.', ', ')} is at the end of the range that was searched: "
+                f"{tables.estimate(model, name)} ({_name(model)})."
             )
     if not found.solutions and not found.emulator_error > 0:
-        warnings.append("Forces were interpolated between simulations; none was made anew to confirm them.")
+        warnings.append("Forces were interpolated between simulations, and no new simulation confirmed them.")
     return warnings
 
 
@@ -151,22 +157,22 @@ def _where(found: Diagnosis) -> list[web.Block]:
     if not found.located.any():
         return [
             web.Prose(
-                "Nowhere that stands out of the noise."
+                "No interval stands out from the noise."
                 if found.verdict == "consistent"
-                else "The misfit is spread over the recordings; no interval stands out by itself."
+                else "The difference is spread over the recordings; no single interval stands out."
             )
         ]
     how = (
         "Intervals in which the repaired model differs from the base model by more than a trial's noise"
         if found.models
-        else "Intervals that stand out of the noise (chosen among all intervals)"
+        else "Intervals that stand out from the noise (chosen among all intervals)"
     )
     more = tables.places_left_out(found)
     return [
         web.Prose(
-            f"{how}. Size: recorded less model, mean; above zero the tissue pushed back harder "
-            "than it should. Noise: standard deviation of one trial's value. p: family-wise over "
-            "all intervals looked at; '-' where the interval is not significant by itself."
+            f"{how}. The size is the mean of model less recorded force: below zero, the tissue pushed back harder "
+            "than the model. The noise is the standard deviation of one trial's value. The p-value is family-wise, "
+            "over all intervals; '-' means that the interval by itself is not significant."
         ),
         web.WebTable("Intervals in which the model is wrong", *tables.places_cells(found)),
         *([web.Prose(f"{more} smaller ones are in diagnosis.json.")] if more > 0 else []),
@@ -183,7 +189,7 @@ def _physics(found: Diagnosis) -> list[web.Block]:
         return [
             *blocks,
             web.WebTable(
-                "How strong each mechanism may be without having been seen", *tables.limit_cells(found), folded=True
+                "How strong each mechanism may be without being detected", *tables.limit_cells(found), folded=True
             ),
         ]
     if not found.models:
@@ -192,9 +198,9 @@ def _physics(found: Diagnosis) -> list[web.Block]:
         *blocks,
         web.WebTable("What the reported explanations explain", *tables.evidence_cells(found)),
         web.Prose(
-            f"{tables.held_out_note(found.base_held_out)} ln Bayes factor: how much more probable "
-            "the recordings are with the mechanism than without; 5 is strong. In part: beside it "
-            "something remains that has no name, since no real effect has exactly a model's form."
+            f"{tables.held_out_note(found.base_held_out)} The ln Bayes factor says how much more probable "
+            "the recordings are with the mechanism than without it; 5 is strong. “In part” means that a difference "
+            "without a known cause remains, because no real effect has exactly the form of a model."
         ),
     ]
 
@@ -205,28 +211,28 @@ def _looks(found: Diagnosis) -> str:
     looks = (
         f"The base model ({LAW_NAMES[found.law]} deep tissue{ends}, nothing added) fits with "
         f"R2 = {r_squared(found.base.fit, found):.5f}. Probabilities weigh all explanations "
-        "against each other: none, one mechanism, two, or something unknown; beforehand as many "
-        "tests are taken to be sound as to lack one mechanism, and half as many two. Nothing that "
-        "shows: nothing at all, or what is too small for these recordings to tell from it."
+        "against each other: nothing, one mechanism, two mechanisms, or something unknown. Before the test, "
+        "nothing is taken to be as probable as one missing mechanism, and two half as probable. “Nothing detectable” "
+        "is nothing at all, or an effect that is too small for these recordings to detect."
     )
     if found.verdict == "consistent":
         looks += (
-            f" That is no proof that nothing was left out: what a change of {stiffness} takes up, "
-            "and what could not be tested, stays unseen. How strong each mechanism may be unseen "
-            "stands below."
+            f" That is no proof that nothing was left out: an effect that looks like a change of {stiffness}, "
+            "or that could not be tested, is not detected. The table below says how strong each mechanism may be "
+            "without being detected."
         )
     if found.verdict in ("named", "ambiguous"):
         looks += (
-            " The recordings tell which known mechanisms can explain them; a mechanism that legfem "
-            "does not know and that looks alike is not ruled out."
+            " The recordings show which known mechanisms can explain them; a mechanism that legfem "
+            "does not know and that looks the same is not ruled out."
         )
     return looks
 
 
 def _closest(found: Diagnosis) -> str:
     text = (
-        "None that legfem knows. Every mechanism that these recordings can show was put into the "
-        "model, alone and the best in pairs; something unknown is more probable than any of them "
+        "No mechanism that legfem knows explains the recordings. Every mechanism that these recordings can show was "
+        "added to the model, alone and the best ones in pairs; something unknown is more probable than any of them "
         "that describes the recordings."
     )
     named = [e for e in found.explained.every if e.names]
@@ -243,26 +249,28 @@ def _closest(found: Diagnosis) -> str:
     held = found.base_held_out
     return (
         f"{text} The base model predicts {held.how}, from a refit to the others, with an error of "
-        f"{held.rmse:.3f} N; what differs from trial to trial makes {held.noise:.3f} N."
+        f"{held.rmse:.3f} N; the differences between trials account for {held.noise:.3f} N."
     )
 
 
 def _tested(found: Diagnosis) -> list[web.Block]:
     if not found.assessment.scores:
-        return [web.Prose("Nothing: these recordings show none of the mechanisms.")]
+        return [web.Prose("Nothing was tested: these recordings cannot show any of the mechanisms.")]
     return [
         web.Prose(
-            "Each effect's sign was looked for by itself. Of many tests some come out small by "
-            "chance, and signs look alike; the verdict allows for both."
+            "Each effect was tested for by itself. Among many tests some p-values are small by "
+            "chance, and different effects can look alike; the verdict allows for both."
         ),
-        web.WebTable("Signs of mechanisms in what the model misses", *tables.score_cells(found)),
+        web.WebTable(
+            "Tests for each mechanism in the difference between model and recordings", *tables.score_cells(found)
+        ),
     ]
 
 
 def _untested(found: Diagnosis) -> list[str]:
     """Return which mechanisms could not be tested, and why."""
     if not found.untested:
-        return ["Nothing: all mechanisms that legfem knows were tested."]
+        return ["All mechanisms that legfem knows were tested."]
     reasons: dict[str, list[str]] = {}
     for name, why in found.untested.items():
         reasons.setdefault(why, []).append(plain(name))
@@ -275,19 +283,19 @@ def _alike(found: Diagnosis) -> list[str]:
     if len(found.models) > 1:
         names = [model_name(model) for model in found.models]
         lines.append(
-            f"{'; '.join(names)}: together they hold 90 % of the probability, and none of them "
-            "does alone. Which of them it is can't be said."
+            f"{'; '.join(names)}: together they have 90 % of the probability, and none of them "
+            "alone has. These recordings cannot determine which of them it is."
         )
     both = " and ".join(found.base.fit.stiffness)
     lines.append(
         "A constant factor on the force (the load cell's gain, the cylinder's length) looks like "
-        f"a change of {both}. It is not tested, and would sit in the stiffness unseen."
+        f"a change of {both}. It was not tested, and would change the stiffness without any sign of it."
     )
     hidden = [s for s in found.assessment.scores if s.concealed > 0.95]
     if hidden:
         names = [f"{plain(s.name)} ({100 * s.concealed:.1f} %)" for s in hidden]
         lines.append(
-            "A refit of the stiffness hides nearly all of a small effect of: "
+            "Fitting the stiffness hides nearly all of a small effect of: "
             f"{', '.join(names)}. Such an effect could bias the stiffness without a sign."
         )
     return lines
@@ -296,23 +304,25 @@ def _alike(found: Diagnosis) -> list[str]:
 def _noise(found: Diagnosis) -> str:
     noise, posterior = found.errors.noise, found.best.posterior
     return (
-        f"A force reading errs by {noise.force_sd:.3g} N about its trial's course "
+        f"A force reading has an error of {noise.force_sd:.3g} N about the course of its trial "
         f"({noise.white_sd:.2g} N from reading to reading; {noise.slow_sd:.2g} N slowly, over "
-        f"{noise.correlation_time:.2g} s), a trial's zero by {posterior.zero_sd:.2g} N, its gain "
-        f"by {100 * posterior.gain_sd:.2g} %, the displacement by {noise.wander_sd:.2g} mm; known "
-        f"from {noise.source}. The {len(found.observed.force)} values compared are worth "
+        f"{noise.correlation_time:.2g} s), the zero of a trial {posterior.zero_sd:.2g} N, its gain "
+        f"{100 * posterior.gain_sd:.2g} %, the displacement {noise.wander_sd:.2g} mm "
+        f"(from {noise.source}). The {len(found.observed.force)} values compared are equivalent to "
         f"{found.errors.effective_samples:.0f} independent ones. {_solutions(found)} What is not "
-        "known exactly (the geometry, and what is assumed of the tissues) may take up misfit as "
-        "far as its stated accuracy allows: the table of numbers says how far each was moved."
+        "known exactly (the geometry and the assumed tissue parameters) may vary within "
+        "its stated accuracy; the table of numbers says how far each was moved."
     )
 
 
 def _solutions(found: Diagnosis) -> str:
     if not (found.solutions or found.emulator_error > 0):
-        return "No full finite-element solution was made to confirm the interpolated forces."
-    made = f"{found.solutions} finite-element solutions were made now, beside those kept from before; "
+        return "No full finite-element solution confirmed the interpolated forces."
+    made = f"{found.solutions} finite-element solutions were computed in this run, in addition to those from "
+    f"earlier runs; "
     if found.emulator_error != found.emulator_error:
-        return made + "one of the base model stopped, so interpolation could not be checked."
+        return made + "a solution of the base model stopped, so the interpolation could not be checked."
     return made + (
-        f"interpolation differed from the base model's by {found.emulator_error:.2%} of the largest force at most."
+        f"the interpolation differed from the base model's solution by at most {found.emulator_error:.2%} of "
+        f"the largest force."
     )

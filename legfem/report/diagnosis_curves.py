@@ -49,7 +49,7 @@ def statement_name(one: Statement) -> str:
     """Return what a statement says, in short."""
     if one.unknown:
         return UNKNOWN_NAME
-    return " + ".join(plain(name) for name in one.names) or "nothing that shows"
+    return " + ".join(plain(name) for name in one.names) or "nothing detectable"
 
 
 def shown_models(found: Diagnosis) -> list[Shown]:
@@ -168,7 +168,7 @@ def _over(found: Diagnosis, number: int, x: FloatArray, label: str, axis: int) -
     def rows(values: FloatArray) -> FloatArray:
         return np.array([values[observed.trial == k] for k in trials])
 
-    recorded, base = rows(observed.force), rows(found.base.fit.residual)
+    recorded, base = rows(observed.force), -rows(found.base.fit.residual)
     lines = [
         Line("recorded" + (", mean" if len(trials) > 1 else ""), recorded.mean(axis=0), None, DATA_COLOUR, points=True)
     ]
@@ -182,19 +182,19 @@ def _over(found: Diagnosis, number: int, x: FloatArray, label: str, axis: int) -
     for shown in shown_models(found)[:1]:
         fit = shown.model.fit
         name = f"with {shown.name}" if shown.suits else shown.name
-        lines.append(Line(name, rows(fit.prediction).mean(axis=0), rows(fit.residual).mean(axis=0), REPAIRED_COLOUR))
+        lines.append(Line(name, rows(fit.prediction).mean(axis=0), -rows(fit.residual).mean(axis=0), REPAIRED_COLOUR))
     places = [place for place in places_of(found) if place.protocol == number]
     sd = np.sqrt(np.mean(rows(found.errors.trial_sd) ** 2, axis=0))
     stations = observed.protocols[number]
     return Curves(
         f"recording{number}-{axis}",
         f"Force over {label.split(' ')[0]}, {stations.label}: recorded, and of the "
-        f"{LAW_NAMES[found.law]} model; beneath, recorded less model: of single trials less the "
-        f"{BASE_NAME}.",
+        f"{LAW_NAMES[found.law]} model; beneath, model less recorded; for single trials, the "
+        f"{BASE_NAME} less the trial.",
         x,
         label,
         "force (N)",
-        "recorded − model (N)",
+        "model − recorded (N)",
         lines,
         2 * sd,
         "± 2 sd of a trial's noise",

@@ -63,7 +63,7 @@ def ranking_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
     axes.set_xlim(0.0, 1.18)
     axes.set_xticks([0, 0.25, 0.5, 0.75, 1.0], ["0", "25 %", "50 %", "75 %", "100 %"])
     axes.axvline(SOUND, color=DATA_COLOUR, linewidth=0.8, linestyle=":")
-    axes.set_xlabel("probability (dotted: from there on 'nothing that shows' is called consistent)")
+    axes.set_xlabel("probability (dotted: above it, 'nothing detectable' gives the verdict consistent)")
     handles = [Patch(color=colour, label=text) for colour, text in _MEANING.items()]
     figure.legend(handles=handles, loc="outside lower center", ncols=2)
     return figure
@@ -72,7 +72,7 @@ def ranking_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
 _MEANING = {
     REPAIRED_COLOUR: "reported",
     CONTRADICTED_COLOUR: "less probable",
-    BASE_COLOUR: "nothing that shows",
+    BASE_COLOUR: "nothing detectable",
     SUITING_COLOUR: "something that legfem doesn't know",
 }
 
@@ -149,7 +149,7 @@ def _draw_estimates(axes: Axes, name: str, rows: list[EstimateRow], null: float 
         if name in row.explanation.fit.at_bound:
             text += ", at the bound of the search"
         elif not seen:
-            text += ", not seen by the data"
+            text += ", not determined by the data"
         axes.annotate(
             text,
             (value, k),
@@ -191,7 +191,12 @@ def signature_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
     names = leading(found)
     protocols = found.observed.protocols
     figure = new_figure(max(7.6, 5.6 * len(protocols)), 1.2 + 2.1 * len(names))
-    title(figure, "Does the misfit look like what a mechanism would leave after a refit?", subject, origin)
+    title(
+        figure,
+        "Does the difference look like what a mechanism would leave after fitting the stiffness?",
+        subject,
+        origin,
+    )
     grid = figure.subplots(len(names), len(protocols), sharex="col", sharey=True, squeeze=False)
     for row, name in enumerate(names):
         signature = strongest(found, name)
@@ -209,12 +214,12 @@ def signature_figure(found: Diagnosis, subject: str, origin: str) -> Figure:
                     f"{plain(name)}{' (reported)' if reported else ''}: {chance}"
                     + ("" if share is None else f", matches {100 * share:.0f} % of the misfit"),
                 )
-        grid[row, 0].set_ylabel("recorded −\nbase model (N)")
+        grid[row, 0].set_ylabel("base model −\nrecorded (N)")
     for column, stations in enumerate(protocols):
         held = "; in the hold: seconds held" if HOLD in stations.phase else ""
         grid[-1, column].set_xlabel(f"along the test, {stations.label}\ndisplacement (mm){held}")
     handles = [
-        Line2D([], [], color=FAINT, marker=".", linestyle="none", label="missed in each trial"),
+        Line2D([], [], color=FAINT, marker=".", linestyle="none", label="difference of each trial"),
         Line2D([], [], color=DATA_COLOUR, linewidth=0.9, label="its mean over the trials"),
     ]
     stiffness = found.base.fit.stiffness
@@ -276,8 +281,8 @@ def _statistic(found: Diagnosis, signature: Signature) -> float:
 def _draw_signature(axes: Axes, found: Diagnosis, number: int, scaled: FloatArray, reported: bool) -> None:
     observed = found.observed
     trials = observed.trials_of(number)
-    missed = np.array([found.alone.fit.residual[observed.trial == k] for k in trials])
-    shape = np.array([scaled[observed.trial == k] for k in trials])
+    missed = np.array([-found.alone.fit.residual[observed.trial == k] for k in trials])
+    shape = np.array([-scaled[observed.trial == k] for k in trials])
     x = np.arange(missed.shape[1])
     axes.axhline(0.0, color=DATA_COLOUR, linewidth=0.5)
     axes.plot(x, missed.T, ".", color=FAINT, markersize=2.5)

@@ -42,7 +42,7 @@ def headline(found: Diagnosis, plan: Sequence[str], tissue: str = "") -> web.Hea
         tone,
         _write_down(found),
         [
-            ("What is wrong", _wrong(found)),
+            ("Problems found", _wrong(found)),
             ("How sure", _sure(found)),
             ("What it does to C10", _stiffness(found)),
             ("What to do", _to_do(found, plan)),
@@ -73,31 +73,30 @@ def _write_down(found: Diagnosis) -> str:
         return f"Write down a range: C10 between {low} and {high} kPa."
     best = found.models[0] if found.models else found.base
     if not determined(best, "C10"):
-        return "Write down no number: this test tells nothing of C10."
+        return "Write down no number: this test cannot determine C10."
     if _wide(found):
         value = _value(found, best)
-        return f"Write down a range: C10 between {low} and {high} kPa ({value} if nothing is hidden)."
+        return f"Write down a range: C10 between {low} and {high} kPa ({value} if no hidden effect is present)."
     return f"Write down: C10 {_value(found, best)} kPa (most likely between {low} and {high})."
 
 
 def _wrong(found: Diagnosis) -> str:
     if found.verdict == "consistent":
-        return (
-            "Nothing that this test could show. What it could not show is listed further down, "
-            "under “What could not be tested”."
-        )
+        return "None. What this test cannot show is listed further down, under “What could not be tested”."
     if found.verdict == "unexplained":
         return (
             "The computer model of the leg does not reproduce the recording, and no cause that "
             f"this program knows explains the difference.{_place(found)}"
         )
     if found.verdict == "named":
-        part = " That explains a part of the difference only." if found.models[0].in_part else ""
+        part = " That explains only a part of the difference." if found.models[0].in_part else ""
         return f"Most likely {statements(found.models[0])}. The computer model left that out.{part}"
     shown = found.models[:_MOST_CAUSES]
     causes = [f"{statements(m)} ({percent(m.probability)} likely)" for m in shown]
     more = len(found.models) - len(causes)
-    others = f"; or one of {more} less likely causes, listed further down" if more > 0 else ""
+    others = f"; or one of {more} less likely causes, listed further down" if more > 1 else ""
+    if more == 1:
+        others = f"; or, less likely, {statements(found.models[-1])}"
     return f"The computer model left out one of these: {'; '.join(causes)}{others}."
 
 
@@ -107,7 +106,7 @@ def _place(found: Diagnosis) -> str:
         return ""
     most = max(places, key=lambda place: place.weight)
     low, high = most.displacement
-    return f" The difference is gravest between {low:.0f} and {high:.0f} mm of {most.phase}: {abs(most.size):.1g} N."
+    return f" The difference is largest between {low:.0f} and {high:.0f} mm of {most.phase}: {abs(most.size):.1g} N."
 
 
 def _sure(found: Diagnosis) -> str:
@@ -117,28 +116,30 @@ def _sure(found: Diagnosis) -> str:
         return f"{capital(fits)}. The range {_NINETEEN_OF_20}"
     wrong = f"{percent(1 - soundness)} sure that the computer model left something out"
     if found.verdict == "unexplained":
-        return f"{capital(wrong)}; what it was can't be said."
+        return f"{capital(wrong)}; the recordings do not show what."
     if found.verdict == "named":
         share = found.models[0].probability
         return (
             f"{capital(percent(share))} sure of this cause, and {wrong}. The range in brackets "
-            f"allows for other causes, too, and {_NINETEEN_OF_20}"
+            f"also allows for other causes, and {_NINETEEN_OF_20}"
         )
-    return f"{capital(wrong)}; this test can't tell which of these. The range {_NINETEEN_OF_20}"
+    return f"{capital(wrong)}; this test cannot determine which of these. The range {_NINETEEN_OF_20}"
 
 
 # Counted where errors are wider than is assumed: docs/evidence.md.
-_NINETEEN_OF_20 = "is made to hold the true value in 19 of 20 tests, and did so in about as many hard simulated ones."
+_NINETEEN_OF_20 = (
+    "is meant to contain the true value in 19 of 20 tests; in difficult simulated tests it did so about as often."
+)
 
 
 def _stiffness(found: Diagnosis) -> str:
     if found.verdict == "unexplained":
-        return f"{_C10}, can't be told: what this test gives for it may be off by any amount."
+        return f"{_C10}, cannot be determined from this test: the value that it gives may be wrong by any amount."
     if "C10" not in found.base.fit.free:
-        return "Nothing: it was given."
+        return "C10 was given, not found."
     before = _value(found, found.base)
     if found.verdict == "consistent":
-        return f"{_C10}, is {before} kPa; nothing has to be corrected."
+        return f"{_C10}, is {before} kPa; no correction is needed."
     after = [_value(found, model) for model in found.models]
     if found.verdict == "named" or _alike(found):
         change = tables.relative_change(found.base.value("C10"), found.models[0].value("C10")).lstrip("+")
@@ -202,22 +203,24 @@ def _to_do(found: Diagnosis, plan: Sequence[str]) -> str:
     widest = widened_by(found.explained, "C10") if _wide(found) else None
     if widest is not None:
         return (
-            "Use the range. It is so wide because this test can't tell whether "
+            "Use the range. It is so wide because this test cannot determine whether "
             f"{statements(widest)}. To narrow it, ask the lab to "
             f"{widest.fit.mechanisms[0].next_experiment}."
         )
     if found.verdict == "consistent":
         if not lines:
             return "Use the number above. No other test is needed."
-        return f"Use the number above. If it matters what the tissue does in time, ask the lab to {lines[0]}."
+        return f"Use the number above. If the behaviour over time matters, ask the lab to {lines[0]}."
     if not plan and not lines:
         return "Use the corrected number." if found.verdict == "named" else "Use the range."
     what, _, chance = plan[0].partition(": ") if plan else (lines[0], "", "")
     asked = f"ask the lab to {what}" + (f" ({chance})" if chance else "")
     if found.verdict == "unexplained":
-        return f"Use no number of this test. Ask the lab to look for a mistake in the data first; then to {lines[0]}."
+        return (
+            f"Use no number of this test. First ask the lab to check the data for a mistake. Then ask it to {lines[0]}."
+        )
     if found.verdict == "named":
-        return f"Use the corrected number. To be surer of the cause, {asked}."
+        return f"Use the corrected number. To confirm the cause, {asked}."
     kept = "the corrected number" if _alike(found) else "the range, and no single number"
     return f"Use {kept}. To find out which cause it is, {asked}."
 

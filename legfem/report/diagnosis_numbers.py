@@ -28,7 +28,7 @@ from legfem.report.estimates import wave_rows
 from legfem.report.page import Known, Provenance
 from legfem.report.words import number, short_probability
 
-_WRONG = "DO NOT RELY ON IT: of a wrong model, whose interval doesn't cover what was left out"
+_WRONG = "DO NOT RELY ON IT: the model does not fit, and the interval does not include what was left out"
 
 
 def known_of(found: Diagnosis, subject: Recorded) -> list[Known]:
@@ -122,7 +122,9 @@ def _assumed(found: Diagnosis) -> list[tuple[str, str]]:
     return [
         (
             name if len(every) == 1 else f"{name}, {len(every)} modes",
-            f"moved {every[0]:+.1f} sd" if len(every) == 1 else f"moved {min(every):+.1f} to {max(every):+.1f} sd",
+            f"moved by {every[0]:+.1f} sd"
+            if len(every) == 1
+            else f"moved by {min(every):+.1f} to {max(every):+.1f} sd",
         )
         for name, every in moved.items()
     ]
@@ -154,7 +156,7 @@ def places_cells(found: Diagnosis) -> Cells:
             place.phase,
             f"{place.displacement[0]:.1f}" + (f" to {place.displacement[1]:.1f}" if len(place.stations) > 1 else ""),
             f"{place.time[0]:.1f}" + (f" to {place.time[1]:.1f}" if len(place.stations) > 1 else ""),
-            f"{place.size:+.3f}",
+            f"{-place.size:+.3f}",
             f"{place.noise:.3f}",
             "-" if place.p_value is None else short_probability(place.p_value),
             trials_of(found, place),
@@ -217,14 +219,14 @@ def limit_cells(found: Diagnosis) -> Cells:
                 f"{limit.effect:.2g}",
             ]
         )
-    return ["mechanism", "between (95 %)", "changes the force by at most (N)"], rows
+    return ["mechanism", "range (95 %)", "largest change of the force (N)"], rows
 
 
 def held_out_note(held: HeldOut) -> str:
     """Return what was held out, and what error noise alone makes."""
     return (
-        f"Held-out error: of predicting {held.how}, from a refit to the others. The noise of a "
-        f"trial alone makes {held.noise:.3f} N."
+        f"The held-out error is that of predicting {held.how}, from a fit to the others. The noise of a "
+        f"trial alone accounts for {held.noise:.3f} N."
     )
 
 
@@ -242,7 +244,7 @@ def estimate(model: Explanation, name: str) -> str:
 def interval(model: Explanation, name: str) -> str:
     """Return a parameter's 95 % interval."""
     if not determined(model, name):
-        return "as known beforehand"
+        return "not narrowed by this test"
     low, high = model.interval(name)
     return f"{number(low, (high - low) / 4)} to {number(high, (high - low) / 4)}"
 
@@ -260,10 +262,10 @@ def flag(model: Explanation, name: str, null: float | None) -> str:
     if name in model.fit.at_bound:
         return "AT THE BOUND of its search"
     if not determined(model, name):
-        return "NOT SEEN by these recordings"
+        return "NOT DETERMINED by these recordings"
     low, high = model.interval(name)
     if null is not None and low <= null <= high:
-        return f"can't be told from {null:g}"
+        return f"not distinguishable from {null:g}"
     return ""
 
 
@@ -277,4 +279,4 @@ def score_cells(found: Diagnosis) -> Cells:
         ]
         for score in found.assessment.scores
     ]
-    return ["mechanism", "p by itself", "share that a refit hides"], rows
+    return ["mechanism", "p by itself", "share hidden by fitting the stiffness"], rows

@@ -123,22 +123,23 @@ def stiffness_sentence(found: Estimate, tissue: str) -> str:
     shown = found.shown
     shear, young = (f"{number(k * shown.value, k * shown.standard_error)} {shown.unit}" for k in (2.0, 6.0))
     return (
-        f"{tissue} stiffness C10 = {value_text(found)} (95 % interval {interval_text(found)}): "
-        f"shear modulus {shear}, Young's modulus {young} at small strain"
+        f"{tissue} stiffness C10 = {value_text(found)} ({interval_text(found)}), "
+        f"shear modulus G = {shear}, Young's modulus E = {young}"
     )
 
 
 def how_sure(parameters: Mapping[str, Estimate]) -> str:
     """Return how well parameters are known, for someone who knows no statistics."""
-    each = "; ".join(
-        f"{symbol_of(name)} is known within {100 * found.relative_half_width:.0f} %"
-        f"{' of what was open' if found.parameter.scale == 'linear' else ''} "
-        f"({found.identifiability})"
-        if np.isfinite(found.relative_half_width)
-        else f"{symbol_of(name)} is {found.identifiability}"
-        for name, found in parameters.items()
-    )
-    return f"{each}. If the model is right, 19 of 20 such intervals hold the true value."
+    each = "; ".join(_known_within(name, found) for name, found in parameters.items())
+    return f"{each}. If the model is right, 19 of 20 such intervals contain the true value."
+
+
+def _known_within(name: str, found: Estimate) -> str:
+    symbol, half = symbol_of(name), found.relative_half_width
+    if not np.isfinite(half) or half > 1:
+        return f"{symbol} cannot be determined from this test ({found.identifiability})"
+    range_ = " of the range that was searched" if found.parameter.scale == "linear" else ""
+    return f"{symbol} is known to within ± {100 * half:.0f} %{range_} ({found.identifiability})"
 
 
 def why_identifiable(parameters: Mapping[str, Estimate], law: str) -> list[str]:
@@ -159,18 +160,18 @@ def rests_on(parameters: Mapping[str, Estimate], likewise: str) -> list[str]:
     likewise
         The sizes that it follows, too, in a sentence's end.
     """
-    told = [
+    changes = [
         f"{symbol_of(name)} by {100 * found.moves[FORCE]:+.0f} % if all forces were 10 % higher "
         f"and by {100 * found.moves[DISPLACEMENT]:+.0f} % if all displacements were"
         for name, found in parameters.items()
         # What is hardly known changes by any number to first order; nor is time a matter of force.
         if all(abs(found.moves.get(one, np.nan)) < 1 for one in (FORCE, DISPLACEMENT)) and found.unit == "MPa"
     ]
-    if not told:
+    if not changes:
         return []
     return [
-        f"Units, the load cell's gain and sizes are as stated. They change {'; '.join(told)}; "
-        f"{likewise}. No check sees a factor of less than about ten in them."
+        f"The units, the load cell's calibration and the stated sizes were not checked. If they are wrong, the result "
+        f"changes: {'; '.join(changes)}; {likewise}. Only an error by a factor of about ten or more would be noticed."
     ]
 
 
@@ -185,15 +186,15 @@ class Remedies:
     def of(self, source: ErrorSource) -> str:
         """Return what to do where most of an error has a source."""
         return {
-            "recordings": f"{self.recordings}, or state what is known beforehand (--prior)",
-            "differences": "recordings differ from one another by a factor: test more specimens",
-            "model": "most of its error is the model's own, which no recording narrows: "
-            "state what is known beforehand (--prior)",
+            "recordings": f"{self.recordings}, or state what you already know of it (--prior)",
+            "differences": "the recordings differ from one another by a factor, so test more specimens",
+            "model": "most of the uncertainty comes from the model itself, and further recordings will not reduce it; "
+            "state what you already know (--prior)",
             "ends": self.ends,
-            "fibres": "most of its error is that of the muscle's fibres: measure them by shear "
-            "waves along the leg and across ([[elastography]]), or use --model 3d",
-            "priors": "most of its error is that of what was known beforehand: measure that by "
-            "itself, and state it (--prior)",
+            "fibres": "most of the uncertainty comes from the muscle's fibres; measure them with shear "
+            "waves along and across the leg ([[elastography]]), or use --model 3d",
+            "priors": "most of the uncertainty comes from what was stated with --prior; measure that "
+            "separately, and state the new value",
         }[source]
 
 
@@ -204,7 +205,7 @@ def how_to_narrow(parameters: Mapping[str, Estimate], remedies: Remedies) -> lis
         if found.identifiability != "identifiable":
             groups.setdefault(main_source(found.error_shares), []).append(symbol_of(name))
     return [
-        f"These recordings don't tell {', '.join(names)} well: {remedies.of(source)}."
+        f"These recordings do not determine {' and '.join(names)} well: {remedies.of(source)}."
         for source, names in groups.items()
     ]
 
@@ -225,10 +226,10 @@ def comparison(results: Sequence[Fit[Any]]) -> list[str]:
         return lines
     better, worse = sorted(results, key=_misfit)[:2]
     if better.neo_hookean_limit or _misfit(worse) <= _misfit(better) * (1 + 1e-9):
-        return [*lines, "Both laws fit alike: the best reduced polynomial is neo-Hookean (C20 = 0)."]
+        return [*lines, "Both laws fit equally well: the best reduced polynomial is neo-Hookean (C20 = 0)."]
     ratio = _number(worse.cost.value / max(better.cost.value, 1e-300))
     costs = (
-        f"cost is {ratio} times smaller ({better.cost.value:.3g} against "
+        f"cost is smaller by a factor of {ratio} ({better.cost.value:.3g} against "
         f"{worse.cost.value:.3g} N2, rms {better.cost.rms:.3g} against {worse.cost.rms:.3g} N)"
     )
     name = LAW_NAMES[better.law]
@@ -239,12 +240,12 @@ def comparison(results: Sequence[Fit[Any]]) -> list[str]:
         return [
             *lines,
             f"The {name} law fits better: its {costs}.",
-            f"The data ask for its further parameter: chi-square falls by {_number(gain)} ({fit_probability(chance)}).",
+            f"Its additional parameter is needed: it lowers chi-square by {_number(gain)} ({fit_probability(chance)}).",
         ]
     return [
         *lines,
-        f"The {name} law's {costs}, but the data do not ask for its further parameter: chi-square "
-        f"changes by {-gain:+.2g} ({fit_probability(chance)}), no more than noise would give.",
+        f"The {name} law's {costs}, but its additional parameter is not needed: chi-square "
+        f"changes by {-gain:+.2g} ({fit_probability(chance)}), no more than noise alone would change it.",
     ]
 
 
@@ -282,7 +283,7 @@ def _goodness(result: Fit[Any]) -> str:
     if not fits(result):
         return (
             f"The {name} law does not fit within the noise ({fit_probability(chance)}): "
-            "physics that it leaves out shows."
+            "the recordings show physics that this law leaves out."
         )
     return f"The {name} law fits within the noise ({fit_probability(chance)})."
 

@@ -29,13 +29,13 @@ _DASHES: dict[str, Dash] = {"neo-hookean": "dashed", "reduced-polynomial": "soli
 _LIKEWISE = "a length_mm that is 10 % lower acts as such forces do"
 _NOT_TESTED = (
     "A constant factor on the force (the load cell's gain, the cylinder's length, its ends in 3D) "
-    "looks like a change of C10, and would sit in it unseen.",
-    "What the tissues do in time: unloading, holds and other speeds were not used.",
-    "Which physics was left out, where a law does not fit.",
+    "looks like a change of C10, and changes C10 without any sign of it.",
+    "How the tissues behave over time: unloading, holds and other speeds were not used.",
+    "Which physics is missing, if a law does not fit.",
 )
 _ALIKE = (
-    "What is wrong alike at all sites (the load cell's calibration, the correction for the "
-    "cylinder's ends, the stiffness assumed of fascia) looks like a change of stiffness."
+    "An error that is the same at all sites (in the load cell's calibration, the correction for the "
+    "cylinder's ends, the assumed stiffness of the fascia) looks like a change of stiffness."
 )
 
 
@@ -160,33 +160,34 @@ def _headline(chosen: LegFit) -> web.Headline:
     tone: web.Tone = "wrong" if not sound else "sound" if known else "caution"
     where = f"all {len(chosen.tests)} sites" if _several(chosen) else "this test"
     if not chosen.agreement.fits:
-        sentence = "The sites do not ask for the same stiffness."
+        sentence = "The sites disagree about the stiffness."
         wrong = _agreement(chosen)
     elif not sound:
         what = "these sites" if _several(chosen) else "this test"
-        sentence = f"The model does not describe {what}: the stiffness below is that of a wrong model."
+        sentence = f"The model does not describe {what}, so the stiffness below cannot be trusted."
         wrong = (
-            f"Something that the {law} law leaves out shows in the recordings "
-            f"({fit_probability(chosen.goodness.p_value)})."
+            f"The recordings show an effect that the {law} law leaves out ({fit_probability(chosen.goodness.p_value)})."
         )
     else:
         sentence = f"{_stiffness(chosen)}. The {law} law describes {where}."
-        wrong = "Nothing that the loading of these recordings could show."
+        wrong = "None. Only the loading part of the recordings was checked."
     c10 = _c10_value(chosen)
     return web.Headline(
         tone,
         sentence,
         [
-            ("What is wrong", wrong),
+            ("Problems found", wrong),
             *([("How stiff", f"{_values(chosen)}.")] if _several(chosen) or not sound else []),
             ("How sure", estimates.how_sure(chosen.estimates)),
             (
                 "What it does to C10",
-                f"{c10} is the best fit, but don't rely on it: its interval doesn't cover what was left out."
+                f"{c10} is the best fit, but don't rely on it: its interval does not include the effect that is "
+                f"missing."
                 if tone == "wrong"
-                else f"Nothing found here changes {c10}. What was assumed of fat and fascia would, "
-                "if it is wrong, and what was stated of units and sizes: the table of numbers and "
-                "“What could not be tested” say by how much.",
+                else f"No correction is needed: C10 is {c10}. If the assumed stiffness of fat or fascia, the "
+                f"units or the "
+                "sizes are wrong, C10 changes: the table of numbers and “What could not be tested” "
+                "say by how much.",
             ),
             ("What to do", _next(chosen)[0]),
             *_high_or_low(chosen, tone),
@@ -272,8 +273,8 @@ def _site_table(chosen: LegFit) -> list[web.WebTable]:
     names = list(chosen.estimates)
     return [
         web.WebTable(
-            f"What each site says by itself, {LAW_NAMES[chosen.law]} law (± one standard error; in "
-            "brackets how far it departs from the joint value, in standard errors of that difference)",
+            f"Values that each site gives by itself, {LAW_NAMES[chosen.law]} law (± one standard error; in "
+            "brackets, the difference from the joint value in standard errors of that difference)",
             ["site", "rms (N)", "misfit", *map(symbol_of, names)],
             [
                 [
@@ -321,10 +322,10 @@ def _agreement(fit: LegFit) -> str:
     departure = far[most].by_itself[most].departure
     text = (
         f"The sites' own values differ by chi-square {_chance(fit.agreement)}; {far[most].name} "
-        f"departs most, in {symbol_of(most)} by {departure:+.1f} standard errors."
+        f"differs most, by {departure:+.1f} standard errors in {symbol_of(most)}."
     )
     if (ratio := fit.agreement.birge_ratio) > 1:
-        text += f" Intervals are wider for it by up to {ratio:.3g} (Birge's ratio)."
+        text += f" This widens the intervals by a factor of up to {ratio:.3g} (Birge's ratio)."
     return text
 
 
@@ -337,7 +338,7 @@ def _chance(goodness: Goodness) -> str:
 
 def _next(chosen: LegFit) -> list[str]:
     suspect = _suspect(chosen)
-    diagnose = f"python -m legfem.diagnose {options_of(suspect)}"
+    diagnose = f"legfem diagnose {options_of(suspect)}"
     # A diagnosis is of a section in plane strain.
     along = suspect.indenter.lies_along
     if not (estimates.fits(chosen) and chosen.agreement.fits):
@@ -352,7 +353,7 @@ def _next(chosen: LegFit) -> list[str]:
         )
     if along:
         by_site = ", site by site" if _several(chosen) else ""
-        lines.append(f"Have unloading, holds and speeds looked at, too{by_site}: {diagnose}")
+        lines.append(f"Check unloading, holds and speeds as well{by_site}: {diagnose}")
     return lines
 
 
@@ -366,10 +367,10 @@ def _suspect(chosen: LegFit) -> Subject:
 
 
 def _remedies(chosen: LegFit) -> estimates.Remedies:
-    ruled = "most of its error is that of the cylinder's ends, which pressing deeper leaves as it is"
-    longer = "take a longer cylinder"
+    ends_rule = "most of the uncertainty comes from the cylinder's ends, and pressing deeper will not reduce it"
+    longer = "use a longer cylinder"
     ends = f"{longer}, or solve this leg in 3D (--model 3d)" if chosen.details.spatial is None else longer
     recordings = "press deeper, repeat the test"
     if isinstance(chosen.details.spatial, SpatialSites) or _several(chosen):
         recordings = "press deeper, or where the fat is thinner"
-    return estimates.Remedies(recordings, f"{ruled}: {ends}")
+    return estimates.Remedies(recordings, f"{ends_rule}; {ends}")

@@ -48,7 +48,7 @@ def known_of(fits: Sequence[LegFit]) -> list[Known]:
     held = {name: value for fit in fits for name, value in fit.assumed.items() if name not in free}
     for name, value in held.items():
         stated = np.isclose(given.get(name, math.nan), value)
-        source = "subject.toml" if stated else "given with the command, or the law's own"
+        source = "subject.toml" if stated else "the command, or the law's default"
         rows.append(Known(words_of(name), held_text(name, value), "assumed", source, remark=_moved(name, fits)))
     rows.append(Known("thickness of the fascia", f"{subject.section.fascia_thickness:g} mm", "assumed", "subject.toml"))
     rows += [
@@ -127,7 +127,7 @@ def _confirmed_rows(found: SpatialEvidence, depth: float) -> list[Known]:
             "full solves in 3D",
             f"{found.full_solves} and {found.rough_solves} rougher ones",
             "computed",
-            "; ".join(f"{100 * one.error:.2g} % off the predicted force" for one in found.confirmations),
+            "; ".join(f"{100 * one.error:.2g} % from the predicted force" for one in found.confirmations),
         ),
     ]
     if found.table_P is not None:
@@ -164,8 +164,8 @@ def how_done(fits: Sequence[LegFit]) -> list[Block]:
     if any(found is not None and found[0].poisson_ratio < 0 for found in every):
         blocks.append(
             Prose(
-                "A Poisson's ratio below zero follows from the C10 and D1 given: the published "
-                "values of the fascia are such."
+                "A Poisson's ratio below zero follows from the given C10 and D1, as it does from the published "
+                "values for fascia."
             )
         )
     return blocks + [block for fit in fits for block in _corrected(fit)]
@@ -316,7 +316,7 @@ def _confirmed(found: SpatialEvidence) -> list[Block]:
     return [
         WebTable(
             f"Full solves of the leg in 3D ({found.shape})",
-            ["C10 (kPa)", "C20 (kPa)", "force off the predicted (%)", "C10 then moved (%)", "s"],
+            ["C10 (kPa)", "C20 (kPa)", "difference from the predicted force (%)", "change of C10 afterwards (%)", "s"],
             [
                 [
                     f"{one.c10:.3g}",

@@ -25,10 +25,10 @@ Tone = Literal["sound", "caution", "open", "wrong"]
 Provenance = Literal["measured", "reconstructed", "simulated", "estimated", "computed", "assumed", "prior"]
 Dash = Literal["solid", "dashed", "dotted", "dotdash"]
 TONES: Mapping[Tone, str] = {
-    "sound": "Nothing speaks against the model",
+    "sound": "The model fits",
     "caution": "Read with caution",
-    "open": "Not settled",
-    "wrong": "The model is wrong here",
+    "open": "Undecided",
+    "wrong": "The model does not fit",
 }
 _MONTHS = (
     "January",
@@ -51,7 +51,7 @@ PROVENANCE: Mapping[Provenance, str] = {
     "estimated": "found here, by fitting the model to what was measured",
     "computed": "computed here, by the model with the numbers above and below",
     "assumed": "taken as exact; not checked here",
-    "prior": "known beforehand with a stated error, which the intervals carry",
+    "prior": "known before this test with a stated error, which the intervals include",
 }
 SURFACE_CELLS = 21
 """Along either axis."""

@@ -21,10 +21,9 @@ from legfem.report.style import LAW_NAMES
 SCHEMA = 1
 NOTHING = "nothing"
 NOTE = (
-    "Chances that a test tells an effect of usual strength from a leg without it (a Bayes "
-    "factor of twenty), the stiffness refitted, with what isn't known of the leg and of the "
-    "instruments. Simulated; no recording was used. An effect that no test shows may bias the "
-    "stiffness unseen."
+    "The chance that a test detects an effect of usual strength (a Bayes factor of twenty against a leg without "
+    "it), with the stiffness fitted again and all uncertainties of the leg and the instruments. These "
+    "are simulations; no recording was used. An effect that no test shows may bias the stiffness without any sign."
 )
 
 
@@ -35,7 +34,7 @@ def effects_of(ranked: Sequence[Reckoned]) -> list[str]:
 
 def plan_lines(ranked: Sequence[Reckoned]) -> list[str]:
     """Return tests as sentences, each with the chance that it ends an ambiguity."""
-    return [f"{one.design.name}: {percent(one.chance)} chance of telling the candidates apart" for one in ranked]
+    return [f"{one.design.name}: {percent(one.chance)} chance of distinguishing the candidates" for one in ranked]
 
 
 def plan_document(ranked: Sequence[Reckoned], subject: str) -> dict[str, Any]:
@@ -55,12 +54,12 @@ def plan_document(ranked: Sequence[Reckoned], subject: str) -> dict[str, Any]:
     }
 
 
-RANKED, SHOWN = "Tests, the most telling first", "What each test would show"
+RANKED, SHOWN = "Tests, the most informative first", "What each test would show"
 """Chapters."""
 _LIKELY, _UNLIKELY = 0.8, 0.2
 """Chances from which an effect is called shown, and below which it is called unseen."""
 _NOT_WEIGHED = (
-    "Effects that legfem doesn't know: no plan can name what would show them.",
+    "Effects that legfem does not know: no plan can say which test would show them.",
     "Two effects at once, and effects weaker or stronger than usual.",
     "What a test costs in time, and what the person can bear.",
 )
@@ -107,7 +106,7 @@ def plan_web_page(
             web.Chapter("What was not weighed", [web.Bullets(_NOT_WEIGHED)]),
         ],
         repeat=web.Repeat(command, versions),
-        data=f"simulated data (no test was made yet; section of the leg: {subject.origin})",
+        data=f"simulated data (no test has been made yet; section of the leg: {subject.origin})",
     )
 
 
@@ -138,16 +137,16 @@ def _headline(ranked: Sequence[Reckoned], names: Sequence[str]) -> web.Headline:
             ),
             (
                 "What no test here shows",
-                f"{', '.join(unseen).capitalize()}: it could bias the stiffness unseen."
+                f"{', '.join(unseen).capitalize()}: it could bias the stiffness without any sign."
                 if unseen
-                else "Nothing that legfem knows stays unseen in all of them.",
+                else "Every effect that legfem knows would show in at least one of them.",
             ),
             (
                 "How sure",
-                "Chances are reckoned for effects of usual strength, from this leg's shape and the "
-                "instruments' errors. Nothing was measured yet.",
+                "The chances were calculated for effects of usual strength, from the shape of this leg and the "
+                "errors of the instruments. Nothing has been measured yet.",
             ),
-            ("What to do", "Make the test, then have it diagnosed."),
+            ("What to do", "Make the test, then diagnose the recordings."),
         ],
         heading,
     )
@@ -166,7 +165,7 @@ def _warnings(ranked: Sequence[Reckoned], names: Sequence[str]) -> list[str]:
 
 def _tests(ranked: Sequence[Reckoned]) -> Bars:
     return Bars(
-        "Goodness that whatever is wrong is told from all else",
+        "Chance that the test identifies the cause, whichever it is",
         ("test", "chance"),
         [
             LabelledBar(f"({k}) {one.design.name}", 100 * one.chance, percent(one.chance))
@@ -178,7 +177,7 @@ def _tests(ranked: Sequence[Reckoned]) -> Bars:
 
 def _chances(ranked: Sequence[Reckoned], names: Sequence[str]) -> web.WebTable:
     return web.WebTable(
-        "Goodness that a test tells an effect from a leg without it; tests by their rank",
+        "Chance that a test detects an effect; tests by their rank",
         ["effect", *(f"({k})" for k in range(1, len(ranked) + 1))],
         [[plain(n), *(percent(one.chances[n, NOTHING]) for one in ranked)] for n in names],
     )
@@ -188,22 +187,22 @@ def _next(ranked: Sequence[Reckoned], subject: Subject) -> list[str]:
     folder = options_of(subject)
     return [
         *(f"Test {k}: {one.design.name}." for k, one in enumerate(ranked[:3], 1)),
-        f"Put the recordings into the folder's recordings/, then: python -m legfem.diagnose {folder}",
+        f"Put the recordings into the folder's recordings/, then: legfem diagnose {folder}",
     ]
 
 
 def _known(subject: Subject, expected: Expected) -> list[web.Known]:
     instrument = subject.instrument
-    stated = "given with the command"
+    stated = "the command, or usual values"
     return [
         web.Known(
-            "C10 that is expected",
+            "expected C10",
             f"{expected.c10:g} kPa",
             "assumed",
             stated,
             remark=f"{LAW_NAMES[subject.tissues['deep'].law]} law",
         ),
-        web.Known("C20 that is expected", f"{expected.c20:g} kPa", "assumed", stated),
+        web.Known("expected C20", f"{expected.c20:g} kPa", "assumed", stated),
         web.Known("depth", f"{expected.depth:g} mm", "assumed", stated),
         web.Known("rate", f"{expected.rate:g} mm/s", "assumed", stated),
         web.Known("error of a force reading", f"{instrument.force_sd:.3g} N (sd)", "prior", "subject.toml, or usual"),

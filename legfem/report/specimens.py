@@ -10,7 +10,7 @@ from legfem.experiments.flat_punch import PunchOnLayer
 from legfem.experiments.lateral_cylinder import CylinderOnBlock
 from legfem.experiments.suction import CupOnLayer
 from legfem.experiments.uniaxial import Bar
-from legfem.inverse.catalogue import RATIO, is_ratio, symbol_of
+from legfem.inverse.catalogue import DEEP_C10, RATIO, is_ratio, symbol_of
 from legfem.inverse.fit import Fit
 from legfem.inverse.instrument import RELAXATION
 from legfem.report import estimates
@@ -37,31 +37,30 @@ def procedure(result: SpecimenFit) -> str:
     """Return what was done with the recordings, as a paragraph."""
     tests = list(dict.fromkeys(one.sizes for one in result.details.folder.recordings))
     relaxing = (
-        "Its stress relaxes by one log-normal spectrum of times, the faster the more it is "
-        "strained where two rates say so, and else quasi-linear: exact where all of the specimen "
-        "is strained alike, and at small strain elsewhere. "
+        "Its stress relaxes with one log-normal spectrum of times: faster at larger strain if recordings at two rates "
+        "show that, otherwise quasi-linearly. This is exact where the whole specimen has the same strain, "
+        "and an approximation for small strain elsewhere. "
         if result.details.folder.relaxes
         else ""
     )
     own = (
-        "Each specimen has a stiffness of its own, a factor on all of the law's; the law's is that "
-        "of a typical specimen, their geometric mean, and its interval carries how they differ. "
+        "Each specimen has its own stiffness, a factor on the law's; the law describes a typical "
+        "specimen (the geometric mean), and its interval includes the differences between specimens. "
         if result.details.stiffness
         else ""
     )
     until = (
-        "to where hardly any force was left, returns as they were driven. "
+        "until hardly any force was left, with the returns as they were driven. "
         if result.details.folder.returns
-        else "to the first return; what was recorded after that was not used. "
+        else "to the first return; recordings after that were not used. "
     )
     return (
-        f"{sum(one.fitted for one in result.tests)} recordings were fitted together by one law, each counting alike "
-        f"and relative to its greatest force, from first contact {until}{relaxing}"
+        f"{sum(one.fitted for one in result.tests)} recordings were fitted together by one law, with equal weight "
+        f"relative to their greatest force, from first contact {until}{relaxing}"
         f"{own}{_of_layers(result)}{_of_fibres(result)}{_of_a_cup(tests)}"
         "A genetic algorithm (pygad) searched on an emulator of the tests, which full solves "
-        "refined and confirmed. Intervals carry the instrument's errors, the model's, and how "
-        "recordings differ by a factor "
-        f"({100 * result.details.gain_sd:.2g} %)."
+        "refined and confirmed. The intervals include the errors of the instrument and of the model, and the "
+        f"factor by which recordings differ ({100 * result.details.gain_sd:.2g} %)."
     )
 
 
@@ -72,9 +71,9 @@ def _of_layers(result: SpecimenFit) -> str:
     stated = [one.name for one in tissues if "C10" in one.stated]
     held = f"the stiffness of {', '.join(stated)} is as stated, and " if stated else ""
     return (
-        f"The layers are bonded to each other; {held}the shape of a curve counts as known to "
-        f"{100 * SHAPE_SD_OF_LAYERS:.0f} %, since what the law leaves out bends it as layers of "
-        "unlike stiffness do. "
+        f"The layers are bonded to each other; {held}the shape of a curve is taken to be known to "
+        f"{100 * SHAPE_SD_OF_LAYERS:.0f} %, because effects that the law leaves out bend it in the same way as "
+        "layers of different stiffness. "
     )
 
 
@@ -84,20 +83,20 @@ def _of_fibres(result: SpecimenFit) -> str:
         return ""
     sought = ratio in result.estimates
     shape = (
-        "the bend of a curve counts for nothing, since fibres that are slack at first bend it by "
-        "tens of percent otherwise"
+        "the bend of a curve was not used, because fibres that are slack at first can change it by tens of percent"
         if result.details.ratio_undetermined
-        else f"the shape of a curve counts as known to {100 * SHAPE_SD_OF_LAYERS:.0f} %"
+        else f"the shape of a curve is taken to be known to {100 * SHAPE_SD_OF_LAYERS:.0f} %"
     )
     typical = (
-        "Typical specimens of each direction count as of one stiffness, one that was turned as the same. "
+        "Typical specimens of both directions are taken to be equally stiff, and a specimen that was turned to "
+        "be the same. "
         if sought and result.details.stiffness and not result.details.ratio_undetermined
         else ""
     )
     return (
         "The tissue is stiffer along its fibres: the ratio of its shear moduli is "
-        f"{'looked for' if sought else f'taken to be {result.values[ratio]:.3g}'}, Young's modulus "
-        f"along them four times the one along less the one across; {shape}. {typical}"
+        f"{'estimated' if sought else f'taken to be {result.values[ratio]:.3g}'}, Young's modulus "
+        f"along them being four times the modulus along less the modulus across; {shape}. {typical}"
     )
 
 
@@ -105,18 +104,19 @@ def _of_a_cup(tests: Sequence[Sizes]) -> str:
     if opening_of(tests[0]) is None:
         return ""
     return (
-        "Displacement is the dome's height at its middle, force the suction times the area of the "
-        "cup's opening; the cup is held where it touches. "
+        "The displacement is the height of the dome at its middle, the force is the suction times the area of the "
+        "cup's opening; the cup does not move. "
     )
 
 
 _FOLLOWED: dict[type, str] = {
-    BallOnLayer: "a ball_diameter_mm of half the true one makes it about 1.4 times, or twice on a thin layer",
-    PunchOnLayer: "a punch_diameter_mm of half the true one makes it at least twice",
-    CylinderBetweenPlates: "a diameter_mm of half the true one makes it at least four times",
-    CylinderOnBlock: "a length_mm of half the true one makes it twice",
-    Bar: "an area_mm2 of half the true one makes it twice",
-    CupOnLayer: "an opening_mm of half the true one makes it about half",
+    BallOnLayer: "a ball_diameter_mm of half the true value makes it about 1.4 times too large, or twice on a "
+    "thin layer",
+    PunchOnLayer: "a punch_diameter_mm of half the true value makes it at least twice too large",
+    CylinderBetweenPlates: "a diameter_mm of half the true value makes it at least four times too large",
+    CylinderOnBlock: "a length_mm of half the true value makes it twice too large",
+    Bar: "an area_mm2 of half the true value makes it twice too large",
+    CupOnLayer: "an opening_mm of half the true value makes it about half of the true stiffness",
 }
 """At small strain: Hertz; Boussinesq; a stress on an area; a dome as wide as its opening."""
 
@@ -142,8 +142,8 @@ def _of_its_own(result: SpecimenFit, one: SampleFit) -> str:
     if not result.details.stiffness:
         return ""
     if one.specimen in result.details.stiffness:
-        return ", by the stiffness that its specimen has in others"
-    return f"; were it {one.scale:.2f} times as stiff as a typical one, {one.shape_r_squared:.3f}"
+        return ", with the stiffness of its specimen in the other recordings"
+    return f"; with {one.scale:.2f} times the stiffness of a typical specimen, {one.shape_r_squared:.3f}"
 
 
 def predictions(result: SpecimenFit) -> list[str]:
@@ -158,11 +158,11 @@ def predictions(result: SpecimenFit) -> list[str]:
 
 _MOST_CURVES = 6
 _DASHES: tuple[Dash, ...] = ("solid", "dashed", "dotdash", "dotted")
-_RETURNS = "Unloading and everything after the first return: it was not used."
+_RETURNS = "Unloading, and everything after the first return, was not used."
 _NOT_TESTED = (
     "A constant factor on the force (the load cell's gain, the specimen's size) looks like a "
-    "change of stiffness, and would sit in it unseen.",
-    "Whether the tissue is alike in all directions, or across its fibres where they are stated, "
+    "change of stiffness, and changes the result without any sign of it.",
+    "Whether the tissue is equally stiff in all directions (or across its fibres, where these are stated), "
     "and whether it is the same in the body.",
 )
 
@@ -234,14 +234,15 @@ def _headline(best: SpecimenFit) -> web.Headline:
     describes = "describes" if _fits(best) else "does not describe"
     return web.Headline(
         tone,
-        f"The {law} law {describes} {_together(fitted)} within {rms_percent(best):.2g} % of the "
-        f"greatest force{'' if _fits(best) else ', which is more than their errors'}.",
+        f"{_stiffness(best)}The {law} law {describes} {_together(fitted)} within {rms_percent(best):.2g} % of the "
+        f"greatest force{'' if _fits(best) else ', more than measurement errors explain'}.",
         [
             (
-                "What is wrong",
-                "Nothing that these recordings could show."
+                "Problems found",
+                "None that these recordings can show."
                 if _fits(best)
-                else f"Something that the law leaves out shows ({fit_probability(best.goodness.p_value)}).",
+                else f"The recordings show an effect that the law leaves out "
+                f"({fit_probability(best.goodness.p_value)}).",
             ),
             ("How stiff", f"{values}."),
             ("How sure", estimates.how_sure(best.estimates)),
@@ -250,8 +251,22 @@ def _headline(best: SpecimenFit) -> web.Headline:
     )
 
 
+def _stiffness(best: SpecimenFit) -> str:
+    """The asked number as a sentence; nothing where C10 wasn't free, or the law doesn't fit."""
+    found = best.estimates.get(DEEP_C10)
+    return f"{estimates.stiffness_sentence(found, 'Tissue')}. " if found is not None and _fits(best) else ""
+
+
 def _together(count: int) -> str:
     return "the recording" if count == 1 else f"the {count} recordings together"
+
+
+_RELAXATION_WORDS = {
+    "ratio": "part of the stress that relaxes, relative to the part that stays",
+    "relaxation_time": "middle of the relaxation times",
+    "spread": "spread of the relaxation times (sd of their logarithm)",
+    "quickening": "speed-up of relaxation at the largest strain (logarithm)",
+}
 
 
 def _words(name: str) -> str:
@@ -260,7 +275,7 @@ def _words(name: str) -> str:
     if term == "deep":
         words = f"{symbol_of(name)} of the tissue"
     elif name in RELAXATION:
-        words = f"{field.replace('_', ' ')} of the viscoelasticity"
+        words = _RELAXATION_WORDS[field]
     else:
         words = estimates.words_of(name)
     return words.replace(RATIO, "fibre ratio")
@@ -286,7 +301,7 @@ def _next(best: SpecimenFit) -> list[str]:
             f"Use these numbers together with the {LAW_NAMES[best.law]} law and within the strains of the test."
         )
     if not any(not one.fitted for one in best.tests):
-        lines.append("Have one recording predicted from the others: --leave-out NAME.")
+        lines.append("Test the law on a recording that it has not seen: --leave-out NAME.")
     return lines
 
 
@@ -300,7 +315,10 @@ def _known(results: Sequence[SpecimenFit]) -> list[web.Known]:
     held = {n: v for r in results for n, v in r.assumed.items() if n not in free}
     rows += [
         web.Known(
-            _words(name), estimates.held_text(name, value), "assumed", "specimen.toml, the command, or the law's own"
+            _words(name),
+            estimates.held_text(name, value),
+            "assumed",
+            "specimen.toml, the command, or the law's default",
         )
         for name, value in held.items()
     ]
@@ -310,7 +328,7 @@ def _known(results: Sequence[SpecimenFit]) -> list[web.Known]:
             "factor by which recordings differ",
             f"{100 * first.details.gain_sd:.2g} % (sd)",
             "estimated",
-            "their forces; the intervals carry it",
+            "their forces; the intervals include it",
         )
     )
     rows += [
@@ -327,7 +345,8 @@ def _recordings(results: Sequence[SpecimenFit]) -> list[web.Block]:
     if len(compared(first)) > _MOST_CURVES:
         blocks.append(
             web.Prose(
-                f"The {_MOST_CURVES} of {len(compared(first))} recordings that fit least are drawn; fit.png has all."
+                f"The {_MOST_CURVES} of {len(compared(first))} recordings with the poorest fit are drawn; "
+                f"fit.png shows all."
             )
         )
     for number, one in enumerate(worst):
@@ -356,7 +375,7 @@ def _in_numbers(result: SpecimenFit) -> list[web.Block]:
     law = LAW_NAMES[result.law]
     blocks: list[web.Block] = [
         web.WebTable(
-            f"Recordings beside the {law} law; own over joint: the factor that would fit each best",
+            f"Recordings and the {law} law; own/joint is the factor on the law's force that would fit each best",
             ["recording", "mm/s", "mm", "peak N", "rmse N", "R²", "own/joint", ""],
             [
                 [
@@ -376,7 +395,7 @@ def _in_numbers(result: SpecimenFit) -> list[web.Block]:
     ]
     if result.details.stiffness:
         rows = [[name, f"{factor:.3f}"] for name, factor in result.details.stiffness.items()]
-        caption = f"Stiffness of each specimen over a typical one, {law} law"
+        caption = f"Stiffness of each specimen relative to a typical one, {law} law"
         blocks.append(web.WebTable(caption, ["specimen", "times as stiff"], rows, folded=True))
     return blocks
 
@@ -413,7 +432,8 @@ def _tested(results: Sequence[SpecimenFit]) -> list[str]:
         line
         for result in results
         for line in (
-            f"The {LAW_NAMES[result.law]} law leaves {rms_percent(result):.2g} % (rms), chi-square "
+            f"The {LAW_NAMES[result.law]} law differs from the recordings by {rms_percent(result):.2g} % (rms), "
+            f"chi-square "
             f"{result.goodness.chi_square:.4g} on {result.goodness.degrees_of_freedom} degrees of freedom "
             f"({fit_probability(result.goodness.p_value)}).",
             *estimates.why_identifiable(result.estimates, result.law),
