@@ -23,9 +23,9 @@ from making_specimens import write_bars
 from making_stocking import COARSE, laws, short_leg
 
 from legfem.common.progress import Silent
-from legfem.data.columns import propose, recording_of
 from legfem.data.formats import read_sheets
 from legfem.data.quality import quality_of
+from legfem.data.reader import propose, recording_of
 from legfem.diagnose.document import versions
 from legfem.experiments.indentation_3d import Cylinder
 from legfem.experiments.plane_strain import PlaneStrainSettings
@@ -62,12 +62,11 @@ from legfem.solve.force_curve import ForceCurve
 from legfem.specimens.details import SpecimenDetails
 from legfem.specimens.folder import load_specimen
 from legfem.specimens.recorded import LeftOut
-from legfem.stocking.accuracy import ContourAccuracy
-from legfem.stocking.classes import ClassFit, CompressionClass, fitted_stocking
-from legfem.stocking.leg import StockingLeg
-from legfem.stocking.leg_model import SURFACES
-from legfem.stocking.run import StockingResult, StockingSettings, run_leg
-from legfem.stocking.veins import default_veins
+from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking
+from legfem.stockings.leg import StockingLeg, default_veins
+from legfem.stockings.leg_model import SURFACES
+from legfem.stockings.misfit import ContourAccuracy
+from legfem.stockings.result import StockingResult, StockingSettings, run_leg
 from legfem.study.correction.calibration import Calibrated, Calibration
 from legfem.study.correction.cases import CaseOutcome
 from legfem.study.correction.web_page import correction_web_page

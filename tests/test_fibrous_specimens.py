@@ -13,7 +13,7 @@ from making_specimens import record
 import legfem as lf
 from legfem.common.errors import InputError
 from legfem.diagnose.mechanisms import Solution
-from legfem.diagnose.variants import Stopped
+from legfem.diagnose.models import Stopped
 from legfem.experiments.axisymmetric import AxisymmetricSettings
 from legfem.experiments.flat_punch import PunchOnLayer
 from legfem.experiments.lateral_cylinder import LateralCylinder

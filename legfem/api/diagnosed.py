@@ -40,7 +40,7 @@ class DiagnosedLeg(Result):
 
     def summary(self) -> str:
         """Return the report's text."""
-        from legfem.report.plain import plain_page
+        from legfem.report.text import plain_page
 
         return plain_page(self._page(), [])
 
@@ -96,8 +96,8 @@ class DiagnosedFolder(Result):
 
     def summary(self) -> str:
         """Return the report's text; of several specimens a table of all."""
-        from legfem.report.plain import plain_page
         from legfem.report.specimen_diagnosis import specimens_page
+        from legfem.report.text import plain_page
 
         if len(self.specimens) == 1 and self.specimens[0].diagnosis is not None:
             return plain_page(self._page(), [])

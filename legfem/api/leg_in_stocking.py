@@ -30,7 +30,7 @@ class LegInStocking(Result):
 
     def summary(self) -> str:
         """Return what was found, in words."""
-        from legfem.report.plain import brief
+        from legfem.report.text import brief
         from legfem.report.web.stocking import PRESSURES, STIFFNESS, stocking_web_page
 
         return brief(stocking_web_page(self.result), (STIFFNESS, PRESSURES))
