@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from making import press, write_subject
 
-from legfem.data import Instrument, LoadingCurve, mean_loading_curve
+from legfem.data import Instrument, LoadingCurve, mean_loading_curve, segment_all
 from legfem.inverse.catalogue import parameter_of
 from legfem.inverse.document import fit_document
 from legfem.inverse.estimates import Estimate
@@ -33,7 +33,9 @@ STAGES = ("design", "design", "design", "proposal", "proposal", "bound", "geneti
 def measured_curve(trials: int = 3, depth: float = 20.0) -> LoadingCurve:
     noise = {"force_sd": 0.03, "displacement_sd": 0.02}
     return mean_loading_curve(
-        [press(air=1.0, depth=depth, seed=k, trial=f"trial{k + 1}", **noise) for k in range(trials)], INSTRUMENT
+        segment_all(
+            [press(air=1.0, depth=depth, seed=k, trial=f"trial{k + 1}", **noise) for k in range(trials)], INSTRUMENT
+        )
     )
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from making import write_subject
 from making_diagnosed import diagnosed
-from making_results import law_document, result
+from making_results import result
 from test_diagnosis_report import CASES
 from typer.main import get_command
 
@@ -23,6 +23,8 @@ from legfem.common.documents import write_document
 from legfem.common.errors import InputError
 from legfem.common.progress import Lines, Reached, reached
 from legfem.diagnose.document import document
+from legfem.inverse.document import fit_document
+from legfem.legs.document import LegDocument
 from legfem.legs.loading import load_subject
 from legfem.report.words import number
 
@@ -173,10 +175,10 @@ def pretended(workspace, kind):
 
 def test_both_laws_of_an_identification_are_compared(workspace):
     run, both = (pretended(workspace, "identify"), [result("neo-hookean"), result("reduced-polynomial")])
-    (run.results / "result.json").write_text('[{"half')
+    (run.results / "result.json").write_text('{"half')
     (row,) = found_by(run)
     assert (row.kind, row.state, row.verdict) == ("identify", RunState.LOST, "")
-    write_document(run.results / "result.json", [law_document(one) for one in both])
+    write_document(run.results / "result.json", fit_document(both, LegDocument()))
     for row, one in zip(found_by(run), both, strict=True):
         shown = one.estimates["deep.C10"].shown
         low, high = shown.ci95

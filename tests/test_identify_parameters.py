@@ -269,7 +269,7 @@ def test_fat_is_identified_beside_muscle_from_the_command(tmp_path: Path) -> Non
     command = ["--subject", "3", *options, *prior, "--law", "reduced-polynomial", "--jobs", "1"]
     run = CliRunner().invoke(app, [*command, "--out", str(tmp_path)])
     assert run.exit_code == 0, run.output
-    document = json.loads((tmp_path / "result.json").read_text())
+    (document,) = json.loads((tmp_path / "result.json").read_text())["laws"].values()
     found = document["parameters"]
     # What subject 3's recordings were simulated with (kPa).
     for name, truth in {"c10_deep": 0.70, "c20_deep": 0.80, "c10_superficial": 2.0}.items():

@@ -76,9 +76,9 @@ def test_a_prior_and_a_held_value_count(bars: Path) -> None:
     folder = lf.load_specimen(bars)
     tight = Prior(4e-3, 1e-6, source="test")
     given = Parameter("deep.C10", "MPa", (1e-3, 1e-2), tight, scale="log")
-    found = lf.identify(folder, "neo-hookean", parameters=[given])["neo-hookean"]
+    found = lf.identify(folder, "neo-hookean", identify=[given])["neo-hookean"]
     assert found.estimates["deep.C10"].value == pytest.approx(4e-3, rel=0.01)
-    held = lf.identify(folder, "reduced-polynomial", fixed={"deep.C20": 3e-3})
+    held = lf.identify(folder, "reduced-polynomial", fix={"deep.C20": 3e-3})
     assert list(held["reduced-polynomial"].estimates) == ["deep.C10"]
 
 
@@ -106,7 +106,7 @@ def test_a_value_at_its_bound_is_told(bars: Path) -> None:
         Parameter("deep.C10", "MPa", (1e-3, 1e-2), scale="log"),
         Parameter("deep.C20", "MPa", (0.0, 1e-3), scale="log"),
     ]
-    found = lf.identify(lf.load_specimen(bars), "reduced-polynomial", parameters=given)
+    found = lf.identify(lf.load_specimen(bars), "reduced-polynomial", identify=given)
     assert any("deep.C20 stands at the upper bound" in text for text in found.fits[0].warnings)
 
 

@@ -41,8 +41,7 @@ def found_by(run: Run) -> list[Found]:
     for name, rows_of in _ROWS.items():
         try:
             content = json.loads((run.results / name).read_text(encoding="utf-8"))
-            documents = content if isinstance(content, list) else [content]
-            rows += [Found(*plain, **row) for one in documents for row in rows_of(one)]
+            rows += [Found(*plain, **row) for row in rows_of(content)]
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             # It has none yet, or a legfem of other days wrote it.
             continue
@@ -61,16 +60,16 @@ def _identified(document: Mapping[str, Any]) -> Iterator[dict[str, str]]:
     if "stiffness" in document:
         yield from _in_stocking(document)
         return
-    known = document["parameters"]
-    c10 = known.get("c10_deep", {})
-    yield {
-        "law": document["law"],
-        "origin": document["origin"],
-        "c10": _number(c10),
-        "c20": _number(known.get("c20_deep")),
-        "fat": _number(known.get("c10_superficial")),
-        "verdict": document.get("identifiability") or c10.get("identifiability", ""),
-    }
+    for law, found in document["laws"].items():
+        known = found["parameters"]
+        yield {
+            "law": law,
+            "origin": document["origin"],
+            "c10": _number(known.get("c10_deep")),
+            "c20": _number(known.get("c20_deep")),
+            "fat": _number(known.get("c10_superficial")),
+            "verdict": found["identifiability"],
+        }
 
 
 def _in_stocking(document: Mapping[str, Any]) -> Iterator[dict[str, str]]:
