@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 from legfem.common.doubts import doubt_lines
@@ -318,9 +319,8 @@ def _noise(found: Diagnosis) -> str:
 def _solutions(found: Diagnosis) -> str:
     if not (found.solutions or found.emulator_error > 0):
         return "No full finite-element solution confirmed the interpolated forces."
-    made = f"{found.solutions} finite-element solutions were computed in this run, in addition to those from "
-    f"earlier runs; "
-    if found.emulator_error != found.emulator_error:
+    made = f"{found.solutions} finite-element solutions were computed in this run, besides those from earlier runs; "
+    if math.isnan(found.emulator_error):
         return made + "a solution of the base model stopped, so the interpolation could not be checked."
     return made + (
         f"the interpolation differed from the base model's solution by at most {found.emulator_error:.2%} of "

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from legfem.common.documents import json_types, write_document
 from legfem.common.units import kpa_to_mpa
@@ -21,18 +21,21 @@ from legfem.report.diagnosis_curves import model_name
 from legfem.report.diagnosis_figures import leading, parameter_figure, ranking_figure, signature_figure
 from legfem.report.folder import NUMBERS, REPORT, ReportFile, made_in_place
 from legfem.report.leg_figure import SECTION_SHOWS, placement_figure
-from legfem.report.page import PressedSection, listed
+from legfem.report.page import PressedSection
 from legfem.report.recording_figure import recording_figure
-from legfem.report.render.html import write_page
-from legfem.report.render.text import bullets, fill, plain_page, table
+from legfem.report.render.text import bullets, fill, table
 from legfem.report.section import filmed
 from legfem.report.style import save
 from legfem.report.words import ORIGINS
+from legfem.report.write import write_page
 from legfem.solve.newton_settings import NewtonSettings
 from legfem.solve.step_settings import StepSettings
 from legfem.specimens.diagnosis import DiagnosedSpecimen
 from legfem.specimens.folder import SpecimenFolder
 from legfem.specimens.recorded import LeftOut
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _COARSER = 2.4
 """Than the mesh that forces come from: that of the section to press."""
@@ -59,11 +62,25 @@ def write_diagnosis_report(
     """
     out = Path(out)
     with made_in_place(out) as folder:
-        entries = [listed("curves"), *_figures(diagnosis, subject, folder)]
+        entries = _figures(diagnosis, subject, folder)
         pressed = _pressed(diagnosis, subject) if isinstance(subject, Subject) else None
         page = diagnosis_web_page(diagnosis, subject, plan, command, pressed)
-        write_page(page, folder, plain_page(page, [*entries, _RESULT]))
+        write_page(page, folder, "curves", [*entries, _RESULT], diagnosis_frame(diagnosis))
     return out / REPORT
+
+
+def diagnosis_frame(found: Diagnosis) -> pd.DataFrame:
+    """A row a parameter of the base model and of the repaired one: value, 95 % interval and unit."""
+    import pandas as pd
+
+    return pd.DataFrame(
+        [
+            {"model": when, "parameter": name, "value": one["value"], "low": low, "high": high, "unit": one["unit"]}
+            for when, model in (("before repair", found.base), ("after repair", found.best))
+            for name, one in parameters(model).items()
+            for low, high in (one.get("ci95") or (None, None),)
+        ]
+    )
 
 
 def _pressed(found: Diagnosis, subject: Subject) -> PressedSection | None:

@@ -24,15 +24,14 @@ from legfem.report.fit_figure import fit_figure
 from legfem.report.folder import REPORT, RESULT, ReportFile, made_in_place
 from legfem.report.leg import leg_page
 from legfem.report.leg_figure import SECTION_SHOWS, leg_figure, placement_figure
-from legfem.report.page import PressedSection, WebPage, listed
+from legfem.report.page import PressedSection, WebPage
 from legfem.report.paraview import write_fields
-from legfem.report.render.html import write_page
-from legfem.report.render.table import write_tables
-from legfem.report.render.text import plain_page
+from legfem.report.render.table import estimates_frame
 from legfem.report.section import filmed
 from legfem.report.specimen_figure import specimen_figure
 from legfem.report.specimens import specimen_page
 from legfem.report.style import LAW_NAMES, save
+from legfem.report.write import write_page
 from legfem.specimens.details import SpecimenDetails
 from legfem.specimens.document import SpecimenDocument
 
@@ -101,9 +100,7 @@ def write_report(
         solved = _Solved() if experiment is None else _deformed_state(fits, experiment, folder)
         if comm.rank == 0:
             page = kind.page(fits, solved.pressed, command, solved.note)
-            tables = write_tables(page, fits, folder)
-            files = [listed("curves"), *drawn(), *solved.files, tables, RESULT]
-            write_page(page, folder, plain_page(page, files))
+            write_page(page, folder, "curves", [*drawn(), *solved.files, RESULT], estimates_frame(fits))
     return out / REPORT
 
 

@@ -433,7 +433,8 @@ def command_line() -> str:
     """Return the command that is running, as it can be given again; empty outside of one."""
     spec = sys.modules["__main__"].__spec__
     if spec is not None and spec.name.startswith(("legfem", "studies")):
-        program = f"python -m {spec.parent}"
+        module = str(spec.parent)
+        program = module.replace(".", " ") if module.startswith("legfem.") else f"python -m {module}"
     elif Path(sys.argv[0]).name == "legfem":
         program = "legfem"
     else:

@@ -12,16 +12,14 @@ from legfem.common.units import FloatArray
 from legfem.fem.fields import fields_of
 from legfem.geometry.leg_shape import LegShape
 from legfem.report.folder import REPORT, ReportFile, made_in_place
-from legfem.report.page import listed
 from legfem.report.paraview import write_fields
-from legfem.report.render.html import write_page
-from legfem.report.render.text import plain_page
 from legfem.report.stocking_contours_figure import stocking_contours_figure
 from legfem.report.stocking_fat_figure import stocking_fat_figure
 from legfem.report.stocking_pressure_figure import stocking_pressure_figure
 from legfem.report.stocking_section_figure import stocking_section_figure
 from legfem.report.style import save
 from legfem.report.web.stocking import stocking_web_page
+from legfem.report.write import write_page
 from legfem.stockings.document import stocking_document
 from legfem.stockings.leg_model import SURFACES
 from legfem.stockings.pressures import FatPressures, PressureProbe, SectionPressures, fat_pressures, section_pressures
@@ -64,7 +62,7 @@ def write_stocking_report(result: StockingResult, folder: Path, command: str = "
             numbers = write_document(hidden / NUMBERS, stocking_document(result, sampled.fat))
             entries.append(ReportFile([numbers], "all numbers with their units"))
             page = stocking_web_page(result, sampled.moved, sampled.fat, command)
-            write_page(page, hidden, plain_page(page, [listed("the leg to turn"), *entries]))
+            write_page(page, hidden, "the leg to turn", entries)
     return folder / REPORT
 
 

@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -35,8 +34,7 @@ from markupsafe import Markup
 
 from legfem.common.units import FloatArray
 from legfem.common.versions import legfem_version
-from legfem.report.folder import REPORT
-from legfem.report.page import PAGE, PROVENANCE, SURFACE_CELLS, TONES, Curves, Line, ResponseSurface, WebPage
+from legfem.report.page import PROVENANCE, SURFACE_CELLS, TONES, Curves, Line, ResponseSurface, WebPage
 from legfem.report.style import DATA_COLOUR, FAINT
 from legfem.report.words import ORIGINS
 
@@ -255,10 +253,3 @@ def rendered(page: WebPage) -> str:
 
 
 _SCRIPTS: Mapping[str, str] = {"pressed": "press.js", "turned": "turn.js", "response": "response.js"}
-
-
-def write_page(page: WebPage, folder: Path, text: str = "") -> None:
-    """Write ``report.html`` into a folder, and ``report.txt`` where a text is given."""
-    (folder / PAGE).write_text(rendered(page), encoding="utf-8")
-    if text:
-        (folder / REPORT).write_text(text, encoding="utf-8")

@@ -21,9 +21,9 @@ from legfem.legs.loading import load_subject
 from legfem.legs.schema import SUBJECTS
 from legfem.legs.subject import Subject
 from legfem.report.folder import REPORT, RESULT, ReportFile
-from legfem.report.page import PAGE, listed
-from legfem.report.render.html import write_page
-from legfem.report.render.text import plain_page, table
+from legfem.report.page import PAGE
+from legfem.report.render.text import table
+from legfem.report.write import write_page
 from legfem.study.doe.anova import Counting
 from legfem.study.doe.definition import Definition, read_definition
 from legfem.study.doe.document import study_document, verdict_documents
@@ -149,12 +149,11 @@ def _study(options: DoeOptions, definition: Definition, subject: Subject, worksh
     ]
     page = study_web_page(result, options.seed, _command(options))
     entries = [
-        listed("curves and the response surface"),
         *(ReportFile([path], "a figure") for path in files),
         ReportFile([Path("runs.csv"), Path("runs")], "every simulation: a table, and a file each"),
         RESULT,
     ]
-    write_page(page, out, plain_page(page, entries))
+    write_page(page, out, "curves and the response surface", entries)
     wall = time.perf_counter() - began
     write_document(out / "result.json", study_document(result, options.seed, wall))
     print(
