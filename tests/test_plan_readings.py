@@ -86,4 +86,4 @@ def test_a_page_says_what_to_write_into_the_folder(found, reckoned, tmp_path):
     page = " ".join(plain_page(diagnosis_web_page(found, subject, plan_lines(reckoned)), []).split())
     assert "[[measured]]" in page and '"fascia-stiffness"' in page
     assert all(line.lower() in page.lower() for line in next_experiments(found))
-    assert "Not reckoned" not in page
+    assert "whose chance was not calculated" not in page

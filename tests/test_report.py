@@ -105,17 +105,17 @@ def test_origin_of_the_data_comes_first(both, subject, origin):
 def test_terminal_is_told_how_the_laws_compare(both, subject):
     text = " ".join(brief(leg_page(both)).split())
     ratio = both[0].cost.value / both[1].cost.value
-    assert f"its cost is {ratio:.3g} times smaller" in text
+    assert f"its cost is smaller by a factor of {ratio:.3g}" in text
     assert "The neo-Hookean law does not fit within the noise" in text
     assert "The reduced polynomial law fits within the noise (p = 0.3)" in text
-    assert "The data ask for its further parameter" in text
+    assert "Its additional parameter is needed" in text
     assert text.count("Poisson") == 1, "a warning of both laws is given once"
 
 
 def test_comparison_does_not_praise_a_parameter_that_the_data_do_not_need(both):
     neo, poly = both
     alike = replace(neo, goodness=replace(neo.goodness, chi_square=poly.goodness.chi_square + 0.5))
-    assert "do not ask for" in comparison([alike, poly])[-1]
+    assert "its additional parameter is not needed" in comparison([alike, poly])[-1]
     limit = replace(poly, cost=neo.cost, neo_hookean_limit=True)
     assert "fit alike" in comparison([neo, limit])[-1]
 

@@ -50,7 +50,7 @@ def markdown_page(page: WebPage) -> str:
         if blocks:
             parts += [f"## {_text(chapter.title)}", *blocks]
     versions = ", ".join(f"{name} {version}" for name, version in page.repeat.versions.items())
-    command = [f"```\n{page.repeat.command}\n```"] if page.repeat.command else []
+    command = [_code(page.repeat.command)] if page.repeat.command else []
     return "\n\n".join([*parts, "## How to repeat it", *command, _text(versions)]) + "\n"
 
 
@@ -66,8 +66,14 @@ def _block(block: Block) -> str:
         case WebTable() | Curves() | PressedSection() | TurnedLeg() | ResponseSurface():
             return _captioned(block.caption, _table(block.header, block.rows))
         case Verbatim():
-            return f"{_text(block.title)}:\n\n```\n{block.text.rstrip()}\n```"
+            return f"{_text(block.title)}:\n\n{_code(block.text)}"
     return ""
+
+
+def _code(text: str) -> str:
+    """Text between fences that are longer than any in it."""
+    fence = "`" * max(3, *(len(run) + 1 for run in re.findall("`+", text)), 3)
+    return f"{fence}\n{text.rstrip()}\n{fence}"
 
 
 def _captioned(caption: str, table: str) -> str:
