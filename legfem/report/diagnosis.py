@@ -24,8 +24,7 @@ from legfem.report.text import plain_page
 from legfem.report.web.diagnosis import diagnosis_web_page
 from legfem.report.web.page import listed, write_page
 from legfem.report.web.section import PressedSection
-from legfem.solve.newton_settings import NewtonSettings
-from legfem.solve.step_settings import StepSettings
+from legfem.solve.settings import NewtonSettings, StepSettings
 
 _COARSER = 2.4
 """Than the mesh that forces come from: that of the section to press."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from legfem.experiments.base import Solved
+from legfem.experiments.experiment import Solved
 from legfem.experiments.plane_strain import PlaneStrainIndentation
 from legfem.fem.fields import FieldReader, LegFields
 from legfem.mechanics.integration_domain import Skin

@@ -37,7 +37,7 @@ from legfem.report.web.page import (
     command_line,
     rendered,
 )
-from legfem.solve.force_curve import ForceCurve
+from legfem.solve.path import ForceCurve
 from legfem.study.correction.calibration import versions
 from legfem.study.correction.tables import SHOWN, Cells
 
