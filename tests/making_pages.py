@@ -58,9 +58,8 @@ from legfem.report.web.page import WebPage, rendered
 from legfem.report.web.plan import plan_web_page
 from legfem.report.web.section import Film, PressedSection, pressed_section
 from legfem.report.web.stocking import stocking_web_page
-from legfem.solve.force_curve import ForceCurve
-from legfem.specimens.details import SpecimenDetails
 from legfem.solve.path import ForceCurve
+from legfem.specimens.details import SpecimenDetails
 from legfem.specimens.folder import load_specimen
 from legfem.specimens.recorded import LeftOut
 from legfem.stockings.fabric import ClassFit, CompressionClass, fitted_stocking

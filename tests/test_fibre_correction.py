@@ -28,9 +28,6 @@ from legfem.legs.loading import load_subject
 from legfem.legs.solver_3d import fibre_errors
 from legfem.report.leg import leg_page
 from legfem.report.text import plain_page
-from legfem.solve.force_curve import ForceCurve
-from legfem.report.plain import plain_page
-from legfem.report.web.identification import identification_page
 from legfem.solve.path import ForceCurve
 
 GRID = np.linspace(0.0, 25.0, 26)

@@ -8,12 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from legfem.common.markdown import markdown_table
-from legfem.jobs.arrays import write_arrays
-from legfem.report.folder import REPORT, made_in_place
 from legfem.common.documents import markdown_table
 from legfem.jobs.checkpoint import write_arrays
-from legfem.report.in_place import REPORT, made_in_place
+from legfem.report.folder import REPORT, made_in_place
 
 
 def test_files_and_folders_are_moved_into_place_the_report_last(

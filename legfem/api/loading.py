@@ -6,8 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from legfem.api.arguments import wrong
-from legfem.common.doubts import say
-from legfem.api.wording import in_calls_words
 from legfem.common.doubts import log_doubts
 from legfem.common.errors import InputError
 from legfem.data.folder import Catalogue

@@ -10,10 +10,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir, specimens_for
-from legfem.common.command_edge import check_out_folder, work_edge
-from legfem.common.doubts import say
-from legfem.commands.options import Jobs, Site, SpecimenDir, Subject, SubjectDir
-from legfem.commands.specimens import specimens_for
 from legfem.common.command_line import AsJson, Quiet, check_out_folder, work_edge
 from legfem.common.doubts import log_doubts
 from legfem.common.errors import InputError

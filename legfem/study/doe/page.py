@@ -6,10 +6,8 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
-from legfem.common.markdown import markdown_table
-from legfem.report.text import bullets, fill
 from legfem.common.documents import markdown_table
-from legfem.report.lines import bullets, fill
+from legfem.report.text import bullets, fill
 from legfem.report.words import ORIGINS
 from legfem.study.doe import tables
 from legfem.study.doe.study import StudyResult
